@@ -1,0 +1,38 @@
+"""What a robot must offer so that the service can teach it and move it."""
+
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from app.pipeline.episode import EndEffectorAction, ObjectPose, RgbdFrame
+
+
+@dataclass(frozen=True)
+class Observation:
+    """What the robot sees before it moves: poses where it knows them itself, calibrated images where it has cameras."""
+
+    objects: tuple[ObjectPose, ...] = ()
+    frames: tuple[RgbdFrame, ...] = field(default=())
+
+
+class Robot(Protocol):
+    """An arm with a parallel gripper and calibrated cameras."""
+
+    def observe(self) -> Observation:
+        """The scene as it is now; called while the arm rests."""
+        ...
+
+    def execute(self, action: EndEffectorAction) -> None:
+        """Move the end effector to the action's pose, then set the gripper; returns when both are done.
+
+        Raises:
+            MotionError: if the pose cannot be reached or the motion did not arrive.
+        """
+        ...
+
+    def stop(self) -> None:
+        """Hold still where the arm is; safe to call at any time."""
+        ...
+
+
+class MotionError(Exception):
+    """The robot could not carry out an action."""

@@ -1,0 +1,124 @@
+"""The seam between the method and any text-only LLM."""
+
+from collections.abc import AsyncIterator
+from dataclasses import dataclass, field
+from typing import Literal, Protocol
+
+from app.pipeline.errors import RoboPromptError
+from app.pipeline.prompt import Prompt
+
+
+class LanguageModelError(RoboPromptError):
+    """An LLM could not answer.
+
+    ├── UnknownModelError      no backend of that name; lists those there are
+    ├── ModelUnavailableError  weights, key or server are missing; says what to install or set
+    ├── ModelTimeoutError      no answer within the request's deadline
+    └── ModelResponseError     the backend answered with an error or with something unintelligible
+    """
+
+
+class UnknownModelError(LanguageModelError):
+    """No backend of that name."""
+
+
+class ModelUnavailableError(LanguageModelError):
+    """Weights, key or server are missing."""
+
+
+class ModelTimeoutError(LanguageModelError):
+    """No answer within the request's deadline."""
+
+
+class ModelResponseError(LanguageModelError):
+    """The backend answered with an error or with something unintelligible."""
+
+
+@dataclass(frozen=True)
+class ModelProfile:
+    """What the service needs to know of a model to write a prompt for it.
+
+    Attributes:
+        name: `backend/model`, e.g. ``embedded/gemma-3-270m``.
+        style: `completion` continues raw text; `chat` takes a system and a user message.
+        grammar: whether the backend can force the reply into a GBNF grammar.
+        representation: the representation that suits the model best; used when a request names none.
+        prompt_format: likewise for the prompt format.
+        system_prompt: likewise for the system prompt (a variant's name, or `none`).
+        description: one line for people.
+    """
+
+    name: str
+    style: Literal["completion", "chat"]
+    grammar: bool
+    representation: str
+    prompt_format: str = "paper"
+    system_prompt: str = "a"
+    description: str = ""
+
+
+@dataclass(frozen=True)
+class Usage:
+    """Tokens of one completion; `cached_tokens` counts those prompt tokens that were not evaluated again."""
+
+    prompt_tokens: int = 0
+    cached_tokens: int = 0
+    completion_tokens: int = 0
+
+
+@dataclass(frozen=True)
+class CompletionRequest:
+    """One question to an LLM.
+
+    Attributes:
+        max_tokens: the reply is cut there.
+        timeout_s: the whole completion ends within it or raises ModelTimeoutError.
+        temperature: 0 is greedy.
+        cache_key: equal for requests that share the prompt's prefix; backends may route by it.
+    """
+
+    prompt: Prompt
+    max_tokens: int = 1024
+    timeout_s: float = 60.0
+    temperature: float = 0.0
+    seed: int = 0
+    cache_key: str = ""
+
+
+@dataclass(frozen=True)
+class TextDelta:
+    """A piece of the reply."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class Completion:
+    """The whole reply."""
+
+    text: str
+    usage: Usage = field(default_factory=Usage)
+    finish_reason: Literal["stop", "length"] = "stop"
+
+
+class LanguageModel(Protocol):
+    """A text-only LLM. Safe for concurrent use from one event loop."""
+
+    @property
+    def profile(self) -> ModelProfile: ...
+
+    def stream(self, request: CompletionRequest) -> AsyncIterator[TextDelta | Completion]:
+        """The reply piece by piece; the last item is the Completion, whose text is the pieces joined.
+
+        Raises:
+            ModelUnavailableError, ModelTimeoutError, ModelResponseError.
+        """
+        ...
+
+    async def complete(self, request: CompletionRequest) -> Completion:
+        """The whole reply; raises like `stream`."""
+        ...
+
+    async def aclose(self) -> None:
+        """Release what the model holds; later calls are an error."""
+        ...

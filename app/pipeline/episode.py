@@ -1,0 +1,289 @@
+"""What a robot records and what the method makes of it (paper, section III-A).
+
+Every value is checked when it is constructed. Frames: `camera_to_world` takes OpenCV camera coordinates (x right, y
+down, z forward) to the world frame; positions are in metres in the world frame; quaternions are xyzw.
+"""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from app.pipeline.errors import InvalidInputError
+
+Array = npt.NDArray[np.float64]
+
+NUM_JOINTS = 7
+QUATERNION_NORM_TOLERANCE = 1e-3
+ROTATION_MATRIX_TOLERANCE = 1e-3
+OPTICAL_CENTRE_TOLERANCE = 0.25  # of the image's size: no lens is that far off-centre, other image sizes are
+# Names and instructions become part of the prompt: the characters that give the prompt its structure stay out of them.
+NAME_PATTERN = re.compile(r"[A-Za-z0-9](?:[A-Za-z0-9 _.\-]{0,62}[A-Za-z0-9])?")
+NAME_RULE = "1 to 64 letters, digits, spaces, '_', '-' or '.', beginning and ending with a letter or digit"
+INSTRUCTION_FORBIDDEN = re.compile(r"[\x00-\x1f\x7f\u2028\u2029{}\[\]<>;]")
+INSTRUCTION_RULE = "1 to 500 characters on one line, without { } [ ] < > ;"
+
+
+def finite_array(name: str, value: npt.ArrayLike, shape: tuple[int | None, ...]) -> Array:
+    """`value` as a read-only float64 array of `shape` (None: any length), every element finite.
+
+    Raises:
+        InvalidInputError: naming `name`, the offending shape or the index of the first element that is not finite.
+    """
+    expected = "(" + ", ".join("T" if n is None else str(n) for n in shape) + ("," if len(shape) == 1 else "") + ")"
+    try:
+        array = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InvalidInputError(name, "is not an array of numbers", f"shape {expected}") from error
+    if array.ndim != len(shape) or any(n is not None and n != m for n, m in zip(shape, array.shape, strict=True)):
+        raise InvalidInputError(name, f"has shape {array.shape}", f"shape {expected}")
+    if not np.isfinite(array).all():
+        index = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
+        raise InvalidInputError(name, f"element {list(index)} is {array[index]}", "finite numbers")
+    array.flags.writeable = False
+    return array
+
+
+def unit_quaternions(name: str, value: npt.ArrayLike, shape: tuple[int | None, ...]) -> Array:
+    """`value` as quaternions xyzw of unit length; a deviation within 1e-3 is normalised away, a larger one refused."""
+    quaternions = finite_array(name, value, shape)
+    norms = np.linalg.norm(quaternions, axis=-1, keepdims=True)
+    if (worst := float(np.abs(norms - 1).max(initial=0))) > QUATERNION_NORM_TOLERANCE:
+        message = f"has a norm that differs from 1 by {worst:.3g}"
+        raise InvalidInputError(name, message, "unit quaternions, order x y z w")
+    unit: Array = quaternions / norms
+    unit.flags.writeable = False
+    return unit
+
+
+def checked_name(name: str, value: str) -> str:
+    """`value` if it may stand in a prompt as an object's, camera's or task's name."""
+    if not NAME_PATTERN.fullmatch(value):
+        raise InvalidInputError(name, f"{value[:80]!r} is not a valid name", NAME_RULE)
+    return value
+
+
+def checked_instruction(name: str, value: str) -> str:
+    """`value` stripped, if it may stand in a prompt as an instruction."""
+    text = value.strip()
+    if not 1 <= len(text) <= 500 or INSTRUCTION_FORBIDDEN.search(text):
+        raise InvalidInputError(name, f"{text[:80]!r} is not a valid instruction", INSTRUCTION_RULE)
+    return text
+
+
+def _settle(instance: object, **checked: object) -> None:
+    """Put checked values into a frozen dataclass while it is constructed."""
+    for name, value in checked.items():
+        object.__setattr__(instance, name, value)
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """The robot's motion over T frames.
+
+    Attributes:
+        joint_velocities_rad_s: (T, 7).
+        positions_m: (T, 3) end effector in the world frame.
+        quaternions_xyzw: (T, 4) end effector in the world frame.
+        gripper_open: (T,) bool, the COMMANDED state.
+        timestamps_s: (T,) increasing, or None.
+        joint_positions_rad: (T, 7), or None.
+    """
+
+    joint_velocities_rad_s: Array
+    positions_m: Array
+    quaternions_xyzw: Array
+    gripper_open: npt.NDArray[np.bool_]
+    timestamps_s: Array | None = None
+    joint_positions_rad: Array | None = None
+
+    def __post_init__(self) -> None:
+        velocities = finite_array("trajectory.joint_velocities", self.joint_velocities_rad_s, (None, NUM_JOINTS))
+        num_frames = len(velocities)
+        if num_frames == 0:
+            raise InvalidInputError("trajectory.joint_velocities", "has no frames (T = 0)", "at least one frame")
+        joints, poses = (num_frames, NUM_JOINTS), (num_frames, 4)
+        quaternions = unit_quaternions("trajectory.end_effector_quaternions_xyzw", self.quaternions_xyzw, poses)
+        _settle(
+            self,
+            joint_velocities_rad_s=velocities,
+            positions_m=finite_array("trajectory.end_effector_positions", self.positions_m, (num_frames, 3)),
+            quaternions_xyzw=quaternions,
+            gripper_open=_booleans("trajectory.gripper_open", self.gripper_open, num_frames),
+        )
+        if self.timestamps_s is not None:
+            _settle(self, timestamps_s=_increasing("trajectory.timestamps", self.timestamps_s, num_frames))
+        if self.joint_positions_rad is not None:
+            positions = finite_array("trajectory.joint_positions", self.joint_positions_rad, joints)
+            _settle(self, joint_positions_rad=positions)
+
+    def __len__(self) -> int:
+        return len(self.joint_velocities_rad_s)
+
+    def action_at(self, frame: int) -> "EndEffectorAction":
+        """The end effector's pose and gripper command at `frame`."""
+        return EndEffectorAction(self.positions_m[frame], self.quaternions_xyzw[frame], bool(self.gripper_open[frame]))
+
+
+def _booleans(name: str, value: npt.ArrayLike, length: int) -> npt.NDArray[np.bool_]:
+    numbers = finite_array(name, value, (length,))
+    if (bad := ~np.isin(numbers, (0.0, 1.0))).any():
+        index = int(np.flatnonzero(bad)[0])
+        raise InvalidInputError(name, f"element {index} is {numbers[index]:g}", "0 (closed) or 1 (open), as commanded")
+    booleans = numbers.astype(np.bool_)
+    booleans.flags.writeable = False
+    return booleans
+
+
+def _increasing(name: str, value: npt.ArrayLike, length: int) -> Array:
+    array = finite_array(name, value, (length,))
+    if (np.diff(array) <= 0).any():
+        index = int(np.flatnonzero(np.diff(array) <= 0)[0]) + 1
+        raise InvalidInputError(name, f"element {index} is not after the one before", "increasing seconds")
+    return array
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """A calibrated pinhole camera. Pixel centres are whole numbers: u = column, v = row.
+
+    Attributes:
+        fx_px, fy_px, cx_px, cy_px: intrinsics; both focal lengths positive (OpenCV's convention).
+        camera_to_world: (4, 4) rigid transform from OpenCV camera axes (x right, y down, z forward) to the world.
+        depth_scale: metres per unit of a 16-bit depth image.
+        image_size_px: (width, height) that the intrinsics were calibrated for, or None where unknown.
+    """
+
+    name: str
+    fx_px: float
+    fy_px: float
+    cx_px: float
+    cy_px: float
+    camera_to_world: Array
+    depth_scale: float = 0.001
+    image_size_px: tuple[int, int] | None = None
+
+    def __post_init__(self) -> None:
+        where = f"cameras[{checked_name('cameras.name', self.name)}]"
+        values = (self.fx_px, self.fy_px, self.cx_px, self.cy_px)
+        fx, fy, _, _ = finite_array(f"{where}.intrinsics", values, (4,))
+        if fx <= 0 or fy <= 0:
+            remedy = "positive focal lengths: OpenCV axes, x right, y down, z forward (RLBench's are negative)"
+            raise InvalidInputError(f"{where}.intrinsics", f"fx = {fx:g}, fy = {fy:g}", remedy)
+        if not (np.isfinite(self.depth_scale) and self.depth_scale > 0):
+            raise InvalidInputError(f"{where}.depth_scale", f"is {self.depth_scale}", "a positive number of metres")
+        transform = finite_array(f"{where}.camera_to_world", self.camera_to_world, (4, 4))
+        rotation = transform[:3, :3]
+        off = np.abs(rotation.T @ rotation - np.eye(3)).max()
+        if off > ROTATION_MATRIX_TOLERANCE or np.linalg.det(rotation) < 0 or (transform[3] != (0, 0, 0, 1)).any():
+            remedy = "a rigid transform: rotation matrix, translation in metres, last row 0 0 0 1"
+            raise InvalidInputError(f"{where}.camera_to_world", "is not a rigid transform", remedy)
+        _settle(self, camera_to_world=transform)
+
+
+@dataclass(frozen=True, eq=False)
+class RgbdFrame:
+    """One camera's images of the first frame.
+
+    Attributes:
+        rgb: (H, W, 3) uint8, or None.
+        depth_m: (H, W) float32 metres along the optical axis, 0 where unknown, or None.
+        mask: (H, W) int32 object ids, or None.
+    """
+
+    camera: Camera
+    rgb: npt.NDArray[np.uint8] | None = None
+    depth_m: npt.NDArray[np.float32] | None = None
+    mask: npt.NDArray[np.int32] | None = None
+
+    def __post_init__(self) -> None:
+        name = self.camera.name
+        images = {f"rgb_{name}": self.rgb, f"depth_{name}": self.depth_m, f"mask_{name}": self.mask}
+        sizes = {part: image.shape[:2] for part, image in images.items() if image is not None}
+        if len(set(sizes.values())) > 1:
+            listed = ", ".join(f"{part} {w}x{h}" for part, (h, w) in sizes.items())
+            raise InvalidInputError(next(iter(sizes)), f"image sizes differ: {listed}", "one size per camera")
+        for part, (height, width) in sizes.items():
+            _check_image_size(self.camera, part, width, height)
+
+
+def _check_image_size(camera: Camera, part: str, width: int, height: int) -> None:
+    remedy = "images of the size that the intrinsics were calibrated for"
+    if camera.image_size_px is not None:
+        if camera.image_size_px != (width, height):
+            expected = "{}x{}".format(*camera.image_size_px)
+            raise InvalidInputError(part, f"is {width}x{height}, but the camera's images are {expected}", remedy)
+        return
+    off = max(abs(camera.cx_px / width - 0.5), abs(camera.cy_px / height - 0.5))
+    if off > OPTICAL_CENTRE_TOLERANCE:
+        centre = f"({camera.cx_px:g}, {camera.cy_px:g})"
+        message = f"is {width}x{height}, but the intrinsics put the optical centre at {centre}"
+        raise InvalidInputError(part, message, f"{remedy}; for a cropped image give the camera's width and height")
+
+
+@dataclass(frozen=True, eq=False)
+class ObjectPose:
+    """An object's estimated pose in the world frame.
+
+    Attributes:
+        position_m: (3,).
+        quaternion_xyzw: (4,), or None where the estimator gives no rotation.
+        estimator: which estimator found it.
+        cameras: the cameras that saw it.
+    """
+
+    name: str
+    position_m: Array
+    quaternion_xyzw: Array | None = None
+    estimator: str = "given"
+    cameras: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        where = f"objects[{checked_name('objects.name', self.name)}]"
+        _settle(self, position_m=finite_array(f"{where}.position", self.position_m, (3,)))
+        if self.quaternion_xyzw is not None:
+            unit = unit_quaternions(f"{where}.quaternion_xyzw", self.quaternion_xyzw, (4,))
+            _settle(self, quaternion_xyzw=unit)
+
+
+@dataclass(frozen=True, eq=False)
+class EndEffectorAction:
+    """An end-effector target: position (3,) m, quaternion (4,) xyzw, both in the world frame, and the gripper."""
+
+    position_m: Array
+    quaternion_xyzw: Array
+    gripper_open: bool
+
+    def __post_init__(self) -> None:
+        _settle(self, position_m=finite_array("action.position", self.position_m, (3,)))
+        unit = unit_quaternions("action.quaternion_xyzw", self.quaternion_xyzw, (4,))
+        _settle(self, quaternion_xyzw=unit)
+
+
+@dataclass(frozen=True, eq=False)
+class Episode:
+    """A recorded trajectory with the instruction it carries out and the cameras' view of its first frame."""
+
+    instruction: str
+    trajectory: Trajectory
+    frames: tuple[RgbdFrame, ...] = ()
+    control_frequency_hz: float = 20.0
+    extra: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        _settle(self, instruction=checked_instruction("instruction", self.instruction))
+        if not (np.isfinite(self.control_frequency_hz) and self.control_frequency_hz > 0):
+            raise InvalidInputError("control_frequency_hz", f"is {self.control_frequency_hz}", "a positive number")
+
+
+@dataclass(frozen=True, eq=False)
+class Demonstration:
+    """An episode as a prompt uses it: the objects' poses at its first frame and the actions at its keyframes."""
+
+    instruction: str
+    objects: tuple[ObjectPose, ...]
+    actions: tuple[EndEffectorAction, ...]
+    id: str = ""

@@ -1,0 +1,53 @@
+"""Everything that the method can refuse.
+
+    RoboPromptError
+    ├── InvalidInputError          a value that the caller sent is not acceptable; names field and remedy
+    │   ├── ObjectSetError         the objects differ from the task's
+    │   └── ObjectNotVisibleError  no camera sees an object
+    └── ReplyParseError            the LLM's reply is not a list of valid actions; carries the raw text
+
+Other packages (llm, store, services) hang their own branches under RoboPromptError; `app.api.problems` maps each to a
+status once.
+"""
+
+
+class RoboPromptError(Exception):
+    """Base of every error that this project raises on purpose."""
+
+
+class InvalidInputError(RoboPromptError, ValueError):
+    """A value that does not satisfy the method's requirements.
+
+    Args:
+        field: path of the value as the caller knows it, e.g. ``trajectory.joint_velocities``.
+        message: what is wrong, with the offending value.
+        valid: what would be accepted.
+    """
+
+    def __init__(self, field: str, message: str, valid: str | None = None) -> None:
+        super().__init__(f"{field}: {message}" + (f" (valid: {valid})" if valid else ""))
+        self.field = field
+        self.message = message
+        self.valid = valid
+
+
+class ObjectSetError(InvalidInputError):
+    """The objects of an episode or observation are not those of the task."""
+
+
+class ObjectNotVisibleError(InvalidInputError):
+    """An object that no camera sees: it has no pose."""
+
+
+class ReplyParseError(RoboPromptError):
+    """A reply that is not a list of valid actions. It is reported, never repaired.
+
+    Args:
+        message: what is wrong with the reply.
+        reply_text: the reply as the LLM gave it.
+    """
+
+    def __init__(self, message: str, reply_text: str) -> None:
+        super().__init__(message)
+        self.message = message
+        self.reply_text = reply_text

@@ -1,0 +1,60 @@
+"""Points, frames and rotations, thin over scipy's Rotation."""
+
+import math
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from app.pipeline.episode import Array, ObjectPose, RgbdFrame
+from app.pipeline.errors import InvalidInputError
+
+
+def backproject(frame: RgbdFrame, pixels: np.ndarray) -> Array:
+    """The world points (N, 3) in metres of those `pixels` (H, W) bool whose depth is known.
+
+    Raises:
+        InvalidInputError: if the frame has no depth image.
+    """
+    camera = frame.camera
+    if frame.depth_m is None:
+        raise InvalidInputError(f"depth_{camera.name}", "is missing", "a depth image beside the mask")
+    rows, columns = np.nonzero(pixels & (frame.depth_m > 0))
+    z = frame.depth_m[rows, columns].astype(np.float64)
+    x = (columns - camera.cx_px) * z / camera.fx_px
+    y = (rows - camera.cy_px) * z / camera.fy_px
+    return transform_points(camera.camera_to_world, np.stack([x, y, z], axis=1))
+
+
+def transform_points(source_to_target: Array, points: Array) -> Array:
+    """Points (N, 3) taken from the source frame to the target frame by a (4, 4) rigid transform."""
+    moved: Array = points @ source_to_target[:3, :3].T + source_to_target[:3, 3]
+    return moved
+
+
+def yaw_rad(rotation: Rotation) -> float:
+    """The rotation's angle about the vertical: the heading of its x axis in the horizontal plane."""
+    x_axis = rotation.apply([1.0, 0.0, 0.0])
+    return math.atan2(x_axis[1], x_axis[0])
+
+
+def tilt_rad(rotation: Rotation) -> float:
+    """The angle between the rotation's z axis and the vertical."""
+    return math.acos(float(np.clip(rotation.apply([0.0, 0.0, 1.0])[2], -1.0, 1.0)))
+
+
+def canonical_pose(pose: ObjectPose, yaw_symmetry_deg: float | None) -> ObjectPose:
+    """The same pose with the object turned about its own z axis to the representative nearest yaw 0.
+
+    Equal scenes then give equal text, whichever of its equal sides an estimator called the front.
+
+    Args:
+        yaw_symmetry_deg: the turn that leaves the object unchanged (cube 90, cuboid 180); 0 where every turn does (a
+            round object); None where none does.
+    """
+    if pose.quaternion_xyzw is None or yaw_symmetry_deg is None:
+        return pose
+    rotation = Rotation.from_quat(pose.quaternion_xyzw)
+    yaw_deg = math.degrees(yaw_rad(rotation))
+    turn_deg = yaw_deg if yaw_symmetry_deg == 0 else yaw_symmetry_deg * round(yaw_deg / yaw_symmetry_deg)
+    turned = rotation * Rotation.from_euler("z", -turn_deg, degrees=True)
+    return ObjectPose(pose.name, pose.position_m, turned.as_quat(canonical=True), pose.estimator, pose.cameras)

@@ -1,0 +1,115 @@
+"""Which object, and which of its frames, each action of the demonstrations is best described in."""
+
+import math
+from collections.abc import Sequence
+from typing import Literal, NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from app.pipeline.episode import Array, Demonstration, ObjectPose
+from app.pipeline.geometry import tilt_rad, yaw_rad
+from app.pipeline.language import mention_order
+
+Frame = Literal["w", "o"]
+FRAMES: tuple[Frame, ...] = ("w", "o")
+TILT_RAD = math.radians(5)  # an object that leans more than this in any demonstration turns its frame fully
+M_PER_RAD = 0.06  # 10 degrees of rotation weigh as much as 1 cm of position
+EQUAL_SPREAD_M = 0.002  # pairs this close to the best count as equal: then the previous row's pair goes on
+
+
+class Anchor(NamedTuple):
+    """The object and the frame that an action is relative to: `w` world axes, `o` the object's own axes."""
+
+    object_name: str
+    frame: Frame
+
+
+def in_order(objects: Sequence[ObjectPose], instruction: str) -> tuple[ObjectPose, ...]:
+    """The objects that the instruction mentions in its order, then the others as they come."""
+    mentioned = mention_order([pose.name for pose in objects], instruction)
+    place = {name: k for k, name in enumerate(mentioned)}
+    return tuple(sorted(objects, key=lambda pose: place.get(pose.name, len(place))))
+
+
+def tilted_objects(demonstrations: Sequence[Demonstration]) -> frozenset[str]:
+    """Names of the objects whose z axis is not vertical in some demonstration."""
+    return frozenset(
+        pose.name
+        for demonstration in demonstrations
+        for pose in demonstration.objects
+        if pose.quaternion_xyzw is not None and tilt_rad(Rotation.from_quat(pose.quaternion_xyzw)) > TILT_RAD
+    )
+
+
+def object_rotation(pose: ObjectPose, frame: str, tilted: frozenset[str]) -> Rotation:
+    """The axes of a pose's frame in the world: none turned (`w`), yaw only, or the full rotation of a tilted object."""
+    if frame == "w" or pose.quaternion_xyzw is None:
+        return Rotation.identity()
+    rotation = Rotation.from_quat(pose.quaternion_xyzw)
+    return rotation if pose.name in tilted else Rotation.from_euler("z", yaw_rad(rotation))
+
+
+def relative_action(
+    demonstration: Demonstration, k: int, anchor: Anchor, tilted: frozenset[str]
+) -> tuple[Array, Rotation]:
+    """Action `k` relative to the anchor: offset (3,) in metres along the anchor's axes, and rotation."""
+    pose = next(pose for pose in demonstration.objects if pose.name == anchor.object_name)
+    action = demonstration.actions[k]
+    to_anchor = object_rotation(pose, anchor.frame, tilted).inv()
+    offset_m: Array = to_anchor.apply(action.position_m - pose.position_m)
+    return offset_m, to_anchor * Rotation.from_quat(action.quaternion_xyzw)
+
+
+def choose_anchors(group: Sequence[Demonstration], tilted: frozenset[str]) -> list[list[Anchor]]:
+    """For each action of a group of like demonstrations, every demonstration's anchor.
+
+    The pair chosen is the one whose relative action spreads least over the group.
+
+    Returns:
+        [action][demonstration]; demonstrations that name other objects have other anchors, at the same place in the
+        order of mention.
+    """
+    candidates = _candidates(group)
+    chosen: list[list[Anchor]] = []
+    for k in range(len(group[0].actions)):
+        spreads = [_spread_m(group, k, anchors, tilted) for anchors in candidates]
+        best = min(spreads)
+        equal = [c for c, spread in zip(candidates, spreads, strict=True) if spread <= best + EQUAL_SPREAD_M]
+        chosen.append(chosen[-1] if chosen and chosen[-1] in equal else equal[0])
+    return chosen
+
+
+def _candidates(group: Sequence[Demonstration]) -> list[list[Anchor]]:
+    """Per candidate one anchor for each demonstration: objects by order of mention, the others by name."""
+    ordered = [in_order(d.objects, d.instruction) for d in group]
+    mentioned = [len(mention_order([pose.name for pose in d.objects], d.instruction)) for d in group]
+    by_mention = [[objects[i].name for objects in ordered] for i in range(min(mentioned))]
+    never_mentioned = [
+        pose.name
+        for pose in group[0].objects
+        if all(pose.name not in [p.name for p in o[:m]] for o, m in zip(ordered, mentioned, strict=True))
+    ]
+    columns = by_mention + [[name] * len(group) for name in never_mentioned]
+    rotated = {pose.name for d in group for pose in d.objects if pose.quaternion_xyzw is not None}
+    return [
+        [Anchor(name, frame) for name in column]
+        for column in columns
+        for frame in FRAMES
+        if frame == "w" or rotated.issuperset(column)
+    ]
+
+
+def _spread_m(group: Sequence[Demonstration], k: int, anchors: Sequence[Anchor], tilted: frozenset[str]) -> float:
+    """How far action `k` differs over the group when told relative to the anchors; rotations weigh in as metres.
+
+    A single demonstration has no spread: there the nearest object is the likeliest.
+    """
+    relative = [relative_action(d, k, anchor, tilted) for d, anchor in zip(group, anchors, strict=True)]
+    offsets_m = np.array([offset for offset, _ in relative])
+    if len(group) == 1:
+        return float(np.linalg.norm(offsets_m[0]))
+    rotations = Rotation.concatenate([rotation for _, rotation in relative])
+    position_spread_m = np.abs(offsets_m - np.median(offsets_m, axis=0)).max()
+    rotation_spread_rad = (rotations.mean().inv() * rotations).magnitude().max()
+    return float(position_spread_m + M_PER_RAD * rotation_spread_rad)

@@ -1,0 +1,120 @@
+"""The workspace and its bins: continuous poses <-> the integers that the LLM reads and writes (paper, section III-C).
+
+100 position bins an axis and 72 rotation bins of 5 degrees, after PerAct (arXiv 2209.05451). A rotation is three
+extrinsic (fixed-axis) xyz Euler angles.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial.transform import Rotation
+
+from app.pipeline.episode import Array, EndEffectorAction, ObjectPose, finite_array
+from app.pipeline.errors import InvalidInputError
+
+POSITION_BINS = 100
+ROTATION_BINS = 72
+ROTATION_BIN_DEG = 360 / ROTATION_BINS
+EDGE_TO_LOWER_BIN = 1e-12  # added to the bin size, as in PerAct: an exact edge falls into the lower bin
+# RLBench's scene bounds, also used by the authors' code (paper, appendix "Simulation setup")
+RLBENCH_MIN_M = (-0.3, -0.5, 0.6)
+RLBENCH_MAX_M = (0.7, 0.5, 1.6)
+
+
+@dataclass(frozen=True, eq=False)
+class Workspace:
+    """The axis-aligned box, in metres in the world frame, that the position bins divide.
+
+    Attributes:
+        min_m, max_m: (3,) opposite corners.
+    """
+
+    min_m: Array
+    max_m: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "min_m", finite_array("workspace.min", self.min_m, (3,)))
+        object.__setattr__(self, "max_m", finite_array("workspace.max", self.max_m, (3,)))
+        if (self.max_m <= self.min_m).any():
+            low, high = self.min_m.tolist(), self.max_m.tolist()
+            raise InvalidInputError("workspace", f"min {low} is not below max {high}", "min < max on every axis")
+
+    @classmethod
+    def rlbench(cls) -> "Workspace":
+        """RLBench's scene bounds, the default."""
+        return cls(np.array(RLBENCH_MIN_M), np.array(RLBENCH_MAX_M))
+
+    @property
+    def bin_size_m(self) -> Array:
+        """(3,) the size of a position bin along each axis."""
+        size: Array = (self.max_m - self.min_m) / POSITION_BINS
+        return size
+
+    def contains(self, position_m: Array) -> bool:
+        """Whether a position (3,) lies inside the box."""
+        return bool(((position_m >= self.min_m) & (position_m <= self.max_m)).all())
+
+
+@dataclass(frozen=True)
+class DiscreteAction:
+    """An action as integers: x, y, z bins (0..99), roll, pitch, yaw bins (0..71), gripper (1 = open).
+
+    Attributes:
+        clamped: the position lay outside the workspace and was moved to its edge.
+    """
+
+    bins: tuple[int, ...]
+    clamped: bool = False
+
+
+def position_bins(position_m: npt.ArrayLike, workspace: Workspace) -> tuple[int, int, int]:
+    """The bins (0..99) of a position (3,) in the world frame; outside the workspace the nearest bin."""
+    raw = np.floor((np.asarray(position_m) - workspace.min_m) / (workspace.bin_size_m + EDGE_TO_LOWER_BIN))
+    x, y, z = np.clip(raw, 0, POSITION_BINS - 1).astype(int).tolist()
+    return x, y, z
+
+
+def bin_centre(bins: npt.ArrayLike, workspace: Workspace) -> Array:
+    """The position (3,) in metres at the centre of three position bins."""
+    centre: Array = workspace.min_m + (np.asarray(bins) + 0.5) * workspace.bin_size_m
+    return centre
+
+
+def rotation_bins(rotation: Rotation) -> tuple[int, int, int]:
+    """The bins (0..71) of a rotation's extrinsic xyz Euler angles; rounds half to even, bin 72 is bin 0."""
+    euler_deg = rotation.as_euler("xyz", degrees=True, suppress_warnings=True)
+    roll, pitch, yaw = (round((angle + 180) / ROTATION_BIN_DEG) % ROTATION_BINS for angle in euler_deg.tolist())
+    return roll, pitch, yaw
+
+
+def rotation_from_bins(bins: npt.ArrayLike) -> Rotation:
+    """The rotation whose extrinsic xyz Euler angles three rotation bins stand for."""
+    return Rotation.from_euler("xyz", np.asarray(bins) * ROTATION_BIN_DEG - 180, degrees=True)
+
+
+def yaw_bin(yaw_rad: float) -> int:
+    """The bin (0..71) of an angle about the vertical."""
+    return round((math.degrees(yaw_rad) + 180) / ROTATION_BIN_DEG) % ROTATION_BINS
+
+
+def discretize_action(action: EndEffectorAction, workspace: Workspace) -> DiscreteAction:
+    """An action's seven bins."""
+    rotation = Rotation.from_quat(action.quaternion_xyzw)
+    bins = (*position_bins(action.position_m, workspace), *rotation_bins(rotation), int(action.gripper_open))
+    return DiscreteAction(bins, clamped=not workspace.contains(action.position_m))
+
+
+def undiscretize_action(bins: tuple[int, ...], workspace: Workspace) -> EndEffectorAction:
+    """The action at the centre of seven bins."""
+    quaternion_xyzw = rotation_from_bins(bins[3:6]).as_quat(canonical=True)
+    return EndEffectorAction(bin_centre(bins[:3], workspace), quaternion_xyzw, bool(bins[6]))
+
+
+def object_bins(pose: ObjectPose, workspace: Workspace) -> tuple[int, ...]:
+    """An object's three position bins, followed by three rotation bins where its rotation is known."""
+    position = position_bins(pose.position_m, workspace)
+    if pose.quaternion_xyzw is None:
+        return position
+    return (*position, *rotation_bins(Rotation.from_quat(pose.quaternion_xyzw)))
