@@ -1,0 +1,48 @@
+"""The ASGI application."""
+
+from collections.abc import AsyncIterator, Callable
+from contextlib import AbstractAsyncContextManager, asynccontextmanager
+
+from fastapi import FastAPI
+from fastapi_offline import FastAPIOffline
+
+from app.api.limits import BodyLimit
+from app.api.openapi import install_openapi
+from app.api.problems import install_problem_handlers
+from app.api.routes import episodes, health, models, predict, predictions, tasks
+from app.services.container import Services
+
+DESCRIPTION = """Robot skills that an off-the-shelf LLM learns from a handful of demonstrations
+([RoboPrompt](https://arxiv.org/abs/2410.12782)). Upload episodes, then send what the robot sees now: the service writes
+the demonstrations and the observation as text, asks an LLM to continue the pattern, and answers with
+end-effector actions.
+
+Metres, radians and seconds; world frame; quaternions x y z w; cameras with OpenCV axes. Errors are
+`application/problem+json`.
+"""
+
+OpenServices = Callable[[], AbstractAsyncContextManager[Services]]
+
+
+def create_app(open_services: OpenServices, version: str, max_body_bytes: int) -> FastAPI:
+    """The application.
+
+    Args:
+        open_services: entered at start-up, left at shutdown.
+    """
+
+    @asynccontextmanager
+    async def lifespan(app: FastAPI) -> AsyncIterator[None]:
+        async with open_services() as services:
+            app.state.services = services
+            yield
+
+    app = FastAPIOffline(
+        title="RoboPrompt", version=version, description=DESCRIPTION, lifespan=lifespan, redoc_url=None
+    )
+    for module in (episodes, tasks, predict, predictions, models, health):
+        app.include_router(module.router)
+    install_problem_handlers(app)
+    install_openapi(app)
+    app.add_middleware(BodyLimit, max_bytes=max_body_bytes)
+    return app

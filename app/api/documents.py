@@ -1,0 +1,123 @@
+"""Stored records -> the JSON documents that clients get (see `schemas.responses`)."""
+
+from typing import Any
+
+from app.llm.base import ModelProfile
+from app.pipeline.episode import Demonstration
+from app.pipeline.representation import fit_codec
+from app.pipeline.workspace import Workspace, discretize_action, object_bins
+from app.services.predict_actions import Prediction
+from app.services.question import Question
+from app.services.task_settings import TaskSettings
+from app.store.records import EpisodeRecord, PredictionRecord, TaskRecord
+from app.store.values import JsonObject, KeyframeRecord, ObjectRecord
+
+
+def episode_document(record: EpisodeRecord, task: TaskRecord) -> JsonObject:
+    """An `EpisodeOut`."""
+    settings = TaskSettings.model_validate(task.settings)
+    workspace = settings.workspace.workspace()
+    poses = settings.canonical(tuple(item.pose() for item in record.objects))
+    actions = tuple(keyframe.action() for keyframe in record.keyframes)
+    demonstration = Demonstration(record.instruction, poses, actions, record.id)
+    codec = fit_codec("absolute", settings.prompt_format or "paper", [demonstration], workspace)
+    return {
+        "id": record.id,
+        "task": record.task,
+        "instruction": record.instruction,
+        "num_frames": record.num_frames,
+        "control_frequency_hz": record.control_frequency_hz,
+        "keyframes": [_keyframe(item, workspace) for item in record.keyframes],
+        "objects": [_object(item, workspace) for item in record.objects],
+        "cameras": [camera.name for camera in record.cameras],
+        "extra": record.extra,
+        "observation_text": codec.observation_text(poses, record.instruction),
+        "actions_text": codec.actions_text(demonstration),
+        "created_at": record.created_at.isoformat(),
+    }
+
+
+def _keyframe(record: KeyframeRecord, workspace: Workspace) -> JsonObject:
+    discrete = discretize_action(record.action(), workspace)
+    return {**record.to_json(), "bins": list(discrete.bins), "clamped": discrete.clamped}
+
+
+def _object(record: ObjectRecord, workspace: Workspace) -> JsonObject:
+    return {**record.to_json(), "bins": list(object_bins(record.pose(), workspace))}
+
+
+def task_document(record: TaskRecord, num_episodes: int) -> JsonObject:
+    """A `TaskOut`."""
+    stored: dict[str, Any] = TaskSettings.model_validate(record.settings).model_dump(mode="json")
+    names = None if record.object_names is None else list(record.object_names)
+    described = {"name": record.name, "version": record.version, "object_names": names, "num_episodes": num_episodes}
+    return {**described, **stored}
+
+
+def _asked(question: Question) -> JsonObject:
+    """What a prediction and a dry run have in common."""
+    return {
+        "model": question.profile.name,
+        "representation": question.style.representation,
+        "prompt_format": question.style.prompt_format,
+        "demonstration_ids": list(question.template.demonstration_ids),
+        "prompt": {"system": question.prompt.system, "user": question.prompt.user},
+    }
+
+
+def prediction_document(prediction: Prediction) -> JsonObject:
+    """A `PredictionOut`."""
+    usage = prediction.completion.usage
+    return {
+        "id": prediction.id,
+        "actions": [item.to_json() for item in prediction.actions],
+        **_asked(prediction.question),
+        "reply_text": prediction.completion.text,
+        "usage": {
+            "prompt_tokens": usage.prompt_tokens,
+            "cached_tokens": usage.cached_tokens,
+            "completion_tokens": usage.completion_tokens,
+        },
+        "timings_ms": prediction.timings_ms,
+    }
+
+
+def dry_run_document(question: Question, timings_ms: dict[str, float]) -> JsonObject:
+    """A `DryRunOut`."""
+    return {"id": None, **_asked(question), "grammar": question.prompt.grammar, "timings_ms": timings_ms}
+
+
+def stored_prediction_document(record: PredictionRecord) -> JsonObject:
+    """A `StoredPrediction`."""
+    outcome = None
+    if record.outcome_success is not None and record.outcome_at is not None:
+        recorded_at = record.outcome_at.isoformat()
+        outcome = {"success": record.outcome_success, "note": record.outcome_note, "recorded_at": recorded_at}
+    same = ("id", "task", "instruction", "status", "error", "model", "representation", "prompt_format", "reply_text")
+    return {
+        **{name: getattr(record, name) for name in same},
+        "demonstration_ids": list(record.demonstration_ids),
+        "prompt": {"system": record.prompt_system, "user": record.prompt_user},
+        "actions": None if record.actions is None else list(record.actions),
+        "usage": record.usage,
+        "timings_ms": record.timings_ms,
+        "request": record.request,
+        "outcome": outcome,
+        "created_at": record.created_at.isoformat(),
+    }
+
+
+def model_document(profile: ModelProfile, available: bool, reason: str | None, default: str) -> JsonObject:
+    """A `ModelOut`."""
+    return {
+        "name": profile.name,
+        "available": available,
+        "reason": reason,
+        "style": profile.style,
+        "grammar": profile.grammar,
+        "representation": profile.representation,
+        "prompt_format": profile.prompt_format,
+        "system_prompt": profile.system_prompt,
+        "description": profile.description,
+        "default": profile.name == default,
+    }

@@ -1,0 +1,35 @@
+"""The addresses of the service, one resource a file."""
+
+from typing import Annotated
+
+from fastapi import Depends, Header, Query, Request
+
+from app.api.schemas.responses import Problem
+from app.services.container import Services
+
+Limit = Annotated[int, Query(ge=1, le=200, description="at most so many")]
+Cursor = Annotated[int | None, Query(ge=1, description="next_cursor of the page before")]
+IdempotencyKey = Annotated[
+    str | None,
+    Header(max_length=200, description="a repeated request with the same key is answered as the first was"),
+]
+
+
+def get_services(request: Request) -> Services:
+    """The application's services."""
+    services: Services = request.app.state.services
+    return services
+
+
+Wired = Annotated[Services, Depends(get_services)]
+
+
+def problems(**meanings: str) -> dict[int | str, dict[str, object]]:
+    """Documentation of error responses: `problems(_404="no such task")`."""
+    media = {"application/problem+json": {"schema": {"$ref": "#/components/schemas/Problem"}}}
+    return {
+        int(name.removeprefix("_")): {"description": meaning, "content": media} for name, meaning in meanings.items()
+    }
+
+
+__all__ = ["Cursor", "IdempotencyKey", "Limit", "Problem", "Wired", "problems"]

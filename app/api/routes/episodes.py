@@ -1,0 +1,169 @@
+"""Episodes: upload, list, look at, delete."""
+
+from typing import Annotated, Any, Literal
+
+from fastapi import APIRouter, Query, Request, Response
+from fastapi.responses import JSONResponse
+from starlette.concurrency import run_in_threadpool
+
+from app.api.body import Body, read_body
+from app.api.documents import episode_document
+from app.api.frames import decode_frames, split_images
+from app.api.openapi import body_of
+from app.api.routes import Cursor, IdempotencyKey, Limit, Wired, problems
+from app.api.schemas.requests import EpisodeJson, EpisodeMetadata
+from app.api.schemas.responses import EpisodeOut, EpisodePage
+from app.perception.images import as_image
+from app.pipeline.episode import Episode, Trajectory
+from app.pipeline.errors import InvalidInputError
+from app.pipeline.trajectory_npz import npz_from_trajectory, trajectory_from_arrays, trajectory_from_npz
+from app.services.container import Services
+from app.services.upload_episode import Upload, content_digest
+from app.store import episodes, tasks
+from app.store.errors import NotFoundError
+from app.store.values import JsonObject
+
+router = APIRouter(tags=["episodes"])
+
+
+@router.post(
+    "/episodes",
+    status_code=201,
+    operation_id="upload_episode",
+    response_model=EpisodeOut,
+    openapi_extra=body_of(EpisodeJson, EpisodeMetadata, "trajectory"),
+    responses=problems(
+        _400="the body cannot be read",
+        _409="the idempotency key came with other content",
+        _413="the body is too large",
+        _415="neither multipart nor JSON",
+        _422="a value is not valid, or the objects are not those of the task",
+    ),
+)
+async def upload_episode(request: Request, services: Wired, idempotency_key: IdempotencyKey = None) -> Response:
+    """Store a demonstration: its keyframes are found, its objects' poses estimated.
+
+    Multipart: a part `metadata` (JSON), a part `trajectory` (.npz, no pickles) and per camera NAME the parts `rgb_NAME`
+    (PNG, JPEG or .npy), `depth_NAME` (16-bit PNG, or .npy in metres) and `mask_NAME` (16-bit PNG or .npy of ids). Or
+    one JSON document with the same names, arrays inline, images in base64. The first episode of a task creates it.
+    """
+    body = await read_body(request)
+    document = await run_in_threadpool(_upload, services, body, idempotency_key)
+    return JSONResponse(document, 201, {"Location": f"/episodes/{document['id']}"})
+
+
+def _upload(services: Services, body: Body, idempotency_key: str | None) -> JsonObject:
+    document, parts = dict(body.document), dict(body.parts)
+    digest = content_digest(document, parts)
+    if (npz := parts.pop("trajectory", None)) is not None:
+        metadata = EpisodeMetadata.model_validate(document)
+        trajectory = trajectory_from_npz(npz)
+    else:
+        metadata, trajectory = _from_json(document)
+    images = split_images(metadata.cameras, parts)
+    frames = decode_frames(metadata.cameras, images)
+    episode = Episode(metadata.instruction, trajectory, frames, metadata.control_frequency_hz, metadata.extra)
+    objects = tuple(item.query() for item in metadata.objects)
+    upload = Upload(metadata.task, episode, objects, images, digest, idempotency_key)
+    return services.upload_episode(upload, episode_document)
+
+
+def _from_json(document: JsonObject) -> tuple[EpisodeMetadata, Trajectory]:
+    """The two halves of a JSON upload; the arrays are checked by Trajectory, once."""
+    arrays: Any = document.get("trajectory")
+    if not isinstance(arrays, dict):
+        remedy = "a .npz part named trajectory, or a JSON object of arrays"
+        raise InvalidInputError("trajectory", "is missing", remedy)
+    if unknown := set(document) - {"metadata", "trajectory"}:
+        raise InvalidInputError(sorted(unknown)[0], "is not known", "metadata, trajectory, rgb_/depth_/mask_NAME")
+    return EpisodeMetadata.model_validate(document.get("metadata")), trajectory_from_arrays(arrays)
+
+
+@router.get(
+    "/episodes",
+    operation_id="list_episodes",
+    response_model=EpisodePage,
+    responses=problems(_404="no such task", _422="a value is not valid"),
+)
+def list_episodes(
+    services: Wired,
+    task: Annotated[str | None, Query(max_length=64, description="only of this task")] = None,
+    limit: Limit = 50,
+    cursor: Cursor = None,
+) -> Response:
+    """Episodes, newest first."""
+    with services.store.read() as connection:
+        known = {record.name: record for record in tasks.list_all(connection)}
+        if task is not None and task not in known:
+            raise NotFoundError("task", task)
+        page = episodes.list_page(connection, task, limit, cursor)
+    documents = [episode_document(record, known[record.task]) for record in page.items]
+    return JSONResponse({"episodes": documents, "next_cursor": page.next_cursor})
+
+
+@router.get(
+    "/episodes/{episode_id}",
+    operation_id="get_episode",
+    response_model=EpisodeOut,
+    responses=problems(_404="no such episode"),
+)
+def get_episode(services: Wired, episode_id: str) -> Response:
+    """One episode and what was extracted from it."""
+    with services.store.read() as connection:
+        record = episodes.get(connection, episode_id)
+        task = tasks.get(connection, record.task)
+    return JSONResponse(episode_document(record, task))
+
+
+@router.delete(
+    "/episodes/{episode_id}",
+    operation_id="delete_episode",
+    status_code=204,
+    responses=problems(_404="no such episode"),
+)
+def delete_episode(services: Wired, episode_id: str) -> Response:
+    """Delete an episode; its images go with the next sweep."""
+    with services.store.write() as connection:
+        episodes.remove(connection, episode_id)
+    return Response(status_code=204)
+
+
+@router.get(
+    "/episodes/{episode_id}/trajectory",
+    operation_id="get_trajectory",
+    response_class=Response,
+    responses={
+        200: {"description": "the .npz file", "content": {"application/octet-stream": {}}},
+        **problems(_404="no such episode"),
+    },
+)
+def get_trajectory(services: Wired, episode_id: str) -> Response:
+    """The trajectory as a .npz file with the arrays of the upload."""
+    with services.store.read() as connection:
+        trajectory = episodes.get_trajectory(connection, episode_id)
+    headers = {"Content-Disposition": f'attachment; filename="{episode_id}.npz"'}
+    return Response(npz_from_trajectory(trajectory), media_type="application/octet-stream", headers=headers)
+
+
+@router.get(
+    "/episodes/{episode_id}/images/{camera}/{kind}",
+    operation_id="get_image",
+    response_class=Response,
+    responses={
+        200: {
+            "description": "the image as uploaded; depth as a 16-bit PNG",
+            "content": {"image/png": {}, "image/jpeg": {}},
+        },
+        **problems(_404="no such episode, camera or image"),
+    },
+)
+def get_image(services: Wired, episode_id: str, camera: str, kind: Literal["rgb", "depth"]) -> Response:
+    """A camera's image of the first frame."""
+    with services.store.read() as connection:
+        record = episodes.get(connection, episode_id)
+    stored = next((item for item in record.cameras if item.name == camera), None)
+    digest = None if stored is None else {"rgb": stored.rgb_digest, "depth": stored.depth_digest}[kind]
+    if stored is None or digest is None:
+        raise NotFoundError(f"{kind} image of episode {episode_id}", camera)
+    data, media_type = as_image(services.store.blobs.read(digest), kind, stored.depth_scale)
+    return Response(data, media_type=media_type)

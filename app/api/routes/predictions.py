@@ -1,0 +1,60 @@
+"""Recorded predictions and how the robot fared with them."""
+
+from typing import Annotated, Literal
+
+from fastapi import APIRouter, Query, Response
+from fastapi.responses import JSONResponse
+
+from app.api.documents import stored_prediction_document
+from app.api.routes import Cursor, Limit, Wired, problems
+from app.api.schemas.requests import OutcomeBody
+from app.api.schemas.responses import PredictionPage, StoredPrediction
+from app.store import predictions
+
+router = APIRouter(tags=["predictions"])
+
+
+@router.get(
+    "/predictions",
+    operation_id="list_predictions",
+    response_model=PredictionPage,
+    responses=problems(_422="a value is not valid"),
+)
+def list_predictions(
+    services: Wired,
+    task: Annotated[str | None, Query(max_length=64, description="only of this task")] = None,
+    outcome: Annotated[Literal["success", "failure", "unknown"] | None, Query(description="only with this")] = None,
+    limit: Limit = 50,
+    cursor: Cursor = None,
+) -> Response:
+    """Predictions, newest first, failed ones included."""
+    with services.store.read() as connection:
+        page = predictions.list_page(connection, task, outcome, limit, cursor)
+    documents = [stored_prediction_document(record) for record in page.items]
+    return JSONResponse({"predictions": documents, "next_cursor": page.next_cursor})
+
+
+@router.get(
+    "/predictions/{prediction_id}",
+    operation_id="get_prediction",
+    response_model=StoredPrediction,
+    responses=problems(_404="no such prediction"),
+)
+def get_prediction(services: Wired, prediction_id: str) -> Response:
+    """One prediction with its prompt and reply."""
+    with services.store.read() as connection:
+        record = predictions.get(connection, prediction_id)
+    return JSONResponse(stored_prediction_document(record))
+
+
+@router.post(
+    "/predictions/{prediction_id}/outcome",
+    operation_id="record_outcome",
+    response_model=StoredPrediction,
+    responses=problems(_404="no such prediction", _422="a value is not valid"),
+)
+def record_outcome(services: Wired, prediction_id: str, outcome: OutcomeBody) -> Response:
+    """Tell how the robot fared; a later outcome replaces an earlier one."""
+    with services.store.write() as connection:
+        record = predictions.record_outcome(connection, prediction_id, outcome.success, outcome.note)
+    return JSONResponse(stored_prediction_document(record))

@@ -1,0 +1,41 @@
+"""Requests that can be sent as they are, in this order; shown in the documentation and sent by a test."""
+
+from typing import Any
+
+_DOWN = [1.0, 0.0, 0.0, 0.0]  # gripper pointing down
+_AT_REST = [0.0] * 7
+_MOVING = [0.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+
+# The gripper moves over a red button at (0.10, 0.20, 0.80), presses it and rises.
+EPISODE: dict[str, Any] = {
+    "metadata": {
+        "task": "press",
+        "instruction": "press the red button",
+        "objects": [{"name": "red button", "position": [0.10, 0.20, 0.80], "quaternion_xyzw": [0.0, 0.0, 0.0, 1.0]}],
+        "control_frequency_hz": 20,
+    },
+    "trajectory": {
+        "joint_velocities": [_AT_REST, _MOVING, _AT_REST, _MOVING, _AT_REST, _MOVING, _AT_REST],
+        "end_effector_positions": [
+            [0.12, 0.00, 1.10],
+            [0.11, 0.10, 1.00],
+            [0.10, 0.20, 0.90],
+            [0.10, 0.20, 0.86],
+            [0.10, 0.20, 0.82],
+            [0.10, 0.20, 0.86],
+            [0.10, 0.20, 0.90],
+        ],
+        "end_effector_quaternions_xyzw": [_DOWN] * 7,
+        "gripper_open": [0, 0, 0, 0, 0, 0, 0],
+    },
+}
+
+PREDICT: dict[str, Any] = {
+    "task": "press",
+    "instruction": "press the red button",
+    "objects": [{"name": "red button", "position": [0.25, -0.10, 0.80], "quaternion_xyzw": [0.0, 0.0, 0.0, 1.0]}],
+}
+
+OUTCOME: dict[str, Any] = {"success": True, "note": "pressed at the first try"}
+
+TASK: dict[str, Any] = {"num_demonstrations": 10, "yaw_symmetry_deg": {"red button": 0}}

@@ -1,0 +1,132 @@
+"""What robots send."""
+
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+from app.api.schemas import examples
+from app.perception.base import ObjectQuery
+from app.pipeline.episode import Camera
+from app.pipeline.reply import MAX_ACTIONS
+from app.services.task_settings import PromptFormat, Representation, SystemPrompt
+
+Position = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
+Row4 = tuple[float, float, float, float]
+Name = Annotated[str, Field(min_length=1, max_length=64)]
+Instruction = Annotated[str, Field(min_length=1, max_length=500)]
+
+
+class RequestModel(BaseModel):
+    """Strict about names: a misspelt field is an error, not silence."""
+
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+
+class ObjectIn(RequestModel):
+    """An object of the scene: its pose in the world frame where the robot knows it, or its ids in the mask images."""
+
+    name: Name
+    position: Annotated[Position | None, Field(description="metres, world frame")] = None
+    quaternion_xyzw: Annotated[Quaternion | None, Field(description="unit quaternion, world frame")] = None
+    mask_ids: Annotated[list[int], Field(max_length=64, description="ids of its pixels in mask_NAME")] = []
+
+    def query(self) -> ObjectQuery:
+        """As perception wants it."""
+        return ObjectQuery(self.name, self.position, self.quaternion_xyzw, tuple(self.mask_ids))
+
+
+class Intrinsics(RequestModel):
+    """Pinhole intrinsics in pixels; pixel centres are whole numbers."""
+
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    width: Annotated[int | None, Field(gt=0, description="of the images; checked where given")] = None
+    height: Annotated[int | None, Field(gt=0)] = None
+
+
+class CameraIn(RequestModel):
+    """A calibrated camera; its images are the parts rgb_NAME, depth_NAME and mask_NAME."""
+
+    name: Name
+    intrinsics: Intrinsics
+    camera_to_world: Annotated[
+        tuple[Row4, Row4, Row4, Row4],
+        Field(
+            description="4x4 rigid transform from OpenCV camera axes (x right, y down, z forward) to the world, metres"
+        ),
+    ]
+    depth_scale: Annotated[float, Field(gt=0, description="metres per unit of a 16-bit depth image")] = 0.001
+
+    def camera(self) -> Camera:
+        """As the pipeline wants it."""
+        k = self.intrinsics
+        size = (k.width, k.height) if k.width is not None and k.height is not None else None
+        return Camera(self.name, k.fx, k.fy, k.cx, k.cy, np.array(self.camera_to_world), self.depth_scale, size)
+
+
+class EpisodeMetadata(RequestModel):
+    """The part `metadata` of an upload."""
+
+    task: Name
+    instruction: Instruction
+    objects: Annotated[list[ObjectIn], Field(min_length=1, max_length=64)]
+    cameras: Annotated[list[CameraIn], Field(max_length=16)] = []
+    control_frequency_hz: Annotated[float, Field(gt=0)] = 20.0
+    extra: Annotated[dict[str, Any], Field(description="kept with the episode, not interpreted")] = {}
+
+
+class TrajectoryIn(RequestModel):
+    """The trajectory of a JSON upload; in multipart it is the .npz part `trajectory` with the same arrays."""
+
+    joint_velocities: Annotated[list[list[float]], Field(description="(T, 7) rad/s")]
+    end_effector_positions: Annotated[list[list[float]], Field(description="(T, 3) m, world frame")]
+    end_effector_quaternions_xyzw: Annotated[list[list[float]], Field(description="(T, 4), world frame")]
+    gripper_open: Annotated[list[float], Field(description="(T,) commanded: 1 open, 0 closed")]
+    timestamps: Annotated[list[float] | None, Field(description="(T,) s")] = None
+    joint_positions: Annotated[list[list[float]] | None, Field(description="(T, 7) rad")] = None
+
+
+class EpisodeJson(BaseModel):
+    """An upload as one JSON document; images are further fields rgb_NAME, depth_NAME, mask_NAME in base64."""
+
+    model_config = ConfigDict(extra="allow", json_schema_extra={"examples": [examples.EPISODE]})
+
+    metadata: EpisodeMetadata
+    trajectory: TrajectoryIn
+
+
+class PredictBody(RequestModel):
+    """An observation, an instruction, and how to predict. What is left out follows the task, then the model."""
+
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, json_schema_extra={"examples": [examples.PREDICT]})
+
+    task: Name
+    instruction: Instruction
+    objects: Annotated[list[ObjectIn], Field(min_length=1, max_length=64)]
+    cameras: Annotated[list[CameraIn], Field(max_length=16)] = []
+    num_demonstrations: Annotated[int | None, Field(ge=1, le=100)] = None
+    selection: Literal["first", "recent", "random", "nearest"] = "first"
+    seed: Annotated[int, Field(ge=0, le=2**31 - 1, description="for selection random and for sampling")] = 0
+    episode_ids: Annotated[
+        list[str] | None, Field(min_length=1, max_length=100, description="exactly these demonstrations, in this order")
+    ] = None
+    model: Annotated[str | None, Field(max_length=200, description="a name from GET /models")] = None
+    representation: Representation | None = None
+    prompt_format: PromptFormat | None = None
+    system_prompt: Annotated[SystemPrompt | None, Field(description="a, b, c, none or free text")] = None
+    max_actions: Annotated[int, Field(ge=1, le=100)] = MAX_ACTIONS
+    timeout_s: Annotated[float, Field(gt=0, le=600)] = 60.0
+    dry_run: Annotated[bool, Field(description="answer with the prompt, ask no LLM")] = False
+
+
+class OutcomeBody(RequestModel):
+    """How the robot fared with a prediction."""
+
+    model_config = ConfigDict(extra="forbid", json_schema_extra={"examples": [examples.OUTCOME]})
+
+    success: bool
+    note: Annotated[str | None, Field(max_length=2000)] = None

@@ -1,0 +1,207 @@
+"""What the service answers. Routes build these documents themselves; a test holds them against the models."""
+
+from datetime import datetime
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, Field
+
+from app.services.task_settings import TaskSettings
+
+Bins = Annotated[list[int], Field(description="x y z (0..99), roll pitch yaw (0..71), gripper (1 = open)")]
+
+
+class KeyframeOut(BaseModel):
+    """An action of an episode, at a keyframe."""
+
+    index: int
+    position: list[float]
+    quaternion_xyzw: list[float]
+    gripper_open: bool
+    bins: Bins
+    clamped: Annotated[bool, Field(description="the position lies outside the workspace; its bins are at the edge")]
+
+
+class ObjectOut(BaseModel):
+    """An object's pose as it was estimated."""
+
+    name: str
+    position: list[float]
+    quaternion_xyzw: list[float] | None
+    bins: Annotated[list[int], Field(description="three, or six where the rotation is known")]
+    estimator: str
+    cameras: list[str]
+
+
+class EpisodeOut(BaseModel):
+    """A stored episode and what was extracted from it; the texts are in the paper's representation."""
+
+    id: str
+    task: str
+    instruction: str
+    num_frames: int
+    control_frequency_hz: float
+    keyframes: list[KeyframeOut]
+    objects: list[ObjectOut]
+    cameras: list[str]
+    extra: dict[str, Any]
+    observation_text: str
+    actions_text: str
+    created_at: datetime
+
+
+class EpisodePage(BaseModel):
+    """Episodes, newest first; `next_cursor` continues the list, null at its end."""
+
+    episodes: list[EpisodeOut]
+    next_cursor: int | None
+
+
+class TaskOut(TaskSettings):
+    """A task: its settings, and what is stored of it."""
+
+    name: str
+    version: int
+    object_names: list[str] | None
+    num_episodes: int
+
+
+class TaskList(BaseModel):
+    """Every task."""
+
+    tasks: list[TaskOut]
+
+
+class ActionOut(BaseModel):
+    """An end-effector target in the world frame."""
+
+    position: list[float]
+    quaternion_xyzw: list[float]
+    gripper_open: bool
+    bins: Bins
+    clamped: bool
+
+
+class PromptOut(BaseModel):
+    """What the LLM read."""
+
+    system: str
+    user: str
+
+
+class UsageOut(BaseModel):
+    """Tokens; cached ones were not evaluated again."""
+
+    prompt_tokens: int
+    cached_tokens: int
+    completion_tokens: int
+
+
+class PredictionOut(BaseModel):
+    """Actions for the robot, and where they come from."""
+
+    id: str
+    actions: list[ActionOut]
+    model: str
+    representation: str
+    prompt_format: str
+    demonstration_ids: list[str]
+    prompt: PromptOut
+    reply_text: str
+    usage: UsageOut
+    timings_ms: dict[str, float]
+
+
+class DryRunOut(BaseModel):
+    """The prompt as an LLM would read it."""
+
+    id: None = None
+    model: str
+    representation: str
+    prompt_format: str
+    demonstration_ids: list[str]
+    prompt: PromptOut
+    grammar: str | None
+    timings_ms: dict[str, float]
+
+
+class OutcomeOut(BaseModel):
+    """How the robot fared."""
+
+    success: bool
+    note: str | None
+    recorded_at: datetime
+
+
+class StoredPrediction(BaseModel):
+    """A prediction as it was recorded, also where it failed."""
+
+    id: str
+    task: str
+    instruction: str
+    status: Literal["ok", "parse_error", "model_error"]
+    error: str | None
+    model: str
+    representation: str
+    prompt_format: str
+    demonstration_ids: list[str]
+    prompt: PromptOut
+    reply_text: str | None
+    actions: list[ActionOut] | None
+    usage: dict[str, int]
+    timings_ms: dict[str, float]
+    request: dict[str, Any]
+    outcome: OutcomeOut | None
+    created_at: datetime
+
+
+class PredictionPage(BaseModel):
+    """Predictions, newest first."""
+
+    predictions: list[StoredPrediction]
+    next_cursor: int | None
+
+
+class ModelOut(BaseModel):
+    """An LLM that can be asked."""
+
+    name: str
+    available: bool
+    reason: Annotated[str | None, Field(description="what to install or set, where it is not available")]
+    style: Literal["completion", "chat"]
+    grammar: bool
+    representation: str
+    prompt_format: str
+    system_prompt: str
+    description: str
+    default: bool
+
+
+class ModelList(BaseModel):
+    """Every LLM that the service knows."""
+
+    models: list[ModelOut]
+
+
+class Health(BaseModel):
+    """Whether the service lives, or is ready, and what it waits for."""
+
+    status: Literal["ok", "starting"]
+    checks: dict[str, str]
+
+
+class FieldError(BaseModel):
+    """One thing that is wrong with a request."""
+
+    field: str
+    message: str
+    valid: str | None = None
+
+
+class Problem(BaseModel):
+    """An error as RFC 9457 describes it."""
+
+    type: str
+    title: str
+    status: int
+    detail: str
+    errors: list[FieldError] = []

@@ -1,0 +1,73 @@
+"""The only place that picks the parts and wires them."""
+
+import asyncio
+import contextlib
+import logging
+from collections.abc import AsyncIterator
+from importlib.metadata import version
+
+from fastapi import FastAPI
+
+from app.api.app import create_app
+from app.llm.base import LanguageModelError
+from app.llm.registry import ModelRegistry
+from app.llm.settings import LlmSettings
+from app.services.container import Services
+from app.settings import MEGABYTE, Settings
+from app.store import Store
+
+logger = logging.getLogger(__name__)
+
+
+def llm_settings(settings: Settings) -> LlmSettings:
+    """What the LLM backends need of the settings."""
+    return LlmSettings(
+        default_model=settings.default_model,
+        openai_api_key=settings.openai_api_key.get_secret_value(),
+        openai_base_url=settings.openai_base_url,
+        compatible_base_url=settings.compatible_base_url,
+        compatible_api_key=settings.compatible_api_key.get_secret_value(),
+        compatible_model=settings.compatible_model,
+        compatible_style=settings.compatible_style,
+        compatible_llama_cpp=settings.compatible_llama_cpp,
+        cache_folder=settings.cache_folder,
+        packages_folder=settings.packages_folder,
+        embedded_threads=settings.embedded_threads,
+        embedded_slots=settings.embedded_slots,
+        embedded_context_tokens=settings.embedded_context_tokens,
+        scripted_replies=settings.scripted_replies,
+    )
+
+
+@contextlib.asynccontextmanager
+async def open_services(settings: Settings) -> AsyncIterator[Services]:
+    """Open the store, sweep what earlier crashes left, start the default model in the background; close all at the end.
+
+    Raises:
+        StoreError: if the data folder cannot be used.
+    """
+    store = await asyncio.to_thread(Store.open, settings.data, settings.database_url)
+    models = ModelRegistry(llm_settings(settings))
+    services = Services.wire(store, models, settings.default_model)
+    background: list[asyncio.Task[object]] = [asyncio.create_task(asyncio.to_thread(store.sweep))]
+    if settings.warm_up:
+        background.append(asyncio.create_task(_warm_up(services)))
+    try:
+        yield services
+    finally:
+        for task in background:
+            task.cancel()
+        await asyncio.gather(*background, return_exceptions=True)
+        await services.aclose()
+
+
+async def _warm_up(services: Services) -> None:
+    try:
+        await services.models.warm_up(services.default_model)
+    except LanguageModelError as error:
+        logger.warning("the default model is not available: %s", error)
+
+
+def build_app(settings: Settings) -> FastAPI:
+    """The ASGI application for these settings."""
+    return create_app(lambda: open_services(settings), version("roboprompt"), int(settings.max_body_mb * MEGABYTE))

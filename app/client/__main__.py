@@ -1,0 +1,101 @@
+"""The thin script for a robot's computer: `python -m app.client --help`.
+
+It uploads recorded episodes, asks for actions and prints them as JSON; with `--robot` it moves an arm. It needs httpx,
+numpy and OpenCV, and nothing of the server.
+"""
+
+import argparse
+import importlib
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from app.client.client import DEFAULT_URL, RoboPromptClient
+from app.client.errors import ServiceProblemError, ServiceUnreachableError
+from app.client.loop import NotConfirmedError, run_task
+from app.client.robot import MotionError, Observation, Robot
+from app.pipeline.episode import EndEffectorAction, ObjectPose
+from app.pipeline.errors import InvalidInputError
+from app.pipeline.trajectory_npz import trajectory_from_npz
+
+
+def main() -> int:
+    """Parse the command line, do what it says, and return the exit code."""
+    arguments = _parser().parse_args()
+    command: Callable[[RoboPromptClient, argparse.Namespace], dict[str, Any]] = arguments.command
+    try:
+        with RoboPromptClient(arguments.url) as client:
+            print(json.dumps(command(client, arguments), indent=2))  # noqa: T201
+    except (ServiceProblemError, ServiceUnreachableError, MotionError, NotConfirmedError, InvalidInputError) as error:
+        print(error, file=sys.stderr)  # noqa: T201
+        return 1
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="python -m app.client", description=__doc__)
+    parser.add_argument("--url", default=DEFAULT_URL, help="where the service listens (default: %(default)s)")
+    commands = parser.add_subparsers(required=True)
+
+    upload = commands.add_parser("upload", help="store a recorded episode")
+    _add_scene(upload)
+    upload.add_argument("trajectory", type=Path, help=".npz with joint_velocities, end_effector_positions ...")
+    upload.set_defaults(command=_upload)
+
+    predict = commands.add_parser("predict", help="print the actions for a scene")
+    _add_scene(predict)
+    predict.add_argument("--model")
+    predict.set_defaults(command=_predict)
+
+    run = commands.add_parser("run", help="observe, ask and act with an arm")
+    run.add_argument("--task", required=True)
+    run.add_argument("--instruction", required=True)
+    run.add_argument("--robot", required=True, metavar="MODULE:FACTORY", help="a callable that returns a Robot")
+    run.add_argument("--confirm", action="store_true", help="ask before each motion")
+    run.set_defaults(command=_run)
+    return parser
+
+
+def _add_scene(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--task", required=True)
+    parser.add_argument("--instruction", required=True)
+    parser.add_argument(
+        "--objects",
+        required=True,
+        type=Path,
+        help='JSON: [{"name": ..., "position": [x, y, z], "quaternion_xyzw": ...}]',
+    )
+
+
+def _upload(client: RoboPromptClient, arguments: argparse.Namespace) -> dict[str, Any]:
+    trajectory = trajectory_from_npz(arguments.trajectory.read_bytes())
+    return client.upload(arguments.task, arguments.instruction, trajectory, _observation(arguments.objects))
+
+
+def _predict(client: RoboPromptClient, arguments: argparse.Namespace) -> dict[str, Any]:
+    options = {} if arguments.model is None else {"model": arguments.model}
+    scene = _observation(arguments.objects)
+    return dict(client.predict(arguments.task, arguments.instruction, scene, **options).response)
+
+
+def _run(client: RoboPromptClient, arguments: argparse.Namespace) -> dict[str, Any]:
+    module, _, factory = arguments.robot.partition(":")
+    robot: Robot = getattr(importlib.import_module(module), factory)()
+    confirm = _ask if arguments.confirm else None
+    return dict(run_task(client, robot, arguments.task, arguments.instruction, confirm=confirm).response)
+
+
+def _ask(index: int, action: EndEffectorAction) -> bool:
+    gripper = "open" if action.gripper_open else "closed"
+    return input(f"action {index + 1}: {action.position_m.round(3)} m, gripper {gripper}. Go? [y/N] ").strip() == "y"
+
+
+def _observation(path: Path) -> Observation:
+    items = json.loads(path.read_text())
+    return Observation(tuple(ObjectPose(i["name"], i["position"], i.get("quaternion_xyzw")) for i in items))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,167 @@
+"""The service as a robot sees it."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Any, Self
+from uuid import uuid4
+
+import httpx
+import numpy as np
+
+from app.client.encoding import camera_json, object_json, request_parts
+from app.client.errors import ServiceProblemError, ServiceUnreachableError
+from app.client.robot import Observation
+from app.pipeline.episode import EndEffectorAction, Trajectory
+from app.pipeline.trajectory_npz import npz_from_trajectory
+
+DEFAULT_URL = "http://127.0.0.1:8000"
+MARGIN_S = 10.0  # the service answers within the request's own deadline; this is for the way there and back
+
+
+@dataclass(frozen=True, eq=False)
+class PredictedActions:
+    """The service's answer.
+
+    Attributes:
+        id: for `record_outcome`.
+        response: the whole document: prompt, reply, usage, timings.
+    """
+
+    id: str
+    actions: tuple[EndEffectorAction, ...]
+    response: Mapping[str, Any]
+
+
+class RoboPromptClient:
+    """Uploads demonstrations and asks for actions. Use it as a context manager, or call `close`.
+
+    Args:
+        url: where the service listens.
+        connection: an httpx client to use instead of an own one.
+    """
+
+    def __init__(self, url: str = DEFAULT_URL, connection: httpx.Client | None = None) -> None:
+        self._http = connection or httpx.Client(base_url=url, timeout=60)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the connections."""
+        self._http.close()
+
+    def configure_task(self, task: str, **settings: Any) -> dict[str, Any]:  # noqa: ANN401
+        """Set a task's settings, see `PUT /tasks/{name}`; returns all of them."""
+        return self._send("PUT", f"/tasks/{task}", json=settings)
+
+    def upload(
+        self,
+        task: str,
+        instruction: str,
+        trajectory: Trajectory,
+        observation: Observation,
+        *,
+        control_frequency_hz: float = 20.0,
+        mask_ids: Mapping[str, Sequence[int]] | None = None,
+        extra: Mapping[str, Any] | None = None,
+    ) -> dict[str, Any]:
+        """Store a demonstration; returns the service's description of it.
+
+        Args:
+            observation: what the robot saw at the first frame.
+            mask_ids: for each object the ids of its pixels in the masks, where the robot does not know poses.
+
+        Raises:
+            ServiceProblemError: if the service refuses it.
+            ServiceUnreachableError: if the service does not answer.
+        """
+        metadata = {
+            "task": task,
+            "instruction": instruction,
+            **_scene(observation, mask_ids),
+            "control_frequency_hz": control_frequency_hz,
+            "extra": dict(extra or {}),
+        }
+        parts = request_parts(metadata, observation.frames)
+        parts["trajectory"] = ("trajectory.npz", npz_from_trajectory(trajectory), "application/octet-stream")
+        # With the key, a request that is sent again after a broken connection stores nothing twice.
+        return self._send("POST", "/episodes", files=parts, headers={"Idempotency-Key": uuid4().hex})
+
+    def predict(
+        self,
+        task: str,
+        instruction: str,
+        observation: Observation,
+        *,
+        mask_ids: Mapping[str, Sequence[int]] | None = None,
+        timeout_s: float = 60.0,
+        **options: Any,  # noqa: ANN401
+    ) -> PredictedActions:
+        """The actions for what the robot sees now.
+
+        Args:
+            timeout_s: the service answers or gives up within it.
+            options: `model`, `representation`, `num_demonstrations` ..., see `POST /predict`.
+
+        Raises:
+            ServiceProblemError: if the service refuses, or the LLM's reply is no list of actions.
+            ServiceUnreachableError: if the service does not answer.
+        """
+        metadata = {
+            "task": task,
+            "instruction": instruction,
+            **_scene(observation, mask_ids),
+            "timeout_s": timeout_s,
+            **options,
+        }
+        body: dict[str, Any] = {"json": metadata}
+        if observation.frames:
+            body = {"files": request_parts(metadata, observation.frames)}
+        answer = self._send("POST", "/predict", timeout=timeout_s + MARGIN_S, **body)
+        return PredictedActions(answer["id"], tuple(_action(item) for item in answer["actions"]), answer)
+
+    def record_outcome(self, prediction_id: str, success: bool, note: str | None = None) -> dict[str, Any]:
+        """Tell the service how the robot fared with a prediction."""
+        return self._send("POST", f"/predictions/{prediction_id}/outcome", json={"success": success, "note": note})
+
+    def get(self, path: str, **parameters: Any) -> dict[str, Any]:  # noqa: ANN401
+        """Any document that the service offers, e.g. ``get("/episodes", task="open_drawer")``."""
+        return self._send("GET", path, params=parameters)
+
+    def _send(self, method: str, path: str, **arguments: Any) -> dict[str, Any]:  # noqa: ANN401
+        try:
+            response = self._http.request(method, path, **arguments)
+        except httpx.TransportError as error:
+            url = self._http.base_url
+            raise ServiceUnreachableError(
+                f"{method} {url}{path.lstrip('/')}: {error or type(error).__name__}"
+            ) from error
+        if response.is_error:
+            raise ServiceProblemError(response.status_code, _problem(response))
+        document: dict[str, Any] = response.json()
+        return document
+
+
+def _scene(observation: Observation, mask_ids: Mapping[str, Sequence[int]] | None) -> dict[str, Any]:
+    objects: list[dict[str, Any]] = [object_json(pose) for pose in observation.objects]
+    if mask_ids is not None:
+        objects = [{"name": name, "mask_ids": list(ids)} for name, ids in mask_ids.items()]
+    return {"objects": objects, "cameras": [camera_json(frame.camera) for frame in observation.frames]}
+
+
+def _action(item: Mapping[str, Any]) -> EndEffectorAction:
+    return EndEffectorAction(np.array(item["position"]), np.array(item["quaternion_xyzw"]), item["gripper_open"])
+
+
+def _problem(response: httpx.Response) -> dict[str, Any]:
+    try:
+        document = response.json()
+    except ValueError:
+        document = None
+    return document if isinstance(document, dict) else {"title": response.reason_phrase, "detail": response.text[:500]}

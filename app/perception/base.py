@@ -1,0 +1,53 @@
+"""What every pose estimator offers: g(V, M_j) of the paper (section III-C)."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol, Self
+
+from app.pipeline.episode import ObjectPose, RgbdFrame, checked_name
+from app.pipeline.errors import InvalidInputError
+
+
+@dataclass(frozen=True)
+class ObjectQuery:
+    """An object to be found, with what the caller knows of it.
+
+    Attributes:
+        position_m: (3,) in the world frame, where the caller has it.
+        quaternion_xyzw: (4,) in the world frame, likewise.
+        mask_ids: the ids that its pixels have in the mask images.
+    """
+
+    name: str
+    position_m: tuple[float, ...] | None = None
+    quaternion_xyzw: tuple[float, ...] | None = None
+    mask_ids: tuple[int, ...] = ()
+
+    def __post_init__(self) -> None:
+        checked_name("objects.name", self.name)
+        if self.quaternion_xyzw is not None and self.position_m is None:
+            raise InvalidInputError(f"objects[{self.name}].quaternion_xyzw", "has no position beside it", "both")
+
+    @classmethod
+    def from_json(cls, value: Mapping[str, Any]) -> Self:
+        """The inverse of `dataclasses.asdict`, also after a way through JSON."""
+        position, quaternion = value["position_m"], value["quaternion_xyzw"]
+        return cls(
+            value["name"],
+            None if position is None else tuple(position),
+            None if quaternion is None else tuple(quaternion),
+            tuple(value["mask_ids"]),
+        )
+
+
+class PoseEstimator(Protocol):
+    """Finds named objects in calibrated RGB-D frames."""
+
+    def estimate(self, objects: Sequence[ObjectQuery], frames: Sequence[RgbdFrame]) -> tuple[ObjectPose, ...]:
+        """One pose per object, in the given order.
+
+        Raises:
+            InvalidInputError: if a query lacks what this estimator needs.
+            ObjectNotVisibleError: if no camera sees an object; names it.
+        """
+        ...

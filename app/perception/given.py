@@ -1,0 +1,23 @@
+"""Poses that the request itself carries."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from app.perception.base import ObjectQuery
+from app.pipeline.episode import ObjectPose, RgbdFrame
+from app.pipeline.errors import InvalidInputError
+
+
+class GivenPoses:
+    """Takes each object's pose from its query; looks at no image."""
+
+    def estimate(self, objects: Sequence[ObjectQuery], frames: Sequence[RgbdFrame]) -> tuple[ObjectPose, ...]:
+        return tuple(self._pose(query) for query in objects)
+
+    def _pose(self, query: ObjectQuery) -> ObjectPose:
+        if query.position_m is None:
+            remedy = "a position [x, y, z] in metres, or a task whose pose_estimator finds poses in images (masks)"
+            raise InvalidInputError(f"objects[{query.name}].position", "is missing", remedy)
+        rotation = None if query.quaternion_xyzw is None else np.array(query.quaternion_xyzw)
+        return ObjectPose(query.name, np.array(query.position_m), rotation, estimator="given")

@@ -1,0 +1,19 @@
+"""Pose estimators by name."""
+
+from app.perception.base import PoseEstimator
+from app.perception.given import GivenPoses
+from app.perception.masks import MaskedPoints
+from app.pipeline.errors import InvalidInputError
+
+ESTIMATORS: dict[str, PoseEstimator] = {"given": GivenPoses(), "masks": MaskedPoints()}
+
+
+def pose_estimator(name: str) -> PoseEstimator:
+    """The estimator of that name.
+
+    Raises:
+        InvalidInputError: for an unknown name; lists those there are.
+    """
+    if name not in ESTIMATORS:
+        raise InvalidInputError("pose_estimator", f"is {name!r}", ", ".join(ESTIMATORS))
+    return ESTIMATORS[name]

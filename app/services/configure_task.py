@@ -1,0 +1,86 @@
+"""Change a task's settings; where they decide what is extracted, every episode is extracted again."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from app.perception.base import ObjectQuery
+from app.perception.frames import ImageBytes, decode_frame
+from app.pipeline.episode import RgbdFrame, checked_name
+from app.pipeline.errors import InvalidInputError
+from app.services.extraction import extract
+from app.services.task_settings import TaskSettings
+from app.store import Store, episodes, tasks
+from app.store.errors import NotFoundError
+from app.store.records import EpisodeRecord, Extraction, TaskRecord
+from app.store.values import CameraRecord
+
+PAGE = 200
+
+
+class ConfigureTask:
+    """Creates tasks and changes their settings. Synchronous: call it in a thread."""
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+
+    def __call__(self, name: str, changes: Mapping[str, Any]) -> TaskRecord:
+        """Set the named settings and keep the others; a new task has the defaults.
+
+        Raises:
+            InvalidInputError: if a stored episode cannot be extracted with the new settings; nothing is changed.
+            ConflictError: if the task changed meanwhile.
+        """
+        checked_name("task", name)
+        before = self._get(name)
+        old = TaskSettings() if before is None else TaskSettings.model_validate(before.settings)
+        new = TaskSettings.model_validate({**old.model_dump(), **changes})
+        new.workspace.workspace()
+        extractions = []
+        if (new.keyframes, new.pose_estimator) != (old.keyframes, old.pose_estimator):
+            extractions = [self._extract(record, new) for record in self._episodes(name)]
+        settings = new.model_dump(mode="json")
+        with self._store.write() as connection:
+            if before is None:
+                tasks.get_or_create(connection, name, settings)
+            elif extractions:
+                episodes.replace_extractions(connection, name, before.version, extractions)
+            return tasks.update_settings(connection, name, settings)
+
+    def _get(self, name: str) -> TaskRecord | None:
+        with self._store.read() as connection:
+            try:
+                return tasks.get(connection, name)
+            except NotFoundError:
+                return None
+
+    def _episodes(self, task: str) -> list[EpisodeRecord]:
+        records: list[EpisodeRecord] = []
+        cursor = None
+        with self._store.read() as connection:
+            while page := episodes.list_page(connection, task, PAGE, cursor):
+                records += page.items
+                if (cursor := page.next_cursor) is None:
+                    break
+        return records
+
+    def _extract(self, record: EpisodeRecord, settings: TaskSettings) -> Extraction:
+        with self._store.read() as connection:
+            trajectory = episodes.get_trajectory(connection, record.id)
+        try:
+            extracted = extract(trajectory, _queries(record), self._frames(record), settings)
+        except InvalidInputError as error:
+            raise InvalidInputError(f"episode {record.id}: {error.field}", error.message, error.valid) from error
+        return Extraction(record.id, extracted.keyframes, extracted.objects)
+
+    def _frames(self, record: EpisodeRecord) -> tuple[RgbdFrame, ...]:
+        return tuple(decode_frame(item.camera(), self._images(item)) for item in record.cameras)
+
+    def _images(self, item: CameraRecord) -> ImageBytes:
+        digests = (item.rgb_digest, item.depth_digest, item.mask_digest)
+        return ImageBytes(*(None if digest is None else self._store.blobs.read(digest) for digest in digests))
+
+
+def _queries(record: EpisodeRecord) -> tuple[ObjectQuery, ...]:
+    """The objects as they were uploaded, in the task's order."""
+    given = {item["name"]: ObjectQuery.from_json(item) for item in record.given_objects}
+    return tuple(given[item.name] for item in record.objects)

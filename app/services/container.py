@@ -1,0 +1,34 @@
+"""The use cases that the web, the command line and tests share, wired by `app.bootstrap`."""
+
+from dataclasses import dataclass
+
+import anyio.to_thread
+
+from app.llm.registry import ModelRegistry
+from app.services.configure_task import ConfigureTask
+from app.services.predict_actions import PredictActions
+from app.services.upload_episode import UploadEpisode
+from app.store import Store
+
+
+@dataclass(frozen=True, eq=False)
+class Services:
+    """Everything that a request may need."""
+
+    store: Store
+    models: ModelRegistry
+    default_model: str
+    upload_episode: UploadEpisode
+    configure_task: ConfigureTask
+    predict_actions: PredictActions
+
+    @classmethod
+    def wire(cls, store: Store, models: ModelRegistry, default_model: str) -> "Services":
+        """The use cases over a store and models."""
+        predict = PredictActions(store, models, default_model)
+        return cls(store, models, default_model, UploadEpisode(store), ConfigureTask(store), predict)
+
+    async def aclose(self) -> None:
+        """Stop the models, then close the store."""
+        await self.models.aclose()
+        await anyio.to_thread.run_sync(self.store.close)

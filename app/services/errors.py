@@ -1,0 +1,32 @@
+"""What a use case can refuse beyond the method's and the store's own errors; a branch of `app.pipeline.errors`."""
+
+from app.pipeline.errors import RoboPromptError
+
+
+class ServiceError(RoboPromptError):
+    """A use case cannot go on.
+
+    ├── NoDemonstrationsError   the task has no episode yet
+    └── UnparsableReplyError    the LLM's reply is not a list of valid actions; recorded
+    """
+
+
+class NoDemonstrationsError(ServiceError):
+    """The task has no episode yet, so that there is nothing to learn from."""
+
+    def __init__(self, task: str) -> None:
+        super().__init__(f"task {task!r} has no demonstrations yet: upload some with POST /episodes")
+
+
+class UnparsableReplyError(ServiceError):
+    """The LLM's reply is not a list of valid actions.
+
+    Args:
+        reply_text: as the LLM gave it.
+        prediction_id: under which the reply is recorded.
+    """
+
+    def __init__(self, message: str, reply_text: str, prediction_id: str) -> None:
+        super().__init__(message)
+        self.reply_text = reply_text
+        self.prediction_id = prediction_id

@@ -1,0 +1,145 @@
+"""From a robot's request to the question for the LLM: demonstrations read, objects found, prompt written."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+from sqlalchemy import Connection
+
+from app.llm.base import ModelProfile
+from app.perception.base import ObjectQuery
+from app.perception.registry import pose_estimator
+from app.pipeline.episode import ObjectPose, RgbdFrame, checked_instruction
+from app.pipeline.prompt import Prompt, check_object_names, objects_of_task
+from app.pipeline.reply import MAX_ACTIONS
+from app.services.errors import NoDemonstrationsError
+from app.services.select_demonstrations import Selection, load_demonstrations
+from app.services.task_settings import TaskSettings
+from app.services.templates import PromptStyle, Template, TemplateCache, TemplateKey, make_template
+from app.services.timing import Timings, timed
+from app.store import Store, episodes, tasks
+from app.store.records import DemonstrationRecord, TaskRecord
+from app.store.values import JsonObject
+
+
+@dataclass(frozen=True)
+class PredictRequest:
+    """What a robot asks.
+
+    Attributes:
+        objects: the observed objects, in any order.
+        frames: calibrated images, for estimators that look.
+        model, representation, prompt_format, system_prompt, num_demonstrations: None follows the task, then the model.
+        episode_ids: exactly these demonstrations, in this order, instead of a selection.
+        as_sent: the request as it came, to be stored with the prediction.
+    """
+
+    task: str
+    instruction: str
+    objects: tuple[ObjectQuery, ...]
+    frames: tuple[RgbdFrame, ...] = ()
+    model: str | None = None
+    representation: str | None = None
+    prompt_format: str | None = None
+    system_prompt: str | None = None
+    num_demonstrations: int | None = None
+    selection: Selection = "first"
+    seed: int = 0
+    episode_ids: tuple[str, ...] | None = None
+    max_actions: int = MAX_ACTIONS
+    timeout_s: float = 60.0
+    as_sent: JsonObject = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Question:
+    """Everything that is fixed before the LLM is asked."""
+
+    request: PredictRequest
+    objects: tuple[ObjectPose, ...]
+    template: Template
+    prompt: Prompt
+    profile: ModelProfile
+    style: PromptStyle
+    settings: TaskSettings
+
+
+class QuestionWriter:
+    """Writes questions; keeps what does not depend on the request. Synchronous: call it in a thread."""
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+        self._templates = TemplateCache()
+
+    def __call__(self, request: PredictRequest, profile: ModelProfile, timings_ms: Timings) -> Question:
+        """The question that `request` puts to the model of that profile.
+
+        Raises:
+            NotFoundError: for an unknown task or episode.
+            NoDemonstrationsError: if the task has no episode yet.
+            InvalidInputError, ObjectSetError: if the observation does not fit the task.
+        """
+        instruction = checked_instruction("instruction", request.instruction)
+        with self._store.read() as connection:
+            with timed(timings_ms, "read"):
+                task = tasks.get(connection, request.task)
+                settings = TaskSettings.model_validate(task.settings)
+            if task.object_names is None:
+                raise NoDemonstrationsError(request.task)
+            with timed(timings_ms, "poses"):
+                objects = _observed(request, settings, task.object_names)
+            with timed(timings_ms, "prompt"):
+                style = _style(request, settings, profile)
+                template = self._template(connection, request, task, settings, style, objects)
+                prompt = template.prompt.ask(objects, instruction, request.max_actions)
+        return Question(request, objects, template, prompt, profile, style, settings)
+
+    def _template(
+        self,
+        connection: Connection,
+        request: PredictRequest,
+        task: TaskRecord,
+        settings: TaskSettings,
+        style: PromptStyle,
+        objects: Sequence[ObjectPose],
+    ) -> Template:
+        load, which = _demonstrations(connection, request, task.name, settings, objects)
+        key = TemplateKey(task.name, task.version, style, which)
+        return self._templates.get(key, lambda: make_template([r.demonstration() for r in load()], settings, style))
+
+
+def _demonstrations(
+    connection: Connection,
+    request: PredictRequest,
+    task: str,
+    settings: TaskSettings,
+    objects: Sequence[ObjectPose],
+) -> tuple[Callable[[], Sequence[DemonstrationRecord]], tuple[str | int, ...]]:
+    """How to load the request's demonstrations, and what identifies them within one version of the task."""
+    ids = request.episode_ids
+    if ids is not None:
+        return lambda: episodes.demonstrations_by_id(connection, task, ids), ("ids", *ids)
+    number = request.num_demonstrations or settings.num_demonstrations
+    if request.selection == "nearest":
+        nearest = load_demonstrations(connection, task, "nearest", number, request.seed, objects)
+        return lambda: nearest, ("ids", *(record.id for record in nearest))
+    selection, seed = request.selection, request.seed if request.selection == "random" else 0
+    return lambda: load_demonstrations(connection, task, selection, number, seed, objects), (selection, number, seed)
+
+
+def _observed(request: PredictRequest, settings: TaskSettings, names: Sequence[str]) -> tuple[ObjectPose, ...]:
+    """The observed objects' poses in the task's order, symmetric objects at their canonical yaw."""
+    check_object_names([query.name for query in request.objects], names)
+    poses = pose_estimator(settings.pose_estimator).estimate(request.objects, request.frames)
+    return settings.canonical(objects_of_task(poses, names))
+
+
+def _style(request: PredictRequest, settings: TaskSettings, profile: ModelProfile) -> PromptStyle:
+    """The request's wish, else the task's setting, else what suits the model."""
+    representation = request.representation or settings.representation or profile.representation
+    prompt_format = request.prompt_format or settings.prompt_format or profile.prompt_format
+    system_prompt = request.system_prompt or settings.system_prompt
+    if system_prompt is None:
+        # The paper's system prompts describe the paper's representation; a model that continues text needs none.
+        suits = representation == "absolute" and profile.style == "chat"
+        system_prompt = profile.system_prompt if suits else "none"
+    return PromptStyle(representation, prompt_format, system_prompt)

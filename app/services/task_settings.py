@@ -1,0 +1,83 @@
+"""What can be set per task. Everything has a default; a first upload creates the task with it."""
+
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+
+from app.perception.registry import pose_estimator
+from app.pipeline.episode import ObjectPose
+from app.pipeline.geometry import canonical_pose
+from app.pipeline.keyframes import SIMULATION_DELTA_RAD_S, KeyframeRule, Rule
+from app.pipeline.prompt import MAX_SYSTEM_PROMPT_CHARS
+from app.pipeline.workspace import RLBENCH_MAX_M, RLBENCH_MIN_M, Workspace
+
+Point = tuple[float, float, float]
+Representation = Literal["absolute", "object_frame"]
+PromptFormat = Literal["paper", "authors"]
+SystemPrompt = Annotated[str, Field(max_length=MAX_SYSTEM_PROMPT_CHARS)]
+
+
+class _Settings(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class WorkspaceSettings(_Settings):
+    """The box that the position bins divide, in metres in the world frame; RLBench's by default."""
+
+    min: Point = RLBENCH_MIN_M
+    max: Point = RLBENCH_MAX_M
+
+    def workspace(self) -> Workspace:
+        """As the pipeline wants it; raises InvalidInputError if min is not below max."""
+        return Workspace(np.array(self.min), np.array(self.max))
+
+
+class KeyframeSettings(_Settings):
+    """How keyframes are found: the paper's rule with runs merged, the authors' code, or every interval-th frame."""
+
+    rule: Rule = "merged"
+    delta_rad_s: Annotated[float, Field(gt=0, description="0.1 in simulation, 0.01 on a real robot")] = (
+        SIMULATION_DELTA_RAD_S
+    )
+    interval: Annotated[int, Field(ge=1, le=10_000)] = 5
+
+    def keyframe_rule(self) -> KeyframeRule:
+        """As the pipeline wants it."""
+        return KeyframeRule(self.rule, self.delta_rad_s, self.interval)
+
+
+def _known_estimator(name: str) -> str:
+    pose_estimator(name)
+    return name
+
+
+def _symmetry(degrees: float) -> float:
+    if degrees != 0 and not (0 < degrees <= 360 and abs(360 / degrees - round(360 / degrees)) < 1e-9):
+        raise ValueError("must be 0 (round) or divide 360, e.g. 90 for a cube")
+    return degrees
+
+
+class TaskSettings(_Settings):
+    """A task's settings.
+
+    `representation`, `prompt_format` and `system_prompt` left out (null) follow the model: what suits it best.
+    """
+
+    workspace: WorkspaceSettings = WorkspaceSettings()
+    keyframes: KeyframeSettings = KeyframeSettings()
+    pose_estimator: Annotated[str, AfterValidator(_known_estimator)] = "given"
+    representation: Representation | None = None
+    prompt_format: PromptFormat | None = None
+    system_prompt: SystemPrompt | None = None
+    num_demonstrations: Annotated[int, Field(ge=1, le=100)] = 10
+    yaw_symmetry_deg: Annotated[
+        dict[str, Annotated[float, AfterValidator(_symmetry)]],
+        Field(
+            description="per object the turn about its z axis that leaves it unchanged: cube 90, cuboid 180, round 0"
+        ),
+    ] = {}
+
+    def canonical(self, poses: tuple[ObjectPose, ...]) -> tuple[ObjectPose, ...]:
+        """The poses with each symmetric object turned to its canonical yaw."""
+        return tuple(canonical_pose(pose, self.yaw_symmetry_deg.get(pose.name)) for pose in poses)

@@ -1,0 +1,164 @@
+"""Take an episode in: extract, store images, then commit one row."""
+
+import hashlib
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+
+from app.perception.base import ObjectQuery
+from app.perception.frames import ImageBytes
+from app.pipeline.episode import Episode, checked_name
+from app.pipeline.errors import InvalidInputError
+from app.pipeline.prompt import check_object_names
+from app.services.extraction import Extracted, extract
+from app.services.task_settings import TaskSettings
+from app.store import Store, episodes, idempotency, tasks
+from app.store.errors import ConflictError, NotFoundError
+from app.store.records import EpisodeDraft, EpisodeRecord, StoredResponse, TaskRecord
+from app.store.values import CameraRecord, JsonObject
+
+MAX_ATTEMPTS = 3  # a task's settings may change while an episode is being extracted
+SCOPE = "POST /episodes"
+
+
+@dataclass(frozen=True, eq=False)
+class Upload:
+    """An episode with all that came with it.
+
+    Attributes:
+        images: per camera of `episode.frames`, by name.
+        digest: of the request's content; a repeated `idempotency_key` must come with the same.
+    """
+
+    task: str
+    episode: Episode
+    objects: tuple[ObjectQuery, ...]
+    images: Mapping[str, ImageBytes]
+    digest: str = ""
+    idempotency_key: str | None = None
+
+    def __post_init__(self) -> None:
+        checked_name("task", self.task)
+        if not self.objects:
+            raise InvalidInputError("objects", "is empty", "at least one object with its name and pose or mask_ids")
+        names = [query.name for query in self.objects]
+        check_object_names(names, list(dict.fromkeys(names)))
+
+
+Respond = Callable[[EpisodeRecord, TaskRecord], JsonObject]
+
+
+class UploadEpisode:
+    """Stores uploaded episodes. Synchronous: call it in a thread."""
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+
+    def __call__(self, upload: Upload, respond: Respond) -> JsonObject:
+        """Extract and store the episode; nothing is stored if anything is wrong with it.
+
+        Args:
+            respond: makes the answer, which is kept for a repeated request with the same idempotency key.
+
+        Raises:
+            InvalidInputError, ObjectSetError: if the episode does not fit.
+            ConflictError: if the idempotency key came with other content.
+        """
+        if (answer := self._answered(upload)) is not None:
+            return answer
+        for _ in range(MAX_ATTEMPTS):
+            task = self._task(upload)
+            extracted = self._extract(upload, task)
+            cameras = self._put_images(upload)
+            if (answer := self._commit(upload, task, extracted, cameras, respond)) is not None:
+                return answer
+        raise ConflictError(f"task {upload.task!r} kept changing during the upload: send the episode again")
+
+    def _answered(self, upload: Upload) -> JsonObject | None:
+        if upload.idempotency_key is None:
+            return None
+        with self._store.read() as connection:
+            stored = idempotency.find(connection, SCOPE, upload.idempotency_key, upload.digest)
+        return None if stored is None else stored.response
+
+    def _task(self, upload: Upload) -> TaskRecord | None:
+        with self._store.read() as connection:
+            try:
+                return tasks.get(connection, upload.task)
+            except NotFoundError:
+                return None
+
+    def _extract(self, upload: Upload, task: TaskRecord | None) -> Extracted:
+        settings = _settings_of(task, upload.objects)
+        objects = upload.objects
+        if task is not None and task.object_names is not None:
+            check_object_names([query.name for query in objects], task.object_names)
+            by_name = {query.name: query for query in objects}
+            objects = tuple(by_name[name] for name in task.object_names)
+        return extract(upload.episode.trajectory, objects, upload.episode.frames, settings)
+
+    def _put_images(self, upload: Upload) -> tuple[CameraRecord, ...]:
+        put = self._store.blobs.put
+        records = []
+        for frame in upload.episode.frames:
+            images = upload.images[frame.camera.name]
+            digests = [None if data is None else put(data) for data in (images.rgb, images.depth, images.mask)]
+            records.append(CameraRecord.of(frame.camera, *digests))
+        return tuple(records)
+
+    def _commit(
+        self,
+        upload: Upload,
+        seen: TaskRecord | None,
+        extracted: Extracted,
+        cameras: tuple[CameraRecord, ...],
+        respond: Respond,
+    ) -> JsonObject | None:
+        """The answer, or None if the task changed in what matters since it was `seen`."""
+        with self._store.write() as connection:
+            key = upload.idempotency_key
+            if key is not None and (stored := idempotency.find(connection, SCOPE, key, upload.digest)) is not None:
+                return stored.response
+            task = tasks.get_or_create(
+                connection, upload.task, _settings_of(seen, upload.objects).model_dump(mode="json")
+            )
+            expected = None if seen is None else (seen.settings, seen.object_names)
+            if expected is not None and (task.settings, task.object_names) != expected:
+                return None
+            if expected is None and task.object_names is not None:
+                return None
+            record = episodes.add(connection, _draft(upload, extracted, cameras))
+            answer = respond(record, replace(task, object_names=tuple(o.name for o in record.objects)))
+            if key is not None:
+                idempotency.save(connection, SCOPE, key, upload.digest, StoredResponse(201, answer))
+        return answer
+
+
+def _settings_of(task: TaskRecord | None, objects: Sequence[ObjectQuery]) -> TaskSettings:
+    """The task's settings; for a new task the defaults, with the estimator that its first objects call for."""
+    if task is not None:
+        return TaskSettings.model_validate(task.settings)
+    by_masks = all(query.position_m is None and query.mask_ids for query in objects)
+    return TaskSettings(pose_estimator="masks" if by_masks else "given")
+
+
+def _draft(upload: Upload, extracted: Extracted, cameras: tuple[CameraRecord, ...]) -> EpisodeDraft:
+    return EpisodeDraft(
+        task=upload.task,
+        instruction=upload.episode.instruction,
+        control_frequency_hz=upload.episode.control_frequency_hz,
+        keyframes=extracted.keyframes,
+        objects=extracted.objects,
+        given_objects=tuple(asdict(query) for query in upload.objects),
+        cameras=cameras,
+        extra=dict(upload.episode.extra),
+        trajectory=upload.episode.trajectory,
+    )
+
+
+def content_digest(metadata: JsonObject, parts: Mapping[str, bytes]) -> str:
+    """A digest of what a request says, whatever multipart boundary or key order it came with."""
+    digest = hashlib.sha256(json.dumps(metadata, sort_keys=True).encode())
+    for name in sorted(parts):
+        digest.update(f"\0{name}\0".encode() + hashlib.sha256(parts[name]).digest())
+    return digest.hexdigest()
