@@ -18,6 +18,7 @@ Array = npt.NDArray[np.float64]
 
 NUM_JOINTS = 7
 QUATERNION_NORM_TOLERANCE = 1e-3
+UNIT_NORM_ROUNDING = 1e-15
 ROTATION_MATRIX_TOLERANCE = 1e-3
 OPTICAL_CENTRE_TOLERANCE = 0.25  # of the image's size: no lens is that far off-centre, other image sizes are
 # Names and instructions become part of the prompt: the characters that give the prompt its structure stay out of them.
@@ -54,7 +55,8 @@ def unit_quaternions(name: str, value: npt.ArrayLike, shape: tuple[int | None, .
     if (worst := float(np.abs(norms - 1).max(initial=0))) > QUATERNION_NORM_TOLERANCE:
         message = f"has a norm that differs from 1 by {worst:.3g}"
         raise InvalidInputError(name, message, "unit quaternions, order x y z w")
-    unit: Array = quaternions / norms
+    # What is a unit quaternion already stays as it is, bit by bit: dividing again would change the last one.
+    unit: Array = np.where(np.abs(norms - 1) <= UNIT_NORM_ROUNDING, quaternions, quaternions / norms)
     unit.flags.writeable = False
     return unit
 

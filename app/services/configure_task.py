@@ -10,9 +10,9 @@ from app.pipeline.errors import InvalidInputError
 from app.services.extraction import extract
 from app.services.task_settings import TaskSettings
 from app.store import Store, episodes, tasks
-from app.store.errors import NotFoundError
+from app.store.errors import ConflictError, NotFoundError
 from app.store.records import EpisodeRecord, Extraction, TaskRecord
-from app.store.values import CameraRecord
+from app.store.values import CameraRecord, JsonObject
 
 PAGE = 200
 
@@ -35,16 +35,24 @@ class ConfigureTask:
         old = TaskSettings() if before is None else TaskSettings.model_validate(before.settings)
         new = TaskSettings.model_validate({**old.model_dump(), **changes})
         new.workspace.workspace()
-        extractions = []
-        if (new.keyframes, new.pose_estimator) != (old.keyframes, old.pose_estimator):
-            extractions = [self._extract(record, new) for record in self._episodes(name)]
         settings = new.model_dump(mode="json")
+        if before is None:
+            return self._create(name, settings)
+        extract_again = (new.keyframes, new.pose_estimator) != (old.keyframes, old.pose_estimator)
+        extractions = [self._extract(record, new) for record in self._episodes(name)] if extract_again else []
         with self._store.write() as connection:
-            if before is None:
-                tasks.get_or_create(connection, name, settings)
-            elif extractions:
+            # An episode that came in since would keep what the old settings made of it.
+            tasks.require_version(connection, name, before.version)
+            if extractions:
                 episodes.replace_extractions(connection, name, before.version, extractions)
             return tasks.update_settings(connection, name, settings)
+
+    def _create(self, name: str, settings: JsonObject) -> TaskRecord:
+        with self._store.write() as connection:
+            task = tasks.get_or_create(connection, name, settings)
+            if task.settings != settings:
+                raise ConflictError(f"task {name!r} was created meanwhile: read it again and repeat")
+        return task
 
     def _get(self, name: str) -> TaskRecord | None:
         with self._store.read() as connection:

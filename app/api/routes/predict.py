@@ -68,6 +68,6 @@ def _read(body: Body) -> tuple[PredictRequest, PredictBody]:
         episode_ids=None if asked.episode_ids is None else tuple(asked.episode_ids),
         max_actions=asked.max_actions,
         timeout_s=asked.timeout_s,
-        as_sent=body.document,
+        as_sent=asked.model_dump(mode="json", exclude_unset=True),
     )
     return wish, asked

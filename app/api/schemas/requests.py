@@ -1,9 +1,10 @@
 """What robots send."""
 
+import json
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from app.api.schemas import examples
 from app.perception.base import ObjectQuery
@@ -22,6 +23,11 @@ class RequestModel(BaseModel):
     """Strict about names: a misspelt field is an error, not silence."""
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+
+def _plain_json(value: dict[str, Any]) -> dict[str, Any]:
+    json.dumps(value, allow_nan=False)
+    return value
 
 
 class ObjectIn(RequestModel):
@@ -76,7 +82,9 @@ class EpisodeMetadata(RequestModel):
     objects: Annotated[list[ObjectIn], Field(min_length=1, max_length=64)]
     cameras: Annotated[list[CameraIn], Field(max_length=16)] = []
     control_frequency_hz: Annotated[float, Field(gt=0)] = 20.0
-    extra: Annotated[dict[str, Any], Field(description="kept with the episode, not interpreted")] = {}
+    extra: Annotated[
+        dict[str, Any], AfterValidator(_plain_json), Field(description="kept with the episode, not interpreted")
+    ] = {}
 
 
 class TrajectoryIn(RequestModel):

@@ -1,0 +1,14 @@
+"""`roboprompt serve | demo`."""
+
+import typer
+
+from app.cli import demo, serve
+
+application = typer.Typer(no_args_is_help=True, add_completion=False, help=__doc__, pretty_exceptions_enable=False)
+application.command("serve")(serve.serve)
+application.command("demo")(demo.demo)
+
+
+def main() -> None:
+    """Run the command line."""
+    application()

@@ -1,0 +1,51 @@
+"""`roboprompt demo`: teach the service tasks on a simulated arm, then test what it learned."""
+
+import json
+import shlex
+import sys
+from datetime import datetime
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+TASKS = ("push_button", "stack_cube", "open_drawer")
+CONTROL_FREQUENCY_HZ = 20.0
+
+
+def demo(
+    task: Annotated[list[str] | None, typer.Option(help="may be repeated")] = None,
+    episodes: Annotated[int, typer.Option(min=1, help="unseen scenes a task")] = 10,
+    demos: Annotated[int, typer.Option(min=1, help="demonstrations a task")] = 10,
+    model: Annotated[str | None, typer.Option(help="a name from GET /models; default: the service's")] = None,
+    representation: Annotated[str | None, typer.Option(help="default: what suits the model")] = None,
+    compare: Annotated[
+        bool, typer.Option(help="also the paper's format, a regression, and the expert's replay")
+    ] = True,
+    report: Annotated[Path | None, typer.Option(help="folder of the report (default: reports/demo-TIME)")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="one JSON object as the last line")] = False,
+) -> None:
+    """Record demonstrations on a simulated Panda, upload them, then predict and execute on unseen scenes.
+
+    Starts the real service on a free port, with its embedded LLM. Writes a report with pictures, failures first.
+    """
+    # The simulator is an extra that `roboprompt serve` does without.
+    from app.evaluation.methods import methods_beside
+    from app.evaluation.report import write_report
+    from app.evaluation.run import Plan, evaluate
+    from app.evaluation.summary import results_table, summary
+
+    console = Console(stderr=as_json)
+    command = shlex.join(["roboprompt", *sys.argv[1:]])
+    methods = methods_beside(model, representation) if compare else methods_beside(model, representation)[:1]
+    plan = Plan(tuple(task or TASKS), methods, episodes, demos, CONTROL_FREQUENCY_HZ, command)
+    columns = (TextColumn("{task.description:<30}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console) as progress:
+        evaluation = evaluate(plan, progress)
+    console.print(results_table(evaluation))
+    index = write_report(evaluation, report or Path("reports") / f"demo-{datetime.now():%Y%m%d-%H%M%S}")
+    console.print(f"{evaluation.duration_s:.0f} s in all; report: {index}")
+    if as_json:
+        print(json.dumps({**summary(evaluation), "report": str(index)}))  # noqa: T201

@@ -1,0 +1,1 @@
+"""How well a configuration does: demonstrations recorded, scenes predicted over HTTP, executed, judged and reported."""

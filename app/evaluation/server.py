@@ -1,0 +1,73 @@
+"""A real service in a process of its own, on a free loopback port."""
+
+import os
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+
+import httpx
+
+START_TIMEOUT_S = 60.0
+STOP_TIMEOUT_S = 15.0
+POLL_S = 0.05
+
+
+class ServerStartError(Exception):
+    """The service did not come up; the message ends with what it wrote last."""
+
+
+@contextmanager
+def running_server(data: Path, environment: Mapping[str, str] | None = None) -> Iterator[str]:
+    """Run `roboprompt serve` on `data`; yields its URL, and ends it afterwards.
+
+    Args:
+        environment: settings beside those of this process, e.g. ``{"ROBOPROMPT_DEFAULT_MODEL": "regression"}``.
+
+    Raises:
+        ServerStartError: if it does not answer within a minute.
+    """
+    data.mkdir(parents=True, exist_ok=True)
+    port = free_port()
+    url = f"http://127.0.0.1:{port}"
+    command = [sys.executable, "-m", "app.cli", "serve", "--port", str(port), "--data", str(data)]
+    with (data / "server.log").open("w+") as log:
+        process = subprocess.Popen(
+            command, stdout=log, stderr=subprocess.STDOUT, env={**os.environ, **(environment or {})}
+        )
+        try:
+            _wait_until_alive(process, url, Path(log.name))
+            yield url
+        finally:
+            _stop(process)
+
+
+def free_port() -> int:
+    """A TCP port that nobody listens on."""
+    with socket.socket() as listener:
+        listener.bind(("127.0.0.1", 0))
+        port: int = listener.getsockname()[1]
+        return port
+
+
+def _wait_until_alive(process: subprocess.Popen[bytes], url: str, log: Path) -> None:
+    deadline = time.monotonic() + START_TIMEOUT_S
+    while time.monotonic() < deadline and process.poll() is None:
+        try:
+            if httpx.get(f"{url}/healthz").is_success:
+                return
+        except httpx.TransportError:
+            time.sleep(POLL_S)
+    raise ServerStartError(f"the service did not start; {log} ends with:\n{log.read_text()[-2000:]}")
+
+
+def _stop(process: subprocess.Popen[bytes]) -> None:
+    process.terminate()
+    try:
+        process.wait(STOP_TIMEOUT_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()

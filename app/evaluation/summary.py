@@ -1,0 +1,64 @@
+"""Results for people and for programs."""
+
+from collections.abc import Sequence
+from statistics import median
+from typing import Any
+
+from rich.table import Table
+
+from app.evaluation.records import Evaluation, Trial
+from app.evaluation.statistics import SuccessRate
+
+
+def results_table(evaluation: Evaluation) -> Table:
+    """One row per task and method."""
+    table = Table(title="success on unseen scenes (95 % interval), median seconds and tokens a prediction")
+    for column in ("task", "method", "success", "LLM s", "other ms", "execution s", "prompt", "cached", "completion"):
+        table.add_column(column, justify="left" if column in ("task", "method") else "right")
+    for task in evaluation.tasks:
+        for method in evaluation.methods:
+            trials = [trial for trial in task.trials if trial.method == method.label]
+            numbers = method_summary(trials)
+            rate = SuccessRate(numbers["successes"], numbers["trials"])
+            shown = [numbers["llm_s"], numbers["outside_llm_ms"], numbers["execute_s"], *numbers["tokens"].values()]
+            table.add_row(task.task, method.label, str(rate), *(_number(value) for value in shown))
+        table.add_section()
+    return table
+
+
+def summary(evaluation: Evaluation) -> dict[str, Any]:
+    """The same for programs: the first method's figures per task, the others beside them."""
+    tasks = {}
+    for task in evaluation.tasks:
+        by_method = {
+            method.label: method_summary([trial for trial in task.trials if trial.method == method.label])
+            for method in evaluation.methods
+        }
+        first = evaluation.methods[0].label
+        tasks[task.task] = {"demonstrations": len(task.taught), **by_method.pop(first), "compared_with": by_method}
+    return {"command": evaluation.command, "tasks": tasks, "duration_s": round(evaluation.duration_s, 1)}
+
+
+def method_summary(trials: Sequence[Trial]) -> dict[str, Any]:
+    """Successes, and medians over the trials that have a figure."""
+    successes = sum(trial.succeeded for trial in trials)
+    timings = [trial.answer["timings_ms"] for trial in trials if trial.answer is not None]
+    usages = [trial.answer["usage"] for trial in trials if trial.answer is not None]
+    tokens = ("prompt_tokens", "cached_tokens", "completion_tokens")
+    return {
+        "successes": successes,
+        "trials": len(trials),
+        "success_rate": SuccessRate(successes, len(trials)).rate,
+        "llm_s": _median([item["llm"] / 1000 for item in timings]),
+        "outside_llm_ms": _median([item["outside_llm"] for item in timings]),
+        "execute_s": _median([trial.execute_s for trial in trials if trial.execution is not None]),
+        "tokens": {name: _median([item[name] for item in usages]) for name in tokens},
+    }
+
+
+def _median(values: Sequence[float]) -> float | None:
+    return round(median(values), 3) if values else None
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None else f"{value:.3g}" if isinstance(value, float) and value < 100 else f"{value:.0f}"

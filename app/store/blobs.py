@@ -1,0 +1,162 @@
+"""Images and other bulk as immutable files, named by the SHA-256 of their bytes.
+
+An upload puts its blobs first and commits its row last: a crash in between leaves files that no row names, never a row
+without its files. `sweep` removes such leftovers.
+"""
+
+import fcntl
+import hashlib
+import os
+import re
+import time
+from collections.abc import Iterator, Set
+from contextlib import contextmanager
+from datetime import timedelta
+from pathlib import Path
+from typing import Protocol
+from uuid import uuid4
+
+from app.store.errors import CorruptDataError, StoreUnavailableError
+
+_TEMPORARY_PREFIX = ".tmp-"
+_DIGEST = re.compile(r"[0-9a-f]{64}")
+
+
+class BlobStore(Protocol):
+    """Immutable bytes under their SHA-256. Safe for concurrent use by threads and processes."""
+
+    def put(self, data: bytes) -> str:
+        """Store `data` so that it survives a power cut; returns its digest. What is there already is not rewritten.
+
+        Raises:
+            StoreUnavailableError: if the disk is full, read-only or gone.
+        """
+        ...
+
+    def read(self, digest: str) -> bytes:
+        """The bytes of that digest.
+
+        Raises:
+            CorruptDataError: if they are gone or no longer match the digest.
+            StoreUnavailableError: if they cannot be read.
+        """
+        ...
+
+    def sweep(self, referenced: Set[str], older_than: timedelta) -> int:
+        """Remove blobs that are not `referenced`, and unfinished writes; returns how many.
+
+        Args:
+            older_than: what was put more recently stays: its row may not be committed yet. Longer than any upload.
+        """
+        ...
+
+
+class FileBlobStore:
+    """A BlobStore in a folder of the local disk: `root/ab/cd/abcd...`.
+
+    Args:
+        root: created if it is not there.
+    """
+
+    def __init__(self, root: Path) -> None:
+        self._root = root
+        self._synced_folders: set[Path] = set()
+        with _disk_errors():
+            root.mkdir(parents=True, exist_ok=True)
+            (root / ".lock").touch()
+
+    def put(self, data: bytes) -> str:
+        digest = hashlib.sha256(data).hexdigest()
+        path = self._path(digest)
+        with _disk_errors():
+            if not self._renew(path):
+                path.parent.mkdir(parents=True, exist_ok=True)
+                _write_durably(path, data)
+            # Also for a blob that was there: whoever wrote it may not have come this far yet.
+            self._sync_entry(path)
+        return digest
+
+    def read(self, digest: str) -> bytes:
+        try:
+            with _disk_errors():
+                data = self._path(digest).read_bytes()
+        except StoreUnavailableError as error:
+            if isinstance(error.__cause__, FileNotFoundError):
+                raise CorruptDataError("blob", digest, "its file is gone") from error
+            raise
+        if hashlib.sha256(data).hexdigest() != digest:
+            raise CorruptDataError("blob", digest, "its bytes do not match the digest")
+        return data
+
+    def sweep(self, referenced: Set[str], older_than: timedelta) -> int:
+        limit = time.time() - older_than.total_seconds()
+        with _disk_errors():
+            leftovers = [path for path in self._root.glob("??/??/*") if path.name not in referenced]
+            return sum(self._remove_if_older(path, limit) for path in leftovers)
+
+    def _path(self, digest: str) -> Path:
+        if not _DIGEST.fullmatch(digest):
+            raise CorruptDataError("blob", digest, "not a SHA-256 in hexadecimal")
+        return self._root / digest[:2] / digest[2:4] / digest
+
+    def _sync_entry(self, path: Path) -> None:
+        """Make `path`'s name in its folder survive a power cut, and that folder's own up to the root."""
+        _sync_folder(path.parent)
+        if path.parent != self._root and path.parent not in self._synced_folders:
+            self._sync_entry(path.parent)
+            self._synced_folders.add(path.parent)
+
+    def _renew(self, path: Path) -> bool:
+        """Whether `path` exists; if so it counts as put just now, so that no sweep takes it before the commit."""
+        with self._lock(fcntl.LOCK_SH):
+            try:
+                os.utime(path)
+            except FileNotFoundError:
+                return False
+            return True
+
+    def _remove_if_older(self, path: Path, limit: float) -> bool:
+        with self._lock(fcntl.LOCK_EX):
+            try:
+                if path.stat().st_mtime >= limit:
+                    return False
+                path.unlink()
+            except FileNotFoundError:  # renamed to its digest, or swept by another process
+                return False
+            return True
+
+    @contextmanager
+    def _lock(self, kind: int) -> Iterator[None]:
+        """Between processes too; released when the file is closed."""
+        with (self._root / ".lock").open("rb") as file:
+            fcntl.flock(file, kind)
+            yield
+
+
+def _write_durably(path: Path, data: bytes) -> None:
+    temporary = path.with_name(f"{_TEMPORARY_PREFIX}{uuid4().hex}")
+    try:
+        with temporary.open("xb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        temporary.replace(path)
+    except BaseException:
+        temporary.unlink(missing_ok=True)
+        raise
+
+
+def _sync_folder(folder: Path) -> None:
+    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+@contextmanager
+def _disk_errors() -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise StoreUnavailableError(f"blob storage: {error}") from error

@@ -1,0 +1,214 @@
+"""Queries on episodes. Each runs on the caller's transaction."""
+
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from functools import cache
+from typing import Any, Literal
+from uuid import uuid4
+
+from sqlalchemy import Connection, Row, Select, bindparam, delete, exists, insert, select, update
+
+from app.pipeline.episode import Trajectory
+from app.store import tables, tasks, trajectories
+from app.store.errors import NotFoundError
+from app.store.pages import Page, fetch_page
+from app.store.records import DemonstrationRecord, EpisodeDraft, EpisodeRecord, Extraction
+from app.store.values import CameraRecord, KeyframeRecord, ObjectRecord
+
+_EPISODES = tables.episodes
+_WITHOUT_TRAJECTORY = [column for column in _EPISODES.c if column is not _EPISODES.c.trajectory]
+_FOR_PROMPTS = [_EPISODES.c[name] for name in ("id", "task", "instruction", "objects", "keyframes")]
+
+
+def add(connection: Connection, draft: EpisodeDraft) -> EpisodeRecord:
+    """Store an episode of an existing task: its version grows, and a first episode fixes the task's object names.
+
+    Call it after `tasks.get_or_create` in the same write transaction, and compare `object_names` in between.
+    """
+    values: dict[str, Any] = {
+        "id": uuid4().hex,
+        "task": draft.task,
+        "instruction": draft.instruction,
+        "num_frames": len(draft.trajectory),
+        "control_frequency_hz": draft.control_frequency_hz,
+        "created_at": datetime.now(UTC),
+        "extra": draft.extra,
+    }
+    encoded = {
+        **_extraction_json(draft.keyframes, draft.objects),
+        "cameras": [camera.to_json() for camera in draft.cameras],
+        "given_objects": list(draft.given_objects),
+        "trajectory": trajectories.pack(draft.trajectory),
+    }
+    query = insert(_EPISODES).values({**values, **encoded}).returning(_EPISODES.c.sequence)
+    sequence = connection.execute(query).scalar_one()
+    names = tasks.get(connection, draft.task).object_names or [record.name for record in draft.objects]
+    tasks.change(connection, draft.task, {"object_names": names})
+    return EpisodeRecord(
+        **values,
+        sequence=sequence,
+        keyframes=draft.keyframes,
+        objects=draft.objects,
+        given_objects=draft.given_objects,
+        cameras=draft.cameras,
+    )
+
+
+def get(connection: Connection, episode_id: str) -> EpisodeRecord:
+    """The episode without its trajectory.
+
+    Raises:
+        NotFoundError: if there is none of that id.
+    """
+    row = connection.execute(select(*_WITHOUT_TRAJECTORY).where(_EPISODES.c.id == episode_id)).first()
+    if row is None:
+        raise NotFoundError("episode", episode_id)
+    return _record(row)
+
+
+def get_trajectory(connection: Connection, episode_id: str) -> Trajectory:
+    """The episode's trajectory, as it was stored.
+
+    Raises:
+        NotFoundError: if there is no episode of that id.
+        CorruptDataError: if the stored bytes are damaged.
+    """
+    blob = connection.scalar(select(_EPISODES.c.trajectory).where(_EPISODES.c.id == episode_id))
+    if blob is None:
+        raise NotFoundError("episode", episode_id)
+    return trajectories.unpack(blob, episode_id)
+
+
+def list_page(
+    connection: Connection, task: str | None = None, limit: int = 50, cursor: int | None = None
+) -> Page[EpisodeRecord]:
+    """Episodes, newest first, of one task or of all."""
+    query = select(*_WITHOUT_TRAJECTORY)
+    if task is not None:
+        query = query.where(_EPISODES.c.task == task)
+    rows, next_cursor = fetch_page(connection, _EPISODES, query, limit, cursor)
+    return Page(tuple(_record(row) for row in rows), next_cursor)
+
+
+def list_ids(connection: Connection, task: str, instruction: str | None = None) -> tuple[str, ...]:
+    """The ids of a task's episodes, oldest first; only those of an instruction if one is given."""
+    query = select(_EPISODES.c.id).where(_EPISODES.c.task == task).order_by(_EPISODES.c.sequence)
+    if instruction is not None:
+        query = query.where(_EPISODES.c.instruction == instruction)
+    return tuple(connection.scalars(query))
+
+
+def remove(connection: Connection, episode_id: str) -> None:
+    """Delete the episode: its task's version grows, and with its last episode the task forgets its object names.
+
+    Raises:
+        NotFoundError: if there is none of that id.
+    """
+    query = delete(_EPISODES).where(_EPISODES.c.id == episode_id).returning(_EPISODES.c.task)
+    if (task := connection.execute(query).scalar_one_or_none()) is None:
+        raise NotFoundError("episode", episode_id)
+    others_left = connection.scalar(select(exists().where(_EPISODES.c.task == task)))
+    tasks.change(connection, task, {} if others_left else {"object_names": None})
+
+
+def demonstrations(
+    connection: Connection,
+    task: str,
+    limit: int | None = None,
+    order: Literal["first", "recent"] = "first",
+    instruction: str | None = None,
+) -> tuple[DemonstrationRecord, ...]:
+    """The task's `limit` first or most recent episodes as prompts need them, always oldest first.
+
+    Args:
+        limit: None for all.
+        instruction: only episodes of exactly this instruction.
+    """
+    query = _demonstrations_query(order, limit is not None, instruction is not None)
+    rows = connection.execute(query, {"task": task, "instruction": instruction, "limit": limit})
+    records = tuple(_demonstration(row) for row in rows)
+    return records if order == "first" else records[::-1]
+
+
+@cache
+def _demonstrations_query(order: str, limited: bool, of_instruction: bool) -> Select[Any]:
+    # Every prediction asks this, and building the statement would take as long as running it.
+    query = select(*_FOR_PROMPTS).where(_EPISODES.c.task == bindparam("task"))
+    if of_instruction:
+        query = query.where(_EPISODES.c.instruction == bindparam("instruction"))
+    query = query.order_by(_EPISODES.c.sequence.asc() if order == "first" else _EPISODES.c.sequence.desc())
+    return query.limit(bindparam("limit")) if limited else query
+
+
+def demonstrations_by_id(connection: Connection, task: str, ids: Sequence[str]) -> tuple[DemonstrationRecord, ...]:
+    """Those episodes of the task as prompts need them, in the order of `ids`.
+
+    Raises:
+        NotFoundError: naming the first id that is no episode of this task.
+    """
+    # The task is compared here: in the statement it would tempt SQLite to walk through the whole task.
+    query = select(*_FOR_PROMPTS).where(_EPISODES.c.id.in_(ids))
+    found = {row.id: _demonstration(row) for row in connection.execute(query) if row.task == task}
+    for episode_id in ids:
+        if episode_id not in found:
+            raise NotFoundError(f"episode of task {task!r}", episode_id)
+    return tuple(found[episode_id] for episode_id in ids)
+
+
+def replace_extractions(
+    connection: Connection, task: str, expected_version: int, extractions: Sequence[Extraction]
+) -> None:
+    """Put newly extracted keyframes and poses in the place of the old; the task's version grows once.
+
+    Args:
+        expected_version: the task's version when the caller began to extract: an episode uploaded meanwhile would keep
+            what the old settings made of it.
+
+    Raises:
+        ConflictError: if the task changed since.
+    """
+    tasks.require_version(connection, task, expected_version)
+    query = update(_EPISODES).where(_EPISODES.c.id == bindparam("episode_id"), _EPISODES.c.task == task)
+    parameters = [
+        {"episode_id": item.episode_id, **_extraction_json(item.keyframes, item.objects)} for item in extractions
+    ]
+    if parameters:
+        connection.execute(query, parameters)
+    tasks.change(connection, task, {})
+
+
+def blob_digests(connection: Connection) -> set[str]:
+    """The digests of every image that an episode refers to."""
+    digests: set[str] = set()
+    for cameras in connection.scalars(select(_EPISODES.c.cameras)):
+        digests.update(camera[image] for camera in cameras for image in ("rgb", "depth", "mask") if camera[image])
+    return digests
+
+
+def _extraction_json(
+    keyframes: Sequence[KeyframeRecord], objects: Sequence[ObjectRecord]
+) -> dict[str, list[dict[str, Any]]]:
+    return {
+        "keyframes": [keyframe.to_json() for keyframe in keyframes],
+        "objects": [record.to_json() for record in objects],
+    }
+
+
+def _extraction(row: Row[Any]) -> dict[str, Any]:
+    return {
+        "keyframes": tuple(KeyframeRecord.from_json(value) for value in row.keyframes),
+        "objects": tuple(ObjectRecord.from_json(value) for value in row.objects),
+    }
+
+
+def _demonstration(row: Row[Any]) -> DemonstrationRecord:
+    return DemonstrationRecord(id=row.id, instruction=row.instruction, **_extraction(row))
+
+
+def _record(row: Row[Any]) -> EpisodeRecord:
+    decoded = {
+        **_extraction(row),
+        "cameras": tuple(CameraRecord.from_json(value) for value in row.cameras),
+        "given_objects": tuple(row.given_objects),
+    }
+    return EpisodeRecord(**{**row._mapping, **decoded})

@@ -1,0 +1,71 @@
+"""Queries on predictions. Each runs on the caller's transaction."""
+
+from dataclasses import asdict
+from datetime import UTC, datetime
+from typing import Any, Literal
+from uuid import uuid4
+
+from sqlalchemy import Connection, Row, insert, select, update
+
+from app.store import tables
+from app.store.errors import NotFoundError
+from app.store.pages import Page, fetch_page
+from app.store.records import PredictionDraft, PredictionRecord
+
+_PREDICTIONS = tables.predictions
+_OUTCOMES = {"success": True, "failure": False, "unknown": None}
+
+
+def add(connection: Connection, draft: PredictionDraft) -> PredictionRecord:
+    """Store a prediction of an existing task."""
+    values = {**asdict(draft), "id": uuid4().hex, "created_at": datetime.now(UTC)}
+    row = connection.execute(insert(_PREDICTIONS).values(values).returning(_PREDICTIONS)).one()
+    return _record(row)
+
+
+def get(connection: Connection, prediction_id: str) -> PredictionRecord:
+    """The prediction.
+
+    Raises:
+        NotFoundError: if there is none of that id.
+    """
+    row = connection.execute(select(_PREDICTIONS).where(_PREDICTIONS.c.id == prediction_id)).first()
+    if row is None:
+        raise NotFoundError("prediction", prediction_id)
+    return _record(row)
+
+
+def list_page(
+    connection: Connection,
+    task: str | None = None,
+    outcome: Literal["success", "failure", "unknown"] | None = None,
+    limit: int = 50,
+    cursor: int | None = None,
+) -> Page[PredictionRecord]:
+    """Predictions, newest first, of one task or of all, with any outcome or one."""
+    query = select(_PREDICTIONS)
+    if task is not None:
+        query = query.where(_PREDICTIONS.c.task == task)
+    if outcome is not None:
+        query = query.where(_PREDICTIONS.c.outcome_success.is_(_OUTCOMES[outcome]))
+    rows, next_cursor = fetch_page(connection, _PREDICTIONS, query, limit, cursor)
+    return Page(tuple(_record(row) for row in rows), next_cursor)
+
+
+def record_outcome(connection: Connection, prediction_id: str, success: bool, note: str | None) -> PredictionRecord:
+    """Write down how the robot fared; a later outcome replaces an earlier one.
+
+    Raises:
+        NotFoundError: if there is no prediction of that id.
+    """
+    values = {"outcome_success": success, "outcome_note": note, "outcome_at": datetime.now(UTC)}
+    connection.execute(update(_PREDICTIONS).where(_PREDICTIONS.c.id == prediction_id).values(values))
+    return get(connection, prediction_id)
+
+
+def _record(row: Row[Any]) -> PredictionRecord:
+    decoded = {
+        "demonstration_ids": tuple(row.demonstration_ids),
+        "actions": None if row.actions is None else tuple(row.actions),
+    }
+    return PredictionRecord(**{**row._mapping, **decoded})

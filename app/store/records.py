@@ -1,0 +1,143 @@
+"""What the store takes and gives: frozen values, independent of the database."""
+
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Literal
+
+from app.pipeline.episode import Demonstration, Trajectory
+from app.store.values import CameraRecord, JsonObject, KeyframeRecord, ObjectRecord
+
+PredictionStatus = Literal["ok", "parse_error", "model_error"]
+
+
+@dataclass(frozen=True)
+class TaskRecord:
+    """A task.
+
+    Attributes:
+        version: grows with every change that may alter a prompt.
+        object_names: in the first episode's order, or None while there is no episode.
+    """
+
+    name: str
+    version: int
+    settings: JsonObject
+    object_names: tuple[str, ...] | None
+    created_at: datetime
+    updated_at: datetime
+
+
+@dataclass(frozen=True)
+class TaskCounts:
+    """How much is stored of a task; successes and failures count the predictions whose outcome was recorded."""
+
+    episodes: int = 0
+    predictions: int = 0
+    successes: int = 0
+    failures: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class EpisodeFields:
+    """What a new and a stored episode have in common.
+
+    Attributes:
+        given_objects: the objects as the caller sent them: their poses can be estimated again.
+    """
+
+    task: str
+    instruction: str
+    control_frequency_hz: float
+    keyframes: tuple[KeyframeRecord, ...]
+    objects: tuple[ObjectRecord, ...]
+    given_objects: tuple[JsonObject, ...]
+    cameras: tuple[CameraRecord, ...]
+    extra: JsonObject
+
+
+@dataclass(frozen=True, kw_only=True)
+class EpisodeDraft(EpisodeFields):
+    """A new episode."""
+
+    trajectory: Trajectory
+
+
+@dataclass(frozen=True, kw_only=True)
+class EpisodeRecord(EpisodeFields):
+    """A stored episode; its trajectory is read on its own."""
+
+    id: str
+    sequence: int
+    num_frames: int
+    created_at: datetime
+
+
+@dataclass(frozen=True)
+class DemonstrationRecord:
+    """What a prompt needs of an episode."""
+
+    id: str
+    instruction: str
+    objects: tuple[ObjectRecord, ...]
+    keyframes: tuple[KeyframeRecord, ...]
+
+    def demonstration(self) -> Demonstration:
+        """As the pipeline wants it."""
+        poses = tuple(record.pose() for record in self.objects)
+        actions = tuple(record.action() for record in self.keyframes)
+        return Demonstration(self.instruction, poses, actions, self.id)
+
+
+@dataclass(frozen=True)
+class Extraction:
+    """Keyframes and object poses of one episode, extracted again."""
+
+    episode_id: str
+    keyframes: tuple[KeyframeRecord, ...]
+    objects: tuple[ObjectRecord, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PredictionDraft:
+    """A new prediction.
+
+    Attributes:
+        request: as the caller sent it.
+        reply_text: None if the model gave none; `actions` None if the reply had none; `error` None if all went well.
+    """
+
+    task: str
+    instruction: str
+    model: str
+    representation: str
+    prompt_format: str
+    status: PredictionStatus
+    request: JsonObject
+    demonstration_ids: tuple[str, ...]
+    prompt_system: str
+    prompt_user: str
+    reply_text: str | None
+    actions: tuple[JsonObject, ...] | None
+    error: str | None
+    usage: JsonObject
+    timings_ms: JsonObject
+
+
+@dataclass(frozen=True, kw_only=True)
+class PredictionRecord(PredictionDraft):
+    """A stored prediction; its outcome is None until somebody records one."""
+
+    id: str
+    sequence: int
+    created_at: datetime
+    outcome_success: bool | None
+    outcome_note: str | None
+    outcome_at: datetime | None
+
+
+@dataclass(frozen=True)
+class StoredResponse:
+    """What a request was answered with."""
+
+    status: int
+    response: JsonObject

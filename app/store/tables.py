@@ -1,0 +1,125 @@
+"""The tables. `migrations/` holds the same in steps; a test compares the two."""
+
+from datetime import UTC, datetime
+
+from sqlalchemy import (
+    JSON,
+    BigInteger,
+    Boolean,
+    Column,
+    DateTime,
+    Dialect,
+    Float,
+    ForeignKey,
+    Index,
+    Integer,
+    LargeBinary,
+    MetaData,
+    String,
+    Table,
+    Text,
+    TypeDecorator,
+)
+
+# Constraints that have names can be altered by a later migration on every database.
+NAMING_CONVENTION = {
+    "ix": "ix_%(table_name)s_%(column_0_N_name)s",
+    "uq": "uq_%(table_name)s_%(column_0_N_name)s",
+    "fk": "fk_%(table_name)s_%(column_0_N_name)s_%(referred_table_name)s",
+    "pk": "pk_%(table_name)s",
+}
+
+
+class UtcDateTime(TypeDecorator[datetime]):
+    """An aware datetime, always UTC; SQLite stores none of a datetime's zone."""
+
+    impl = DateTime(timezone=True)
+    cache_ok = True
+
+    def process_bind_param(self, value: datetime | None, dialect: Dialect) -> datetime | None:
+        """`value` in UTC."""
+        return None if value is None else value.astimezone(UTC)
+
+    def process_result_value(self, value: datetime | None, dialect: Dialect) -> datetime | None:
+        """`value` marked as UTC."""
+        return None if value is None else value.replace(tzinfo=UTC) if value.tzinfo is None else value.astimezone(UTC)
+
+
+# Python's None is SQL's NULL, never JSON's `null`.
+Json = JSON(none_as_null=True)
+# SQLite numbers rows by itself only where the type is spelled INTEGER.
+SequenceNumber = BigInteger().with_variant(Integer, "sqlite")
+
+metadata = MetaData(naming_convention=NAMING_CONVENTION)
+
+tasks = Table(
+    "tasks",
+    metadata,
+    Column("name", String(64), primary_key=True),
+    Column("version", Integer, nullable=False),
+    Column("settings", Json, nullable=False),
+    Column("object_names", Json),
+    Column("created_at", UtcDateTime, nullable=False),
+    Column("updated_at", UtcDateTime, nullable=False),
+)
+
+# What prompts need comes first and the trajectory last: SQLite then reads prompts without walking past the bulk.
+episodes = Table(
+    "episodes",
+    metadata,
+    Column("sequence", SequenceNumber, primary_key=True),
+    Column("id", String(32), nullable=False, unique=True),
+    Column("task", String(64), ForeignKey("tasks.name"), nullable=False),
+    Column("instruction", String(500), nullable=False),
+    Column("num_frames", Integer, nullable=False),
+    Column("control_frequency_hz", Float, nullable=False),
+    Column("created_at", UtcDateTime, nullable=False),
+    Column("objects", Json, nullable=False),
+    Column("keyframes", Json, nullable=False),
+    Column("cameras", Json, nullable=False),
+    Column("given_objects", Json, nullable=False),
+    Column("extra", Json, nullable=False),
+    Column("trajectory", LargeBinary, nullable=False),
+    Index(None, "task", "sequence"),
+    Index(None, "task", "instruction", "sequence"),
+    sqlite_autoincrement=True,  # a deleted episode's number is never given again: cursors stay valid
+)
+
+predictions = Table(
+    "predictions",
+    metadata,
+    Column("sequence", SequenceNumber, primary_key=True),
+    Column("id", String(32), nullable=False, unique=True),
+    Column("task", String(64), ForeignKey("tasks.name"), nullable=False),
+    Column("instruction", String(500), nullable=False),
+    Column("model", String, nullable=False),
+    Column("representation", String, nullable=False),
+    Column("prompt_format", String, nullable=False),
+    Column("status", String(16), nullable=False),
+    Column("error", Text),
+    Column("outcome_success", Boolean),
+    Column("outcome_note", Text),
+    Column("outcome_at", UtcDateTime),
+    Column("created_at", UtcDateTime, nullable=False),
+    Column("request", Json, nullable=False),
+    Column("demonstration_ids", Json, nullable=False),
+    Column("prompt_system", Text, nullable=False),
+    Column("prompt_user", Text, nullable=False),
+    Column("reply_text", Text),
+    Column("actions", Json),
+    Column("usage", Json, nullable=False),
+    Column("timings_ms", Json, nullable=False),
+    Index(None, "task", "sequence"),
+    sqlite_autoincrement=True,
+)
+
+idempotency_keys = Table(
+    "idempotency_keys",
+    metadata,
+    Column("scope", String(64), primary_key=True),
+    Column("key", String(255), primary_key=True),
+    Column("request_digest", String(64), nullable=False),
+    Column("status", Integer, nullable=False),
+    Column("response", Json, nullable=False),
+    Column("created_at", UtcDateTime, nullable=False),
+)

@@ -1,0 +1,95 @@
+"""Queries on tasks. Each runs on the caller's transaction."""
+
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from typing import Any
+
+from sqlalchemy import Connection, Row, func, insert, select, update
+
+from app.store import tables
+from app.store.errors import ConflictError, NotFoundError
+from app.store.records import TaskCounts, TaskRecord
+from app.store.values import JsonObject
+
+_TASKS = tables.tasks
+
+
+def get(connection: Connection, name: str) -> TaskRecord:
+    """The task.
+
+    Raises:
+        NotFoundError: if there is none of that name.
+    """
+    if (row := connection.execute(select(_TASKS).where(_TASKS.c.name == name)).first()) is None:
+        raise NotFoundError("task", name)
+    return _record(row)
+
+
+def list_all(connection: Connection) -> tuple[TaskRecord, ...]:
+    """Every task, by name."""
+    return tuple(_record(row) for row in connection.execute(select(_TASKS).order_by(_TASKS.c.name)))
+
+
+def get_or_create(connection: Connection, name: str, settings: JsonObject) -> TaskRecord:
+    """The task, locked until the transaction ends; created with `settings` if there is none.
+
+    Call it in a write transaction. What it returns (object names, settings, version) cannot change before the commit,
+    so the caller's checks against it hold.
+    """
+    query = select(_TASKS).where(_TASKS.c.name == name).with_for_update()
+    if (row := connection.execute(query).first()) is not None:
+        return _record(row)
+    now = datetime.now(UTC)
+    values = {"name": name, "version": 1, "settings": settings, "created_at": now, "updated_at": now}
+    connection.execute(insert(_TASKS).values(values))
+    return TaskRecord(name, 1, settings, None, now, now)
+
+
+def update_settings(connection: Connection, name: str, settings: JsonObject) -> TaskRecord:
+    """Replace the task's settings; the version grows if they differ.
+
+    Raises:
+        NotFoundError: if there is no task of that name.
+    """
+    task = get(connection, name)
+    if task.settings != settings:
+        change(connection, name, {"settings": settings})
+    return get(connection, name)
+
+
+def change(connection: Connection, name: str, values: Mapping[str, Any]) -> None:
+    """Set columns of the task; its version grows."""
+    grown = {**values, "version": _TASKS.c.version + 1, "updated_at": datetime.now(UTC)}
+    connection.execute(update(_TASKS).where(_TASKS.c.name == name).values(grown))
+
+
+def require_version(connection: Connection, name: str, version: int) -> None:
+    """Make sure that nothing changed since the caller read the task.
+
+    Raises:
+        ConflictError: if something did; read again and repeat the work.
+        NotFoundError: if there is no task of that name.
+    """
+    if (current := get(connection, name).version) != version:
+        raise ConflictError(f"task {name!r} is at version {current}, no longer {version}: read it again and repeat")
+
+
+def counts(connection: Connection) -> dict[str, TaskCounts]:
+    """How much is stored of every task."""
+    episodes, predictions = tables.episodes, tables.predictions
+    episode_counts = connection.execute(select(episodes.c.task, func.count()).group_by(episodes.c.task))
+    outcomes = select(
+        predictions.c.task,
+        func.count(),
+        func.count().filter(predictions.c.outcome_success.is_(True)),
+        func.count().filter(predictions.c.outcome_success.is_(False)),
+    ).group_by(predictions.c.task)
+    num_episodes: dict[str, int] = {row[0]: row[1] for row in episode_counts}
+    num_predictions: dict[str, Sequence[int]] = {row[0]: row[1:] for row in connection.execute(outcomes)}
+    names = connection.scalars(select(_TASKS.c.name).order_by(_TASKS.c.name))
+    return {name: TaskCounts(num_episodes.get(name, 0), *num_predictions.get(name, (0, 0, 0))) for name in names}
+
+
+def _record(row: Row[Any]) -> TaskRecord:
+    names = None if row.object_names is None else tuple(row.object_names)
+    return TaskRecord(row.name, row.version, row.settings, names, row.created_at, row.updated_at)

@@ -1,0 +1,168 @@
+"""Keyframes, objects and cameras as an episode's row keeps them: plain tuples <-> JSON, and <-> the pipeline's values.
+
+Not the pipeline's own classes, because these check every array: ten demonstrations would take longer to check than to
+read.
+"""
+
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+
+from app.pipeline.episode import Array, Camera, EndEffectorAction, ObjectPose
+
+JsonObject = dict[str, Any]
+
+
+def _floats(values: Array) -> tuple[float, ...]:
+    return tuple(values.tolist())
+
+
+@dataclass(frozen=True)
+class KeyframeRecord:
+    """The action at frame `index` of an episode: position (3) m and quaternion (4) in the world frame."""
+
+    index: int
+    position_m: tuple[float, ...]
+    quaternion_xyzw: tuple[float, ...]
+    gripper_open: bool
+
+    @classmethod
+    def of(cls, index: int, action: EndEffectorAction) -> Self:
+        """The record of `action` at frame `index`."""
+        return cls(index, _floats(action.position_m), _floats(action.quaternion_xyzw), action.gripper_open)
+
+    def action(self) -> EndEffectorAction:
+        """As the pipeline wants it."""
+        return EndEffectorAction(np.array(self.position_m), np.array(self.quaternion_xyzw), self.gripper_open)
+
+    def to_json(self) -> dict[str, Any]:
+        """As it is stored."""
+        return {
+            "index": self.index,
+            "position": self.position_m,
+            "quaternion_xyzw": self.quaternion_xyzw,
+            "gripper_open": self.gripper_open,
+        }
+
+    @classmethod
+    def from_json(cls, value: JsonObject) -> Self:
+        """The inverse of `to_json`."""
+        position, quaternion = tuple(value["position"]), tuple(value["quaternion_xyzw"])
+        return cls(value["index"], position, quaternion, value["gripper_open"])
+
+
+@dataclass(frozen=True)
+class ObjectRecord:
+    """An object's pose at an episode's first frame: position (3) m, and quaternion (4) or None, in the world frame."""
+
+    name: str
+    position_m: tuple[float, ...]
+    quaternion_xyzw: tuple[float, ...] | None = None
+    estimator: str = "given"
+    cameras: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, pose: ObjectPose) -> Self:
+        """The record of `pose`."""
+        quaternion = None if pose.quaternion_xyzw is None else _floats(pose.quaternion_xyzw)
+        return cls(pose.name, _floats(pose.position_m), quaternion, pose.estimator, pose.cameras)
+
+    def pose(self) -> ObjectPose:
+        """As the pipeline wants it."""
+        quaternion = None if self.quaternion_xyzw is None else np.array(self.quaternion_xyzw)
+        return ObjectPose(self.name, np.array(self.position_m), quaternion, self.estimator, self.cameras)
+
+    def to_json(self) -> dict[str, Any]:
+        """As it is stored."""
+        return {
+            "name": self.name,
+            "position": self.position_m,
+            "quaternion_xyzw": self.quaternion_xyzw,
+            "estimator": self.estimator,
+            "cameras": self.cameras,
+        }
+
+    @classmethod
+    def from_json(cls, value: JsonObject) -> Self:
+        """The inverse of `to_json`."""
+        quaternion = value["quaternion_xyzw"]
+        return cls(
+            value["name"],
+            tuple(value["position"]),
+            None if quaternion is None else tuple(quaternion),
+            value["estimator"],
+            tuple(value["cameras"]),
+        )
+
+
+@dataclass(frozen=True)
+class CameraRecord:
+    """A camera's calibration (see `Camera`) and the digests of its encoded images of the first frame, as uploaded."""
+
+    name: str
+    fx_px: float
+    fy_px: float
+    cx_px: float
+    cy_px: float
+    camera_to_world: tuple[tuple[float, ...], ...]
+    depth_scale: float
+    rgb_digest: str | None = None
+    depth_digest: str | None = None
+    mask_digest: str | None = None
+
+    @classmethod
+    def of(
+        cls,
+        camera: Camera,
+        rgb_digest: str | None = None,
+        depth_digest: str | None = None,
+        mask_digest: str | None = None,
+    ) -> Self:
+        """The record of `camera` and its images."""
+        return cls(
+            camera.name,
+            camera.fx_px,
+            camera.fy_px,
+            camera.cx_px,
+            camera.cy_px,
+            tuple(_floats(row) for row in camera.camera_to_world),
+            camera.depth_scale,
+            rgb_digest,
+            depth_digest,
+            mask_digest,
+        )
+
+    def camera(self) -> Camera:
+        """As the pipeline wants it."""
+        intrinsics = (self.fx_px, self.fy_px, self.cx_px, self.cy_px)
+        return Camera(self.name, *intrinsics, np.array(self.camera_to_world), self.depth_scale)
+
+    def to_json(self) -> dict[str, Any]:
+        """As it is stored."""
+        return {
+            "name": self.name,
+            "intrinsics": {"fx": self.fx_px, "fy": self.fy_px, "cx": self.cx_px, "cy": self.cy_px},
+            "camera_to_world": self.camera_to_world,
+            "depth_scale": self.depth_scale,
+            "rgb": self.rgb_digest,
+            "depth": self.depth_digest,
+            "mask": self.mask_digest,
+        }
+
+    @classmethod
+    def from_json(cls, value: JsonObject) -> Self:
+        """The inverse of `to_json`."""
+        intrinsics = value["intrinsics"]
+        return cls(
+            value["name"],
+            intrinsics["fx"],
+            intrinsics["fy"],
+            intrinsics["cx"],
+            intrinsics["cy"],
+            tuple(tuple(row) for row in value["camera_to_world"]),
+            value["depth_scale"],
+            value["rgb"],
+            value["depth"],
+            value["mask"],
+        )

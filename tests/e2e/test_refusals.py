@@ -1,0 +1,185 @@
+"""Bad input is refused with the field and the remedy, and stores nothing."""
+
+import json
+
+import cv2
+import numpy as np
+import pytest
+
+from tests.episodes import arrays, camera, metadata, multipart, npz, pick_trajectory, png, upload
+
+PLACE_M = (0.1, 0.1, 0.78)
+GOOD = arrays(pick_trajectory(PLACE_M))
+DEPTH = np.full((48, 64), 900, np.uint16)
+RGB = np.full((48, 64, 3), 128, np.uint8)
+
+
+@pytest.fixture(scope="module")
+def task(http):
+    assert upload(http, "refusals", PLACE_M).status_code == 201
+    return "refusals"
+
+
+def with_array(name, value):
+    return {"npz": npz(**{**GOOD, name: value})}
+
+
+def changed(name, index, value):
+    array = np.array(GOOD[name], float)
+    array[index] = value
+    return with_array(name, array)
+
+
+def without(name):
+    return {"npz": npz(**{key: value for key, value in GOOD.items() if key != name})}
+
+
+def objects(*listed):
+    return {"document": {"objects": list(listed)}}
+
+
+def images(**parts):
+    return {"document": {"cameras": [camera()]}, "images": parts}
+
+
+CASES = {
+    "wrong shape": (with_array("joint_velocities", np.zeros((5, 6))), "trajectory.joint_velocities"),
+    "lengths differ": (with_array("gripper_open", np.ones(3)), "trajectory.gripper_open"),
+    "no frames": (
+        {"npz": npz(**{name: array[:0] for name, array in GOOD.items()})},
+        "trajectory.joint_velocities",
+    ),
+    "missing array": (without("gripper_open"), "trajectory.gripper_open"),
+    "unknown array": (with_array("joint_torques", np.zeros(3)), "trajectory.joint_torques"),
+    "NaN": (changed("end_effector_positions", (2, 1), np.nan), "trajectory.end_effector_positions"),
+    "infinite": (changed("joint_velocities", (0, 0), np.inf), "trajectory.joint_velocities"),
+    "quaternion not unit": (
+        changed("end_effector_quaternions_xyzw", 3, [2, 0, 0, 0]),
+        "trajectory.end_effector_quaternions_xyzw",
+    ),
+    "gripper half open": (changed("gripper_open", 1, 0.5), "trajectory.gripper_open"),
+    "pickle in the npz": (with_array("gripper_open", np.array([{}], object)), "trajectory.gripper_open"),
+    "npz is junk": ({"npz": b"PK\x03\x04junk"}, "trajectory"),
+    "npz is empty": ({"npz": b""}, "trajectory"),
+    "robot never moves": ({"npz": npz(**{name: array[:1] for name, array in GOOD.items()})}, "trajectory"),
+    "unknown camera": ({"images": {"rgb_front": png(RGB)}}, "rgb_front"),
+    "empty image": (images(rgb_front=b""), "rgb_front"),
+    "corrupt image": (images(rgb_front=png(RGB)[:-30]), "rgb_front"),
+    "not an image": (images(depth_front=b"GIF89a junk"), "depth_front"),
+    "image unlike the intrinsics": (images(rgb_front=png(np.zeros((480, 640, 3), np.uint8))), "rgb_front"),
+    "image sizes differ": (images(rgb_front=png(RGB), depth_front=png(DEPTH[:40])), "rgb_front"),
+    "depth of 8 bits": (images(depth_front=png(DEPTH.astype(np.uint8))), "depth_front"),
+    "image bomb": (images(rgb_front=png(np.zeros((5000, 5000), np.uint8))), "rgb_front"),
+    "part of no meaning": (images(sound_front=b"x"), "sound_front"),
+    "camera not rigid": (
+        {"document": {"cameras": [{**camera(), "camera_to_world": (2 * np.eye(4)).tolist()}]}},
+        "cameras[front].camera_to_world",
+    ),
+    "other objects than the task's": (
+        objects({"name": "ball", "position": [0, 0, 1]}),
+        "objects",
+    ),
+    "object twice": (objects(*[{"name": "cube", "position": [0, 0, 1]}] * 2), "objects"),
+    "object without pose": (objects({"name": "cube"}), "objects[cube].position"),
+    "object position NaN": (objects({"name": "cube", "position": [0, 0, float("nan")]}), "objects[0].position[2]"),
+    "object name breaks the prompt": (objects({"name": "}>[[", "position": [0, 0, 1]}), "objects.name"),
+    "instruction of two lines": ({"document": {"instruction": "go\nhome"}}, "instruction"),
+    "extra with NaN": ({"document": {"extra": {"score": float("nan")}}}, "extra"),
+    "misspelt field": ({"document": {"instructions": "go"}}, "instructions"),
+    "no instruction": ({"document": {"instruction": None}}, "instruction"),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_upload_refused(http, task, case):
+    change, field = CASES[case]
+    document = {**metadata(task, {"cube": PLACE_M}), **change.get("document", {})}
+    body = multipart(document, change.get("npz", npz(**GOOD)), **change.get("images", {}))
+    count = http.get(f"/tasks/{task}").json()["num_episodes"]
+    response = http.post("/episodes", files=body)
+    problem = response.json()
+    assert response.status_code == 422, problem
+    assert response.headers["content-type"] == "application/problem+json"
+    assert problem["errors"][0]["field"] == field, problem
+    assert problem["errors"][0]["message"]
+    assert http.get(f"/tasks/{task}").json()["num_episodes"] == count
+
+
+def test_a_refused_first_episode_creates_no_task(http):
+    document = metadata("never", {"cube": PLACE_M})
+    assert http.post("/episodes", files=multipart(document, b"junk")).status_code == 422
+    assert http.get("/tasks/never").status_code == 404
+
+
+PREDICT = {"task": "refusals", "instruction": "pick up the cube", "objects": [{"name": "cube", "position": PLACE_M}]}
+
+
+@pytest.mark.parametrize(
+    ("change", "status", "said"),
+    [
+        ({"task": "unheard"}, 404, "unheard"),
+        ({"model": "openai/none"}, 503, "ROBOPROMPT_OPENAI_API_KEY"),
+        ({"model": "nobody/knows"}, 422, "embedded/gemma-3-270m"),
+        ({"objects": [{"name": "ball", "position": [0, 0, 1]}]}, 422, "missing: cube"),
+        ({"objects": []}, 422, "objects"),
+        ({"representation": "poetry"}, 422, "absolute"),
+        ({"num_demonstrations": 0}, 422, "num_demonstrations"),
+        ({"episode_ids": ["nothing"]}, 404, "nothing"),
+        ({"timeout_s": 1e999}, 422, "timeout_s"),
+    ],
+)
+def test_predict_refused(http, task, change, status, said):
+    response = http.post(
+        "/predict", content=json.dumps({**PREDICT, **change}), headers={"content-type": "application/json"}
+    )
+    assert response.status_code == status, response.text
+    assert response.headers["content-type"] == "application/problem+json"
+    assert said in response.text
+
+
+def test_task_without_demonstrations(http):
+    assert http.put("/tasks/empty", json={}).status_code == 200
+    response = http.post("/predict", json={**PREDICT, "task": "empty"})
+    assert response.status_code == 409
+    assert "POST /episodes" in response.json()["detail"]
+
+
+@pytest.mark.parametrize("path", ["/episodes", "/predict"])
+@pytest.mark.parametrize(
+    ("content", "content_type", "status"),
+    [
+        (b"{not json", "application/json", 400),
+        (b"[1, 2]", "application/json", 400),
+        (b"[" * 100_000, "application/json", 400),
+        (b"\xff\xfe\x00", "application/json", 400),
+        (b"task=press", "application/x-www-form-urlencoded", 415),
+        (b"", "", 415),
+        (b"no boundary", "multipart/form-data", 400),
+        (b"x" * 21_000_000, "application/json", 413),
+    ],
+)
+def test_bodies_that_cannot_be_read(http, path, content, content_type, status):
+    response = http.post(path, content=content, headers={"content-type": content_type})
+    assert response.status_code == status, response.text
+    assert response.headers["content-type"] == "application/problem+json"
+
+
+def test_body_without_length_is_limited_too(http):
+    def chunks():
+        for _ in range(30):
+            yield b"x" * 1_000_000
+
+    response = http.post("/predict", content=chunks(), headers={"content-type": "application/json"})
+    assert response.status_code == 413
+
+
+def test_unknown_address_and_method(http):
+    assert http.get("/nowhere").json()["status"] == 404
+    assert http.delete("/predict").json()["status"] == 405
+
+
+def test_jpeg_that_is_cut_off(http, task):
+    jpeg = cv2.imencode(".jpg", RGB)[1].tobytes()[:-40]
+    document = {**metadata(task, {"cube": PLACE_M}), "cameras": [camera()]}
+    response = http.post("/episodes", files=multipart(document, npz(**GOOD), rgb_front=jpeg))
+    assert (response.status_code, response.json()["errors"][0]["field"]) == (422, "rgb_front")

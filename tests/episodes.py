@@ -1,0 +1,81 @@
+"""Small hand-made episodes: a gripper that goes to an object, closes, and lifts."""
+
+import io
+import json
+from itertools import pairwise
+
+import cv2
+import numpy as np
+
+from app.pipeline.episode import Trajectory
+
+DOWN_XYZW = (1.0, 0.0, 0.0, 0.0)
+DWELL, MOVE = 3, 4
+
+
+def pick_trajectory(position_m, lift_m=0.15):
+    """Home, above the object, down, closed, lifted: rests between straight moves; four keyframes."""
+    x, y, z = position_m
+    poses = [(0.1, 0.0, 1.2, 1), (x, y, z + 0.1, 1), (x, y, z, 0), (x, y, z + lift_m, 0)]
+    positions, is_open, speeds = [], [], []
+    for (*start, before), (*end, after) in pairwise(poses):
+        for step in range(MOVE):
+            positions.append(np.array(start) + (np.array(end) - np.array(start)) * (step + 1) / MOVE)
+            is_open.append(before)
+            speeds.append(0.5)
+        for _ in range(DWELL):
+            positions.append(np.array(end))
+            is_open.append(after)
+            speeds.append(0.0)
+    velocities = np.zeros((len(speeds), 7))
+    velocities[:, 0] = speeds
+    return Trajectory(velocities, np.array(positions), np.tile(DOWN_XYZW, (len(speeds), 1)), np.array(is_open))
+
+
+def arrays(trajectory):
+    """The arrays of a trajectory by their names in the file."""
+    return {
+        "joint_velocities": trajectory.joint_velocities_rad_s,
+        "end_effector_positions": trajectory.positions_m,
+        "end_effector_quaternions_xyzw": trajectory.quaternions_xyzw,
+        "gripper_open": trajectory.gripper_open,
+    }
+
+
+def npz(**named):
+    stream = io.BytesIO()
+    np.savez_compressed(stream, **named)
+    return stream.getvalue()
+
+
+def metadata(task, objects, instruction="pick up the cube", **more):
+    listed = [{"name": name, "position": list(position)} for name, position in objects.items()]
+    return {"task": task, "instruction": instruction, "objects": listed, **more}
+
+
+def multipart(document, trajectory_npz, **images):
+    """The `files` of an httpx request."""
+    files = {"metadata": ("metadata.json", json.dumps(document), "application/json")}
+    if trajectory_npz is not None:
+        files["trajectory"] = ("trajectory.npz", trajectory_npz)
+    return {**files, **{name: (name, data) for name, data in images.items()}}
+
+
+def upload(http, task, position_m, **more):
+    """Upload a pick of one cube; returns the response."""
+    document = metadata(task, {"cube": position_m}, **more)
+    return http.post("/episodes", files=multipart(document, npz(**arrays(pick_trajectory(position_m)))))
+
+
+def camera(name="front", width=64, height=48, f=60.0):
+    """A camera 1 m above the origin of the world, looking down."""
+    return {
+        "name": name,
+        "intrinsics": {"fx": f, "fy": f, "cx": (width - 1) / 2, "cy": (height - 1) / 2},
+        "camera_to_world": [[1, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 1.0], [0, 0, 0, 1]],
+        "depth_scale": 0.001,
+    }
+
+
+def png(image):
+    return cv2.imencode(".png", image)[1].tobytes()

@@ -1,0 +1,90 @@
+"""Episodes and predictions for tests: small, different for every seed, the same every time."""
+
+import numpy as np
+
+from app.pipeline.episode import Camera, ObjectPose, Trajectory
+from app.store import Store, episodes, predictions, tasks
+from app.store.records import EpisodeDraft, EpisodeRecord, PredictionDraft, PredictionRecord
+from app.store.values import CameraRecord, KeyframeRecord, ObjectRecord
+
+TASK = "open_drawer"
+SETTINGS = {"keyframes": {"rule": "merged", "delta_rad_s": 0.1}, "num_demonstrations": 10}
+
+
+def trajectory(num_frames: int = 30, seed: int = 0, optional_arrays: bool = True) -> Trajectory:
+    rng = np.random.default_rng(seed)
+    quaternions = rng.normal(size=(num_frames, 4))
+    return Trajectory(
+        joint_velocities_rad_s=rng.normal(size=(num_frames, 7)),
+        positions_m=rng.normal(size=(num_frames, 3)),
+        quaternions_xyzw=quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True),
+        gripper_open=rng.integers(0, 2, num_frames).astype(bool),
+        timestamps_s=np.arange(num_frames) / 20 if optional_arrays else None,
+        joint_positions_rad=rng.normal(size=(num_frames, 7)) if optional_arrays else None,
+    )
+
+
+def camera_record(**digests: str) -> CameraRecord:
+    camera_to_world = np.eye(4)
+    camera_to_world[:3, 3] = 0.1, -1 / 3, 1.2
+    return CameraRecord.of(Camera("front", 500.5, 501.5, 320.0, 240.0, camera_to_world), **digests)
+
+
+def object_record(name: str, seed: int = 0) -> ObjectRecord:
+    rng = np.random.default_rng(seed)
+    quaternion = None if seed % 2 else np.array([0.0, 0.6, 0.0, 0.8])
+    return ObjectRecord.of(ObjectPose(name, rng.normal(size=3), quaternion, "masks", ("front", "wrist")))
+
+
+def episode_draft(
+    seed: int = 0,
+    task: str = TASK,
+    instruction: str = "open the bottom drawer",
+    names: tuple[str, ...] = ("drawer", "cube"),
+    cameras: tuple[CameraRecord, ...] = (),
+) -> EpisodeDraft:
+    recorded = trajectory(seed=seed)
+    return EpisodeDraft(
+        task=task,
+        instruction=instruction,
+        control_frequency_hz=20.0,
+        keyframes=tuple(KeyframeRecord.of(index, recorded.action_at(index)) for index in (5, 12, 29)),
+        objects=tuple(object_record(name, seed) for name in names),
+        given_objects=tuple({"name": name, "mask_ids": [98, 99]} for name in names),
+        cameras=cameras,
+        extra={"operator": "Zoë", "seed": seed, "nested": [1, None, True]},
+        trajectory=recorded,
+    )
+
+
+def upload(store: Store, draft: EpisodeDraft) -> EpisodeRecord:
+    with store.write() as connection:
+        tasks.get_or_create(connection, draft.task, SETTINGS)
+        return episodes.add(connection, draft)
+
+
+def prediction_draft(task: str = TASK, **changes: object) -> PredictionDraft:
+    values: dict[str, object] = {
+        "task": task,
+        "instruction": "open the bottom drawer",
+        "model": "embedded/gemma-3-270m",
+        "representation": "object_frame",
+        "prompt_format": "paper",
+        "status": "ok",
+        "request": {"task": task, "objects": [{"name": "drawer", "position": [0.1, 0.2, 0.7]}]},
+        "demonstration_ids": ("a" * 32, "b" * 32),
+        "prompt_system": "You are a Franka Panda robot.",
+        "prompt_user": "{'drawer': [42, 65, 29]}>",
+        "reply_text": "[[46, 74, 55, 54, 36, 37, 1]]",
+        "actions": ({"position": [0.1, 0.2, 0.3], "gripper_open": True, "bins": [46, 74, 55, 54, 36, 37, 1]},),
+        "error": None,
+        "usage": {"prompt_tokens": 2174, "cached_tokens": 2141, "completion_tokens": 40},
+        "timings_ms": {"model": 312.5},
+    }
+    return PredictionDraft(**{**values, **changes})
+
+
+def predict(store: Store, draft: PredictionDraft) -> PredictionRecord:
+    with store.write() as connection:
+        tasks.get_or_create(connection, draft.task, SETTINGS)
+        return predictions.add(connection, draft)

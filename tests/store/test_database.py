@@ -1,0 +1,124 @@
+import sqlite3
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from sqlalchemy import func, insert, select
+
+from app.store import Store, tables, tasks
+from app.store.database import Database
+from app.store.errors import CorruptDataError, StoreUnavailableError
+from app.store.migration import migrate
+
+from .drafts import episode_draft, upload
+
+
+@pytest.fixture
+def database(tmp_path: Path) -> Iterator[Database]:
+    opened = Database(f"sqlite:///{tmp_path / 'a.db'}", busy_timeout_s=0.1)
+    migrate(opened)
+    yield opened
+    opened.close()
+
+
+@pytest.mark.parametrize("kind", ["read", "write"])
+@pytest.mark.parametrize(
+    ("pragma", "value"), [("journal_mode", "wal"), ("synchronous", 2), ("foreign_keys", 1), ("busy_timeout", 10_000)]
+)
+def test_every_connection_is_durable_and_strict(store: Store, kind: str, pragma: str, value: object) -> None:
+    with getattr(store, kind)() as connection:
+        assert connection.exec_driver_sql(f"PRAGMA {pragma}").scalar() == value
+
+
+def test_exception_rolls_back(store: Store) -> None:
+    def fail_after_writing() -> None:
+        with store.write() as connection:
+            tasks.get_or_create(connection, "a", {})
+            raise RuntimeError("half way")
+
+    with pytest.raises(RuntimeError, match="half way"):
+        fail_after_writing()
+    with store.read() as connection:
+        assert tasks.list_all(connection) == ()
+
+
+def test_reader_sees_one_state_and_does_not_wait_for_a_writer(database: Database) -> None:
+    with database.read() as reader:
+        assert tasks.list_all(reader) == ()
+        with database.write() as writer:
+            tasks.get_or_create(writer, "a", {})
+        assert tasks.list_all(reader) == ()
+    with database.read() as reader:
+        assert [task.name for task in tasks.list_all(reader)] == ["a"]
+
+
+def test_writer_of_another_process_locks_us_out(database: Database) -> None:
+    other = sqlite3.connect(database.engine.url.database, isolation_level=None)
+    other.execute("BEGIN IMMEDIATE")
+    with pytest.raises(StoreUnavailableError, match="locked"), database.write():
+        pass
+    other.close()
+    with database.write():
+        pass
+
+
+def test_writer_of_this_process_that_takes_too_long(database: Database) -> None:
+    busy = pytest.raises(StoreUnavailableError, match=r"busy with other writers for 0\.1 s")
+    with database.write(), busy, database.write():
+        pass
+    with database.write():
+        pass
+
+
+def test_full_disk(database: Database) -> None:
+    with database.write() as connection:
+        connection.exec_driver_sql("PRAGMA max_page_count=1")  # of this connection, which the next write takes again
+    with pytest.raises(StoreUnavailableError, match="full"), database.write() as connection:
+        tasks.get_or_create(connection, "a", {"note": "x" * 1_000_000})
+    with database.read() as connection:
+        assert tasks.list_all(connection) == ()
+
+
+def test_read_only_database(database: Database) -> None:
+    with database.write() as connection:
+        connection.exec_driver_sql("PRAGMA query_only=ON")  # of this connection, which the next write takes again
+    with pytest.raises(StoreUnavailableError, match="readonly"), database.write() as connection:
+        tasks.get_or_create(connection, "a", {})
+
+
+def test_broken_rule_of_the_schema_is_not_hidden(database: Database) -> None:
+    values = {"scope": "a", "key": "b", "request_digest": "c", "status": 1, "response": None}
+    with pytest.raises(Exception, match="NOT NULL") as caught, database.write() as connection:
+        connection.execute(insert(tables.idempotency_keys).values({**values, "created_at": None}))
+    assert not isinstance(caught.value, StoreUnavailableError | CorruptDataError)
+
+
+def test_file_that_is_no_database(tmp_path: Path) -> None:
+    (tmp_path / "roboprompt.db").write_text("not a database " * 100)
+    with pytest.raises(CorruptDataError, match=r"roboprompt\.db"):
+        Store.open(tmp_path)
+
+
+def test_damaged_page(tmp_path: Path) -> None:
+    store = Store.open(tmp_path)
+    for seed in range(20):
+        upload(store, episode_draft(seed))
+    store.close()
+    path = tmp_path / "roboprompt.db"
+    contents = path.read_bytes()
+    path.write_bytes(contents[:4096] + b"\xff" * (len(contents) - 4096))
+    database = Database(f"sqlite:///{path}")
+    with pytest.raises(CorruptDataError, match="malformed"), database.read() as connection:
+        connection.scalar(select(func.sum(tables.episodes.c.num_frames)))
+    database.close()
+
+
+def test_database_in_memory_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(StoreUnavailableError, match="journal mode 'memory'"):
+        Store.open(tmp_path, "sqlite://")
+
+
+def test_data_directory_that_cannot_be_made(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(StoreUnavailableError, match="data directory"):
+        Store.open(tmp_path / "file" / "data")

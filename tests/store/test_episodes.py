@@ -1,0 +1,219 @@
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from sqlalchemy import Connection, event, update
+
+from app.store import Store, episodes, tables, tasks
+from app.store.errors import ConflictError, CorruptDataError, NotFoundError
+from app.store.records import Extraction
+from app.store.values import CameraRecord, KeyframeRecord, ObjectRecord
+
+from .drafts import TASK, camera_record, episode_draft, object_record, upload
+
+
+def test_everything_comes_back(store: Store) -> None:
+    camera = camera_record(rgb_digest="a" * 64, depth_digest="b" * 64)
+    draft = episode_draft(cameras=(camera,))
+    added = upload(store, draft)
+    with store.read() as connection:
+        stored = episodes.get(connection, added.id)
+        trajectory = episodes.get_trajectory(connection, added.id)
+    assert stored == added
+    for name in ("task", "instruction", "keyframes", "objects", "given_objects", "cameras", "extra"):
+        assert getattr(stored, name) == getattr(draft, name), name
+    assert stored.num_frames == len(trajectory) == 30
+    for name, array in vars(draft.trajectory).items():
+        assert getattr(trajectory, name).tobytes() == array.tobytes(), name
+
+
+def test_records_become_the_pipelines_values_and_back() -> None:
+    camera, pose, action = camera_record(mask_digest="c" * 64), object_record("cube"), episode_draft().keyframes[0]
+    assert CameraRecord.of(camera.camera(), mask_digest="c" * 64) == camera
+    assert ObjectRecord.of(pose.pose()) == pose
+    restored = KeyframeRecord.of(action.index, action.action())
+    assert restored.position_m == action.position_m
+    np.testing.assert_allclose(restored.quaternion_xyzw, action.quaternion_xyzw, rtol=0, atol=1e-15)
+
+
+def test_unknown_episode(store: Store) -> None:
+    with store.write() as connection:
+        for query in (episodes.get, episodes.get_trajectory, episodes.remove):
+            with pytest.raises(NotFoundError, match="there is no episode 'nope'"):
+                query(connection, "nope")
+
+
+def test_damaged_trajectory_names_its_episode(store: Store) -> None:
+    added = upload(store, episode_draft())
+    with store.write() as connection:
+        connection.execute(update(tables.episodes).values(trajectory=b"RPT1 what is this"))
+        with pytest.raises(CorruptDataError, match=f"trajectory {added.id} is damaged"):
+            episodes.get_trajectory(connection, added.id)
+
+
+def test_first_episode_fixes_the_object_names_in_its_order(store: Store) -> None:
+    upload(store, episode_draft(names=("lid", "jar")))
+    upload(store, episode_draft(names=("jar", "lid")))
+    with store.read() as connection:
+        task = tasks.get(connection, TASK)
+    assert (task.object_names, task.version) == (("lid", "jar"), 3)
+
+
+def test_task_forgets_its_object_names_with_its_last_episode(store: Store) -> None:
+    first, second = (upload(store, episode_draft(seed)) for seed in range(2))
+    other = upload(store, episode_draft(task="other"))
+    for episode, names in ((first, ("drawer", "cube")), (second, None)):
+        with store.write() as connection:
+            episodes.remove(connection, episode.id)
+            assert tasks.get(connection, TASK).object_names == names
+    with store.read() as connection:
+        assert tasks.get(connection, TASK).version == 5
+        assert tasks.get(connection, "other").version == 2
+        assert [episode.id for episode in episodes.list_page(connection).items] == [other.id]
+
+
+def pages_of(store: Store, limit: int, task: str | None) -> list[list[str]]:
+    pages, cursor = [], None
+    while True:
+        with store.read() as connection:
+            page = episodes.list_page(connection, task, limit, cursor)
+        pages.append([episode.id for episode in page.items])
+        if (cursor := page.next_cursor) is None:
+            return pages
+
+
+@pytest.mark.parametrize("limit", [1, 2, 3, 6, 7, 100])
+def test_pages_hold_everything_once_newest_first(store: Store, limit: int) -> None:
+    ids = [upload(store, episode_draft(seed, task=("a", "b")[seed % 2])).id for seed in range(6)]
+    for task, expected in ((None, ids[::-1]), ("a", ids[::2][::-1]), ("b", ids[1::2][::-1])):
+        pages = pages_of(store, limit, task)
+        assert [episode_id for page in pages for episode_id in page] == expected
+        assert all(len(page) == limit for page in pages[:-1])
+        assert 0 < len(pages[-1]) <= limit
+    assert pages_of(store, limit, "nope") == [[]]
+
+
+def test_pages_stay_in_step_while_episodes_come_and_go(store: Store) -> None:
+    ids = [upload(store, episode_draft(seed)).id for seed in range(4)]
+    with store.read() as connection:
+        page = episodes.list_page(connection, TASK, limit=2)
+    with store.write() as connection:
+        episodes.remove(connection, ids[3])
+    newer = upload(store, episode_draft(9))
+    with store.read() as connection:
+        rest = episodes.list_page(connection, TASK, limit=2, cursor=page.next_cursor)
+    assert [episode.id for episode in rest.items] == [ids[1], ids[0]]
+    assert newer.sequence == 5
+
+
+def test_deleted_number_is_never_given_again(store: Store) -> None:
+    first = upload(store, episode_draft())
+    with store.write() as connection:
+        episodes.remove(connection, first.id)
+    assert upload(store, episode_draft()).sequence == first.sequence + 1
+
+
+def test_demonstrations(store: Store) -> None:
+    drafts = [episode_draft(seed, instruction=f"open the {('top', 'bottom')[seed % 2]} drawer") for seed in range(5)]
+    ids = [upload(store, draft).id for draft in drafts]
+    upload(store, episode_draft(task="other"))
+    with store.read() as connection:
+
+        def chosen(*arguments: Any, **options: Any) -> list[str]:
+            return [record.id for record in episodes.demonstrations(connection, TASK, *arguments, **options)]
+
+        assert chosen() == ids
+        assert chosen(2) == chosen(2, "first") == ids[:2]
+        assert chosen(2, "recent") == ids[3:]
+        assert chosen(100, "recent") == ids
+        assert chosen(instruction="open the top drawer") == [ids[0], ids[2], ids[4]]
+        assert chosen(1, "recent", instruction="open the bottom drawer") == [ids[3]]
+        assert chosen(instruction="fly") == []
+        assert episodes.list_ids(connection, TASK) == tuple(ids)
+        assert episodes.list_ids(connection, TASK, "open the bottom drawer") == (ids[1], ids[3])
+        (record,) = episodes.demonstrations(connection, TASK, 1)
+    assert (record.instruction, record.objects) == (drafts[0].instruction, drafts[0].objects)
+    assert record.keyframes == drafts[0].keyframes
+    demonstration = record.demonstration()
+    assert (demonstration.id, [pose.name for pose in demonstration.objects]) == (ids[0], ["drawer", "cube"])
+    assert tuple(demonstration.actions[0].position_m) == record.keyframes[0].position_m
+
+
+def test_demonstrations_by_id_come_in_the_order_asked_for(store: Store) -> None:
+    ids = [upload(store, episode_draft(seed)).id for seed in range(3)]
+    stranger = upload(store, episode_draft(task="other")).id
+    with store.read() as connection:
+        records = episodes.demonstrations_by_id(connection, TASK, [ids[2], ids[0]])
+        assert [record.id for record in records] == [ids[2], ids[0]]
+        assert episodes.demonstrations_by_id(connection, TASK, []) == ()
+        for unknown in (stranger, "nope"):
+            with pytest.raises(NotFoundError, match=f"there is no episode of task 'open_drawer' '{unknown}'"):
+                episodes.demonstrations_by_id(connection, TASK, [ids[0], unknown])
+
+
+def plan_of(store: Store, ask: Callable[[Connection], object]) -> str:
+    statements: list[tuple[str, Any]] = []
+    with store.read() as connection:
+        event.listen(connection, "before_cursor_execute", lambda *args: statements.append((args[2], args[3])))
+        ask(connection)
+        statement, parameters = statements[-1]
+        return "; ".join(row[3] for row in connection.exec_driver_sql(f"EXPLAIN QUERY PLAN {statement}", parameters))
+
+
+OF_TASK = "SEARCH episodes USING INDEX ix_episodes_task_sequence (task=?)"
+OF_INSTRUCTION = "SEARCH episodes USING INDEX ix_episodes_task_instruction_sequence (task=? AND instruction=?)"
+
+
+@pytest.mark.parametrize(
+    ("ask", "plan"),
+    [
+        (lambda connection: episodes.demonstrations(connection, TASK, 10), OF_TASK),
+        (lambda connection: episodes.demonstrations(connection, TASK, 10, "recent"), OF_TASK),
+        (lambda connection: episodes.demonstrations(connection, TASK, 10, "first", "open it"), OF_INSTRUCTION),
+        (lambda connection: episodes.demonstrations(connection, TASK, 10, "recent", "open it"), OF_INSTRUCTION),
+        (lambda connection: episodes.list_page(connection, TASK, 10, 5), OF_TASK.replace("?", "? AND sequence<?")),
+        (
+            lambda connection: episodes.demonstrations_by_id(connection, TASK, episodes.list_ids(connection, TASK)),
+            "SEARCH episodes USING INDEX sqlite_autoindex_episodes_1 (id=?)",
+        ),
+    ],
+)
+def test_one_index_finds_and_sorts(store: Store, ask: Callable[[Connection], object], plan: str) -> None:
+    upload(store, episode_draft())
+    assert plan_of(store, ask) == plan
+
+
+def test_new_extractions_replace_the_old(store: Store) -> None:
+    kept, *replaced = [upload(store, episode_draft(seed)) for seed in range(3)]
+    new = episode_draft(77)
+    with store.write() as connection:
+        version = tasks.get(connection, TASK).version
+        extractions = [Extraction(episode.id, new.keyframes[:1], new.objects) for episode in replaced]
+        episodes.replace_extractions(connection, TASK, version, extractions)
+    with store.read() as connection:
+        assert tasks.get(connection, TASK).version == version + 1
+        assert episodes.get(connection, kept.id) == kept
+        for episode in replaced:
+            stored = episodes.get(connection, episode.id)
+            assert (stored.keyframes, stored.objects) == (new.keyframes[:1], new.objects)
+            assert (stored.given_objects, stored.extra) == (episode.given_objects, episode.extra)
+
+
+def test_extractions_of_a_task_that_changed_meanwhile_are_refused(store: Store) -> None:
+    episode = upload(store, episode_draft())
+    with store.read() as connection:
+        version = tasks.get(connection, TASK).version
+    upload(store, episode_draft(1))
+    with pytest.raises(ConflictError, match="at version 3, no longer 2"), store.write() as connection:
+        episodes.replace_extractions(connection, TASK, version, [Extraction(episode.id, (), ())])
+    with store.read() as connection:
+        assert episodes.get(connection, episode.id) == episode
+
+
+def test_digests_that_episodes_refer_to(store: Store) -> None:
+    upload(store, episode_draft(cameras=(camera_record(rgb_digest="a", depth_digest="b"), camera_record())))
+    upload(store, episode_draft(cameras=(camera_record(rgb_digest="a", mask_digest="c"),)))
+    upload(store, episode_draft())
+    with store.read() as connection:
+        assert episodes.blob_digests(connection) == {"a", "b", "c"}

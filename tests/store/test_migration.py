@@ -1,0 +1,199 @@
+import sqlite3
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import alembic.config
+import pytest
+from alembic import command
+from alembic.autogenerate import compare_metadata
+from alembic.migration import MigrationContext
+from alembic.operations import Operations
+from alembic.util import CommandError
+from sqlalchemy import Integer, inspect, text
+
+from app.store import Store, episodes, tasks
+from app.store.database import Database
+from app.store.errors import CorruptDataError, SchemaVersionError, StoreUnavailableError
+from app.store.migration import alembic_config, migrate, migration_transaction
+from app.store.tables import metadata
+
+from .drafts import TASK, episode_draft, upload
+
+
+@pytest.fixture
+def database(tmp_path: Path) -> Iterator[Database]:
+    opened = Database(f"sqlite:///{tmp_path / 'roboprompt.db'}")
+    yield opened
+    opened.close()
+
+
+def tables_in(database: Database) -> set[str]:
+    with database.read() as connection:
+        return set(inspect(connection).get_table_names())
+
+
+def test_migrations_and_tables_say_the_same(database: Database) -> None:
+    migrate(database)
+    with database.read() as connection:
+        assert compare_metadata(MigrationContext.configure(connection), metadata) == []
+
+
+def test_down_and_up_again(database: Database) -> None:
+    migrate(database)
+    everything = tables_in(database)
+    assert {"tasks", "episodes", "predictions", "idempotency_keys"} < everything
+    config = alembic_config()
+    with migration_transaction(database) as connection:
+        config.attributes["connection"] = connection
+        command.downgrade(config, "base")
+    assert tables_in(database) == {"alembic_version"}
+    migrate(database)
+    assert tables_in(database) == everything
+
+
+def test_migrating_twice_changes_nothing(tmp_path: Path) -> None:
+    store = Store.open(tmp_path)
+    episode = upload(store, episode_draft())
+    store.close()
+    store = Store.open(tmp_path)
+    with store.read() as connection:
+        assert episodes.get(connection, episode.id) == episode
+    store.close()
+
+
+def test_database_of_newer_code_is_refused(database: Database) -> None:
+    migrate(database)
+    with database.write() as connection:
+        connection.execute(text("UPDATE alembic_version SET version_num = '9999'"))
+    with pytest.raises(SchemaVersionError, match=r"roboprompt\.db is at revision 9999, newer than this code"):
+        migrate(database)
+
+
+def test_migration_that_fails_leaves_nothing(database: Database) -> None:
+    def fail_half_way() -> None:
+        with migration_transaction(database) as connection:
+            connection.execute(text("CREATE TABLE half (a INTEGER)"))
+            raise RuntimeError("half way")
+
+    with pytest.raises(RuntimeError, match="half way"):
+        fail_half_way()
+    assert tables_in(database) == set()
+
+
+def test_altering_a_table_keeps_the_rows_that_refer_to_it(tmp_path: Path, database: Database) -> None:
+    store = Store.open(tmp_path)
+    episode = upload(store, episode_draft())
+    with migration_transaction(database) as connection:
+        operations = Operations(MigrationContext.configure(connection))
+        with operations.batch_alter_table("tasks", recreate="always") as batch:
+            batch.alter_column("version", type_=Integer(), nullable=False, server_default="1")
+    with store.read() as connection:
+        assert episodes.get(connection, episode.id) == episode
+        assert tasks.get(connection, TASK).version == 2
+        assert connection.exec_driver_sql("PRAGMA foreign_keys").scalar() == 1
+    store.close()
+
+
+def test_migration_that_breaks_references_is_undone(tmp_path: Path, database: Database) -> None:
+    store = Store.open(tmp_path)
+    upload(store, episode_draft())
+    broken = pytest.raises(CorruptDataError, match="row 1 of episodes refers to no tasks")
+    with broken, migration_transaction(database) as connection:
+        connection.execute(text("DELETE FROM tasks"))
+    with store.read() as connection:
+        assert tasks.get(connection, TASK).name == TASK
+    store.close()
+
+
+# The children wait at the pipe until the parent closes it; its exit status says how many failed.
+STARTERS = """
+import os, sys
+from pathlib import Path
+from app.store import Store
+gate, opener = os.pipe()
+children = []
+for _ in range(8):
+    child = os.fork()
+    if child == 0:
+        os.close(opener)
+        os.read(gate, 1)
+        Store.open(Path(sys.argv[1])).close()
+        os._exit(0)
+    children.append(child)
+os.close(opener)
+sys.exit(sum(os.waitpid(child, 0)[1] != 0 for child in children))
+"""
+
+
+def test_several_processes_start_at_once(tmp_path: Path) -> None:
+    command = [sys.executable, "-c", STARTERS, str(tmp_path / "data")]
+    finished = subprocess.run(command, cwd=Path(__file__).parents[2], capture_output=True, text=True, check=False)
+    assert (finished.returncode, finished.stderr) == (0, "")
+
+
+def test_start_of_an_up_to_date_database_does_not_wait_for_writers(database: Database) -> None:
+    migrate(database)
+    writing = sqlite3.connect(str(database.engine.url.database), isolation_level=None)
+    writing.execute("BEGIN IMMEDIATE")
+    impatient = Database(str(database.engine.url), busy_timeout_s=0.0)
+    migrate(impatient)
+    impatient.close()
+    writing.close()
+
+
+@pytest.fixture
+def other_writer(tmp_path: Path) -> Iterator[sqlite3.Connection]:
+    """Another process with the lock of a file not yet in WAL mode: there SQLite fails at once, it does not wait."""
+    connection = sqlite3.connect(tmp_path / "roboprompt.db", isolation_level=None, check_same_thread=False)
+    connection.execute("CREATE TABLE alembic_version (version_num VARCHAR(32) NOT NULL)")
+    connection.execute("BEGIN IMMEDIATE")
+    yield connection
+    connection.close()
+
+
+def test_waits_for_another_writer_to_switch_to_wal(database: Database, other_writer: sqlite3.Connection) -> None:
+    threading.Timer(0.2, other_writer.rollback).start()
+    migrate(database)
+    assert "episodes" in tables_in(database)
+
+
+@pytest.mark.usefixtures("other_writer")
+def test_gives_up_waiting_for_another_writer(database: Database) -> None:
+    impatient = Database(str(database.engine.url), busy_timeout_s=0.1)
+    with pytest.raises(StoreUnavailableError, match="cannot switch the database to WAL: database is locked"):
+        migrate(impatient)
+    impatient.close()
+
+
+def run_alembic(*arguments: str) -> None:
+    ini = str(alembic_config().config_file_name)
+    alembic.config.main(argv=["--raiseerr", "-c", ini, *arguments], prog="alembic")
+
+
+def test_command_line(database: Database) -> None:
+    url = f"url={database.engine.url}"
+    run_alembic("-x", url, "upgrade", "head")
+    assert "episodes" in tables_in(database)
+    run_alembic("-x", url, "check")
+    migrate(database)
+    run_alembic("-x", url, "downgrade", "base")
+    assert tables_in(database) == {"alembic_version"}
+
+
+def test_command_line_prints_sql_for_postgresql(capsys: pytest.CaptureFixture[str]) -> None:
+    run_alembic("-x", "url=postgresql://host/name", "upgrade", "head", "--sql")
+    sql = capsys.readouterr().out
+    assert "sequence BIGSERIAL NOT NULL" in sql
+    assert "created_at TIMESTAMP WITH TIME ZONE NOT NULL" in sql
+
+
+def test_command_line_wants_to_know_which_database(monkeypatch: pytest.MonkeyPatch, database: Database) -> None:
+    monkeypatch.delenv("ROBOPROMPT_DATABASE_URL", raising=False)
+    with pytest.raises(CommandError, match=r"which database\? pass -x url="):
+        run_alembic("current")
+    monkeypatch.setenv("ROBOPROMPT_DATABASE_URL", str(database.engine.url))
+    run_alembic("upgrade", "head")
+    assert "tasks" in tables_in(database)

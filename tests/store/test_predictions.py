@@ -1,0 +1,74 @@
+import pytest
+
+from app.store import Store, predictions
+from app.store.errors import NotFoundError
+
+from .drafts import TASK, predict, prediction_draft
+
+
+def test_everything_comes_back(store: Store) -> None:
+    draft = prediction_draft()
+    added = predict(store, draft)
+    with store.read() as connection:
+        stored = predictions.get(connection, added.id)
+    assert stored == added
+    assert {name: getattr(stored, name) for name in vars(draft)} == vars(draft)
+    assert (stored.outcome_success, stored.outcome_note, stored.outcome_at) == (None, None, None)
+
+
+def test_failure_has_neither_reply_nor_actions(store: Store) -> None:
+    draft = prediction_draft(status="model_error", reply_text=None, actions=None, error="no answer within 60 s")
+    added = predict(store, draft)
+    with store.read() as connection:
+        stored = predictions.get(connection, added.id)
+    assert (stored.status, stored.reply_text, stored.actions) == ("model_error", None, None)
+    assert stored.error == "no answer within 60 s"
+
+
+def test_reply_that_parsed_to_no_actions_differs_from_none(store: Store) -> None:
+    added = predict(store, prediction_draft(actions=()))
+    with store.read() as connection:
+        assert predictions.get(connection, added.id).actions == ()
+
+
+def test_outcome_can_be_corrected(store: Store) -> None:
+    added = predict(store, prediction_draft())
+    with store.write() as connection:
+        first = predictions.record_outcome(connection, added.id, True, "opened")
+    with store.write() as connection:
+        second = predictions.record_outcome(connection, added.id, False, None)
+        assert predictions.get(connection, added.id) == second
+    assert (first.outcome_success, first.outcome_note) == (True, "opened")
+    assert (second.outcome_success, second.outcome_note) == (False, None)
+    assert added.created_at <= first.outcome_at <= second.outcome_at
+    assert first.prompt_user == added.prompt_user
+
+
+def test_unknown_prediction(store: Store) -> None:
+    with store.write() as connection:
+        with pytest.raises(NotFoundError, match="there is no prediction 'nope'"):
+            predictions.get(connection, "nope")
+        with pytest.raises(NotFoundError, match="there is no prediction 'nope'"):
+            predictions.record_outcome(connection, "nope", True, None)
+
+
+def test_pages_by_task_and_outcome(store: Store) -> None:
+    ids = [predict(store, prediction_draft(task=(TASK, "other")[number % 2])).id for number in range(6)]
+    with store.write() as connection:
+        predictions.record_outcome(connection, ids[0], True, None)
+        predictions.record_outcome(connection, ids[1], True, None)
+        predictions.record_outcome(connection, ids[2], False, None)
+
+        def listed(*arguments: object, **options: object) -> list[str]:
+            return [record.id for record in predictions.list_page(connection, *arguments, **options).items]
+
+        assert listed() == ids[::-1]
+        assert listed(TASK) == [ids[4], ids[2], ids[0]]
+        assert listed(outcome="success") == [ids[1], ids[0]]
+        assert listed(TASK, "success") == [ids[0]]
+        assert listed(outcome="failure") == [ids[2]]
+        assert listed(outcome="unknown") == [ids[5], ids[4], ids[3]]
+        page = predictions.list_page(connection, outcome="unknown", limit=2)
+        assert [record.id for record in page.items] == [ids[5], ids[4]]
+        rest = predictions.list_page(connection, outcome="unknown", limit=2, cursor=page.next_cursor)
+        assert ([record.id for record in rest.items], rest.next_cursor) == ([ids[3]], None)

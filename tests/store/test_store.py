@@ -1,0 +1,85 @@
+import os
+import signal
+import subprocess
+import sys
+from datetime import timedelta
+from pathlib import Path
+
+import pytest
+
+from app.store import Store, episodes
+from app.store.errors import StoreUnavailableError
+
+from .drafts import camera_record, episode_draft, upload
+
+AT_ONCE = timedelta(0)
+# Uploads without end; says after each commit which episode is safe. Every third time it stops before the commit.
+UPLOADER = """
+import os, sys
+from pathlib import Path
+from app.store import Store, episodes, tasks
+from tests.store.drafts import camera_record, episode_draft
+store = Store.open(Path(sys.argv[1]))
+for number in range(10_000):
+    digest = store.blobs.put(os.urandom(2000))
+    with store.write() as connection:
+        tasks.get_or_create(connection, "open_drawer", {})
+        draft = episode_draft(number, cameras=(camera_record(rgb_digest=digest),))
+        added = episodes.add(connection, draft)
+        if number == 5:
+            print("uncommitted", added.id, digest, flush=True)
+            sys.stdin.read()
+    print("committed", added.id, digest, flush=True)
+"""
+
+
+def test_ping(store: Store, tmp_path: Path) -> None:
+    store.ping()
+    store.close()
+    for path in (tmp_path / "data").glob("roboprompt.db*"):
+        path.unlink()
+    with pytest.raises(StoreUnavailableError, match="no such table"):
+        store.ping()
+
+
+def test_sweep_keeps_the_images_of_episodes(store: Store) -> None:
+    rgb, depth, orphan = (store.blobs.put(data) for data in (b"rgb", b"depth", b"orphan"))
+    episode = upload(store, episode_draft(cameras=(camera_record(rgb_digest=rgb, depth_digest=depth),)))
+    assert store.sweep() == 0
+    assert store.sweep(AT_ONCE) == 1
+    assert (store.blobs.read(rgb), store.blobs.read(depth)) == (b"rgb", b"depth")
+    with store.write() as connection:
+        episodes.remove(connection, episode.id)
+    assert store.sweep(AT_ONCE) == 2
+    assert store.blobs.put(b"orphan") == orphan
+
+
+def test_other_database(tmp_path: Path) -> None:
+    store = Store.open(tmp_path / "data", f"sqlite:///{tmp_path / 'elsewhere.db'}")
+    episode = upload(store, episode_draft())
+    store.close()
+    assert (tmp_path / "elsewhere.db").exists()
+    assert not (tmp_path / "data" / "roboprompt.db").exists()
+    again = Store.open(tmp_path / "data", f"sqlite:///{tmp_path / 'elsewhere.db'}")
+    with again.read() as connection:
+        assert episodes.get(connection, episode.id) == episode
+    again.close()
+
+
+def test_killed_before_the_commit_leaves_only_orphans(tmp_path: Path) -> None:
+    root = Path(__file__).parents[2]
+    command = [sys.executable, "-c", UPLOADER, str(tmp_path)]
+    with subprocess.Popen(command, cwd=root, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        lines = [process.stdout.readline().split() for _ in range(6)]
+        os.kill(process.pid, signal.SIGKILL)
+    assert [line[0] for line in lines] == ["committed"] * 5 + ["uncommitted"]
+    store = Store.open(tmp_path)
+    with store.read() as connection:
+        assert connection.exec_driver_sql("PRAGMA integrity_check").scalar() == "ok"
+        assert list(reversed(episodes.list_ids(connection, "open_drawer"))) == [line[1] for line in lines[4::-1]]
+        assert episodes.blob_digests(connection) == {line[2] for line in lines[:5]}
+    assert len(store.blobs.read(lines[5][2])) == 2000
+    assert store.sweep(AT_ONCE) == 1
+    assert all(len(store.blobs.read(line[2])) == 2000 for line in lines[:5])
+    store.close()

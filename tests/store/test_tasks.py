@@ -1,0 +1,96 @@
+import threading
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+
+from app.store import Store, episodes, predictions, tasks
+from app.store.errors import NotFoundError
+from app.store.records import TaskCounts
+
+from .drafts import SETTINGS, TASK, episode_draft, predict, prediction_draft, upload
+
+
+def test_new_task(store: Store) -> None:
+    with store.write() as connection:
+        created = tasks.get_or_create(connection, TASK, SETTINGS)
+    assert (created.version, created.settings, created.object_names) == (1, SETTINGS, None)
+    assert created.created_at.utcoffset().total_seconds() == 0
+    with store.read() as connection:
+        assert tasks.get(connection, TASK) == created
+
+
+def test_existing_task_keeps_its_settings(store: Store) -> None:
+    with store.write() as connection:
+        created = tasks.get_or_create(connection, TASK, SETTINGS)
+    with store.write() as connection:
+        assert tasks.get_or_create(connection, TASK, {"other": 1}) == created
+
+
+def test_unknown_task(store: Store) -> None:
+    with store.write() as connection:
+        for query in (tasks.get, lambda connection, name: tasks.update_settings(connection, name, {})):
+            with pytest.raises(NotFoundError, match="there is no task 'nope'") as caught:
+                query(connection, "nope")
+            assert (caught.value.kind, caught.value.id) == ("task", "nope")
+
+
+def test_version_grows_only_when_settings_differ(store: Store) -> None:
+    with store.write() as connection:
+        created = tasks.get_or_create(connection, TASK, SETTINGS)
+        assert tasks.update_settings(connection, TASK, dict(SETTINGS)) == created
+        changed = tasks.update_settings(connection, TASK, {**SETTINGS, "num_demonstrations": 5})
+    assert (changed.version, changed.settings["num_demonstrations"]) == (2, 5)
+    assert changed.updated_at > created.updated_at
+    assert changed.created_at == created.created_at
+
+
+def test_list_is_sorted_by_name(store: Store) -> None:
+    with store.write() as connection:
+        for name in ("b", "a", "c"):
+            tasks.get_or_create(connection, name, {})
+        assert [task.name for task in tasks.list_all(connection)] == ["a", "b", "c"]
+
+
+def test_counts(store: Store) -> None:
+    upload(store, episode_draft())
+    upload(store, episode_draft(1))
+    first, second, *_ = [predict(store, prediction_draft()) for _ in range(4)]
+    with store.write() as connection:
+        tasks.get_or_create(connection, "empty", {})
+        predictions.record_outcome(connection, first.id, True, None)
+        predictions.record_outcome(connection, second.id, False, None)
+        assert tasks.counts(connection) == {
+            TASK: TaskCounts(episodes=2, predictions=4, successes=1, failures=1),
+            "empty": TaskCounts(),
+        }
+
+
+def test_two_first_uploads_of_one_task_at_the_same_time(store: Store) -> None:
+    start = threading.Barrier(2)
+
+    def upload_checked(names: tuple[str, ...]) -> str:
+        draft = episode_draft(names=names)
+        start.wait()
+        with store.write() as connection:
+            task = tasks.get_or_create(connection, TASK, SETTINGS)
+            if task.object_names not in (None, names):
+                return "refused"
+            episodes.add(connection, draft)
+            return "stored"
+
+    with ThreadPoolExecutor(2) as pool:
+        results = list(pool.map(upload_checked, [("drawer",), ("cube",)]))
+    assert sorted(results) == ["refused", "stored"]
+    winner = ("drawer",) if results[0] == "stored" else ("cube",)
+    with store.read() as connection:
+        assert tasks.get(connection, TASK).object_names == winner
+        (episode,) = episodes.list_page(connection).items
+        assert episode.objects[0].name == winner[0]
+
+
+def test_no_version_is_lost_under_concurrent_uploads(store: Store) -> None:
+    with ThreadPoolExecutor(8) as pool:
+        stored = list(pool.map(lambda seed: upload(store, episode_draft(seed)), range(24)))
+    assert len({episode.sequence for episode in stored}) == 24
+    with store.read() as connection:
+        assert tasks.get(connection, TASK).version == 25
