@@ -1,0 +1,165 @@
+"""Demonstrations by a task's expert, and rollouts of predicted actions, on scenes drawn from seeds.
+
+Arguments and results can be pickled: call these functions from worker processes.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from app.client.robot import MotionError
+from app.pipeline.episode import EndEffectorAction, ObjectPose, RgbdFrame, Trajectory
+from app.sim.cameras import CAMERA_NAMES
+from app.sim.film import FilmStrip
+from app.sim.moves import Move, moves_from_actions
+from app.sim.recorder import Recorder
+from app.sim.rendering import RgbImage
+from app.sim.robot import DWELL_S, SimulatedPanda
+from app.sim.tasks import make_task
+
+DWELL_SAMPLES = 2  # of every rest, so that keyframe rules see it at any rate
+FINAL_HOLD_S = 0.5  # things come to rest before the outcome is judged
+
+
+@dataclass(frozen=True, eq=False)
+class SceneView:
+    """What a scene shows before the arm moves.
+
+    Attributes:
+        objects: true poses.
+        frames: one per camera; empty if no images were asked for.
+        mask_ids: for each object the ids of its pixels in the frames' masks.
+    """
+
+    task: str
+    seed: int
+    instruction: str
+    objects: tuple[ObjectPose, ...]
+    frames: tuple[RgbdFrame, ...]
+    mask_ids: dict[str, tuple[int, ...]]
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedDemonstration:
+    """An expert's solution of a scene.
+
+    Attributes:
+        num_expert_poses: how many poses the expert chose; the keyframe rule `merged` finds as many.
+        succeeded: whether the scene was solved in the end.
+        failure: why it was not; empty if it was.
+        film_strip: (H, W, 3) images of camera `front` before the first and after each pose; empty if not asked for.
+    """
+
+    scene: SceneView
+    trajectory: Trajectory
+    control_frequency_hz: float
+    num_expert_poses: int
+    succeeded: bool
+    failure: str
+    film_strip: tuple[RgbImage, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class RolloutResult:
+    """What became of predicted actions.
+
+    Attributes:
+        num_executed: actions that were carried out.
+        succeeded, failure, film_strip: as in RecordedDemonstration.
+    """
+
+    task: str
+    seed: int
+    num_executed: int
+    succeeded: bool
+    failure: str
+    film_strip: tuple[RgbImage, ...]
+
+
+def view_scene(task_name: str, seed: int, *, variation: int | None = None, images: bool = True) -> SceneView:
+    """The scene of a seed, as `record_demonstration` and `rollout` set it up.
+
+    Raises:
+        InvalidInputError: for an unknown task or variation.
+    """
+    return _view(_robot(task_name, seed, variation, images=images), seed)
+
+
+def record_demonstration(
+    task_name: str,
+    seed: int,
+    control_frequency_hz: float = 20.0,
+    *,
+    variation: int | None = None,
+    images: bool = True,
+    film_strip: bool = False,
+) -> RecordedDemonstration:
+    """Let the task's expert solve the scene of a seed, and record it. A demonstration that failed says so.
+
+    Raises:
+        InvalidInputError: for an unknown task or variation, or a frequency that the simulation cannot sample at.
+    """
+    robot = _robot(task_name, seed, variation, images=images)
+    robot.dwell_s = max(DWELL_S, DWELL_SAMPLES / control_frequency_hz)
+    recorder = Recorder(robot.task.model, robot.task.data, control_frequency_hz)
+    scene = _view(robot, seed)
+    robot.after_step.append(recorder.sample)
+    moves = robot.task.expert()
+    film, _, error = _perform(robot, moves, film_strip=film_strip)
+    trajectory = recorder.trajectory()
+    failure = error or _judge(robot)
+    return RecordedDemonstration(
+        scene, trajectory, control_frequency_hz, len(moves), not failure, failure, tuple(film.images)
+    )
+
+
+def rollout(
+    task_name: str,
+    seed: int,
+    actions: Sequence[EndEffectorAction],
+    *,
+    variation: int | None = None,
+    film_strip: bool = False,
+) -> RolloutResult:
+    """Carry out predicted actions on the scene of a seed and judge the outcome.
+
+    An action that is out of reach or blocked ends the rollout as a failure that names it.
+
+    Raises:
+        InvalidInputError: for an unknown task or variation.
+    """
+    robot = _robot(task_name, seed, variation, images=False)
+    film, num_executed, error = _perform(robot, moves_from_actions(actions), film_strip=film_strip)
+    failure = error or _judge(robot)
+    return RolloutResult(task_name, seed, num_executed, not failure, failure, tuple(film.images))
+
+
+def _robot(task_name: str, seed: int, variation: int | None, *, images: bool) -> SimulatedPanda:
+    return SimulatedPanda(make_task(task_name, seed, variation), CAMERA_NAMES if images else ())
+
+
+def _view(robot: SimulatedPanda, seed: int) -> SceneView:
+    task, observation = robot.task, robot.observe()
+    return SceneView(task.name, seed, task.instruction, observation.objects, observation.frames, task.mask_ids())
+
+
+def _perform(robot: SimulatedPanda, moves: Sequence[Move], *, film_strip: bool) -> tuple[FilmStrip, int, str]:
+    """The film, the number of moves carried out and the error that ended them (empty: none)."""
+    num_done = 0
+
+    def after_move(index: int) -> None:
+        nonlocal num_done
+        num_done = index + 1
+        film.shoot()
+
+    with FilmStrip(robot.task.model, robot.task.data, wanted=film_strip) as film:
+        try:
+            robot.perform(moves, after_move)
+        except MotionError as error:
+            return film, num_done, str(error)
+    return film, num_done, ""
+
+
+def _judge(robot: SimulatedPanda) -> str:
+    """Why the scene is not solved; empty if it is."""
+    robot.hold(FINAL_HOLD_S)
+    return "" if robot.task.succeeded() else "every action was carried out, but the task is not solved"

@@ -1,0 +1,89 @@
+"""What an arm is asked to do: end-effector poses, how to get to them and what the gripper then does."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial.transform import Rotation
+
+from app.pipeline.episode import Array, EndEffectorAction
+
+UP = np.array([0.0, 0.0, 1.0])
+
+
+@dataclass(frozen=True, eq=False)
+class Pose:
+    """A pose of the point between the fingertips in the world frame.
+
+    Attributes:
+        position_m: (3,).
+        rotation: takes tool axes to world axes; tool z is the direction of approach, the fingers move along tool y.
+    """
+
+    position_m: Array
+    rotation: Rotation
+
+
+@dataclass(frozen=True, eq=False)
+class Move:
+    """Go to a pose, then set the gripper.
+
+    Attributes:
+        straight: along a straight line; otherwise the arm takes the quickest way, as for a first approach.
+    """
+
+    pose: Pose
+    gripper_open: bool
+    straight: bool = True
+
+
+def tool_down(yaw_rad: float = 0.0, tilt_rad: float = 0.0) -> Rotation:
+    """The tool pointing down, its fingers moving along the horizontal direction `yaw_rad` + 90 degrees.
+
+    A positive tilt leans the direction of approach from straight down towards the heading `yaw_rad`.
+    """
+    return Rotation.from_euler("z", yaw_rad) * Rotation.from_euler("y", -tilt_rad) * Rotation.from_euler("x", np.pi)
+
+
+def nearest_yaw_rad(yaw_rad: float, symmetry_rad: float = np.pi) -> float:
+    """The equivalent of a yaw that is nearest to 0 under a symmetry (a parallel gripper: pi, on a cube: pi/2)."""
+    return (yaw_rad + symmetry_rad / 2) % symmetry_rad - symmetry_rad / 2
+
+
+def move_to(position_m: npt.ArrayLike, rotation: Rotation, *, gripper_open: bool, straight: bool = True) -> Move:
+    """A move from a position (3,) and a rotation."""
+    return Move(Pose(np.asarray(position_m, dtype=np.float64), rotation), gripper_open, straight)
+
+
+def pick(position_m: npt.ArrayLike, rotation: Rotation, clearance_m: float = 0.10) -> list[Move]:
+    """Approach along the tool's axis, close the gripper at the position, lift."""
+    at = np.asarray(position_m, dtype=np.float64)
+    return [
+        move_to(at - clearance_m * rotation.apply(UP), rotation, gripper_open=True, straight=False),
+        move_to(at, rotation, gripper_open=False),
+        move_to(at + clearance_m * UP, rotation, gripper_open=False),
+    ]
+
+
+def place(position_m: npt.ArrayLike, rotation: Rotation, clearance_m: float = 0.10) -> list[Move]:
+    """Approach from above, open the gripper at the position, rise."""
+    at = np.asarray(position_m, dtype=np.float64)
+    return [
+        move_to(at + clearance_m * UP, rotation, gripper_open=False, straight=False),
+        move_to(at, rotation, gripper_open=True),
+        move_to(at + clearance_m * UP, rotation, gripper_open=True),
+    ]
+
+
+def moves_from_actions(actions: Sequence[EndEffectorAction]) -> list[Move]:
+    """Predicted actions as moves: freely to the first pose, in straight lines from then on."""
+    return [
+        move_to(
+            action.position_m,
+            Rotation.from_quat(action.quaternion_xyzw),
+            gripper_open=action.gripper_open,
+            straight=index > 0,
+        )
+        for index, action in enumerate(actions)
+    ]

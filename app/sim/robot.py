@@ -1,0 +1,124 @@
+"""The simulated arm as a Robot: observes its scene, carries out actions, records what it does."""
+
+from collections.abc import Callable, Sequence
+
+import mujoco
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from app.client.robot import MotionError, Observation
+from app.pipeline.episode import Array, EndEffectorAction
+from app.sim import panda
+from app.sim.cameras import CAMERA_NAMES
+from app.sim.kinematics import Kinematics
+from app.sim.motion import time_path
+from app.sim.moves import Move, Pose, moves_from_actions
+from app.sim.planner import Path, Planner
+from app.sim.rendering import open_renderer
+from app.sim.tasks.base import SimTask
+from app.sim.world import BASE_POSITION_M, TIMESTEP_S
+
+GRIPPER_S = 0.5  # the Franka Hand closes at up to 0.1 m/s (data sheet): 0.4 s for its whole travel, and time to grip
+STOP_S = 0.1
+DWELL_S = 0.1
+# An arm that ends up further from its target has run into something.
+MAX_MISS_M, MAX_MISS_RAD = 0.03, np.radians(15.0)
+# A position servo trails by velocity * damping / stiffness; asking that much ahead cancels it (44 mm become 0.9 mm).
+VELOCITY_LEAD_S = panda.SERVO_DAMPING / panda.SERVO_STIFFNESS
+
+
+class SimulatedPanda:
+    """A Panda in a task's scene; implements `app.client.robot.Robot`. Simulated time passes only while it acts.
+
+    Args:
+        task: the scene; the arm is where its data says.
+        cameras: which cameras `observe` renders; none makes it much quicker.
+        dwell_s: the arm's rest after each move.
+
+    Attributes:
+        after_step: called after every simulation step, e.g. a recorder's `sample`.
+    """
+
+    def __init__(self, task: SimTask, cameras: Sequence[str] = CAMERA_NAMES, dwell_s: float = DWELL_S) -> None:
+        self.task = task
+        self.cameras = tuple(cameras)
+        self.dwell_s = dwell_s
+        self.after_step: list[Callable[[], None]] = [task.latch]
+        self._kinematics = Kinematics(BASE_POSITION_M)
+        self._planner = Planner(self._kinematics)
+        self._joint_addresses = [task.model.joint(name).qposadr[0] for name in panda.JOINT_NAMES]
+        self._target_rad: Array = task.data.ctrl[: panda.NUM_JOINTS].copy()
+
+    def observe(self) -> Observation:
+        task = self.task
+        if not self.cameras:
+            return Observation(task.object_poses())
+        with open_renderer(task.model) as renderer:
+            return Observation(task.object_poses(), tuple(renderer.rgbd(task.data, name) for name in self.cameras))
+
+    def execute(self, action: EndEffectorAction) -> None:
+        """Move in a straight line where the arm can, then set the gripper; raises MotionError as the Protocol says."""
+        pose = Pose(action.position_m, Rotation.from_quat(action.quaternion_xyzw))
+        self.perform([Move(pose, action.gripper_open)])
+
+    def execute_sequence(
+        self, actions: Sequence[EndEffectorAction], on_done: Callable[[int], None] | None = None
+    ) -> None:
+        """Carry out actions planned as a whole: freely to the first, in straight lines from then on where possible.
+
+        Args:
+            on_done: called with the index of each action once it is done.
+
+        Raises:
+            MotionError: before any motion if an action is out of reach; later if one does not arrive. Names the action.
+        """
+        self.perform(moves_from_actions(actions), on_done)
+
+    def perform(self, moves: Sequence[Move], on_done: Callable[[int], None] | None = None) -> None:
+        """Like `execute_sequence`, for moves that say themselves which lines are straight."""
+        paths = self._planner.plan(self._target_rad, moves)
+        for index, (move, path) in enumerate(zip(moves, paths, strict=True)):
+            self._follow(path)
+            self._check_arrival(move.pose, index, len(moves))
+            self._set_gripper(is_open=move.gripper_open)
+            if on_done is not None:
+                on_done(index)
+
+    def stop(self) -> None:
+        self._target_rad = self.task.data.qpos[self._joint_addresses]
+        self.hold(STOP_S)
+
+    def hold(self, duration_s: float) -> None:
+        """Rest at the commanded position while simulated time passes."""
+        steps = round(duration_s / TIMESTEP_S)
+        self._run(np.tile(self._target_rad, (steps, 1)))
+
+    def _follow(self, path: Path) -> None:
+        motion = time_path(path, self._kinematics, TIMESTEP_S)
+        self._target_rad = path.end_rad
+        self._run(motion.positions_rad + VELOCITY_LEAD_S * motion.velocities_rad_s)
+        self.hold(self.dwell_s)
+
+    def _set_gripper(self, *, is_open: bool) -> None:
+        width_m = panda.FINGER_TRAVEL_M if is_open else 0.0
+        if width_m != self.task.data.ctrl[panda.GRIPPER_CTRL]:
+            self.task.data.ctrl[panda.GRIPPER_CTRL] = width_m
+            self.hold(GRIPPER_S)
+
+    def _run(self, targets_rad: Array) -> None:
+        """One simulation step for each row (N, 7)."""
+        model, data = self.task.model, self.task.data
+        arm_ctrl = data.ctrl[: panda.NUM_JOINTS]
+        for row in targets_rad:
+            arm_ctrl[:] = row
+            mujoco.mj_step(model, data)
+            for call in self.after_step:
+                call()
+
+    def _check_arrival(self, wanted: Pose, index: int, total: int) -> None:
+        actual = self._kinematics.forward(self.task.data.qpos[self._joint_addresses])
+        miss_m = float(np.linalg.norm(actual.position_m - wanted.position_m))
+        miss_rad = float((actual.rotation.inv() * wanted.rotation).magnitude())
+        if miss_m > MAX_MISS_M or miss_rad > MAX_MISS_RAD:
+            miss = f"{miss_m * 100:.1f} cm and {np.degrees(miss_rad):.0f} degrees off: something is in the way"
+            raise MotionError(f"action {index + 1} of {total} did not arrive, {miss}")

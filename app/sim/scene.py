@@ -1,0 +1,145 @@
+"""Building blocks of task scenes: bodies from boxes, cylinders and capsules, with joints, at random places."""
+
+from typing import Self, TypedDict, Unpack
+
+import mujoco
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial.transform import Rotation
+
+from app.pipeline.episode import Array
+from app.sim.world import OBJECT_CONTACT
+
+COLOURS = {
+    "red": (0.85, 0.10, 0.10),
+    "green": (0.10, 0.65, 0.15),
+    "blue": (0.10, 0.22, 0.85),
+    "yellow": (0.95, 0.80, 0.05),
+    "white": (0.92, 0.92, 0.92),
+    "grey": (0.45, 0.45, 0.48),
+    "black": (0.12, 0.12, 0.13),
+    "wood": (0.58, 0.38, 0.20),
+}
+# Stiff contacts: solids sink into each other by less than 0.1 mm under their own weight
+CONTACT_SOLREF, CONTACT_SOLIMP = (0.006, 1.0), (0.95, 0.99, 0.001, 0.5, 2.0)
+TORSIONAL_FRICTION, ROLLING_FRICTION = 0.005, 0.0001
+NO_TURN = Rotation.identity()
+MAX_PLACEMENT_TRIALS = 10_000
+
+Vector = tuple[float, float, float]
+Point2 = tuple[float, float]
+
+
+class Shape(TypedDict, total=False):
+    """What any rigid shape of a body may have: where it is in the body's frame, its weight, its friction."""
+
+    at_m: npt.ArrayLike
+    rotation: Rotation
+    mass_kg: float
+    friction: float
+
+
+class Part:
+    """A body under construction in a mujoco.MjSpec. Methods return the part, so that calls chain.
+
+    Args:
+        parent: the body to attach to: `spec.worldbody` or another part's `body`.
+        position_m: (3,) in the parent's frame.
+        free: whether it moves freely; only directly under the world.
+    """
+
+    def __init__(
+        self,
+        parent: mujoco.MjsBody,
+        name: str,
+        position_m: npt.ArrayLike,
+        rotation: Rotation = NO_TURN,
+        *,
+        free: bool = False,
+    ) -> None:
+        self.body = parent.add_body(name=name, pos=position_m, quat=quaternion_wxyz(rotation))
+        if free:
+            self.body.add_freejoint()
+
+    def box(self, half_sizes_m: Vector, colour: str, **shape: Unpack[Shape]) -> Self:
+        return self._geom(mujoco.mjtGeom.mjGEOM_BOX, half_sizes_m, colour, **shape)
+
+    def cylinder(self, radius_m: float, half_height_m: float, colour: str, **shape: Unpack[Shape]) -> Self:
+        return self._geom(mujoco.mjtGeom.mjGEOM_CYLINDER, (radius_m, half_height_m, 0), colour, **shape)
+
+    def _geom(
+        self,
+        kind: mujoco.mjtGeom,
+        size: Vector,
+        colour: str,
+        *,
+        at_m: npt.ArrayLike = (0.0, 0.0, 0.0),
+        rotation: Rotation = NO_TURN,
+        mass_kg: float = 0.05,
+        friction: float = 0.6,
+    ) -> Self:
+        """One rigid shape of the body, at a position and rotation in its frame."""
+        self.body.add_geom(
+            type=kind,
+            size=size,
+            pos=at_m,
+            quat=quaternion_wxyz(rotation),
+            rgba=[*COLOURS[colour], 1],
+            mass=mass_kg,
+            friction=[friction, TORSIONAL_FRICTION, ROLLING_FRICTION],
+            solref=CONTACT_SOLREF,
+            solimp=CONTACT_SOLIMP,
+            **OBJECT_CONTACT,
+        )
+        return self
+
+    def slide(
+        self,
+        name: str,
+        axis: Vector,
+        range_m: tuple[float, float],
+        *,
+        damping: float,
+        dry_friction_n: float = 0.0,
+        spring_n_m: float = 0.0,
+        spring_rest_m: float = 0.0,
+    ) -> Self:
+        """A sliding joint towards the parent; it starts at 0."""
+        self.body.add_joint(
+            name=name,
+            type=mujoco.mjtJoint.mjJNT_SLIDE,
+            axis=axis,
+            range=range_m,
+            limited=1,
+            armature=0.001,
+            damping=[damping, 0, 0],
+            frictionloss=dry_friction_n,
+            stiffness=[spring_n_m, 0, 0],
+            springref=spring_rest_m,
+        )
+        return self
+
+
+def scatter(
+    random: np.random.Generator, count: int, low_m: Point2, high_m: Point2, min_distance_m: float
+) -> list[Array]:
+    """`count` points (2,), uniform in a rectangle, with a least distance between any two."""
+    points: list[Array] = []
+    for _ in range(MAX_PLACEMENT_TRIALS):
+        point = random.uniform(low_m, high_m)
+        if all(np.linalg.norm(point - other) >= min_distance_m for other in points):
+            points.append(point)
+        if len(points) == count:
+            return points
+    raise ValueError(f"{count} points at least {min_distance_m} m apart do not fit between {low_m} and {high_m}")
+
+
+def about_z(yaw_rad: float) -> Rotation:
+    """A turn about the vertical."""
+    return Rotation.from_euler("z", yaw_rad)
+
+
+def quaternion_wxyz(rotation: Rotation) -> list[float]:
+    """MuJoCo's order."""
+    x, y, z, w = rotation.as_quat()
+    return [w, x, y, z]

@@ -1,0 +1,147 @@
+"""What a task is: a scene drawn from a seed, an instruction, an expert that solves it and a test of success.
+
+To add a task, write one module with a subclass of SimTask and name it in `app.sim.tasks`.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from typing import ClassVar
+
+import mujoco
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial.transform import Rotation
+
+from app.pipeline.episode import Array, ObjectPose
+from app.sim import panda
+from app.sim.moves import Move
+from app.sim.scene import NO_TURN, Part
+from app.sim.world import OBJECT_CONTACT, base_spec, place_arm
+
+SETTLE_S = 0.3
+OPEN_FINGER_M = panda.FINGER_TRAVEL_M / 2  # the gripper is commanded open above this
+
+
+class SimTask(ABC):
+    """One scene of a task, the arm at home. A task instance is determined by seed and variation.
+
+    Args:
+        seed: draws the scene.
+        variation: which of the task's variations the instruction asks for; they take turns with the seed by default, so
+            that consecutive seeds demonstrate them all.
+
+    Attributes:
+        model, data: the MuJoCo scene (mujoco.MjModel, mujoco.MjData).
+        events: what `latch` has noted since the scene was set up.
+    """
+
+    name: ClassVar[str]
+    # The objects that a prompt names; each is the name of a body, whose origin and axes are the object's pose.
+    object_names: ClassVar[tuple[str, ...]]
+    variations: ClassVar[int] = 1
+    # The turn about its own z axis, in degrees, that leaves an object unchanged: 90 for a cube, 0 for a round object
+    # (its yaw means nothing). An object that is not listed has no such symmetry.
+    yaw_symmetry_deg: ClassVar[Mapping[str, float]] = {}
+
+    def __init__(self, seed: int, variation: int | None = None) -> None:
+        self.variation = seed % self.variations if variation is None else variation
+        self.events: list[str] = []
+        self._spec = base_spec()
+        self.build(np.random.default_rng(seed))
+        self.model: mujoco.MjModel = self._spec.compile()
+        self.data: mujoco.MjData = mujoco.MjData(self.model)
+        self._reset()
+
+    def _reset(self) -> None:
+        place_arm(self.model, self.data)
+        self.after_reset()
+        mujoco.mj_step(self.model, self.data, round(SETTLE_S / self.model.opt.timestep))
+        self.data.time = 0.0
+        mujoco.mj_forward(self.model, self.data)
+
+    @abstractmethod
+    def build(self, random: np.random.Generator) -> None:
+        """Add the task's bodies by `add_part`, drawing places from `random`."""
+
+    def after_reset(self) -> None:  # noqa: B027 - a hook that most tasks leave empty
+        """Set joints that do not start at 0, look up what `latch` needs; `model` and `data` stand."""
+
+    def latch(self) -> None:  # noqa: B027 - likewise
+        """Note what happens in passing in `events`; called after every simulation step, so cheap."""
+
+    @property
+    @abstractmethod
+    def instruction(self) -> str:
+        """What the robot is asked to do."""
+
+    @abstractmethod
+    def expert(self) -> list[Move]:
+        """Moves that solve the scene as it stands now."""
+
+    @abstractmethod
+    def succeeded(self) -> bool:
+        """Whether the task is solved as the scene stands now (criteria: the paper's supplement)."""
+
+    def add_part(
+        self,
+        name: str,
+        position_m: npt.ArrayLike,
+        rotation: Rotation = NO_TURN,
+        *,
+        free: bool = False,
+        parent: Part | None = None,
+    ) -> Part:
+        """A new body, of the world or of another part, which it then does not collide with; for use in `build`."""
+        if parent is not None:
+            self._spec.add_exclude(bodyname1=parent.body.name, bodyname2=name)
+        return Part(self._spec.worldbody if parent is None else parent.body, name, position_m, rotation, free=free)
+
+    def object_poses(self) -> tuple[ObjectPose, ...]:
+        """The true poses of the objects, in the world frame."""
+        return tuple(
+            ObjectPose(name, self.position_m(name), self.rotation(name).as_quat(canonical=True))
+            for name in self.object_names
+        )
+
+    def mask_ids(self) -> dict[str, tuple[int, ...]]:
+        """For each object the ids by which segmentation masks show it: its body and those that it carries."""
+        return {name: self._subtree(self.model.body(name).id) for name in self.object_names}
+
+    def _subtree(self, body_id: int) -> tuple[int, ...]:
+        children = np.flatnonzero(self.model.body_parentid == body_id).tolist()
+        return (body_id, *(i for child in children if child != body_id for i in self._subtree(child)))
+
+    def position_m(self, body: str) -> Array:
+        """(3,) of a body's origin in the world frame."""
+        position: Array = self.data.body(body).xpos.copy()
+        return position
+
+    def rotation(self, body: str) -> Rotation:
+        """From a body's axes to the world's."""
+        return Rotation.from_matrix(self.data.body(body).xmat.reshape(3, 3))
+
+    def yaw_rad(self, body: str) -> float:
+        """The heading of a body's x axis."""
+        matrix = self.data.body(body).xmat
+        return float(np.arctan2(matrix[3], matrix[0]))
+
+    def joint_position(self, joint: str) -> float:
+        """Of a joint of one degree of freedom, m or rad."""
+        return float(self.data.joint(joint).qpos[0])
+
+    def gripper_holds_nothing(self) -> bool:
+        """Whether the gripper is commanded open and at most one of its pads touches an object."""
+        if self.data.ctrl[panda.GRIPPER_CTRL] < OPEN_FINGER_M:
+            return False
+        pads = {self.model.geom(name).id for name in panda.PAD_NAMES}
+        pairs = self.data.contact.geom[: self.data.ncon]
+        touching = {
+            pad
+            for pair in pairs.tolist()
+            for pad, other in (pair, pair[::-1])
+            if pad in pads and self._is_object(other)
+        }
+        return len(touching) < len(pads)
+
+    def _is_object(self, geom_id: int) -> bool:
+        return bool(self.model.geom_contype[geom_id] == OBJECT_CONTACT["contype"])

@@ -1,0 +1,47 @@
+"""What the documentation promises holds on the running service."""
+
+import re
+
+from app.api.schemas import examples, responses
+
+
+def test_examples_can_be_sent_as_they_are(http):
+    episode = http.post("/episodes", json=examples.EPISODE)
+    assert episode.status_code == 201, episode.text
+    assert http.put("/tasks/press", json=examples.TASK).status_code == 200
+    prediction = http.post("/predict", json={**examples.PREDICT, "model": "embedded/gemma-3-270m"})
+    assert prediction.status_code == 200, prediction.text
+    assert len(prediction.json()["actions"]) == 3
+    outcome = http.post(f"/predictions/{prediction.json()['id']}/outcome", json=examples.OUTCOME)
+    assert outcome.status_code == 200, outcome.text
+
+
+def test_answers_are_what_their_schemas_say(http):
+    http.post("/episodes", json=examples.EPISODE)
+    predict = {**examples.PREDICT, "model": "regression"}
+    http.post("/episodes", json=examples.EPISODE)
+    documents = {
+        responses.EpisodePage: http.get("/episodes", params={"task": "press"}),
+        responses.TaskOut: http.get("/tasks/press"),
+        responses.TaskList: http.get("/tasks"),
+        responses.PredictionOut: http.post("/predict", json=predict),
+        responses.DryRunOut: http.post("/predict", json={**predict, "dry_run": True}),
+        responses.PredictionPage: http.get("/predictions"),
+        responses.ModelList: http.get("/models"),
+        responses.Health: http.get("/readyz"),
+        responses.Problem: http.get("/episodes/none"),
+    }
+    for model, response in documents.items():
+        extra = set(response.json()) - set(model.model_fields)
+        assert not extra, (model, extra)
+        model.model_validate_json(response.content)
+
+
+def test_documentation_page_needs_no_other_host(http):
+    page = http.get("/docs").text
+    addresses = re.findall(r'(?:src|href)="([^"]+)"', page)
+    assert addresses
+    for address in addresses:
+        assert address.startswith("/"), address
+        assert http.get(address).status_code == 200
+    assert "https://" not in page.replace("https://arxiv.org", "")

@@ -1,0 +1,95 @@
+import numpy as np
+import pytest
+
+from app.client.robot import MotionError
+from app.sim import panda
+from app.sim.kinematics import Kinematics
+from app.sim.motion import time_path
+from app.sim.moves import move_to, nearest_yaw_rad, tool_down
+from app.sim.planner import Planner
+from app.sim.world import BASE_POSITION_M, HOME_RAD, TIMESTEP_S
+
+
+@pytest.fixture(scope="module")
+def kinematics():
+    return Kinematics(BASE_POSITION_M)
+
+
+@pytest.fixture(scope="module")
+def planner(kinematics):
+    return Planner(kinematics)
+
+
+def over_table(x_m, y_m, z_m=0.85, yaw_rad=0.0, tilt_rad=0.0, *, straight=True):
+    return move_to([x_m, y_m, z_m], tool_down(yaw_rad, tilt_rad), gripper_open=True, straight=straight)
+
+
+def test_tool_down_points_down_and_leans_forward():
+    np.testing.assert_allclose(tool_down(0.7).apply([0, 0, 1]), [0, 0, -1], atol=1e-12)
+    heading = np.array([np.cos(0.7), np.sin(0.7), 0])
+    leaned = tool_down(0.7, tilt_rad=0.5).apply([0, 0, 1])
+    np.testing.assert_allclose(leaned, np.sin(0.5) * heading - [0, 0, np.cos(0.5)], atol=1e-12)
+
+
+@pytest.mark.parametrize(("yaw_deg", "expected_deg"), [(100, -80), (-100, 80), (45, 45), (170, -10)])
+def test_nearest_yaw_of_a_parallel_gripper(yaw_deg, expected_deg):
+    assert np.degrees(nearest_yaw_rad(np.radians(yaw_deg))) == pytest.approx(expected_deg)
+
+
+def test_solutions_reach_the_pose_within_the_limits(kinematics):
+    random = np.random.default_rng(1)
+    for _ in range(5):
+        x_m, y_m, yaw_rad = random.uniform([0.0, -0.3, -1.5], [0.4, 0.3, 1.5])
+        pose = over_table(x_m, y_m, yaw_rad=yaw_rad).pose
+        solutions = [joints for joints, _ in zip(kinematics.solutions(pose, HOME_RAD), range(3), strict=False)]
+        assert solutions
+        for joints in solutions:
+            reached = kinematics.forward(joints)
+            assert np.linalg.norm(reached.position_m - pose.position_m) < 1e-3
+            assert (reached.rotation.inv() * pose.rotation).magnitude() < np.radians(0.5)
+            assert (joints >= panda.JOINT_MIN_RAD - 1e-6).all()
+            assert (joints <= panda.JOINT_MAX_RAD + 1e-6).all()
+
+
+def test_a_straight_move_follows_a_line(planner, kinematics):
+    free, line = planner.plan(HOME_RAD, [over_table(0.1, -0.2, straight=False), over_table(0.3, 0.2)])
+    assert (free.straight, line.straight) == (False, True)
+    motion = time_path(line, kinematics, TIMESTEP_S)
+    start, end = np.array([0.1, -0.2, 0.85]), np.array([0.3, 0.2, 0.85])
+    direction = (end - start) / np.linalg.norm(end - start)
+    for joints in motion.positions_rad[::50]:
+        offset = kinematics.forward(joints).position_m - start
+        assert np.linalg.norm(offset - offset @ direction * direction) < 1e-3
+
+
+def test_a_line_that_the_arm_cannot_follow_becomes_a_free_move(planner):
+    # From the table's far left to its far right, the line passes through the robot's own base.
+    behind = [over_table(-0.3, 0.45, straight=False), over_table(-0.3, -0.45)]
+    paths = planner.plan(HOME_RAD, behind)
+    assert [path.straight for path in paths] == [False, False]
+
+
+def test_the_posture_is_chosen_for_the_lines_that_follow(planner):
+    rising = [
+        over_table(0.25, -0.2, z_m=0.90, yaw_rad=-1.3, tilt_rad=0.6, straight=False),
+        over_table(0.25, -0.2, z_m=0.82, yaw_rad=-1.3, tilt_rad=0.6),
+        over_table(0.20, -0.05, z_m=0.82, yaw_rad=-1.3, tilt_rad=0.6),
+    ]
+    assert [path.straight for path in planner.plan(HOME_RAD, rising)] == [False, True, True]
+
+
+def test_an_unreachable_pose_is_named(planner):
+    moves = [over_table(0.2, 0.0), over_table(1.5, 0.0), over_table(0.2, 0.1)]
+    with pytest.raises(MotionError, match=r"action 2 of 3 .* position \[1\.500, 0\.000, 0\.850\] m"):
+        planner.plan(HOME_RAD, moves)
+
+
+def test_motions_respect_the_limits_and_end_at_rest(planner, kinematics):
+    moves = [over_table(0.35, 0.3, straight=False), over_table(0.1, -0.3, yaw_rad=1.0)]
+    for path in planner.plan(HOME_RAD, moves):
+        motion = time_path(path, kinematics, TIMESTEP_S)
+        assert (np.abs(motion.velocities_rad_s) <= panda.MAX_VELOCITY_RAD_S).all()
+        acceleration = np.diff(motion.velocities_rad_s, axis=0) / TIMESTEP_S
+        assert (np.abs(acceleration[:-1]) <= panda.MAX_ACCELERATION_RAD_S2).all()
+        np.testing.assert_allclose(motion.positions_rad[-1], path.end_rad, atol=1e-9)
+        np.testing.assert_allclose(motion.velocities_rad_s[-1], 0, atol=1e-6)

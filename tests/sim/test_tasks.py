@@ -1,0 +1,95 @@
+"""The contract of every task: each registered task is held to all of it."""
+
+import numpy as np
+import pytest
+
+from app.pipeline.episode import checked_instruction, checked_name
+from app.pipeline.errors import InvalidInputError
+from app.pipeline.keyframes import merged
+from app.pipeline.workspace import Workspace, discretize_action, undiscretize_action
+from app.sim.demonstrate import record_demonstration, rollout, view_scene
+from app.sim.tasks import TASKS, make_task
+
+pytestmark = pytest.mark.parametrize("name", TASKS)
+
+WORKSPACE = Workspace.rlbench()
+SEEDS = range(4)
+MIN_PIXELS = 200
+MIN_SPREAD_M, MIN_SPREAD_RAD = 0.02, 0.1
+
+
+def xyz(scene):
+    return np.array([pose.position_m for pose in scene.objects])
+
+
+def test_the_seed_determines_the_scene(name):
+    first, again, other = view_scene(name, 5), view_scene(name, 5), view_scene(name, 6)
+    assert first.instruction == again.instruction
+    np.testing.assert_array_equal(xyz(first), xyz(again))
+    for frame, same, different in zip(first.frames, again.frames, other.frames, strict=True):
+        np.testing.assert_array_equal(frame.rgb, same.rgb)
+        np.testing.assert_array_equal(frame.depth_m, same.depth_m)
+        np.testing.assert_array_equal(frame.mask, same.mask)
+        assert (frame.rgb != different.rgb).any()
+
+
+def test_objects_and_instructions_can_stand_in_a_prompt(name):
+    task = TASKS[name]
+    scenes = [make_task(name, 0, variation) for variation in range(task.variations)]
+    assert len({scene.instruction for scene in scenes}) == task.variations
+    for scene in scenes:
+        checked_instruction("instruction", scene.instruction)
+        assert [checked_name("name", pose.name) for pose in scene.object_poses()] == list(task.object_names)
+    assert set(task.yaw_symmetry_deg) <= set(task.object_names)
+
+
+def test_variations_take_turns_with_the_seed(name):
+    variations = TASKS[name].variations
+    assert [make_task(name, seed).variation for seed in range(variations)] == list(range(variations))
+
+
+def test_an_unknown_variation_is_refused(name):
+    with pytest.raises(InvalidInputError, match="variation"):
+        make_task(name, 0, TASKS[name].variations)
+
+
+def test_objects_move_and_turn_from_seed_to_seed(name):
+    scenes = [make_task(name, seed) for seed in range(8)]
+    positions = np.array([[pose.position_m for pose in scene.object_poses()] for scene in scenes])
+    assert (positions[..., :2].std(axis=0) > MIN_SPREAD_M).all()
+    for object_name in TASKS[name].object_names:
+        if TASKS[name].yaw_symmetry_deg.get(object_name) != 0:
+            assert np.std([scene.yaw_rad(object_name) for scene in scenes]) > MIN_SPREAD_RAD
+
+
+def test_things_rest_before_the_arm_moves(name):
+    scene = make_task(name, 2)
+    assert np.abs(scene.data.qvel).max() < 0.01
+    assert not scene.succeeded()
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_the_front_camera_sees_every_object(name, seed):
+    scene = view_scene(name, seed)
+    (front,) = (frame for frame in scene.frames if frame.camera.name == "front")
+    for object_name, ids in scene.mask_ids.items():
+        assert np.isin(front.mask, ids).sum() > MIN_PIXELS, object_name
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_the_expert_and_its_binned_keyframes_succeed(name, seed):
+    demonstration = record_demonstration(name, seed, images=False)
+    assert demonstration.succeeded, demonstration.failure
+    keyframes = merged(demonstration.trajectory)
+    assert len(keyframes) == demonstration.num_expert_poses
+    assert 3 <= len(keyframes) <= 15
+    binned = [discretize_action(demonstration.trajectory.action_at(frame), WORKSPACE) for frame in keyframes]
+    assert not any(action.clamped for action in binned)
+    result = rollout(name, seed, [undiscretize_action(action.bins, WORKSPACE) for action in binned])
+    assert result.succeeded, result.failure
+
+
+@pytest.mark.parametrize("frequency_hz", [6, 50])
+def test_keyframes_are_the_experts_poses_at_other_rates(name, frequency_hz):
+    demonstration = record_demonstration(name, 1, frequency_hz, images=False)
+    assert len(merged(demonstration.trajectory)) == demonstration.num_expert_poses
