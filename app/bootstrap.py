@@ -14,7 +14,7 @@ from app.llm.registry import ModelRegistry
 from app.llm.settings import LlmSettings
 from app.services.container import Services
 from app.settings import MEGABYTE, Settings
-from app.store import Store
+from app.store.store import Store
 
 logger = logging.getLogger(__name__)
 

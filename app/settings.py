@@ -17,7 +17,7 @@ class Settings(BaseSettings):
     model_config = SettingsConfigDict(env_prefix="ROBOPROMPT_", env_file=".env", extra="ignore", frozen=True)
 
     data: Annotated[Path, Field(description="folder of the database and the images")] = Path("data")
-    database_url: Annotated[str | None, Field(description="SQLAlchemy URL; None: SQLite in the data folder")] = None
+    database_url: Annotated[str | None, Field(description="SQLAlchemy URL; empty: SQLite in the data folder")] = None
     max_body_mb: Annotated[float, Field(gt=0, description="larger requests are refused with 413")] = 200
     warm_up: Annotated[bool, Field(description="start the embedded LLM in the background at start-up")] = True
 

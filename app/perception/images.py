@@ -4,24 +4,26 @@ An image is a PNG, a JPEG or a `.npy` array. Its size is read from the header be
 389 kB can unfold to 1.2 GB.
 """
 
-import io
-import os
+import re
+import struct
 from typing import Any, Literal
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
 from app.pipeline.errors import InvalidInputError
+from app.pipeline.npy import array_from_npy
 
-MAX_PIXELS = 16_000_000  # 4k UHD has 8.3 million
-# OpenCV reads its limit once, when it is loaded.
-os.environ["OPENCV_IO_MAX_IMAGE_PIXELS"] = str(MAX_PIXELS)
-import cv2  # noqa: E402
-
+# 4k UHD has 8.3 million. OpenCV's own limit is an environment variable that it reads once, when it is loaded.
+MAX_PIXELS = 16_000_000
 _PNG = b"\x89PNG\r\n\x1a\n"
 _PNG_END = b"IEND\xaeB`\x82"
 _JPEG = b"\xff\xd8\xff"
 _JPEG_END = b"\xff\xd9"
+_JPEG_MARKER = re.compile(rb"\xff+([^\x00\xff])", re.DOTALL)  # as libjpeg finds the next one
+_JPEG_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # ITU-T T.81, table B.1: these give the size
+_JPEG_WITHOUT_LENGTH = frozenset({0x01, *range(0xD0, 0xDA)})
 _NPY = b"\x93NUMPY"
 _VALID = {
     "rgb": "a PNG or JPEG of 8 bits a channel, or a .npy array (H, W, 3) uint8",
@@ -69,7 +71,10 @@ def decode_mask(field: str, data: bytes) -> npt.NDArray[np.int32]:
         array = _decode(field, data, cv2.IMREAD_UNCHANGED, "mask")
     if array.ndim != 2 or array.dtype.kind not in "iub":
         raise InvalidInputError(field, f"is an array {array.shape} {array.dtype}", _VALID["mask"])
-    return array.astype(np.int32)
+    ids = array.astype(np.int32)
+    if (ids != array).any():
+        raise InvalidInputError(field, f"has the id {array[ids != array][0]}", "ids of 32 bits")
+    return ids
 
 
 def as_image(data: bytes, kind: Literal["rgb", "depth"], depth_scale: float) -> tuple[bytes, str]:
@@ -93,32 +98,39 @@ def _decode(field: str, data: bytes, flags: int, kind: Literal["rgb", "depth", "
         raise InvalidInputError(field, f"begins with {data[:8]!r}", _VALID[kind])
     if (_PNG_END if data.startswith(_PNG) else _JPEG_END) not in data[-64:]:
         raise InvalidInputError(field, f"is cut off after {len(data)} bytes", _VALID[kind])
+    width, height = _png_size(data) if data.startswith(_PNG) else _jpeg_size(data)
+    _check_pixels(field, width * height)
     try:
         image = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
     except cv2.error as error:
-        limit = "validateInputImageSize" in str(error)
-        message = f"has more than {MAX_PIXELS} pixels" if limit else f"cannot be decoded: {error.err}"
-        raise InvalidInputError(field, message, _VALID[kind]) from None
+        raise InvalidInputError(field, f"cannot be decoded: {error.err}", _VALID[kind]) from None
     if image is None:
         raise InvalidInputError(field, f"is damaged: {len(data)} bytes that do not decode", _VALID[kind])
     return image
 
 
+def _png_size(data: bytes) -> tuple[int, int]:
+    """Width and height; no pixels if the data ends before them."""
+    return struct.unpack_from(">II", data, 16) if len(data) >= 24 else (0, 0)
+
+
+def _jpeg_size(data: bytes) -> tuple[int, int]:
+    """Width and height; no pixels if the data ends before them."""
+    position = 2
+    while (match := _JPEG_MARKER.search(data, position)) and match.end() + 7 <= len(data):
+        marker, position = match[1][0], match.end()
+        if marker in _JPEG_FRAMES:
+            height, width = struct.unpack_from(">HH", data, position + 3)
+            return width, height
+        if marker not in _JPEG_WITHOUT_LENGTH:
+            position += int.from_bytes(data[position : position + 2])
+    return 0, 0
+
+
 def _load_npy(field: str, data: bytes, kind: str) -> npt.NDArray[np.generic]:
-    try:
-        stream = io.BytesIO(data)
-        version = np.lib.format.read_magic(stream)
-        read_header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-        shape, _, dtype = read_header(stream)
-        if dtype.hasobject:
-            raise InvalidInputError(field, "contains a pickle, which is never loaded", _VALID[kind])
-        if len(shape) >= 2:
-            _check_pixels(field, shape[1] * shape[0])
-        array: npt.NDArray[np.generic] = np.load(io.BytesIO(data), allow_pickle=False)
-    except (EOFError, ValueError, OSError) as error:
-        if isinstance(error, InvalidInputError):
-            raise
-        raise InvalidInputError(field, f"is a damaged .npy array: {error}", _VALID[kind]) from None
+    array = array_from_npy(field, data, _VALID[kind])
+    if array.ndim >= 2:
+        _check_pixels(field, array.shape[0] * array.shape[1])
     return array
 
 

@@ -24,7 +24,7 @@ OPTICAL_CENTRE_TOLERANCE = 0.25  # of the image's size: no lens is that far off-
 # Names and instructions become part of the prompt: the characters that give the prompt its structure stay out of them.
 NAME_PATTERN = re.compile(r"[A-Za-z0-9](?:[A-Za-z0-9 _.\-]{0,62}[A-Za-z0-9])?")
 NAME_RULE = "1 to 64 letters, digits, spaces, '_', '-' or '.', beginning and ending with a letter or digit"
-INSTRUCTION_FORBIDDEN = re.compile(r"[\x00-\x1f\x7f\u2028\u2029{}\[\]<>;]")
+INSTRUCTION_FORBIDDEN = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff{}\[\]<>;]")
 INSTRUCTION_RULE = "1 to 500 characters on one line, without { } [ ] < > ;"
 
 
@@ -36,9 +36,12 @@ def finite_array(name: str, value: npt.ArrayLike, shape: tuple[int | None, ...])
     """
     expected = "(" + ", ".join("T" if n is None else str(n) for n in shape) + ("," if len(shape) == 1 else "") + ")"
     try:
-        array = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
+        array = np.array(value)
+    except ValueError as error:
         raise InvalidInputError(name, "is not an array of numbers", f"shape {expected}") from error
+    if array.dtype.kind not in "biuf":  # text and complex numbers would convert, too
+        raise InvalidInputError(name, f"is not an array of numbers but of {array.dtype}", f"shape {expected}")
+    array = array.astype(np.float64, copy=False)
     if array.ndim != len(shape) or any(n is not None and n != m for n, m in zip(shape, array.shape, strict=True)):
         raise InvalidInputError(name, f"has shape {array.shape}", f"shape {expected}")
     if not np.isfinite(array).all():
@@ -51,7 +54,8 @@ def finite_array(name: str, value: npt.ArrayLike, shape: tuple[int | None, ...])
 def unit_quaternions(name: str, value: npt.ArrayLike, shape: tuple[int | None, ...]) -> Array:
     """`value` as quaternions xyzw of unit length; a deviation within 1e-3 is normalised away, a larger one refused."""
     quaternions = finite_array(name, value, shape)
-    norms = np.linalg.norm(quaternions, axis=-1, keepdims=True)
+    with np.errstate(over="ignore"):  # an infinite norm is refused like any other
+        norms = np.linalg.norm(quaternions, axis=-1, keepdims=True)
     if (worst := float(np.abs(norms - 1).max(initial=0))) > QUATERNION_NORM_TOLERANCE:
         message = f"has a norm that differs from 1 by {worst:.3g}"
         raise InvalidInputError(name, message, "unit quaternions, order x y z w")
@@ -178,12 +182,19 @@ class Camera:
         if not (np.isfinite(self.depth_scale) and self.depth_scale > 0):
             raise InvalidInputError(f"{where}.depth_scale", f"is {self.depth_scale}", "a positive number of metres")
         transform = finite_array(f"{where}.camera_to_world", self.camera_to_world, (4, 4))
-        rotation = transform[:3, :3]
-        off = np.abs(rotation.T @ rotation - np.eye(3)).max()
-        if off > ROTATION_MATRIX_TOLERANCE or np.linalg.det(rotation) < 0 or (transform[3] != (0, 0, 0, 1)).any():
+        if not _is_rigid(transform):
             remedy = "a rigid transform: rotation matrix, translation in metres, last row 0 0 0 1"
             raise InvalidInputError(f"{where}.camera_to_world", "is not a rigid transform", remedy)
         _settle(self, camera_to_world=transform)
+
+
+def _is_rigid(transform: Array) -> bool:
+    rotation = transform[:3, :3]
+    if np.abs(rotation).max() > 1 + ROTATION_MATRIX_TOLERANCE:  # huge elements would make what follows infinite
+        return False
+    off = np.abs(rotation.T @ rotation - np.eye(3)).max()
+    last_row = (transform[3] == (0, 0, 0, 1)).all()
+    return bool(off <= ROTATION_MATRIX_TOLERANCE and np.linalg.det(rotation) > 0 and last_row)
 
 
 @dataclass(frozen=True, eq=False)

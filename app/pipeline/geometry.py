@@ -54,7 +54,14 @@ def canonical_pose(pose: ObjectPose, yaw_symmetry_deg: float | None) -> ObjectPo
     if pose.quaternion_xyzw is None or yaw_symmetry_deg is None:
         return pose
     rotation = Rotation.from_quat(pose.quaternion_xyzw)
-    yaw_deg = math.degrees(yaw_rad(rotation))
-    turn_deg = yaw_deg if yaw_symmetry_deg == 0 else yaw_symmetry_deg * round(yaw_deg / yaw_symmetry_deg)
-    turned = rotation * Rotation.from_euler("z", -turn_deg, degrees=True)
+    (xx, xy, _), (yx, yy, _), _ = rotation.as_matrix()
+    if yaw_symmetry_deg == 0:
+        turns_rad = math.atan2(-yx, yy) + np.array([0, np.pi])  # these bring the x axis above the world's
+    else:
+        turns_rad = np.radians(np.arange(0, 360, yaw_symmetry_deg))
+    cos, sin = np.cos(turns_rad), np.sin(turns_rad)
+    yaws_rad = np.arctan2(yx * cos + yy * sin, xx * cos + xy * sin)
+    # of two that are equally near, -45 and 45 degrees of a cube, always the same
+    nearest = np.lexsort((yaws_rad, np.abs(yaws_rad).round(6)))[0]
+    turned = rotation * Rotation.from_euler("z", turns_rad[nearest])
     return ObjectPose(pose.name, pose.position_m, turned.as_quat(canonical=True), pose.estimator, pose.cameras)

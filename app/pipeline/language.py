@@ -11,24 +11,26 @@ def mention_order(names: Sequence[str], instruction: str) -> tuple[str, ...]:
     text = _spaced(instruction)
     found: dict[str, int] = {}
     for name in sorted(names, key=len, reverse=True):
-        if match := re.search(rf"\b{re.escape(_spaced(name))}\b", text):
+        pattern = rf"\b{re.escape(_spaced(name))}\b"
+        if match := re.search(pattern, text):
             found[name] = match.start()
             # a name inside a longer name ("cup" in "cup holder") must not count as mentioned
-            text = text[: match.start()] + "\0" * len(match.group()) + text[match.end() :]
+            text = re.sub(pattern, "\0" * len(match.group()), text)
     return tuple(sorted(found, key=found.__getitem__))
 
 
 def template(names: Sequence[str], instruction: str) -> str:
     """The instruction with the objects it mentions replaced by their place in the order of mention.
 
-    "push the red button" and "push the blue button" share the template "push the #0": they ask for the same thing of
+    "push the red button" and "push the blue button" share the template "push the <0>": they ask for the same thing of
     another object.
     """
     text = _spaced(instruction)
-    numbered = {name: f"#{k}" for k, name in enumerate(mention_order(names, instruction))}
-    for name in sorted(numbered, key=len, reverse=True):
-        text = re.sub(rf"\b{re.escape(_spaced(name))}\b", numbered[name], text)
-    return text
+    numbered = {_spaced(name): f"<{k}>" for k, name in enumerate(mention_order(names, instruction))}
+    if not numbered:
+        return text
+    longest_first = "|".join(map(re.escape, sorted(numbered, key=len, reverse=True)))
+    return re.sub(rf"\b(?:{longest_first})\b", lambda match: numbered[match.group()], text)
 
 
 def num_clauses(instruction: str) -> int:

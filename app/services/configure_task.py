@@ -9,9 +9,10 @@ from app.pipeline.episode import RgbdFrame, checked_name
 from app.pipeline.errors import InvalidInputError
 from app.services.extraction import extract
 from app.services.task_settings import TaskSettings
-from app.store import Store, episodes, tasks
+from app.store import episodes, tasks
 from app.store.errors import ConflictError, NotFoundError
 from app.store.records import EpisodeRecord, Extraction, TaskRecord
+from app.store.store import Store
 from app.store.values import CameraRecord, JsonObject
 
 PAGE = 200

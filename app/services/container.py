@@ -8,7 +8,7 @@ from app.llm.registry import ModelRegistry
 from app.services.configure_task import ConfigureTask
 from app.services.predict_actions import PredictActions
 from app.services.upload_episode import UploadEpisode
-from app.store import Store
+from app.store.store import Store
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,8 +14,9 @@ from app.pipeline.workspace import DiscreteAction, discretize_action
 from app.services.errors import UnparsableReplyError
 from app.services.question import PredictRequest, Question, QuestionWriter
 from app.services.timing import timed
-from app.store import Store, predictions
+from app.store import predictions
 from app.store.records import PredictionDraft, PredictionStatus
+from app.store.store import Store
 from app.store.values import JsonObject
 
 MAX_TOKENS_PER_ACTION = 48  # more than any representation needs for a row

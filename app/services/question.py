@@ -16,8 +16,9 @@ from app.services.select_demonstrations import Selection, load_demonstrations
 from app.services.task_settings import TaskSettings
 from app.services.templates import PromptStyle, Template, TemplateCache, TemplateKey, make_template
 from app.services.timing import Timings, timed
-from app.store import Store, episodes, tasks
+from app.store import episodes, tasks
 from app.store.records import DemonstrationRecord, TaskRecord
+from app.store.store import Store
 from app.store.values import JsonObject
 
 

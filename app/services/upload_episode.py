@@ -12,9 +12,10 @@ from app.pipeline.errors import InvalidInputError
 from app.pipeline.prompt import check_object_names
 from app.services.extraction import Extracted, extract
 from app.services.task_settings import TaskSettings
-from app.store import Store, episodes, idempotency, tasks
+from app.store import episodes, idempotency, tasks
 from app.store.errors import ConflictError, NotFoundError
 from app.store.records import EpisodeDraft, EpisodeRecord, StoredResponse, TaskRecord
+from app.store.store import Store
 from app.store.values import CameraRecord, JsonObject
 
 MAX_ATTEMPTS = 3  # a task's settings may change while an episode is being extracted

@@ -1,5 +1,6 @@
 """Building blocks of task scenes: bodies from boxes, cylinders and capsules, with joints, at random places."""
 
+from collections.abc import Mapping
 from typing import Self, TypedDict, Unpack
 
 import mujoco
@@ -19,10 +20,15 @@ COLOURS = {
     "grey": (0.45, 0.45, 0.48),
     "black": (0.12, 0.12, 0.13),
     "wood": (0.58, 0.38, 0.20),
+    "purple": (0.50, 0.10, 0.60),
+    "orange": (0.95, 0.50, 0.05),
+    "cyan": (0.10, 0.75, 0.80),
+    "pink": (0.95, 0.50, 0.70),
 }
 # Stiff contacts: solids sink into each other by less than 0.1 mm under their own weight
 CONTACT_SOLREF, CONTACT_SOLIMP = (0.006, 1.0), (0.95, 0.99, 0.001, 0.5, 2.0)
 TORSIONAL_FRICTION, ROLLING_FRICTION = 0.005, 0.0001
+NO_CONTACT = {"contype": 0, "conaffinity": 0}
 NO_TURN = Rotation.identity()
 MAX_PLACEMENT_TRIALS = 10_000
 
@@ -67,6 +73,46 @@ class Part:
     def cylinder(self, radius_m: float, half_height_m: float, colour: str, **shape: Unpack[Shape]) -> Self:
         return self._geom(mujoco.mjtGeom.mjGEOM_CYLINDER, (radius_m, half_height_m, 0), colour, **shape)
 
+    def capsule(self, radius_m: float, half_length_m: float, colour: str, **shape: Unpack[Shape]) -> Self:
+        """Along z; `half_length_m` without the caps."""
+        return self._geom(mujoco.mjtGeom.mjGEOM_CAPSULE, (radius_m, half_length_m, 0), colour, **shape)
+
+    def sphere(self, radius_m: float, colour: str, **shape: Unpack[Shape]) -> Self:
+        return self._geom(mujoco.mjtGeom.mjGEOM_SPHERE, (radius_m, 0, 0), colour, **shape)
+
+    def mark(self, half_sizes_m: Vector, colour: str, **shape: Unpack[Shape]) -> Self:
+        """A box that is seen but not felt, e.g. a coloured place on the table."""
+        return self._geom(mujoco.mjtGeom.mjGEOM_BOX, half_sizes_m, colour, contact=NO_CONTACT, **shape)
+
+    def wall(
+        self,
+        colour: str,
+        *,
+        bottom_m: float,
+        top_m: float,
+        bottom_radius_m: float,
+        top_radius_m: float | None = None,
+        thickness_m: float = 0.003,
+        facets: int = 16,
+        mass_kg: float = 0.05,
+        friction: float = 0.6,
+    ) -> Self:
+        """A round wall about the z axis, hollow inside, of flat facets: a tube, or a cone if the radii differ.
+
+        Radii are measured to the middle of the facets' thickness; the first facet faces x.
+        """
+        top_radius_m = bottom_radius_m if top_radius_m is None else top_radius_m
+        rise_m, flare_m = top_m - bottom_m, top_radius_m - bottom_radius_m
+        half_width_m = np.tan(np.pi / facets) * max(bottom_radius_m, top_radius_m)
+        half_sizes_m = (thickness_m / 2, half_width_m, np.hypot(rise_m, flare_m) / 2)
+        lean = Rotation.from_euler("y", np.arctan2(flare_m, rise_m))
+        middle_m = [(bottom_radius_m + top_radius_m) / 2, 0, (bottom_m + top_m) / 2]
+        for facet in range(facets):
+            turn = about_z(2 * np.pi * facet / facets)
+            shape = Shape(at_m=turn.apply(middle_m), rotation=turn * lean, mass_kg=mass_kg / facets, friction=friction)
+            self.box(half_sizes_m, colour, **shape)
+        return self
+
     def _geom(
         self,
         kind: mujoco.mjtGeom,
@@ -77,6 +123,7 @@ class Part:
         rotation: Rotation = NO_TURN,
         mass_kg: float = 0.05,
         friction: float = 0.6,
+        contact: Mapping[str, int] = OBJECT_CONTACT,
     ) -> Self:
         """One rigid shape of the body, at a position and rotation in its frame."""
         self.body.add_geom(
@@ -89,7 +136,7 @@ class Part:
             friction=[friction, TORSIONAL_FRICTION, ROLLING_FRICTION],
             solref=CONTACT_SOLREF,
             solimp=CONTACT_SOLIMP,
-            **OBJECT_CONTACT,
+            **contact,
         )
         return self
 
@@ -116,6 +163,30 @@ class Part:
             frictionloss=dry_friction_n,
             stiffness=[spring_n_m, 0, 0],
             springref=spring_rest_m,
+        )
+        return self
+
+    def hinge(
+        self,
+        name: str,
+        axis: Vector,
+        range_rad: tuple[float, float],
+        *,
+        damping: float,
+        dry_friction_nm: float = 0.0,
+        at_m: Vector = (0.0, 0.0, 0.0),
+    ) -> Self:
+        """A turning joint towards the parent, about an axis through `at_m` in the body's frame; it starts at 0."""
+        self.body.add_joint(
+            name=name,
+            type=mujoco.mjtJoint.mjJNT_HINGE,
+            axis=axis,
+            pos=at_m,
+            range=range_rad,
+            limited=1,
+            armature=0.001,
+            damping=[damping, 0, 0],
+            frictionloss=dry_friction_nm,
         )
         return self
 

@@ -6,7 +6,7 @@ import pytest
 from tests.e2e.conftest import SCRIPTED_REPLY
 from tests.episodes import metadata, upload
 
-POSITIONS_M = np.random.default_rng(7).uniform([0.0, -0.3, 0.77], [0.4, 0.3, 0.79], (10, 3)).round(4).tolist()
+POSITIONS_M = np.random.default_rng(8).uniform([0.0, -0.3, 0.77], [0.4, 0.3, 0.79], (10, 3)).round(4).tolist()
 QUERY_M = (0.213, -0.117, 0.78)
 
 

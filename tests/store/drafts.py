@@ -3,8 +3,9 @@
 import numpy as np
 
 from app.pipeline.episode import Camera, ObjectPose, Trajectory
-from app.store import Store, episodes, predictions, tasks
+from app.store import episodes, predictions, tasks
 from app.store.records import EpisodeDraft, EpisodeRecord, PredictionDraft, PredictionRecord
+from app.store.store import Store
 from app.store.values import CameraRecord, KeyframeRecord, ObjectRecord
 
 TASK = "open_drawer"

@@ -5,10 +5,11 @@ from pathlib import Path
 import pytest
 from sqlalchemy import func, insert, select
 
-from app.store import Store, tables, tasks
+from app.store import tables, tasks
 from app.store.database import Database
 from app.store.errors import CorruptDataError, StoreUnavailableError
 from app.store.migration import migrate
+from app.store.store import Store
 
 from .drafts import episode_draft, upload
 

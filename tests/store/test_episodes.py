@@ -5,9 +5,10 @@ import numpy as np
 import pytest
 from sqlalchemy import Connection, event, update
 
-from app.store import Store, episodes, tables, tasks
+from app.store import episodes, tables, tasks
 from app.store.errors import ConflictError, CorruptDataError, NotFoundError
 from app.store.records import Extraction
+from app.store.store import Store
 from app.store.values import CameraRecord, KeyframeRecord, ObjectRecord
 
 from .drafts import TASK, camera_record, episode_draft, object_record, upload

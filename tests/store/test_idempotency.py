@@ -3,9 +3,10 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from app.store import Store, episodes, idempotency, tasks
+from app.store import episodes, idempotency, tasks
 from app.store.errors import ConflictError
 from app.store.records import StoredResponse
+from app.store.store import Store
 
 from .drafts import SETTINGS, TASK, episode_draft
 

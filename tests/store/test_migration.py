@@ -14,10 +14,11 @@ from alembic.operations import Operations
 from alembic.util import CommandError
 from sqlalchemy import Integer, inspect, text
 
-from app.store import Store, episodes, tasks
+from app.store import episodes, tasks
 from app.store.database import Database
 from app.store.errors import CorruptDataError, SchemaVersionError, StoreUnavailableError
 from app.store.migration import alembic_config, migrate, migration_transaction
+from app.store.store import Store
 from app.store.tables import metadata
 
 from .drafts import TASK, episode_draft, upload
@@ -112,7 +113,7 @@ def test_migration_that_breaks_references_is_undone(tmp_path: Path, database: Da
 STARTERS = """
 import os, sys
 from pathlib import Path
-from app.store import Store
+from app.store.store import Store
 gate, opener = os.pipe()
 children = []
 for _ in range(8):

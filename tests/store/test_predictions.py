@@ -1,7 +1,8 @@
 import pytest
 
-from app.store import Store, predictions
+from app.store import predictions
 from app.store.errors import NotFoundError
+from app.store.store import Store
 
 from .drafts import TASK, predict, prediction_draft
 

@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from app.store import Store, episodes
+from app.store import episodes
 from app.store.errors import StoreUnavailableError
+from app.store.store import Store
 
 from .drafts import camera_record, episode_draft, upload
 
@@ -17,7 +18,8 @@ AT_ONCE = timedelta(0)
 UPLOADER = """
 import os, sys
 from pathlib import Path
-from app.store import Store, episodes, tasks
+from app.store import episodes, tasks
+from app.store.store import Store
 from tests.store.drafts import camera_record, episode_draft
 store = Store.open(Path(sys.argv[1]))
 for number in range(10_000):

@@ -3,9 +3,10 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from app.store import Store, episodes, predictions, tasks
+from app.store import episodes, predictions, tasks
 from app.store.errors import NotFoundError
 from app.store.records import TaskCounts
+from app.store.store import Store
 
 from .drafts import SETTINGS, TASK, episode_draft, predict, prediction_draft, upload
 

@@ -1,14 +1,12 @@
 """The paper's representation: each action is seven bins in the world frame (section III-C and III-D)."""
 
 import json
-import math
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from app.pipeline.episode import Demonstration, EndEffectorAction, ObjectPose
 from app.pipeline.errors import ReplyParseError
-from app.pipeline.language import num_clauses
 from app.pipeline.representation.base import row_count_bounds
 from app.pipeline.workspace import (
     POSITION_BINS,
@@ -23,8 +21,8 @@ _NUMBERS = ("x", "y", "z", "roll", "pitch", "yaw", "gripper")
 _LIMITS = (*(POSITION_BINS,) * 3, *(ROTATION_BINS,) * 3, 2)
 _FENCED = re.compile(r"```(?:json)?\s*(.*?)```", re.DOTALL)
 _LIST_START = re.compile(r"\[\s*(?=\[)")
-_NEXT_ROW = re.compile(r"[\s,]*(\[[^\[\]]*\])")
-_FLAT_ROW = re.compile(r"\[\s*[-+\d]")
+_NEXT_ROW = re.compile(r"[\s,]*(\[[^\[\]{}]*\])")
+_ACTION_LIST = re.compile(r"\[\s*[-+\d\[]")
 _GRAMMAR = """root ::= "[" row (", " row){{{more_low},{more_high}}} "]"
 row ::= "[" p ", " p ", " p ", " r ", " r ", " r ", " [01] "]"
 p ::= [0-9] | [1-9] [0-9]
@@ -66,7 +64,7 @@ class AbsoluteCodec:
         return f"{observation}{self.actions_text(demonstration)}, "
 
     def grammar(self, instruction: str, max_actions: int) -> str:
-        fewest, most = row_count_bounds(self.demonstrations, num_clauses(instruction), max_actions)
+        fewest, most = row_count_bounds(self.demonstrations, instruction, max_actions)
         return _GRAMMAR.format(more_low=fewest - 1, more_high=most - 1)
 
     def rows(self, reply_text: str, complete: bool) -> list[str]:
@@ -94,23 +92,23 @@ def _single_list(reply_text: str) -> list[object]:
     if len(lists) != 1:
         raise ReplyParseError(f"the reply has {len(lists)} lists of actions, expected one", reply_text)
     found = lists[0]
-    return found if isinstance(found[0], list) else [found]
+    rows: list[object] = found if isinstance(found[0], list) else [found]
+    for index, row in enumerate(rows):
+        if not isinstance(row, list) or any(isinstance(value, list | dict) for value in row):
+            raise ReplyParseError(f"action {index} is not a list of numbers", reply_text)
+    return rows
 
 
 def _lists_of_actions(text: str) -> Iterator[list[object]]:
     """Each outermost JSON list in `text` that begins like a row or a list of rows."""
     decoder = json.JSONDecoder()
-    position = text.find("[")
-    while position >= 0:
+    end = 0
+    while match := _ACTION_LIST.search(text, end):
         try:
-            value, end = decoder.raw_decode(text, position)
+            value, end = decoder.raw_decode(text, match.start())
         except (ValueError, RecursionError):
-            if text.startswith("[[", position) or _FLAT_ROW.match(text, position):
-                raise ReplyParseError("the reply's list of actions is not complete or not valid", text) from None
-            value, end = None, position + 1
-        if isinstance(value, list) and value and isinstance(value[0], list | int | float):
-            yield value
-        position = text.find("[", end)
+            raise ReplyParseError("the reply's list of actions is not complete or not valid", text) from None
+        yield value
 
 
 def _bins(row: str, index: int) -> tuple[int, ...]:
@@ -119,16 +117,13 @@ def _bins(row: str, index: int) -> tuple[int, ...]:
         values = json.loads(row)
     except ValueError:
         raise ReplyParseError(f"action {index} is not a list of numbers", row) from None
-    if not isinstance(values, list) or len(values) != len(_NUMBERS):
-        found = f"{len(values)} elements" if isinstance(values, list) else type(values).__name__
-        raise ReplyParseError(f"action {index} has {found}, expected {len(_NUMBERS)} numbers", row)
+    if len(values) != len(_NUMBERS):
+        raise ReplyParseError(f"action {index} has {len(values)} elements, expected {len(_NUMBERS)} numbers", row)
     named = zip(values, _NUMBERS, _LIMITS, strict=True)
     return tuple(_integer(value, f"action {index}: {name}", limit, row) for value, name, limit in named)
 
 
 def _integer(value: object, name: str, limit: int, row: str) -> int:
-    if isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value):
-        number = int(value)
-        if number == value and 0 <= number < limit:
-            return number
-    raise ReplyParseError(f"{name} is {value!r}, expected an integer from 0 to {limit - 1}", row)
+    if isinstance(value, int | float) and not isinstance(value, bool) and 0 <= value < limit and value == int(value):
+        return int(value)
+    raise ReplyParseError(f"{name} is {value!r:.40}, expected an integer from 0 to {limit - 1}", row)

@@ -91,12 +91,12 @@ def _candidates(group: Sequence[Demonstration]) -> list[list[Anchor]]:
         if all(pose.name not in [p.name for p in o[:m]] for o, m in zip(ordered, mentioned, strict=True))
     ]
     columns = by_mention + [[name] * len(group) for name in never_mentioned]
-    rotated = {pose.name for d in group for pose in d.objects if pose.quaternion_xyzw is not None}
+    without_rotation = {pose.name for d in group for pose in d.objects if pose.quaternion_xyzw is None}
     return [
         [Anchor(name, frame) for name in column]
         for column in columns
         for frame in FRAMES
-        if frame == "w" or rotated.issuperset(column)
+        if frame == "w" or without_rotation.isdisjoint(column)
     ]
 
 

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Protocol
 
 from app.pipeline.episode import Demonstration, EndEffectorAction, ObjectPose
+from app.pipeline.language import num_clauses
 
 
 class Codec(Protocol):
@@ -49,8 +50,9 @@ class Codec(Protocol):
         ...
 
 
-def row_count_bounds(demonstrations: Sequence[Demonstration], num_clauses: int, max_actions: int) -> tuple[int, int]:
-    """The fewest and most rows a reply may have: those seen in the demonstrations, times the instruction's clauses."""
-    counts = [len(demonstration.actions) for demonstration in demonstrations]
-    fewest, most = min(counts) * num_clauses, max(counts) * num_clauses
-    return min(fewest, max_actions), min(most, max_actions)
+def row_count_bounds(demonstrations: Sequence[Demonstration], instruction: str, max_actions: int) -> tuple[int, int]:
+    """The fewest and most rows a reply may have: those a clause has in the demonstrations, times the clauses asked."""
+    asked = num_clauses(instruction)
+    counts = [(asked * len(d.actions), num_clauses(d.instruction)) for d in demonstrations]
+    fewest, most = min(rows // shown for rows, shown in counts), max(-(-rows // shown) for rows, shown in counts)
+    return min(max(fewest, 1), max_actions), min(most, max_actions)

@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 from app.pipeline.episode import Demonstration, EndEffectorAction, ObjectPose
 from app.pipeline.errors import ReplyParseError
 from app.pipeline.geometry import yaw_rad
-from app.pipeline.language import num_clauses, template
+from app.pipeline.language import template
 from app.pipeline.representation.anchors import (
     FRAMES,
     Anchor,
@@ -38,7 +38,9 @@ OFFSET_UNIT_M = 0.005
 # Integers that differ by no more than this over the demonstrations are made equal: small models copy them better.
 JITTER_UNITS = 1
 MAX_OFFSET_UNITS = 199
-_ROW = re.compile(r"(\d+) (.+) ([wo]): ([+-]\d+) ([+-]\d+) ([+-]\d+) (\d+) (\d+) (\d+) ([01])")
+_ROW = re.compile(
+    r"(\d{1,3}) (.+) ([wo]): ([+-]\d{1,3}) ([+-]\d{1,3}) ([+-]\d{1,3}) (\d{1,2}) (\d{1,2}) (\d{1,2}) ([01])", re.ASCII
+)
 _FENCE = re.compile(r"^```\w*\n?|```$")
 _GRAMMAR_TAIL = """b ::= d " " d " " d " " r " " r " " r " " [01]
 d ::= [+-] ([0-9] | [1-9] [0-9] | "1" [0-9] [0-9])
@@ -111,7 +113,7 @@ class ObjectFrameCodec:
         return f"{observation} {self.actions_text(demonstration)}\n"
 
     def grammar(self, instruction: str, max_actions: int) -> str:
-        fewest, most = row_count_bounds(self.demonstrations, num_clauses(instruction), max_actions)
+        fewest, most = row_count_bounds(self.demonstrations, instruction, max_actions)
         rows = [f'"{number} " a ": " b' for number in range(1, most + 1)]
         optional = ""
         for row in reversed(rows[fewest:]):
@@ -121,16 +123,14 @@ class ObjectFrameCodec:
         return f'root ::= " " {required}{optional} "\\n"\na ::= {anchors}\n{_GRAMMAR_TAIL}'
 
     def _anchors(self) -> list[Anchor]:
-        """Every (object, frame) that the observation's objects allow."""
-        poses = self.demonstrations[0].objects
-        return [Anchor(pose.name, frame) for pose in poses for frame in FRAMES if frame == "w" or _has_rotation(pose)]
+        """Every (object, frame) that the demonstrations' objects allow."""
+        rotated = {pose.name for d in self.demonstrations for pose in d.objects if _has_rotation(pose)}
+        names = [pose.name for pose in self.demonstrations[0].objects]
+        return [Anchor(name, frame) for name in names for frame in FRAMES if frame == "w" or name in rotated]
 
     def rows(self, reply_text: str, complete: bool) -> list[str]:
-        text = _FENCE.sub("", reply_text.strip()) if complete else reply_text
-        rows = [row.strip() for row in text.rstrip().split(";")]
-        if complete or reply_text.endswith("\n"):
-            return rows
-        return rows[:-1]
+        rows = [row.strip() for row in _FENCE.sub("", reply_text.strip()).split(";")]
+        return rows if complete else rows[:-1]
 
     def decode_row(self, index: int, row: str, objects: Sequence[ObjectPose]) -> EndEffectorAction:
         match = _ROW.fullmatch(row)

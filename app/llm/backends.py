@@ -1,0 +1,152 @@
+"""The backends by name: how each makes a model, and which models it offers."""
+
+import importlib.util
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from importlib.metadata import entry_points
+
+from app.llm import regression, scripted
+from app.llm.base import LanguageModel, ModelProfile, ModelUnavailableError, UnknownModelError
+from app.llm.embedded import EmbeddedModel, EmbeddedOptions
+from app.llm.openai_compatible import OpenAiCompatibleModel
+from app.llm.openai_wire import LLAMA_CPP
+from app.llm.settings import LlmSettings, variable
+from app.llm.weights import PACKAGED, find_weights
+
+ENTRY_POINT_GROUP = "roboprompt.llm"
+
+# A model from the part of its name after `backend/` (empty if there is none) and the settings. Quick: it starts nothing
+# and connects to nothing. Raises UnknownModelError, or ModelUnavailableError for what is missing.
+ModelFactory = Callable[[str, LlmSettings], LanguageModel]
+
+
+@dataclass(frozen=True)
+class Backend:
+    """A way to LLMs; another package adds one through the entry point group `roboprompt.llm`.
+
+    Attributes:
+        create: makes any of its models, also such as are not offered.
+        offered: the models to show to people, whether or not they can be used at present.
+    """
+
+    create: ModelFactory
+    offered: Callable[[LlmSettings], Sequence[ModelProfile]]
+
+
+def all_backends() -> dict[str, Backend]:
+    """The built-in backends and those of installed packages; a package cannot replace a built-in one."""
+    installed = {point.name: point.load() for point in entry_points(group=ENTRY_POINT_GROUP)}
+    return {**installed, **BUILT_IN}
+
+
+def _embedded(model: str, settings: LlmSettings) -> LanguageModel:
+    weights = find_weights(model, settings)
+    if importlib.util.find_spec("xllamacpp") is None:
+        raise ModelUnavailableError("embedded models need llama.cpp: pip install xllamacpp")
+    options = EmbeddedOptions(settings.embedded_threads, settings.embedded_slots, settings.embedded_context_tokens)
+    return EmbeddedModel(_embedded_profile(model), weights, options)
+
+
+def _embedded_profile(model: str) -> ModelProfile:
+    return ModelProfile(
+        name=f"embedded/{model}",
+        style="completion",
+        grammar=True,
+        representation="object_frame",
+        system_prompt="none",
+        description=_EMBEDDED_DESCRIPTIONS.get(model, "A GGUF file, run by llama.cpp on this machine"),
+    )
+
+
+_EMBEDDED_DESCRIPTIONS = {
+    "gemma-3-270m": "Gemma 3 270M base, Q4_K_M, on this machine",
+    "smollm2-135m": "SmolLM2 135M instruct, Q4_1, on this machine",
+}
+
+
+def _openai(model: str, settings: LlmSettings) -> LanguageModel:
+    _require_model_name("openai", model)
+    if not settings.openai_api_key:
+        raise ModelUnavailableError(f"openai/{model} needs a key: set {variable('openai_api_key')}")
+    return OpenAiCompatibleModel(
+        _openai_profile(model),
+        settings.openai_base_url,
+        model,
+        settings.openai_api_key,
+        key_variable=variable("openai_api_key"),
+        url_variable=variable("openai_base_url"),
+    )
+
+
+def _openai_profile(model: str, description: str = "") -> ModelProfile:
+    return ModelProfile(f"openai/{model}", "chat", grammar=False, representation="absolute", description=description)
+
+
+# the paper's tables: mean success over 16 RLBench tasks
+_PAPER_MODELS = {
+    "gpt-4-turbo": "The paper's main model (51.8 %)",
+    "gpt-4o": "The best of the paper's comparison (56.3 %)",
+    "gpt-4o-mini": "44.8 % in the paper",
+}
+
+
+def _openai_compatible(model: str, settings: LlmSettings) -> LanguageModel:
+    _require_model_name("openai_compatible", model)
+    if not settings.compatible_base_url:
+        remedy = f"set {variable('compatible_base_url')}, e.g. http://127.0.0.1:11434/v1"
+        raise ModelUnavailableError(f"openai_compatible/{model} needs the address of a server: {remedy}")
+    return OpenAiCompatibleModel(
+        _compatible_profile(model, settings),
+        settings.compatible_base_url,
+        model,
+        settings.compatible_api_key,
+        key_variable=variable("compatible_api_key"),
+        url_variable=variable("compatible_base_url"),
+        quirks=LLAMA_CPP if settings.compatible_llama_cpp else None,
+    )
+
+
+def _compatible_profile(model: str, settings: LlmSettings) -> ModelProfile:
+    """A chat model is asked as in the paper; one that continues text and takes a grammar, like the embedded ones."""
+    completes = settings.compatible_style == "completion"
+    return ModelProfile(
+        name=f"openai_compatible/{model}",
+        style=settings.compatible_style,
+        grammar=settings.compatible_llama_cpp,
+        representation="object_frame" if completes and settings.compatible_llama_cpp else "absolute",
+        system_prompt="none" if completes else "a",
+        description="A server that speaks OpenAI's API",
+    )
+
+
+def _regression(model: str, settings: LlmSettings) -> LanguageModel:
+    _refuse_model_name("regression", model)
+    return regression.RegressionModel()
+
+
+def _scripted(model: str, settings: LlmSettings) -> LanguageModel:
+    _refuse_model_name("scripted", model)
+    if not settings.scripted_replies:
+        raise ModelUnavailableError(f"scripted has nothing to say: set {variable('scripted_replies')}")
+    return scripted.ScriptedModel(settings.scripted_replies)
+
+
+def _require_model_name(backend: str, model: str) -> None:
+    if not model:
+        raise UnknownModelError(f"{backend} needs the name of a model: {backend}/MODEL")
+
+
+def _refuse_model_name(backend: str, model: str) -> None:
+    if model:
+        raise UnknownModelError(f"{backend} has no models to choose from: ask for {backend!r}, not '{backend}/{model}'")
+
+
+BUILT_IN: Mapping[str, Backend] = {
+    "embedded": Backend(_embedded, lambda settings: [_embedded_profile(model) for model in PACKAGED]),
+    "openai": Backend(_openai, lambda settings: [_openai_profile(*item) for item in _PAPER_MODELS.items()]),
+    "openai_compatible": Backend(
+        _openai_compatible, lambda settings: [_compatible_profile(settings.compatible_model, settings)]
+    ),
+    "regression": Backend(_regression, lambda settings: [regression.PROFILE]),
+    "scripted": Backend(_scripted, lambda settings: [scripted.PROFILE] if settings.scripted_replies else []),
+}

@@ -1,0 +1,51 @@
+"""The program of the process that `llama_process.LlamaProcess` starts: llama.cpp's HTTP server on a loopback port.
+
+A process of its own, because `xllamacpp.Server` holds Python's global lock while it loads a model (no event loop would
+turn meanwhile), and because llama.cpp ends its process when an assertion of its own fails.
+
+Standard input: one line of JSON, `LlamaOptions`; the server runs until the input's end, which comes with the parent's.
+Standard output: one line of JSON, `{"url": ...}`, as soon as requests are answered. Standard error: why it failed.
+"""
+
+import json
+import os
+import sys
+from typing import Any
+
+
+def main() -> None:
+    """Serve until standard input ends."""
+    options = json.loads(sys.stdin.readline())
+    answer = os.fdopen(os.dup(1), "w")
+    os.dup2(2, 1)  # whatever llama.cpp prints must not be taken for the answer
+    server = _start(options)
+    answer.write(json.dumps({"url": str(server.listening_address)}) + "\n")
+    answer.close()
+    _silence()
+    sys.stdin.read()
+    os._exit(0)  # the operating system frees faster than destructors that wait for running requests
+
+
+def _start(options: dict[str, Any]) -> Any:  # noqa: ANN401  xllamacpp has no types
+    import xllamacpp
+
+    params = xllamacpp.CommonParams()
+    params.model.path = options["model"]
+    params.api_keys = [options["api_key"]]
+    params.n_parallel = options["slots"]
+    params.n_ctx = options["context_tokens"] * options["slots"]
+    params.cpuparams.n_threads = params.cpuparams_batch.n_threads = options["threads"]
+    params.verbosity = 1  # errors only
+    params.ui = False
+    params.cache_ram_mib = 0
+    return xllamacpp.Server(params)
+
+
+def _silence() -> None:
+    null = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(null, 1)
+    os.dup2(null, 2)
+
+
+if __name__ == "__main__":
+    main()

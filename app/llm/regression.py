@@ -1,0 +1,158 @@
+"""A yardstick, no LLM: ridge regression of the actions' integers on the observation's integers, from the same prompt.
+
+It reads demonstrations from the prompt's text as an LLM would, knows nothing of objects, frames or rotations, and shows
+how much of a task is a linear map. It cannot follow an instruction that no demonstration carries out, nor choose the
+number of actions.
+"""
+
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from app.llm.base import Completion, CompletionRequest, ModelProfile, ModelResponseError
+from app.llm.streaming import Pieces, spoken, whole, within_deadline
+
+PROFILE = ModelProfile(
+    name="regression",
+    style="completion",
+    grammar=False,
+    representation="absolute",
+    system_prompt="none",
+    description="No LLM: ridge regression on the prompt's integers, a yardstick",
+)
+MIN_DEMONSTRATIONS = 2
+# Weight of the squared coefficients against squared errors in bins. Positions vary over tens of bins, so it decides
+# only where the demonstrations leave a coefficient open.
+RIDGE = 1.0
+
+# observation>actions, then the separator of the paper's format (a comma before the next brace) or the end of the line
+_DEMONSTRATION = re.compile(r"([^>]*>)(.*?)(?:, (?=\{|\Z)|\n)")
+# a quoted name, or an integer that is no part of a word ("block2")
+_TOKEN = re.compile(r"'[^']*'|(?<![\w.])[+-]?\d+(?![\w.])")
+_HOLE = "\0"
+
+Numbers = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class _Text:
+    """A text taken apart: `template` with a hole for each integer, and the integers as they were written."""
+
+    template: str
+    integers: tuple[str, ...]
+
+    @classmethod
+    def parse(cls, text: str) -> "_Text":
+        integers: list[str] = []
+
+        def hole(match: re.Match[str]) -> str:
+            if match.group().startswith("'"):
+                return match.group()
+            integers.append(match.group())
+            return _HOLE
+
+        template = _TOKEN.sub(hole, text)
+        return cls(template, tuple(integers))
+
+    def filled(self, integers: Sequence[str]) -> str:
+        """The template with other integers."""
+        literals = self.template.split(_HOLE)
+        return literals[0] + "".join(a + b for a, b in zip(integers, literals[1:], strict=True))
+
+
+_Pair = tuple[_Text, _Text]  # observation, actions
+
+
+class RegressionModel:
+    """Fits anew for each request: a few milliseconds."""
+
+    @property
+    def profile(self) -> ModelProfile:
+        return PROFILE
+
+    def stream(self, request: CompletionRequest) -> Pieces:
+        return within_deadline(self._pieces(request), request.timeout_s, PROFILE.name)
+
+    async def complete(self, request: CompletionRequest) -> Completion:
+        return await whole(self.stream(request))
+
+    async def aclose(self) -> None:
+        """Nothing is held."""
+
+    async def _pieces(self, request: CompletionRequest) -> Pieces:
+        reply = regressed_reply(request.prompt.prefix, request.prompt.query)
+        async for piece in spoken(reply, request):
+            yield piece
+
+
+def regressed_reply(prefix: str, query: str) -> str:
+    """The actions for `query`, in the form that the demonstrations in `prefix` have.
+
+    Raises:
+        ModelResponseError: if `prefix` is not a row of demonstrations, or has too few that are like the query.
+    """
+    observation = _Text.parse(query)
+    pairs = _alike(_demonstrations(prefix), observation)
+    inputs = np.array([seen.integers for seen, _ in pairs], dtype=np.float64)
+    written = [actions.integers for _, actions in pairs]
+    outputs = np.array(written, dtype=np.float64)
+    predicted = _ridge(inputs, outputs, np.array(observation.integers, dtype=np.float64))
+    columns = zip(*written, strict=True)
+    return pairs[-1][1].filled([_as_written(value, column) for value, column in zip(predicted, columns, strict=True)])
+
+
+def _demonstrations(prefix: str) -> list[_Pair]:
+    matches = list(_DEMONSTRATION.finditer(prefix))
+    if "".join(match.group() for match in matches) != prefix:
+        raise ModelResponseError("regression cannot take the prompt apart into demonstrations 'observation>actions'")
+    return [(_Text.parse(match[1]), _Text.parse(match[2])) for match in matches]
+
+
+def _alike(pairs: Sequence[_Pair], observation: _Text) -> list[_Pair]:
+    """The demonstrations whose observation differs from the query's in numbers only; failing that, all of like size.
+
+    Of these, the ones whose actions have the most frequent form.
+    """
+    same = [pair for pair in pairs if pair[0].template == observation.template]
+    if len(same) < MIN_DEMONSTRATIONS:
+        same = [pair for pair in pairs if len(pair[0].integers) == len(observation.integers)]
+    forms = Counter(actions.template for _, actions in same)
+    alike = [pair for pair in same if pair[1].template == forms.most_common(1)[0][0]]
+    if len(alike) < MIN_DEMONSTRATIONS:
+        raise ModelResponseError(
+            f"regression found {len(alike)} of {len(pairs)} demonstrations that are like the query; it needs"
+            f" {MIN_DEMONSTRATIONS}"
+        )
+    return alike
+
+
+def _ridge(inputs: Numbers, outputs: Numbers, query: Numbers) -> Numbers:
+    """The outputs at `query`.
+
+    Args:
+        inputs: (N, D).
+        outputs: (N, K).
+        query: (D,).
+
+    Returns:
+        (K,).
+    """
+    input_mean, output_mean = inputs.mean(axis=0), outputs.mean(axis=0)
+    centred = inputs - input_mean
+    gram = centred.T @ centred + RIDGE * np.eye(len(query))
+    coefficients = np.linalg.solve(gram, centred.T @ (outputs - output_mean))
+    predicted: Numbers = output_mean + (query - input_mean) @ coefficients
+    return predicted
+
+
+def _as_written(value: float, column: Sequence[str]) -> str:
+    """`value` as an integer in the form of its column: signed or not, one of two choices (a gripper) or any."""
+    choices = sorted({int(written) for written in column})
+    integer = min(choices, key=lambda choice: abs(choice - value)) if len(choices) <= 2 else round(value)
+    if any(written[0] in "+-" for written in column):
+        return f"{integer:+d}"
+    return str(max(integer, 0))

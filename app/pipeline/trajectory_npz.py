@@ -1,0 +1,77 @@
+"""Trajectory <-> the .npz file that robots upload, and its JSON twin: named arrays, never a pickle."""
+
+import io
+import zipfile
+import zlib
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from app.pipeline.episode import Trajectory
+from app.pipeline.errors import InvalidInputError
+from app.pipeline.npy import array_from_npy
+
+REQUIRED = ("joint_velocities", "end_effector_positions", "end_effector_quaternions_xyzw", "gripper_open")
+OPTIONAL = ("timestamps", "joint_positions")
+MAX_UNPACKED_BYTES = 100_000_000  # 600,000 frames; a .npz of 0.3 MB can claim 300 MB
+MAX_FRAMES = 100_000  # 80 minutes at 20 Hz
+_VALID = f"a .npz file with the arrays {', '.join(REQUIRED)}, and optionally {', '.join(OPTIONAL)}"
+
+
+def trajectory_from_npz(data: bytes) -> Trajectory:
+    """The trajectory of a .npz file; pickles are never loaded.
+
+    Raises:
+        InvalidInputError: naming the array and what is wrong with it.
+    """
+    if not data:
+        raise InvalidInputError("trajectory", "is empty", _VALID)
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            unpacked = sum(member.file_size for member in archive.infolist())
+            if unpacked > MAX_UNPACKED_BYTES:
+                raise InvalidInputError("trajectory", f"unpacks to {unpacked} bytes", f"at most {MAX_UNPACKED_BYTES}")
+            members = {name.removesuffix(".npy"): archive.read(name) for name in archive.namelist()}
+    except (zipfile.BadZipFile, zlib.error, EOFError, OSError, RuntimeError) as error:  # RuntimeError: encrypted
+        raise InvalidInputError("trajectory", f"is not a readable .npz file: {error}", _VALID) from None
+    numbers = "a plain array of numbers"
+    arrays = {name: array_from_npy(f"trajectory.{name}", member, numbers) for name, member in members.items()}
+    return trajectory_from_arrays(arrays)
+
+
+def trajectory_from_arrays(arrays: Mapping[str, Any]) -> Trajectory:
+    """The trajectory of named arrays.
+
+    Raises:
+        InvalidInputError: for missing or unknown names, or what Trajectory refuses.
+    """
+    if missing := [name for name in REQUIRED if arrays.get(name) is None]:
+        raise InvalidInputError(f"trajectory.{missing[0]}", "is missing", _VALID)
+    if unknown := [name for name in arrays if name not in REQUIRED + OPTIONAL]:
+        raise InvalidInputError(f"trajectory.{unknown[0]}", "is not known", _VALID)
+    if (num_frames := np.shape(arrays["gripper_open"])[:1]) > (MAX_FRAMES,):
+        raise InvalidInputError("trajectory", f"has {num_frames[0]} frames", f"at most {MAX_FRAMES}")
+    return Trajectory(
+        joint_velocities_rad_s=arrays["joint_velocities"],
+        positions_m=arrays["end_effector_positions"],
+        quaternions_xyzw=arrays["end_effector_quaternions_xyzw"],
+        gripper_open=arrays["gripper_open"],
+        timestamps_s=arrays.get("timestamps"),
+        joint_positions_rad=arrays.get("joint_positions"),
+    )
+
+
+def npz_from_trajectory(trajectory: Trajectory) -> bytes:
+    """The inverse of `trajectory_from_npz`."""
+    arrays: dict[str, Any] = {
+        "joint_velocities": trajectory.joint_velocities_rad_s,
+        "end_effector_positions": trajectory.positions_m,
+        "end_effector_quaternions_xyzw": trajectory.quaternions_xyzw,
+        "gripper_open": trajectory.gripper_open,
+        "timestamps": trajectory.timestamps_s,
+        "joint_positions": trajectory.joint_positions_rad,
+    }
+    stream = io.BytesIO()
+    np.savez_compressed(stream, **{name: array for name, array in arrays.items() if array is not None})
+    return stream.getvalue()
