@@ -83,7 +83,7 @@ class PredictActions:
         completion = await self._ask(question, timings_ms)
         try:
             with timed(timings_ms, "parse"):
-                actions = _read_actions(completion.text, question)
+                actions = _read_actions(completion, question)
         except ReplyParseError as error:
             id_ = await self._record(question, "parse_error", timings_ms, completion, error=error.message)
             raise UnparsableReplyError(error.message, completion.text, id_) from error
@@ -143,7 +143,10 @@ class PredictActions:
         return await anyio.to_thread.run_sync(write)
 
 
-def _read_actions(reply_text: str, question: Question) -> tuple[PredictedAction, ...]:
+def _read_actions(completion: Completion, question: Question) -> tuple[PredictedAction, ...]:
+    if completion.finish_reason == "length":
+        tokens = completion.usage.completion_tokens
+        raise ReplyParseError(f"the reply was cut off after {tokens} tokens", completion.text)
     codec, workspace = question.template.prompt.codec, question.settings.workspace.workspace()
-    actions = parse_reply(reply_text, codec, question.objects, question.request.max_actions)
+    actions = parse_reply(completion.text, codec, question.objects, question.request.max_actions)
     return tuple(PredictedAction(action, discretize_action(action, workspace)) for action in actions)

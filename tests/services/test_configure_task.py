@@ -1,0 +1,54 @@
+import pytest
+from pydantic import ValidationError
+
+from app.pipeline.errors import InvalidInputError
+from app.store import episodes
+from app.store.errors import ConflictError
+from tests.services.test_upload_episode import respond, upload
+
+
+@pytest.fixture
+def services(scripted):
+    return scripted("[]")
+
+
+def keyframes(services, id_):
+    with services.store.read() as connection:
+        return [keyframe.index for keyframe in episodes.get(connection, id_).keyframes]
+
+
+def test_a_new_rule_extracts_every_episode_again(services):
+    ids = [services.upload_episode(upload("cube"), respond)["id"] for _ in range(3)]
+    services.configure_task("pick", {"keyframes": {"rule": "uniform", "interval": 10}})
+    assert all(keyframes(services, id_) == [10, 20] for id_ in ids)
+
+
+def test_what_is_not_named_stays(services):
+    services.configure_task("pick", {"num_demonstrations": 4, "yaw_symmetry_deg": {"cube": 90}})
+    record = services.configure_task("pick", {"representation": "absolute"})
+    assert record.settings["num_demonstrations"] == 4
+    assert record.settings["yaw_symmetry_deg"] == {"cube": 90}
+
+
+def test_an_upload_in_between_is_not_lost(services, monkeypatch):
+    """An episode that arrives while others are extracted again would keep the old rule's keyframes."""
+    services.upload_episode(upload("cube"), respond)
+    extract = services.configure_task._extract
+
+    def extract_slowly(record, settings):
+        services.upload_episode(upload("cube"), respond)
+        return extract(record, settings)
+
+    monkeypatch.setattr(services.configure_task, "_extract", extract_slowly)
+    with pytest.raises(ConflictError):
+        services.configure_task("pick", {"keyframes": {"rule": "uniform", "interval": 10}})
+
+
+def test_refused_settings_change_nothing(services):
+    id_ = services.upload_episode(upload("cube"), respond)["id"]
+    before = keyframes(services, id_)
+    with pytest.raises(InvalidInputError, match=id_):
+        services.configure_task("pick", {"pose_estimator": "masks", "keyframes": {"rule": "uniform"}})
+    with pytest.raises(ValidationError):
+        services.configure_task("pick", {"num_demonstrations": 0})
+    assert keyframes(services, id_) == before

@@ -1,0 +1,101 @@
+import asyncio
+
+import pytest
+
+from app.llm.base import ModelTimeoutError, ModelUnavailableError
+from app.perception.base import ObjectQuery
+from app.services.errors import UnparsableReplyError
+from app.services.question import PredictRequest
+from app.store import predictions
+from tests.services.conftest import ONE_ACTION
+from tests.services.test_upload_episode import respond, upload
+
+REQUEST = PredictRequest("pick", "pick up the cube", (ObjectQuery("cube", (0.2, 0.1, 0.8)),))
+
+
+def ask(services, request=REQUEST):
+    return asyncio.run(services.predict_actions(request))
+
+
+def recorded(store):
+    with store.read() as connection:
+        return predictions.list_page(connection).items
+
+
+@pytest.fixture
+def taught(store, scripted):
+    def wire(*replies, **options):
+        services = scripted(*replies, **options)
+        services.upload_episode(upload("cube"), respond)
+        return services
+
+    return wire
+
+
+def test_actions_are_decoded_and_recorded(store, taught):
+    prediction = ask(taught(ONE_ACTION))
+    (action,) = prediction.actions
+    assert action.discrete.bins == (50, 50, 20, 0, 36, 36, 1)
+    (record,) = recorded(store)
+    assert (record.id, record.status, record.reply_text) == (prediction.id, "ok", ONE_ACTION)
+    assert record.actions[0]["bins"] == [50, 50, 20, 0, 36, 36, 1]
+
+
+@pytest.mark.parametrize("reply", ["no", "[[1, 2]]", ONE_ACTION * 2, "[[500, 0, 0, 0, 0, 0, 0]]"])
+def test_what_does_not_parse_is_recorded_without_actions(store, taught, reply):
+    with pytest.raises(UnparsableReplyError) as caught:
+        ask(taught(reply))
+    (record,) = recorded(store)
+    assert caught.value.prediction_id == record.id
+    assert (record.status, record.actions, record.reply_text) == ("parse_error", None, reply)
+
+
+def test_a_reply_cut_off_between_actions_is_not_taken_for_a_whole_one(store, taught):
+    services = taught("[[50, 50, 20, 0, 36, 36, 1]] " + "and so on " * 200)
+    with pytest.raises(UnparsableReplyError, match="cut off"):
+        ask(services, PredictRequest(**{**vars(REQUEST), "max_actions": 1}))
+    assert recorded(store)[0].status == "parse_error"
+
+
+def test_a_model_that_fails_is_recorded(store, taught, unavailable):
+    with pytest.raises(ModelUnavailableError, match="the dog"):
+        ask(taught(unavailable))
+    (record,) = recorded(store)
+    assert (record.status, record.reply_text, record.actions) == ("model_error", None, None)
+    assert "the dog" in record.error
+
+
+def test_the_deadline_holds(taught):
+    services = taught(ONE_ACTION, delay_s=5.0)
+    with pytest.raises(ModelTimeoutError):
+        ask(services, PredictRequest(**{**vars(REQUEST), "timeout_s": 0.05}))
+
+
+def prefix(services, request=REQUEST):
+    question = asyncio.run(services.predict_actions.prepare(request, {}))
+    return question.template
+
+
+def test_template_is_made_once_per_task_version(taught):
+    services = taught(ONE_ACTION)
+    first = prefix(services)
+    assert prefix(services) is first
+    services.configure_task("pick", {"num_demonstrations": 3})
+    changed = prefix(services)
+    assert changed is not first
+    assert changed.cache_key == first.cache_key
+    services.upload_episode(upload("cube"), respond)
+    assert prefix(services).cache_key != first.cache_key
+
+
+def test_settings_follow_request_then_task_then_model(taught):
+    services = taught(ONE_ACTION)
+
+    def style(request=REQUEST):
+        return asyncio.run(services.predict_actions.prepare(request, {})).style
+
+    assert (style().representation, style().system_prompt) == ("absolute", "a")
+    services.configure_task("pick", {"representation": "object_frame", "system_prompt": "b"})
+    assert (style().representation, style().system_prompt) == ("object_frame", "b")
+    wished = PredictRequest(**{**vars(REQUEST), "representation": "absolute"})
+    assert style(wished).representation == "absolute"

@@ -1,0 +1,75 @@
+import threading
+
+import pytest
+
+from app.perception.base import ObjectQuery
+from app.pipeline.episode import Episode
+from app.pipeline.errors import InvalidInputError, ObjectSetError
+from app.services.upload_episode import Upload, UploadEpisode, content_digest
+from app.store import tasks
+from app.store.errors import ConflictError, NotFoundError
+from tests.episodes import pick_trajectory
+
+PLACE_M = (0.1, 0.1, 0.78)
+
+
+def upload(*names, **more):
+    episode = Episode("pick up the cube", pick_trajectory(PLACE_M))
+    return Upload("pick", episode, tuple(ObjectQuery(name, PLACE_M) for name in names), {}, **more)
+
+
+def respond(record, task):
+    return {"id": record.id, "objects": list(task.object_names)}
+
+
+def test_first_episode_fixes_the_objects_and_their_order(store):
+    use_case = UploadEpisode(store)
+    use_case(upload("cube", "plate"), respond)
+    assert use_case(upload("plate", "cube"), respond)["objects"] == ["cube", "plate"]
+    with pytest.raises(ObjectSetError, match="missing: plate; not of this task: bowl"):
+        use_case(upload("cube", "bowl"), respond)
+
+
+def test_first_uploads_at_once_agree_on_the_objects(store):
+    use_case, outcomes, gate = UploadEpisode(store), [], threading.Barrier(6)
+
+    def first(names):
+        gate.wait()
+        try:
+            outcomes.append(tuple(sorted(use_case(upload(*names), respond)["objects"])))
+        except ObjectSetError:
+            outcomes.append(None)
+
+    threads = [threading.Thread(target=first, args=(names,)) for names in [("cube",), ("cube", "plate")] * 3]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert outcomes.count(None) == 3
+    assert len(set(outcomes)) == 2
+
+
+def test_a_failing_answer_stores_nothing(store):
+    def failing(record, task):
+        raise InvalidInputError("answer", "cannot be made")
+
+    with pytest.raises(InvalidInputError):
+        UploadEpisode(store)(upload("cube"), failing)
+    with store.read() as connection, pytest.raises(NotFoundError):
+        tasks.get(connection, "pick")
+
+
+def test_a_repeated_key_gets_the_first_answer(store):
+    use_case = UploadEpisode(store)
+    keyed = upload("cube", digest="a", idempotency_key="k")
+    assert use_case(keyed, respond) == use_case(keyed, respond)
+    with pytest.raises(ConflictError, match="k"):
+        use_case(upload("cube", digest="b", idempotency_key="k"), respond)
+
+
+def test_digest_depends_on_content_only():
+    assert content_digest({"a": 1, "b": 2}, {"x": b"1", "y": b"2"}) == content_digest(
+        {"b": 2, "a": 1}, {"y": b"2", "x": b"1"}
+    )
+    assert content_digest({}, {"x": b"1"}) != content_digest({}, {"x": b"2"})
+    assert content_digest({}, {"x": b"1", "y": b""}) != content_digest({}, {"x": b"", "y": b"1"})
