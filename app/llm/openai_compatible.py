@@ -53,7 +53,7 @@ class OpenAiCompatibleModel:
     ) -> None:
         self._profile = profile
         self._url = f"{base_url.rstrip('/')}/{request_path(profile.style)}"
-        self._where = _without_password(self._url)
+        self._where = f"{profile.name} ({_without_password(self._url)})"
         self._model = model
         self._api_key = api_key
         self._key_variable = key_variable
@@ -144,9 +144,9 @@ class OpenAiCompatibleModel:
         said = f"HTTP {response.status_code}: {error_message(response.text)}"
         if response.status_code in (httpx.codes.UNAUTHORIZED, httpx.codes.FORBIDDEN):
             remedy = f"; set {self._key_variable} to a valid key" if self._key_variable else ""
-            return ModelUnavailableError(f"{self._where} refused the key ({said}){remedy}")
+            return ModelUnavailableError(f"{self._where} refused the key: {said}{remedy}")
         if response.status_code == httpx.codes.NOT_FOUND:
-            return ModelUnavailableError(f"there is no model {self._model!r} at {self._where} ({said})")
+            return ModelUnavailableError(f"there is no {self._where}: {said}")
         return ModelResponseError(f"{self._where} answered {said}")
 
     def _without_key(self, text: str) -> str:
