@@ -20,7 +20,9 @@ def episode_document(record: EpisodeRecord, task: TaskRecord) -> JsonObject:
     poses = settings.canonical(tuple(item.pose() for item in record.objects))
     actions = tuple(keyframe.action() for keyframe in record.keyframes)
     demonstration = Demonstration(record.instruction, poses, actions, record.id)
-    codec = fit_codec("absolute", settings.prompt_format or "paper", [demonstration], workspace)
+    # KAT's format is for its action tokens only
+    prompt_format = "authors" if settings.prompt_format == "authors" else "paper"
+    codec = fit_codec("absolute", prompt_format, [demonstration], workspace)
     return {
         "id": record.id,
         "task": record.task,
@@ -112,7 +114,7 @@ def model_document(profile: ModelProfile, available: bool, reason: str | None, d
     return {
         "name": profile.name,
         "available": available,
-        "reason": reason,
+        "reason": reason or None,
         "style": profile.style,
         "grammar": profile.grammar,
         "representation": profile.representation,

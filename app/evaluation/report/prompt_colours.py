@@ -1,0 +1,70 @@
+"""The parts of a prompt, to be shown in the paper's colours: object poses, actions, the instruction (figure 1)."""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+Kind = Literal["object", "action", "instruction", "separator", "plain"]
+
+
+@dataclass(frozen=True)
+class Span:
+    """A piece of a prompt.
+
+    Attributes:
+        kind: `separator` ends a demonstration.
+    """
+
+    kind: Kind
+    text: str
+
+
+# {'drawer': [42, 65, 29], 'open the drawer'}>[[46, 74, 55, 54, 36, 37, 1], ...],
+_ABSOLUTE = re.compile(
+    r"(?P<object>'[^']*': \[[^\]]*\])"
+    r"|(?P<instruction>'[^{}]*'(?=\}>))"
+    r"|(?P<action>\[\[.*?\]\]|\[[-+\d., ]+\])"
+    r"|(?P<separator>, (?=\{'|\Z))",
+    re.DOTALL,
+)
+# red button 40 41 17 36; push the red button > 1 red button w: +0 +0 +14 36 36 0 0; ...
+_ROW = r"(?P<action>\d+ [\w .\-]+ [wo]:(?: [+-]?\d+){7})"
+_OBJECT = r"(?:^|(?<=; ))(?P<object>\w[\w .\-]*?(?: \d+){3,6})"
+_INSTRUCTION = r"(?:^|(?<=; ))(?P<instruction>[^;>\n]+)(?= >)"
+_SEPARATOR = r"(?P<separator>\n)"
+_OBJECT_FRAME = {
+    "paper": re.compile(rf"{_ROW}|{_OBJECT}(?=; )|{_INSTRUCTION}|{_SEPARATOR}", re.MULTILINE | re.ASCII),
+    "authors": re.compile(rf"{_ROW}|{_OBJECT}(?=; | >)|{_SEPARATOR}", re.MULTILINE | re.ASCII),
+}
+
+
+def prompt_spans(text: str, representation: str, prompt_format: str) -> tuple[Span, ...]:
+    """`text`, a prompt or a reply, cut into spans that join to `text` again.
+
+    What does not look as the representation writes it is `plain`: of a representation without a pattern here, all.
+    """
+    pattern = _pattern(representation, prompt_format)
+    return tuple(_cut(text, pattern)) if pattern else (Span("plain", text),)
+
+
+def _pattern(representation: str, prompt_format: str) -> re.Pattern[str] | None:
+    if representation == "absolute":
+        return _ABSOLUTE
+    return _OBJECT_FRAME.get(prompt_format) if representation == "object_frame" else None
+
+
+def _cut(text: str, pattern: re.Pattern[str]) -> Iterator[Span]:
+    end = 0
+    for match in pattern.finditer(text):
+        if match.start() > end:
+            yield Span("plain", text[end : match.start()])
+        yield Span(_kind(match), match.group())
+        end = match.end()
+    if end < len(text):
+        yield Span("plain", text[end:])
+
+
+def _kind(match: re.Match[str]) -> Kind:
+    kinds: tuple[Kind, ...] = ("object", "action", "instruction", "separator")
+    return next(kind for kind in kinds if match.groupdict().get(kind) is not None)

@@ -1,0 +1,63 @@
+"""What the trials of a task under a method come to."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from statistics import median
+from typing import Any
+
+from app.evaluation.records import Evaluation, Trial
+from app.evaluation.statistics import SuccessRate
+
+_Answer = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Result:
+    """One row of the table. Medians are over the trials that the service answered; None where it answered none.
+
+    Attributes:
+        asked: model, representation and prompt format, as the answers name them.
+        outside_llm_s: the service's time for a prediction less that of the LLM.
+    """
+
+    task: str
+    method: str
+    rate: SuccessRate
+    asked: tuple[str, ...]
+    llm_s: float | None
+    outside_llm_s: float | None
+    prompt_tokens: float | None
+    cached_tokens: float | None
+    completion_tokens: float | None
+
+
+def results_of(evaluation: Evaluation) -> list[Result]:
+    """A result for each task and method, in their order."""
+    return [
+        _result(task.task, method.label, [trial for trial in task.trials if trial.method == method.label])
+        for task in evaluation.tasks
+        for method in evaluation.methods
+    ]
+
+
+def _result(task: str, method: str, trials: Sequence[Trial]) -> Result:
+    answers = [trial.answer for trial in trials if trial.answer is not None]
+    return Result(
+        task,
+        method,
+        SuccessRate(sum(trial.succeeded for trial in trials), len(trials)),
+        tuple(dict.fromkeys(map(_asked, answers))),
+        llm_s=_median(answers, lambda answer: answer["timings_ms"]["llm"] / 1000),
+        outside_llm_s=_median(answers, lambda answer: answer["timings_ms"]["outside_llm"] / 1000),
+        prompt_tokens=_median(answers, lambda answer: answer["usage"]["prompt_tokens"]),
+        cached_tokens=_median(answers, lambda answer: answer["usage"]["cached_tokens"]),
+        completion_tokens=_median(answers, lambda answer: answer["usage"]["completion_tokens"]),
+    )
+
+
+def _asked(answer: _Answer) -> str:
+    return f"{answer['model']}, {answer['representation']}, format {answer['prompt_format']}"
+
+
+def _median(answers: Sequence[_Answer], value: Callable[[_Answer], float]) -> float | None:
+    return median(map(value, answers)) if answers else None

@@ -1,0 +1,160 @@
+"""A report of a small real run: the service in a process of its own, the regression in place of an LLM."""
+
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import pytest
+from PIL import Image
+
+from app.client.client import RoboPromptClient
+from app.client.robot import Observation
+from app.evaluation.records import REPLAY, Evaluation, Method, TaskEvaluation, TaughtEpisode, Trial
+from app.evaluation.report import write_report
+from app.evaluation.report.selection import MAX_FAILURES
+from app.evaluation.server import running_server
+from app.sim.demonstrate import record_demonstration, rollout, view_scene
+
+TASK = "open_drawer"
+METHOD = Method("regression", {"model": "regression"})
+MARKUP = "<script>alert('a') & b</script>"
+NUM_DEMONSTRATIONS = 4
+
+
+class Page(HTMLParser):
+    """What a page refers to, and its texts."""
+
+    def __init__(self, path):
+        super().__init__()
+        self.tags, self.links, self.images, self.ids, self.texts = set(), [], [], set(), []
+        self.feed(path.read_text(encoding="utf-8"))
+
+    def handle_starttag(self, tag, attributes):
+        attributes = dict(attributes)
+        self.tags.add(tag)
+        self.ids.add(attributes.get("id"))
+        self.links += [attributes[name] for name in ("href", "src", "srcset") if name in attributes]
+        if tag == "img":
+            self.images.append(attributes)
+
+    def handle_data(self, data):
+        self.texts.append(data)
+
+
+@pytest.fixture(scope="module")
+def evaluation(tmp_path_factory):
+    environment = {"ROBOPROMPT_DEFAULT_MODEL": "regression"}
+    with running_server(tmp_path_factory.mktemp("data"), environment) as url, RoboPromptClient(url) as client:
+        taught = tuple(teach(client, seed) for seed in range(NUM_DEMONSTRATIONS))
+        solved, unsolved = trial(client, 100_000), trial(client, 100_001, execute_in=100_003)
+    refused = replace(
+        unsolved,
+        scene=replace(unsolved.scene, instruction=MARKUP),
+        answer=None,
+        execution=None,
+        error=f"502 the reply was {MARKUP}",
+    )
+    trials = (solved, refused, unsolved, *(replace(refused, seed=seed) for seed in range(MAX_FAILURES)))
+    return Evaluation("roboprompt demo", (METHOD, REPLAY), (TaskEvaluation(TASK, taught, trials),), 12.0)
+
+
+def teach(client, seed):
+    recorded = record_demonstration(TASK, seed, images=seed == 0)
+    scene = recorded.scene
+    document = client.upload(TASK, scene.instruction, recorded.trajectory, Observation(scene.objects))
+    return TaughtEpisode(recorded, document)
+
+
+def trial(client, seed, execute_in=None):
+    """One prediction; with `execute_in` carried out on the scene of another seed."""
+    scene = view_scene(TASK, seed)
+    predicted = client.predict(TASK, scene.instruction, Observation(scene.objects), **METHOD.options)
+    execution = rollout(TASK, execute_in or seed, predicted.actions, film_strip=True)
+    return Trial(TASK, seed, METHOD.label, scene, predicted.response, execution=execution)
+
+
+@pytest.fixture(scope="module")
+def index(evaluation, tmp_path_factory):
+    return write_report(evaluation, tmp_path_factory.mktemp("reports") / "new" / "report")
+
+
+@pytest.fixture(scope="module")
+def page(index):
+    return Page(index)
+
+
+def test_the_run_is_what_the_tests_below_need(evaluation):
+    solved, refused, unsolved, *_ = evaluation.tasks[0].trials
+    assert solved.succeeded, solved.failure
+    assert unsolved.failure
+    assert refused.answer is None
+
+
+def test_everything_that_the_page_links_to_is_in_the_folder(index, page):
+    files = {link for link in page.links if not link.startswith("#")}
+    assert index.name == "index.html"
+    assert len(files) > 10
+    for link in files:
+        assert (index.parent / link).is_file(), link
+    on_disk = {str(path.relative_to(index.parent)) for path in index.parent.rglob("*") if path.is_file()}
+    assert on_disk == files | {"index.html"}
+    assert {link[1:] for link in page.links if link.startswith("#")} <= page.ids
+
+
+def test_nothing_comes_from_elsewhere(index, page):
+    text = index.read_text(encoding="utf-8")
+    assert not any(urlsplit(link).scheme or urlsplit(link).netloc for link in page.links)
+    assert not re.search(r"https?:|url\(|@import", text)
+
+
+def test_markup_in_texts_is_shown_and_not_obeyed(page):
+    assert "script" not in page.tags
+    assert page.texts.count(MARKUP) >= MAX_FAILURES
+    assert any(f"502 the reply was {MARKUP}" in text for text in page.texts)
+
+
+def test_images_are_described_and_have_their_size(index, page):
+    for image in page.images:
+        assert len(image["alt"]) > 20
+        with Image.open(index.parent / image["src"]) as file:
+            assert file.size == (int(image["width"]), int(image["height"]))
+
+
+def test_failures_come_first_and_the_rest_is_listed(evaluation, page):
+    badges = [text for text in page.texts if text in ("failed", "solved")]
+    assert badges == ["failed"] * MAX_FAILURES + ["solved"]
+    assert any(f"{MAX_FAILURES} of {MAX_FAILURES + 2} failed trials in detail" in text for text in page.texts)
+    assert {str(failed.seed) for failed in evaluation.tasks[0].trials[1:]} <= set(page.texts)  # cells of the list
+
+
+def test_prompt_reply_and_figures_are_shown(evaluation, page):
+    solved = evaluation.tasks[0].trials[0]
+    text = "".join(page.texts)
+    for shown in (solved.answer["prompt"]["user"], solved.answer["reply_text"], "1/15", "roboprompt demo", "12 s"):
+        assert shown in text
+    document = evaluation.tasks[0].taught[0].document
+    assert document["observation_text"] in text
+    assert document["actions_text"] in text
+
+
+def test_a_film_has_a_picture_for_each_action(evaluation, index):
+    film = Path(index.parent, "images", f"1-{TASK.replace('_', '-')}-success-01-film.gif")
+    with Image.open(film) as animation:
+        assert animation.n_frames == len(evaluation.tasks[0].trials[0].execution.film_strip) > 3
+
+
+def test_a_report_can_be_written_again(evaluation, index):
+    before = index.read_bytes()
+    assert write_report(evaluation, index.parent) == index
+    assert index.read_bytes() == before
+
+
+def test_a_run_without_trials_or_images(evaluation, tmp_path):
+    task = evaluation.tasks[0]
+    bare = replace(task.taught[1])
+    assert bare.recorded.scene.frames == ()
+    page = Page(write_report(replace(evaluation, tasks=(TaskEvaluation(TASK, (bare,), ()),)), tmp_path))
+    assert any("None in 0 trials" in text for text in page.texts)
+    assert len(page.images) == 2
