@@ -1,6 +1,6 @@
 """Queries on predictions. Each runs on the caller's transaction."""
 
-from dataclasses import asdict
+from dataclasses import fields as fields_of
 from datetime import UTC, datetime
 from typing import Any, Literal
 from uuid import uuid4
@@ -13,14 +13,16 @@ from app.store.pages import Page, fetch_page
 from app.store.records import PredictionDraft, PredictionRecord
 
 _PREDICTIONS = tables.predictions
+_INSERT = insert(_PREDICTIONS).returning(_PREDICTIONS.c.sequence)
 _OUTCOMES = {"success": True, "failure": False, "unknown": None}
 
 
 def add(connection: Connection, draft: PredictionDraft) -> PredictionRecord:
     """Store a prediction of an existing task."""
-    values = {**asdict(draft), "id": uuid4().hex, "created_at": datetime.now(UTC)}
-    row = connection.execute(insert(_PREDICTIONS).values(values).returning(_PREDICTIONS)).one()
-    return _record(row)
+    fields = {field.name: getattr(draft, field.name) for field in fields_of(PredictionDraft)}
+    values = {**fields, "id": uuid4().hex, "created_at": datetime.now(UTC)}
+    sequence = connection.execute(_INSERT, values).scalar_one()
+    return PredictionRecord(**values, sequence=sequence, outcome_success=None, outcome_note=None, outcome_at=None)
 
 
 def get(connection: Connection, prediction_id: str) -> PredictionRecord:
