@@ -19,7 +19,7 @@ from app.store.records import PredictionDraft, PredictionStatus
 from app.store.store import Store
 from app.store.values import JsonObject
 
-MAX_TOKENS_PER_ACTION = 48  # more than any representation needs for a row
+MAX_TOKENS_PER_ACTION = 80  # more than any representation needs for a row, a token for each digit
 
 
 @dataclass(frozen=True)

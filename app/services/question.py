@@ -11,6 +11,7 @@ from app.perception.registry import pose_estimator
 from app.pipeline.episode import ObjectPose, RgbdFrame, checked_instruction
 from app.pipeline.prompt import Prompt, check_object_names, objects_of_task
 from app.pipeline.reply import MAX_ACTIONS
+from app.pipeline.representation import KAT_FORMAT
 from app.services.errors import NoDemonstrationsError
 from app.services.select_demonstrations import Selection, load_demonstrations
 from app.services.task_settings import TaskSettings
@@ -140,7 +141,12 @@ def _style(request: PredictRequest, settings: TaskSettings, profile: ModelProfil
     prompt_format = request.prompt_format or settings.prompt_format or profile.prompt_format
     system_prompt = request.system_prompt or settings.system_prompt
     if system_prompt is None:
-        # The paper's system prompts describe the paper's representation; a model that continues text needs none.
-        suits = representation == "absolute" and profile.style == "chat"
-        system_prompt = profile.system_prompt if suits else "none"
+        system_prompt = _suitable_system_prompt(representation, prompt_format, profile)
     return PromptStyle(representation, prompt_format, system_prompt)
+
+
+def _suitable_system_prompt(representation: str, prompt_format: str, profile: ModelProfile) -> str:
+    """The one that describes the prompt: the paper's are about lists of actions; who continues text needs none."""
+    if profile.style != "chat" or representation == "object_frame":
+        return "none"
+    return "kat" if prompt_format == KAT_FORMAT else profile.system_prompt

@@ -3,18 +3,19 @@
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo, field_validator
 
 from app.perception.registry import pose_estimator
 from app.pipeline.episode import ObjectPose
 from app.pipeline.geometry import canonical_pose
 from app.pipeline.keyframes import SIMULATION_DELTA_RAD_S, KeyframeRule, Rule
 from app.pipeline.prompt import MAX_SYSTEM_PROMPT_CHARS
+from app.pipeline.representation import check_style
 from app.pipeline.workspace import RLBENCH_MAX_M, RLBENCH_MIN_M, Workspace
 
 Point = tuple[float, float, float]
-Representation = Literal["absolute", "object_frame"]
-PromptFormat = Literal["paper", "authors"]
+Representation = Literal["absolute", "object_frame", "action_tokens"]
+PromptFormat = Literal["paper", "authors", "kat"]
 SystemPrompt = Annotated[str, Field(max_length=MAX_SYSTEM_PROMPT_CHARS)]
 
 
@@ -77,6 +78,14 @@ class TaskSettings(_Settings):
             description="per object the turn about its z axis that leaves it unchanged: cube 90, cuboid 180, round 0"
         ),
     ] = {}
+
+    @field_validator("prompt_format")
+    @classmethod
+    def _of_the_representation(cls, value: PromptFormat | None, info: ValidationInfo) -> PromptFormat | None:
+        representation = info.data.get("representation")
+        if value is not None and representation is not None:
+            check_style(representation, value)
+        return value
 
     def canonical(self, poses: tuple[ObjectPose, ...]) -> tuple[ObjectPose, ...]:
         """The poses with each symmetric object turned to its canonical yaw."""

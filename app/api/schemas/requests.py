@@ -125,7 +125,7 @@ class PredictBody(RequestModel):
     model: Annotated[str | None, Field(max_length=200, description="a name from GET /models")] = None
     representation: Representation | None = None
     prompt_format: PromptFormat | None = None
-    system_prompt: Annotated[SystemPrompt | None, Field(description="a, b, c, none or free text")] = None
+    system_prompt: Annotated[SystemPrompt | None, Field(description="a, b, c, kat, none or free text")] = None
     max_actions: Annotated[int, Field(ge=1, le=100)] = MAX_ACTIONS
     timeout_s: Annotated[float, Field(gt=0, le=600)] = 60.0
     dry_run: Annotated[bool, Field(description="answer with the prompt, ask no LLM")] = False

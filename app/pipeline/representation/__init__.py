@@ -5,14 +5,17 @@ from collections.abc import Callable, Sequence
 from app.pipeline.episode import Demonstration
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.representation.absolute import AbsoluteCodec
+from app.pipeline.representation.action_tokens import ActionTokensCodec, KatCodec
 from app.pipeline.representation.base import Codec
 from app.pipeline.representation.object_frame import ObjectFrameCodec
 from app.pipeline.workspace import Workspace
 
-PROMPT_FORMATS = ("paper", "authors")
+PROMPT_FORMATS = ("paper", "authors")  # RoboPrompt's: every representation has them
+KAT_FORMAT = "kat"  # KAT's own, of its action tokens only
 _FIT: dict[str, Callable[[Sequence[Demonstration], Workspace, bool], Codec]] = {
     "absolute": AbsoluteCodec.fit,
     "object_frame": ObjectFrameCodec.fit,
+    "action_tokens": ActionTokensCodec.fit,
 }
 REPRESENTATIONS = tuple(_FIT)
 
@@ -23,15 +26,32 @@ def fit_codec(
     """The named representation, fitted to the demonstrations of one prompt.
 
     Args:
-        prompt_format: `paper` puts the instruction into the observation, `authors` leaves it out.
+        prompt_format: `paper` puts the instruction into the observation, `authors` leaves it out, `kat` is KAT's.
 
     Raises:
-        InvalidInputError: for an unknown name, or without demonstrations.
+        InvalidInputError: for an unknown name, a format that the representation does not have, or without
+            demonstrations.
+    """
+    check_style(representation, prompt_format)
+    if not demonstrations:
+        raise InvalidInputError("demonstrations", "there are none", "at least one uploaded episode")
+    fit = KatCodec.fit if prompt_format == KAT_FORMAT else _FIT[representation]
+    return fit(demonstrations, workspace, prompt_format == "paper")
+
+
+def check_style(representation: str, prompt_format: str) -> None:
+    """Refuse what cannot be written.
+
+    Raises:
+        InvalidInputError: for an unknown name, or a format that the representation does not have.
     """
     if representation not in _FIT:
         raise InvalidInputError("representation", f"is {representation!r}", ", ".join(REPRESENTATIONS))
-    if prompt_format not in PROMPT_FORMATS:
-        raise InvalidInputError("prompt_format", f"is {prompt_format!r}", ", ".join(PROMPT_FORMATS))
-    if not demonstrations:
-        raise InvalidInputError("demonstrations", "there are none", "at least one uploaded episode")
-    return _FIT[representation](demonstrations, workspace, prompt_format == "paper")
+    formats = (*PROMPT_FORMATS, KAT_FORMAT) if representation == "action_tokens" else PROMPT_FORMATS
+    if prompt_format not in formats:
+        valid = ", ".join(formats)
+        if prompt_format == KAT_FORMAT:
+            valid += f"; {KAT_FORMAT} with the representation action_tokens"
+        raise InvalidInputError(
+            "prompt_format", f"is {prompt_format!r} with the representation {representation!r}", valid
+        )

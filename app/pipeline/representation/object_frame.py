@@ -37,13 +37,12 @@ Integers = npt.NDArray[np.int_]
 OFFSET_UNIT_M = 0.005
 # Integers that differ by no more than this over the demonstrations are made equal: small models copy them better.
 JITTER_UNITS = 1
-MAX_OFFSET_UNITS = 199
 _ROW = re.compile(
     r"(\d{1,3}) (.+) ([wo]): ([+-]\d{1,3}) ([+-]\d{1,3}) ([+-]\d{1,3}) (\d{1,2}) (\d{1,2}) (\d{1,2}) ([01])", re.ASCII
 )
 _FENCE = re.compile(r"^```\w*\n?|```$")
 _GRAMMAR_TAIL = """b ::= d " " d " " d " " r " " r " " r " " [01]
-d ::= [+-] ([0-9] | [1-9] [0-9] | "1" [0-9] [0-9])
+d ::= [+-] ([0-9] | [1-9] [0-9] | [1-9] [0-9] [0-9])
 r ::= [0-9] | [1-6] [0-9] | "7" [01]
 """
 
@@ -145,9 +144,9 @@ class ObjectFrameCodec:
             known = ", ".join(f"{pose.name} w" + (" or o" if _has_rotation(pose) else "") for pose in objects)
             raise ReplyParseError(f"action {index} is relative to {name!r} {frame}, expected one of {known}", row)
         integers = [int(value) for value in numbers]
-        if max(map(abs, integers[:3])) > MAX_OFFSET_UNITS or max(integers[3:]) >= ROTATION_BINS:
-            limits = f"offsets within +-{MAX_OFFSET_UNITS} and rotations from 0 to {ROTATION_BINS - 1}"
-            raise ReplyParseError(f"action {index} has {integers}, expected {limits}", row)
+        if max(integers[3:]) >= ROTATION_BINS:
+            message = f"action {index} has the rotations {integers[3:]}, expected 0 to {ROTATION_BINS - 1}"
+            raise ReplyParseError(message, row)
         axes = object_rotation(pose, frame, self.tilted)
         position_m = pose.position_m + axes.apply(np.array(integers[:3]) * OFFSET_UNIT_M)
         rotation = axes * rotation_from_bins(integers[3:])

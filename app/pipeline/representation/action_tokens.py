@@ -1,0 +1,104 @@
+"""Action tokens: each action is three points of the end effector in millimetres (KAT, arXiv 2403.19578).
+
+KAT ("Keypoint Action Tokens Enable In-Context Imitation Learning in Robotics", Di Palo and Johns, RSS 2024) is a method
+that the paper compares with; tokens in place of bins are one of the paper's ablations (supplement, "Direct action
+prediction").
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial.transform import Rotation
+
+from app.pipeline.episode import Array, Demonstration, EndEffectorAction, ObjectPose
+from app.pipeline.errors import ReplyParseError
+from app.pipeline.representation.absolute import AbsoluteCodec
+from app.pipeline.representation.base import row_count_bounds
+from app.pipeline.representation.lists import Column, list_grammar, row_integers
+
+MM_PER_M = 1000
+LEVER_MM = 100
+# the end effector's position, and the points on its x and y axis, in its own frame
+TRIPLET_MM = LEVER_MM * np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+# Whole millimetres are up to half a millimetre off along each axis, and the best fit is no worse than the true pose.
+ROUNDING_RESIDUAL_MM = math.sqrt(3) / 2
+# An LLM goes between its demonstrations point by point, which bends a triplet (half-way between rotations 45 degrees
+# apart by up to 5 mm). Ten times the rounding leaves room for that, and stands for 5 degrees at the lever: one of the
+# paper's rotation bins.
+MAX_RESIDUAL_MM = 10 * ROUNDING_RESIDUAL_MM
+MAX_MM = 99_999  # no arm reaches that far; keeps an LLM's endless digits out
+_COLUMNS = (
+    *(Column(f"{axis} of point {point}", -MAX_MM, MAX_MM) for point in (1, 2, 3) for axis in "xyz"),
+    Column("gripper", 0, 1),
+)
+_ROW_RULES = """row ::= "[" point ", " point ", " point ", " [01] "]"
+point ::= mm ", " mm ", " mm
+mm ::= "0" | "-"? [1-9] [0-9]{0,4}
+"""
+
+
+class ActionTokensCodec(AbsoluteCodec):
+    """The paper's ablation: its prompt, the objects in bins, but each action as a triplet of points.
+
+    ``{'drawer': [42, 65, 29], 'open the drawer'}>[[165, 245, 1155, 165, 345, 1155, 165, 245, 1255, 1], ...], ``.
+    """
+
+    def actions_text(self, demonstration: Demonstration) -> str:
+        return str([_tokens(action) for action in demonstration.actions])
+
+    def grammar(self, instruction: str, max_actions: int) -> str:
+        return list_grammar(_ROW_RULES, *row_count_bounds(self.demonstrations, instruction, max_actions))
+
+    def decode_row(self, index: int, row: str, objects: Sequence[ObjectPose]) -> EndEffectorAction:
+        *coordinates, gripper = row_integers(row, index, _COLUMNS)
+        points_mm = np.array(coordinates).reshape(3, 3)
+        if not np.cross(points_mm[1] - points_mm[0], points_mm[2] - points_mm[0]).any():
+            raise ReplyParseError(f"action {index}: its three points lie on one line, which leaves a turn open", row)
+        position_mm, rotation, residual_mm = _rigid_fit(points_mm)
+        if residual_mm > MAX_RESIDUAL_MM:
+            fault = f"its three points are {residual_mm:.1f} mm (rms) off those of an end effector"
+            raise ReplyParseError(f"action {index}: {fault}, at most {MAX_RESIDUAL_MM:.1f} mm", row)
+        return EndEffectorAction(position_mm / MM_PER_M, rotation.as_quat(canonical=True), bool(gripper))
+
+
+@dataclass(frozen=True, eq=False)
+class KatCodec(ActionTokensCodec):
+    """KAT's own prompt, in numbers only: the objects' centres as keypoints without names, in the task's order.
+
+    KAT finds its keypoints in images (DINO features); here they are the objects that every method gets.
+    """
+
+    stop: tuple[str, ...] = ("INPUTS",)
+
+    def observation_text(self, objects: Sequence[ObjectPose], instruction: str) -> str:
+        return f"INPUTS:\n{[_whole_mm(pose.position_m) for pose in objects]}\nOUTPUTS:\n"
+
+    def demonstration_text(self, demonstration: Demonstration) -> str:
+        observation = self.observation_text(demonstration.objects, demonstration.instruction)
+        return f"{observation}{self.actions_text(demonstration)}\n"
+
+
+def _whole_mm(position_m: Array) -> list[int]:
+    return [round(value) for value in (position_m * MM_PER_M).tolist()]
+
+
+def _tokens(action: EndEffectorAction) -> list[int]:
+    """The nine coordinates of an action's three points in whole millimetres, and the gripper (1 = open)."""
+    offsets_m = Rotation.from_quat(action.quaternion_xyzw).apply(TRIPLET_MM / MM_PER_M)
+    points_m = action.position_m + offsets_m
+    return [*_whole_mm(points_m.ravel()), int(action.gripper_open)]
+
+
+def _rigid_fit(points_mm: npt.NDArray[np.int_]) -> tuple[Array, Rotation, float]:
+    """The pose whose triplet comes nearest to three points (Kabsch).
+
+    Returns:
+        position (3,) in mm, rotation, and the root mean square of the three distances in mm.
+    """
+    centre_mm, triplet_centre_mm = points_mm.mean(axis=0), TRIPLET_MM.mean(axis=0)
+    rotation, root_sum_mm = Rotation.align_vectors(points_mm - centre_mm, TRIPLET_MM - triplet_centre_mm)
+    position_mm: Array = centre_mm - rotation.apply(triplet_centre_mm)
+    return position_mm, rotation, float(root_sum_mm) / math.sqrt(len(points_mm))

@@ -1,0 +1,5 @@
+from hypothesis import settings
+
+# The same examples on every run; a slow machine is no failure.
+settings.register_profile("repeatable", derandomize=True, deadline=None, max_examples=50)
+settings.load_profile("repeatable")

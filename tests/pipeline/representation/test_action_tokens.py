@@ -1,0 +1,240 @@
+import json
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from app.pipeline.episode import EndEffectorAction
+from app.pipeline.errors import InvalidInputError, ReplyParseError
+from app.pipeline.prompt import SYSTEM_PROMPTS, PromptTemplate
+from app.pipeline.reply import ReplyReader, parse_reply
+from app.pipeline.representation import REPRESENTATIONS, action_tokens, fit_codec
+from app.pipeline.representation.action_tokens import ActionTokensCodec, KatCodec
+
+from ..gbnf import matches
+from ..scenes import WORKSPACE, action, angle_deg, demonstration, pose, same_actions
+
+DRAWER = pose("drawer", (0.125, 0.155, 0.895))
+JAR = pose("jar", (-0.0126, -0.2, 0.8), 45)
+# the gripper points down: its x axis is the world's, its y axis the world's turned round
+ACTIONS = (action((0.165, 0.245, 1.155)), action((-0.05, 0.0, 0.9), (0, 0, 90), False))
+ROW = "[165, 245, 1155, 265, 245, 1155, 165, 145, 1155, 1]"
+ROW_2 = "[-50, 0, 900, -50, 100, 900, -150, 0, 900, 0]"
+OPEN = demonstration("open the drawer", [DRAWER, JAR], ACTIONS)
+NUM_RANDOM = 500
+
+
+def fitted(prompt_format="paper", *demonstrations):
+    return fit_codec("action_tokens", prompt_format, demonstrations or (OPEN,), WORKSPACE)
+
+
+@pytest.mark.parametrize(
+    ("prompt_format", "observation", "end"),
+    [
+        ("paper", "{'drawer': [42, 65, 29], 'jar': [28, 29, 19, 36, 36, 45], 'open the drawer'}>", ", "),
+        ("authors", "{'drawer': [42, 65, 29], 'jar': [28, 29, 19, 36, 36, 45]}>", ", "),
+        ("kat", "INPUTS:\n[[125, 155, 895], [-13, -200, 800]]\nOUTPUTS:\n", "\n"),
+    ],
+)
+def test_text(prompt_format, observation, end):
+    codec = fitted(prompt_format)
+    assert codec.observation_text(OPEN.objects, "open the drawer") == observation
+    assert codec.actions_text(OPEN) == f"[{ROW}, {ROW_2}]"
+    assert codec.demonstration_text(OPEN) == f"{observation}[{ROW}, {ROW_2}]{end}"
+    assert observation.startswith(codec.stop)
+    assert not any(stop in f"[{ROW}, {ROW_2}]{end}" for stop in codec.stop)
+
+
+def test_kat_is_told_neither_names_nor_instruction():
+    template = PromptTemplate.write(fitted("kat"), [OPEN, OPEN], SYSTEM_PROMPTS["kat"])
+    text = template.ask(OPEN.objects, "open the drawer", 25).user
+    assert set("".join(filter(str.isalpha, text))) == set("INPUTSOUTPUTS")
+    assert text.count("INPUTS:") == text.count("OUTPUTS:") == 3
+    assert "INPUTS" in template.system
+    assert "robot" not in template.system.lower()
+
+
+def random_actions():
+    """Poses over two metres on both sides of the world's origin, in every orientation."""
+    random = np.random.default_rng(7)
+    positions_m = random.uniform(-2, 2, (NUM_RANDOM, 3))
+    rotations = Rotation.random(NUM_RANDOM, rng=random)
+    return [
+        EndEffectorAction(position_m, quaternion_xyzw, bool(k % 2))
+        for k, (position_m, quaternion_xyzw) in enumerate(zip(positions_m, rotations.as_quat(), strict=True))
+    ]
+
+
+def test_actions_are_written_and_read_within_the_rounding():
+    for given in random_actions():
+        shown = demonstration("go", [DRAWER], [given])
+        text = fitted("kat", shown).actions_text(shown)
+        assert matches(fitted("kat", shown).grammar("go", 25), text)
+        (seen,) = parse_reply(text, fitted(), [DRAWER])
+        assert np.linalg.norm(seen.position_m - given.position_m) <= 0.001
+        assert angle_deg(seen.quaternion_xyzw, given.quaternion_xyzw) <= 1.5
+        assert seen.gripper_open == given.gripper_open
+
+
+def test_rounding_bends_no_triplet_beyond_its_bound(monkeypatch):
+    monkeypatch.setattr(action_tokens, "MAX_RESIDUAL_MM", action_tokens.ROUNDING_RESIDUAL_MM)
+    given = demonstration("go", [DRAWER], random_actions())
+    assert len(parse_reply(fitted("kat", given).actions_text(given), fitted(), [DRAWER], NUM_RANDOM)) == NUM_RANDOM
+
+
+def test_halfway_between_two_demonstrations_is_a_pose():
+    for given, turned_deg in zip(random_actions(), np.linspace(0, 45, NUM_RANDOM), strict=True):
+        turn = Rotation.from_rotvec(turned_deg * given.position_m / np.linalg.norm(given.position_m), degrees=True)
+        first = Rotation.from_quat(given.quaternion_xyzw)
+        ends = np.array([tokens(given.position_m, rotation) for rotation in (first, turn * first)])
+        (seen,) = parse_reply(str([[*np.rint(ends.mean(axis=0)).astype(int).tolist(), 1]]), fitted(), [DRAWER])
+        assert angle_deg(seen.quaternion_xyzw, (turn**0.5 * first).as_quat()) < 3
+
+
+def tokens(position_m, rotation):
+    """The nine coordinates of a pose as it is written."""
+    shown = demonstration("go", [DRAWER], [EndEffectorAction(position_m, rotation.as_quat(), True)])
+    return json.loads(fitted("kat", shown).actions_text(shown))[0][:9]
+
+
+def bent(x_mm):
+    """The first row with point 2 displaced along the axis that it stands for."""
+    return f"[[165, 245, 1155, {265 + x_mm}, 245, 1155, 165, 145, 1155, 1]]"
+
+
+def read(reply_text, prompt_format="paper"):
+    return parse_reply(reply_text, fitted(prompt_format), [DRAWER])
+
+
+@pytest.mark.parametrize("x_mm", [-15, -5, 0, 5, 15])
+def test_a_slightly_bent_triplet_is_taken_for_the_nearest_pose(x_mm):
+    (seen,) = read(bent(x_mm))
+    assert np.linalg.norm(seen.position_m - ACTIONS[0].position_m) <= abs(x_mm) / 1000 + 1e-9
+    assert angle_deg(seen.quaternion_xyzw, ACTIONS[0].quaternion_xyzw) < 5
+
+
+@pytest.mark.parametrize("x_mm", [-60, -25, 25, 60, 900])
+def test_a_badly_bent_triplet_is_refused_with_its_residual(x_mm):
+    # at a leg changed by d along itself, no pose is nearer than about 0.41 d (rms)
+    with pytest.raises(ReplyParseError, match=r"action 0: its three points are (\d+\.\d) mm") as caught:
+        read(bent(x_mm))
+    residual_mm = float(caught.value.message.split("are ")[1].split(" mm")[0])
+    assert 0.35 * abs(x_mm) < residual_mm < 0.48 * abs(x_mm)
+    assert "at most 8.7 mm" in caught.value.message
+
+
+def test_the_residual_names_the_action():
+    with pytest.raises(ReplyParseError, match=r"action 1: its three points are 13\.\d mm"):
+        read(f"[{ROW}, [0, 0, 0, 0, 70, 0, -100, 0, 0, 1]]")
+
+
+@pytest.mark.parametrize(
+    "row",
+    [
+        "[0, 0, 0, 0, 0, 0, 0, 0, 0, 1]",
+        "[5, 5, 5, 5, 5, 5, 5, 5, 5, 1]",
+        "[0, 0, 0, 100, 0, 0, 200, 0, 0, 1]",
+        "[0, 0, 0, 100, 0, 0, 100, 0, 0, 1]",
+        "[-1, 7, 3, 32, 106, 201, -34, -92, -195, 1]",
+    ],
+)
+def test_points_on_one_line_are_no_pose(row):
+    with pytest.raises(ReplyParseError, match="action 0: its three points lie on one line"):
+        read(f"[{row}]")
+
+
+def test_a_mirrored_triplet_is_read_as_the_turn_that_it_also_is():
+    # three points have no handedness: x and y swapped are the gripper turned over
+    (seen,) = read("[[0, 0, 0, 0, 100, 0, 100, 0, 0, 1]]")
+    axes = Rotation.from_quat(seen.quaternion_xyzw).as_matrix()
+    np.testing.assert_allclose(axes, [[0, 1, 0], [1, 0, 0], [0, 0, -1]], atol=1e-9)
+
+
+@pytest.mark.parametrize("prompt_format", ["paper", "authors", "kat"])
+@pytest.mark.parametrize(
+    "reply_text",
+    [
+        f"[{ROW}, {ROW_2}]",
+        f"OUTPUTS:\n[{ROW}, {ROW_2}]\n",
+        f"Here they are:\n```json\n[{ROW},\n {ROW_2}]\n```",
+        f"[{ROW}, [-50.0, -0, 900, -50, 1e2, 900, -150, 0, 900, 0]]",
+    ],
+)
+def test_accepted_replies(reply_text, prompt_format):
+    first, second = read(reply_text, prompt_format)
+    np.testing.assert_allclose(first.position_m, ACTIONS[0].position_m, atol=1e-9)
+    np.testing.assert_allclose(second.position_m, ACTIONS[1].position_m, atol=1e-9)
+    assert angle_deg(second.quaternion_xyzw, ACTIONS[1].quaternion_xyzw) < 1e-4
+    assert (first.gripper_open, second.gripper_open) == (True, False)
+
+
+REFUSED = {
+    "": "0 lists",
+    "I cannot do that.": "0 lists",
+    f"[{ROW}, {ROW_2}": "not complete",
+    f"[{ROW}] or [{ROW_2}]": "2 lists",
+    "[[46, 74, 55, 54, 36, 37, 1]]": "action 0 has 7 elements, expected 10",
+    f"[{ROW}, {ROW_2[:-4]}]]": "action 1 has 9 elements, expected 10",
+    "[[165.5, 245, 1155, 265, 245, 1155, 165, 145, 1155, 1]]": "action 0: x of point 1 is 165.5",
+    "[[165, 245, 1155, 265, 100000, 1155, 165, 145, 1155, 1]]": "action 0: y of point 2 is 100000",
+    "[[165, 245, 1155, 265, 245, 1155, 165, 145, -1e9, 1]]": "action 0: z of point 3 is -1000000000.0",
+    "[[165, NaN, 1155, 265, 245, 1155, 165, 145, 1155, 1]]": "action 0: y of point 1 is nan",
+    "[[165, 245, 1155, 265, 245, 1155, 165, 145, 1155, 2]]": "action 0: gripper is 2, expected an integer from 0 to 1",
+    "[[165, 245, 1155, 265, 245, 1155, 165, 145, 1155, -1]]": "action 0: gripper is -1",
+    "[[165, 245, 1155, 265, 245, 1155, 165, 145, 1155, true]]": "action 0: gripper is True",
+    "[[+165, 245, 1155, 265, 245, 1155, 165, 145, 1155, 1]]": "not valid",
+    "[[[165, 245, 1155], [265, 245, 1155], [165, 145, 1155], 1]]": "action 0 is not a list of numbers",
+}
+
+
+@pytest.mark.parametrize(("reply_text", "message"), REFUSED.items(), ids=lambda text: text[:40])
+def test_refused_replies_carry_their_text(reply_text, message):
+    with pytest.raises(ReplyParseError) as caught:
+        read(reply_text)
+    assert message in caught.value.message
+    assert caught.value.reply_text == reply_text
+
+
+def test_actions_come_while_the_reply_arrives():
+    reader = ReplyReader(fitted("kat"), [DRAWER])
+    early = [seen for character in f"[{ROW}, {ROW_2}" for seen in reader.feed(character)]
+    assert len(early) == 2
+    assert same_actions(early, reader.finish(f"[{ROW}, {ROW_2}]"))
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        (f"[{ROW}, {ROW_2}]", True),
+        (f"[{ROW}, {ROW_2}, {ROW}]", True),
+        (f"[{ROW}]", False),
+        (f"[{ROW}, {ROW_2}, {ROW}, {ROW}]", False),
+        (f"[{ROW}, {ROW_2[:-2]}2]]", False),
+        (f"[{ROW}, [-0, 0, 900, -50, 100, 900, -150, 0, 900, 0]]", False),
+        (f"[{ROW}, [050, 0, 900, -50, 100, 900, -150, 0, 900, 0]]", False),
+        (f"[{ROW}, [123456, 0, 900, -50, 100, 900, -150, 0, 900, 0]]", False),
+        (f"[{ROW}, [0, 900, -50, 100, 900, -150, 0, 900, 0]]", False),
+        ("", False),
+    ],
+)
+def test_the_grammar_knows_rows_and_their_number(text, expected):
+    longer = demonstration("open the drawer", [DRAWER], [*ACTIONS, ACTIONS[0]])
+    assert matches(fitted("paper", OPEN, longer).grammar("open the drawer", 25), text) is expected
+
+
+def test_each_format_has_its_codec():
+    assert [type(fitted(prompt_format)) for prompt_format in ("paper", "kat")] == [ActionTokensCodec, KatCodec]
+
+
+@pytest.mark.parametrize("representation", sorted({*REPRESENTATIONS} - {"action_tokens"}))
+def test_kats_format_is_for_action_tokens_only(representation):
+    with pytest.raises(InvalidInputError) as caught:
+        fit_codec(representation, "kat", [OPEN], WORKSPACE)
+    assert caught.value.field == "prompt_format"
+    assert representation in caught.value.message
+    assert caught.value.valid == "paper, authors; kat with the representation action_tokens"
+
+
+def test_an_unknown_format_is_refused_with_those_of_action_tokens():
+    with pytest.raises(InvalidInputError, match="valid: paper, authors, kat"):
+        fitted("chat")

@@ -1,0 +1,156 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from app.pipeline.reply import parse_reply
+from app.pipeline.representation.object_frame import OFFSET_UNIT_M, ObjectFrameCodec
+
+from ..gbnf import matches
+from ..scenes import WORKSPACE, action, angle_deg, demonstration, pose, rotated
+
+LIFT = "lift the cup"
+UP = np.array([0, 0, 0.2])
+PLACES = [((0.1, 0.2, 0.705), 10), ((0.3, -0.1, 0.705), 75), ((0.205, 0.005, 0.705), -40)]
+
+
+def fitted(*demonstrations, with_instruction=True):
+    return ObjectFrameCodec.fit(demonstrations, WORKSPACE, with_instruction)
+
+
+def lifts(offsets_m=((0, 0, 0.1),) * 3, yaws_deg=(0, 0, 0), follow=False):
+    """Three demonstrations that touch the cup (offset and gripper's yaw along world axes or the cup's) and lift it."""
+    shown = []
+    for (position_m, cup_yaw_deg), offset_m, yaw_deg in zip(PLACES, offsets_m, yaws_deg, strict=True):
+        turn = rotated(0, 0, cup_yaw_deg if follow else 0)
+        touch = np.array(position_m) + turn.apply(offset_m)
+        euler_deg = (180, 0, yaw_deg + (cup_yaw_deg if follow else 0))
+        actions = [action(touch, euler_deg, False), action(touch + UP, euler_deg)]
+        shown.append(demonstration(LIFT, [pose("cup", position_m, cup_yaw_deg)], actions))
+    return shown
+
+
+@pytest.mark.parametrize(
+    ("shown", "expected"),
+    [
+        (lifts(), "1 cup w: +0 +0 +20 0 36 36 0; 2 cup w: +0 +0 +60 0 36 36 1"),
+        (lifts(((-0.05, 0.02, 0),) * 3), "1 cup w: -10 +4 +0 0 36 36 0; 2 cup w: -10 +4 +40 0 36 36 1"),
+        (
+            lifts(((-0.05, 0.02, 0.3),) * 3, (30,) * 3, follow=True),
+            "1 cup o: -10 +4 +60 0 36 42 0; 2 cup o: -10 +4 +100 0 36 42 1",
+        ),
+    ],
+)
+def test_actions_are_told_in_the_frame_in_which_they_agree(shown, expected):
+    codec = fitted(*shown)
+    assert [codec.actions_text(demonstration) for demonstration in shown] == [expected] * 3
+
+
+def test_a_tilted_object_turns_its_frame_fully():
+    tilts = [rotated(0, -60, 30), rotated(0, -80, -50), rotated(0, -40, 0)]
+    grasp, centre_m = rotated(0, 90, 0), np.array([0.1, 0.1, 1])
+    shown = [
+        demonstration(
+            "close the lid",
+            [pose("lid", centre_m, tilt)],
+            [action(centre_m + tilt.apply([0.25, 0, 0]), (tilt * grasp).as_euler("xyz", degrees=True))],
+        )
+        for tilt in tilts
+    ]
+    codec = fitted(*shown)
+    texts = {codec.actions_text(demonstration) for demonstration in shown}
+    assert len(texts) == 1
+    assert texts.pop().startswith("1 lid o: +50 +0 +0 ")
+    assert codec.observation_text(shown[0].objects, "close the lid") == "lid 39 59 39 36 24 42; close the lid >"
+
+
+def test_jitter_of_one_unit_is_calmed_to_the_median():
+    codec = fitted(*(shown := lifts([(0.004, 0, 0.1), (-0.004, 0, 0.104), (0, 0, 0.096)], (178, -178, 180))))
+    assert {codec.actions_text(demonstration) for demonstration in shown} == {
+        "1 cup w: +0 +0 +20 0 36 0 0; 2 cup w: +0 +0 +60 0 36 0 1"
+    }
+
+
+def test_what_differs_by_more_stays_as_it_was():
+    codec = fitted(*(shown := lifts([(0.02, 0, 0.1), (-0.02, 0, 0.1), (0, 0, 0.1)], (0, 20, 0))))
+    first_rows = [codec.actions_text(demonstration).split(";")[0] for demonstration in shown]
+    assert first_rows == [
+        "1 cup w: +4 +0 +20 0 36 36 0",
+        "1 cup w: -4 +0 +20 0 36 40 0",
+        "1 cup w: +0 +0 +20 0 36 36 0",
+    ]
+
+
+def push(named, red_m, blue_m):
+    objects = [pose("red button", red_m), pose("blue button", blue_m)]
+    x, y, z = red_m if named == "red" else blue_m
+    return demonstration(f"push the {named} button.", objects, [action((x, y, z + 0.05), gripper_open=False)])
+
+
+RED = push("red", (0.1, 0.2, 0.705), (0.3, -0.1, 0.705))
+BLUE = push("blue", (0.3, -0.1, 0.705), (0.1, 0.2, 0.705))
+
+
+def test_the_order_of_mention_makes_texts_of_different_instructions_alike():
+    codec = fitted(RED, BLUE)
+    red = "red button 39 69 10; blue button 59 39 10; push the red button > 1 red button w: +0 +0 +10 0 36 36 0\n"
+    swapped = red.replace("red", "#").replace("blue", "red").replace("#", "blue")
+    assert codec.demonstration_text(RED) == red
+    assert codec.demonstration_text(BLUE) == swapped
+
+
+def test_the_instruction_can_be_left_out():
+    assert fitted(RED, with_instruction=False).observation_text(RED.objects, RED.instruction) == (
+        "red button 39 69 10; blue button 59 39 10 >"
+    )
+
+
+ROWS = st.tuples(
+    st.tuples(*[st.floats(-0.9, 0.9)] * 3),
+    st.tuples(st.floats(-179, 179), st.floats(-60, 60), st.floats(-179, 179)),
+    st.booleans(),
+)
+JITTER = st.tuples(*[st.floats(-0.008, 0.008)] * 3)  # some of it calmed, some not
+
+
+@st.composite
+def random_demonstrations(draw, min_size, max_size):
+    rows = draw(st.lists(ROWS, min_size=1, max_size=3))
+    shown = []
+    for _ in range(draw(st.integers(min_size, max_size))):
+        centre = np.array([draw(st.floats(-0.2, 0.6)), draw(st.floats(-0.4, 0.4)), 0.8])
+        cup = pose("cup", centre, draw(st.floats(-179, 179)))
+        actions = [action(centre + offset + draw(JITTER), euler, is_open) for offset, euler, is_open in rows]
+        shown.append(demonstration(LIFT, [cup], actions))
+    return shown
+
+
+def check_round_trip(shown, max_offset_units, max_rotation_bins):
+    codec = fitted(*shown)
+    for given_demonstration in shown:
+        (cup,) = given_demonstration.objects
+        text = codec.actions_text(given_demonstration)
+        seen = parse_reply(text, codec, [cup])
+        assert matches(codec.grammar(LIFT, 25), f" {text}\n")
+        for row, was, now in zip(text.split(";"), given_demonstration.actions, seen, strict=True):
+            axes = rotated(0, 0, _yaw_deg(cup)) if " cup o: " in row else rotated(0, 0, 0)
+            off_m = axes.inv().apply(now.position_m - was.position_m)
+            assert np.abs(off_m).max() <= max_offset_units * OFFSET_UNIT_M + 1e-9
+            assert angle_deg(was.quaternion_xyzw, now.quaternion_xyzw) <= 3 * 5 * max_rotation_bins + 1e-6
+            assert now.gripper_open == was.gripper_open
+
+
+def _yaw_deg(cup):
+    return math.degrees(2 * math.atan2(cup.quaternion_xyzw[2], cup.quaternion_xyzw[3]))
+
+
+@given(random_demonstrations(1, 1))
+def test_a_demonstration_comes_back_within_half_a_unit(shown):
+    check_round_trip(shown, max_offset_units=0.5, max_rotation_bins=0.5)
+
+
+@given(random_demonstrations(2, 4))
+def test_calmed_demonstrations_come_back_within_one_and_a_half_units(shown):
+    check_round_trip(shown, max_offset_units=1.5, max_rotation_bins=1.5)

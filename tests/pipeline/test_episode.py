@@ -1,0 +1,191 @@
+import math
+
+import numpy as np
+import pytest
+
+from app.pipeline.episode import (
+    Camera,
+    EndEffectorAction,
+    Episode,
+    ObjectPose,
+    RgbdFrame,
+    Trajectory,
+    checked_instruction,
+    checked_name,
+    finite_array,
+    unit_quaternions,
+)
+from app.pipeline.errors import InvalidInputError, RoboPromptError
+
+from .scenes import rotated
+
+T = 5
+
+
+def with_element(array, value):
+    changed = np.array(array, dtype=float)
+    changed.flat[-1] = value
+    return changed
+
+
+VALID = {
+    "joint_velocities_rad_s": np.ones((T, 7)),
+    "positions_m": np.ones((T, 3)),
+    "quaternions_xyzw": np.tile([0.0, 0.6, 0.0, 0.8], (T, 1)),
+    "gripper_open": np.array([1, 1, 0, 0, 1]),
+    "timestamps_s": np.arange(T) / 20,
+    "joint_positions_rad": np.ones((T, 7)),
+}
+VELOCITIES, POSITIONS, QUATERNIONS = (
+    "trajectory.joint_velocities",
+    "trajectory.end_effector_positions",
+    "trajectory.end_effector_quaternions_xyzw",
+)
+
+
+@pytest.mark.parametrize(
+    ("changes", "field"),
+    [
+        ({"joint_velocities_rad_s": np.ones((0, 7))}, VELOCITIES),
+        ({"joint_velocities_rad_s": np.ones((T, 6))}, VELOCITIES),
+        ({"joint_velocities_rad_s": np.ones(7)}, VELOCITIES),
+        ({"joint_velocities_rad_s": np.ones((T, 7, 1))}, VELOCITIES),
+        ({"joint_velocities_rad_s": with_element(np.ones((T, 7)), math.nan)}, VELOCITIES),
+        ({"joint_velocities_rad_s": [[0.0] * 7, [0.0] * 6]}, VELOCITIES),
+        ({"positions_m": np.ones((T + 1, 3))}, POSITIONS),
+        ({"positions_m": np.ones((T, 2))}, POSITIONS),
+        ({"positions_m": with_element(np.ones((T, 3)), -math.inf)}, POSITIONS),
+        ({"quaternions_xyzw": np.ones((T, 4))}, QUATERNIONS),
+        ({"quaternions_xyzw": np.zeros((T, 4))}, QUATERNIONS),
+        ({"quaternions_xyzw": np.full((T, 4), 1e200)}, QUATERNIONS),
+        ({"quaternions_xyzw": with_element(VALID["quaternions_xyzw"], 0.802)}, QUATERNIONS),
+        ({"quaternions_xyzw": VALID["quaternions_xyzw"][:, :3]}, QUATERNIONS),
+        ({"gripper_open": [1, 1, 0.5, 0, 0]}, "trajectory.gripper_open"),
+        ({"gripper_open": [1, 1, 2, 0, 0]}, "trajectory.gripper_open"),
+        ({"gripper_open": [1, 1, math.nan, 0, 0]}, "trajectory.gripper_open"),
+        ({"gripper_open": ["1"] * T}, "trajectory.gripper_open"),
+        ({"gripper_open": np.ones((T, 1))}, "trajectory.gripper_open"),
+        ({"timestamps_s": [0, 0.1, 0.1, 0.2, 0.3]}, "trajectory.timestamps"),
+        ({"timestamps_s": [0, 0.1, 0.05, 0.2, 0.3]}, "trajectory.timestamps"),
+        ({"timestamps_s": np.arange(T + 1)}, "trajectory.timestamps"),
+        ({"joint_positions_rad": np.ones((T, 6))}, "trajectory.joint_positions"),
+        ({"joint_positions_rad": with_element(np.ones((T, 7)), math.inf)}, "trajectory.joint_positions"),
+    ],
+)
+def test_a_trajectory_that_does_not_fit_is_refused(changes, field):
+    with pytest.raises(InvalidInputError) as caught:
+        Trajectory(**{**VALID, **changes})
+    assert caught.value.field == field
+
+
+def test_a_valid_trajectory_is_kept_and_read_only():
+    recorded = Trajectory(**VALID)
+    assert len(recorded) == T
+    assert recorded.gripper_open.dtype == np.bool_
+    np.testing.assert_array_equal(recorded.quaternions_xyzw, VALID["quaternions_xyzw"])
+    for array in vars(recorded).values():
+        assert not array.flags.writeable
+    bare = Trajectory(**{**VALID, "timestamps_s": None, "joint_positions_rad": None})
+    assert (bare.timestamps_s, bare.joint_positions_rad) == (None, None)
+
+
+def test_the_callers_arrays_stay_their_own():
+    velocities = np.ones((T, 7))
+    recorded = Trajectory(**{**VALID, "joint_velocities_rad_s": velocities})
+    velocities[:] = 9
+    assert recorded.joint_velocities_rad_s.max() == 1
+
+
+def test_the_action_at_a_frame():
+    positions = np.arange(T * 3).reshape(T, 3)
+    seen = Trajectory(**{**VALID, "positions_m": positions}).action_at(2)
+    np.testing.assert_array_equal(seen.position_m, [6, 7, 8])
+    np.testing.assert_array_equal(seen.quaternion_xyzw, [0, 0.6, 0, 0.8])
+    assert seen.gripper_open is False
+
+
+@pytest.mark.parametrize(
+    "value",
+    [[1j], np.array([1 + 2j]), ["1"], [None], [10**400], [[1], [2, 3]], np.array(["2020-01-01"], "datetime64[s]"), "x"],
+    ids=repr,
+)
+def test_what_is_not_numbers_is_refused(value):
+    with pytest.raises(InvalidInputError, match="is not an array of numbers"):
+        finite_array("field", value, (1,))
+
+
+def test_errors_name_field_element_and_remedy():
+    with pytest.raises(InvalidInputError) as caught:
+        finite_array("cup.position", [[1, 2], [3, math.nan]], (None, 2))
+    assert str(caught.value) == "cup.position: element [1, 1] is nan (valid: finite numbers)"
+    with pytest.raises(InvalidInputError, match=r"a: has shape \(2,\) \(valid: shape \(T, 3\)\)"):
+        finite_array("a", [1, 2], (None, 3))
+    assert issubclass(InvalidInputError, RoboPromptError)
+
+
+def test_a_slightly_long_quaternion_is_normalised_once():
+    unit = unit_quaternions("q", [0, 0, 0, 1.0009], (4,))
+    np.testing.assert_array_equal(unit, [0, 0, 0, 1])
+    generated = np.random.default_rng(0).normal(size=(200, 4))
+    once = unit_quaternions("q", generated / np.linalg.norm(generated, axis=1, keepdims=True), (None, 4))
+    np.testing.assert_array_equal(unit_quaternions("q", once, (None, 4)), once)
+
+
+@pytest.mark.parametrize("name", ["a", "red button", "cup_2", "T-joint", "no. 5", "x" * 64])
+def test_good_names(name):
+    assert checked_name("objects.name", name) == name
+
+
+@pytest.mark.parametrize(
+    "name", ["", " a", "a ", "a\n", "a\nb", "it's", 'a"b', "a;b", "a:b", "}>[[", "a{", "café", "-a", "a.", "x" * 65]
+)
+def test_bad_names(name):
+    with pytest.raises(InvalidInputError) as caught:
+        checked_name("objects.name", name)
+    assert caught.value.field == "objects.name"
+
+
+@pytest.mark.parametrize("text", ["push the red button", "don't spill, then stop.", "öffne die Schublade", "x" * 500])
+def test_good_instructions(text):
+    assert checked_instruction("instruction", f" {text}\n") == text
+
+
+FORBIDDEN = "{}[]<>;\n\r\t\0\x0b\x0c\x1c\x7f\x85\u2028\u2029\ud800"
+
+
+@pytest.mark.parametrize(
+    "text", ["", "  ", "\n", "x" * 501, "push }>[[", *(f"a{character}b" for character in FORBIDDEN)]
+)
+def test_bad_instructions(text):
+    with pytest.raises(InvalidInputError) as caught:
+        Episode(text, Trajectory(**VALID))
+    assert caught.value.field == "instruction"
+
+
+@pytest.mark.parametrize("frequency_hz", [0.0, -1.0, math.nan, math.inf])
+def test_bad_control_frequencies(frequency_hz):
+    with pytest.raises(InvalidInputError) as caught:
+        Episode("push", Trajectory(**VALID), control_frequency_hz=frequency_hz)
+    assert caught.value.field == "control_frequency_hz"
+
+
+@pytest.mark.parametrize(
+    ("make", "field"),
+    [
+        (lambda: ObjectPose("cup", np.ones(2)), "objects[cup].position"),
+        (lambda: ObjectPose("cup", np.array([0, math.nan, 0])), "objects[cup].position"),
+        (lambda: ObjectPose("cup", np.ones(3), np.ones(4)), "objects[cup].quaternion_xyzw"),
+        (lambda: ObjectPose("a;b", np.ones(3)), "objects.name"),
+        (lambda: EndEffectorAction(np.ones(4), np.array([0, 0, 0, 1]), True), "action.position"),
+        (lambda: EndEffectorAction(np.ones(3), np.ones(4), True), "action.quaternion_xyzw"),
+    ],
+)
+def test_poses_and_actions_are_checked(make, field):
+    with pytest.raises(InvalidInputError) as caught:
+        make()
+    assert caught.value.field == field
+
+
+def test_a_rotated_pose_is_accepted():
+    assert ObjectPose("cup", np.ones(3), rotated(10, 20, 30).as_quat()).estimator == "given"
+    assert RgbdFrame(Camera("front", 1, 1, 0, 0, np.eye(4))).rgb is None

@@ -1,0 +1,151 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from app.pipeline.episode import Trajectory
+from app.pipeline.errors import InvalidInputError
+from app.pipeline.keyframes import RULES, KeyframeRule, authors, find_keyframes, merged, uniform
+
+SPEEDS_RAD_S = {"m": 0.5, ".": 0.0}
+
+
+def trajectory(motion, gripper=None, velocities=None):
+    """`motion` has one character a frame: `m` moves, `.` rests; `gripper` likewise: 1 open, 0 closed."""
+    length = len(motion)
+    if velocities is None:
+        velocities = np.zeros((length, 7))
+        velocities[:, 3] = [SPEEDS_RAD_S[character] for character in motion]
+    is_open = [character == "1" for character in gripper or "1" * length]
+    return Trajectory(velocities, np.zeros((length, 3)), np.tile([0, 0, 0, 1], (length, 1)), is_open)
+
+
+@pytest.mark.parametrize(
+    ("motion", "gripper", "expected"),
+    [
+        # each run's last frame
+        ("mmm..mmm...", None, (4, 10)),
+        ("m.m.m.mmmmm", None, (1, 3, 5, 10)),
+        # the gripper's change inside a run; the last of two; on the run's first frame
+        ("mmm....mmm...", "1111100000000", (5, 12)),
+        ("mmm......mm..", "1111001110000", (6, 9, 12)),
+        ("mmm......mm..", "1111001111111", (6, 12)),
+        ("mmm....mmm...", "1110000000000", (3, 12)),
+        # on the frame after a run it is outside
+        ("mmm..mmmmm...", "1111100000000", (4, 5, 12)),
+        # outside every run
+        ("mmmmmmmmmm", "1111000000", (4, 9)),
+        # the run from frame 0 is dropped, with the change inside it
+        ("...mmmmm", None, (7,)),
+        ("...mmmmm", "10000000", (7,)),
+        ("...mm...mm..", None, (7, 11)),
+        ("....", None, (3,)),
+        # a keyframe within 3 frames stands for the final one
+        ("mmmmmmmmmm", "1111110000", (6,)),
+        ("mmmmmmmmmm", "1111100000", (5, 9)),
+        ("mmmm..mmm", None, (5,)),
+        ("mmmm..mmmm", None, (5, 9)),
+        ("mm", None, (1,)),
+        ("m", None, ()),
+        (".", None, ()),
+    ],
+)
+def test_merged(motion, gripper, expected):
+    assert merged(trajectory(motion, gripper)) == expected
+
+
+@pytest.mark.parametrize(
+    ("motion", "gripper", "expected"),
+    [
+        # a dwell fires at 0 (never a keyframe) and then every 5 frames; the last two frames never stop
+        ("." * 12, None, (5, 11)),
+        ("." * 13, None, (5, 10, 12)),
+        ("." * 14, None, (5, 10, 13)),
+        ("m" + "." * 13, None, (1, 6, 11, 13)),
+        ("mmm.m.m.mmmmm", None, (3, 12)),
+        ("mmm.mmmm.mmmm", None, (3, 8, 12)),
+        ("mmm.mmm.mmmmm", None, (3, 12)),
+        # no wrap-around: frames before the first count as the first
+        ("m.mmmmmmmmmm", "111111110000", (1, 8, 11)),
+        ("." * 12, "111111111000", (5, 9, 11)),
+        # the gripper must be steady from two before to one after
+        ("mmmm.mmmmm", "1111100000", (5, 9)),
+        ("mmmm.mmmmm", "1110000000", (3, 9)),
+        ("mmmm.mmmmm", "1100000000", (2, 4, 9)),
+        ("mmmm.mmmmm", "1111110000", (4, 6, 9)),
+        # a stop needs two frames after it
+        ("mmmmmmmm.m", None, (9,)),
+        ("mmmmmmm.mm", None, (7, 9)),
+        # of two last consecutive keyframes the first goes; only at the end
+        ("mmmmmmm", "1111100", (6,)),
+        ("mmmmmmm", "1111110", (6,)),
+        ("mmmmmmmmmm", "1110111111", (3, 4, 9)),
+        ("mm", None, (1,)),
+        ("m", None, ()),
+        (".", None, ()),
+    ],
+)
+def test_authors(motion, gripper, expected):
+    assert authors(trajectory(motion, gripper)) == expected
+
+
+@pytest.mark.parametrize(
+    ("length", "interval", "expected"),
+    [(11, 5, (5, 10)), (13, 5, (5, 10, 12)), (4, 1, (1, 2, 3)), (3, 40, (2,)), (1, 5, ())],
+)
+def test_uniform(length, interval, expected):
+    assert uniform(trajectory("m" * length), interval) == expected
+
+
+def test_merged_takes_the_norm_strictly_below_delta_authors_each_joint_inclusively():
+    at_delta = np.full((10, 7), 0.5)
+    at_delta[4] = [0.1, 0, 0, 0, 0, 0, 0]
+    assert merged(trajectory("m" * 10, velocities=at_delta), 0.1) == (9,)
+    assert authors(trajectory("m" * 10, velocities=at_delta), 0.1) == (4, 9)
+    spread = np.full((10, 7), 0.5)
+    spread[4] = -0.05  # a norm of 0.13
+    assert merged(trajectory("m" * 10, velocities=spread), 0.1) == (9,)
+    assert merged(trajectory("m" * 10, velocities=spread), 0.14) == (4, 9)
+    assert authors(trajectory("m" * 10, velocities=spread), 0.1) == (4, 9)
+    assert authors(trajectory("m" * 10, velocities=spread), 0.04) == (9,)
+
+
+FRAMES = st.lists(st.tuples(st.sampled_from("m."), st.sampled_from("01")), min_size=1, max_size=60)
+
+
+@pytest.mark.parametrize("rule", RULES)
+@given(frames=FRAMES, interval=st.integers(1, 80))
+def test_keyframes_ascend_within_range_and_never_begin_at_the_first_frame(rule, frames, interval):
+    recorded = trajectory([motion for motion, _ in frames], "".join(gripper for _, gripper in frames))
+    found = find_keyframes(recorded, KeyframeRule(rule, interval=interval))
+    assert list(found) == sorted(set(found))
+    assert all(0 < frame < len(frames) for frame in found)
+    assert bool(found) == (len(frames) > 1)
+    assert all(type(frame) is int for frame in found)
+
+
+def test_the_rule_chooses():
+    recorded = trajectory("." * 14)
+    assert find_keyframes(recorded, KeyframeRule("merged")) == (13,)
+    assert find_keyframes(recorded, KeyframeRule("authors")) == (5, 10, 13)
+    assert find_keyframes(recorded, KeyframeRule("uniform", interval=6)) == (6, 12, 13)
+    assert find_keyframes(trajectory("mmm.mmmmmm"), KeyframeRule("merged", delta_rad_s=1.0)) == (9,)
+
+
+@pytest.mark.parametrize(
+    ("values", "field"),
+    [
+        ({"rule": "median"}, "keyframes.rule"),
+        ({"delta_rad_s": 0.0}, "keyframes.delta_rad_s"),
+        ({"delta_rad_s": -1.0}, "keyframes.delta_rad_s"),
+        ({"delta_rad_s": math.nan}, "keyframes.delta_rad_s"),
+        ({"delta_rad_s": math.inf}, "keyframes.delta_rad_s"),
+        ({"interval": 0}, "keyframes.interval"),
+    ],
+)
+def test_a_rule_that_makes_no_sense_is_refused(values, field):
+    with pytest.raises(InvalidInputError) as caught:
+        KeyframeRule(**values)
+    assert caught.value.field == field

@@ -1,0 +1,121 @@
+import pytest
+
+from app.pipeline.errors import InvalidInputError, ObjectSetError
+from app.pipeline.prompt import PromptTemplate, check_object_names, objects_of_task, system_prompt_text
+from app.pipeline.representation import fit_codec
+
+from .gbnf import matches
+from .scenes import WORKSPACE, action, demonstration, pose
+
+# the paper, appendix B
+A = (
+    "You are a Franka Panda robot with a parallel gripper. We provide you with some demos in the format of "
+    "observation>[action_1, action_2, ...]. Then you will receive a new observation and you need to output a sequence "
+    "of actions that match the trends in the demos. Do not output anything else."
+)
+B = (
+    "You are an end-effector Franka Panda robot equipped with a parallel gripper. We will give you a series of "
+    "demonstrations in the format observation>[action_1, action_2, ...]. Afterward, you will receive a new "
+    "observation, and your task is to generate a sequence of actions that align with the patterns shown in the demos. "
+    "Make sure to only output the actions and nothing else."
+)
+C = (
+    "You are a Franka Panda robot equipped with a parallel gripper. We will provide you with demonstrations in the "
+    "format: observation>[action_1, action_2, ...]. Afterward, you will receive a new observation and must generate a "
+    "sequence of actions that align with the patterns shown in the demos. Ensure that nothing else is included in your "
+    "output."
+)
+
+
+def shown(x_m):
+    return demonstration("open the drawer", [pose("drawer", (x_m, 0.155, 0.895))], [action((x_m, 0.245, 1.155))] * 2)
+
+
+def template(representation, prompt_format="paper"):
+    demonstrations = [shown(0.125), shown(0.205)]
+    codec = fit_codec(representation, prompt_format, demonstrations, WORKSPACE)
+    return PromptTemplate.write(codec, demonstrations, A)
+
+
+EXPECTED = {
+    ("absolute", "paper"): (
+        "{'drawer': [42, 65, 29], 'open the drawer'}>[[42, 74, 55, 0, 36, 36, 1], [42, 74, 55, 0, 36, 36, 1]], "
+        "{'drawer': [50, 65, 29], 'open the drawer'}>[[50, 74, 55, 0, 36, 36, 1], [50, 74, 55, 0, 36, 36, 1]], ",
+        "{'drawer': [30, 65, 29], 'open it'}>",
+    ),
+    ("absolute", "authors"): (
+        "{'drawer': [42, 65, 29]}>[[42, 74, 55, 0, 36, 36, 1], [42, 74, 55, 0, 36, 36, 1]], "
+        "{'drawer': [50, 65, 29]}>[[50, 74, 55, 0, 36, 36, 1], [50, 74, 55, 0, 36, 36, 1]], ",
+        "{'drawer': [30, 65, 29]}>",
+    ),
+    ("object_frame", "paper"): (
+        "drawer 42 65 29; open the drawer > 1 drawer w: +0 +18 +52 0 36 36 1; 2 drawer w: +0 +18 +52 0 36 36 1\n"
+        "drawer 50 65 29; open the drawer > 1 drawer w: +0 +18 +52 0 36 36 1; 2 drawer w: +0 +18 +52 0 36 36 1\n",
+        "drawer 30 65 29; open it >",
+    ),
+}
+
+
+@pytest.mark.parametrize(("style", "expected"), EXPECTED.items(), ids=" ".join)
+def test_the_text_is_the_demonstrations_then_the_query(style, expected):
+    prompt = template(*style).ask(shown(0.005).objects, "open it", 25)
+    assert (prompt.prefix, prompt.query) == expected
+    assert prompt.user == "".join(expected)
+    assert prompt.system == A
+
+
+@pytest.mark.parametrize("representation", ["absolute", "object_frame"])
+def test_the_prefix_is_the_same_bytes_for_every_query(representation):
+    written = template(representation)
+    first = written.ask(shown(0.005).objects, "open it", 25)
+    second = written.ask(shown(0.5).objects, "close the drawer, then open the drawer", 3)
+    again = template(representation).ask(shown(0.3).objects, "open the drawer", 25)
+    assert first.prefix.encode() == second.prefix.encode() == again.prefix.encode()
+    assert first.query != second.query
+    assert matches(first.grammar, GRAMMATICAL[representation])
+    assert not matches(second.grammar, GRAMMATICAL[representation])  # which asks for 3 rows
+    assert first.stop == second.stop == written.codec.stop
+
+
+GRAMMATICAL = {
+    "absolute": "[[42, 74, 55, 0, 36, 36, 1], [42, 74, 55, 0, 36, 36, 1]]",
+    "object_frame": " 1 drawer w: +0 +18 +52 0 36 36 1; 2 drawer w: +0 +18 +52 0 36 36 1\n",
+}
+
+
+@pytest.mark.parametrize(
+    ("choice", "expected"), [("a", A), ("b", B), ("c", C), ("none", ""), ("Be brief.", "Be brief.")]
+)
+def test_system_prompts(choice, expected):
+    assert system_prompt_text(choice) == expected
+
+
+def test_a_long_system_prompt_is_refused():
+    assert len(system_prompt_text("x" * 4000)) == 4000
+    with pytest.raises(InvalidInputError, match="4001 characters") as caught:
+        system_prompt_text("x" * 4001)
+    assert caught.value.field == "system_prompt"
+
+
+def test_the_objects_come_in_the_tasks_order():
+    lid, jar = pose("lid", (0, 0, 1)), pose("jar", (0.1, 0, 1))
+    assert objects_of_task([jar, lid], ["lid", "jar"]) == (lid, jar)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        (["lid"], "missing: jar"),
+        ([], "missing: lid, jar"),
+        (["lid", "jar", "cup", "pan"], "not of this task: cup, pan"),
+        (["lid", "lid", "jar"], "given twice: lid"),
+        (["lid", "Jar"], "missing: jar; not of this task: Jar"),
+        (["cup", "cup", "lid"], "missing: jar; not of this task: cup; given twice: cup"),
+    ],
+)
+def test_another_set_of_objects_is_refused_by_its_differences(given, message):
+    with pytest.raises(ObjectSetError) as caught:
+        check_object_names(given, ["lid", "jar"])
+    assert (caught.value.field, caught.value.message, caught.value.valid) == ("objects", message, "lid, jar")
+    with pytest.raises(ObjectSetError, match=message):
+        objects_of_task([pose(name, (0, 0, 1)) for name in given], ["lid", "jar"])

@@ -1,0 +1,149 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from app.pipeline.errors import InvalidInputError
+from app.pipeline.workspace import (
+    POSITION_BINS,
+    ROTATION_BINS,
+    Workspace,
+    bin_centre,
+    discretize_action,
+    object_bins,
+    position_bins,
+    rotation_bins,
+    rotation_from_bins,
+    undiscretize_action,
+    yaw_bin,
+)
+
+from .scenes import WORKSPACE, action, angle_deg, pose, positions, rotated, rotations
+
+TABLE = Workspace(np.array([-1.0, 0.2, 0.0]), np.array([0.5, 0.9, 0.3]))
+ANY_ROTATION_BINS = st.tuples(*[st.integers(0, ROTATION_BINS - 1)] * 3)
+
+
+def test_the_specs_action():
+    seen = undiscretize_action((46, 74, 55, 54, 36, 37, 1), WORKSPACE)
+    np.testing.assert_allclose(seen.position_m, [0.165, 0.245, 1.155])
+    assert angle_deg(seen.quaternion_xyzw, rotated(90, 0, 5).as_quat()) < 1e-6
+    assert seen.gripper_open is True
+    assert discretize_action(seen, WORKSPACE).bins == (46, 74, 55, 54, 36, 37, 1)
+    assert undiscretize_action((46, 74, 55, 54, 36, 37, 0), WORKSPACE).gripper_open is False
+
+
+@given(positions())
+def test_a_position_comes_back_within_half_a_bin(position_m):
+    back_m = bin_centre(position_bins(position_m, WORKSPACE), WORKSPACE)
+    assert (np.abs(back_m - position_m) <= WORKSPACE.bin_size_m / 2 + 1e-9).all()
+
+
+@given(positions(TABLE.min_m, TABLE.max_m))
+def test_each_axis_has_its_own_bin_size(position_m):
+    back_m = bin_centre(position_bins(position_m, TABLE), TABLE)
+    assert (np.abs(back_m - position_m) <= np.array([0.0075, 0.0035, 0.0015]) + 1e-9).all()
+
+
+@given(rotations())
+def test_a_rotation_loses_at_most_seven_and_a_half_degrees(rotation):
+    back = rotation_from_bins(rotation_bins(rotation))
+    assert angle_deg(rotation.as_quat(), back.as_quat()) <= 7.5
+
+
+@given(ANY_ROTATION_BINS)
+def test_bins_stand_for_the_same_rotation_after_a_second_binning(bins):
+    rotation = rotation_from_bins(bins)
+    again = rotation_from_bins(rotation_bins(rotation))
+    assert angle_deg(rotation.as_quat(), again.as_quat()) < 1e-4
+
+
+@given(st.tuples(*[st.integers(0, POSITION_BINS - 1)] * 3))
+def test_position_bins_come_back_from_their_centre(bins):
+    assert position_bins(bin_centre(bins, TABLE), TABLE) == bins
+
+
+@pytest.mark.parametrize("workspace", [WORKSPACE, TABLE], ids=["rlbench", "table"])
+def test_an_exact_edge_falls_into_the_lower_bin(workspace):
+    for k in range(1, POSITION_BINS + 1):
+        assert position_bins(workspace.min_m + k * workspace.bin_size_m, workspace) == (k - 1,) * 3
+    assert position_bins(workspace.min_m, workspace) == (0, 0, 0)
+
+
+@pytest.mark.parametrize(
+    ("position_m", "bins", "clamped"),
+    [
+        ((-0.31, 0.005, 1.105), (0, 50, 50), True),
+        ((-9.0, -9.0, -9.0), (0, 0, 0), True),
+        ((0.205, 0.51, 1.105), (50, 99, 50), True),
+        ((1e9, 1e9, 1e9), (99, 99, 99), True),
+        ((0.205, 0.005, 1.605), (50, 50, 99), True),
+        ((-0.3, -0.5, 0.6), (0, 0, 0), False),
+        ((0.7, 0.5, 1.6), (99, 99, 99), False),
+        ((0.205, 0.005, 1.105), (50, 50, 50), False),
+    ],
+)
+def test_a_position_outside_is_clamped_and_says_so(position_m, bins, clamped):
+    discrete = discretize_action(action(position_m), WORKSPACE)
+    assert discrete.bins[:3] == bins
+    assert discrete.clamped is clamped
+
+
+@pytest.mark.parametrize(
+    ("yaw_deg", "expected"),
+    [(-180, 0), (180, 0), (178, 0), (177.4, 71), (-175, 1), (0, 36), (5, 37), (90, 54), (-2.4, 36), (-2.6, 35)],
+)
+def test_yaw_bins(yaw_deg, expected):
+    assert rotation_bins(rotated(0, 0, yaw_deg)) == (36, 36, expected)
+    assert yaw_bin(math.radians(yaw_deg)) == expected
+
+
+@pytest.mark.parametrize(
+    ("yaw_deg", "expected"), [(-177.5, 0), (-172.5, 2), (-2.5, 36), (2.5, 36), (7.5, 38), (177.5, 0)]
+)
+def test_halves_round_to_even(yaw_deg, expected):
+    assert rotation_bins(rotated(0, 0, yaw_deg))[2] == expected
+    assert yaw_bin(math.radians(yaw_deg)) == expected
+
+
+def test_angles_are_roll_pitch_yaw_about_fixed_axes():
+    rotation = (
+        Rotation.from_euler("z", 40, degrees=True)
+        * Rotation.from_euler("y", 20, degrees=True)
+        * Rotation.from_euler("x", -30, degrees=True)
+    )
+    assert rotation_bins(rotation) == (30, 40, 44)
+
+
+def test_gimbal_lock_is_silent_and_keeps_the_rotation():
+    locked = rotated(30, 90, 10)
+    assert angle_deg(rotation_from_bins(rotation_bins(locked)).as_quat(), locked.as_quat()) <= 7.5
+
+
+def test_objects_have_six_bins_where_their_rotation_is_known():
+    assert object_bins(pose("cube", (0.125, 0.155, 0.895)), WORKSPACE) == (42, 65, 29)
+    assert object_bins(pose("cube", (0.125, 0.155, 0.895), 45), WORKSPACE) == (42, 65, 29, 36, 36, 45)
+
+
+def test_text_has_plain_integers():
+    bins = discretize_action(action((0.1, 0.2, 0.9)), WORKSPACE).bins + object_bins(pose("a", (0, 0, 1), 5), WORKSPACE)
+    assert {type(value) for value in (*bins, yaw_bin(0.3))} == {int}
+    assert "np" not in str(bins)
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "field"),
+    [
+        ((0, 0, 0), (1, 0, 1), "workspace"),
+        ((0, 0, 2), (1, 1, 1), "workspace"),
+        ((0, 0), (1, 1, 1), "workspace.min"),
+        ((0, 0, 0), (1, 1, math.nan), "workspace.max"),
+    ],
+)
+def test_a_box_without_volume_is_refused(low, high, field):
+    with pytest.raises(InvalidInputError) as caught:
+        Workspace(np.array(low), np.array(high))
+    assert caught.value.field == field
