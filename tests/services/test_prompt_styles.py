@@ -1,0 +1,77 @@
+"""Which representation, prompt format and system prompt go together."""
+
+import pytest
+from pydantic import ValidationError
+
+from app.api.documents import episode_document
+from app.llm.base import ModelProfile
+from app.pipeline.errors import InvalidInputError
+from app.services.question import PredictRequest, QuestionWriter
+from app.services.task_settings import TaskSettings
+from app.store import episodes, tasks
+from tests.services.test_predict_actions import REQUEST
+from tests.services.test_upload_episode import respond, upload
+
+CHAT = ModelProfile("chat", "chat", False, "absolute", "paper", "b")
+BASE = ModelProfile("base", "completion", True, "absolute", "paper", "b")
+
+
+@pytest.fixture
+def taught(scripted):
+    services = scripted("[]")
+    services.upload_episode(upload("cube"), respond)
+    return services
+
+
+def question(services, profile=CHAT, **options):
+    return QuestionWriter(services.store)(PredictRequest(**{**vars(REQUEST), **options}), profile, {})
+
+
+@pytest.mark.parametrize(
+    ("representation", "prompt_format", "profile", "expected"),
+    [
+        ("absolute", "paper", CHAT, "b"),
+        ("action_tokens", "paper", CHAT, "b"),
+        ("action_tokens", "kat", CHAT, "kat"),
+        ("object_frame", "paper", CHAT, "none"),
+        ("absolute", "paper", BASE, "none"),
+        ("action_tokens", "kat", BASE, "none"),
+    ],
+)
+def test_the_system_prompt_describes_the_prompt(taught, representation, prompt_format, profile, expected):
+    style = question(taught, profile, representation=representation, prompt_format=prompt_format).style
+    assert style.system_prompt == expected
+
+
+def test_kats_prompt(taught):
+    asked = question(taught, representation="action_tokens", prompt_format="kat")
+    assert "INPUTS" in asked.prompt.system
+    assert asked.prompt.user.startswith("INPUTS:\n[[")
+    assert asked.prompt.user.endswith("\nOUTPUTS:\n")
+    assert "cube" not in asked.prompt.user
+
+
+def test_a_system_prompt_that_is_asked_for_goes_first(taught):
+    style = question(taught, representation="action_tokens", prompt_format="kat", system_prompt="a").style
+    assert style.system_prompt == "a"
+
+
+def test_kats_format_needs_its_tokens(taught):
+    with pytest.raises(InvalidInputError, match=r"prompt_format: .*'absolute'.*kat with the representation action_tok"):
+        question(taught, prompt_format="kat")
+
+
+def test_a_task_cannot_be_set_to_what_cannot_be_written(taught):
+    assert TaskSettings(prompt_format="kat").prompt_format == "kat"  # the request may name the representation
+    taught.configure_task("pick", {"representation": "action_tokens", "prompt_format": "kat"})
+    with pytest.raises(ValidationError, match=r"prompt_format\n.*'absolute'"):
+        taught.configure_task("pick", {"representation": "absolute"})
+    assert question(taught).style.representation == "action_tokens"
+
+
+def test_episodes_are_shown_in_the_papers_representation_whatever_the_prompts_are(taught):
+    taught.configure_task("pick", {"representation": "action_tokens", "prompt_format": "kat"})
+    with taught.store.read() as connection:
+        task = tasks.get(connection, "pick")
+        (record,) = episodes.list_page(connection, "pick", 10, None).items
+    assert episode_document(record, task)["observation_text"].startswith("{'cube': [")
