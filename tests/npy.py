@@ -49,5 +49,6 @@ HOSTILE = {
     npy_with_header("\0"): "damaged",
     npy_that_claims(",", (3, 3)): "damaged",
     npy_that_claims("zz", (3, 3)): "damaged",
+    npy_with_header("$" * 5000): "damaged",
     npy_with_header("x" * 20_000): "damaged",
 }

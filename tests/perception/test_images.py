@@ -135,6 +135,7 @@ FLIPPED = PNG[:1000] + bytes([PNG[1000] ^ 0xFF]) + PNG[1001:]
         (b"BM" + b"\0" * 100, "begins with"),
         *((PNG[:length], f"cut off after {length} bytes") for length in (8, 20, 1000, len(PNG) - 1)),
         *((JPEG[:length], f"cut off after {length} bytes") for length in (3, 200, len(JPEG) - 1)),
+        (JPEG[:2] + b"\xff\xe1\x00\x04\xff\xd9" + JPEG[2:2000], "cut off"),  # an end of its thumbnail only
         (PNG[:20] + PNG[-12:], "claims"),
         (PNG[:1000] + PNG[-12:], "is damaged"),
         (FLIPPED, "is damaged"),

@@ -1,0 +1,142 @@
+"""`roboprompt eval` as people run it: interrupted, killed, gone on with, and finished."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+from rich.progress import Progress
+
+from app.evaluation.methods import REGRESSION
+from app.evaluation.plan import Plan
+from app.evaluation.records import REPLAY
+from app.evaluation.sweep_run import SweepRun
+from tests.evaluation.processes import alive, descendants
+
+TASKS = ("push_button", "open_drawer")
+NUM_TRIALS = 2 * 2 * 4  # tasks, seeds, methods
+PATIENCE_S = 90
+
+
+def arguments(folder):
+    tasks = [word for task in TASKS for word in ("--task", task)]
+    few = ["--episodes", "2", "--demos", "3", "--model", "regression", "--no-report", "--json"]
+    return [sys.executable, "-m", "app.cli", "eval", *tasks, *few, "--out", str(folder)]
+
+
+def start(folder):
+    command = arguments(folder)
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
+
+
+def results(folder):
+    path = folder / "results.jsonl"
+    return [json.loads(line) for line in path.read_bytes().split(b"\n")[:-1]] if path.exists() else []
+
+
+def wait_for(condition, what):
+    deadline = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < deadline, what
+        time.sleep(0.01)
+
+
+def keys(lines):
+    return [(line["task"], line["seed"], line["method"]) for line in lines]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("eval") / "results"
+
+
+def test_ctrl_c_keeps_what_is_done_and_says_how_to_go_on(folder):
+    run = start(folder)
+    wait_for(lambda: results(folder), "no first trial")
+    started = descendants(run.pid)
+    os.killpg(run.pid, signal.SIGINT)  # as a terminal does: to the workers as well
+    out, errors = run.communicate(timeout=PATIENCE_S)
+    assert run.returncode == 130, errors
+    assert "Traceback" not in errors
+    assert f"--out {folder}" in errors
+    done = len(results(folder))
+    assert 0 < done < NUM_TRIALS
+    summary = json.loads(out.splitlines()[-1])
+    assert (summary["remaining"], summary["stopped"]) == (NUM_TRIALS - done, "interrupted")
+    assert (folder / "table.md").exists()
+    assert len(started) >= 3  # service and workers
+    wait_for(lambda: not any(map(alive, started)), "processes outlived the run")
+
+
+def test_a_killed_run_leaves_no_processes_and_no_damage(folder):
+    before = len(results(folder))
+    with start(folder) as run:
+        wait_for(lambda: len(results(folder)) > before, "no further trial")
+        started = descendants(run.pid)
+        run.kill()
+    assert len(started) >= 3
+    wait_for(lambda: not any(map(alive, started)), "processes outlived the run")
+    assert before < len(results(folder)) < NUM_TRIALS
+
+
+def test_the_rest_is_run_and_nothing_twice(folder):
+    kept = results(folder)
+    with start(folder) as run:
+        out, errors = run.communicate(timeout=PATIENCE_S)
+    assert run.returncode == 0, errors
+    assert results(folder)[: len(kept)] == kept
+    assert len(set(keys(results(folder)))) == len(results(folder)) == NUM_TRIALS
+    summary = json.loads(out.splitlines()[-1])
+    assert (summary["trials"], summary["errors"], summary["remaining"]) == (NUM_TRIALS, 0, 0)
+    assert summary["tasks"]["open_drawer"]["expert replay"]["trials"] == 2
+    assert {path.name for path in folder.iterdir()} == {
+        "results.jsonl",
+        "run.json",
+        "table.md",
+        "success.png",
+        "success.svg",
+    }
+
+
+def test_the_record_of_the_run(folder):
+    record = json.loads((folder / "run.json").read_text())
+    interrupted, killed, finished = record["sessions"]
+    assert killed["ended"] is None
+    assert interrupted["ended"] < finished["ended"]
+    assert (record["sweep"], record["test_seeds"], record["models"]) == ("main", [100_000, 100_001], ["regression"])
+    assert record["times"]["clock_s"] == pytest.approx(interrupted["duration_s"] + finished["duration_s"], abs=0.01)
+    assert 0 < record["times"]["llm_s"] < record["times"]["execution_s"]
+    assert finished["versions"]["python"] == sys.version.split()[0]
+    assert finished["machine"]["cores"] >= 1
+
+
+def test_a_finished_run_is_not_run_again(folder):
+    before = (folder / "results.jsonl").read_bytes(), (folder / "run.json").read_bytes()
+    (folder / "table.md").unlink()
+    run = subprocess.run(arguments(folder), capture_output=True, text=True, timeout=PATIENCE_S)
+    assert run.returncode == 0, run.stderr
+    assert ((folder / "results.jsonl").read_bytes(), (folder / "run.json").read_bytes()) == before
+    assert "| push_button |" in (folder / "table.md").read_text()
+
+
+def test_the_page_of_failures(tmp_path):
+    plan = Plan(("push_button",), (REGRESSION, REPLAY), 1, 4, "roboprompt eval")
+    run = SweepRun("main", plan, tmp_path)
+    result = run(Progress(disable=True))
+    assert result.remaining == 0
+    page = run.report.read_text()
+    (failed,) = [trial for trial in result.evaluation.tasks[0].trials if not trial.succeeded]
+    assert failed.failure in page
+    assert len(list(run.report.parent.glob("images/*film.gif"))) == 2
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"), [(["--sweep", "everything"], "main, formats"), (["--task", "fold_laundry"], "open_drawer")]
+)
+def test_names_that_there_are_not(wrong, said):
+    run = subprocess.run([sys.executable, "-m", "app.cli", "eval", *wrong], capture_output=True, text=True, timeout=60)
+    assert run.returncode == 2
+    assert said in run.stderr.replace("\n", " ")

@@ -1,0 +1,77 @@
+import pytest
+
+from app.api.schemas.requests import PredictBody
+from app.cli.evaluate import SWEEP_NAMES
+from app.evaluation.methods import methods_beside, with_models
+from app.evaluation.records import Method
+from app.evaluation.sweeps import SWEEPS
+from app.evaluation.teach import suffix_of, variants
+from app.pipeline.episode import NAME_PATTERN
+from app.services.task_settings import TaskSettings
+from app.sim.tasks import TASKS
+
+SCENE = {"task": "stack_cube", "instruction": "stack", "objects": [{"name": "cube", "position": [0, 0, 1]}]}
+
+
+@pytest.mark.parametrize("sweep", SWEEPS.values(), ids=SWEEPS)
+def test_the_service_takes_what_a_sweep_asks(sweep):
+    methods = sweep.with_models(())
+    assert len({method.label for method in methods}) == len(methods) > 1
+    for method in methods:
+        PredictBody.model_validate({**SCENE, **method.options})
+        TaskSettings.model_validate(method.settings)
+
+
+@pytest.mark.parametrize("sweep", SWEEPS.values(), ids=SWEEPS)
+def test_names_of_taught_tasks_are_valid(sweep):
+    for suffix in variants(sweep.with_models(())):
+        for task in TASKS:
+            assert NAME_PATTERN.fullmatch(f"{task}{suffix}.eval-123456")
+
+
+def test_the_command_line_names_every_sweep():
+    assert SWEEP_NAMES.split(", ") == list(SWEEPS)
+
+
+def test_only_what_differs_is_taught_anew():
+    keyframes = SWEEPS["keyframes"].methods
+    assert list(variants(keyframes)) == [
+        "",
+        ".1-uniform-5",
+        ".2-uniform-10",
+        ".3-uniform-20",
+        ".4-uniform-40",
+        ".5-uniform-80",
+    ]
+    assert list(variants(SWEEPS["main"].methods)) == [""]
+    assert suffix_of(keyframes[0], keyframes) == ""
+    assert suffix_of(keyframes[2], keyframes) == ".2-uniform-10"
+
+
+def test_what_is_taught_alike_is_taught_once():
+    crossed = with_models(SWEEPS["noise"].methods, ["a", "b"])
+    assert len(crossed) == 10
+    assert len(variants(crossed)) == 5
+    assert suffix_of(crossed[4], crossed) == suffix_of(crossed[5], crossed) == variants_suffix(crossed, 1.0)
+
+
+def variants_suffix(methods, noise):
+    return next(suffix for suffix, method in variants(methods).items() if method.noise == noise)
+
+
+def test_models():
+    main = SWEEPS["main"].methods
+    assert [m.label for m in with_models(main, [])] == [m.label for m in main]
+    one = with_models(main, ["openai/gpt-4o"])
+    assert [m.options.get("model") for m in one] == ["openai/gpt-4o", "regression", None, None]
+    assert one[0].label == "default"
+    two = with_models(main, ["a", "b"])
+    assert [m.label for m in two[:2]] == ["default, a", "default, b"]
+    over = SWEEPS["models"].with_models(["a"])
+    assert [m.label for m in over] == ["embedded/gemma-3-270m", "embedded/smollm2-135m", "a"]
+
+
+def test_the_method_asked_for_comes_first():
+    first, *others = methods_beside("a", None)
+    assert first == Method("a, its representation", {"model": "a"})
+    assert [other.source for other in others] == ["service", "service", "expert"]

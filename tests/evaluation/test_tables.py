@@ -1,0 +1,85 @@
+import pytest
+
+from app.evaluation.plots import write_plots
+from app.evaluation.records import Crash, Evaluation, Method, TaskEvaluation
+from app.evaluation.sweeps import SWEEPS
+from app.evaluation.tables import markdown, sweep_summary
+from tests.evaluation.trials import ANSWER, trial
+
+OURS, OTHER = Method("default"), Method("noisy", noise=1.5)
+
+
+def evaluation(*tasks, methods=(OURS, OTHER)):
+    return Evaluation("roboprompt eval --sweep main", methods, tasks, 1.0)
+
+
+def task(name, ours, other, crashes=0):
+    """A task with (successes, trials) of both methods, and crashes of the first."""
+    trials = [
+        trial(name, 100_000 + k, method.label, k < successes, ANSWER if method is OURS else None)
+        for method, (successes, number) in ((OURS, ours), (OTHER, other))
+        for k in range(number)
+    ]
+    broken = [Crash(name, 100_100 + k, OURS.label, "worker died") for k in range(crashes)]
+    return TaskEvaluation(name, (), tuple(trials), tuple(broken))
+
+
+@pytest.fixture
+def mixed():
+    return evaluation(task("open_drawer", (20, 25), (1, 2)), task("stack_cube", (1, 2), (0, 0), crashes=3))
+
+
+def rows(text):
+    return {row.split(" | ")[0].lstrip("| "): [cell.strip(" |") for cell in row.split(" | ")][1:] for row in text}
+
+
+def test_table_has_rates_intervals_errors_and_the_paper(mixed):
+    lines = rows(line for line in markdown(mixed, "one thing").splitlines() if line.startswith("| "))
+    assert lines["open_drawer"] == ["20/25 (61-91 %)", "1/2 (9-91 %)", "72", "0", "32", "74", "93"]
+    assert lines["stack_cube"] == ["1/2 (9-91 %), 3 errors", "\N{EN DASH}", "90", "80", "60"] + ["\N{EN DASH}"] * 2
+    # a mean over tasks, not over trials; errors and tasks without trials stay out of it
+    assert lines["mean"] == ["65.0 %", "50.0 %", "81.0", "40.0", "46.0", "74.0", "93.0"]
+    assert lines["default"][:2] == ["embedded/gemma-3-270m, object_frame, paper", "21/27 (59-89 %), 3 errors"]
+    assert lines["noisy"][:2] == ["pose noise 1.5", "1/2 (9-91 %)"]
+
+
+def test_table_says_what_is_compared(mixed):
+    text = markdown(mixed, "one thing against another")
+    assert text.startswith("# One thing against another\n")
+    for said in ("not RLBench itself", "GPT-4 Turbo", "Table I,", "Table II,", "`roboprompt eval --sweep main`"):
+        assert said in text
+
+
+def test_summary(mixed):
+    summary = sweep_summary(mixed)
+    assert (summary["trials"], summary["errors"]) == (29, 3)
+    assert summary["mean_success_rate"] == {"default": pytest.approx(0.65), "noisy": pytest.approx(0.5)}
+    assert summary["paper_mean_percent"]["RoboPrompt"] == 81
+    figures = summary["tasks"]["stack_cube"]["default"]
+    assert (figures["successes"], figures["trials"], figures["errors"]) == (1, 2, 3)
+    assert figures["tokens"] == {"prompt_tokens": 100, "cached_tokens": 90, "completion_tokens": 20}
+
+
+@pytest.mark.parametrize(
+    ("sweep", "plots"),
+    [
+        ("main", {"success"}),
+        ("demonstrations", {"success", "demonstrations"}),
+        ("noise", {"success", "noise"}),
+        ("keyframes", {"success", "sampling"}),
+    ],
+)
+def test_plots_follow_the_sweep(sweep, plots, tmp_path):
+    methods = SWEEPS[sweep].with_models(())
+    trials = [trial("open_drawer", 100_000 + k, m.label, k == 0) for m in methods for k in range(2)]
+    written = write_plots(evaluation(TaskEvaluation("open_drawer", (), tuple(trials)), methods=methods), tmp_path)
+    assert {path.stem for path in written} == plots
+    assert {path.name for path in tmp_path.iterdir()} == {f"{name}.{kind}" for name in plots for kind in ("png", "svg")}
+    assert (tmp_path / "success.png").read_bytes().startswith(b"\x89PNG")
+    assert "<svg" in (tmp_path / "success.svg").read_text()
+
+
+def test_plots_without_any_trial(tmp_path):
+    crashed = TaskEvaluation("stack_cube", (), (), (Crash("stack_cube", 1, "uniform 5", "gone"),))
+    methods = SWEEPS["keyframes"].with_models(())
+    assert {path.stem for path in write_plots(evaluation(crashed, methods=methods), tmp_path)} == {"success"}

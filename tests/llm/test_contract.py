@@ -1,0 +1,110 @@
+"""What every backend promises, held against each that can run here."""
+
+import asyncio
+import re
+from contextlib import aclosing
+
+import pytest
+
+from app.llm.base import Completion, ModelProfile, ModelTimeoutError, ModelUnavailableError, TextDelta
+from app.llm.openai_compatible import OpenAiCompatibleModel
+from app.llm.openai_wire import LLAMA_CPP
+from app.llm.regression import RegressionModel
+from app.llm.scripted import ScriptedModel
+from tests.llm.texts import REPLY, absolute_prompt, asking, object_frame_prompt
+
+LLMS = ("embedded", "completion", "chat")
+
+
+@pytest.fixture(scope="session")
+def models(gemma, llama_server, run):
+    profiles = {style: ModelProfile(style, style, grammar=True, representation="object_frame") for style in LLMS[1:]}
+    made = {
+        style: OpenAiCompatibleModel(
+            profile, llama_server.base_url, "gemma", llama_server.api_key, quirks=LLAMA_CPP, trust_env=False
+        )
+        for style, profile in profiles.items()
+    }
+    made |= {"embedded": gemma, "regression": RegressionModel(), "scripted": ScriptedModel([REPLY + "\nand more"])}
+    yield made
+    for model in made.values():
+        run(model.aclose())
+
+
+@pytest.fixture(params=[*LLMS, "regression", "scripted"])
+def model(request, models):
+    return models[request.param]
+
+
+async def pieces_of(model, request):
+    async with aclosing(model.stream(request)) as pieces:
+        return [piece async for piece in pieces]
+
+
+def test_pieces_joined_are_the_completion(model, run):
+    *deltas, completion = run(pieces_of(model, asking(object_frame_prompt())))
+    assert all(isinstance(piece, TextDelta) for piece in deltas)
+    assert len(deltas) > 5
+    assert isinstance(completion, Completion)
+    assert "".join(piece.text for piece in deltas) == completion.text
+    assert run(model.complete(asking(object_frame_prompt()))).text == completion.text
+
+
+def test_the_reply_ends_at_the_stop_string_and_is_the_pattern(model, run):
+    completion = run(model.complete(asking(object_frame_prompt(query_seed=1))))
+    assert completion.finish_reason == "stop"
+    assert re.fullmatch(r" 1 (red|blue) cube w: \+0 \+0 \+20 0 36 36 1", completion.text)
+
+
+def test_usage_counts_the_prompt_and_the_reply(model, run):
+    usage = run(model.complete(asking(object_frame_prompt(query_seed=2)))).usage
+    assert 50 < usage.prompt_tokens < 400
+    assert 9 < usage.completion_tokens < 60
+    assert 0 <= usage.cached_tokens < usage.prompt_tokens
+
+
+def test_max_tokens_cuts_the_reply(model, run):
+    completion = run(model.complete(asking(object_frame_prompt(), max_tokens=3)))
+    assert completion.finish_reason == "length"
+    assert completion.usage.completion_tokens == 3
+    assert len(completion.text) < len(REPLY)
+
+
+def test_concurrent_requests_are_all_answered(model, run):
+    async def ask_all():
+        requests = [asking(object_frame_prompt(query_seed=query)) for query in range(4)]
+        return await asyncio.gather(*map(model.complete, requests))
+
+    assert [completion.finish_reason for completion in run(ask_all())] == ["stop"] * 4
+
+
+@pytest.mark.parametrize("backend", LLMS)
+def test_a_repeated_prefix_is_not_read_again(backend, models, run):
+    seed = 1 + LLMS.index(backend)
+    first, second = (
+        run(models[backend].complete(asking(object_frame_prompt(seed, query), max_tokens=2))).usage for query in (3, 4)
+    )
+    assert first.prompt_tokens - first.cached_tokens > 100
+    assert second.prompt_tokens - second.cached_tokens < 60
+
+
+@pytest.mark.parametrize("backend", [*LLMS, "scripted"])
+def test_a_late_reply_is_a_timeout(backend, models, run):
+    model = ScriptedModel(["a " * 100], delay_s=0.1) if backend == "scripted" else models[backend]
+    run(model.complete(asking(object_frame_prompt(), max_tokens=1)))  # started
+    endless = asking(object_frame_prompt(grammar='root ::= "a "+'), max_tokens=1500, timeout_s=0.4)
+    with pytest.raises(ModelTimeoutError, match=r"did not answer within 0\.4 s"):
+        run(model.complete(endless))
+
+
+def test_the_papers_format_is_answered(model, run):
+    assert run(model.complete(asking(absolute_prompt(), max_tokens=5))).text
+
+
+@pytest.mark.parametrize("backend", ["completion", "chat"])
+def test_a_closed_model_refuses(backend, llama_server, run):
+    profile = ModelProfile(backend, backend, grammar=True, representation="absolute")
+    model = OpenAiCompatibleModel(profile, llama_server.base_url, "gemma", llama_server.api_key)
+    run(model.aclose())
+    with pytest.raises(ModelUnavailableError, match="is closed"):
+        run(model.complete(asking(object_frame_prompt())))

@@ -1,0 +1,66 @@
+import pytest
+
+from app.llm.openai_wire import LLAMA_CPP, Quirks, error_message, quirks_of, request_body
+from app.pipeline.prompt import Prompt
+from tests.llm.texts import asking
+
+PROMPT = Prompt("Be brief.", "a>1, ", "b>", stop=("\n",), grammar='root ::= "1"')
+COMMON = {"model", "temperature", "seed", "stream", "stream_options", "messages", "stop", "max_tokens"}
+
+
+def chat_body(model="little", prompt=PROMPT, quirks=None, **options):
+    return request_body(asking(prompt, **options), model, "chat", quirks or Quirks())
+
+
+def test_only_the_common_fields_are_sent_to_a_server_without_quirks():
+    assert set(chat_body(cache_key="task-1")) == COMMON
+
+
+def test_openai_calls_the_limit_differently_and_routes_by_prefix():
+    quirks = quirks_of("https://api.openai.com/v1")
+    body = chat_body("gpt-4o", quirks=quirks, cache_key="task-1", max_tokens=9)
+    assert body["max_completion_tokens"] == 9
+    assert body["prompt_cache_key"] == "task-1"
+    assert set(body) == COMMON - {"max_tokens"} | {"max_completion_tokens", "prompt_cache_key"}
+    assert "prompt_cache_key" not in chat_body("gpt-4o", quirks=quirks)
+
+
+@pytest.mark.parametrize("model", ["o3-mini", "gpt-5", "gpt-5-mini"])
+def test_reasoning_models_get_none_of_the_fields_they_refuse(model):
+    assert not {"temperature", "stop", "seed"} & set(chat_body(model, quirks=quirks_of("https://api.openai.com/v1")))
+
+
+def test_a_server_that_caches_by_parts_gets_two_that_make_up_the_user_message():
+    body = chat_body(quirks=quirks_of("https://openrouter.ai/api/v1"))
+    parts = body["messages"][-1]["content"]
+    assert "".join(part["text"] for part in parts) == PROMPT.user
+    assert [("cache_control" in part) for part in parts] == [True, False]
+
+
+def test_a_prompt_without_demonstrations_is_one_string_everywhere():
+    body = chat_body(prompt=Prompt("", "", "b>"), quirks=Quirks(marked_parts=True))
+    assert body["messages"] == [{"role": "user", "content": "b>"}]
+
+
+def test_raw_text_has_the_system_prompt_first_if_there_is_one():
+    bodies = [
+        request_body(asking(Prompt(system, "a>1, ", "b>")), "m", "completion", LLAMA_CPP) for system in ("", "Be.")
+    ]
+    assert [body["prompt"] for body in bodies] == ["a>1, b>", "Be.\na>1, b>"]
+    assert all("messages" not in body and "stop" not in body and "grammar" not in body for body in bodies)
+
+
+@pytest.mark.parametrize(
+    ("body", "message"),
+    [
+        ('{"error": {"message": "no"}}', "no"),
+        ('{"error": "no"}', "no"),
+        ('{"detail": "no"}', '{"detail": "no"}'),
+        ('{"error": {}}', '{"error": {}}'),
+        ("[1]", "[1]"),
+        (" \n", "no message"),
+        ("x" * 1000, "x" * 300),
+    ],
+)
+def test_the_message_is_found_in_an_errors_body(body, message):
+    assert error_message(body) == message

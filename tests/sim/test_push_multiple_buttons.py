@@ -1,0 +1,46 @@
+"""Sequences of presses are asked for in tests only, and their order counts."""
+
+from app.pipeline.episode import EndEffectorAction
+from app.sim.demonstrate import record_demonstration, rollout
+from app.sim.tasks import make_task
+from app.sim.tasks.push_multiple_buttons import MAX_PRESSES, SEQUENCES, PushMultipleButtons
+
+NAME = PushMultipleButtons.name
+YELLOW_THEN_RED = SEQUENCES.index(("yellow", "red"))
+RED_TWICE = SEQUENCES.index(("red", "red"))
+
+
+def expert_actions(variation):
+    return [
+        EndEffectorAction(move.pose.position_m, move.pose.rotation.as_quat(), move.gripper_open)
+        for move in make_task(NAME, 0, variation).expert()
+    ]
+
+
+def test_demonstrations_press_one_button():
+    assert {len(make_task(NAME, seed).asked) for seed in range(8)} == {1}
+
+
+def test_tests_ask_for_one_to_six_presses():
+    sequences = [SEQUENCES[PushMultipleButtons.test_variation(seed)] for seed in range(100_000, 100_100)]
+    assert {len(sequence) for sequence in sequences} == set(range(1, MAX_PRESSES + 1))
+    assert len(set(sequences)) > 60
+
+
+def test_the_instruction_strings_the_presses_together():
+    assert make_task(NAME, 0, YELLOW_THEN_RED).instruction == "push the yellow button, then push the red button"
+
+
+def test_the_longest_sequence_succeeds():
+    longest = SEQUENCES.index(("red", "yellow", "green", "blue", "red", "red"))
+    demonstration = record_demonstration(NAME, 1, variation=longest, images=False)
+    assert demonstration.succeeded, demonstration.failure
+
+
+def test_the_order_and_the_number_of_presses_count():
+    yellow_then_red, red_twice = expert_actions(YELLOW_THEN_RED), expert_actions(RED_TWICE)
+    assert rollout(NAME, 0, yellow_then_red, variation=YELLOW_THEN_RED).succeeded
+    assert rollout(NAME, 0, red_twice, variation=RED_TWICE).succeeded
+    wrong_order = yellow_then_red[3:] + yellow_then_red[:3]
+    assert not rollout(NAME, 0, wrong_order, variation=YELLOW_THEN_RED).succeeded
+    assert not rollout(NAME, 0, red_twice[:3], variation=RED_TWICE).succeeded
