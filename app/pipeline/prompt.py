@@ -1,7 +1,7 @@
 """Demonstrations + observation + instruction -> the text that the LLM continues (paper, section III-D, appendix B)."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from app.pipeline.episode import Demonstration, ObjectPose
 from app.pipeline.errors import InvalidInputError, ObjectSetError
@@ -67,16 +67,33 @@ class PromptTemplate:
 
     Attributes:
         codec: fitted to the demonstrations; reads the replies as well.
+        rotated: objects whose rotation every demonstration has.
     """
 
     codec: Codec
     system: str
     prefix: str
+    rotated: frozenset[str]
 
     @classmethod
     def write(cls, codec: Codec, demonstrations: Sequence[Demonstration], system: str) -> "PromptTemplate":
         """The demonstrations in their order, each as observation, actions and separator."""
-        return cls(codec, system, "".join(codec.demonstration_text(d) for d in demonstrations))
+        known = [{pose.name for pose in d.objects if pose.quaternion_xyzw is not None} for d in demonstrations]
+        prefix = "".join(codec.demonstration_text(d) for d in demonstrations)
+        return cls(codec, system, prefix, frozenset(set.intersection(*known)))
+
+    def posed(self, objects: Sequence[ObjectPose]) -> tuple[ObjectPose, ...]:
+        """The observed objects with rotations just where the demonstrations have them, so that both read alike.
+
+        Raises:
+            InvalidInputError: if an object lacks a rotation that every demonstration has.
+        """
+        for pose in objects:
+            if pose.quaternion_xyzw is None and pose.name in self.rotated:
+                message = "is missing, but every demonstration has it"
+                field = f"objects[{pose.name}].quaternion_xyzw"
+                raise InvalidInputError(field, message, "a unit quaternion, order x y z w")
+        return tuple(pose if pose.name in self.rotated else replace(pose, quaternion_xyzw=None) for pose in objects)
 
     def ask(self, objects: Sequence[ObjectPose], instruction: str, max_actions: int) -> Prompt:
         """The prompt that asks for the actions of a new observation."""

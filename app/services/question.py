@@ -92,6 +92,7 @@ class QuestionWriter:
             with timed(timings_ms, "prompt"):
                 style = _style(request, settings, profile)
                 template = self._template(connection, request, task, settings, style, objects)
+                objects = template.prompt.posed(objects)
                 prompt = template.prompt.ask(objects, instruction, request.max_actions)
         return Question(request, objects, template, prompt, profile, style, settings)
 

@@ -137,6 +137,14 @@ def test_predict_refused(http, task, change, status, said):
     assert said in response.text
 
 
+def test_rotation_that_the_demonstrations_have_is_missing(http):
+    rotated = {"name": "cube", "position": PLACE_M, "quaternion_xyzw": [0, 0, 0, 1]}
+    document = {**metadata("rotated", {"cube": PLACE_M}), "objects": [rotated]}
+    assert http.post("/episodes", files=multipart(document, npz(**GOOD))).status_code == 201
+    response = http.post("/predict", json={**PREDICT, "task": "rotated", "model": "regression"})
+    assert (response.status_code, response.json()["errors"][0]["field"]) == (422, "objects[cube].quaternion_xyzw")
+
+
 def test_task_without_demonstrations(http):
     assert http.put("/tasks/empty", json={}).status_code == 200
     response = http.post("/predict", json={**PREDICT, "task": "empty"})
