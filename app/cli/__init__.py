@@ -1,12 +1,13 @@
-"""`roboprompt serve | demo`."""
+"""`roboprompt serve | demo | eval`."""
 
 import typer
 
-from app.cli import demo, serve
+from app.cli import demo, evaluate, serve
 
 application = typer.Typer(no_args_is_help=True, add_completion=False, help=__doc__, pretty_exceptions_enable=False)
 application.command("serve")(serve.serve)
 application.command("demo")(demo.demo)
+application.command("eval")(evaluate.evaluate)
 
 
 def main() -> None:

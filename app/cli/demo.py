@@ -12,7 +12,6 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 TASKS = ("push_button", "stack_cube", "open_drawer")
-CONTROL_FREQUENCY_HZ = 20.0
 
 
 def demo(
@@ -32,18 +31,19 @@ def demo(
     Starts the real service on a free port, with its embedded LLM. Writes a report with pictures, failures first.
     """
     # The simulator is an extra that `roboprompt serve` does without.
+    from app.evaluation.demo import run_demo
     from app.evaluation.methods import methods_beside
+    from app.evaluation.plan import Plan
     from app.evaluation.report import write_report
-    from app.evaluation.run import Plan, evaluate
     from app.evaluation.summary import results_table, summary
 
     console = Console(stderr=as_json)
     command = shlex.join(["roboprompt", *sys.argv[1:]])
     methods = methods_beside(model, representation) if compare else methods_beside(model, representation)[:1]
-    plan = Plan(tuple(task or TASKS), methods, episodes, demos, CONTROL_FREQUENCY_HZ, command)
+    plan = Plan(tuple(task or TASKS), methods, episodes, demos, command, images=True)
     columns = (TextColumn("{task.description:<30}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console) as progress:
-        evaluation = evaluate(plan, progress)
+        evaluation = run_demo(plan, progress)
     console.print(results_table(evaluation))
     index = write_report(evaluation, report or Path("reports") / f"demo-{datetime.now():%Y%m%d-%H%M%S}")
     console.print(f"{evaluation.duration_s:.0f} s in all; report: {index}")

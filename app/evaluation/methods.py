@@ -1,10 +1,14 @@
-"""The methods that evaluations compare."""
+"""The methods that evaluations compare, apart from those that only one sweep knows."""
 
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from typing import Any
 
 from app.evaluation.records import REPLAY, Method
 
 PAPER = {"representation": "absolute", "prompt_format": "paper", "system_prompt": "a"}
+REGRESSION = Method("regression, no LLM", {"model": "regression"})
+NEAREST = Method("nearest demonstration", source="nearest demonstration")
 
 
 def methods_beside(model: str | None, representation: str | None) -> tuple[Method, ...]:
@@ -18,4 +22,21 @@ def methods_beside(model: str | None, representation: str | None) -> tuple[Metho
     options = {name: value for name, value in wishes.items() if value is not None}
     label = ", ".join([model or "default LLM", representation or "its representation"])
     paper = Method("the same LLM, paper's format", {**options, **PAPER})
-    return Method(label, options), paper, Method("regression, no LLM", {"model": "regression"}), REPLAY
+    return Method(label, options), paper, REGRESSION, REPLAY
+
+
+def with_models(methods: Iterable[Method], models: Sequence[str]) -> tuple[Method, ...]:
+    """The methods with each of the models in turn; those that name a model or ask nobody stay as they are.
+
+    Args:
+        models: none leaves the choice to the service.
+    """
+    crossed: list[Method] = []
+    for method in methods:
+        if method.source != "service" or "model" in method.options or not models:
+            crossed.append(method)
+            continue
+        for model in models:
+            label = f"{method.label}, {model}" if len(models) > 1 else method.label
+            crossed.append(replace(method, label=label, options={**method.options, "model": model}))
+    return tuple(crossed)

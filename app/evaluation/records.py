@@ -2,27 +2,38 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
+from app.pipeline.episode import EndEffectorAction
 from app.sim.demonstrate import RecordedDemonstration, RolloutResult, SceneView
 
 FIRST_TEST_SEED = 100_000  # demonstrations are drawn from the seeds below
 
+# Where a method's actions come from; `app.evaluation.trials` has the function for each.
+Source = Literal["service", "nearest demonstration", "expert"]
+
 
 @dataclass(frozen=True)
 class Method:
-    """A way to get from a scene to actions.
+    """A way to get from a scene to actions: one configuration of a sweep.
 
     Attributes:
         label: how tables name it.
-        options: for `POST /predict`; None replays the expert's own keyframes, cut into bins (the ceiling).
+        options: for `POST /predict`.
+        settings: for `PUT /tasks/{name}`, beside those of every evaluation; methods that differ here are taught under
+            different task names.
+        noise: added to the poses of demonstrations and tests, as a multiple of the error in `app.evaluation.noise`.
+        source: where the actions come from; only `service` asks the service.
     """
 
     label: str
-    options: Mapping[str, Any] | None
+    options: Mapping[str, Any] = field(default_factory=dict)
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    noise: float = 0.0
+    source: Source = "service"
 
 
-REPLAY = Method("expert replay", None)
+REPLAY = Method("expert replay", source="expert")
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,10 +49,14 @@ class Trial:
     """One scene under one method.
 
     Attributes:
-        answer: the service's answer (`POST /predict`), or None if it gave none.
-        error: why there is no answer; empty otherwise.
+        scene: the objects at their true poses.
+        answer: the service's answer (`POST /predict`), without actions if the LLM's reply had none; None if the
+            service was not asked.
+        error: why the LLM's reply gave no actions; empty otherwise.
         execution: None where nothing was executed.
         predict_s: from the request to the answer, as the robot sees it.
+        execute_s: of simulation.
+        actions: what was to be executed.
     """
 
     task: str
@@ -53,6 +68,7 @@ class Trial:
     execution: RolloutResult | None = None
     predict_s: float = 0.0
     execute_s: float = 0.0
+    actions: tuple[EndEffectorAction, ...] = ()
 
     @property
     def succeeded(self) -> bool:
@@ -65,6 +81,16 @@ class Trial:
         return self.error or ("" if self.execution is None else self.execution.failure)
 
 
+@dataclass(frozen=True)
+class Crash:
+    """A trial that could not be run: it says nothing about the method, and counts nowhere."""
+
+    task: str
+    seed: int
+    method: str
+    message: str
+
+
 @dataclass(frozen=True, eq=False)
 class TaskEvaluation:
     """Everything of one task."""
@@ -72,6 +98,7 @@ class TaskEvaluation:
     task: str
     taught: tuple[TaughtEpisode, ...]
     trials: tuple[Trial, ...]
+    crashes: tuple[Crash, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,75 +1,144 @@
-"""A whole run: a service of its own, tasks taught and tried, all methods side by side."""
+"""A whole run: tasks taught, then every remaining trial, each kept as it ends."""
 
-import tempfile
+import secrets
+import threading
 import time
-from collections.abc import Iterator, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor
-from contextlib import contextmanager
-from dataclasses import dataclass
-from multiprocessing import get_context
-from os import cpu_count
-from pathlib import Path
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Future
+from dataclasses import dataclass, field
+from typing import Any
 
 from rich.progress import Progress
 
 from app.client.client import RoboPromptClient
-from app.evaluation.records import FIRST_TEST_SEED, Evaluation, Method, TaskEvaluation
-from app.evaluation.server import running_server
-from app.evaluation.teach import teach
-from app.evaluation.trials import run_trials
+from app.client.errors import ServiceProblemError, ServiceUnreachableError
+from app.evaluation.executors import Executor
+from app.evaluation.ledger import Ledger
+from app.evaluation.plan import Plan
+from app.evaluation.records import Crash, Evaluation, Method
+from app.evaluation.resume import check_default_model, evaluation_of
+from app.evaluation.teach import Lesson, record, suffix_of, upload, variants
+from app.evaluation.threads import in_threads
+from app.evaluation.timing import Timing
+from app.evaluation.trials import Cell, Laboratory
+from app.sim.demonstrate import RecordedDemonstration
+
+TEACHING_THREADS = 2  # one task is uploaded while the next is recorded
+MAX_UNREACHABLE = 5  # trials in a row; then the service is gone and not just busy
+
+Lessons = Mapping[str, Lesson | Exception]  # by the suffix of the task's name; or why it could not be taught
 
 
-@dataclass(frozen=True)
-class Plan:
-    """What to run.
+class ServiceLostError(Exception):
+    """The service does not answer any more."""
 
-    Attributes:
-        episodes: unseen scenes a task.
-        demonstrations: recorded and uploaded a task.
-        command: for the report.
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """One session of a plan.
+
+    Args:
+        shared: whether the service is used by others as well: task names then are this session's own.
     """
 
-    tasks: tuple[str, ...]
-    methods: tuple[Method, ...]
-    episodes: int
-    demonstrations: int
-    control_frequency_hz: float
-    command: str
+    plan: Plan
+    ledger: Ledger
+    client: RoboPromptClient
+    executor: Executor
+    progress: Progress
+    shared: bool = False
+    timing: Timing = field(default_factory=Timing)
+    _session: str = field(default_factory=lambda: secrets.token_hex(3))
 
+    def __call__(self) -> Evaluation:
+        """Run what remains of the plan.
 
-def evaluate(plan: Plan, progress: Progress) -> Evaluation:
-    """Run the plan on a service of its own, in a temporary folder.
+        Raises:
+            ServiceLostError, OtherModelError; KeyboardInterrupt: after the trials under way have ended.
+        """
+        started = time.perf_counter()
+        models: Sequence[Mapping[str, Any]] = self.client.get("/models")["models"]
+        check_default_model(self.plan, self.ledger, models)
+        with self.timing.measured("demonstrations_s"):
+            lessons = self.teach()
+        with self.timing.measured("trials_s"):
+            self.run_trials(lessons)
+        taught = {task: lesson for task, by_suffix in lessons.items() if isinstance(lesson := by_suffix[""], Lesson)}
+        return evaluation_of(self.plan, self.ledger, taught, time.perf_counter() - started, models)
 
-    Raises:
-        ServerStartError, ExpertFailedError, ServiceUnreachableError.
-    """
-    started = time.perf_counter()
-    with _service_and_workers() as (client, executor):
-        tasks = tuple(_evaluate_task(plan, task, client, executor, progress) for task in plan.tasks)
-        models: Sequence[dict[str, object]] = client.get("/models")["models"]
-    return Evaluation(plan.command, plan.methods, tasks, time.perf_counter() - started, tuple(models))
+    def teach(self) -> dict[str, Lessons]:
+        """Record each task's demonstrations once, and upload them in every way that remaining trials need."""
+        bar = self.progress.add_task("demonstrations", total=self.plan.recorded * len(self.plan.tasks))
+        needed: dict[str, set[str]] = {task: {""} for task in self.plan.tasks}
+        for cell in self.plan.remaining(self.ledger):
+            needed[cell.task].add(suffix_of(cell.method, self.plan.methods))
+        lessons: dict[str, Lessons] = {}
 
+        def teach(task: str) -> None:
+            lessons[task] = self._teach_task(task, needed[task], lambda: self.progress.advance(bar))
 
-def _evaluate_task(
-    plan: Plan, task: str, client: RoboPromptClient, executor: Executor, progress: Progress
-) -> TaskEvaluation:
-    bar = progress.add_task(f"{task}: demonstrations", total=plan.demonstrations)
-    taught = teach(
-        client, executor, task, plan.demonstrations, plan.control_frequency_hz, lambda: progress.advance(bar)
-    )
-    bar = progress.add_task(f"{task}: unseen scenes", total=plan.episodes * len(plan.methods))
-    seeds = range(FIRST_TEST_SEED, FIRST_TEST_SEED + plan.episodes)
-    trials = run_trials(client, executor, task, seeds, plan.methods, lambda trial: progress.advance(bar))
-    return TaskEvaluation(task, taught, trials)
+        in_threads(teach, self.plan.tasks, TEACHING_THREADS, lambda future: future.result())
+        return lessons
 
+    def _teach_task(self, task: str, suffixes: set[str], on_done: Callable[[], None]) -> Lessons:
+        plan = self.plan
+        recorded: tuple[RecordedDemonstration, ...] | Exception
+        try:
+            recorded = record(
+                self.executor,
+                task,
+                plan.recorded,
+                plan.control_frequency_hz,
+                images=plan.images,
+                on_done=on_done,
+            )
+        except Exception as error:
+            return dict.fromkeys(suffixes, error)
+        ways = variants(plan.methods)
+        return {suffix: self._upload(task, suffix, ways[suffix], recorded) for suffix in suffixes}
 
-@contextmanager
-def _service_and_workers() -> Iterator[tuple[RoboPromptClient, Executor]]:
-    # Workers are spawned, not forked: OpenGL contexts and locks do not survive a fork.
-    with (
-        tempfile.TemporaryDirectory(prefix="roboprompt-") as data,
-        running_server(Path(data)) as url,
-        RoboPromptClient(url) as client,
-        ProcessPoolExecutor(cpu_count(), get_context("spawn")) as executor,
-    ):
-        yield client, executor
+    def _upload(
+        self, task: str, suffix: str, method: Method, recorded: tuple[RecordedDemonstration, ...]
+    ) -> Lesson | Exception:
+        name = f"{task}{suffix}" + (f".eval-{self._session}" if self.shared else "")
+        try:
+            return upload(self.client, name, recorded, method, self.plan.demonstrations)
+        except (ServiceProblemError, ServiceUnreachableError) as error:
+            return error
+
+    def run_trials(self, lessons: Mapping[str, Lessons]) -> None:
+        """Run what remains, each trial kept as it ends.
+
+        Raises:
+            ServiceLostError.
+        """
+        cells = self.plan.remaining(self.ledger)
+        total = sum(1 for _ in self.plan.cells())
+        bar = self.progress.add_task("trials", total=total, completed=total - len(cells))
+        laboratory = Laboratory(self.client, self.executor, threading.Semaphore(self.plan.predictions_at_once))
+        unreachable = 0
+
+        def run(cell: Cell) -> None:
+            self._run_cell(laboratory, cell, lessons[cell.task][suffix_of(cell.method, self.plan.methods)])
+
+        def on_done(future: Future[None]) -> None:
+            nonlocal unreachable
+            self.progress.advance(bar)
+            gone = isinstance(future.exception(), ServiceUnreachableError)
+            unreachable = unreachable + 1 if gone else 0
+            if unreachable >= MAX_UNREACHABLE:
+                raise ServiceLostError(str(future.exception()))
+
+        in_threads(run, cells, self.plan.predictions_at_once + self.executor.workers + 1, on_done)
+
+    def _run_cell(self, laboratory: Laboratory, cell: Cell, lesson: Lesson | Exception) -> None:
+        digest = self.plan.digest(cell.method)
+        try:
+            if isinstance(lesson, Exception):
+                raise lesson
+            trial = laboratory.run(cell, lesson)
+        except Exception as error:
+            message = f"{type(error).__name__}: {error}"
+            self.ledger.append(Crash(cell.task, cell.seed, cell.method.label, message), digest)
+            raise
+        self.ledger.append(trial, digest)

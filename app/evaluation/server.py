@@ -4,12 +4,15 @@ import os
 import socket
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
 import httpx
+
+from app.client.client import RoboPromptClient
 
 START_TIMEOUT_S = 60.0
 STOP_TIMEOUT_S = 15.0
@@ -33,16 +36,43 @@ def running_server(data: Path, environment: Mapping[str, str] | None = None) -> 
     data.mkdir(parents=True, exist_ok=True)
     port = free_port()
     url = f"http://127.0.0.1:{port}"
-    command = [sys.executable, "-m", "app.cli", "serve", "--port", str(port), "--data", str(data)]
+    serve = ["app.cli", "serve", "--port", str(port), "--data", str(data)]
     with (data / "server.log").open("w+") as log:
         process = subprocess.Popen(
-            command, stdout=log, stderr=subprocess.STDOUT, env={**os.environ, **(environment or {})}
+            [sys.executable, "-m", "app.evaluation.leash", *serve],
+            stdin=subprocess.PIPE,
+            stdout=log,
+            stderr=subprocess.STDOUT,
+            env={**os.environ, **(environment or {})},
+            start_new_session=True,  # Ctrl-C is for this process to handle
         )
         try:
             _wait_until_alive(process, url, Path(log.name))
             yield url
         finally:
             _stop(process)
+
+
+@contextmanager
+def service(url: str | None = None, *, warm_up: bool = True) -> Iterator[RoboPromptClient]:
+    """A client of the service at `url`, or of one of its own with an empty folder.
+
+    Args:
+        warm_up: whether a service of its own starts its default LLM at once.
+
+    Raises:
+        ServerStartError.
+    """
+    if url is not None:
+        with RoboPromptClient(url) as client:
+            yield client
+        return
+    with (
+        tempfile.TemporaryDirectory(prefix="roboprompt-") as data,
+        running_server(Path(data), {"ROBOPROMPT_WARM_UP": str(warm_up)}) as own_url,
+        RoboPromptClient(own_url) as client,
+    ):
+        yield client
 
 
 def free_port() -> int:
@@ -65,9 +95,9 @@ def _wait_until_alive(process: subprocess.Popen[bytes], url: str, log: Path) -> 
 
 
 def _stop(process: subprocess.Popen[bytes]) -> None:
-    process.terminate()
-    try:
-        process.wait(STOP_TIMEOUT_S)
-    except subprocess.TimeoutExpired:
-        process.kill()
-        process.wait()
+    with process:
+        process.terminate()
+        try:
+            process.wait(STOP_TIMEOUT_S)
+        except subprocess.TimeoutExpired:
+            process.kill()

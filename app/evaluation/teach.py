@@ -1,52 +1,122 @@
-"""Record demonstrations with a task's expert and upload them."""
+"""Record demonstrations with a task's expert and upload them, under a task name for each way of reading them."""
 
+import json
+import re
 from collections import deque
-from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, Future
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Future
+from dataclasses import dataclass
 
 from app.client.client import RoboPromptClient
 from app.client.robot import Observation
-from app.evaluation.records import FIRST_TEST_SEED, TaughtEpisode
+from app.evaluation.executors import Executor
+from app.evaluation.noise import disturbed
+from app.evaluation.records import FIRST_TEST_SEED, Method, TaughtEpisode
 from app.sim.demonstrate import RecordedDemonstration, record_demonstration
 from app.sim.tasks import TASKS
 
 MAX_FAILED_SHARE = 0.5
+MAX_SLUG_CHARS = 20
 
 
 class ExpertFailedError(Exception):
     """A task's expert fails too often to teach the task."""
 
 
-def teach(
-    client: RoboPromptClient,
+@dataclass(frozen=True, eq=False)
+class Lesson:
+    """Demonstrations as some methods are taught them.
+
+    Attributes:
+        name: of the task at the service.
+        num_demonstrations: what a prompt has by default; there may be more.
+    """
+
+    name: str
+    num_demonstrations: int
+    taught: tuple[TaughtEpisode, ...]
+
+
+def variants(methods: Sequence[Method]) -> dict[str, Method]:
+    """What has to be taught, by the suffix of its task name: the first of the methods that need it.
+
+    Methods without settings and noise of their own share the suffix ``""``, which is always among them.
+    """
+    found = {_variant(Method("")): ("", Method(""))}
+    for method in methods:
+        slug = re.sub(r"[^A-Za-z0-9]+", "-", method.label)[:MAX_SLUG_CHARS].strip("-")
+        found.setdefault(_variant(method), (f".{len(found)}-{slug}", method))
+    return dict(found.values())
+
+
+def suffix_of(method: Method, methods: Sequence[Method]) -> str:
+    """The suffix among `variants(methods)` under which `method` is taught."""
+    return next(suffix for suffix, first in variants(methods).items() if _variant(first) == _variant(method))
+
+
+def _variant(method: Method) -> str:
+    return json.dumps([method.settings, method.noise], sort_keys=True)
+
+
+def record(
     executor: Executor,
     task: str,
     number: int,
     control_frequency_hz: float,
+    *,
+    images: bool,
     on_done: Callable[[], None],
-) -> tuple[TaughtEpisode, ...]:
-    """Set the task up and upload `number` successful demonstrations, in the order of their seeds.
+) -> tuple[RecordedDemonstration, ...]:
+    """`number` successful demonstrations, in the order of their seeds.
 
     Args:
-        on_done: called after each upload.
+        on_done: called after each.
 
     Raises:
         ExpertFailedError: if more than half of the expert's attempts fail.
     """
-    client.configure_task(task, yaw_symmetry_deg=dict(TASKS[task].yaw_symmetry_deg), num_demonstrations=number)
-    taught = []
-    for recorded in _successful(executor, task, number, control_frequency_hz):
-        taught.append(TaughtEpisode(recorded, _upload(client, task, recorded)))
+    recorded = []
+    for demonstration in _successful(executor, task, number, control_frequency_hz, images):
+        recorded.append(demonstration)
         on_done()
-    return tuple(taught)
+    return tuple(recorded)
+
+
+def upload(
+    client: RoboPromptClient,
+    name: str,
+    recorded: Sequence[RecordedDemonstration],
+    method: Method,
+    num_demonstrations: int,
+) -> Lesson:
+    """Set the task `name` up as `method` wants it, and upload the demonstrations in their order.
+
+    Args:
+        num_demonstrations: the task's default for prompts.
+
+    Raises:
+        ServiceProblemError, ServiceUnreachableError.
+    """
+    client.configure_task(name, **_settings(recorded[0].scene.task, num_demonstrations, method))
+    taught = tuple(TaughtEpisode(item, _upload(client, name, item, method.noise)) for item in recorded)
+    return Lesson(name, num_demonstrations, taught)
+
+
+def _settings(task: str, num_demonstrations: int, method: Method) -> Mapping[str, object]:
+    symmetry = dict(TASKS[task].yaw_symmetry_deg)
+    return {"yaw_symmetry_deg": symmetry, "num_demonstrations": num_demonstrations, **method.settings}
 
 
 def _successful(
-    executor: Executor, task: str, number: int, control_frequency_hz: float
+    executor: Executor, task: str, number: int, control_frequency_hz: float, images: bool
 ) -> Iterator[RecordedDemonstration]:
     """Demonstrations that solve their scenes; a failed one is replaced by that of a further seed."""
     seeds = iter(range(FIRST_TEST_SEED))
-    pending = deque(_submit(executor, task, next(seeds), control_frequency_hz) for _ in range(number))
+
+    def submit() -> Future[RecordedDemonstration]:
+        return executor.submit(_record, task, next(seeds), control_frequency_hz, images)
+
+    pending = deque(submit() for _ in range(number))
     failed = 0
     while pending:
         recorded = pending.popleft().result()
@@ -56,20 +126,20 @@ def _successful(
         failed += 1
         if failed > MAX_FAILED_SHARE * number + 1:
             raise ExpertFailedError(f"the expert of {task} failed {failed} times, last: {recorded.failure}")
-        pending.append(_submit(executor, task, next(seeds), control_frequency_hz))
+        pending.append(submit())
 
 
-def _submit(executor: Executor, task: str, seed: int, control_frequency_hz: float) -> Future[RecordedDemonstration]:
-    return executor.submit(record_demonstration, task, seed, control_frequency_hz)
+def _record(task: str, seed: int, control_frequency_hz: float, images: bool) -> RecordedDemonstration:
+    return record_demonstration(task, seed, control_frequency_hz, images=images)
 
 
-def _upload(client: RoboPromptClient, task: str, recorded: RecordedDemonstration) -> dict[str, object]:
+def _upload(client: RoboPromptClient, name: str, recorded: RecordedDemonstration, noise: float) -> dict[str, object]:
     scene = recorded.scene
     return client.upload(
-        task,
+        name,
         scene.instruction,
         recorded.trajectory,
-        Observation(scene.objects, scene.frames),
+        Observation(disturbed(scene.objects, noise, scene.seed), scene.frames),
         control_frequency_hz=recorded.control_frequency_hz,
         extra={"seed": scene.seed, "simulator": "mujoco"},
     )

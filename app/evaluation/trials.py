@@ -1,20 +1,113 @@
 """One scene under one method: predict over HTTP, execute in the simulation, tell the service the outcome."""
 
+import threading
 import time
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Executor, Future
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from typing import Any
 
 from app.client.client import RoboPromptClient
 from app.client.errors import ServiceProblemError
 from app.client.robot import Observation
-from app.evaluation.records import Method, Trial
+from app.evaluation.executors import Executor, call
+from app.evaluation.nearest import replayed
+from app.evaluation.noise import disturbed
+from app.evaluation.records import Method, Source, Trial
+from app.evaluation.teach import Lesson
 from app.pipeline.episode import EndEffectorAction
 from app.pipeline.keyframes import merged
 from app.pipeline.workspace import Workspace, discretize_action, undiscretize_action
 from app.sim.demonstrate import RolloutResult, SceneView, record_demonstration, rollout, view_scene
+from app.sim.tasks import TASKS
 
-MAX_WAITING = 4  # executions under way while the LLM answers further scenes
+UNPARSABLE_REPLY = "/problems/unparsable-reply"  # the problem that is the LLM's failure, not the service's
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A trial to be run."""
+
+    task: str
+    seed: int
+    method: Method
+
+
+@dataclass(frozen=True, eq=False)
+class Laboratory:
+    """What trials share. They run in threads, so that the LLM answers the next while the last is executed.
+
+    Attributes:
+        asking: held while the LLM is asked, so that it is not asked for more at once than it should be.
+    """
+
+    client: RoboPromptClient
+    executor: Executor
+    asking: threading.Semaphore = field(default_factory=threading.Semaphore)
+
+    def run(self, cell: Cell, lesson: Lesson) -> Trial:
+        """Run the trial of `cell`.
+
+        Args:
+            lesson: what the cell's method was taught.
+
+        Raises:
+            ServiceProblemError, ServiceUnreachableError, or what a worker raised: nothing is known about the method.
+        """
+        scene = call(self.executor, _view, cell.task, cell.seed)
+        return SOURCES[cell.method.source](self, cell, lesson, scene)
+
+    def execute(self, trial: Trial, actions: tuple[EndEffectorAction, ...]) -> Trial:
+        """The trial with what became of the actions."""
+        timed = call(self.executor, _execute, trial.task, trial.seed, actions)
+        return replace(trial, actions=actions, execution=timed.result, execute_s=timed.seconds)
+
+
+def _ask_service(laboratory: Laboratory, cell: Cell, lesson: Lesson, scene: SceneView) -> Trial:
+    trial = Trial(cell.task, cell.seed, cell.method.label, scene)
+    seen = Observation(disturbed(scene.objects, cell.method.noise, cell.seed))
+    with laboratory.asking:
+        started = time.perf_counter()
+        try:
+            predicted = laboratory.client.predict(lesson.name, scene.instruction, seen, **cell.method.options)
+        except ServiceProblemError as error:
+            if error.problem.get("type") != UNPARSABLE_REPLY:
+                raise
+            seconds = time.perf_counter() - started
+            return replace(trial, answer=_refused(laboratory.client, error), error=str(error), predict_s=seconds)
+        trial = replace(trial, answer=predicted.response, predict_s=time.perf_counter() - started)
+    trial = laboratory.execute(trial, predicted.actions)
+    laboratory.client.record_outcome(predicted.id, trial.succeeded, trial.failure or None)
+    return trial
+
+
+def _refused(client: RoboPromptClient, error: ServiceProblemError) -> dict[str, Any]:
+    """What the service keeps of a prediction without actions, in the form of an answer."""
+    stored = client.get(f"/predictions/{error.problem['prediction_id']}")
+    timings = stored["timings_ms"]
+    outside_llm_ms = sum(ms for name, ms in timings.items() if name != "llm")
+    return {**stored, "actions": [], "timings_ms": {**timings, "outside_llm": outside_llm_ms}}
+
+
+def _replay_nearest(laboratory: Laboratory, cell: Cell, lesson: Lesson, scene: SceneView) -> Trial:
+    seen = disturbed(scene.objects, cell.method.noise, cell.seed)
+    taught = lesson.taught[: cell.method.options.get("num_demonstrations", lesson.num_demonstrations)]
+    actions = replayed(taught, scene.instruction, seen, TASKS[cell.task].yaw_symmetry_deg)
+    return laboratory.execute(Trial(cell.task, cell.seed, cell.method.label, scene), actions)
+
+
+def _replay_expert(laboratory: Laboratory, cell: Cell, lesson: Lesson, scene: SceneView) -> Trial:
+    """The ceiling of any method that predicts the expert's keyframes in bins: these keyframes themselves."""
+    actions = call(laboratory.executor, _binned_expert, cell.task, cell.seed)
+    return laboratory.execute(Trial(cell.task, cell.seed, cell.method.label, scene), actions)
+
+
+_Run = Callable[[Laboratory, Cell, Lesson, SceneView], Trial]
+SOURCES: Mapping[Source, _Run] = {
+    "service": _ask_service,
+    "nearest demonstration": _replay_nearest,
+    "expert": _replay_expert,
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,87 +116,23 @@ class _Timed:
     seconds: float
 
 
-def run_trials(
-    client: RoboPromptClient,
-    executor: Executor,
-    task: str,
-    seeds: Iterable[int],
-    methods: Iterable[Method],
-    on_done: Callable[[Trial], None],
-) -> tuple[Trial, ...]:
-    """Every method on every scene. While one prediction is executed the LLM already answers the next.
-
-    Args:
-        on_done: called with each trial as it ends, in order.
-    """
-    done: list[Trial] = []
-    waiting: list[tuple[Trial, Future[_Timed] | None]] = []
-
-    def collect(at_most: int) -> None:
-        while len(waiting) > at_most:
-            trial, execution = waiting.pop(0)
-            done.append(_finish(client, trial, execution))
-            on_done(done[-1])
-
-    for scene in _scenes(executor, task, seeds):
-        for method in methods:
-            waiting.append(_start(client, executor, scene, method))
-            collect(MAX_WAITING)
-    collect(0)
-    return tuple(done)
+# What follows runs in workers. Pictures take longer than the simulation; `app.evaluation.illustrate` takes them later.
 
 
-def _scenes(executor: Executor, task: str, seeds: Iterable[int]) -> Iterator[SceneView]:
-    """The scenes of the seeds, each rendered while the one before is worked on."""
-    ahead: list[Future[SceneView]] = []
-    for seed in seeds:
-        ahead.append(executor.submit(view_scene, task, seed))
-        if len(ahead) > 1:
-            yield ahead.pop(0).result()
-    for future in ahead:
-        yield future.result()
-
-
-def _start(
-    client: RoboPromptClient, executor: Executor, scene: SceneView, method: Method
-) -> tuple[Trial, Future[_Timed] | None]:
-    trial = Trial(scene.task, scene.seed, method.label, scene)
-    if method.options is None:
-        return trial, executor.submit(_replay_expert, scene.task, scene.seed)
-    started = time.perf_counter()
-    try:
-        predicted = client.predict(scene.task, scene.instruction, Observation(scene.objects), **method.options)
-    except ServiceProblemError as error:
-        return replace(trial, error=_explain(error), predict_s=time.perf_counter() - started), None
-    trial = replace(trial, answer=predicted.response, predict_s=time.perf_counter() - started)
-    return trial, executor.submit(_execute, scene.task, scene.seed, predicted.actions)
-
-
-def _finish(client: RoboPromptClient, trial: Trial, execution: Future[_Timed] | None) -> Trial:
-    if execution is None:
-        return trial
-    timed = execution.result()
-    trial = replace(trial, execution=timed.result, execute_s=timed.seconds)
-    if trial.answer is not None:
-        client.record_outcome(trial.answer["id"], trial.succeeded, trial.failure or None)
-    return trial
+@lru_cache(maxsize=64)
+def _view(task: str, seed: int) -> SceneView:
+    return view_scene(task, seed, variation=TASKS[task].test_variation(seed), images=False)
 
 
 def _execute(task: str, seed: int, actions: tuple[EndEffectorAction, ...]) -> _Timed:
     started = time.perf_counter()
-    result = rollout(task, seed, actions, film_strip=True)
+    result = rollout(task, seed, actions, variation=TASKS[task].test_variation(seed))
     return _Timed(result, time.perf_counter() - started)
 
 
-def _replay_expert(task: str, seed: int) -> _Timed:
-    """The ceiling of any method that predicts the expert's keyframes in bins: these keyframes themselves."""
-    recorded = record_demonstration(task, seed, images=False)
+def _binned_expert(task: str, seed: int) -> tuple[EndEffectorAction, ...]:
+    variation = TASKS[task].test_variation(seed)
+    trajectory = record_demonstration(task, seed, variation=variation, images=False).trajectory
     workspace = Workspace.rlbench()
-    keyframes = [recorded.trajectory.action_at(index) for index in merged(recorded.trajectory)]
-    binned = tuple(undiscretize_action(discretize_action(action, workspace).bins, workspace) for action in keyframes)
-    return _execute(task, seed, binned)
-
-
-def _explain(error: ServiceProblemError) -> str:
-    reply = error.problem.get("reply_text")
-    return str(error) + ("" if reply is None else f"; the reply was {reply!r}")
+    keyframes = [trajectory.action_at(index) for index in merged(trajectory)]
+    return tuple(undiscretize_action(discretize_action(action, workspace).bins, workspace) for action in keyframes)

@@ -110,6 +110,8 @@ class LanguageModel(Protocol):
     def stream(self, request: CompletionRequest) -> AsyncIterator[TextDelta | Completion]:
         """The reply piece by piece; the last item is the Completion, whose text is the pieces joined.
 
+        Whoever stops early closes it (every backend gives an async generator), which ends the generation as well.
+
         Raises:
             ModelUnavailableError, ModelTimeoutError, ModelResponseError.
         """

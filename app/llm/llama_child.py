@@ -13,6 +13,7 @@ import sys
 from typing import Any
 
 PROMPT_CACHE_MIB = 1024  # Gemma 3 270M: 18 kB a token, some fifty prompts of ten demonstrations
+BATCH_TOKENS = 128  # 0.3 s on two cores; reading takes 2 % longer than with llama.cpp's 2048
 
 
 def main() -> None:
@@ -41,6 +42,8 @@ def _start(options: dict[str, Any]) -> Any:  # noqa: ANN401  xllamacpp has no ty
     # six tasks taking turns on four slots a query costs 12 prompt tokens instead of 1055; either alone does not do it.
     params.swa_full = True
     params.cache_ram_mib = PROMPT_CACHE_MIB
+    # A prompt is read in pieces this small: between two of them other requests go on and an abandoned one is noticed.
+    params.n_batch = params.n_ubatch = BATCH_TOKENS
     params.verbosity = 1  # errors only
     params.ui = False
     return xllamacpp.Server(params)

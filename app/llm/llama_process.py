@@ -1,5 +1,6 @@
 """llama.cpp's HTTP server in a child process: start, stop, and why it failed."""
 
+import contextlib
 import json
 import os
 import secrets
@@ -76,7 +77,8 @@ class LlamaProcess:
         """End the process and free its port and memory; requests under way break off."""
         with self._process as process:
             assert process.stdin
-            process.stdin.close()
+            with contextlib.suppress(BrokenPipeError):  # it has ended already
+                process.stdin.close()
             try:
                 process.wait(STOP_TIMEOUT_S)
             except subprocess.TimeoutExpired:

@@ -114,6 +114,8 @@ def request_body(request: CompletionRequest, model: str, style: Style, quirks: Q
         body[quirks.cache_key_field] = request.cache_key
     if quirks.llama_cpp:
         body["cache_prompt"] = True
+        # llama.cpp notices that the client has gone when it sends something, with this also while it reads the prompt
+        body["return_progress"] = True
         if prompt.grammar:
             body["grammar"] = prompt.grammar
     if model.startswith(REASONING_MODELS):

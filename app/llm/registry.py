@@ -49,7 +49,7 @@ class ModelRegistry:
         if name not in self._models:
             if len(self._models) >= MAX_MODELS:
                 raise ModelUnavailableError(f"{MAX_MODELS} models are in use already: {', '.join(self._models)}")
-            self._models[name] = self._create(name)
+            self._models.setdefault(name, self._create(name))  # one model, whichever thread comes first
         return self._models[name]
 
     def profiles(self) -> list[OfferedModel]:

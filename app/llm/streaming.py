@@ -78,9 +78,10 @@ class StopStrings:
         if self.stopped:
             return ""
         text = self._held + piece
-        if ends := [at for stop in self._stop if (at := text.find(stop)) >= 0]:
+        if found := [(at + len(stop), at) for stop in self._stop if (at := text.find(stop)) >= 0]:
             self.stopped, self._held = True, ""
-            return text[: min(ends)]
+            _, start = min(found)  # of the one that is complete first, as if the text came by the character
+            return text[:start]
         certain = len(text) - self._num_undecided(text)
         self._held = text[certain:]
         return text[:certain]

@@ -56,7 +56,6 @@ class Kinematics:
             panda.TCP_SITE, "site", position_cost=1.0, orientation_cost=ROTATION_COST, lm_damping=1e-4
         )
         self._posture = mink.PostureTask(model, cost=POSTURE_COST)
-        self._posture.set_target(panda.READY_RAD)
         self._limits = [mink.ConfigurationLimit(model)]
 
     def forward(self, joints_rad: Array) -> Pose:
@@ -66,10 +65,21 @@ class Kinematics:
         rotation = Rotation.from_matrix(data.site_xmat[self._site_id].reshape(3, 3))
         return Pose(data.site_xpos[self._site_id].copy(), rotation)
 
-    def solve(self, pose: Pose, seed_rad: Array, max_iterations: int = 40) -> Array | None:
-        """Joint positions (7,) that reach `pose` within 1 mm and 0.5 degrees, iterating from a seed (7,); else None."""
+    def solve(
+        self,
+        pose: Pose,
+        seed_rad: Array,
+        max_iterations: int = 40,
+        preferred_rad: Array = panda.READY_RAD,
+    ) -> Array | None:
+        """Joint positions (7,) that reach `pose` within 1 mm and 0.5 degrees, iterating from a seed (7,); else None.
+
+        Args:
+            preferred_rad: (7,) of all that reach the pose, those towards these are chosen.
+        """
         configuration = self._configuration
         configuration.update(seed_rad)
+        self._posture.set_target(preferred_rad)
         rotation = mink.SO3.from_matrix(pose.rotation.as_matrix())
         self._tool.set_target(mink.SE3.from_rotation_and_translation(rotation, pose.position_m))
         for _ in range(max_iterations):

@@ -56,21 +56,29 @@ def move_to(position_m: npt.ArrayLike, rotation: Rotation, *, gripper_open: bool
     return Move(Pose(np.asarray(position_m, dtype=np.float64), rotation), gripper_open, straight)
 
 
-def pick(position_m: npt.ArrayLike, rotation: Rotation, clearance_m: float = 0.10) -> list[Move]:
-    """Approach along the tool's axis, close the gripper at the position, lift."""
+def pick(
+    position_m: npt.ArrayLike, rotation: Rotation, clearance_m: float = 0.10, *, straight: bool = False
+) -> list[Move]:
+    """Approach along the tool's axis, close the gripper at the position, lift.
+
+    Args:
+        straight: come to the approach in a straight line too, where the quickest way may run into something.
+    """
     at = np.asarray(position_m, dtype=np.float64)
     return [
-        move_to(at - clearance_m * rotation.apply(UP), rotation, gripper_open=True, straight=False),
+        move_to(at - clearance_m * rotation.apply(UP), rotation, gripper_open=True, straight=straight),
         move_to(at, rotation, gripper_open=False),
         move_to(at + clearance_m * UP, rotation, gripper_open=False),
     ]
 
 
-def place(position_m: npt.ArrayLike, rotation: Rotation, clearance_m: float = 0.10) -> list[Move]:
-    """Approach from above, open the gripper at the position, rise."""
+def place(
+    position_m: npt.ArrayLike, rotation: Rotation, clearance_m: float = 0.10, *, straight: bool = False
+) -> list[Move]:
+    """Approach from above, open the gripper at the position, rise; `straight` as for `pick`."""
     at = np.asarray(position_m, dtype=np.float64)
     return [
-        move_to(at + clearance_m * UP, rotation, gripper_open=False, straight=False),
+        move_to(at + clearance_m * UP, rotation, gripper_open=False, straight=straight),
         move_to(at, rotation, gripper_open=True),
         move_to(at + clearance_m * UP, rotation, gripper_open=True),
     ]

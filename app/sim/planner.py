@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from app.client.robot import MotionError
 from app.pipeline.episode import Array
+from app.sim import panda
 from app.sim.kinematics import Kinematics
 from app.sim.moves import Move, Pose
 
@@ -102,11 +103,22 @@ class Planner:
         points = [start_rad]
         for fraction in np.linspace(0, 1, steps + 1)[1:]:
             between = Pose(start.position_m + fraction * offset, turn(fraction))
-            joints = self.kinematics.solve(between, points[-1], LINE_ITERATIONS)
-            if joints is None or np.abs(joints - points[-1]).max() > MAX_LINE_STEP_RAD:
+            joints = self._next_point(between, points[-1])
+            if joints is None:
                 return None
             points.append(joints)
         return Path(np.array(points), straight=True)
+
+    def _next_point(self, pose: Pose, joints_rad: Array) -> Array | None:
+        """The joint positions at the next point of a line, if there are any without a swing of the arm.
+
+        Where the ready posture pulls the elbow round, the arm keeps the posture it is in.
+        """
+        for preferred in (panda.READY_RAD, joints_rad):
+            joints = self.kinematics.solve(pose, joints_rad, LINE_ITERATIONS, preferred)
+            if joints is not None and np.abs(joints - joints_rad).max() <= MAX_LINE_STEP_RAD:
+                return joints
+        return None
 
 
 def _count_lines(moves: Sequence[Move]) -> int:

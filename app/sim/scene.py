@@ -1,6 +1,6 @@
 """Building blocks of task scenes: bodies from boxes, cylinders and capsules, with joints, at random places."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Self, TypedDict, Unpack
 
 import mujoco
@@ -190,15 +190,30 @@ class Part:
         )
         return self
 
+    def ball(self, *, damping: float, spring_nm_rad: float) -> Self:
+        """A joint that turns every way about the body's origin and springs back to how it was built."""
+        self.body.add_joint(type=mujoco.mjtJoint.mjJNT_BALL, damping=[damping, 0, 0], stiffness=[spring_nm_rad, 0, 0])
+        return self
+
 
 def scatter(
-    random: np.random.Generator, count: int, low_m: Point2, high_m: Point2, min_distance_m: float
+    random: np.random.Generator,
+    count: int,
+    low_m: Point2,
+    high_m: Point2,
+    min_distance_m: float,
+    clear_of: Sequence[tuple[Array, float]] = (),
 ) -> list[Array]:
-    """`count` points (2,), uniform in a rectangle, with a least distance between any two."""
+    """`count` points (2,), uniform in a rectangle, with a least distance between any two.
+
+    Args:
+        clear_of: places (2,) that are taken, each with the least distance that a point keeps from it, m.
+    """
     points: list[Array] = []
     for _ in range(MAX_PLACEMENT_TRIALS):
         point = random.uniform(low_m, high_m)
-        if all(np.linalg.norm(point - other) >= min_distance_m for other in points):
+        taken = [*clear_of, *((other, min_distance_m) for other in points)]
+        if all(np.linalg.norm(point - place) >= distance_m for place, distance_m in taken):
             points.append(point)
         if len(points) == count:
             return points

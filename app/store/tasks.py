@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from typing import Any
 
-from sqlalchemy import Connection, Row, func, insert, select, update
+from sqlalchemy import Connection, Row, bindparam, func, insert, select, update
 
 from app.store import tables
 from app.store.errors import ConflictError, NotFoundError
@@ -12,6 +12,8 @@ from app.store.records import TaskCounts, TaskRecord
 from app.store.values import JsonObject
 
 _TASKS = tables.tasks
+# Every prediction asks this, and building the statement would take as long as running it.
+_GET = select(_TASKS).where(_TASKS.c.name == bindparam("name"))
 
 
 def get(connection: Connection, name: str) -> TaskRecord:
@@ -20,7 +22,7 @@ def get(connection: Connection, name: str) -> TaskRecord:
     Raises:
         NotFoundError: if there is none of that name.
     """
-    if (row := connection.execute(select(_TASKS).where(_TASKS.c.name == name)).first()) is None:
+    if (row := connection.execute(_GET, {"name": name}).first()) is None:
         raise NotFoundError("task", name)
     return _record(row)
 

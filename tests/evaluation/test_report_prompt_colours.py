@@ -47,7 +47,7 @@ def test_every_part_of_a_prompt_has_its_kind(representation, prompt_format, inst
     assert len(objects) == 3 * 3
     for name in ("red button", "cube 2", "no-rotation_v1.0"):
         assert sum(name in text for text in objects) == 3
-    shown = f"'{instruction}'" if representation == "absolute" else instruction
+    shown = f"'{instruction}'" if representation != "object_frame" else instruction
     assert texts(spans, "instruction") == ([shown] * 3 if prompt_format == "paper" else [])
     assert len(texts(spans, "separator")) == 2
     assert "".join(texts(spans, "action")) == "".join(actions).replace("; ", "")

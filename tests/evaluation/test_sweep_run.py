@@ -9,7 +9,9 @@ import time
 
 import pytest
 from rich.progress import Progress
+from typer.testing import CliRunner
 
+from app.cli import application
 from app.evaluation.methods import REGRESSION
 from app.evaluation.plan import Plan
 from app.evaluation.records import REPLAY
@@ -116,8 +118,8 @@ def test_the_record_of_the_run(folder):
 def test_a_finished_run_is_not_run_again(folder):
     before = (folder / "results.jsonl").read_bytes(), (folder / "run.json").read_bytes()
     (folder / "table.md").unlink()
-    run = subprocess.run(arguments(folder), capture_output=True, text=True, timeout=PATIENCE_S)
-    assert run.returncode == 0, run.stderr
+    run = CliRunner().invoke(application, arguments(folder)[3:])
+    assert run.exit_code == 0, run.output
     assert ((folder / "results.jsonl").read_bytes(), (folder / "run.json").read_bytes()) == before
     assert "| push_button |" in (folder / "table.md").read_text()
 
@@ -137,6 +139,6 @@ def test_the_page_of_failures(tmp_path):
     ("wrong", "said"), [(["--sweep", "everything"], "main, formats"), (["--task", "fold_laundry"], "open_drawer")]
 )
 def test_names_that_there_are_not(wrong, said):
-    run = subprocess.run([sys.executable, "-m", "app.cli", "eval", *wrong], capture_output=True, text=True, timeout=60)
-    assert run.returncode == 2
-    assert said in run.stderr.replace("\n", " ")
+    run = CliRunner().invoke(application, ["eval", *wrong])
+    assert run.exit_code == 2
+    assert said in run.output.replace("\n", " ")

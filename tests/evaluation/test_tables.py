@@ -20,7 +20,7 @@ def task(name, ours, other, crashes=0):
         for method, (successes, number) in ((OURS, ours), (OTHER, other))
         for k in range(number)
     ]
-    broken = [Crash(name, 100_100 + k, OURS.label, "worker died") for k in range(crashes)]
+    broken = [Crash(name, 100_100 + k, OURS.label, "Traceback ...\nMemoryError: too much") for k in range(crashes)]
     return TaskEvaluation(name, (), tuple(trials), tuple(broken))
 
 
@@ -48,6 +48,8 @@ def test_table_says_what_is_compared(mixed):
     assert text.startswith("# One thing against another\n")
     for said in ("not RLBench itself", "GPT-4 Turbo", "Table I,", "Table II,", "`roboprompt eval --sweep main`"):
         assert said in text
+    assert "## Errors\n\n- 3 x MemoryError: too much\n" in text
+    assert "Errors\n" not in markdown(evaluation(task("stack_cube", (1, 2), (0, 0))), "one thing")
 
 
 def test_summary(mixed):

@@ -9,13 +9,17 @@ from contextlib import asynccontextmanager
 import httpx
 import pytest
 
-from app.llm.base import LanguageModelError, ModelProfile, ModelResponseError, ModelUnavailableError
+from app.llm.base import ModelProfile, ModelResponseError, ModelUnavailableError
 from app.llm.embedded import EmbeddedModel, EmbeddedOptions
 from app.llm.llama_process import LlamaOptions, LlamaProcess
+from app.llm.openai_compatible import OpenAiCompatibleModel
+from app.llm.openai_wire import LLAMA_CPP
 from app.llm.weights import find_weights
-from tests.llm.texts import asking, object_frame_prompt
+from app.pipeline.prompt import Prompt
+from tests.llm.texts import ENDLESS, asking, object_frame_prompt
 
 PROFILE = ModelProfile("embedded/gemma", "completion", grammar=True, representation="object_frame")
+LONG_PROMPT = Prompt("", "a b c d " * 450, "")
 OPTIONS = EmbeddedOptions(threads=1, slots=2, context_tokens=512)
 
 
@@ -91,12 +95,11 @@ def test_a_model_whose_process_died_is_started_anew(settings):
         async with started(settings) as model:
             await model.warm_up()
             (pid,) = child_pids() - others
-            request = asking(object_frame_prompt(num_demonstrations=1, grammar=None), max_tokens=300)
-            answer = asyncio.create_task(model.complete(request))
-            await asyncio.sleep(0.1)
+            pieces = model.stream(asking(object_frame_prompt(num_demonstrations=1, grammar=ENDLESS), max_tokens=400))
+            await anext(pieces)
             os.kill(pid, 9)
-            with pytest.raises(LanguageModelError):
-                await answer
+            with pytest.raises(ModelResponseError, match="cannot be read"):
+                _ = [piece async for piece in pieces]
             assert (await model.complete(asking(object_frame_prompt(), max_tokens=2))).text
             assert child_pids() - others != {pid}
 
@@ -173,40 +176,43 @@ def test_more_tasks_than_slots_keep_their_prefixes(gemma, run):
     assert max(second) < 50
 
 
-@pytest.fixture
-def slots_busy(llama_server):
-    """A function that counts the slots which llama.cpp has at work."""
-    headers = {"Authorization": f"Bearer {llama_server.api_key}"}
+@asynccontextmanager
+async def client_of(llama_server):
+    """A model of the server, and a function that tells how many of its slots are at work."""
+    profile = ModelProfile("cancelled", "completion", grammar=True, representation="object_frame")
+    key = llama_server.api_key
+    model = OpenAiCompatibleModel(profile, llama_server.base_url, "x", key, quirks=LLAMA_CPP, trust_env=False)
     url = llama_server.base_url.replace("/v1", "/slots")
-    with httpx.Client(headers=headers, trust_env=False) as client:
-        yield lambda: sum(slot["is_processing"] for slot in client.get(url).raise_for_status().json())
+
+    async def num_busy():
+        slots = (await http.get(url)).raise_for_status().json()
+        return sum(slot["is_processing"] for slot in slots)
+
+    async with httpx.AsyncClient(headers={"Authorization": f"Bearer {key}"}, trust_env=False) as http:
+        yield model, num_busy
+    await model.aclose()
 
 
-@pytest.mark.parametrize("text", ["a", "a b c d " * 450], ids=["writing", "reading"])
-def test_a_cancelled_request_stops_llama_cpp(llama_server, slots_busy, text):
-    def post():
-        host, port = llama_server.base_url.removeprefix("http://").removesuffix("/v1").split(":")
-        body = f'{{"prompt": "{text}", "max_tokens": 1900, "stream": true, "cache_prompt": false}}'
-        head = (
-            f"POST /v1/completions HTTP/1.1\r\nHost: x\r\nAuthorization: Bearer {llama_server.api_key}\r\n"
-            f"Content-Type: application/json\r\nContent-Length: {len(body)}\r\n\r\n"
-        )
-        connection = socket.create_connection((host, int(port)))
-        connection.sendall((head + body).encode())
-        return connection
+@pytest.mark.parametrize(
+    "request_",
+    [asking(object_frame_prompt(grammar=ENDLESS), max_tokens=1500), asking(LONG_PROMPT)],
+    ids=["writing", "reading"],
+)
+def test_a_cancelled_request_stops_llama_cpp(llama_server, request_):
+    """1500 tokens take 30 s to write, LONG_PROMPT takes 7 s to read; a piece of it takes half a second."""
 
-    def wait_for(num_busy, timeout_s):
-        deadline = time.monotonic() + timeout_s
-        while slots_busy() != num_busy:
-            assert time.monotonic() < deadline, f"{slots_busy()} slots are busy, not {num_busy}"
-            time.sleep(0.02)
+    async def run():
+        async with client_of(llama_server) as (model, num_busy):
+            answer = asyncio.create_task(model.complete(request_))
+            while not await num_busy():
+                await asyncio.sleep(0.02)
+            answer.cancel()
+            cancelled = time.monotonic()
+            while await num_busy():
+                await asyncio.sleep(0.02)
+            return time.monotonic() - cancelled
 
-    with post():
-        wait_for(1, 10)
-    started = time.monotonic()
-    wait_for(0, 15)
-    # 1900 tokens take 40 s to write; 1800 take 7 s to read, a piece of 128 half a second
-    assert time.monotonic() - started < 6
+    assert asyncio.run(run()) < 5
 
 
 def test_strangers_on_the_machine_are_refused(llama_server):

@@ -9,6 +9,7 @@ GRAMMAR = """root ::= " 1 " ("red cube" | "blue cube") " w: " d " " d " " d " " 
 d ::= [+-] [0-9]+
 r ::= [0-9] [0-9]?
 """
+ENDLESS = 'root ::= "a " root'
 REPLY = " 1 red cube w: +0 +0 +20 0 36 36 1"
 
 

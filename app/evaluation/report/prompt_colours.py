@@ -21,7 +21,7 @@ class Span:
 
 
 # {'drawer': [42, 65, 29], 'open the drawer'}>[[46, 74, 55, 54, 36, 37, 1], ...],
-_ABSOLUTE = re.compile(
+_LISTS = re.compile(
     r"(?P<object>'[^']*': \[[^\]]*\])"
     r"|(?P<instruction>'[^{}]*'(?=\}>))"
     r"|(?P<action>\[\[.*?\]\]|\[[-+\d., ]+\])"
@@ -49,8 +49,8 @@ def prompt_spans(text: str, representation: str, prompt_format: str) -> tuple[Sp
 
 
 def _pattern(representation: str, prompt_format: str) -> re.Pattern[str] | None:
-    if representation == "absolute":
-        return _ABSOLUTE
+    if representation in ("absolute", "action_tokens") and prompt_format in ("paper", "authors"):
+        return _LISTS
     return _OBJECT_FRAME.get(prompt_format) if representation == "object_frame" else None
 
 

@@ -4,11 +4,44 @@ from collections.abc import Mapping
 
 from app.pipeline.errors import InvalidInputError
 from app.sim.tasks.base import SimTask
+from app.sim.tasks.close_jar import CloseJar
+from app.sim.tasks.close_laptop import CloseLaptop
+from app.sim.tasks.destack_cube import DestackCube
+from app.sim.tasks.meat_off_grill import MeatOffGrill
 from app.sim.tasks.open_drawer import OpenDrawer
 from app.sim.tasks.push_button import PushButton
+from app.sim.tasks.push_button_real import PushButtonReal
+from app.sim.tasks.push_multiple_buttons import PushMultipleButtons
+from app.sim.tasks.screw_bulb import ScrewBulb
+from app.sim.tasks.slide_block import SlideBlock
+from app.sim.tasks.sort_shape import SortShape
+from app.sim.tasks.stack_blocks import StackBlocks
 from app.sim.tasks.stack_cube import StackCube
+from app.sim.tasks.stack_cups import StackCups
+from app.sim.tasks.turn_tap import TurnTap
+from app.sim.tasks.unplug_cable import UnplugCable
 
-TASKS: Mapping[str, type[SimTask]] = {task.name: task for task in (PushButton, StackCube, OpenDrawer)}
+TASKS: Mapping[str, type[SimTask]] = {
+    task.name: task
+    for task in (
+        PushButton,
+        StackCube,
+        OpenDrawer,
+        PushButtonReal,
+        PushMultipleButtons,
+        DestackCube,
+        CloseJar,
+        StackBlocks,
+        ScrewBulb,
+        MeatOffGrill,
+        StackCups,
+        SortShape,
+        CloseLaptop,
+        UnplugCable,
+        SlideBlock,
+        TurnTap,
+    )
+}
 
 
 def make_task(name: str, seed: int, variation: int | None = None) -> SimTask:
@@ -20,6 +53,7 @@ def make_task(name: str, seed: int, variation: int | None = None) -> SimTask:
     if name not in TASKS:
         raise InvalidInputError("task", f"{name!r} is not simulated", ", ".join(TASKS))
     task = TASKS[name]
-    if variation is not None and not 0 <= variation < task.variations:
-        raise InvalidInputError("variation", f"{name} has no variation {variation}", f"0..{task.variations - 1}")
+    last = task.variations + task.test_only_variations - 1
+    if variation is not None and not 0 <= variation <= last:
+        raise InvalidInputError("variation", f"{name} has no variation {variation}", f"0..{last}")
     return task(seed, variation)

@@ -38,7 +38,10 @@ class SimTask(ABC):
     name: ClassVar[str]
     # The objects that a prompt names; each is the name of a body, whose origin and axes are the object's pose.
     object_names: ClassVar[tuple[str, ...]]
+    # What demonstrations show: variations 0..variations - 1.
     variations: ClassVar[int] = 1
+    # Variations numbered on from these, which no demonstration shows; asked for explicitly, see `test_variation`.
+    test_only_variations: ClassVar[int] = 0
     # The turn about its own z axis, in degrees, that leaves an object unchanged: 90 for a cube, 0 for a round object
     # (its yaw means nothing). An object that is not listed has no such symmetry.
     yaw_symmetry_deg: ClassVar[Mapping[str, float]] = {}
@@ -51,6 +54,11 @@ class SimTask(ABC):
         self.model: mujoco.MjModel = self._spec.compile()
         self.data: mujoco.MjData = mujoco.MjData(self.model)
         self._reset()
+
+    @classmethod
+    def test_variation(cls, seed: int) -> int:
+        """The variation for a test on the scene of a seed; unless a task says otherwise, the demonstrations' rule."""
+        return seed % cls.variations
 
     def _reset(self) -> None:
         place_arm(self.model, self.data)

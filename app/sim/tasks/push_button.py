@@ -1,74 +1,16 @@
 """Push the button of the named colour, and no other."""
 
-import numpy as np
-
-from app.sim.moves import UP, Move, move_to, tool_down
-from app.sim.scene import scatter
-from app.sim.tasks.base import SimTask
-from app.sim.world import TABLE_TOP_M
-
-COLOURS = ("red", "yellow", "green", "blue")
-BASE_RADIUS_M, BASE_HEIGHT_M = 0.036, 0.034
-CAP_RADIUS_M, CAP_HEIGHT_M = 0.026, 0.028  # of the part that stands out
-TRAVEL_M = 0.022
-PRESSED_M, RELEASED_M = 0.006, 0.003
-# The fingers reach 8 mm beyond the tool's point, so 14 mm are pushed. Written as bins, a height changes by up to 5 mm:
-# 9 to 19 mm of 22 remain.
-PUSH_DEPTH_M = 0.006
-CLEARANCE_M = 0.07
-SPRING_N_M, PRELOAD_M = 150.0, 0.004
-MIN_DISTANCE_M = 0.13
-LOW_M, HIGH_M = (0.03, -0.30), (0.38, 0.30)
+from app.sim.tasks.buttons import COLOURS, ButtonTask
 
 
-class PushButton(SimTask):
-    """Four buttons on the table, at least 13 cm apart, each anywhere in x 0.03..0.38 m, y -0.30..0.30 m.
-
-    A button's pose is the centre of its cap's top at rest. Success: the named button has been pressed once or more
-    (by 6 mm) and no other has.
-    """
+class PushButton(ButtonTask):
+    """Success: the named button has been pressed once or more and no other has."""
 
     name = "push_button"
-    object_names = tuple(f"{colour} button" for colour in COLOURS)
-    variations = len(COLOURS)
-    yaw_symmetry_deg = dict.fromkeys(object_names, 0.0)
-
-    def build(self, random: np.random.Generator) -> None:
-        height_m = BASE_HEIGHT_M + CAP_HEIGHT_M
-        for colour, point in zip(COLOURS, scatter(random, len(COLOURS), LOW_M, HIGH_M, MIN_DISTANCE_M), strict=True):
-            button = self.add_part(f"{colour} button", [*point, TABLE_TOP_M + height_m])
-            base_centre_m = [0, 0, BASE_HEIGHT_M / 2 - height_m]
-            button.cylinder(BASE_RADIUS_M, BASE_HEIGHT_M / 2, "grey", at_m=base_centre_m)
-            cap = self.add_part(f"{colour} cap", [0, 0, 0], parent=button)
-            cap.cylinder(CAP_RADIUS_M, CAP_HEIGHT_M / 2, colour, at_m=[0, 0, -CAP_HEIGHT_M / 2], mass_kg=0.02)
-            cap.slide(colour, (0, 0, -1), (0, TRAVEL_M), damping=2.0, spring_n_m=SPRING_N_M, spring_rest_m=-PRELOAD_M)
-
-    def after_reset(self) -> None:
-        self._joint_addresses = {colour: self.model.joint(colour).qposadr[0] for colour in COLOURS}
-        self._down = dict.fromkeys(COLOURS, False)
-
-    def latch(self) -> None:
-        for colour, address in self._joint_addresses.items():
-            depth_m = self.data.qpos[address]
-            if depth_m > PRESSED_M and not self._down[colour]:
-                self._down[colour] = True
-                self.events.append(colour)
-            elif depth_m < RELEASED_M:
-                self._down[colour] = False
 
     @property
-    def instruction(self) -> str:
-        return f"push the {COLOURS[self.variation]} button"
-
-    def expert(self) -> list[Move]:
-        top = self.position_m(f"{COLOURS[self.variation]} button")
-        above, pushed = top + CLEARANCE_M * UP, top - PUSH_DEPTH_M * UP
-        down = tool_down()
-        return [
-            move_to(above, down, gripper_open=False, straight=False),
-            move_to(pushed, down, gripper_open=False),
-            move_to(above, down, gripper_open=False),
-        ]
+    def asked(self) -> tuple[str, ...]:
+        return (COLOURS[self.variation],)
 
     def succeeded(self) -> bool:
-        return set(self.events) == {COLOURS[self.variation]}
+        return set(self.events) == set(self.asked)

@@ -1,0 +1,86 @@
+"""`roboprompt eval`: how well methods do on unseen scenes of many tasks."""
+
+import json
+import shlex
+import sys
+from collections.abc import Collection, Sequence
+from datetime import datetime
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+SWEEP_NAMES = "main, formats, keyframes, demonstrations, system_prompts, noise, models"
+PACE_S = 600.0  # the time left follows from the pace of the last ten minutes: methods differ in theirs
+MAX_ERRORS = 5  # kinds of errors that the terminal shows; table.md has all
+INTERRUPTED = 130  # the exit status of a program that Ctrl-C ended
+
+
+def evaluate(
+    sweep: Annotated[str, typer.Option(help=SWEEP_NAMES)] = "main",
+    task: Annotated[list[str] | None, typer.Option(help="may be repeated; default: all")] = None,
+    episodes: Annotated[int, typer.Option(min=1, help="unseen scenes a task")] = 25,
+    demos: Annotated[int, typer.Option(min=1, max=100, help="demonstrations in a prompt")] = 10,
+    model: Annotated[
+        list[str] | None, typer.Option(help="a name from GET /models; may be repeated; default: the service's")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="folder of the results (default: reports/eval-SWEEP-TIME)")] = None,
+    ray: Annotated[
+        str | None, typer.Option(help="run on the Ray cluster at this address, 'auto', or 'local' to start one")
+    ] = None,
+    url: Annotated[str | None, typer.Option(help="of a running service, instead of one of its own")] = None,
+    at_once: Annotated[int, typer.Option(min=1, help="predictions asked for at a time")] = 1,
+    report: Annotated[bool, typer.Option(help="a page with prompt, reply and pictures of failures")] = True,
+    as_json: Annotated[bool, typer.Option("--json", help="one JSON object as the last line")] = False,
+) -> None:
+    """Teach tasks to the service, test methods on unseen scenes, and hold them against the paper's numbers.
+
+    Results are kept as they come: the same command with the same --out goes on where an earlier one stopped.
+    """
+    # The simulator is an extra that `roboprompt serve` does without.
+    from app.evaluation.plan import Plan
+    from app.evaluation.scores import errors_of
+    from app.evaluation.sweep_run import SweepRun
+    from app.evaluation.sweeps import SWEEPS
+    from app.evaluation.tables import sweep_summary, terminal_table
+    from app.sim.tasks import TASKS
+
+    _check("--sweep", [sweep], SWEEPS)
+    _check("--task", task or (), TASKS)
+    folder = out or Path("reports") / f"eval-{sweep}-{datetime.now():%Y%m%d-%H%M%S}"
+    command = shlex.join(["roboprompt", *sys.argv[1:], *([] if out else ["--out", str(folder)])])
+    methods = SWEEPS[sweep].with_models(model or ())
+    plan = Plan(tuple(dict.fromkeys(task or TASKS)), methods, episodes, demos, command, predictions_at_once=at_once)
+    console = Console(stderr=as_json)
+    with _progress(console) as progress:
+        result = SweepRun(sweep, plan, folder, ray, url, report)(progress)
+    console.print(terminal_table(result.evaluation))
+    lines = [f"results: {folder}"]
+    lines += [f"error in {number} trials: {message}" for message, number in errors_of(result.evaluation)[:MAX_ERRORS]]
+    if result.remaining:
+        lines += [f"{result.stopped or 'errors'}: {result.remaining} trials remain; go on with:", command]
+    console.print(*lines, sep="\n", markup=False, highlight=False, soft_wrap=True)
+    if as_json:
+        summary = {"sweep": sweep, "out": str(folder), **sweep_summary(result.evaluation)}
+        print(json.dumps({**summary, "remaining": result.remaining, "stopped": result.stopped}))  # noqa: T201
+    if result.remaining:
+        raise typer.Exit(INTERRUPTED if result.stopped == "interrupted" else 1)
+
+
+def _check(option: str, given: Sequence[str], known: Collection[str]) -> None:
+    for name in given:
+        if name not in known:
+            raise typer.BadParameter(f"{name!r} is none of {', '.join(known)}", param_hint=option)
+
+
+def _progress(console: Console) -> Progress:
+    columns = (
+        TextColumn("{task.description:<15}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+    )
+    return Progress(*columns, console=console, speed_estimate_period=PACE_S)

@@ -1,0 +1,91 @@
+"""Pictures for the trials that a report shows: simulated again, since pictures take longer than the simulation."""
+
+from collections.abc import Sequence
+from concurrent.futures import Future
+from dataclasses import dataclass, replace
+
+from rich.progress import Progress
+
+from app.evaluation.executors import Executor
+from app.evaluation.records import Evaluation, TaskEvaluation, TaughtEpisode, Trial
+from app.evaluation.report.selection import detailed_failures, detailed_successes
+from app.pipeline.episode import EndEffectorAction
+from app.sim.demonstrate import (
+    RecordedDemonstration,
+    RolloutResult,
+    SceneView,
+    record_demonstration,
+    rollout,
+    view_scene,
+)
+from app.sim.tasks import TASKS
+
+
+@dataclass(frozen=True, eq=False)
+class _Pictures:
+    scene: SceneView
+    execution: RolloutResult | None
+
+
+def illustrated(evaluation: Evaluation, executor: Executor, progress: Progress) -> Evaluation:
+    """The evaluation with pictures of each task's first demonstration and of the trials that a report shows."""
+    shown = [_shown(task, evaluation) for task in evaluation.tasks]
+    bar = progress.add_task("pictures", total=sum(map(len, shown)))
+    first = [_record_first(executor, task.taught) for task in evaluation.tasks]
+    pictures = [{trial: _submit(executor, trial) for trial in trials} for trials in shown]
+    for future in (future for futures in pictures for future in futures.values()):
+        future.add_done_callback(lambda _: progress.advance(bar))
+    tasks = (
+        _with_pictures(task, recorded, futures)
+        for task, recorded, futures in zip(evaluation.tasks, first, pictures, strict=True)
+    )
+    return replace(evaluation, tasks=tuple(tasks))
+
+
+def _shown(task: TaskEvaluation, evaluation: Evaluation) -> list[Trial]:
+    methods = evaluation.methods
+    return [*detailed_failures(task.trials, methods), *detailed_successes(task.trials, methods)]
+
+
+def _record_first(executor: Executor, taught: Sequence[TaughtEpisode]) -> Future[RecordedDemonstration] | None:
+    if not taught or taught[0].recorded.scene.frames:
+        return None
+    recorded = taught[0].recorded
+    return executor.submit(
+        record_demonstration, recorded.scene.task, recorded.scene.seed, recorded.control_frequency_hz
+    )
+
+
+def _submit(executor: Executor, trial: Trial) -> Future[_Pictures]:
+    actions = None if trial.execution is None else trial.actions
+    return executor.submit(_take_pictures, trial.task, trial.seed, actions)
+
+
+def _take_pictures(task: str, seed: int, actions: Sequence[EndEffectorAction] | None) -> _Pictures:
+    """Runs in a worker."""
+    variation = TASKS[task].test_variation(seed)
+    scene = view_scene(task, seed, variation=variation)
+    if actions is None:
+        return _Pictures(scene, None)
+    return _Pictures(scene, rollout(task, seed, actions, variation=variation, film_strip=True))
+
+
+def _with_pictures(
+    task: TaskEvaluation, recorded: Future[RecordedDemonstration] | None, futures: dict[Trial, Future[_Pictures]]
+) -> TaskEvaluation:
+    taught = task.taught
+    if recorded is not None:
+        taught = (replace(taught[0], recorded=recorded.result()), *taught[1:])
+    trials = (_illustrate(trial, futures[trial].result()) if trial in futures else trial for trial in task.trials)
+    return replace(task, taught=taught, trials=tuple(trials))
+
+
+def _illustrate(trial: Trial, pictures: _Pictures) -> Trial:
+    """The trial with its pictures. The outcome stays that of the trial; where the pictures show another, it says so."""
+    execution, again = trial.execution, pictures.execution
+    if execution is not None and again is not None:
+        note = (
+            "" if again.succeeded == execution.succeeded else " (simulated again for these pictures: another outcome)"
+        )
+        execution = replace(execution, film_strip=again.film_strip, failure=execution.failure + note)
+    return replace(trial, scene=pictures.scene, execution=execution)

@@ -1,0 +1,101 @@
+"""`results.jsonl`: a line for each trial, on disk as soon as the trial ends; what is there is not run again."""
+
+import fcntl
+import hashlib
+import json
+import os
+import threading
+from collections.abc import Mapping
+from dataclasses import asdict
+from datetime import UTC, datetime
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from app.evaluation.documents import document_of, outcome_of
+from app.evaluation.records import Crash, Method, Trial
+
+DIGEST_CHARS = 12
+
+
+class LedgerInUseError(Exception):
+    """Another run writes into the same file."""
+
+
+class LedgerDamagedError(Exception):
+    """A line that no run has written."""
+
+
+def digest_of(method: Method, taught: Mapping[str, Any]) -> str:
+    """Differs wherever trials of the same label could come out differently.
+
+    Args:
+        taught: how the demonstrations are made.
+    """
+    everything = {**asdict(method), **taught}
+    return hashlib.sha256(json.dumps(everything, sort_keys=True).encode()).hexdigest()[:DIGEST_CHARS]
+
+
+class Ledger:
+    """The outcomes of a folder's runs. A context manager; safe to share between threads.
+
+    Raises:
+        LedgerInUseError, LedgerDamagedError.
+    """
+
+    def __init__(self, path: Path) -> None:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        self._lock = threading.Lock()
+        self._file = path.open("a+b")
+        try:
+            self._outcomes = dict(self._read())
+        except BaseException:
+            self._file.close()
+            raise
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self._file.close()
+
+    def find(self, task: str, seed: int, method: str, digest: str) -> Trial | Crash | None:
+        """The last outcome of a trial, if it has one."""
+        return self._outcomes.get((task, seed, method, digest))
+
+    def append(self, outcome: Trial | Crash, digest: str) -> None:
+        """Keep an outcome; it survives a power cut from here on."""
+        document = {**document_of(outcome), "digest": digest, "at": datetime.now(UTC).isoformat(timespec="seconds")}
+        line = json.dumps(document, allow_nan=False).encode() + b"\n"
+        with self._lock:
+            self._file.write(line)
+            self._file.flush()
+            os.fsync(self._file.fileno())
+            self._outcomes[_key(document)] = outcome
+
+    def _read(self) -> "list[tuple[_Key, Trial | Crash]]":
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise LedgerInUseError(f"another run writes into {self._file.name}") from None
+        self._file.seek(0)
+        *lines, torn = self._file.read().split(b"\n")
+        if torn:  # a run was killed while it wrote
+            self._file.truncate(self._file.tell() - len(torn))
+        return [self._parse(number, line) for number, line in enumerate(lines, start=1)]
+
+    def _parse(self, number: int, line: bytes) -> "tuple[_Key, Trial | Crash]":
+        try:
+            document = json.loads(line)
+            return _key(document), outcome_of(document)
+        except (ValueError, KeyError, TypeError) as error:
+            raise LedgerDamagedError(f"{self._file.name}, line {number}, is no trial: {error!r}") from error
+
+
+_Key = tuple[str, int, str, str]
+
+
+def _key(document: Mapping[str, Any]) -> _Key:
+    return document["task"], document["seed"], document["method"], document["digest"]

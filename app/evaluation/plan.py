@@ -1,0 +1,68 @@
+"""What to run."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from app.evaluation.ledger import Ledger, digest_of
+from app.evaluation.records import FIRST_TEST_SEED, Crash, Method, Trial
+from app.evaluation.trials import Cell
+
+CONTROL_FREQUENCY_HZ = 20.0  # of RLBench's demonstrations
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Tasks x seeds x methods.
+
+    Attributes:
+        episodes: unseen scenes a task.
+        demonstrations: in a prompt, unless a method says otherwise.
+        command: for the report.
+        images: whether demonstrations are uploaded with their images; recording takes a few times longer.
+        predictions_at_once: requests that the service is asked at a time.
+    """
+
+    tasks: tuple[str, ...]
+    methods: tuple[Method, ...]
+    episodes: int
+    demonstrations: int
+    command: str
+    images: bool = False
+    predictions_at_once: int = 1
+    control_frequency_hz: float = CONTROL_FREQUENCY_HZ
+
+    @property
+    def recorded(self) -> int:
+        """Demonstrations to record a task: as many as the method with the longest prompt needs."""
+        numbers: list[int] = [method.options.get("num_demonstrations", 0) for method in self.methods]
+        return max(self.demonstrations, *numbers)
+
+    @property
+    def asks_default_model(self) -> bool:
+        """Whether a method leaves the model to the service."""
+        return any(method.source == "service" and "model" not in method.options for method in self.methods)
+
+    @property
+    def seeds(self) -> range:
+        """Of the unseen scenes."""
+        return range(FIRST_TEST_SEED, FIRST_TEST_SEED + self.episodes)
+
+    def cells(self) -> Iterator[Cell]:
+        """Every trial. A method's trials on a task follow each other, so that the LLM keeps their common prefix."""
+        for task in self.tasks:
+            for method in self.methods:
+                for seed in self.seeds:
+                    yield Cell(task, seed, method)
+
+    def digest(self, method: Method) -> str:
+        """See `app.evaluation.ledger`."""
+        taught = {"demonstrations": self.demonstrations, "recorded": self.recorded, "hz": self.control_frequency_hz}
+        return digest_of(method, taught)
+
+    def outcome(self, ledger: Ledger, cell: Cell) -> Trial | Crash | None:
+        """What the ledger has of a trial."""
+        return ledger.find(cell.task, cell.seed, cell.method.label, self.digest(cell.method))
+
+    def remaining(self, ledger: Ledger) -> list[Cell]:
+        """The trials to be run: those without an outcome, and those that crashed."""
+        return [cell for cell in self.cells() if not isinstance(self.outcome(ledger, cell), Trial)]

@@ -1,0 +1,107 @@
+"""A sweep with everything that stays of it: results, tables, plots, record of the run and page of failures."""
+
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.progress import Progress
+
+from app.evaluation.executors import Executor, LocalExecutor
+from app.evaluation.illustrate import illustrated
+from app.evaluation.ledger import Ledger
+from app.evaluation.plan import Plan
+from app.evaluation.plots import write_plots
+from app.evaluation.ray_executor import RayExecutor
+from app.evaluation.records import Evaluation
+from app.evaluation.report import write_report
+from app.evaluation.resume import evaluation_of
+from app.evaluation.run import Run, ServiceLostError
+from app.evaluation.run_record import RunRecord, Session
+from app.evaluation.server import service
+from app.evaluation.sweeps import SWEEPS
+from app.evaluation.tables import markdown
+from app.evaluation.timing import Timing
+
+
+@dataclass(frozen=True, eq=False)
+class SweepResult:
+    """What there is when a session ends.
+
+    Attributes:
+        stopped: why it ended before everything was run; empty if it did not.
+        remaining: trials without an outcome, or with an error.
+    """
+
+    evaluation: Evaluation
+    stopped: str
+    remaining: int
+
+
+@dataclass(frozen=True)
+class SweepRun:
+    """One session of a sweep in a folder of results.
+
+    Attributes:
+        ray: address of a Ray cluster, see RayExecutor; None for processes of this machine.
+        url: of a running service; None for one of its own.
+        wants_report: whether to write the page of failures, which takes a while.
+    """
+
+    sweep: str
+    plan: Plan
+    folder: Path
+    ray: str | None = None
+    url: str | None = None
+    wants_report: bool = True
+
+    def __call__(self, progress: Progress) -> SweepResult:
+        """Run what the folder does not have yet; Ctrl-C ends it, with the folder in order.
+
+        Raises:
+            LedgerInUseError, LedgerDamagedError, OtherModelError, ServerStartError, RayMissingError.
+        """
+        with Ledger(self.folder / "results.jsonl") as ledger:
+            stopped = ""
+            if self.plan.remaining(ledger) or (self.wants_report and not self.report.exists()):
+                stopped = self._session(ledger, progress)
+            evaluation = evaluation_of(self.plan, ledger)
+            self._write_results(evaluation)
+            return SweepResult(evaluation, stopped, len(self.plan.remaining(ledger)))
+
+    @property
+    def report(self) -> Path:
+        """The page of failures."""
+        return self.folder / "report" / "index.html"
+
+    def _session(self, ledger: Ledger, progress: Progress) -> str:
+        """Why it stopped; empty if it came to its end."""
+        self.report.unlink(missing_ok=True)
+        record = RunRecord(self.folder / "run.json", self.sweep, self.plan)
+        with closing(LocalExecutor() if self.ray is None else RayExecutor(self.ray)) as executor:
+            session = Session(self.plan.command, executor.description, executor.workers)
+            record.write(session)
+            try:
+                evaluation = self._run(ledger, executor, progress, session.timing)
+                self._write_results(evaluation)
+                if self.wants_report:
+                    self._write_report(evaluation, executor, progress, session.timing)
+            except KeyboardInterrupt:
+                return "interrupted"
+            except ServiceLostError as error:
+                return f"the service does not answer any more: {error}"
+            finally:
+                session.end()
+                record.write(session, evaluation_of(self.plan, ledger))
+        return ""
+
+    def _run(self, ledger: Ledger, executor: Executor, progress: Progress, timing: Timing) -> Evaluation:
+        with service(self.url, warm_up=self.plan.asks_default_model) as client:
+            return Run(self.plan, ledger, client, executor, progress, self.url is not None, timing)()
+
+    def _write_report(self, evaluation: Evaluation, executor: Executor, progress: Progress, timing: Timing) -> None:
+        with timing.measured("report_s"):
+            write_report(illustrated(evaluation, executor, progress), self.report.parent)
+
+    def _write_results(self, evaluation: Evaluation) -> None:
+        (self.folder / "table.md").write_text(markdown(evaluation, SWEEPS[self.sweep].about), encoding="utf-8")
+        write_plots(evaluation, self.folder)

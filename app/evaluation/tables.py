@@ -1,0 +1,115 @@
+"""The tables of a sweep, beside the paper's numbers: as Markdown, on a terminal, and for programs."""
+
+import json
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any
+
+from rich.table import Table
+
+from app.evaluation import paper
+from app.evaluation.records import Evaluation, Method, TaskEvaluation, Trial
+from app.evaluation.scores import NOTHING, errors_of, mean_rate, of_method, pooled_score, task_score, trials_of
+from app.evaluation.summary import method_summary
+
+HOW_TO_READ = (
+    "Successes/trials on unseen scenes with Wilson's 95 % interval; the mean is over tasks. Errors are trials that"
+    " could not be run (a worker crashed, the service or its LLM did not answer): they count neither way."
+)
+COSTS = ("LLM s", "service ms", "execution s", "tokens read", "cached", "written")
+
+
+def markdown(evaluation: Evaluation, about: str) -> str:
+    """The contents of `table.md`.
+
+    Args:
+        about: what the sweep compares, in one line.
+    """
+    labels = [method.label for method in evaluation.methods]
+    published = [f"{name} (paper)" for name in paper.METHODS]
+    parts = [
+        f"# {about[0].upper()}{about[1:]}",
+        HOW_TO_READ,
+        _markdown_table(["task", *labels, *published], success_rows(evaluation)),
+        paper.SOURCE,
+        "## Methods",
+        "What was asked: model, representation, prompt format, and whatever else was set. Medians a prediction.",
+        _markdown_table(["method", "asked", "all trials", *COSTS], _method_rows(evaluation)),
+        *_error_section(evaluation),
+        f"Command: `{evaluation.command}`",
+    ]
+    return "\n\n".join(parts) + "\n"
+
+
+def terminal_table(evaluation: Evaluation) -> Table:
+    """Our methods beside the paper's RoboPrompt."""
+    table = Table(title="success on unseen scenes (95 % interval, %)")
+    headers = ["task", *(method.label for method in evaluation.methods), "RoboPrompt (paper)"]
+    for header in headers:
+        table.add_column(header, justify="left" if header == "task" else "right")
+    *tasks, mean = success_rows(evaluation)
+    for row in tasks:
+        table.add_row(*(cell.replace(" %)", ")") for cell in row[: len(headers)]))
+    table.add_section()
+    table.add_row(*mean[: len(headers)])
+    return table
+
+
+def sweep_summary(evaluation: Evaluation) -> dict[str, Any]:
+    """Figures by task and method, means, and the paper's."""
+    names = [task.task for task in evaluation.tasks]
+    return {
+        "tasks": {task.task: {m.label: _figures(task, m) for m in evaluation.methods} for task in evaluation.tasks},
+        "mean_success_rate": {method.label: mean_rate(evaluation, method) for method in evaluation.methods},
+        "paper_mean_percent": {name: paper.mean_percent(name, names) for name in paper.METHODS},
+        "trials": sum(len(task.trials) for task in evaluation.tasks),
+        "errors": sum(len(task.crashes) for task in evaluation.tasks),
+    }
+
+
+def success_rows(evaluation: Evaluation) -> Iterator[list[str]]:
+    """A row for each task and one for the mean: our methods, then the paper's."""
+    for task in evaluation.tasks:
+        published = [paper.SUCCESS_PERCENT[name].get(task.task) for name in paper.METHODS]
+        scores = [str(task_score(task, method)) for method in evaluation.methods]
+        yield [task.task, *scores, *(NOTHING if percent is None else str(percent) for percent in published)]
+    tasks = [task.task for task in evaluation.tasks]
+    means = [mean_rate(evaluation, method) for method in evaluation.methods]
+    paper_means = [paper.mean_percent(name, tasks) for name in paper.METHODS]
+    ours = [NOTHING if mean is None else f"{100 * mean:.1f} %" for mean in means]
+    yield ["mean", *ours, *(NOTHING if mean is None else f"{mean:.1f}" for mean in paper_means)]
+
+
+def _error_section(evaluation: Evaluation) -> list[str]:
+    errors = [f"- {number} x {message}" for message, number in errors_of(evaluation)]
+    return ["## Errors", "\n".join(errors)] if errors else []
+
+
+def _figures(task: TaskEvaluation, method: Method) -> dict[str, Any]:
+    scored = task_score(task, method)
+    figures = method_summary(of_method(task.trials, method))
+    return {**figures, "interval": scored.rate.interval, "errors": scored.errors}
+
+
+def _method_rows(evaluation: Evaluation) -> Iterator[list[str]]:
+    for method in evaluation.methods:
+        trials = trials_of(evaluation, method)
+        figures = method_summary(trials)
+        costs = [figures["llm_s"], figures["outside_llm_ms"], figures["execute_s"], *figures["tokens"].values()]
+        yield [method.label, _asked(trials, method), str(pooled_score(evaluation, method)), *map(_cost, costs)]
+
+
+def _asked(trials: Sequence[Trial], method: Method) -> str:
+    answers = [trial.answer for trial in trials if trial.answer is not None]
+    asked = dict.fromkeys(f"{a['model']}, {a['representation']}, {a['prompt_format']}" for a in answers)
+    own = {**method.options, **method.settings, **({"pose noise": method.noise} if method.noise else {})}
+    told = {name: value for name, value in own.items() if name not in ("model", "representation", "prompt_format")}
+    return "; ".join([*asked, *(f"{name} {json.dumps(value)}" for name, value in told.items())]) or NOTHING
+
+
+def _markdown_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    align = ["---", *["---:"] * (len(header) - 1)]
+    return "\n".join(f"| {' | '.join(row)} |" for row in [header, align, *rows])
+
+
+def _cost(value: float | None) -> str:
+    return NOTHING if value is None else f"{value:.3g}" if value < 100 else f"{value:.0f}"

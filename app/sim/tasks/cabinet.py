@@ -1,0 +1,82 @@
+"""What the drawer tasks share: a cabinet of three drawers, and how its bottom drawer is opened."""
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from app.pipeline.episode import Array
+from app.sim.moves import UP, Move, move_to, tool_down
+from app.sim.scene import Part, about_z
+from app.sim.tasks.base import SimTask
+from app.sim.tasks.cases import BOARD_M, add_case
+from app.sim.world import TABLE_TOP_M
+
+DRAWERS = ("bottom", "middle", "top")
+HALF_DEPTH_M, HALF_WIDTH_M, STOREY_M = 0.10, 0.12, 0.085
+FEET_M = 0.02
+# The handle: a vertical bar in front of the drawer; its centre is the origin of the drawer's body
+HANDLE_HALF_M = (0.014, 0.009, 0.022)
+HANDLE_FROM_FRONT_M = 0.020
+HANDLE_HEIGHT_M = 0.046  # above the middle of the cabinet's board
+TOP_ABOVE_HANDLE_M = len(DRAWERS) * STOREY_M + BOARD_M / 2 - HANDLE_HEIGHT_M  # of the cabinet, above the bottom handle
+TRAVEL_M = 0.18
+PULL_M = 0.175  # two bins (2 cm) less still open it far enough
+TILT_RAD = 0.60  # of the tool: keeps the hand clear of the upper drawers; more forces the elbow out
+APPROACH_M, RISE_M, RETREAT_M = 0.12, 0.06, 0.06
+FACING_RAD = np.radians(-70.0)
+MAX_TURN_RAD = np.pi / 8  # RLBench: within 22.5 degrees
+HANDLE_LOW_M, HANDLE_HIGH_M = (0.16, -0.28), (0.30, -0.10)
+
+
+class DrawerTask(SimTask):
+    """A cabinet of three drawers to the robot's right, turned by up to 22.5 degrees either way as in RLBench.
+
+    The bottom handle lies in x 0.16..0.30 m, y -0.28..-0.10 m. The drawer's pose is its handle's centre; x points into
+    the cabinet, so that the drawer opens along -x.
+    """
+
+    def add_cabinet(self, random: np.random.Generator) -> tuple[Array, Rotation]:
+        """The cabinet, for use in `build`; returns the bottom handle's centre (3,) and the cabinet's turn."""
+        turn = about_z(FACING_RAD + random.uniform(-MAX_TURN_RAD, MAX_TURN_RAD))
+        handle = np.array([*random.uniform(HANDLE_LOW_M, HANDLE_HIGH_M), TABLE_TOP_M + FEET_M + HANDLE_HEIGHT_M])
+        foot = turn.apply([HALF_DEPTH_M + HANDLE_FROM_FRONT_M, 0, -HANDLE_HEIGHT_M])
+        cabinet = self.add_part("cabinet", handle + foot, turn)
+        _add_boards(cabinet)
+        for storey, which in enumerate(DRAWERS):
+            handle_m = [-HALF_DEPTH_M - HANDLE_FROM_FRONT_M, 0, storey * STOREY_M + HANDLE_HEIGHT_M]
+            drawer = self.add_part(f"{which} drawer", handle_m, parent=cabinet)
+            _add_drawer(drawer)
+            drawer.slide(which, (-1, 0, 0), (0, TRAVEL_M), damping=4.0, dry_friction_n=0.8)
+        return handle, turn
+
+    def open_bottom_drawer(self) -> list[Move]:
+        """Pull the bottom drawer out by its handle, let go and withdraw the hand."""
+        handle = self.position_m("bottom drawer")
+        tool = tool_down(self.yaw_rad("bottom drawer"), TILT_RAD)
+        approach, out = tool.apply(UP), self.rotation("bottom drawer").apply([-1, 0, 0])
+        pulled = handle + PULL_M * out
+        return [
+            move_to(handle + APPROACH_M * out + RISE_M * UP, tool, gripper_open=True, straight=False),
+            move_to(handle, tool, gripper_open=False),
+            move_to(pulled, tool, gripper_open=True),
+            move_to(pulled - RETREAT_M * approach, tool, gripper_open=True),
+        ]
+
+
+def _add_boards(cabinet: Part) -> None:
+    heights_m = [storey * STOREY_M for storey in range(len(DRAWERS) + 1)]
+    front_m = (-HALF_DEPTH_M, 0, BOARD_M / 2)
+    add_case(cabinet, "wood", heights_m, depth_m=2 * HALF_DEPTH_M, half_width_m=HALF_WIDTH_M, front_m=front_m)
+    cabinet.box((HALF_DEPTH_M - 0.01, HALF_WIDTH_M - 0.01, FEET_M / 2), "black", at_m=[0, 0, -FEET_M / 2])
+
+
+def _add_drawer(drawer: Part) -> None:
+    """Around the handle's centre, a little smaller than the cabinet's storey."""
+    front, back = HANDLE_FROM_FRONT_M + 0.001, HANDLE_FROM_FRONT_M + 2 * HALF_DEPTH_M - 0.012
+    half_width, floor = HALF_WIDTH_M - 0.010, 0.012 - HANDLE_HEIGHT_M
+    middle, half_length = (front + back) / 2, (back - front) / 2
+    drawer.box(HANDLE_HALF_M, "black", mass_kg=0.03)
+    drawer.box((0.004, half_width, 0.030), "white", at_m=[front, 0, -0.004], mass_kg=0.1)
+    drawer.box((0.004, half_width, 0.025), "white", at_m=[back, 0, -0.009], mass_kg=0.05)
+    drawer.box((half_length, half_width, 0.003), "white", at_m=[middle, 0, floor], mass_kg=0.2)
+    for y_m in (-half_width + 0.004, half_width - 0.004):
+        drawer.box((half_length, 0.003, 0.025), "white", at_m=[middle, y_m, -0.009], mass_kg=0.05)
