@@ -30,8 +30,8 @@ def add_case(
     half_height = (heights_m[-1] - heights_m[0]) / 2
     front = np.asarray(front_m)
     for height in heights_m:
-        at_m = [*front, half_depth, 0, height - half_board]
+        at_m = front + np.array([half_depth, 0, height - half_board])
         part.box((half_depth, half_width_m, half_board), colour, at_m=at_m)
     for y_m in (-half_width_m, half_width_m):
-        part.box((half_depth, half_board, half_height), colour, at_m=[*front, half_depth, y_m, middle])
-    part.box((half_board, half_width_m, half_height), colour, at_m=[*front, depth_m, 0, middle])
+        part.box((half_depth, half_board, half_height), colour, at_m=front + np.array([half_depth, y_m, middle]))
+    part.box((half_board, half_width_m, half_height), colour, at_m=front + np.array([depth_m, 0, middle]))
