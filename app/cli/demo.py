@@ -35,6 +35,7 @@ def demo(
     from app.evaluation.methods import methods_beside
     from app.evaluation.plan import Plan
     from app.evaluation.report import write_report
+    from app.evaluation.scores import errors_of
     from app.evaluation.summary import results_table, summary
 
     console = Console(stderr=as_json)
@@ -45,6 +46,8 @@ def demo(
     with Progress(*columns, console=console) as progress:
         evaluation = run_demo(plan, progress)
     console.print(results_table(evaluation))
+    for message, number in errors_of(evaluation):
+        console.print(f"{number} trials could not be run: {message}", markup=False)
     index = write_report(evaluation, report or Path("reports") / f"demo-{datetime.now():%Y%m%d-%H%M%S}")
     console.print(f"{evaluation.duration_s:.0f} s in all; report: {index}")
     if as_json:

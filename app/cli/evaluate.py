@@ -40,6 +40,8 @@ def evaluate(
     Results are kept as they come: the same command with the same --out goes on where an earlier one stopped.
     """
     # The simulator is an extra that `roboprompt serve` does without.
+    from app.client.errors import ServiceProblemError, ServiceUnreachableError
+    from app.evaluation.errors import EvaluationError
     from app.evaluation.plan import Plan
     from app.evaluation.scores import errors_of
     from app.evaluation.sweep_run import SweepRun
@@ -54,14 +56,16 @@ def evaluate(
     methods = SWEEPS[sweep].with_models(model or ())
     plan = Plan(tuple(dict.fromkeys(task or TASKS)), methods, episodes, demos, command, predictions_at_once=at_once)
     console = Console(stderr=as_json)
-    with _progress(console) as progress:
-        result = SweepRun(sweep, plan, folder, ray, url, report)(progress)
+    try:
+        with _progress(console) as progress:
+            result = SweepRun(sweep, plan, folder, ray, url, report)(progress)
+    except (EvaluationError, ServiceUnreachableError, ServiceProblemError, ConnectionError) as error:
+        _say(console, [str(error)])
+        raise typer.Exit(1) from error
     console.print(terminal_table(result.evaluation))
-    lines = [f"results: {folder}"]
-    lines += [f"error in {number} trials: {message}" for message, number in errors_of(result.evaluation)[:MAX_ERRORS]]
-    if result.remaining:
-        lines += [f"{result.stopped or 'errors'}: {result.remaining} trials remain; go on with:", command]
-    console.print(*lines, sep="\n", markup=False, highlight=False, soft_wrap=True)
+    errors = [f"error in {number} trials: {message}" for message, number in errors_of(result.evaluation)]
+    rest = [f"{result.stopped or 'errors'}: {result.remaining} trials remain; go on with:", command]
+    _say(console, [f"results: {folder}", *errors[:MAX_ERRORS], *(rest if result.remaining else [])])
     if as_json:
         summary = {"sweep": sweep, "out": str(folder), **sweep_summary(result.evaluation)}
         print(json.dumps({**summary, "remaining": result.remaining, "stopped": result.stopped}))  # noqa: T201
@@ -73,6 +77,10 @@ def _check(option: str, given: Sequence[str], known: Collection[str]) -> None:
     for name in given:
         if name not in known:
             raise typer.BadParameter(f"{name!r} is none of {', '.join(known)}", param_hint=option)
+
+
+def _say(console: Console, lines: Sequence[str]) -> None:
+    console.print(*lines, sep="\n", markup=False, highlight=False, soft_wrap=True)
 
 
 def _progress(console: Console) -> Progress:

@@ -13,17 +13,10 @@ from types import TracebackType
 from typing import Any, Self
 
 from app.evaluation.documents import document_of, outcome_of
+from app.evaluation.errors import LedgerDamagedError, LedgerInUseError
 from app.evaluation.records import Crash, Method, Trial
 
 DIGEST_CHARS = 12
-
-
-class LedgerInUseError(Exception):
-    """Another run writes into the same file."""
-
-
-class LedgerDamagedError(Exception):
-    """A line that no run has written."""
 
 
 def digest_of(method: Method, taught: Mapping[str, Any]) -> str:

@@ -7,13 +7,10 @@ from concurrent.futures import Future
 from importlib import import_module
 from typing import Any
 
+from app.evaluation.errors import RayMissingError
 from app.evaluation.executors import Result
 
 LOCAL = "local"
-
-
-class RayMissingError(Exception):
-    """Ray is not installed."""
 
 
 class RayExecutor:

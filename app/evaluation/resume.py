@@ -3,14 +3,11 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from app.evaluation.errors import OtherModelError
 from app.evaluation.ledger import Ledger
 from app.evaluation.plan import Plan
 from app.evaluation.records import Crash, Evaluation, TaskEvaluation, Trial
 from app.evaluation.teach import Lesson
-
-
-class OtherModelError(Exception):
-    """The results that are there were made with another default model."""
 
 
 def evaluation_of(

@@ -12,6 +12,7 @@ from rich.progress import Progress
 
 from app.client.client import RoboPromptClient
 from app.client.errors import ServiceProblemError, ServiceUnreachableError
+from app.evaluation.errors import ServiceLostError
 from app.evaluation.executors import Executor
 from app.evaluation.ledger import Ledger
 from app.evaluation.plan import Plan
@@ -27,10 +28,6 @@ TEACHING_THREADS = 2  # one task is uploaded while the next is recorded
 MAX_UNREACHABLE = 5  # trials in a row; then the service is gone and not just busy
 
 Lessons = Mapping[str, Lesson | Exception]  # by the suffix of the task's name; or why it could not be taught
-
-
-class ServiceLostError(Exception):
-    """The service does not answer any more."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -27,7 +27,7 @@ class Score:
 
     def __str__(self) -> str:
         shown = str(self.rate) if self.rate.trials else NOTHING
-        return f"{shown}, {self.errors} errors" if self.errors else shown
+        return shown if not self.errors else f"{shown}, {self.errors} error{'s' if self.errors > 1 else ''}"
 
 
 def task_score(task: TaskEvaluation, method: Method) -> Score:

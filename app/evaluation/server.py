@@ -13,14 +13,11 @@ from pathlib import Path
 import httpx
 
 from app.client.client import RoboPromptClient
+from app.evaluation.errors import ServerStartError
 
 START_TIMEOUT_S = 60.0
 STOP_TIMEOUT_S = 15.0
 POLL_S = 0.05
-
-
-class ServerStartError(Exception):
-    """The service did not come up; the message ends with what it wrote last."""
 
 
 @contextmanager

@@ -36,7 +36,9 @@ def summary(evaluation: Evaluation) -> dict[str, Any]:
         }
         first = evaluation.methods[0].label
         tasks[task.task] = {"demonstrations": len(task.taught), **by_method.pop(first), "compared_with": by_method}
-    return {"command": evaluation.command, "tasks": tasks, "duration_s": round(evaluation.duration_s, 1)}
+    errors = sum(len(task.crashes) for task in evaluation.tasks)
+    duration_s = round(evaluation.duration_s, 1)
+    return {"command": evaluation.command, "tasks": tasks, "errors": errors, "duration_s": duration_s}
 
 
 def method_summary(trials: Sequence[Trial]) -> dict[str, Any]:

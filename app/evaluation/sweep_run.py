@@ -6,6 +6,7 @@ from pathlib import Path
 
 from rich.progress import Progress
 
+from app.evaluation.errors import ServiceLostError
 from app.evaluation.executors import Executor, LocalExecutor
 from app.evaluation.illustrate import illustrated
 from app.evaluation.ledger import Ledger
@@ -15,7 +16,7 @@ from app.evaluation.ray_executor import RayExecutor
 from app.evaluation.records import Evaluation
 from app.evaluation.report import write_report
 from app.evaluation.resume import evaluation_of
-from app.evaluation.run import Run, ServiceLostError
+from app.evaluation.run import Run
 from app.evaluation.run_record import RunRecord, Session
 from app.evaluation.server import service
 from app.evaluation.sweeps import SWEEPS
@@ -58,7 +59,8 @@ class SweepRun:
         """Run what the folder does not have yet; Ctrl-C ends it, with the folder in order.
 
         Raises:
-            LedgerInUseError, LedgerDamagedError, OtherModelError, ServerStartError, RayMissingError.
+            EvaluationError: if it cannot begin.
+            ServiceUnreachableError, ServiceProblemError: if the service at `url` is none.
         """
         with Ledger(self.folder / "results.jsonl") as ledger:
             stopped = ""

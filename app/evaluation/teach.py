@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 from app.client.client import RoboPromptClient
 from app.client.robot import Observation
+from app.evaluation.errors import ExpertFailedError
 from app.evaluation.executors import Executor
 from app.evaluation.noise import disturbed
 from app.evaluation.records import FIRST_TEST_SEED, Method, TaughtEpisode
@@ -17,10 +18,6 @@ from app.sim.tasks import TASKS
 
 MAX_FAILED_SHARE = 0.5
 MAX_SLUG_CHARS = 20
-
-
-class ExpertFailedError(Exception):
-    """A task's expert fails too often to teach the task."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,7 +4,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.evaluation.ledger import Ledger, LedgerDamagedError, LedgerInUseError, digest_of
+from app.evaluation.errors import LedgerDamagedError, LedgerInUseError
+from app.evaluation.ledger import Ledger, digest_of
 from app.evaluation.records import Crash, Method
 from tests.evaluation.trials import ACTION, ANSWER, OBJECTS, trial
 

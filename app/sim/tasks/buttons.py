@@ -67,7 +67,11 @@ class ButtonTask(SimTask):
         return ", then ".join(f"push the {colour} button" for colour in self.asked)
 
     def expert(self) -> list[Move]:
-        return [move for colour in self.asked for move in self._press(self.position_m(f"{colour} button"))]
+        moves: list[Move] = []
+        for previous, colour in zip((None, *self.asked), self.asked, strict=False):
+            press = self._press(self.position_m(f"{colour} button"))
+            moves += press[1:] if colour == previous else press  # the arm is above it already
+        return moves
 
     def _press(self, top_m: Array) -> list[Move]:
         above, pushed = top_m + CLEARANCE_M * UP, top_m - PUSH_DEPTH_M * UP

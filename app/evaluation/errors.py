@@ -1,0 +1,45 @@
+"""What keeps an evaluation from going on.
+
+EvaluationError
+├── ServerStartError     the service did not come up; ends with what it wrote last
+├── ServiceLostError     the service does not answer any more
+├── ExpertFailedError    a task's expert fails too often to teach the task
+├── OtherModelError      the results that are there were made with another default model
+├── LedgerInUseError     another run writes into the same results
+├── LedgerDamagedError   a line of the results that no run has written
+└── RayMissingError      Ray is not installed
+"""
+
+from app.pipeline.errors import RoboPromptError
+
+
+class EvaluationError(RoboPromptError):
+    """Base of what an evaluation raises on purpose."""
+
+
+class ServerStartError(EvaluationError):
+    """The service did not come up; the message ends with what it wrote last."""
+
+
+class ServiceLostError(EvaluationError):
+    """The service does not answer any more."""
+
+
+class ExpertFailedError(EvaluationError):
+    """A task's expert fails too often to teach the task."""
+
+
+class OtherModelError(EvaluationError):
+    """The results that are there were made with another default model."""
+
+
+class LedgerInUseError(EvaluationError):
+    """Another run writes into the same file."""
+
+
+class LedgerDamagedError(EvaluationError):
+    """A line that no run has written."""
+
+
+class RayMissingError(EvaluationError):
+    """Ray is not installed."""
