@@ -4,6 +4,7 @@ from typing import Any
 
 from app.llm.base import ModelProfile
 from app.pipeline.episode import Demonstration
+from app.pipeline.prompt import Prompt
 from app.pipeline.representation import fit_codec
 from app.pipeline.workspace import Workspace, discretize_action, object_bins
 from app.services.predict_actions import Prediction
@@ -41,7 +42,8 @@ def episode_document(record: EpisodeRecord, task: TaskRecord) -> JsonObject:
 
 def _keyframe(record: KeyframeRecord, workspace: Workspace) -> JsonObject:
     discrete = discretize_action(record.action(), workspace)
-    return {**record.to_json(), "bins": list(discrete.bins), "clamped": discrete.clamped}
+    document = {name: value for name, value in record.to_json().items() if name != "objects"}
+    return {**document, "bins": list(discrete.bins), "clamped": discrete.clamped}
 
 
 def _object(record: ObjectRecord, workspace: Workspace) -> JsonObject:
@@ -56,14 +58,14 @@ def task_document(record: TaskRecord, num_episodes: int) -> JsonObject:
     return {**described, **stored}
 
 
-def _asked(question: Question) -> JsonObject:
+def _asked(question: Question, prompt: Prompt) -> JsonObject:
     """What a prediction and a dry run have in common."""
     return {
         "model": question.profile.name,
         "representation": question.style.representation,
         "prompt_format": question.style.prompt_format,
         "demonstration_ids": list(question.template.demonstration_ids),
-        "prompt": {"system": question.prompt.system, "user": question.prompt.user},
+        "prompt": {"system": prompt.system, "user": prompt.user},
     }
 
 
@@ -73,7 +75,7 @@ def prediction_document(prediction: Prediction) -> JsonObject:
     return {
         "id": prediction.id,
         "actions": [item.to_json() for item in prediction.actions],
-        **_asked(prediction.question),
+        **_asked(prediction.question, prediction.prompt),
         "reply_text": prediction.completion.text,
         "usage": {
             "prompt_tokens": usage.prompt_tokens,
@@ -81,12 +83,14 @@ def prediction_document(prediction: Prediction) -> JsonObject:
             "completion_tokens": usage.completion_tokens,
         },
         "timings_ms": prediction.timings_ms,
+        "step": prediction.question.step,
     }
 
 
 def dry_run_document(question: Question, timings_ms: dict[str, float]) -> JsonObject:
     """A `DryRunOut`."""
-    return {"id": None, **_asked(question), "grammar": question.prompt.grammar, "timings_ms": timings_ms}
+    prompt = question.prompt
+    return {"id": None, **_asked(question, prompt), "grammar": prompt.grammar, "timings_ms": timings_ms}
 
 
 def stored_prediction_document(record: PredictionRecord) -> JsonObject:
@@ -103,6 +107,7 @@ def stored_prediction_document(record: PredictionRecord) -> JsonObject:
         "actions": None if record.actions is None else list(record.actions),
         "usage": record.usage,
         "timings_ms": record.timings_ms,
+        "step": record.step,
         "request": record.request,
         "outcome": outcome,
         "created_at": record.created_at.isoformat(),

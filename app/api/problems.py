@@ -101,6 +101,12 @@ def problem(
 
 
 def _on_own_error(request: Request, error: Exception) -> JSONResponse:
+    assert isinstance(error, RoboPromptError)
+    return own_problem(request, error)
+
+
+def own_problem(request: Request, error: RoboPromptError) -> JSONResponse:
+    """The response for one of the project's own errors."""
     kind = next(KINDS[cls] for cls in type(error).__mro__ if cls in KINDS)
     if kind.status >= 500:
         logger.warning("%s %s: %s: %s", request.method, request.url.path, type(error).__name__, error)

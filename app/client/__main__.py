@@ -14,7 +14,7 @@ from typing import Any
 
 from app.client.client import DEFAULT_URL, RoboPromptClient
 from app.client.errors import ServiceProblemError, ServiceUnreachableError
-from app.client.loop import NotConfirmedError, run_task
+from app.client.loop import NotConfirmedError, run_closed_loop, run_task
 from app.client.robot import MotionError, Observation, Robot
 from app.pipeline.episode import EndEffectorAction, ObjectPose
 from app.pipeline.errors import InvalidInputError
@@ -54,6 +54,9 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--instruction", required=True)
     run.add_argument("--robot", required=True, metavar="MODULE:FACTORY", help="a callable that returns a Robot")
     run.add_argument("--confirm", action="store_true", help="ask before each motion")
+    how = run.add_mutually_exclusive_group()
+    how.add_argument("--stream", action="store_true", help="begin to move while the LLM still writes")
+    how.add_argument("--closed-loop", action="store_true", help="observe again before each action")
     run.set_defaults(command=_run)
     return parser
 
@@ -84,7 +87,10 @@ def _run(client: RoboPromptClient, arguments: argparse.Namespace) -> dict[str, A
     module, _, factory = arguments.robot.partition(":")
     robot: Robot = getattr(importlib.import_module(module), factory)()
     confirm = _ask if arguments.confirm else None
-    return dict(run_task(client, robot, arguments.task, arguments.instruction, confirm=confirm).response)
+    what = (client, robot, arguments.task, arguments.instruction)
+    if arguments.closed_loop:
+        return {"steps": [step.response for step in run_closed_loop(*what, confirm=confirm)]}
+    return dict(run_task(*what, confirm=confirm, stream=arguments.stream).response)
 
 
 def _ask(index: int, action: EndEffectorAction) -> bool:

@@ -1,6 +1,7 @@
 """The service as a robot sees it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, Self
@@ -8,6 +9,7 @@ from uuid import uuid4
 
 import httpx
 import numpy as np
+from httpx_sse import SSEError, connect_sse
 
 from app.client.encoding import camera_json, object_json, request_parts
 from app.client.errors import ServiceProblemError, ServiceUnreachableError
@@ -51,6 +53,11 @@ class RoboPromptClient:
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
         self.close()
+
+    @property
+    def url(self) -> str:
+        """Where the service listens."""
+        return str(self._http.base_url)
 
     def close(self) -> None:
         """Close the connections."""
@@ -113,18 +120,44 @@ class RoboPromptClient:
             ServiceProblemError: if the service refuses, or the LLM's reply is no list of actions.
             ServiceUnreachableError: if the service does not answer.
         """
-        metadata = {
-            "task": task,
-            "instruction": instruction,
-            **_scene(observation, mask_ids),
-            "timeout_s": timeout_s,
-            **options,
-        }
-        body: dict[str, Any] = {"json": metadata}
-        if observation.frames:
-            body = {"files": request_parts(metadata, observation.frames)}
-        answer = self._send("POST", "/predict", timeout=timeout_s + MARGIN_S, **body)
-        return PredictedActions(answer["id"], tuple(_action(item) for item in answer["actions"]), answer)
+        wish = {"timeout_s": timeout_s, **options}
+        body = _question(task, instruction, observation, mask_ids, wish)
+        return _predicted(self._send("POST", "/predict", timeout=timeout_s + MARGIN_S, **body))
+
+    def stream(
+        self,
+        task: str,
+        instruction: str,
+        observation: Observation,
+        *,
+        mask_ids: Mapping[str, Sequence[int]] | None = None,
+        timeout_s: float = 60.0,
+        **options: Any,  # noqa: ANN401
+    ) -> Iterator[EndEffectorAction | PredictedActions]:
+        """Each action as soon as the LLM has written it, then the whole answer.
+
+        Raises:
+            as `predict`; also after actions were given, if the rest of the reply goes wrong or does not come.
+        """
+        wish = {"timeout_s": timeout_s, **options}
+        body = _question(task, instruction, observation, mask_ids, wish)
+        with (
+            self._transport_errors("POST", "/predict"),
+            connect_sse(self._http, "POST", "/predict", timeout=timeout_s + MARGIN_S, **body) as source,
+        ):
+            if source.response.is_error:
+                source.response.read()
+                raise ServiceProblemError(source.response.status_code, _problem(source.response))
+            for event in source.iter_sse():
+                document = event.json()
+                if event.event == "action":
+                    yield _action(document)
+                elif event.event == "done":
+                    yield _predicted(document)
+                    return
+                else:
+                    raise ServiceProblemError(document["status"], document)
+        raise ServiceUnreachableError("POST /predict: the stream ended before it was complete")
 
     def record_outcome(self, prediction_id: str, success: bool, note: str | None = None) -> dict[str, Any]:
         """Tell the service how the robot fared with a prediction."""
@@ -135,17 +168,36 @@ class RoboPromptClient:
         return self._send("GET", path, params=parameters)
 
     def _send(self, method: str, path: str, **arguments: Any) -> dict[str, Any]:  # noqa: ANN401
-        try:
+        with self._transport_errors(method, path):
             response = self._http.request(method, path, **arguments)
-        except httpx.TransportError as error:
-            url = self._http.base_url
-            raise ServiceUnreachableError(
-                f"{method} {url}{path.lstrip('/')}: {error or type(error).__name__}"
-            ) from error
         if response.is_error:
             raise ServiceProblemError(response.status_code, _problem(response))
         document: dict[str, Any] = response.json()
         return document
+
+    @contextmanager
+    def _transport_errors(self, method: str, path: str) -> Iterator[None]:
+        try:
+            yield
+        except (httpx.TransportError, SSEError) as error:
+            where = f"{self._http.base_url}{path.lstrip('/')}"
+            raise ServiceUnreachableError(f"{method} {where}: {error or type(error).__name__}") from error
+
+
+def _question(
+    task: str,
+    instruction: str,
+    observation: Observation,
+    mask_ids: Mapping[str, Sequence[int]] | None,
+    wish: Mapping[str, Any],
+) -> dict[str, Any]:
+    """The body of a prediction, as arguments of httpx."""
+    document = {"task": task, "instruction": instruction, **_scene(observation, mask_ids), **wish}
+    return {"files": request_parts(document, observation.frames)} if observation.frames else {"json": document}
+
+
+def _predicted(answer: Mapping[str, Any]) -> PredictedActions:
+    return PredictedActions(answer["id"], tuple(_action(item) for item in answer["actions"]), answer)
 
 
 def _scene(observation: Observation, mask_ids: Mapping[str, Sequence[int]] | None) -> dict[str, Any]:

@@ -7,6 +7,7 @@ from typing import Any
 from app.evaluation.records import REPLAY, Method
 
 PAPER = {"representation": "absolute", "prompt_format": "paper", "system_prompt": "a"}
+KAT = {"representation": "action_tokens", "prompt_format": "kat"}
 REGRESSION = Method("regression, no LLM", {"model": "regression"})
 NEAREST = Method("nearest demonstration", source="nearest demonstration")
 
@@ -33,7 +34,7 @@ def with_models(methods: Iterable[Method], models: Sequence[str]) -> tuple[Metho
     """
     crossed: list[Method] = []
     for method in methods:
-        if method.source != "service" or "model" in method.options or not models:
+        if not method.asks_service or "model" in method.options or not models:
             crossed.append(method)
             continue
         for model in models:

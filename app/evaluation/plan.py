@@ -40,7 +40,7 @@ class Plan:
     @property
     def asks_default_model(self) -> bool:
         """Whether a method leaves the model to the service."""
-        return any(method.source == "service" and "model" not in method.options for method in self.methods)
+        return any(method.asks_service and "model" not in method.options for method in self.methods)
 
     @property
     def seeds(self) -> range:

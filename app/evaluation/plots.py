@@ -50,7 +50,7 @@ def _interval(method: Method) -> float | None:
 
 
 def _noise(method: Method) -> float | None:
-    return method.noise if method.source == "service" else None
+    return method.noise if method.asks_service else None
 
 
 AXES = (

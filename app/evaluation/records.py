@@ -10,7 +10,7 @@ from app.sim.demonstrate import RecordedDemonstration, RolloutResult, SceneView
 FIRST_TEST_SEED = 100_000  # demonstrations are drawn from the seeds below
 
 # Where a method's actions come from; `app.evaluation.trials` has the function for each.
-Source = Literal["service", "nearest demonstration", "expert"]
+Source = Literal["service", "closed loop", "nearest demonstration", "expert"]
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class Method:
         settings: for `PUT /tasks/{name}`, beside those of every evaluation; methods that differ here are taught under
             different task names.
         noise: added to the poses of demonstrations and tests, as a multiple of the error in `app.evaluation.noise`.
-        source: where the actions come from; only `service` asks the service.
+        source: where the actions come from; `closed loop` asks the service for one at a time, others do not ask it.
     """
 
     label: str
@@ -31,6 +31,11 @@ class Method:
     settings: Mapping[str, Any] = field(default_factory=dict)
     noise: float = 0.0
     source: Source = "service"
+
+    @property
+    def asks_service(self) -> bool:
+        """Whether an LLM is asked."""
+        return self.source in ("service", "closed loop")
 
 
 REPLAY = Method("expert replay", source="expert")

@@ -40,7 +40,7 @@ def check_default_model(plan: Plan, ledger: Ledger, models: Sequence[Mapping[str
     default = next(model["name"] for model in models if model["default"])
     for cell in plan.cells():
         outcome = plan.outcome(ledger, cell)
-        if cell.method.source != "service" or "model" in cell.method.options or not isinstance(outcome, Trial):
+        if not cell.method.asks_service or "model" in cell.method.options or not isinstance(outcome, Trial):
             continue
         used = (outcome.answer or {"model": default})["model"]
         if used != default:

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from app.evaluation.methods import NEAREST, PAPER, REGRESSION, with_models
+from app.evaluation.methods import KAT, NEAREST, PAPER, REGRESSION, with_models
 from app.evaluation.records import REPLAY, Method
 
 INTERVALS = (5, 10, 20, 40, 80)  # frames; paper, section V "Keyframe extraction"
@@ -46,11 +46,13 @@ SWEEPS: Mapping[str, Sweep] = {
         (Method("default"), REGRESSION, NEAREST, REPLAY),
     ),
     "formats": Sweep(
-        "rows relative to objects against the paper's and the authors' formats",
+        "rows relative to objects against the paper's and the authors' formats, and against KAT's action tokens",
         (
             Method("object_frame", {"representation": "object_frame"}),
             Method("absolute, paper", PAPER),
             Method("absolute, authors", {**PAPER, "prompt_format": "authors"}),
+            Method("KAT", KAT),
+            Method("action tokens in the paper's prompt", {**PAPER, "representation": "action_tokens"}),
         ),
     ),
     "keyframes": Sweep(
@@ -68,6 +70,10 @@ SWEEPS: Mapping[str, Sweep] = {
     "noise": Sweep(
         "noise on object poses, in multiples of 1.68 cm and 4.61 degrees",
         (Method("no noise"), *(Method(f"noise x {scale:g}", noise=scale) for scale in NOISE)),
+    ),
+    "loop": Sweep(
+        "one observation against one before every action",
+        (Method("open loop"), Method("closed loop", source="closed loop")),
     ),
     "models": Sweep("the embedded LLMs and any given", models=EMBEDDED),
 }

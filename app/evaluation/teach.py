@@ -5,7 +5,7 @@ import re
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from app.client.client import RoboPromptClient
 from app.client.robot import Observation
@@ -52,7 +52,7 @@ def suffix_of(method: Method, methods: Sequence[Method]) -> str:
 
 
 def _variant(method: Method) -> str:
-    return json.dumps([method.settings, method.noise], sort_keys=True)
+    return json.dumps([method.settings, method.noise, method.source == "closed loop"], sort_keys=True)
 
 
 def record(
@@ -95,7 +95,7 @@ def upload(
         ServiceProblemError, ServiceUnreachableError.
     """
     client.configure_task(name, **_settings(recorded[0].scene.task, num_demonstrations, method))
-    taught = tuple(TaughtEpisode(item, _upload(client, name, item, method.noise)) for item in recorded)
+    taught = tuple(TaughtEpisode(item, _upload(client, name, item, method)) for item in recorded)
     return Lesson(name, num_demonstrations, taught)
 
 
@@ -130,13 +130,15 @@ def _record(task: str, seed: int, control_frequency_hz: float, images: bool) -> 
     return record_demonstration(task, seed, control_frequency_hz, images=images)
 
 
-def _upload(client: RoboPromptClient, name: str, recorded: RecordedDemonstration, noise: float) -> dict[str, object]:
-    scene = recorded.scene
+def _upload(client: RoboPromptClient, name: str, recorded: RecordedDemonstration, method: Method) -> dict[str, object]:
+    scene, trajectory = recorded.scene, recorded.trajectory
+    if method.source != "closed loop":
+        trajectory = replace(trajectory, object_positions_m=None, object_quaternions_xyzw=None)
     return client.upload(
         name,
         scene.instruction,
-        recorded.trajectory,
-        Observation(disturbed(scene.objects, noise, scene.seed), scene.frames),
+        trajectory,
+        Observation(disturbed(scene.objects, method.noise, scene.seed), scene.frames),
         control_frequency_hz=recorded.control_frequency_hz,
         extra={"seed": scene.seed, "simulator": "mujoco"},
     )

@@ -10,6 +10,7 @@ from typing import Any
 from app.client.client import RoboPromptClient
 from app.client.errors import ServiceProblemError
 from app.client.robot import Observation
+from app.evaluation.closed_loop import UNPARSABLE_REPLY, ClosedLoopResult, run_in_closed_loop
 from app.evaluation.executors import Executor, call
 from app.evaluation.nearest import replayed
 from app.evaluation.noise import disturbed
@@ -20,8 +21,6 @@ from app.pipeline.keyframes import merged
 from app.pipeline.workspace import Workspace, discretize_action, undiscretize_action
 from app.sim.demonstrate import RolloutResult, SceneView, record_demonstration, rollout, view_scene
 from app.sim.tasks import TASKS
-
-UNPARSABLE_REPLY = "/problems/unparsable-reply"  # the problem that is the LLM's failure, not the service's
 
 
 @dataclass(frozen=True)
@@ -89,6 +88,27 @@ def _refused(client: RoboPromptClient, error: ServiceProblemError) -> dict[str, 
     return {**stored, "actions": [], "timings_ms": {**timings, "outside_llm": outside_llm_ms}}
 
 
+def _ask_step_by_step(laboratory: Laboratory, cell: Cell, lesson: Lesson, scene: SceneView) -> Trial:
+    url, options = laboratory.client.url, dict(cell.method.options)
+    with laboratory.asking:
+        result: ClosedLoopResult = call(
+            laboratory.executor, run_in_closed_loop, url, lesson.name, cell.task, cell.seed, cell.method.noise, options
+        )
+    predict_s = 0.0 if result.answer is None else result.answer["timings_ms"]["total"] / 1000
+    return Trial(
+        cell.task,
+        cell.seed,
+        cell.method.label,
+        scene,
+        answer=result.answer,
+        error=result.error,
+        execution=None if result.error else result.execution,
+        predict_s=predict_s,
+        execute_s=result.duration_s - predict_s,
+        actions=result.actions,
+    )
+
+
 def _replay_nearest(laboratory: Laboratory, cell: Cell, lesson: Lesson, scene: SceneView) -> Trial:
     seen = disturbed(scene.objects, cell.method.noise, cell.seed)
     taught = lesson.taught[: cell.method.options.get("num_demonstrations", lesson.num_demonstrations)]
@@ -105,6 +125,7 @@ def _replay_expert(laboratory: Laboratory, cell: Cell, lesson: Lesson, scene: Sc
 _Run = Callable[[Laboratory, Cell, Lesson, SceneView], Trial]
 SOURCES: Mapping[Source, _Run] = {
     "service": _ask_service,
+    "closed loop": _ask_step_by_step,
     "nearest demonstration": _replay_nearest,
     "expert": _replay_expert,
 }

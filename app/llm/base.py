@@ -1,6 +1,6 @@
 """The seam between the method and any text-only LLM."""
 
-from collections.abc import AsyncIterator
+from collections.abc import AsyncGenerator
 from dataclasses import dataclass, field
 from typing import Literal, Protocol
 
@@ -107,10 +107,10 @@ class LanguageModel(Protocol):
     @property
     def profile(self) -> ModelProfile: ...
 
-    def stream(self, request: CompletionRequest) -> AsyncIterator[TextDelta | Completion]:
+    def stream(self, request: CompletionRequest) -> AsyncGenerator[TextDelta | Completion, None]:
         """The reply piece by piece; the last item is the Completion, whose text is the pieces joined.
 
-        Whoever stops early closes it (every backend gives an async generator), which ends the generation as well.
+        Whoever stops early closes it, which ends the generation as well.
 
         Raises:
             ModelUnavailableError, ModelTimeoutError, ModelResponseError.

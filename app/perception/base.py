@@ -4,6 +4,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, Self
 
+from app.perception.models import model_from_json
+from app.perception.object_model import ObjectModel
 from app.pipeline.episode import ObjectPose, RgbdFrame, checked_name
 from app.pipeline.errors import InvalidInputError
 
@@ -16,12 +18,14 @@ class ObjectQuery:
         position_m: (3,) in the world frame, where the caller has it.
         quaternion_xyzw: (4,) in the world frame, likewise.
         mask_ids: the ids that its pixels have in the mask images.
+        model: what is known of its looks beforehand, for estimators that need it.
     """
 
     name: str
     position_m: tuple[float, ...] | None = None
     quaternion_xyzw: tuple[float, ...] | None = None
     mask_ids: tuple[int, ...] = ()
+    model: ObjectModel | None = None
 
     def __post_init__(self) -> None:
         checked_name("objects.name", self.name)
@@ -31,12 +35,13 @@ class ObjectQuery:
     @classmethod
     def from_json(cls, value: Mapping[str, Any]) -> Self:
         """The inverse of `dataclasses.asdict`, also after a way through JSON."""
-        position, quaternion = value["position_m"], value["quaternion_xyzw"]
+        position, quaternion, model = value["position_m"], value["quaternion_xyzw"], value.get("model")
         return cls(
             value["name"],
             None if position is None else tuple(position),
             None if quaternion is None else tuple(quaternion),
             tuple(value["mask_ids"]),
+            None if model is None else model_from_json(value["name"], model),
         )
 
 
@@ -49,5 +54,6 @@ class PoseEstimator(Protocol):
         Raises:
             InvalidInputError: if a query lacks what this estimator needs.
             ObjectNotVisibleError: if no camera sees an object; names it.
+            UncertainPoseError: if an object is seen, but its pose cannot be told; names it, the cameras and why.
         """
         ...

@@ -1,11 +1,14 @@
 """Positions from segmentation masks and depth, as the authors' code does it."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
 from app.perception.base import ObjectQuery
+from app.perception.masked_rotation import box_around
+from app.perception.masks_model import MasksModel
 from app.pipeline.episode import Array, ObjectPose, RgbdFrame
 from app.pipeline.errors import InvalidInputError, ObjectNotVisibleError
 from app.pipeline.geometry import backproject
@@ -16,7 +19,8 @@ Mask = npt.NDArray[np.int32]
 class MaskedPoints:
     """Per camera the mean of an object's back-projected pixels; over the cameras that see it, their unweighted mean.
 
-    Gives a position only. The visible surface lies nearer to the cameras than the object's centre.
+    Gives a position only, unless the object's model asks for a rotation. The visible surface lies nearer to the cameras
+    than the object's centre.
     """
 
     def estimate(self, objects: Sequence[ObjectQuery], frames: Sequence[RgbdFrame]) -> tuple[ObjectPose, ...]:
@@ -39,4 +43,8 @@ class MaskedPoints:
             message = f"no camera ({cameras}) has pixels with id {list(query.mask_ids)} and known depth"
             raise ObjectNotVisibleError(f"objects[{query.name}]", message, "mask_ids that some mask image contains")
         position_m = np.mean(list(means_m.values()), axis=0)
-        return ObjectPose(query.name, position_m, None, estimator="masks", cameras=tuple(means_m))
+        pose = ObjectPose(query.name, position_m, None, estimator="masks", cameras=tuple(means_m))
+        if not (isinstance(query.model, MasksModel) and query.model.rotation):
+            return pose
+        box = box_around(query, query.model, [frame for frame, _ in frames])
+        return replace(box, position_m=position_m)

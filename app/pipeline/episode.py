@@ -5,7 +5,7 @@ down, z forward) to the world frame; positions are in metres in the world frame;
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -97,6 +97,8 @@ class Trajectory:
         gripper_open: (T,) bool, the COMMANDED state.
         timestamps_s: (T,) increasing, or None.
         joint_positions_rad: (T, 7), or None.
+        object_positions_m: (T, N, 3) of the scene's N objects in the world frame, or None: for closed-loop prompts.
+        object_quaternions_xyzw: (T, N, 4) likewise, or None; only beside positions.
     """
 
     joint_velocities_rad_s: Array
@@ -105,6 +107,8 @@ class Trajectory:
     gripper_open: npt.NDArray[np.bool_]
     timestamps_s: Array | None = None
     joint_positions_rad: Array | None = None
+    object_positions_m: Array | None = None
+    object_quaternions_xyzw: Array | None = None
 
     def __post_init__(self) -> None:
         velocities = finite_array("trajectory.joint_velocities", self.joint_velocities_rad_s, (None, NUM_JOINTS))
@@ -125,6 +129,37 @@ class Trajectory:
         if self.joint_positions_rad is not None:
             positions = finite_array("trajectory.joint_positions", self.joint_positions_rad, joints)
             _settle(self, joint_positions_rad=positions)
+        self._check_objects(num_frames)
+
+    def _check_objects(self, num_frames: int) -> None:
+        name = "trajectory.object_quaternions_xyzw"
+        if self.object_positions_m is not None:
+            positions = finite_array("trajectory.object_positions", self.object_positions_m, (num_frames, None, 3))
+            _settle(self, object_positions_m=positions)
+        elif self.object_quaternions_xyzw is not None:
+            raise InvalidInputError(name, "has no object_positions beside it", "both, or only object_positions")
+        if self.object_positions_m is not None and self.object_quaternions_xyzw is not None:
+            shape = (*self.object_positions_m.shape[:2], 4)
+            _settle(self, object_quaternions_xyzw=unit_quaternions(name, self.object_quaternions_xyzw, shape))
+
+    @property
+    def num_objects(self) -> int:
+        """How many objects were tracked."""
+        return 0 if self.object_positions_m is None else self.object_positions_m.shape[1]
+
+    def objects_at(self, frame: int, names: Sequence[str]) -> tuple["ObjectPose", ...]:
+        """The tracked objects' poses at `frame`; none if no objects were tracked.
+
+        Args:
+            names: of the objects, in the tracks' order.
+        """
+        if self.object_positions_m is None:
+            return ()
+        rotations = self.object_quaternions_xyzw
+        return tuple(
+            ObjectPose(name, self.object_positions_m[frame, k], None if rotations is None else rotations[frame, k])
+            for k, name in enumerate(names)
+        )
 
     def __len__(self) -> int:
         return len(self.joint_velocities_rad_s)
@@ -246,6 +281,8 @@ class ObjectPose:
         quaternion_xyzw: (4,), or None where the estimator gives no rotation.
         estimator: which estimator found it.
         cameras: the cameras that saw it.
+        confidence: 0..1, as the estimator judges its own result.
+        reason: what lowered the confidence or deserves a look, in words; empty if nothing.
     """
 
     name: str
@@ -253,6 +290,8 @@ class ObjectPose:
     quaternion_xyzw: Array | None = None
     estimator: str = "given"
     cameras: tuple[str, ...] = ()
+    confidence: float = 1.0
+    reason: str = ""
 
     def __post_init__(self) -> None:
         where = f"objects[{checked_name('objects.name', self.name)}]"
@@ -260,6 +299,8 @@ class ObjectPose:
         if self.quaternion_xyzw is not None:
             unit = unit_quaternions(f"{where}.quaternion_xyzw", self.quaternion_xyzw, (4,))
             _settle(self, quaternion_xyzw=unit)
+        if not 0 <= self.confidence <= 1:
+            raise InvalidInputError(f"{where}.confidence", f"is {self.confidence}", "a number in 0..1")
 
 
 @dataclass(frozen=True, eq=False)
@@ -294,9 +335,14 @@ class Episode:
 
 @dataclass(frozen=True, eq=False)
 class Demonstration:
-    """An episode as a prompt uses it: the objects' poses at its first frame and the actions at its keyframes."""
+    """An episode as a prompt uses it: the objects' poses at its first frame and the actions at its keyframes.
+
+    Attributes:
+        later_objects: the objects' poses after each action, where the episode tracked them; otherwise empty.
+    """
 
     instruction: str
     objects: tuple[ObjectPose, ...]
     actions: tuple[EndEffectorAction, ...]
     id: str = ""
+    later_objects: tuple[tuple[ObjectPose, ...], ...] = ()

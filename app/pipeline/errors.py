@@ -3,7 +3,8 @@
     RoboPromptError
     ├── InvalidInputError          a value that the caller sent is not acceptable; names field and remedy
     │   ├── ObjectSetError         the objects differ from the task's
-    │   └── ObjectNotVisibleError  no camera sees an object
+    │   ├── ObjectNotVisibleError  no camera sees an object
+    │   └── UncertainPoseError     an object is seen, but not well enough to tell its pose
     └── ReplyParseError            the LLM's reply is not a list of valid actions; carries the raw text
 
 Other packages (llm, store, services) hang their own branches under RoboPromptError; `app.api.problems` maps each to a
@@ -37,6 +38,10 @@ class ObjectSetError(InvalidInputError):
 
 class ObjectNotVisibleError(InvalidInputError):
     """An object that no camera sees: it has no pose."""
+
+
+class UncertainPoseError(InvalidInputError):
+    """An object whose pose cannot be told from the images: hidden, ambiguous, or seen differently by the cameras."""
 
 
 class ReplyParseError(RoboPromptError):

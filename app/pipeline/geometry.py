@@ -1,11 +1,12 @@
 """Points, frames and rotations, thin over scipy's Rotation."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.episode import Array, ObjectPose, RgbdFrame
+from app.pipeline.episode import Array, Camera, ObjectPose, RgbdFrame
 from app.pipeline.errors import InvalidInputError
 
 
@@ -19,7 +20,12 @@ def backproject(frame: RgbdFrame, pixels: np.ndarray) -> Array:
     if frame.depth_m is None:
         raise InvalidInputError(f"depth_{camera.name}", "is missing", "a depth image beside the mask")
     rows, columns = np.nonzero(pixels & (frame.depth_m > 0))
-    z = frame.depth_m[rows, columns].astype(np.float64)
+    return pixels_to_world(camera, rows, columns, frame.depth_m[rows, columns])
+
+
+def pixels_to_world(camera: Camera, rows: np.ndarray, columns: np.ndarray, depth_m: np.ndarray) -> Array:
+    """World points (N, 3) in metres of pixels at rows, columns (N,), whole or not, and depths (N,)."""
+    z = depth_m.astype(np.float64)
     x = (columns - camera.cx_px) * z / camera.fx_px
     y = (rows - camera.cy_px) * z / camera.fy_px
     return transform_points(camera.camera_to_world, np.stack([x, y, z], axis=1))
@@ -64,4 +70,4 @@ def canonical_pose(pose: ObjectPose, yaw_symmetry_deg: float | None) -> ObjectPo
     # of two that are equally near, -45 and 45 degrees of a cube, always the same
     nearest = np.lexsort((yaws_rad, np.abs(yaws_rad).round(6)))[0]
     turned = rotation * Rotation.from_euler("z", turns_rad[nearest])
-    return ObjectPose(pose.name, pose.position_m, turned.as_quat(canonical=True), pose.estimator, pose.cameras)
+    return replace(pose, quaternion_xyzw=turned.as_quat(canonical=True))

@@ -1,4 +1,4 @@
-"""What an instruction says about the objects: which it names, in which order, and of how many clauses it consists."""
+"""What an instruction says about the objects: which it names, in which order, and the clauses it consists of."""
 
 import re
 from collections.abc import Sequence
@@ -39,9 +39,9 @@ def template(names: Sequence[str], instruction: str) -> str:
     return text
 
 
-def num_clauses(instruction: str) -> int:
-    """How many steps the instruction strings together with "then"."""
-    return len(CLAUSE_SEPARATOR.split(instruction.strip()))
+def clauses(instruction: str) -> tuple[str, ...]:
+    """The parts that the instruction strings together with "then"."""
+    return tuple(CLAUSE_SEPARATOR.split(instruction.strip()))
 
 
 def _mentions(names: Sequence[str], text: str) -> list[_Mention]:

@@ -95,9 +95,13 @@ class PromptTemplate:
                 raise InvalidInputError(field, message, "a unit quaternion, order x y z w")
         return tuple(pose if pose.name in self.rotated else replace(pose, quaternion_xyzw=None) for pose in objects)
 
-    def ask(self, objects: Sequence[ObjectPose], instruction: str, max_actions: int) -> Prompt:
-        """The prompt that asks for the actions of a new observation."""
-        query = self.codec.observation_text(objects, instruction)
+    def ask(self, objects: Sequence[ObjectPose], instruction: str, max_actions: int, so_far: str = "") -> Prompt:
+        """The prompt that asks for the actions of a new observation.
+
+        Args:
+            so_far: the steps of a closed loop that were taken already.
+        """
+        query = so_far + self.codec.observation_text(objects, instruction)
         grammar = self.codec.grammar(instruction, max_actions)
         return Prompt(self.system, self.prefix, query, self.codec.stop, grammar)
 

@@ -17,12 +17,16 @@ class ReplyReader:
 
     Args:
         objects: the observed objects that the actions may refer to.
+        instruction: that the reply answers.
         max_actions: more than these are an error.
     """
 
-    def __init__(self, codec: Codec, objects: Sequence[ObjectPose], max_actions: int = MAX_ACTIONS) -> None:
+    def __init__(
+        self, codec: Codec, objects: Sequence[ObjectPose], instruction: str, max_actions: int = MAX_ACTIONS
+    ) -> None:
         self._codec = codec
         self._objects = objects
+        self._instruction = instruction
         self._max_actions = max_actions
         self._text = ""
         self._actions: list[EndEffectorAction] = []
@@ -59,20 +63,21 @@ class ReplyReader:
             rows = self._codec.rows(text, complete)
             if len(rows) > self._max_actions:
                 raise ReplyParseError(f"the reply has {len(rows)} actions, more than {self._max_actions}", text)
-            return [self._codec.decode_row(k, row, self._objects) for k, row in enumerate(rows[known:], start=known)]
+            new = enumerate(rows[known:], start=known)
+            return [self._codec.decode_row(k, row, self._objects, self._instruction) for k, row in new]
         except ReplyParseError as error:
             raise ReplyParseError(error.message, text) from None
 
 
 def parse_reply(
-    reply_text: str, codec: Codec, objects: Sequence[ObjectPose], max_actions: int = MAX_ACTIONS
+    reply_text: str, codec: Codec, objects: Sequence[ObjectPose], instruction: str, max_actions: int = MAX_ACTIONS
 ) -> tuple[EndEffectorAction, ...]:
     """The actions of a whole reply.
 
     Raises:
         ReplyParseError: if the reply is not one list of 1 to `max_actions` valid actions; carries the reply.
     """
-    return ReplyReader(codec, objects, max_actions).finish(reply_text)
+    return ReplyReader(codec, objects, instruction, max_actions).finish(reply_text)
 
 
 def _same(a: EndEffectorAction, b: EndEffectorAction) -> bool:

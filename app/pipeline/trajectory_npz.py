@@ -13,7 +13,7 @@ from app.pipeline.errors import InvalidInputError
 from app.pipeline.npy import array_from_npy
 
 REQUIRED = ("joint_velocities", "end_effector_positions", "end_effector_quaternions_xyzw", "gripper_open")
-OPTIONAL = ("timestamps", "joint_positions")
+OPTIONAL = ("timestamps", "joint_positions", "object_positions", "object_quaternions_xyzw")
 MAX_UNPACKED_BYTES = 100_000_000  # 600,000 frames; a .npz of 0.3 MB can claim 300 MB
 MAX_FRAMES = 100_000  # 80 minutes at 20 Hz
 _VALID = f"a .npz file with the arrays {', '.join(REQUIRED)}, and optionally {', '.join(OPTIONAL)}"
@@ -59,6 +59,8 @@ def trajectory_from_arrays(arrays: Mapping[str, Any]) -> Trajectory:
         gripper_open=arrays["gripper_open"],
         timestamps_s=arrays.get("timestamps"),
         joint_positions_rad=arrays.get("joint_positions"),
+        object_positions_m=arrays.get("object_positions"),
+        object_quaternions_xyzw=arrays.get("object_quaternions_xyzw"),
     )
 
 
@@ -71,6 +73,8 @@ def npz_from_trajectory(trajectory: Trajectory) -> bytes:
         "gripper_open": trajectory.gripper_open,
         "timestamps": trajectory.timestamps_s,
         "joint_positions": trajectory.joint_positions_rad,
+        "object_positions": trajectory.object_positions_m,
+        "object_quaternions_xyzw": trajectory.object_quaternions_xyzw,
     }
     stream = io.BytesIO()
     np.savez_compressed(stream, **{name: array for name, array in arrays.items() if array is not None})

@@ -76,7 +76,9 @@ class ConfigureTask:
         with self._store.read() as connection:
             trajectory = episodes.get_trajectory(connection, record.id)
         try:
-            extracted = extract(trajectory, _queries(record), self._frames(record), settings)
+            names = [item.name for item in record.objects]
+            queries = tuple(map(ObjectQuery.from_json, record.given_objects))
+            extracted = extract(trajectory, queries, self._frames(record), settings, names)
         except InvalidInputError as error:
             raise InvalidInputError(f"episode {record.id}: {error.field}", error.message, error.valid) from error
         return Extraction(record.id, extracted.keyframes, extracted.objects)
@@ -87,9 +89,3 @@ class ConfigureTask:
     def _images(self, item: CameraRecord) -> ImageBytes:
         digests = (item.rgb_digest, item.depth_digest, item.mask_digest)
         return ImageBytes(*(None if digest is None else self._store.blobs.read(digest) for digest in digests))
-
-
-def _queries(record: EpisodeRecord) -> tuple[ObjectQuery, ...]:
-    """The objects as they were uploaded, in the task's order."""
-    given = {item["name"]: ObjectQuery.from_json(item) for item in record.given_objects}
-    return tuple(given[item.name] for item in record.objects)

@@ -21,9 +21,17 @@ class Extracted:
 
 
 def extract(
-    trajectory: Trajectory, objects: Sequence[ObjectQuery], frames: Sequence[RgbdFrame], settings: TaskSettings
+    trajectory: Trajectory,
+    objects: Sequence[ObjectQuery],
+    frames: Sequence[RgbdFrame],
+    settings: TaskSettings,
+    names: Sequence[str],
 ) -> Extracted:
     """Find the keyframes and estimate the objects' poses.
+
+    Args:
+        objects: as sent, which is also the order of the objects that the trajectory tracks.
+        names: of the objects, in the task's order.
 
     Raises:
         InvalidInputError: if there is no keyframe, or an object cannot be found.
@@ -32,6 +40,13 @@ def extract(
     if not indices:
         message = f"no keyframe in {len(trajectory)} frames by rule {settings.keyframes.rule!r}"
         raise InvalidInputError("trajectory", message, "an episode in which the robot moves and then rests")
-    poses: tuple[ObjectPose, ...] = pose_estimator(settings.pose_estimator).estimate(objects, frames)
-    keyframes = tuple(KeyframeRecord.of(index, trajectory.action_at(index)) for index in indices)
-    return Extracted(keyframes, tuple(ObjectRecord.of(pose) for pose in poses))
+    poses = pose_estimator(settings.pose_estimator).estimate(objects, frames)
+    sent = [query.name for query in objects]
+    keyframes = tuple(
+        KeyframeRecord.of(k, trajectory.action_at(k), _ordered(trajectory.objects_at(k, sent), names)) for k in indices
+    )
+    return Extracted(keyframes, tuple(ObjectRecord.of(pose) for pose in _ordered(poses, names)))
+
+
+def _ordered(poses: Sequence[ObjectPose], names: Sequence[str]) -> tuple[ObjectPose, ...]:
+    return tuple(sorted(poses, key=lambda pose: names.index(pose.name)))

@@ -1,16 +1,19 @@
 """Observation and instruction -> actions, by an LLM that continues the demonstrations' pattern."""
 
 import time
+from collections.abc import AsyncGenerator
+from contextlib import aclosing
 from dataclasses import asdict, dataclass
 
 import anyio.to_thread
 
-from app.llm.base import Completion, CompletionRequest, LanguageModelError
+from app.llm.base import Completion, LanguageModelError
 from app.llm.registry import ModelRegistry
 from app.pipeline.episode import EndEffectorAction
 from app.pipeline.errors import ReplyParseError
-from app.pipeline.reply import parse_reply
+from app.pipeline.prompt import Prompt
 from app.pipeline.workspace import DiscreteAction, discretize_action
+from app.services.dialogue import Dialogue
 from app.services.errors import UnparsableReplyError
 from app.services.question import PredictRequest, Question, QuestionWriter
 from app.services.timing import timed
@@ -18,8 +21,6 @@ from app.store import predictions
 from app.store.records import PredictionDraft, PredictionStatus
 from app.store.store import Store
 from app.store.values import JsonObject
-
-MAX_TOKENS_PER_ACTION = 80  # more than any representation needs for a row, a token for each digit
 
 
 @dataclass(frozen=True)
@@ -42,10 +43,15 @@ class PredictedAction:
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """A recorded answer."""
+    """A recorded answer.
+
+    Attributes:
+        prompt: the last that the LLM was asked: with several instructions it holds the replies to those before.
+    """
 
     id: str
     question: Question
+    prompt: Prompt
     actions: tuple[PredictedAction, ...]
     completion: Completion
     timings_ms: dict[str, float]
@@ -57,64 +63,72 @@ class PredictActions:
     def __init__(self, store: Store, models: ModelRegistry, default_model: str) -> None:
         self._store = store
         self._models = models
-        self._default_model = default_model
-        self._write_question = QuestionWriter(store)
+        self._write_question = QuestionWriter(store, lambda name: models.get(name or default_model).profile)
 
     async def prepare(self, request: PredictRequest, timings_ms: dict[str, float]) -> Question:
         """The question as it would be put to the LLM, which is not called.
 
         Raises:
-            UnknownModelError, and as QuestionWriter.
+            as QuestionWriter.
         """
-        profile = self._models.get(request.model or self._default_model).profile
-        return await anyio.to_thread.run_sync(self._write_question, request, profile, timings_ms)
+        return await anyio.to_thread.run_sync(self._write_question, request, timings_ms)
 
     async def __call__(self, request: PredictRequest) -> Prediction:
         """Predict and record.
 
         Raises:
-            as `prepare`;
+            as `prepare` and `stream`.
+        """
+        timings_ms: dict[str, float] = {}
+        started = time.perf_counter()
+        question = await self.prepare(request, timings_ms)
+        async with aclosing(self.answer(question, timings_ms, started, piecewise=False)) as answer:
+            async for item in answer:
+                if isinstance(item, Prediction):
+                    return item
+        raise AssertionError("an answer ends with a prediction")
+
+    async def answer(
+        self, question: Question, timings_ms: dict[str, float], started_s: float, *, piecewise: bool
+    ) -> AsyncGenerator[PredictedAction | Prediction, None]:
+        """The actions as they become complete, then the whole prediction, recorded.
+
+        Args:
+            started_s: when the request came, by `time.perf_counter`.
+            piecewise: read the reply while it arrives; otherwise every action comes at its end.
+
+        Raises:
             LanguageModelError: if the LLM did not answer; recorded.
             UnparsableReplyError: if its reply is not a list of valid actions; recorded, carries the reply.
         """
-        started = time.perf_counter()
-        timings_ms: dict[str, float] = {}
-        question = await self.prepare(request, timings_ms)
-        completion = await self._ask(question, timings_ms)
+        dialogue = Dialogue(question, self._models.get(question.profile.name), timings_ms)
+        actions: list[PredictedAction] = []
+        workspace = question.settings.workspace.workspace()
         try:
-            with timed(timings_ms, "parse"):
-                actions = _read_actions(completion, question)
+            async with aclosing(dialogue.actions(piecewise=piecewise)) as arriving:
+                async for action in arriving:
+                    timings_ms.setdefault("first_action", (time.perf_counter() - started_s) * 1000)
+                    actions.append(PredictedAction(action, discretize_action(action, workspace)))
+                    yield actions[-1]
         except ReplyParseError as error:
-            id_ = await self._record(question, "parse_error", timings_ms, completion, error=error.message)
-            raise UnparsableReplyError(error.message, completion.text, id_) from error
-        with timed(timings_ms, "write"):
-            id_ = await self._record(question, "ok", timings_ms, completion, actions)
-        timings_ms["total"] = (time.perf_counter() - started) * 1000
-        timings_ms["outside_llm"] = timings_ms["total"] - timings_ms["llm"]
-        return Prediction(id_, question, actions, completion, timings_ms)
-
-    async def _ask(self, question: Question, timings_ms: dict[str, float]) -> Completion:
-        request = question.request
-        completion_request = CompletionRequest(
-            question.prompt,
-            max_tokens=request.max_actions * MAX_TOKENS_PER_ACTION,
-            timeout_s=request.timeout_s,
-            seed=request.seed,
-            cache_key=question.template.cache_key,
-        )
-        try:
-            with timed(timings_ms, "llm"):
-                return await self._models.get(question.profile.name).complete(completion_request)
+            id_ = await self._record(question, "parse_error", timings_ms, dialogue, error=error.message)
+            raise UnparsableReplyError(error.message, dialogue.reply_text or "", id_) from error
         except LanguageModelError as error:
-            await self._record(question, "model_error", timings_ms, error=str(error))
+            await self._record(question, "model_error", timings_ms, dialogue, error=str(error))
             raise
+        with timed(timings_ms, "write"):
+            id_ = await self._record(question, "ok", timings_ms, dialogue, tuple(actions))
+        timings_ms["total"] = (time.perf_counter() - started_s) * 1000
+        timings_ms["outside_llm"] = timings_ms["total"] - timings_ms["llm"]
+        completion = Completion(dialogue.reply_text or "", dialogue.usage)
+        yield Prediction(id_, question, dialogue.prompt, tuple(actions), completion, timings_ms)
 
     async def _record(
         self,
         question: Question,
         status: PredictionStatus,
         timings_ms: dict[str, float],
-        completion: Completion | None = None,
+        dialogue: Dialogue,
         actions: tuple[PredictedAction, ...] | None = None,
         error: str | None = None,
     ) -> str:
@@ -127,13 +141,14 @@ class PredictActions:
             status=status,
             request=question.request.as_sent,
             demonstration_ids=question.template.demonstration_ids,
-            prompt_system=question.prompt.system,
-            prompt_user=question.prompt.user,
-            reply_text=None if completion is None else completion.text,
+            prompt_system=dialogue.prompt.system,
+            prompt_user=dialogue.prompt.user,
+            reply_text=dialogue.reply_text,
             actions=None if actions is None else tuple(item.to_json() for item in actions),
             error=error,
-            usage={} if completion is None else asdict(completion.usage),
+            usage={} if dialogue.reply_text is None else asdict(dialogue.usage),
             timings_ms=dict(timings_ms),
+            step=question.step,
         )
 
         def write() -> str:
@@ -141,12 +156,3 @@ class PredictActions:
                 return predictions.add(connection, draft).id
 
         return await anyio.to_thread.run_sync(write)
-
-
-def _read_actions(completion: Completion, question: Question) -> tuple[PredictedAction, ...]:
-    if completion.finish_reason == "length":
-        tokens = completion.usage.completion_tokens
-        raise ReplyParseError(f"the reply was cut off after {tokens} tokens", completion.text)
-    codec, workspace = question.template.prompt.codec, question.settings.workspace.workspace()
-    actions = parse_reply(completion.text, codec, question.objects, question.request.max_actions)
-    return tuple(PredictedAction(action, discretize_action(action, workspace)) for action in actions)

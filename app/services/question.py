@@ -1,7 +1,7 @@
 """From a robot's request to the question for the LLM: demonstrations read, objects found, prompt written."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from sqlalchemy import Connection
 
@@ -9,10 +9,11 @@ from app.llm.base import ModelProfile
 from app.perception.base import ObjectQuery
 from app.perception.registry import pose_estimator
 from app.pipeline.episode import ObjectPose, RgbdFrame, checked_instruction
-from app.pipeline.prompt import Prompt, check_object_names, objects_of_task
+from app.pipeline.prompt import Prompt, PromptTemplate, check_object_names, objects_of_task
 from app.pipeline.reply import MAX_ACTIONS
 from app.pipeline.representation import KAT_FORMAT
 from app.services.errors import NoDemonstrationsError
+from app.services.previous_step import PreviousStep, previous_step
 from app.services.select_demonstrations import Selection, load_demonstrations
 from app.services.task_settings import TaskSettings
 from app.services.templates import PromptStyle, Template, TemplateCache, TemplateKey, make_template
@@ -32,6 +33,8 @@ class PredictRequest:
         frames: calibrated images, for estimators that look.
         model, representation, prompt_format, system_prompt, num_demonstrations: None follows the task, then the model.
         episode_ids: exactly these demonstrations, in this order, instead of a selection.
+        closed_loop: ask for the next action only.
+        after: the id of the prediction that a closed loop goes on from; its model, demonstrations and style go on, too.
         as_sent: the request as it came, to be stored with the prediction.
     """
 
@@ -47,6 +50,8 @@ class PredictRequest:
     selection: Selection = "first"
     seed: int = 0
     episode_ids: tuple[str, ...] | None = None
+    closed_loop: bool = False
+    after: str | None = None
     max_actions: int = MAX_ACTIONS
     timeout_s: float = 60.0
     as_sent: JsonObject = field(default_factory=dict)
@@ -54,30 +59,52 @@ class PredictRequest:
 
 @dataclass(frozen=True, eq=False)
 class Question:
-    """Everything that is fixed before the LLM is asked."""
+    """Everything that is fixed before the LLM is asked.
+
+    Attributes:
+        instructions: to ask for one after the other.
+        written: the template at the step that is asked for.
+        so_far: the steps of a closed loop that were taken already.
+        step: of a closed loop, from 0; None without one.
+    """
 
     request: PredictRequest
+    instructions: tuple[str, ...]
     objects: tuple[ObjectPose, ...]
     template: Template
-    prompt: Prompt
+    written: PromptTemplate
+    so_far: str
+    step: int | None
     profile: ModelProfile
     style: PromptStyle
     settings: TaskSettings
 
+    @property
+    def prompt(self) -> Prompt:
+        """The prompt that asks for the first of the instructions."""
+        return self.written.ask(self.objects, self.instructions[0], self.request.max_actions, self.so_far)
+
 
 class QuestionWriter:
-    """Writes questions; keeps what does not depend on the request. Synchronous: call it in a thread."""
+    """Writes questions; keeps what does not depend on the request. Synchronous: call it in a thread.
 
-    def __init__(self, store: Store) -> None:
+    Args:
+        profile_of: the profile of a model by its name, of the default for None; raises UnknownModelError.
+    """
+
+    def __init__(self, store: Store, profile_of: Callable[[str | None], ModelProfile]) -> None:
         self._store = store
+        self._profile_of = profile_of
         self._templates = TemplateCache()
 
-    def __call__(self, request: PredictRequest, profile: ModelProfile, timings_ms: Timings) -> Question:
-        """The question that `request` puts to the model of that profile.
+    def __call__(self, request: PredictRequest, timings_ms: Timings) -> Question:
+        """The question that `request` puts to its model.
 
         Raises:
-            NotFoundError: for an unknown task or episode.
+            UnknownModelError: for an unknown model.
+            NotFoundError: for an unknown task, episode or prediction.
             NoDemonstrationsError: if the task has no episode yet.
+            ConflictError: if a closed loop's demonstrations have changed since its last step.
             InvalidInputError, ObjectSetError: if the observation does not fit the task.
         """
         instruction = checked_instruction("instruction", request.instruction)
@@ -85,16 +112,29 @@ class QuestionWriter:
             with timed(timings_ms, "read"):
                 task = tasks.get(connection, request.task)
                 settings = TaskSettings.model_validate(task.settings)
+                previous = None if request.after is None else previous_step(connection, request.after, request.task)
             if task.object_names is None:
                 raise NoDemonstrationsError(request.task)
             with timed(timings_ms, "poses"):
                 objects = _observed(request, settings, task.object_names)
             with timed(timings_ms, "prompt"):
-                style = _style(request, settings, profile)
-                template = self._template(connection, request, task, settings, style, objects)
-                objects = template.prompt.posed(objects)
-                prompt = template.prompt.ask(objects, instruction, request.max_actions)
-        return Question(request, objects, template, prompt, profile, style, settings)
+                profile = self._profile_of(request.model if previous is None else previous.model)
+                style = _style(request, settings, profile) if previous is None else previous.style
+                template = self._template(connection, request, task, settings, style, objects, previous)
+        step = None if not style.closed_loop else 0 if previous is None else previous.step + 1
+        written = template.at_step(step or 0)
+        return Question(
+            request=request,
+            instructions=written.codec.questions(instruction),
+            objects=written.posed(objects),
+            template=template,
+            written=written,
+            so_far="" if previous is None else previous.so_far(template),
+            step=step,
+            profile=profile,
+            style=style,
+            settings=settings,
+        )
 
     def _template(
         self,
@@ -104,7 +144,10 @@ class QuestionWriter:
         settings: TaskSettings,
         style: PromptStyle,
         objects: Sequence[ObjectPose],
+        previous: PreviousStep | None,
     ) -> Template:
+        if previous is not None:
+            request = replace(request, episode_ids=previous.demonstration_ids)
         load, which = _demonstrations(connection, request, task.name, settings, objects)
         key = TemplateKey(task.name, task.version, style, which)
         return self._templates.get(key, lambda: make_template([r.demonstration() for r in load()], settings, style))
@@ -143,7 +186,7 @@ def _style(request: PredictRequest, settings: TaskSettings, profile: ModelProfil
     system_prompt = request.system_prompt or settings.system_prompt
     if system_prompt is None:
         system_prompt = _suitable_system_prompt(representation, prompt_format, profile)
-    return PromptStyle(representation, prompt_format, system_prompt)
+    return PromptStyle(representation, prompt_format, system_prompt, request.closed_loop)
 
 
 def _suitable_system_prompt(representation: str, prompt_format: str, profile: ModelProfile) -> str:

@@ -4,11 +4,14 @@ import hashlib
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from app.pipeline.closed_loop import ClosedLoopTemplate
 from app.pipeline.episode import Demonstration
 from app.pipeline.prompt import PromptTemplate, system_prompt_text
-from app.pipeline.representation import fit_codec
+from app.pipeline.representation import fit_codec, fit_step
+from app.pipeline.representation.base import Codec
+from app.pipeline.workspace import Workspace
 from app.services.task_settings import TaskSettings
 
 CAPACITY = 256
@@ -20,11 +23,13 @@ class PromptStyle:
 
     Attributes:
         system_prompt: a variant's name or free text.
+        closed_loop: whether observations and actions take turns.
     """
 
     representation: str
     prompt_format: str
     system_prompt: str
+    closed_loop: bool = False
 
 
 @dataclass(frozen=True)
@@ -49,9 +54,13 @@ class Template:
         cache_key: equal for equal prefixes.
     """
 
-    prompt: PromptTemplate
+    prompt: PromptTemplate | ClosedLoopTemplate
     demonstration_ids: tuple[str, ...]
     cache_key: str
+
+    def at_step(self, step: int) -> PromptTemplate:
+        """The template for a step of a closed loop; without one there is only step 0."""
+        return self.prompt.at_step(step) if isinstance(self.prompt, ClosedLoopTemplate) else self.prompt
 
 
 class TemplateCache:
@@ -80,12 +89,28 @@ def make_template(demonstrations: Sequence[Demonstration], settings: TaskSetting
     """Fit the representation and write the demonstrations.
 
     Raises:
-        InvalidInputError: without demonstrations.
+        InvalidInputError: without demonstrations; for a closed loop if they did not track their objects.
     """
-    canonical = tuple(
-        Demonstration(d.instruction, settings.canonical(d.objects), d.actions, d.id) for d in demonstrations
-    )
-    codec = fit_codec(style.representation, style.prompt_format, canonical, settings.workspace.workspace())
-    prompt = PromptTemplate.write(codec, canonical, system_prompt_text(style.system_prompt))
+    canonical = tuple(_canonical(demonstration, settings) for demonstration in demonstrations)
+    prompt = _prompt_template(canonical, settings.workspace.workspace(), style)
     digest = hashlib.sha256(f"{prompt.system}\0{prompt.prefix}".encode()).hexdigest()[:16]
     return Template(prompt, tuple(d.id for d in demonstrations), digest)
+
+
+def _canonical(demonstration: Demonstration, settings: TaskSettings) -> Demonstration:
+    later = tuple(settings.canonical(objects) for objects in demonstration.later_objects)
+    return replace(demonstration, objects=settings.canonical(demonstration.objects), later_objects=later)
+
+
+def _prompt_template(
+    demonstrations: Sequence[Demonstration], workspace: Workspace, style: PromptStyle
+) -> PromptTemplate | ClosedLoopTemplate:
+    system = system_prompt_text(style.system_prompt)
+    names = (style.representation, style.prompt_format)
+    if not style.closed_loop:
+        return PromptTemplate.write(fit_codec(*names, demonstrations, workspace), demonstrations, system)
+
+    def fit(shown: Sequence[Demonstration], step: int) -> Codec:
+        return fit_step(*names, shown, workspace, step)
+
+    return ClosedLoopTemplate.write(fit, demonstrations, system)

@@ -44,6 +44,10 @@ class Upload:
             raise InvalidInputError("objects", "is empty", "at least one object with its name and pose or mask_ids")
         names = [query.name for query in self.objects]
         check_object_names(names, list(dict.fromkeys(names)))
+        tracked = self.episode.trajectory.num_objects
+        if tracked not in (0, len(names)):
+            message = f"has {tracked} objects, but objects has {len(names)}"
+            raise InvalidInputError("trajectory.object_positions", message, "(T, N, 3), in the order of objects")
 
 
 Respond = Callable[[EpisodeRecord, TaskRecord], JsonObject]
@@ -91,12 +95,11 @@ class UploadEpisode:
 
     def _extract(self, upload: Upload, task: TaskRecord | None) -> Extracted:
         settings = _settings_of(task, upload.objects)
-        objects = upload.objects
+        names = sent = [query.name for query in upload.objects]
         if task is not None and task.object_names is not None:
-            check_object_names([query.name for query in objects], task.object_names)
-            by_name = {query.name: query for query in objects}
-            objects = tuple(by_name[name] for name in task.object_names)
-        return extract(upload.episode.trajectory, objects, upload.episode.frames, settings)
+            names = list(task.object_names)
+            check_object_names(sent, names)
+        return extract(upload.episode.trajectory, upload.objects, upload.episode.frames, settings, names)
 
     def _put_images(self, upload: Upload) -> tuple[CameraRecord, ...]:
         put = self._store.blobs.put

@@ -81,7 +81,7 @@ def view_scene(task_name: str, seed: int, *, variation: int | None = None, image
     Raises:
         InvalidInputError: for an unknown task or variation.
     """
-    return _view(_robot(task_name, seed, variation, images=images), seed)
+    return _view(robot_in_scene(task_name, seed, variation, images=images), seed)
 
 
 def record_demonstration(
@@ -98,15 +98,15 @@ def record_demonstration(
     Raises:
         InvalidInputError: for an unknown task or variation, or a frequency that the simulation cannot sample at.
     """
-    robot = _robot(task_name, seed, variation, images=images)
+    robot = robot_in_scene(task_name, seed, variation, images=images)
     robot.dwell_s = max(DWELL_S, DWELL_SAMPLES / control_frequency_hz)
-    recorder = Recorder(robot.task.model, robot.task.data, control_frequency_hz)
+    recorder = Recorder(robot.task.model, robot.task.data, control_frequency_hz, robot.task.object_poses)
     scene = _view(robot, seed)
     robot.after_step.append(recorder.sample)
     moves = robot.task.expert()
     film, _, error = _perform(robot, moves, film_strip=film_strip)
     trajectory = recorder.trajectory()
-    failure = error or _judge(robot)
+    failure = error or judge(robot)
     return RecordedDemonstration(
         scene, trajectory, control_frequency_hz, len(moves), not failure, failure, tuple(film.images)
     )
@@ -127,13 +127,18 @@ def rollout(
     Raises:
         InvalidInputError: for an unknown task or variation.
     """
-    robot = _robot(task_name, seed, variation, images=False)
+    robot = robot_in_scene(task_name, seed, variation, images=False)
     film, num_executed, error = _perform(robot, moves_from_actions(actions), film_strip=film_strip)
-    failure = error or _judge(robot)
+    failure = error or judge(robot)
     return RolloutResult(task_name, seed, num_executed, not failure, failure, tuple(film.images))
 
 
-def _robot(task_name: str, seed: int, variation: int | None, *, images: bool) -> SimulatedPanda:
+def robot_in_scene(task_name: str, seed: int, variation: int | None = None, *, images: bool) -> SimulatedPanda:
+    """The arm in the scene of a seed; with images it observes through its cameras.
+
+    Raises:
+        InvalidInputError: for an unknown task or variation.
+    """
     return SimulatedPanda(make_task(task_name, seed, variation), CAMERA_NAMES if images else ())
 
 
@@ -159,7 +164,7 @@ def _perform(robot: SimulatedPanda, moves: Sequence[Move], *, film_strip: bool) 
     return film, num_done, ""
 
 
-def _judge(robot: SimulatedPanda) -> str:
-    """Why the scene is not solved; empty if it is."""
+def judge(robot: SimulatedPanda) -> str:
+    """Why the scene is not solved once things came to rest; empty if it is."""
     robot.hold(FINAL_HOLD_S)
     return "" if robot.task.succeeded() else "every action was carried out, but the task is not solved"

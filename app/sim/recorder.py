@@ -1,12 +1,13 @@
 """Samples the arm at a fixed rate while it moves."""
 
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.episode import Trajectory
+from app.pipeline.episode import ObjectPose, Trajectory
 from app.pipeline.errors import InvalidInputError
 from app.sim import panda
 
@@ -18,13 +19,20 @@ class Recorder:
 
     Args:
         model, data: the scene (mujoco.MjModel, mujoco.MjData).
+        objects: the scene's objects as they are now, to be tracked; None tracks none.
     """
 
-    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, control_frequency_hz: float = 20.0) -> None:
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        data: mujoco.MjData,
+        control_frequency_hz: float = 20.0,
+        objects: Callable[[], Sequence[ObjectPose]] | None = None,
+    ) -> None:
         if not 0 < control_frequency_hz <= 1 / model.opt.timestep:
             valid = f"above 0 and at most {1 / model.opt.timestep:g} Hz, the simulation's rate"
             raise InvalidInputError("control_frequency_hz", f"is {control_frequency_hz}", valid)
-        self._model, self._data = model, data
+        self._model, self._data, self._objects = model, data, objects
         self._period_s = 1 / control_frequency_hz
         self._next_s = data.time
         self._positions = [model.joint(name).qposadr[0] for name in panda.JOINT_NAMES]
@@ -48,8 +56,18 @@ class Recorder:
                 "positions_m": data.site_xpos[self._site_id].copy(),
                 "rotations": data.site_xmat[self._site_id].reshape(3, 3).copy(),
                 "gripper_open": data.ctrl[panda.GRIPPER_CTRL] > panda.FINGER_TRAVEL_M / 2,
+                **self._tracked(),
             }
         )
+
+    def _tracked(self) -> dict[str, Any]:
+        if self._objects is None:
+            return {}
+        poses = self._objects()
+        return {
+            "object_positions_m": [pose.position_m for pose in poses],
+            "object_quaternions_xyzw": [pose.quaternion_xyzw for pose in poses],
+        }
 
     def trajectory(self) -> Trajectory:
         """Everything sampled so far; the gripper's state is the commanded one."""

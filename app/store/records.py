@@ -85,7 +85,8 @@ class DemonstrationRecord:
         """As the pipeline wants it."""
         poses = tuple(record.pose() for record in self.objects)
         actions = tuple(record.action() for record in self.keyframes)
-        return Demonstration(self.instruction, poses, actions, self.id)
+        later = tuple(tuple(item.pose() for item in record.objects) for record in self.keyframes if record.objects)
+        return Demonstration(self.instruction, poses, actions, self.id, later)
 
 
 @dataclass(frozen=True)
@@ -104,6 +105,7 @@ class PredictionDraft:
     Attributes:
         request: as the caller sent it.
         reply_text: None if the model gave none; `actions` None if the reply had none; `error` None if all went well.
+        step: of a closed loop, from 0; None without one.
     """
 
     task: str
@@ -121,6 +123,7 @@ class PredictionDraft:
     error: str | None
     usage: JsonObject
     timings_ms: JsonObject
+    step: int | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

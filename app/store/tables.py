@@ -109,6 +109,7 @@ predictions = Table(
     Column("actions", Json),
     Column("usage", Json, nullable=False),
     Column("timings_ms", Json, nullable=False),
+    Column("step", Integer),
     Index(None, "task", "sequence"),
     sqlite_autoincrement=True,
 )

@@ -4,6 +4,7 @@ Not the pipeline's own classes, because these check every array: ten demonstrati
 read.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, Self
 
@@ -19,42 +20,8 @@ def _floats(values: Array) -> tuple[float, ...]:
 
 
 @dataclass(frozen=True)
-class KeyframeRecord:
-    """The action at frame `index` of an episode: position (3) m and quaternion (4) in the world frame."""
-
-    index: int
-    position_m: tuple[float, ...]
-    quaternion_xyzw: tuple[float, ...]
-    gripper_open: bool
-
-    @classmethod
-    def of(cls, index: int, action: EndEffectorAction) -> Self:
-        """The record of `action` at frame `index`."""
-        return cls(index, _floats(action.position_m), _floats(action.quaternion_xyzw), action.gripper_open)
-
-    def action(self) -> EndEffectorAction:
-        """As the pipeline wants it."""
-        return EndEffectorAction(np.array(self.position_m), np.array(self.quaternion_xyzw), self.gripper_open)
-
-    def to_json(self) -> dict[str, Any]:
-        """As it is stored."""
-        return {
-            "index": self.index,
-            "position": self.position_m,
-            "quaternion_xyzw": self.quaternion_xyzw,
-            "gripper_open": self.gripper_open,
-        }
-
-    @classmethod
-    def from_json(cls, value: JsonObject) -> Self:
-        """The inverse of `to_json`."""
-        position, quaternion = tuple(value["position"]), tuple(value["quaternion_xyzw"])
-        return cls(value["index"], position, quaternion, value["gripper_open"])
-
-
-@dataclass(frozen=True)
 class ObjectRecord:
-    """An object's pose at an episode's first frame: position (3) m, and quaternion (4) or None, in the world frame."""
+    """An object's pose at a frame of an episode: position (3) m, and quaternion (4) or None, in the world frame."""
 
     name: str
     position_m: tuple[float, ...]
@@ -94,6 +61,48 @@ class ObjectRecord:
             value["estimator"],
             tuple(value["cameras"]),
         )
+
+
+@dataclass(frozen=True)
+class KeyframeRecord:
+    """The action at frame `index` of an episode: position (3) m and quaternion (4) in the world frame.
+
+    Attributes:
+        objects: the objects' poses at that frame, where the episode tracked them.
+    """
+
+    index: int
+    position_m: tuple[float, ...]
+    quaternion_xyzw: tuple[float, ...]
+    gripper_open: bool
+    objects: tuple[ObjectRecord, ...] = ()
+
+    @classmethod
+    def of(cls, index: int, action: EndEffectorAction, objects: Iterable[ObjectPose] = ()) -> Self:
+        """The record of `action` at frame `index`."""
+        position, quaternion = _floats(action.position_m), _floats(action.quaternion_xyzw)
+        return cls(index, position, quaternion, action.gripper_open, tuple(map(ObjectRecord.of, objects)))
+
+    def action(self) -> EndEffectorAction:
+        """As the pipeline wants it."""
+        return EndEffectorAction(np.array(self.position_m), np.array(self.quaternion_xyzw), self.gripper_open)
+
+    def to_json(self) -> dict[str, Any]:
+        """As it is stored."""
+        return {
+            "index": self.index,
+            "position": self.position_m,
+            "quaternion_xyzw": self.quaternion_xyzw,
+            "gripper_open": self.gripper_open,
+            **({"objects": [item.to_json() for item in self.objects]} if self.objects else {}),
+        }
+
+    @classmethod
+    def from_json(cls, value: JsonObject) -> Self:
+        """The inverse of `to_json`."""
+        position, quaternion = tuple(value["position"]), tuple(value["quaternion_xyzw"])
+        objects = tuple(map(ObjectRecord.from_json, value.get("objects", ())))
+        return cls(value["index"], position, quaternion, value["gripper_open"], objects)
 
 
 @dataclass(frozen=True)

@@ -61,7 +61,7 @@ def test_the_arm_is_stopped_where_it_fails(error):
 
 def test_a_person_can_stop_before_an_action():
     arm = Arm()
-    with pytest.raises(NotConfirmedError, match="action 2 of 3"):
+    with pytest.raises(NotConfirmedError, match="action 2 was not allowed"):
         run_task(Service(ANSWER), arm, "pick", "pick up the cube", confirm=lambda index, action: index < 1)
     assert (arm.heights, arm.stopped) == ([1.0], 1)
 

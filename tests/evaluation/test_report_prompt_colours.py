@@ -76,21 +76,21 @@ def test_the_paper_s_example():
 
 
 def test_the_object_frame_s_example():
-    text = "red button 40 41 17 36; push it > 1 red button w: +0 +0 +14 0 36 36 0; 2 red button o: +0 -1 +0 0 36 36 1\n"
+    text = "A red button 40 41 17 36; push it > 1 A w: +0 +0 +14 0 36 36 0; 2 A o: +0 -1 +0 0 36 36 1\n"
     assert [(span.kind, span.text) for span in prompt_spans(text, "object_frame", "paper")] == [
-        ("object", "red button 40 41 17 36"),
+        ("object", "A red button 40 41 17 36"),
         ("plain", "; "),
         ("instruction", "push it"),
         ("plain", " > "),
-        ("action", "1 red button w: +0 +0 +14 0 36 36 0"),
+        ("action", "1 A w: +0 +0 +14 0 36 36 0"),
         ("plain", "; "),
-        ("action", "2 red button o: +0 -1 +0 0 36 36 1"),
+        ("action", "2 A o: +0 -1 +0 0 36 36 1"),
         ("separator", "\n"),
     ]
 
 
 def test_what_is_no_row_stays_plain():
-    spans = prompt_spans("1 red button w: +0 +0 +14 0 36 36; I'd rather not", "object_frame", "paper")
+    spans = prompt_spans("1 A w: +0 +0 +14 0 36 36; I'd rather not", "object_frame", "paper")
     assert {span.kind for span in spans} == {"plain"}
 
 

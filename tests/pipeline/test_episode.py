@@ -35,6 +35,8 @@ VALID = {
     "gripper_open": np.array([1, 1, 0, 0, 1]),
     "timestamps_s": np.arange(T) / 20,
     "joint_positions_rad": np.ones((T, 7)),
+    "object_positions_m": np.ones((T, 2, 3)),
+    "object_quaternions_xyzw": np.tile([0.0, 0.6, 0.0, 0.8], (T, 2, 1)),
 }
 VELOCITIES, POSITIONS, QUATERNIONS = (
     "trajectory.joint_velocities",
@@ -69,6 +71,11 @@ VELOCITIES, POSITIONS, QUATERNIONS = (
         ({"timestamps_s": [0, 0.1, 0.05, 0.2, 0.3]}, "trajectory.timestamps"),
         ({"timestamps_s": np.arange(T + 1)}, "trajectory.timestamps"),
         ({"joint_positions_rad": np.ones((T, 6))}, "trajectory.joint_positions"),
+        ({"object_positions_m": np.ones((T, 3))}, "trajectory.object_positions"),
+        ({"object_positions_m": np.ones((T + 1, 2, 3))}, "trajectory.object_positions"),
+        ({"object_positions_m": None}, "trajectory.object_quaternions_xyzw"),
+        ({"object_quaternions_xyzw": np.ones((T, 2, 4))}, "trajectory.object_quaternions_xyzw"),
+        ({"object_positions_m": np.ones((T, 3, 3))}, "trajectory.object_quaternions_xyzw"),
         ({"joint_positions_rad": with_element(np.ones((T, 7)), math.inf)}, "trajectory.joint_positions"),
     ],
 )
@@ -85,8 +92,19 @@ def test_a_valid_trajectory_is_kept_and_read_only():
     np.testing.assert_array_equal(recorded.quaternions_xyzw, VALID["quaternions_xyzw"])
     for array in vars(recorded).values():
         assert not array.flags.writeable
-    bare = Trajectory(**{**VALID, "timestamps_s": None, "joint_positions_rad": None})
-    assert (bare.timestamps_s, bare.joint_positions_rad) == (None, None)
+    optional = ("timestamps_s", "joint_positions_rad", "object_quaternions_xyzw", "object_positions_m")
+    bare = Trajectory(**{**VALID, **dict.fromkeys(optional)})
+    assert [getattr(bare, name) for name in optional] == [None] * 4
+
+
+def test_tracked_objects_are_poses_at_any_frame():
+    lid, jar = Trajectory(**VALID).objects_at(3, ["lid", "jar"])
+    assert (lid.name, jar.name) == ("lid", "jar")
+    np.testing.assert_array_equal(jar.quaternion_xyzw, [0.0, 0.6, 0.0, 0.8])
+    positions_only = Trajectory(**{**VALID, "object_quaternions_xyzw": None})
+    assert positions_only.objects_at(3, ["lid", "jar"])[0].quaternion_xyzw is None
+    untracked = Trajectory(**{**VALID, "object_positions_m": None, "object_quaternions_xyzw": None})
+    assert (untracked.objects_at(3, ["lid"]), untracked.num_objects) == ((), 0)
 
 
 def test_the_callers_arrays_stay_their_own():

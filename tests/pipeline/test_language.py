@@ -1,6 +1,6 @@
 import pytest
 
-from app.pipeline.language import mention_order, num_clauses, template
+from app.pipeline.language import clauses, mention_order, template
 
 
 @pytest.mark.parametrize(
@@ -63,8 +63,8 @@ def test_a_name_within_another_or_within_a_placeholder_is_not_replaced():
         (" push red THEN blue ", 2),
     ],
 )
-def test_num_clauses(instruction, expected):
-    assert num_clauses(instruction) == expected
+def test_clauses(instruction, expected):
+    assert len(clauses(instruction)) == expected
 
 
 DRAWERS = ("drawer_bottom", "drawer_middle", "drawer_top")

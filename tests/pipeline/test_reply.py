@@ -6,11 +6,12 @@ from app.pipeline.representation import fit_codec
 
 from .scenes import WORKSPACE, action, demonstration, pose, same_actions
 
+LIFT = "lift the cup"
 CUP = pose("cup", (0.1, 0.2, 0.7), 30)
-SHOWN = demonstration("lift the cup", [CUP], [action((0.1, 0.2, 0.8)), action((0.1, 0.2, 0.9), gripper_open=False)])
+SHOWN = demonstration(LIFT, [CUP], [action((0.1, 0.2, 0.8)), action((0.1, 0.2, 0.9), gripper_open=False)])
 ABSOLUTE, OBJECT_FRAME = (fit_codec(name, "paper", [SHOWN], WORKSPACE) for name in ("absolute", "object_frame"))
 LIST = "[[46, 74, 55, 54, 36, 37, 1], [46, 74, 60, 0, 36, 71, 0]]"
-LINE = "1 cup w: +0 +0 +20 0 36 36 1; 2 cup o: -10 +2 +40 71 36 0 0"
+LINE = "1 A w: +0 +0 +20 0 36 36 1; 2 A o: -10 +2 +40 71 36 0 0"
 REPLIES = [  # with the number of actions that are known before the reply is complete
     (ABSOLUTE, LIST, 2),
     (ABSOLUTE, f"Sure!\n```json\n{LIST}\n```", 2),
@@ -25,13 +26,13 @@ REPLIES = [  # with the number of actions that are known before the reply is com
 
 def fed(codec, pieces):
     """A reader with the actions it gave after each piece."""
-    reader = ReplyReader(codec, [CUP])
+    reader = ReplyReader(codec, [CUP], LIFT)
     return reader, [reader.feed(piece) for piece in pieces]
 
 
 @pytest.mark.parametrize(("codec", "text", "num_early"), REPLIES)
 def test_reading_in_pieces_gives_the_same_actions_wherever_the_text_is_split(codec, text, num_early):
-    expected = parse_reply(text, codec, [CUP])
+    expected = parse_reply(text, codec, [CUP], LIFT)
     for pieces in [list(text), *([text[:cut], text[cut:]] for cut in range(len(text) + 1))]:
         reader, given = fed(codec, pieces)
         assert same_actions([seen for actions in given for seen in actions], expected[:num_early])
@@ -58,13 +59,13 @@ def test_one_piece_can_complete_several_actions():
     [
         (ABSOLUTE, ["[[46, 74, 55, 54, 36, 37, 1], [46, 74, 60, 99, ", "36, 71, 0], [1, "]),
         (ABSOLUTE, ["[[46, 74, 55, 54, 36, 37, 1], [46, 74", "]"]),
-        (OBJECT_FRAME, ["1 cup w: +0 +0 +20 0 36 36 1; 2 mug o: -10 +2", " +40 71 36 0 0; 3 cup"]),
-        (OBJECT_FRAME, ["1 cup w: +0 +0 +20 0 36 36 1; 3 cup w: +0 +0 +20 0 36 36 1", ";"]),
+        (OBJECT_FRAME, ["1 A w: +0 +0 +20 0 36 36 1; 2 B o: -10 +2", " +40 71 36 0 0; 3 A"]),
+        (OBJECT_FRAME, ["1 A w: +0 +0 +20 0 36 36 1; 3 A w: +0 +0 +20 0 36 36 1", ";"]),
     ],
 )
 def test_an_error_midway_carries_the_text_so_far(codec, pieces):
     first, second = pieces
-    reader = ReplyReader(codec, [CUP])
+    reader = ReplyReader(codec, [CUP], LIFT)
     assert len(reader.feed(first)) == 1
     with pytest.raises(ReplyParseError, match="action 1") as caught:
         reader.feed(second)
@@ -82,7 +83,7 @@ def test_an_error_midway_carries_the_text_so_far(codec, pieces):
 )
 def test_a_complete_reply_that_contradicts_what_was_handed_out_is_refused(complete):
     reader, _ = fed(ABSOLUTE, [LIST])
-    assert parse_reply(complete, ABSOLUTE, [CUP])
+    assert parse_reply(complete, ABSOLUTE, [CUP], LIFT)
     with pytest.raises(ReplyParseError, match="contradicts") as caught:
         reader.finish(complete)
     assert caught.value.reply_text == complete
@@ -99,17 +100,17 @@ def test_early_actions_do_not_excuse_a_reply_that_is_refused_as_a_whole():
 def test_more_actions_than_allowed_are_an_error(num_actions):
     text = f"[{', '.join(['[46, 74, 55, 54, 36, 37, 1]'] * num_actions)}]"
     if num_actions <= MAX_ACTIONS:
-        assert len(parse_reply(text, ABSOLUTE, [CUP])) == len(fed(ABSOLUTE, [text])[1][0]) == num_actions
+        assert len(parse_reply(text, ABSOLUTE, [CUP], LIFT)) == len(fed(ABSOLUTE, [text])[1][0]) == num_actions
         return
-    for read in (lambda: parse_reply(text, ABSOLUTE, [CUP]), lambda: fed(ABSOLUTE, [text])):
+    for read in (lambda: parse_reply(text, ABSOLUTE, [CUP], LIFT), lambda: fed(ABSOLUTE, [text])):
         with pytest.raises(ReplyParseError, match="26 actions, more than 25"):
             read()
 
 
 def test_the_limit_can_be_set():
-    assert len(parse_reply(LINE, OBJECT_FRAME, [CUP], max_actions=2)) == 2
+    assert len(parse_reply(LINE, OBJECT_FRAME, [CUP], LIFT, max_actions=2)) == 2
     with pytest.raises(ReplyParseError, match="2 actions, more than 1"):
-        parse_reply(LINE, OBJECT_FRAME, [CUP], max_actions=1)
+        parse_reply(LINE, OBJECT_FRAME, [CUP], LIFT, max_actions=1)
 
 
 def test_an_endless_reply_is_refused_while_it_arrives():

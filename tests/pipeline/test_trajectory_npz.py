@@ -22,7 +22,12 @@ ARRAYS = {
     "end_effector_quaternions_xyzw": np.tile([0.0, 0.6, 0.0, 0.8], (T, 1)),
     "gripper_open": np.array([1, 1, 1, 0, 0, 0]),
 }
-OPTIONAL = {"timestamps": np.arange(T) / 20, "joint_positions": np.ones((T, 7))}
+OPTIONAL = {
+    "timestamps": np.arange(T) / 20,
+    "joint_positions": np.ones((T, 7)),
+    "object_positions": np.random.default_rng(2).normal(size=(T, 2, 3)),
+    "object_quaternions_xyzw": np.tile([0.0, 0.6, 0.0, 0.8], (T, 2, 1)),
+}
 
 
 def zipped(members):

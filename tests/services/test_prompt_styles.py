@@ -24,7 +24,7 @@ def taught(scripted):
 
 
 def question(services, profile=CHAT, **options):
-    return QuestionWriter(services.store)(PredictRequest(**{**vars(REQUEST), **options}), profile, {})
+    return QuestionWriter(services.store, lambda name: profile)(PredictRequest(**{**vars(REQUEST), **options}), {})
 
 
 @pytest.mark.parametrize(

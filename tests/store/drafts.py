@@ -22,6 +22,8 @@ def trajectory(num_frames: int = 30, seed: int = 0, optional_arrays: bool = True
         gripper_open=rng.integers(0, 2, num_frames).astype(bool),
         timestamps_s=np.arange(num_frames) / 20 if optional_arrays else None,
         joint_positions_rad=rng.normal(size=(num_frames, 7)) if optional_arrays else None,
+        object_positions_m=rng.normal(size=(num_frames, 3, 3)) if optional_arrays else None,
+        object_quaternions_xyzw=np.tile([0.0, 0.6, 0.0, 0.8], (num_frames, 3, 1)) if optional_arrays else None,
     )
 
 

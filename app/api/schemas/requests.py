@@ -96,6 +96,11 @@ class TrajectoryIn(RequestModel):
     gripper_open: Annotated[list[float], Field(description="(T,) commanded: 1 open, 0 closed")]
     timestamps: Annotated[list[float] | None, Field(description="(T,) s")] = None
     joint_positions: Annotated[list[list[float]] | None, Field(description="(T, 7) rad")] = None
+    object_positions: Annotated[
+        list[list[list[float]]] | None,
+        Field(description="(T, N, 3) m, of the objects in their order: for closed-loop predictions"),
+    ] = None
+    object_quaternions_xyzw: Annotated[list[list[list[float]]] | None, Field(description="(T, N, 4)")] = None
 
 
 class EpisodeJson(BaseModel):
@@ -126,6 +131,15 @@ class PredictBody(RequestModel):
     representation: Representation | None = None
     prompt_format: PromptFormat | None = None
     system_prompt: Annotated[SystemPrompt | None, Field(description="a, b, c, kat, none or free text")] = None
+    closed_loop: Annotated[
+        bool, Field(description="only the next action; the demonstrations must have tracked their objects")
+    ] = False
+    after: Annotated[
+        str | None,
+        Field(
+            max_length=64, description="id of the last step of a closed loop; its model, style and demonstrations stay"
+        ),
+    ] = None
     max_actions: Annotated[int, Field(ge=1, le=100)] = MAX_ACTIONS
     timeout_s: Annotated[float, Field(gt=0, le=600)] = 60.0
     dry_run: Annotated[bool, Field(description="answer with the prompt, ask no LLM")] = False

@@ -96,6 +96,11 @@ class UsageOut(BaseModel):
     completion_tokens: int
 
 
+Step = Annotated[
+    int | None, Field(description="of a closed loop, from 0; without actions it has ended. null without a closed loop")
+]
+
+
 class PredictionOut(BaseModel):
     """Actions for the robot, and where they come from."""
 
@@ -109,6 +114,7 @@ class PredictionOut(BaseModel):
     reply_text: str
     usage: UsageOut
     timings_ms: dict[str, float]
+    step: Step = None
 
 
 class DryRunOut(BaseModel):
@@ -149,6 +155,7 @@ class StoredPrediction(BaseModel):
     actions: list[ActionOut] | None
     usage: dict[str, int]
     timings_ms: dict[str, float]
+    step: Step = None
     request: dict[str, Any]
     outcome: OutcomeOut | None
     created_at: datetime

@@ -28,9 +28,9 @@ _LISTS = re.compile(
     r"|(?P<separator>, (?=\{'|\Z))",
     re.DOTALL,
 )
-# red button 40 41 17 36; push the red button > 1 red button w: +0 +0 +14 36 36 0 0; ...
-_ROW = r"(?P<action>\d+ [\w .\-]+ [wo]:(?: [+-]?\d+){7})"
-_OBJECT = r"(?:^|(?<=; ))(?P<object>\w[\w .\-]*?(?: \d+){3,6})"
+# A red button 40 41 17 36; push the red button > 1 A w: +0 +0 +14 36 36 0 0; ...
+_ROW = r"(?P<action>\d+ [A-Z]+ [wo]:(?: [+-]?\d+){7})"
+_OBJECT = r"(?:^|(?<=; ))(?P<object>[A-Z]+ \w[\w .\-]*?(?: \d+){3,6})"
 _INSTRUCTION = r"(?:^|(?<=; ))(?P<instruction>[^;>\n]+)(?= >)"
 _SEPARATOR = r"(?P<separator>\n)"
 _OBJECT_FRAME = {

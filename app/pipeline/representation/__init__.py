@@ -1,6 +1,7 @@
 """Actions <-> rows of text: one representation a file, chosen by name."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.errors import InvalidInputError
@@ -37,6 +38,14 @@ def fit_codec(
         raise InvalidInputError("demonstrations", "there are none", "at least one uploaded episode")
     fit = KatCodec.fit if prompt_format == KAT_FORMAT else _FIT[representation]
     return fit(demonstrations, workspace, prompt_format == "paper")
+
+
+def fit_step(
+    representation: str, prompt_format: str, demonstrations: Sequence[Demonstration], workspace: Workspace, step: int
+) -> Codec:
+    """As `fit_codec`, for the demonstrations of one step (from 0) of a closed loop; rows go on counting over steps."""
+    codec = fit_codec(representation, prompt_format, demonstrations, workspace)
+    return replace(codec, first_row=step + 1) if isinstance(codec, ObjectFrameCodec) else codec
 
 
 def check_style(representation: str, prompt_format: str) -> None:

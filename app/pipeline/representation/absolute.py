@@ -39,11 +39,15 @@ class AbsoluteCodec:
     demonstrations: tuple[Demonstration, ...]
     with_instruction: bool
     stop: tuple[str, ...] = ("{'",)  # the next observation
+    separator: str = ", "
 
     @classmethod
     def fit(cls, demonstrations: Sequence[Demonstration], workspace: Workspace, with_instruction: bool) -> Self:
         """The codec for `demonstrations`: of them it only needs the number of rows."""
         return cls(workspace, tuple(demonstrations), with_instruction)
+
+    def questions(self, instruction: str) -> tuple[str, ...]:
+        return (instruction,)
 
     def observation_text(self, objects: Sequence[ObjectPose], instruction: str) -> str:
         parts = [f"'{pose.name}': {list(object_bins(pose, self.workspace))}" for pose in objects]
@@ -56,7 +60,7 @@ class AbsoluteCodec:
 
     def demonstration_text(self, demonstration: Demonstration) -> str:
         observation = self.observation_text(demonstration.objects, demonstration.instruction)
-        return f"{observation}{self.actions_text(demonstration)}, "
+        return f"{observation}{self.actions_text(demonstration)}{self.separator}"
 
     def grammar(self, instruction: str, max_actions: int) -> str:
         return list_grammar(_ROW_RULES, *row_count_bounds(self.demonstrations, instruction, max_actions))
@@ -64,5 +68,8 @@ class AbsoluteCodec:
     def rows(self, reply_text: str, complete: bool) -> list[str]:
         return list_rows(reply_text, complete)
 
-    def decode_row(self, index: int, row: str, objects: Sequence[ObjectPose]) -> EndEffectorAction:
+    def reply_text(self, rows: Sequence[str]) -> str:
+        return f"[{', '.join(rows)}]"
+
+    def decode_row(self, index: int, row: str, objects: Sequence[ObjectPose], instruction: str) -> EndEffectorAction:
         return undiscretize_action(row_integers(row, index, _COLUMNS), self.workspace)

@@ -52,7 +52,7 @@ class ActionTokensCodec(AbsoluteCodec):
     def grammar(self, instruction: str, max_actions: int) -> str:
         return list_grammar(_ROW_RULES, *row_count_bounds(self.demonstrations, instruction, max_actions))
 
-    def decode_row(self, index: int, row: str, objects: Sequence[ObjectPose]) -> EndEffectorAction:
+    def decode_row(self, index: int, row: str, objects: Sequence[ObjectPose], instruction: str) -> EndEffectorAction:
         *coordinates, gripper = row_integers(row, index, _COLUMNS)
         points_mm = np.array(coordinates).reshape(3, 3)
         if not np.cross(points_mm[1] - points_mm[0], points_mm[2] - points_mm[0]).any():
@@ -72,13 +72,10 @@ class KatCodec(ActionTokensCodec):
     """
 
     stop: tuple[str, ...] = ("INPUTS",)
+    separator: str = "\n"
 
     def observation_text(self, objects: Sequence[ObjectPose], instruction: str) -> str:
         return f"INPUTS:\n{[_whole_mm(pose.position_m) for pose in objects]}\nOUTPUTS:\n"
-
-    def demonstration_text(self, demonstration: Demonstration) -> str:
-        observation = self.observation_text(demonstration.objects, demonstration.instruction)
-        return f"{observation}{self.actions_text(demonstration)}\n"
 
 
 def _whole_mm(position_m: Array) -> list[int]:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Protocol
 
 from app.pipeline.episode import Demonstration, EndEffectorAction, ObjectPose
-from app.pipeline.language import num_clauses
+from app.pipeline.language import clauses
 
 
 class Codec(Protocol):
@@ -12,10 +12,18 @@ class Codec(Protocol):
 
     Attributes:
         stop: strings that end a reply.
+        separator: what stands between a demonstration's actions and the next observation.
     """
 
     @property
     def stop(self) -> tuple[str, ...]: ...
+
+    @property
+    def separator(self) -> str: ...
+
+    def questions(self, instruction: str) -> tuple[str, ...]:
+        """The instructions to ask for one after the other so that the whole `instruction` is carried out."""
+        ...
 
     def observation_text(self, objects: Sequence[ObjectPose], instruction: str) -> str:
         """The observation as the prompt shows it, including the mark that asks for actions."""
@@ -41,8 +49,12 @@ class Codec(Protocol):
         """
         ...
 
-    def decode_row(self, index: int, row: str, objects: Sequence[ObjectPose]) -> EndEffectorAction:
-        """The action of the row at `index` (from 0), given the observed objects.
+    def reply_text(self, rows: Sequence[str]) -> str:
+        """The reply that consists of these rows, as demonstrations show it after the observation."""
+        ...
+
+    def decode_row(self, index: int, row: str, objects: Sequence[ObjectPose], instruction: str) -> EndEffectorAction:
+        """The action of the row at `index` (from 0) of the reply to `instruction`, given the observed objects.
 
         Raises:
             ReplyParseError: if it is not a valid row.
@@ -52,7 +64,7 @@ class Codec(Protocol):
 
 def row_count_bounds(demonstrations: Sequence[Demonstration], instruction: str, max_actions: int) -> tuple[int, int]:
     """The fewest and most rows a reply may have: those a clause has in the demonstrations, times the clauses asked."""
-    asked = num_clauses(instruction)
-    counts = [(asked * len(d.actions), num_clauses(d.instruction)) for d in demonstrations]
+    asked = len(clauses(instruction))
+    counts = [(asked * len(d.actions), len(clauses(d.instruction))) for d in demonstrations]
     fewest, most = min(rows // shown for rows, shown in counts), max(-(-rows // shown) for rows, shown in counts)
     return min(max(fewest, 1), max_actions), min(most, max_actions)

@@ -1,13 +1,16 @@
 """Our representation, beyond the paper: each action relative to the object it has to do with.
 
-``red button 40 41 17 36; push the red button > 1 red button w: +0 +0 +14 0 36 36 0; 2 ...``
+``A red button 40 41 17 36; B blue button 55 36 17 36; push the red button > 1 A w: +0 +0 +14 0 36 36 0; 2 A w: ...``
 
-A row has its number, an object, one of two frames at the object's position (`w`: world axes, `o`: axes turned with the
-object), the offset in units of 5 mm, the relative rotation in 72 bins and the gripper. A reply is decoded against the
-CONTINUOUS observed pose, so that the object's own binning costs nothing.
+Objects stand in the order in which the instruction mentions them, each with a letter. A row has its number, an object's
+letter, one of two frames at the object's position (`w`: world axes, `o`: axes turned with the object), the offset in
+units of 5 mm, the relative rotation in 72 bins and the gripper. Rows of demonstrations that ask for the same thing of
+other objects are then the same. A reply is decoded against the CONTINUOUS observed pose, so that the object's own
+binning costs nothing.
 """
 
 import re
+import string
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,7 +22,7 @@ from scipy.spatial.transform import Rotation
 from app.pipeline.episode import Demonstration, EndEffectorAction, ObjectPose
 from app.pipeline.errors import ReplyParseError
 from app.pipeline.geometry import yaw_rad
-from app.pipeline.language import template
+from app.pipeline.language import clauses, template
 from app.pipeline.representation.anchors import (
     FRAMES,
     Anchor,
@@ -37,8 +40,10 @@ Integers = npt.NDArray[np.int_]
 OFFSET_UNIT_M = 0.005
 # Integers that differ by no more than this over the demonstrations are made equal: small models copy them better.
 JITTER_UNITS = 1
+LETTERS = string.ascii_uppercase
 _ROW = re.compile(
-    r"(\d{1,3}) (.+) ([wo]): ([+-]\d{1,3}) ([+-]\d{1,3}) ([+-]\d{1,3}) (\d{1,2}) (\d{1,2}) (\d{1,2}) ([01])", re.ASCII
+    r"(\d{1,3}) ([A-Z]{1,2}) ([wo]): ([+-]\d{1,3}) ([+-]\d{1,3}) ([+-]\d{1,3}) (\d{1,2}) (\d{1,2}) (\d{1,2}) ([01])",
+    re.ASCII,
 )
 _FENCE = re.compile(r"^```\w*\n?|```$")
 _GRAMMAR_TAIL = """b ::= d " " d " " d " " r " " r " " r " " [01]
@@ -65,6 +70,7 @@ class ObjectFrameCodec:
 
     Attributes:
         tilted: objects whose frame `o` is their full rotation rather than their yaw.
+        first_row: the number of the first row.
     """
 
     workspace: Workspace
@@ -72,7 +78,9 @@ class ObjectFrameCodec:
     with_instruction: bool
     tilted: frozenset[str]
     table: dict[int, tuple[_Row, ...]]
+    first_row: int = 1
     stop: tuple[str, ...] = ("\n",)
+    separator: str = "\n"
 
     @classmethod
     def fit(
@@ -90,8 +98,14 @@ class ObjectFrameCodec:
                 table[id(demonstration)] = rows
         return cls(workspace, tuple(demonstrations), with_instruction, tilted, table)
 
+    def questions(self, instruction: str) -> tuple[str, ...]:
+        """Clause by clause where every demonstration carries out a single one: small models do not compose."""
+        single = all(len(clauses(d.instruction)) == 1 for d in self.demonstrations)
+        return clauses(instruction) if single else (instruction,)
+
     def observation_text(self, objects: Sequence[ObjectPose], instruction: str) -> str:
-        parts = [self._object_text(pose) for pose in in_order(objects, instruction)]
+        ordered = enumerate(in_order(objects, instruction))
+        parts = [f"{_letter(place)} {self._object_text(pose)}" for place, pose in ordered]
         if self.with_instruction:
             parts.append(instruction.rstrip("."))
         return "; ".join(parts) + " >"
@@ -104,45 +118,53 @@ class ObjectFrameCodec:
         return " ".join([pose.name, *map(str, numbers)])
 
     def actions_text(self, demonstration: Demonstration) -> str:
-        rows = self.table[id(demonstration)]
-        return "; ".join(_row_text(number, row) for number, row in enumerate(rows, start=1))
+        ordered = in_order(demonstration.objects, demonstration.instruction)
+        letters = {pose.name: _letter(place) for place, pose in enumerate(ordered)}
+        rows = enumerate(self.table[id(demonstration)], start=self.first_row)
+        return "; ".join(_row_text(number, letters[row.anchor.object_name], row) for number, row in rows)
 
     def demonstration_text(self, demonstration: Demonstration) -> str:
         observation = self.observation_text(demonstration.objects, demonstration.instruction)
-        return f"{observation} {self.actions_text(demonstration)}\n"
+        return f"{observation} {self.actions_text(demonstration)}{self.separator}"
 
     def grammar(self, instruction: str, max_actions: int) -> str:
         fewest, most = row_count_bounds(self.demonstrations, instruction, max_actions)
-        rows = [f'"{number} " a ": " b' for number in range(1, most + 1)]
+        rows = [f'"{number} " a ": " b' for number in range(self.first_row, self.first_row + most)]
         optional = ""
         for row in reversed(rows[fewest:]):
             optional = f' ("; " {row}{optional})?'
-        anchors = " | ".join(f'"{name} {frame}"' for name, frame in self._anchors())
+        anchors = " | ".join(f'"{anchor}"' for anchor in self._anchors(instruction))
         required = ' "; " '.join(rows[:fewest])
         return f'root ::= " " {required}{optional} "\\n"\na ::= {anchors}\n{_GRAMMAR_TAIL}'
 
-    def _anchors(self) -> list[Anchor]:
-        """Every (object, frame) that the demonstrations' objects allow."""
+    def _anchors(self, instruction: str) -> list[str]:
+        """Every letter and frame that the demonstrations' objects allow."""
         rotated = {pose.name for d in self.demonstrations for pose in d.objects if _has_rotation(pose)}
-        names = [pose.name for pose in self.demonstrations[0].objects]
-        return [Anchor(name, frame) for name in names for frame in FRAMES if frame == "w" or name in rotated]
+        ordered = enumerate(in_order(self.demonstrations[0].objects, instruction))
+        return [
+            f"{_letter(k)} {frame}" for k, pose in ordered for frame in FRAMES if frame == "w" or pose.name in rotated
+        ]
 
     def rows(self, reply_text: str, complete: bool) -> list[str]:
         rows = [row.strip() for row in _FENCE.sub("", reply_text.strip()).split(";")]
         return rows if complete else rows[:-1]
 
-    def decode_row(self, index: int, row: str, objects: Sequence[ObjectPose]) -> EndEffectorAction:
+    def reply_text(self, rows: Sequence[str]) -> str:
+        return f" {'; '.join(rows)}"
+
+    def decode_row(self, index: int, row: str, objects: Sequence[ObjectPose], instruction: str) -> EndEffectorAction:
         match = _ROW.fullmatch(row)
         if not match:
-            expected = f"'{index + 1} OBJECT w: +x +y +z roll pitch yaw gripper'"
+            expected = f"'{index + self.first_row} A w: +x +y +z roll pitch yaw gripper'"
             raise ReplyParseError(f"action {index} is {row[:80]!r}, expected {expected}", row)
-        number, name, frame, *numbers, gripper = match.groups()
-        if int(number) != index + 1:
-            raise ReplyParseError(f"action {index} has row number {number}, expected {index + 1}", row)
-        pose = next((pose for pose in objects if pose.name == name), None)
+        number, letter, frame, *numbers, gripper = match.groups()
+        if int(number) != index + self.first_row:
+            raise ReplyParseError(f"action {index} has row number {number}, expected {index + self.first_row}", row)
+        poses = {_letter(place): pose for place, pose in enumerate(in_order(objects, instruction))}
+        pose = poses.get(letter)
         if pose is None or (frame == "o" and not _has_rotation(pose)):
-            known = ", ".join(f"{pose.name} w" + (" or o" if _has_rotation(pose) else "") for pose in objects)
-            raise ReplyParseError(f"action {index} is relative to {name!r} {frame}, expected one of {known}", row)
+            known = ", ".join(f"{key} w" + (" or o" if _has_rotation(pose) else "") for key, pose in poses.items())
+            raise ReplyParseError(f"action {index} is relative to {letter} {frame}, expected one of {known}", row)
         integers = [int(value) for value in numbers]
         if max(integers[3:]) >= ROTATION_BINS:
             message = f"action {index} has the rotations {integers[3:]}, expected 0 to {ROTATION_BINS - 1}"
@@ -151,6 +173,12 @@ class ObjectFrameCodec:
         position_m = pose.position_m + axes.apply(np.array(integers[:3]) * OFFSET_UNIT_M)
         rotation = axes * rotation_from_bins(integers[3:])
         return EndEffectorAction(position_m, rotation.as_quat(canonical=True), gripper == "1")
+
+
+def _letter(place: int) -> str:
+    """A to Z, then AA, AB, ..."""
+    first, last = divmod(place, len(LETTERS))
+    return (LETTERS[first - 1] if first else "") + LETTERS[last]
 
 
 def _has_rotation(pose: ObjectPose) -> bool:
@@ -186,8 +214,7 @@ def _calmed(numbers: Integers) -> Integers:
     return calmed
 
 
-def _row_text(number: int, row: _Row) -> str:
-    name, frame = row.anchor
+def _row_text(number: int, letter: str, row: _Row) -> str:
     offset = " ".join(f"{value:+d}" for value in row.numbers[:3])
     rotation = " ".join(map(str, row.numbers[3:]))
-    return f"{number} {name} {frame}: {offset} {rotation} {int(row.gripper_open)}"
+    return f"{number} {letter} {row.anchor.frame}: {offset} {rotation} {int(row.gripper_open)}"

@@ -48,7 +48,10 @@ def test_demonstration_text():
 
 def read(reply_text):
     """The bins of a reply's actions."""
-    return [discretize_action(seen, WORKSPACE).bins for seen in parse_reply(reply_text, fitted(), [DRAWER])]
+    return [
+        discretize_action(seen, WORKSPACE).bins
+        for seen in parse_reply(reply_text, fitted(), [DRAWER], OPEN.instruction)
+    ]
 
 
 @pytest.mark.parametrize(
@@ -143,7 +146,7 @@ REFUSED = {
 @pytest.mark.parametrize(("reply_text", "message"), REFUSED.items(), ids=lambda text: text[:40])
 def test_refused_replies_carry_their_text(reply_text, message):
     with pytest.raises(ReplyParseError) as caught:
-        parse_reply(reply_text, fitted(), [DRAWER])
+        parse_reply(reply_text, fitted(), [DRAWER], OPEN.instruction)
     assert message in caught.value.message
     assert len(caught.value.message) < 200
     assert caught.value.reply_text == reply_text
@@ -153,9 +156,9 @@ def test_refused_replies_carry_their_text(reply_text, message):
 def test_no_depth_of_nesting_gets_through(depth):
     for opening, closing in (("[", "]"), ('{"a":', "}")):
         text = f"[[1, 2, 3, 4, 5, 6, {opening * depth}1{closing * depth}]]"
-        assert ReplyReader(fitted(), [DRAWER]).feed(text) == []
+        assert ReplyReader(fitted(), [DRAWER], OPEN.instruction).feed(text) == []
         with pytest.raises(ReplyParseError):
-            parse_reply(text, fitted(), [DRAWER])
+            parse_reply(text, fitted(), [DRAWER], OPEN.instruction)
 
 
 BIN_ROWS = st.tuples(*[st.integers(0, 99)] * 3, *[st.integers(0, 71)] * 3, st.integers(0, 1)).map(list)
@@ -163,9 +166,9 @@ BIN_ROWS = st.tuples(*[st.integers(0, 99)] * 3, *[st.integers(0, 71)] * 3, st.in
 
 @given(st.lists(BIN_ROWS, min_size=1, max_size=25))
 def test_every_row_of_bins_is_written_and_read(rows):
-    seen = parse_reply(str(rows), fitted(), [DRAWER])
+    seen = parse_reply(str(rows), fitted(), [DRAWER], OPEN.instruction)
     shown = demonstration("open", [DRAWER], seen)
-    again = parse_reply(fitted().actions_text(shown), fitted(), [DRAWER])
+    again = parse_reply(fitted().actions_text(shown), fitted(), [DRAWER], OPEN.instruction)
     for first, second in zip(seen, again, strict=True):
         np.testing.assert_allclose(first.position_m, second.position_m)
         np.testing.assert_allclose(abs(first.quaternion_xyzw @ second.quaternion_xyzw), 1, atol=1e-9)

@@ -70,7 +70,7 @@ def test_actions_are_written_and_read_within_the_rounding():
         shown = demonstration("go", [DRAWER], [given])
         text = fitted("kat", shown).actions_text(shown)
         assert matches(fitted("kat", shown).grammar("go", 25), text)
-        (seen,) = parse_reply(text, fitted(), [DRAWER])
+        (seen,) = parse_reply(text, fitted(), [DRAWER], "go")
         assert np.linalg.norm(seen.position_m - given.position_m) <= 0.001
         assert angle_deg(seen.quaternion_xyzw, given.quaternion_xyzw) <= 1.5
         assert seen.gripper_open == given.gripper_open
@@ -79,7 +79,9 @@ def test_actions_are_written_and_read_within_the_rounding():
 def test_rounding_bends_no_triplet_beyond_its_bound(monkeypatch):
     monkeypatch.setattr(action_tokens, "MAX_RESIDUAL_MM", action_tokens.ROUNDING_RESIDUAL_MM)
     given = demonstration("go", [DRAWER], random_actions())
-    assert len(parse_reply(fitted("kat", given).actions_text(given), fitted(), [DRAWER], NUM_RANDOM)) == NUM_RANDOM
+    assert (
+        len(parse_reply(fitted("kat", given).actions_text(given), fitted(), [DRAWER], "go", NUM_RANDOM)) == NUM_RANDOM
+    )
 
 
 def test_halfway_between_two_demonstrations_is_a_pose():
@@ -87,7 +89,7 @@ def test_halfway_between_two_demonstrations_is_a_pose():
         turn = Rotation.from_rotvec(turned_deg * given.position_m / np.linalg.norm(given.position_m), degrees=True)
         first = Rotation.from_quat(given.quaternion_xyzw)
         ends = np.array([tokens(given.position_m, rotation) for rotation in (first, turn * first)])
-        (seen,) = parse_reply(str([[*np.rint(ends.mean(axis=0)).astype(int).tolist(), 1]]), fitted(), [DRAWER])
+        (seen,) = parse_reply(str([[*np.rint(ends.mean(axis=0)).astype(int).tolist(), 1]]), fitted(), [DRAWER], "go")
         assert angle_deg(seen.quaternion_xyzw, (turn**0.5 * first).as_quat()) < 3
 
 
@@ -103,7 +105,7 @@ def bent(x_mm):
 
 
 def read(reply_text, prompt_format="paper"):
-    return parse_reply(reply_text, fitted(prompt_format), [DRAWER])
+    return parse_reply(reply_text, fitted(prompt_format), [DRAWER], "go")
 
 
 @pytest.mark.parametrize("x_mm", [-15, -5, 0, 5, 15])
@@ -196,7 +198,7 @@ def test_refused_replies_carry_their_text(reply_text, message):
 
 
 def test_actions_come_while_the_reply_arrives():
-    reader = ReplyReader(fitted("kat"), [DRAWER])
+    reader = ReplyReader(fitted("kat"), [DRAWER], "go")
     early = [seen for character in f"[{ROW}, {ROW_2}" for seen in reader.feed(character)]
     assert len(early) == 2
     assert same_actions(early, reader.finish(f"[{ROW}, {ROW_2}]"))

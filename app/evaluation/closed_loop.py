@@ -1,0 +1,100 @@
+"""A trial in closed loop: the simulated robot observes and asks before every action."""
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from app.client.client import PredictedActions, RoboPromptClient
+from app.client.errors import ServiceProblemError
+from app.client.loop import run_closed_loop
+from app.client.robot import MotionError, Observation, Robot
+from app.evaluation.noise import disturbed
+from app.pipeline.episode import EndEffectorAction
+from app.sim.demonstrate import RolloutResult, judge, robot_in_scene
+from app.sim.tasks import TASKS
+
+UNPARSABLE_REPLY = "/problems/unparsable-reply"  # the problem that is the LLM's failure, not the service's
+
+
+@dataclass(frozen=True, eq=False)
+class ClosedLoopResult:
+    """What became of a scene.
+
+    Attributes:
+        answer: the last step's, whose prompt shows all of them; timings and tokens are those of all steps. None if the
+            first step already failed.
+        error: why an LLM's reply gave no action; empty otherwise.
+        duration_s: in all.
+    """
+
+    actions: tuple[EndEffectorAction, ...]
+    answer: Mapping[str, Any] | None
+    error: str
+    execution: RolloutResult
+    duration_s: float
+
+
+class _Disturbed:
+    """A robot that sees objects a little off where they are."""
+
+    def __init__(self, robot: Robot, noise: float, seed: int) -> None:
+        self._robot, self._noise, self._seed = robot, noise, seed
+        self.execute, self.stop = robot.execute, robot.stop
+
+    def observe(self) -> Observation:
+        return Observation(disturbed(self._robot.observe().objects, self._noise, self._seed))
+
+
+def run_in_closed_loop(
+    url: str, name: str, task: str, seed: int, noise: float, options: Mapping[str, Any]
+) -> ClosedLoopResult:
+    """Run a trial; for a worker process, which must reach the service.
+
+    Args:
+        name: of the task at the service.
+
+    Raises:
+        ServiceProblemError, ServiceUnreachableError: nothing is known about the method.
+    """
+    started = time.perf_counter()
+    robot = robot_in_scene(task, seed, TASKS[task].test_variation(seed), images=False)
+    steps: list[PredictedActions] = []
+    error, blocked = "", ""
+    with RoboPromptClient(url) as client:
+        try:
+            seen = _Disturbed(robot, noise, seed)
+            for step in run_closed_loop(client, seen, name, robot.task.instruction, **options):
+                steps.append(step)
+        except MotionError as failure:
+            blocked = str(failure)
+        except ServiceProblemError as problem:
+            if problem.problem.get("type") != UNPARSABLE_REPLY:
+                raise
+            error = str(problem)
+        failure_text = error or blocked or judge(robot)
+        for step in steps:
+            client.record_outcome(step.id, not failure_text, failure_text or None)
+    actions = tuple(action for step in steps for action in step.actions)
+    num_executed = len(actions) - (1 if blocked else 0)
+    execution = RolloutResult(task, seed, num_executed, not failure_text, failure_text, ())
+    return ClosedLoopResult(actions, _together(steps), error, execution, time.perf_counter() - started)
+
+
+def _together(steps: Sequence[PredictedActions]) -> Mapping[str, Any] | None:
+    """The last answer with the actions, replies, timings and tokens of all."""
+    if not steps:
+        return None
+    answers = [step.response for step in steps]
+    return {
+        **answers[-1],
+        "actions": [action for answer in answers for action in answer["actions"]],
+        "reply_text": "\n".join(answer["reply_text"] for answer in answers),
+        "timings_ms": _sums([answer["timings_ms"] for answer in answers]),
+        "usage": _sums([answer["usage"] for answer in answers]),
+    }
+
+
+def _sums(documents: Sequence[Mapping[str, float]]) -> dict[str, float]:
+    keys = dict.fromkeys(key for document in documents for key in document)
+    return {key: sum(document.get(key, 0) for document in documents) for key in keys}

@@ -1,0 +1,193 @@
+"""Upright boxes and cylinders of known size and colour, found in RGB-D images."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from app.perception.base import ObjectQuery
+from app.perception.color import HsvImage, color_mask, to_hsv
+from app.perception.cuboid_fit import fit_upright
+from app.perception.cuboid_judge import judge
+from app.perception.cuboid_model import CuboidModel
+from app.perception.cuboid_view import view_of
+from app.perception.depth_checks import check_rgbd
+from app.perception.instances import chosen, instances
+from app.perception.level_check import check_level
+from app.perception.pieces import Piece, find_pieces
+from app.perception.sightings import Miss, Sighting, fused
+from app.pipeline.episode import Array, ObjectPose, RgbdFrame
+from app.pipeline.errors import InvalidInputError
+from app.pipeline.geometry import yaw_rad
+
+NAME = "cuboid"
+FULL_TURN_RAD = 2 * np.pi
+
+
+class CuboidPoses:
+    """Colour mask, then a fit of the known shape to depth and outline, camera by camera.
+
+    Objects stand upright: their z axis is the world's. Yaws are canonical under the shape's symmetry.
+    """
+
+    def estimate(self, objects: Sequence[ObjectQuery], frames: Sequence[RgbdFrame]) -> tuple[ObjectPose, ...]:
+        """One pose per object; see `app.perception.base.PoseEstimator`.
+
+        Raises:
+            InvalidInputError: if a query has no cuboid model, there is no camera, or a camera's images are unusable.
+            ObjectNotVisibleError, UncertainPoseError: see `app.perception.sightings.fused`.
+        """
+        models = {query.name: _model_of(query) for query in objects}
+        search = _Search(tuple(_Scene.of(frame) for frame in _checked(frames)))
+        found: dict[str, ObjectPose] = {}
+        by_name = {query.name: query for query in objects}
+        for name in _in_order(models):
+            found[name] = search.pose(by_name[name], models[name], found)
+        return tuple(found[query.name] for query in objects)
+
+
+def likenesses(model: CuboidModel, frames: Sequence[RgbdFrame]) -> list[Array]:
+    """Where (3,) things are that look like the model, whichever it means; the middles of their shapes."""
+    looks = replace(model, origin_m=(0.0, 0.0, 0.0), rank=None, away_from=None)
+    sightings, _ = _Search(tuple(_Scene.of(frame) for frame in frames)).look(looks)
+    found = instances(sightings, looks)
+    return [item.position_m for item in found if item.confidence >= model.min_confidence]
+
+
+@dataclass(frozen=True, eq=False)
+class _Scene:
+    frame: RgbdFrame
+    hsv: HsvImage
+
+    @classmethod
+    def of(cls, frame: RgbdFrame) -> "_Scene":
+        check_rgbd(frame)
+        check_level(frame)
+        assert frame.rgb is not None
+        return cls(frame, to_hsv(frame.rgb))
+
+
+class _Search:
+    """Finds objects in one set of images; objects that look alike are looked for once."""
+
+    def __init__(self, scenes: Sequence[_Scene]) -> None:
+        self._scenes = scenes
+        self._seen: dict[CuboidModel, tuple[list[Sighting], list[Miss]]] = {}
+
+    def pose(self, query: ObjectQuery, model: CuboidModel, found: dict[str, ObjectPose]) -> ObjectPose:
+        looks = replace(model, origin_m=(0.0, 0.0, 0.0), rank=None, away_from=None)
+        if looks not in self._seen:
+            self._seen[looks] = self.look(looks)
+        sightings, misses = self._seen[looks]
+        anchor = None if model.rank is None else found[model.rank.nearest_to].position_m
+        instance = chosen(query.name, model, instances(sightings, model), anchor)
+        middle = fused(
+            query,
+            instance.sightings,
+            misses,
+            estimator=NAME,
+            min_confidence=model.min_confidence,
+            yaw_symmetry_deg=model.shape_symmetry_deg,
+        )
+        if instance.note:
+            middle = replace(middle, reason="; ".join(filter(None, (middle.reason, instance.note))))
+        return _at_origin(middle, model, None if model.away_from is None else found[model.away_from].position_m)
+
+    def look(self, model: CuboidModel) -> tuple[list[Sighting], list[Miss]]:
+        """What each camera makes of everything that looks like the model."""
+        sightings: list[Sighting] = []
+        misses: list[Miss] = []
+        size_m = np.array(model.size_m)
+        for scene in self._scenes:
+            camera = scene.frame.camera.name
+            mask = color_mask(scene.hsv, model.color)
+            pieces = find_pieces(scene.frame, mask, size_m, model.shape)
+            sightings += [_sighting(scene.frame, piece, model) for piece in pieces]
+            if not pieces:
+                misses.append(Miss(camera, _why_nothing(scene.frame, mask)))
+        return sightings, misses
+
+
+def _model_of(query: ObjectQuery) -> CuboidModel:
+    if isinstance(query.model, CuboidModel):
+        return query.model
+    what = "is missing" if query.model is None else f"is for the estimator {query.model.estimator!r}"
+    remedy = 'its size and colour, e.g. {"estimator": "cuboid", "size_m": [0.05, 0.05, 0.05], "color": "red"}'
+    raise InvalidInputError(f"object_models[{query.name}]", what, remedy)
+
+
+def _checked(frames: Sequence[RgbdFrame]) -> Sequence[RgbdFrame]:
+    if not frames:
+        raise InvalidInputError("cameras", "there is none", "rgb_NAME and depth_NAME of at least one camera")
+    return frames
+
+
+def _in_order(models: dict[str, CuboidModel]) -> list[str]:
+    """The objects' names, each after those that it is told apart by.
+
+    Raises:
+        InvalidInputError: if one refers to an object that is not asked for, or to itself in the end.
+    """
+    ordered: list[str] = []
+
+    def visit(name: str, path: tuple[str, ...]) -> None:
+        if name in path:
+            field = f"object_models[{path[0]}]"
+            raise InvalidInputError(field, f"refers to itself: {' -> '.join((*path, name))}", "no circle")
+        if name in ordered:
+            return
+        for field, other in _references(models[name]).items():
+            if other not in models:
+                message = f"is {other!r}, which is not among the objects"
+                raise InvalidInputError(f"object_models[{name}].{field}", message, ", ".join(models))
+            visit(other, (*path, name))
+        ordered.append(name)
+
+    for name in models:
+        visit(name, ())
+    return ordered
+
+
+def _references(model: CuboidModel) -> dict[str, str]:
+    rank = {} if model.rank is None else {"rank.nearest_to": model.rank.nearest_to}
+    return rank if model.away_from is None else {**rank, "away_from": model.away_from}
+
+
+def _sighting(frame: RgbdFrame, piece: Piece, model: CuboidModel) -> Sighting:
+    view = view_of(frame, piece)
+    yaw_range_rad = np.radians(model.shape_symmetry_deg) or FULL_TURN_RAD
+    fit = fit_upright(view, model.shape, np.array(model.size_m), yaw_range_rad=yaw_range_rad)
+    verdict = judge(frame, piece, view, model.shape, fit)
+    quaternion = Rotation.from_euler("z", fit.candidate[3]).as_quat(canonical=True)
+    return Sighting(frame.camera.name, fit.candidate[:3], quaternion, verdict.confidence, verdict.reason)
+
+
+def _why_nothing(frame: RgbdFrame, mask: np.ndarray) -> str:
+    assert frame.depth_m is not None
+    count = int(np.count_nonzero(mask))
+    if not count:
+        return "no pixel has its colour"
+    if not (frame.depth_m[mask > 0] > 0).any():
+        return f"the {count} pixels of its colour have no depth"
+    return f"{count} pixels have its colour, but none of their patches is large enough"
+
+
+def _at_origin(middle: ObjectPose, model: CuboidModel, away_from_m: Array | None) -> ObjectPose:
+    """The object's own pose from that of its shape."""
+    assert middle.quaternion_xyzw is not None
+    rotation = Rotation.from_quat(middle.quaternion_xyzw)
+    if away_from_m is not None:
+        rotation = _turned_away(rotation, middle.position_m - away_from_m, model.shape_symmetry_deg)
+    position_m = middle.position_m + rotation.apply(model.origin_m)
+    return replace(middle, position_m=position_m, quaternion_xyzw=rotation.as_quat(canonical=True))
+
+
+def _turned_away(rotation: Rotation, away: Array, symmetry_deg: float) -> Rotation:
+    """Of the yaws that look alike the one whose x axis points most along `away`."""
+    heading_rad = float(np.arctan2(away[1], away[0]))
+    if symmetry_deg == 0:
+        return Rotation.from_euler("z", heading_rad)
+    period_rad = np.radians(symmetry_deg)
+    yaw = yaw_rad(rotation)
+    return Rotation.from_euler("z", yaw + round((heading_rad - yaw) / period_rad) * period_rad)

@@ -1,0 +1,122 @@
+"""How far a fitted shape can be trusted: a confidence, and what lowers it in words."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from app.perception.cuboid_fit import Fit, View
+from app.perception.pieces import Piece, full_mask
+from app.perception.upright_shape import Shape, outline_points_m, surface_distances_m
+from app.pipeline.episode import Array, Camera, RgbdFrame
+from app.pipeline.geometry import pixels_to_world
+
+Bools = npt.NDArray[np.bool_]
+
+SURFACE_M = 0.006  # within this a point lies on the surface, whatever the depth noise
+DEPTH_SIGMAS = 3.0
+ENOUGH_VISIBLE = 0.35  # of the outline's area: less lowers the confidence
+STRICTNESS = 3  # the power of what agrees: 80 % of the pixels in agreement make a confidence of a half
+RIVAL_COST = 3.0  # another yaw whose cost is greater by less than this explains the image as well
+RIVAL_FACTOR = 0.4
+NOTED = 0.85  # a share below this is mentioned
+BORDER_PX = 2
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Confidence 0..1 and what lowers it."""
+
+    confidence: float
+    reason: str
+
+
+def judge(frame: RgbdFrame, piece: Piece, view: View, shape: Shape, fit: Fit) -> Verdict:
+    """Compare the piece's pixels with those that the fitted shape would have.
+
+    Counted against it: pixels of the object outside of its outline; places inside the outline where the camera sees
+    through it or another colour on it; depths off its surface; little of it in sight; another yaw that fits as well.
+    Not counted: what stands before it.
+    """
+    covered, own, contradicting = _shares(frame, piece, shape, fit.candidate)
+    tolerance_m = SURFACE_M + DEPTH_SIGMAS * 0.002 * piece.distance_m**2
+    on_surface = float((np.abs(surface_distances_m(shape, fit.candidate[None], view.points_m)) < tolerance_m).mean())
+    shares = {
+        "of its pixels lie inside the outline of the fitted shape": own,
+        "of the fitted shape's visible area has its colour": 1 - contradicting,
+        "of its depths lie on the fitted shape": on_surface,
+        "of it is visible": covered,
+    }
+    notes = [f"only {100 * share:.0f} % {what}" for what, share in shares.items() if share < NOTED]
+    agreement = own * (1 - contradicting) * on_surface
+    confidence = agreement**STRICTNESS * min(1.0, covered / ENOUGH_VISIBLE)
+    if shape == "box" and fit.rival_cost - fit.cost < RIVAL_COST:
+        confidence *= RIVAL_FACTOR
+        degrees = (np.degrees(fit.candidate[3]), np.degrees(fit.rival_yaw_rad))
+        notes.append("yaws {:.0f} and {:.0f} degrees fit alike".format(*degrees))
+    return Verdict(float(confidence), ", ".join(notes))
+
+
+def _shares(frame: RgbdFrame, piece: Piece, shape: Shape, candidate: Array) -> tuple[float, float, float]:
+    """Of the outline's area the share seen; of the piece the share in it; of the area not hidden the wrong share.
+
+    A pixel's width about the outline is left out of the latter two: that is rounding.
+    """
+    assert frame.depth_m is not None
+    corners = _project(frame.camera, outline_points_m(shape, candidate))
+    hull = cv2.convexHull(np.round(corners).astype(np.int32))[:, 0]
+    low = np.minimum(hull.min(axis=0), (piece.left_px, piece.top_px)) - BORDER_PX
+    high = np.maximum(hull.max(axis=0), (piece.left_px + piece.mask.shape[1], piece.top_px + piece.mask.shape[0]))
+    width, height = np.minimum(high - low + BORDER_PX, 4 * max(frame.depth_m.shape))
+    canvas = np.zeros((height, width), np.uint8)
+    cv2.fillConvexPoly(canvas, hull - low.astype(np.int32), 1)
+    filled = canvas > 0
+    mask, depth_m = _canvas(frame, piece, low, (int(width), int(height)))
+    common = int(np.count_nonzero(filled & mask))
+    rows, columns = np.nonzero(filled & ~mask & (depth_m > 0))
+    points_m = pixels_to_world(frame.camera, rows + low[1], columns + low[0], depth_m[rows, columns])
+    apart = surface_distances_m(shape, candidate[None], points_m)[0] > SURFACE_M
+    before = apart & (depth_m[rows, columns] < _depth_m(frame.camera, candidate[:3]))
+    rim = _rim(filled)[rows, columns]
+    wrong = int(np.count_nonzero(~before & ~rim))
+    inside = int(np.count_nonzero(mask & (cv2.dilate(canvas, np.ones((3, 3), np.uint8)) > 0)))
+    areas = [max(int(np.count_nonzero(pixels)), 1) for pixels in (filled, mask)]
+    return common / areas[0], inside / areas[1], wrong / max(wrong + common, 1)
+
+
+def _canvas(
+    frame: RgbdFrame, piece: Piece, low: npt.NDArray[np.int64], size: tuple[int, int]
+) -> tuple[Bools, npt.NDArray[np.float32]]:
+    """Mask and depth of a part of the image that may reach beyond it; nothing there."""
+    assert frame.depth_m is not None
+    left, top = (int(item) for item in low)
+    width, height = size
+    rows, columns = frame.depth_m.shape
+    inside = np.s_[max(top, 0) : min(top + height, rows), max(left, 0) : min(left + width, columns)]
+    place = np.s_[
+        max(-top, 0) : max(-top, 0) + inside[0].stop - inside[0].start,
+        max(-left, 0) : max(-left, 0) + inside[1].stop - inside[1].start,
+    ]
+    mask, depth_m = np.zeros((height, width), np.bool_), np.zeros((height, width), np.float32)
+    mask[place], depth_m[place] = full_mask(piece, frame.depth_m.shape)[inside], frame.depth_m[inside]
+    return mask, depth_m
+
+
+def _rim(filled: Bools) -> Bools:
+    """The outermost pixels of the outline."""
+    inner: Bools = cv2.erode(filled.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    return filled & ~inner
+
+
+def _project(camera: Camera, points_m: Array) -> Array:
+    """(N, 2) column and row."""
+    local = (points_m - camera.camera_to_world[:3, 3]) @ camera.camera_to_world[:3, :3]
+    depth = np.maximum(local[:, 2], 1e-3)
+    return np.column_stack(
+        [local[:, 0] / depth * camera.fx_px + camera.cx_px, local[:, 1] / depth * camera.fy_px + camera.cy_px]
+    )
+
+
+def _depth_m(camera: Camera, point_m: Array) -> float:
+    return float((point_m - camera.camera_to_world[:3, 3]) @ camera.camera_to_world[:3, 2])

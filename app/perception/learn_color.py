@@ -1,0 +1,88 @@
+"""An object's colour from its pixels, as wide as the surroundings allow."""
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from app.perception.base import ObjectQuery
+from app.perception.color import to_hsv
+from app.perception.cuboid_model import ColorModel
+from app.pipeline.episode import RgbdFrame
+from app.pipeline.errors import InvalidInputError
+
+Bools = npt.NDArray[np.bool_]
+
+LEAST_SATURATION = 0.3  # paler pixels have no hue worth the name
+HUE_BIN_DEG = 5.0
+PEAK_REACH_DEG = 30.0
+HUE_MARGIN_DEG, SATURATION_MARGIN, VALUE_FACTOR = 8.0, 0.15, 0.5  # for other light than the demonstrations'
+MAX_LEAST_VALUE = 0.2  # what was learned from a lit side must find the shaded ones
+SEED_REACH_PX = 4
+SEED_BEHIND_M = 0.015
+
+
+def object_pixels(frame: RgbdFrame, query: ObjectQuery) -> Bools | None:
+    """(H, W) pixels that are the object's: those of its mask ids, else some about its position; None: there is none."""
+    assert frame.depth_m is not None
+    if query.mask_ids and frame.mask is not None:
+        pixels = np.isin(frame.mask, query.mask_ids) & (frame.depth_m > 0)
+        return pixels if pixels.any() else None
+    return None if query.position_m is None else _about(frame, np.array(query.position_m))
+
+
+def _about(frame: RgbdFrame, position_m: npt.NDArray[np.float64]) -> Bools | None:
+    """Pixels around a position's that do not lie behind it."""
+    assert frame.depth_m is not None
+    camera, (height, width) = frame.camera, frame.depth_m.shape
+    x, y, z = (position_m - camera.camera_to_world[:3, 3]) @ camera.camera_to_world[:3, :3]
+    if z <= 0:
+        return None
+    column, row = round(x / z * camera.fx_px + camera.cx_px), round(y / z * camera.fy_px + camera.cy_px)
+    if not (0 <= column < width and 0 <= row < height):
+        return None
+    pixels = np.zeros((height, width), np.bool_)
+    reach = np.s_[
+        max(row - SEED_REACH_PX, 0) : row + SEED_REACH_PX + 1,
+        max(column - SEED_REACH_PX, 0) : column + SEED_REACH_PX + 1,
+    ]
+    pixels[reach] = (frame.depth_m[reach] > 0) & (frame.depth_m[reach] < z + SEED_BEHIND_M)
+    return pixels if pixels.any() else None
+
+
+def learn_color(field: str, seen: Sequence[tuple[RgbdFrame, Bools]]) -> ColorModel:
+    """The colour of most of the saturated pixels, with a margin for other light.
+
+    Raises:
+        InvalidInputError: naming `field` if the object has no colour that stands out.
+    """
+    samples = np.concatenate([_samples(frame, pixels) for frame, pixels in seen])
+    strong = samples[samples[:, 1] > LEAST_SATURATION]
+    if len(strong) < 0.2 * len(samples) or len(strong) < 10:
+        share = f"only {100 * len(strong) / len(samples):.0f} % of its pixels have a colour (saturation over 0.3)"
+        raise InvalidInputError(field, share, "a coloured object, markers on it, or masks")
+    counts, edges = np.histogram(strong[:, 0], np.arange(0, 360 + HUE_BIN_DEG, HUE_BIN_DEG))
+    smooth = counts + np.roll(counts, 1) + np.roll(counts, -1)
+    peak_deg = edges[np.argmax(smooth)] + HUE_BIN_DEG / 2
+    offsets_deg = (strong[:, 0] - peak_deg + 180) % 360 - 180
+    near = np.abs(offsets_deg) < PEAK_REACH_DEG
+    (low, high), least = np.percentile(offsets_deg[near], [2, 98]), np.percentile(strong[near, 1:], 2, axis=0)
+    hue_deg = ((peak_deg + low - HUE_MARGIN_DEG) % 360, (peak_deg + high + HUE_MARGIN_DEG) % 360)
+    saturation = max(least[0] - SATURATION_MARGIN, LEAST_SATURATION)
+    return ColorModel(
+        (round(float(hue_deg[0]), 1), round(float(hue_deg[1]), 1)),
+        (round(float(saturation), 3), 1.0),
+        (round(float(min(least[1] * VALUE_FACTOR, MAX_LEAST_VALUE)), 3), 1.0),
+    )
+
+
+def _samples(frame: RgbdFrame, pixels: Bools) -> npt.NDArray[np.float64]:
+    """(N, 3) hue in degrees, saturation and value in 0..1 of the pixels, without their rim where enough is left."""
+    assert frame.rgb is not None
+    inner = cv2.erode(pixels.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    chosen = inner if np.count_nonzero(inner) > 30 else pixels
+    rows, columns = np.nonzero(chosen)
+    hsv = to_hsv(np.ascontiguousarray(frame.rgb[rows, columns][None]))[0]
+    samples: npt.NDArray[np.float64] = hsv * np.array([360 / 256, 1 / 255, 1 / 255])
+    return samples

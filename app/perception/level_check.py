@@ -1,0 +1,50 @@
+"""Whether what a camera sees agrees with its calibration: tables and floors are level."""
+
+import numpy as np
+
+from app.pipeline.episode import Array, RgbdFrame
+from app.pipeline.errors import InvalidInputError
+from app.pipeline.geometry import pixels_to_world
+
+STRIDE_PX = 16
+NUM_TRIALS = 60
+FLAT_M = 0.006  # points nearer to a plane than this belong to it: three sigma at 1 m, times the square of the distance
+ENOUGH_SHARE = 0.25  # of the points, for a plane to count as table or floor
+MAX_TILT_DEG, STEEP_DEG = 5.0, 40.0  # beyond the latter it is a wall or a ramp, not a table
+
+
+def check_level(frame: RgbdFrame) -> None:
+    """Refuse a frame whose largest flat surface is nearly level, but not level; where there is none, nothing is known.
+
+    Raises:
+        InvalidInputError: naming the camera's camera_to_world and the tilt.
+    """
+    assert frame.depth_m is not None
+    depth_m = frame.depth_m[::STRIDE_PX, ::STRIDE_PX]
+    rows, columns = np.nonzero(depth_m > 0)
+    if len(rows) < NUM_TRIALS:
+        return
+    depths_m = depth_m[rows, columns]
+    points_m = pixels_to_world(frame.camera, rows * STRIDE_PX, columns * STRIDE_PX, depths_m)
+    normal, share = _largest_plane(points_m, FLAT_M * np.maximum(depths_m.astype(np.float64), 1.0) ** 2)
+    tilt_deg = float(np.degrees(np.arccos(np.clip(abs(normal[2]), 0, 1))))
+    if share > ENOUGH_SHARE and MAX_TILT_DEG < tilt_deg < STEEP_DEG:
+        name = frame.camera.name
+        message = f"would tilt the largest flat surface that {name} sees by {tilt_deg:.0f} degrees"
+        remedy = "the pose of the camera that took the image, in a world whose z axis is vertical; images not swapped"
+        raise InvalidInputError(f"cameras[{name}].camera_to_world", message, remedy)
+
+
+def _largest_plane(points_m: Array, tolerance_m: Array) -> tuple[Array, float]:
+    """Unit normal (3,) of the plane near most points, and their share."""
+    triples = np.random.default_rng(0).integers(len(points_m), size=(NUM_TRIALS, 3))
+    corners = points_m[triples]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+    offsets_m = np.abs(points_m @ normals.T - (corners[:, 0] * normals).sum(axis=1))
+    near = offsets_m < tolerance_m[:, None]
+    chosen = near[:, int(near.sum(axis=0).argmax())]
+    inliers = points_m[chosen]
+    _, _, axes = np.linalg.svd(inliers - inliers.mean(axis=0), full_matrices=False)
+    normal: Array = axes[2]
+    return normal, float(chosen.mean())

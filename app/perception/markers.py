@@ -1,0 +1,116 @@
+"""Poses from ArUco or AprilTag markers on the objects, or on fixtures that hold them."""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from itertools import combinations
+
+from scipy.spatial.transform import Rotation
+
+from app.perception.base import ObjectQuery
+from app.perception.depth_checks import check_rgbd
+from app.perception.marker_confidence import confidence, depth_contradiction
+from app.perception.marker_detection import SeenMarker, find_markers
+from app.perception.marker_fit import fit_markers
+from app.perception.marker_model import MarkersModel
+from app.perception.marker_view import MarkerView
+from app.perception.sightings import Miss, Sighting, fused
+from app.pipeline.episode import ObjectPose, RgbdFrame
+from app.pipeline.errors import InvalidInputError
+
+MIN_FACE_POINTS = 8
+
+Seen = Mapping[str, Sequence[SeenMarker]]
+
+
+class MarkerPoses:
+    """Finds objects by their markers: direction and yaw from the corners, the range from the depth on them.
+
+    All of an object's markers that a camera sees are used together; several cameras' poses are fused.
+    """
+
+    def estimate(self, objects: Sequence[ObjectQuery], frames: Sequence[RgbdFrame]) -> tuple[ObjectPose, ...]:
+        models = [_model(query) for query in objects]
+        _check_shared(objects, models)
+        if not frames:
+            raise InvalidInputError("cameras", "there is none", "rgb_NAME and depth_NAME of at least one camera")
+        for frame in frames:
+            check_rgbd(frame)
+        wanted = _wanted(models)
+        seen = [{name: _find(frame, name, ids) for name, ids in wanted.items()} for frame in frames]
+        return tuple(_pose(query, model, frames, seen) for query, model in zip(objects, models, strict=True))
+
+
+def _model(query: ObjectQuery) -> MarkersModel:
+    if not isinstance(query.model, MarkersModel):
+        what = "is missing" if query.model is None else f"is for the estimator {query.model.estimator!r}"
+        remedy = '{"estimator": "markers", "dictionary": "DICT_4X4_50", "markers": [{"id": 0, "size_m": 0.04}]}'
+        raise InvalidInputError(f"object_models[{query.name}]", what, remedy)
+    return query.model
+
+
+def _check_shared(objects: Sequence[ObjectQuery], models: Sequence[MarkersModel]) -> None:
+    named = [(query.name, model) for query, model in zip(objects, models, strict=True)]
+    for (one, first), (other, second) in combinations(named, 2):
+        # a fixture's marker may serve several objects, but not with the same place on each
+        shared = set(first.markers) & set(second.markers) if first.dictionary == second.dictionary else set()
+        if shared:
+            message = f"has marker {min(item.id for item in shared)} where {one!r} has it"
+            raise InvalidInputError(f"object_models[{other}].markers", message, "another id or marker_to_object")
+
+
+def _wanted(models: Sequence[MarkersModel]) -> dict[str, set[int]]:
+    """The ids to look for, by dictionary."""
+    wanted: dict[str, set[int]] = {}
+    for model in models:
+        wanted.setdefault(model.dictionary, set()).update(marker.id for marker in model.markers)
+    return wanted
+
+
+def _find(frame: RgbdFrame, dictionary: str, ids: set[int]) -> tuple[SeenMarker, ...]:
+    assert frame.rgb is not None
+    return find_markers(frame.rgb, dictionary, ids)
+
+
+def _pose(query: ObjectQuery, model: MarkersModel, frames: Sequence[RgbdFrame], seen: Sequence[Seen]) -> ObjectPose:
+    found = [_look(model, frame, markers[model.dictionary]) for frame, markers in zip(frames, seen, strict=True)]
+    return fused(
+        query,
+        [item for item in found if isinstance(item, Sighting)],
+        [item for item in found if isinstance(item, Miss)],
+        estimator="markers",
+        min_confidence=model.min_confidence,
+    )
+
+
+def _look(model: MarkersModel, frame: RgbdFrame, seen: Sequence[SeenMarker]) -> Sighting | Miss:
+    """What one camera makes of one object."""
+    camera = frame.camera
+    known = {marker.id: marker for marker in model.markers}
+    mine = [item for item in seen if item.id in known]
+    listed = _listed(known)
+    if not mine:
+        return Miss(camera.name, f"no {listed} of {model.dictionary} in its image")
+    if repeated := [id_ for id_, count in Counter(item.id for item in mine).items() if count > 1]:
+        return Miss(camera.name, f"{_listed(repeated)} is in its image more than once", seen=True)
+    views = [MarkerView.of(frame, item, known[item.id]) for item in mine]
+    views = [view for view in views if len(view.points_m) >= MIN_FACE_POINTS]
+    if not views:
+        return Miss(camera.name, f"no depth is known on {_listed([item.id for item in mine])}", seen=True)
+    for view in views:
+        if contradiction := depth_contradiction(camera, view):
+            return Miss(camera.name, contradiction, seen=True)
+    return _sighting(model, frame, views)
+
+
+def _sighting(model: MarkersModel, frame: RgbdFrame, views: Sequence[MarkerView]) -> Sighting:
+    camera = frame.camera
+    fit = fit_markers(camera, views, camera.camera_to_world[2, :3] if model.upright else None)
+    object_to_world = camera.camera_to_world @ fit.object_to_camera
+    certain, reason = confidence(camera, fit, views)
+    quaternion = Rotation.from_matrix(object_to_world[:3, :3]).as_quat(canonical=True)
+    return Sighting(camera.name, object_to_world[:3, 3], quaternion, certain, reason)
+
+
+def _listed(ids: Sequence[int] | Mapping[int, object]) -> str:
+    numbers = ", ".join(map(str, ids))
+    return f"marker {numbers}" if len(ids) == 1 else f"markers {numbers}"

@@ -1,0 +1,175 @@
+"""A colour mask -> the separate things that it shows."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from app.perception.upright_shape import Shape
+from app.pipeline.episode import Array, Camera, RgbdFrame
+from app.pipeline.geometry import pixels_to_world
+
+Bytes = npt.NDArray[np.uint8]
+MIN_PIXELS = 20
+SPECK = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
+MIN_SHARE = 0.06  # of the pixels that the whole object would have: what is smaller is no sight of it
+STEP_PIXELS = 8.0  # a step in depth by more pixel widths than this, within 3x3 pixels, parts two things
+MAX_PIECES = 12
+SLACK_M, SLACK_FACTOR = 0.012, 1.1  # for depth noise, when pieces are put together
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """Pixels of one thing.
+
+    Attributes:
+        left_px, top_px: where `mask` lies in the image.
+        mask: (h, w) bool.
+        distance_m: median depth; 0 where none is known.
+    """
+
+    left_px: int
+    top_px: int
+    mask: npt.NDArray[np.bool_]
+    distance_m: float
+
+    @property
+    def num_pixels(self) -> int:
+        """How many pixels it has."""
+        return int(np.count_nonzero(self.mask))
+
+
+def expected_pixels(camera: Camera, size_m: Array, distance_m: float, shape: Shape) -> float:
+    """Roughly how many pixels the whole object has, seen from the camera's angle."""
+    down = abs(float(camera.camera_to_world[2, 2]))
+    level = np.sqrt(max(1 - down**2, 0))
+    top_m2 = size_m[0] * size_m[1] * (np.pi / 4 if shape == "cylinder" else 1)
+    side_m2 = size_m[2] * (size_m[0] if shape == "cylinder" else (size_m[0] + size_m[1]) * 2 / np.pi)
+    return float(camera.fx_px * camera.fy_px / distance_m**2 * (down * top_m2 + level * side_m2))
+
+
+def find_pieces(frame: RgbdFrame, color_mask: Bytes, size_m: Array, shape: Shape) -> list[Piece]:
+    """The things in the mask that may be the object, the largest first.
+
+    Parts of one thing, parted by what stands before it, are put together where they fit into one object of that size.
+    """
+    pieces = [
+        piece
+        for piece in _together(frame, find_parts(frame, color_mask), size_m)
+        if piece.num_pixels > MIN_SHARE * expected_pixels(frame.camera, size_m, piece.distance_m, shape)
+    ]
+    return _largest_first(pieces)[:MAX_PIECES]
+
+
+def find_parts(frame: RgbdFrame, color_mask: Bytes) -> list[Piece]:
+    """The mask's connected patches, the largest first; what touches in the image but lies apart in depth is parted."""
+    assert frame.depth_m is not None
+    left_px, top_px, width, height = cv2.boundingRect(
+        color_mask
+    )  # labelling the whole image takes longer than the rest
+    cropped = color_mask[top_px : top_px + height, left_px : left_px + width]
+    if not cropped.size:
+        return []
+    faces = cv2.morphologyEx(cropped, cv2.MORPH_OPEN, SPECK)  # single pixels and strips are none
+    _, labels, boxes, _ = cv2.connectedComponentsWithStats(faces, connectivity=4)
+    largest = 1 + np.argsort(-boxes[1:, cv2.CC_STAT_AREA])[: 2 * MAX_PIECES]
+    pieces: list[Piece] = []
+    for label in largest:
+        x, y, width, height, area = (int(item) for item in boxes[label])
+        if area < MIN_PIXELS:
+            break
+        left, top = left_px + x, top_px + y
+        mask = labels[y : y + height, x : x + width] == label
+        pieces += _parted(frame.camera, left, top, mask, frame.depth_m[top : top + height, left : left + width])
+    return _largest_first([piece for piece in pieces if piece.distance_m > 0])
+
+
+def _largest_first(pieces: Sequence[Piece]) -> list[Piece]:
+    return sorted(pieces, key=lambda piece: -piece.num_pixels)
+
+
+def _parted(
+    camera: Camera, left: int, top: int, mask: npt.NDArray[np.bool_], depth_m: npt.NDArray[np.float32]
+) -> list[Piece]:
+    """The mask cut along steps in depth."""
+    known = mask & (depth_m > 0)
+    if np.count_nonzero(known) < MIN_PIXELS // 2:
+        return []
+    distance_m = float(np.median(depth_m[known]))
+    kernel = np.ones((3, 3), np.uint8)
+    farthest = cv2.dilate(np.where(known, depth_m, np.float32(0)), kernel)
+    nearest = cv2.erode(np.where(known, depth_m, np.float32(np.inf)), kernel)
+    smooth = known & (farthest - nearest < STEP_PIXELS * distance_m / camera.fx_px)
+    count, labels, boxes, _ = cv2.connectedComponentsWithStats(smooth.astype(np.uint8), connectivity=4)
+    parts = [k for k in range(1, count) if boxes[k, cv2.CC_STAT_AREA] >= MIN_PIXELS]
+    if len(parts) < 2:
+        return [trimmed(left, top, mask, depth_m)]
+    seeds = np.isin(labels, parts)
+    _, nearest_seed = cv2.distanceTransformWithLabels((~seeds).astype(np.uint8), cv2.DIST_L2, 3)
+    seed_labels = np.zeros(int(nearest_seed.max()) + 1, np.int32)
+    seed_labels[nearest_seed[seeds]] = labels[seeds]
+    grown = seed_labels[nearest_seed]
+    return [trimmed(left, top, mask & (grown == part), depth_m) for part in parts]
+
+
+def trimmed(left: int, top: int, mask: npt.NDArray[np.bool_], depth_m: npt.NDArray[np.float32]) -> Piece:
+    """The pixels of a mask whose corner is at (left, top), in a box that is no larger than they need."""
+    x, y, width, height = cv2.boundingRect(mask.astype(np.uint8))
+    cut = np.s_[y : y + height, x : x + width]
+    known = mask[cut] & (depth_m[cut] > 0)
+    return Piece(left + x, top + y, mask[cut], float(np.median(depth_m[cut][known])) if known.any() else 0.0)
+
+
+def _together(frame: RgbdFrame, pieces: Sequence[Piece], size_m: Array) -> list[Piece]:
+    """Pieces, the largest first, joined to an earlier one where both fit into one object."""
+    joined: list[Piece] = []
+    for piece in pieces:
+        for index, other in enumerate(joined):
+            if _fits_into_one(frame, piece, other, size_m):
+                joined[index] = _union(frame, piece, other)
+                break
+        else:
+            joined.append(piece)
+    return joined
+
+
+def _fits_into_one(frame: RgbdFrame, piece: Piece, other: Piece, size_m: Array) -> bool:
+    points_m = np.concatenate([piece_points_m(frame, replace(item, mask=inner(item.mask))) for item in (piece, other)])
+    if not len(points_m):
+        return False
+    low, high = np.percentile(points_m, [2, 98], axis=0)
+    across_m, up_m = np.hypot(*(high - low)[:2]), (high - low)[2]
+    return bool(
+        across_m < SLACK_FACTOR * np.hypot(size_m[0], size_m[1]) + SLACK_M and up_m < SLACK_FACTOR * size_m[2] + SLACK_M
+    )
+
+
+def _union(frame: RgbdFrame, piece: Piece, other: Piece) -> Piece:
+    assert frame.depth_m is not None
+    whole = full_mask(piece, frame.depth_m.shape) | full_mask(other, frame.depth_m.shape)
+    return trimmed(0, 0, whole, frame.depth_m)
+
+
+def full_mask(piece: Piece, shape: tuple[int, ...]) -> npt.NDArray[np.bool_]:
+    """The piece's pixels in the whole image."""
+    mask = np.zeros(shape, np.bool_)
+    height, width = piece.mask.shape
+    mask[piece.top_px : piece.top_px + height, piece.left_px : piece.left_px + width] = piece.mask
+    return mask
+
+
+def inner(mask: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+    """The mask without its rim, where depths mix; the whole where little would be left."""
+    core = cv2.erode(np.pad(mask, 1).astype(np.uint8), np.ones((3, 3), np.uint8))[1:-1, 1:-1] > 0
+    return core if np.count_nonzero(core) > 0.3 * np.count_nonzero(mask) else mask
+
+
+def piece_points_m(frame: RgbdFrame, piece: Piece) -> Array:
+    """(N, 3) world points of the piece's pixels whose depth is known."""
+    assert frame.depth_m is not None
+    height, width = piece.mask.shape
+    depth_m = frame.depth_m[piece.top_px : piece.top_px + height, piece.left_px : piece.left_px + width]
+    rows, columns = np.nonzero(piece.mask & (depth_m > 0))
+    return pixels_to_world(frame.camera, rows + piece.top_px, columns + piece.left_px, depth_m[rows, columns])

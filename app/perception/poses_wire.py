@@ -1,0 +1,175 @@
+"""The protocol of `POST /poses`, for those who ask and those who answer; docs/foundationpose.md describes it.
+
+A request is multipart/form-data: the part `metadata`, a JSON document with `objects` and `cameras`, and the images
+`rgb_NAME`, `depth_NAME`, `mask_NAME` of each camera. The reply is a JSON document with `poses`.
+"""
+
+import io
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from app.pipeline.episode import Camera, ObjectPose, RgbdFrame, finite_array, unit_quaternions
+from app.pipeline.errors import InvalidInputError
+
+Part = tuple[str, bytes, str]
+_MAX_UINT16 = np.iinfo(np.uint16).max
+MAX_REASON_CHARS = 300
+_PNG, _NPY = "image/png", "application/octet-stream"
+
+
+@dataclass(frozen=True)
+class PoseQuestion:
+    """An object to be found.
+
+    Attributes:
+        mask_ids: the ids that its pixels have in the mask images.
+        model: what the server wants to know of it.
+    """
+
+    name: str
+    mask_ids: tuple[int, ...] = ()
+    model: Mapping[str, Any] | None = None
+
+    def as_json(self) -> dict[str, Any]:
+        """As it stands in `metadata.objects`."""
+        model = None if self.model is None else dict(self.model)
+        return {"name": self.name, "mask_ids": list(self.mask_ids), "model": model}
+
+
+@dataclass(frozen=True, eq=False)
+class PoseAnswer:
+    """What a server makes of an object.
+
+    Attributes:
+        position_m: (3,) in the world frame; None if the object was not found.
+        quaternion_xyzw: (4,) in the world frame, or None.
+        confidence: 0..1.
+        reason: what lowers the confidence, or why it was not found.
+        cameras: in whose images it was found.
+    """
+
+    name: str
+    position_m: npt.NDArray[np.float64] | None
+    quaternion_xyzw: npt.NDArray[np.float64] | None
+    confidence: float
+    reason: str
+    cameras: tuple[str, ...]
+
+
+def request_parts(questions: Sequence[PoseQuestion], frames: Sequence[RgbdFrame]) -> dict[str, Part]:
+    """A request's parts as (file name, content, media type). Images lose nothing but depth below `depth_scale`."""
+    metadata = {
+        "objects": [item.as_json() for item in questions],
+        "cameras": [camera_document(f.camera) for f in frames],
+    }
+    parts: dict[str, Part] = {"metadata": ("metadata.json", json.dumps(metadata).encode(), "application/json")}
+    for frame in frames:
+        name = frame.camera.name
+        if frame.rgb is not None:
+            parts[f"rgb_{name}"] = _png(f"rgb_{name}", frame.rgb[..., ::-1])
+        if frame.depth_m is not None:
+            units = np.minimum(np.rint(frame.depth_m / frame.camera.depth_scale), _MAX_UINT16)
+            parts[f"depth_{name}"] = _png(f"depth_{name}", units.astype(np.uint16))
+        if frame.mask is not None:
+            parts[f"mask_{name}"] = _mask(f"mask_{name}", frame.mask)
+    return parts
+
+
+def poses_document(poses: Sequence[ObjectPose]) -> dict[str, Any]:
+    """The reply with these poses."""
+    return {"poses": [_pose(pose) for pose in poses]}
+
+
+def answers_from_json(document: object, names: Sequence[str], cameras: Sequence[str]) -> tuple[PoseAnswer, ...]:
+    """The poses of a reply; an object may have several, e.g. one a camera.
+
+    Args:
+        names: of the objects that were asked for; each must be answered, no other may be.
+        cameras: of those whose images were sent.
+
+    Raises:
+        InvalidInputError: naming the part of the reply that is not as it should be, e.g. ``poses[0].position``.
+    """
+    items = document.get("poses") if isinstance(document, dict) else None
+    if not isinstance(items, list):
+        raise InvalidInputError("poses", "is missing", '{"poses": [{"name": ..., "position": [x, y, z]}]}')
+    answers = tuple(_answer(f"poses[{index}]", item, names, cameras) for index, item in enumerate(items))
+    if unanswered := [name for name in names if name not in {answer.name for answer in answers}]:
+        raise InvalidInputError(
+            "poses", f"has no {unanswered[0]!r}", "an entry for every object, position null if lost"
+        )
+    return answers
+
+
+def camera_document(camera: Camera) -> dict[str, Any]:
+    """A camera's calibration, as requests describe it."""
+    intrinsics = {"fx": camera.fx_px, "fy": camera.fy_px, "cx": camera.cx_px, "cy": camera.cy_px}
+    if camera.image_size_px is not None:
+        intrinsics["width"], intrinsics["height"] = camera.image_size_px
+    return {
+        "name": camera.name,
+        "intrinsics": intrinsics,
+        "camera_to_world": camera.camera_to_world.tolist(),
+        "depth_scale": camera.depth_scale,
+    }
+
+
+def _png(name: str, image: npt.NDArray[Any]) -> Part:
+    return f"{name}.png", cv2.imencode(".png", image)[1].tobytes(), _PNG
+
+
+def _mask(name: str, mask: npt.NDArray[np.int32]) -> Part:
+    if mask.min(initial=0) >= 0 and mask.max(initial=0) <= _MAX_UINT16:
+        return _png(name, mask.astype(np.uint16))
+    file = io.BytesIO()
+    np.save(file, mask)
+    return f"{name}.npy", file.getvalue(), _NPY
+
+
+def _pose(pose: ObjectPose) -> dict[str, Any]:
+    return {
+        "name": pose.name,
+        "position": pose.position_m.tolist(),
+        "quaternion_xyzw": None if pose.quaternion_xyzw is None else pose.quaternion_xyzw.tolist(),
+        "confidence": pose.confidence,
+        "reason": pose.reason,
+        "cameras": list(pose.cameras),
+    }
+
+
+def _answer(where: str, item: object, names: Sequence[str], cameras: Sequence[str]) -> PoseAnswer:
+    if not isinstance(item, dict):
+        raise InvalidInputError(where, f"is {item!r:.80}", "an object with name and position")
+    position, quaternion = item.get("position"), item.get("quaternion_xyzw")
+    return PoseAnswer(
+        _one_of(f"{where}.name", item.get("name"), names),
+        None if position is None else finite_array(f"{where}.position", position, (3,)),
+        None if quaternion is None else unit_quaternions(f"{where}.quaternion_xyzw", quaternion, (4,)),
+        _confidence(f"{where}.confidence", item.get("confidence", 1.0)),
+        str(item.get("reason") or "")[:MAX_REASON_CHARS],
+        _cameras(f"{where}.cameras", item.get("cameras") or [], cameras),
+    )
+
+
+def _one_of(where: str, value: object, known: Sequence[str]) -> str:
+    if not isinstance(value, str) or value not in known:
+        raise InvalidInputError(where, f"is {value!r:.80}", ", ".join(known))
+    return value
+
+
+def _cameras(where: str, value: object, known: Sequence[str]) -> tuple[str, ...]:
+    if not isinstance(value, list):
+        raise InvalidInputError(where, f"is {value!r:.80}", "a list of cameras")
+    return tuple(_one_of(where, item, known) for item in value)
+
+
+def _confidence(where: str, value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= 1:
+        raise InvalidInputError(where, f"is {value!r:.80}", "a number in 0..1")
+    return float(value)

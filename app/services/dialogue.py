@@ -1,0 +1,133 @@
+"""One prediction's talk with an LLM: the parts of an instruction are asked for in turn."""
+
+import time
+from collections.abc import AsyncGenerator
+from contextlib import aclosing
+from dataclasses import replace
+
+from app.llm.base import Completion, CompletionRequest, LanguageModel, ModelTimeoutError, TextDelta, Usage
+from app.pipeline.episode import EndEffectorAction
+from app.pipeline.errors import ReplyParseError
+from app.pipeline.prompt import Prompt
+from app.pipeline.reply import ReplyReader
+from app.services.question import Question
+from app.services.timing import Timings, timed
+
+MAX_TOKENS_PER_ACTION = 80  # more than any representation needs for a row, a token for each digit
+
+
+class Dialogue:
+    """Asks, reads, and keeps what was said.
+
+    Attributes:
+        prompt: the last that was asked.
+        reply_text: every reply so far, also one that broke off; None while there is none.
+        usage: the replies' together.
+    """
+
+    def __init__(self, question: Question, model: LanguageModel, timings_ms: Timings) -> None:
+        self._question = question
+        self._model = model
+        self._timings_ms = timings_ms
+        self._deadline_s = time.monotonic() + question.request.timeout_s
+        self._so_far = question.so_far
+        self.prompt: Prompt = question.prompt
+        self.reply_text: str | None = None
+        self.usage = Usage()
+
+    async def actions(self, *, piecewise: bool) -> AsyncGenerator[EndEffectorAction, None]:
+        """The actions of every reply.
+
+        Args:
+            piecewise: hand out each as soon as its row is complete; otherwise when its reply is.
+
+        Raises:
+            ReplyParseError: if a reply is not a list of valid actions; what was handed out may not be all of it.
+            LanguageModelError: if the LLM does not answer.
+        """
+        question = self._question
+        remaining = question.request.max_actions
+        for instruction in question.instructions:
+            if remaining <= 0:
+                asked, most = len(question.instructions), question.request.max_actions
+                raise ReplyParseError(f"{most} actions do not carry out all {asked} parts", self.reply_text or "")
+            self.prompt = question.written.ask(question.objects, instruction, remaining, self._so_far)
+            reader = ReplyReader(question.written.codec, question.objects, instruction, remaining)
+            async with aclosing(self._reply(reader, remaining, piecewise=piecewise)) as arriving:
+                async for action in arriving:
+                    remaining -= 1
+                    yield action
+
+    async def _reply(
+        self, reader: ReplyReader, max_actions: int, *, piecewise: bool
+    ) -> AsyncGenerator[EndEffectorAction, None]:
+        """The actions of the reply to the prompt."""
+        before, text, num_early = self.reply_text, "", 0
+        completion: Completion | None = None
+        async with aclosing(self._pieces(max_actions)) as pieces:
+            async for piece in pieces:
+                if isinstance(piece, Completion):
+                    completion = piece
+                    break
+                text += piece.text
+                self.reply_text = _joined(before, text)
+                if piecewise:
+                    with timed(self._timings_ms, "parse"):
+                        new = reader.feed(piece.text)
+                    for action in new:
+                        num_early += 1
+                        yield action
+        assert completion is not None, "a backend's stream ends with the completion"
+        self.reply_text = _joined(before, completion.text)
+        self.usage = _sum(self.usage, completion.usage)
+        with timed(self._timings_ms, "parse"):
+            actions = self._finished(reader, completion)
+        for action in actions[num_early:]:
+            yield action
+
+    def _finished(self, reader: ReplyReader, completion: Completion) -> tuple[EndEffectorAction, ...]:
+        if completion.finish_reason == "length":
+            tokens = completion.usage.completion_tokens
+            raise ReplyParseError(f"the reply was cut off after {tokens} tokens", completion.text)
+        actions = reader.finish(completion.text)
+        codec = self._question.written.codec
+        written = codec.reply_text(codec.rows(completion.text, complete=True))
+        self._so_far = f"{self.prompt.query}{written}{codec.separator}"
+        return actions
+
+    async def _pieces(self, max_actions: int) -> AsyncGenerator[TextDelta | Completion, None]:
+        """The reply as the LLM writes it; the time that it takes is the LLM's."""
+        request = self._question.request
+        timeout_s = self._deadline_s - time.monotonic()
+        if timeout_s <= 0:
+            raise ModelTimeoutError(f"{self._question.profile.name} did not answer within {request.timeout_s:g} s")
+        asked = CompletionRequest(
+            self.prompt,
+            max_tokens=max_actions * MAX_TOKENS_PER_ACTION,
+            timeout_s=timeout_s,
+            seed=request.seed,
+            cache_key=self._question.template.cache_key,
+        )
+        stream = self._model.stream(asked)
+        try:
+            while True:
+                with timed(self._timings_ms, "llm"):
+                    piece = await anext(stream, None)
+                if piece is None:
+                    return
+                yield piece
+        finally:
+            await stream.aclose()
+
+
+def _joined(before: str | None, text: str) -> str:
+    return text if before is None else f"{before}\n{text}"
+
+
+def _sum(one: Usage, other: Usage) -> Usage:
+    return replace(
+        one,
+        prompt_tokens=one.prompt_tokens + other.prompt_tokens,
+        cached_tokens=one.cached_tokens + other.cached_tokens,
+        completion_tokens=one.completion_tokens + other.completion_tokens,
+    )

@@ -1,0 +1,116 @@
+"""Hang a cup by its handle on a cup holder."""
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from app.pipeline.episode import Array
+from app.sim.moves import UP, Move, move_to, nearest_yaw_rad, pick, tool_down
+from app.sim.scene import Part, about_z, scatter
+from app.sim.tasks.base import SimTask
+from app.sim.world import TABLE_TOP_M
+
+# A cup, around the point on its axis where it is grasped; its handle is on the side of x
+RADIUS_M, WALL_M, HEIGHT_M, GRASP_HEIGHT_M = 0.033, 0.003, 0.080, 0.066
+WALL_KG, FLOOR_KG, BAR_KG = 0.05, 0.02, 0.004
+BAR_HALF_M, BAR_HALF_WIDTH_M = 0.003, 0.004  # of the handle: across its opening, along it
+HOLE_M, HOLE_HALF_M = (0.0555, -0.024), (0.021, 0.022)  # the handle's opening, in x and z
+COLOURS = ("red", "blue", "green")
+MIN_DISTANCE_M = 0.17  # handles that face each other do not touch
+# The holder: a pole with three spokes, the first towards -x
+SPOKE_ANGLES_RAD = np.pi + np.radians([0.0, 120.0, 240.0])
+SPOKES_HEIGHT_M, POLE_HEIGHT_M, POLE_RADIUS_M = 0.160, 0.190, 0.010
+SPOKE_RADIUS_M, SPOKE_LENGTH_M, SPOKE_RISE_RAD = 0.004, 0.085, 0.12
+HANG_M, BEFORE_M = 0.060, 0.125  # of the cup's axis from the pole, along the spoke
+LIFT_M, RISE_M = 0.22, 0.10  # lifted so high that the cup passes above the holder
+HOLDER_LOW_M, HOLDER_HIGH_M = (0.20, -0.20), (0.32, -0.06)
+HOLDER_DISTANCE_M = 0.22  # of the cups
+CUPS_LOW_M, CUPS_HIGH_M = (0.00, -0.10), (0.34, 0.34)
+CUP_YAW_RAD = np.radians((-30.0, 150.0))
+
+
+class PlaceCups(SimTask):
+    """A cup holder with three spokes and three cups, of which the red one is to hang.
+
+    The holder stands in x 0.20..0.32 m, y -0.20..-0.06 m, turned at random. The cups stand at least 17 cm apart in
+    x 0.00..0.34 m, y -0.10..0.34 m, their handles in a range of 180 degrees as in RLBench, -30..150. A cup's pose is
+    the point on its axis to grasp it at, x towards the handle. The holder's is on its pole, as high as the spokes
+    begin; one spoke points along -x. Success: a spoke passes through the red cup's handle and the gripper holds
+    nothing.
+    """
+
+    name = "place_cups"
+    object_names = ("red cup", "cup holder")
+    yaw_symmetry_deg = dict.fromkeys(("cup holder",), 120.0)
+
+    def build(self, random: np.random.Generator) -> None:
+        pole = random.uniform(HOLDER_LOW_M, HOLDER_HIGH_M)
+        turn = about_z(random.uniform(-np.pi, np.pi))
+        _add_holder(self.add_part("cup holder", [*pole, TABLE_TOP_M + SPOKES_HEIGHT_M], turn))
+        clear_of = [(pole, HOLDER_DISTANCE_M)]
+        spots = scatter(random, len(COLOURS), CUPS_LOW_M, CUPS_HIGH_M, MIN_DISTANCE_M, clear_of)
+        for colour, spot in zip(COLOURS, spots, strict=True):
+            turn = about_z(random.uniform(*CUP_YAW_RAD))
+            _add_cup(self.add_part(f"{colour} cup", [*spot, TABLE_TOP_M + GRASP_HEIGHT_M], turn, free=True), colour)
+
+    @property
+    def instruction(self) -> str:
+        return "place the red cup on the cup holder"
+
+    def expert(self) -> list[Move]:
+        """The fingers close across the handle's direction; the handle then slides onto the spoke from its tip."""
+        turn = about_z(nearest_yaw_rad(self.yaw_rad("cup holder"), 2 * np.pi / 3))
+        grasp = tool_down(self.yaw_rad("red cup"))
+        hang = turn * tool_down(np.pi / 2)
+        hole_x, hole_z = HOLE_M
+        pole, height_m = self.position_m("cup holder"), HANG_M * np.tan(SPOKE_RISE_RAD) - hole_z
+        before, hanging = (pole + turn.apply([-out_m, -hole_x, height_m]) for out_m in (BEFORE_M, HANG_M))
+        return [
+            *pick(self.position_m("red cup"), grasp, LIFT_M),
+            move_to(before + RISE_M * UP, hang, gripper_open=False),
+            move_to(before, hang, gripper_open=False),
+            move_to(hanging, hang, gripper_open=True),
+            move_to(hanging + RISE_M * UP, hang, gripper_open=True),
+        ]
+
+    def succeeded(self) -> bool:
+        return any(self._hangs_on(angle_rad) for angle_rad in SPOKE_ANGLES_RAD) and self.gripper_holds_nothing()
+
+    def _hangs_on(self, angle_rad: float) -> bool:
+        """Whether a spoke, seen as a line from the pole to its tip, passes through the opening of the handle."""
+        ends = self.position_m("cup holder") + self.rotation("cup holder").apply([np.zeros(3), _spoke_tip_m(angle_rad)])
+        root, tip = self.rotation("red cup").inv().apply(ends - self.position_m("red cup"))
+        if root[1] * tip[1] >= 0:
+            return False
+        through = root + root[1] / (root[1] - tip[1]) * (tip - root)
+        return bool((np.abs(through[[0, 2]] - HOLE_M) < HOLE_HALF_M).all())
+
+
+def _spoke_tip_m(angle_rad: float) -> Array:
+    """The end of a spoke's axis in the holder's frame."""
+    tip: Array = SPOKE_LENGTH_M * np.array([np.cos(angle_rad), np.sin(angle_rad), np.tan(SPOKE_RISE_RAD)])
+    return tip
+
+
+def _add_holder(holder: Part) -> None:
+    holder.cylinder(0.055, 0.006, "wood", at_m=[0, 0, 0.006 - SPOKES_HEIGHT_M])
+    holder.cylinder(POLE_RADIUS_M, POLE_HEIGHT_M / 2, "wood", at_m=[0, 0, POLE_HEIGHT_M / 2 - SPOKES_HEIGHT_M])
+    upright = Rotation.from_euler("y", np.pi / 2 - SPOKE_RISE_RAD)
+    for angle_rad in SPOKE_ANGLES_RAD:
+        tip_m = _spoke_tip_m(angle_rad)
+        half_length = float(np.linalg.norm(tip_m)) / 2
+        spoke = about_z(angle_rad) * upright
+        holder.capsule(SPOKE_RADIUS_M, half_length, "wood", at_m=tip_m / 2, rotation=spoke)
+
+
+def _add_cup(cup: Part, colour: str) -> None:
+    bottom_m = WALL_M - GRASP_HEIGHT_M
+    top_m = HEIGHT_M - GRASP_HEIGHT_M
+    cup.wall(colour, bottom_m=bottom_m, top_m=top_m, bottom_radius_m=RADIUS_M, thickness_m=WALL_M, mass_kg=WALL_KG)
+    cup.cylinder(RADIUS_M, WALL_M / 2, colour, at_m=[0, 0, bottom_m - WALL_M / 2], mass_kg=FLOOR_KG)
+    (hole_x, hole_z), (half_x, half_z), half_bar = HOLE_M, HOLE_HALF_M, BAR_HALF_M
+    for z_m in (hole_z - half_z - half_bar, hole_z + half_z + half_bar):
+        cup.box(
+            (half_x + half_bar, BAR_HALF_WIDTH_M, half_bar), colour, at_m=[hole_x + half_bar, 0, z_m], mass_kg=BAR_KG
+        )
+    outer_m = [hole_x + half_x + half_bar, 0, hole_z]
+    cup.box((half_bar, BAR_HALF_WIDTH_M, half_z), colour, at_m=outer_m, mass_kg=BAR_KG)

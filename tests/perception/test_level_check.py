@@ -1,0 +1,40 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from app.perception.level_check import check_level
+from app.pipeline.errors import InvalidInputError
+from tests.perception.solid_scene import FRONT, LEFT, cube, shoot
+
+
+def tilted(degrees):
+    """The front camera turned about its own x axis, as a wrong calibration has it."""
+    angle = np.radians(degrees)
+    turn = np.eye(4)
+    turn[1:3, 1:3] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
+    return replace(FRONT, camera_to_world=FRONT.camera_to_world @ turn)
+
+
+@pytest.mark.parametrize("view", [FRONT, LEFT])
+def test_a_level_table_passes(view):
+    check_level(shoot([cube("red", 0, 0), cube("blue", 0.1, 0.1)], view))
+
+
+@pytest.mark.parametrize(("degrees", "refused"), [(2, False), (8, True), (-15, True)])
+def test_a_tilted_one_is_refused_with_its_tilt(degrees, refused):
+    frame = replace(shoot([cube("red", 0, 0)]), camera=tilted(degrees))
+    if not refused:
+        check_level(frame)
+        return
+    with pytest.raises(InvalidInputError, match=rf"by {abs(degrees)} degrees") as caught:
+        check_level(frame)
+    assert caught.value.field == "cameras[front].camera_to_world"
+
+
+def test_without_depth_to_judge_by_nothing_is_said():
+    frame = shoot([], noise=False)
+    random = np.random.default_rng(0)
+    check_level(replace(frame, camera=tilted(15), depth_m=np.zeros_like(frame.depth_m)))
+    rubble = random.uniform(0.5, 1.5, frame.depth_m.shape).astype(np.float32)
+    check_level(replace(frame, camera=tilted(15), depth_m=rubble))

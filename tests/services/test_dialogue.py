@@ -1,0 +1,156 @@
+"""What is asked of the LLM: clause by clause, step by step, and read while it arrives."""
+
+import asyncio
+import time
+from contextlib import aclosing
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from app.llm.base import ModelResponseError
+from app.perception.base import ObjectQuery
+from app.pipeline.errors import InvalidInputError
+from app.services.errors import UnparsableReplyError
+from app.services.predict_actions import PredictedAction, Prediction
+from app.services.question import PredictRequest
+from app.store import predictions
+from app.store.errors import ConflictError
+from tests.services.test_predict_actions import ask, recorded
+from tests.services.test_upload_episode import respond, upload
+
+ROW = "[50, 50, 20, 0, 36, 36, 1]"
+RELATIVE = " 1 A w: +0 +0 +20 0 36 36 1; 2 A w: +0 +0 +0 0 36 36 0; 3 A w: +0 +0 +30 0 36 36 0\n"
+CUBE = (ObjectQuery("cube", (0.2, 0.1, 0.8)),)
+REQUEST = PredictRequest("pick", "pick up the cube", CUBE, representation="object_frame")
+
+
+@pytest.fixture
+def taught(scripted):
+    def wire(*replies, track=False, **options):
+        services = scripted(*replies, **options)
+        services.upload_episode(tracked(upload("cube")) if track else upload("cube"), respond)
+        return services
+
+    return wire
+
+
+def tracked(one):
+    """The upload with the cube's place in every frame."""
+    trajectory = one.episode.trajectory
+    positions_m = np.tile([[0.11, 0.02, 0.78]], (len(trajectory), 1, 1))
+    return replace(one, episode=replace(one.episode, trajectory=replace(trajectory, object_positions_m=positions_m)))
+
+
+def streamed(services, request=REQUEST):
+    """Everything that comes, and the error at the end."""
+
+    async def collect():
+        items, timings_ms = [], {}
+        question = await services.predict_actions.prepare(request, timings_ms)
+        answer = services.predict_actions.answer(question, timings_ms, time.perf_counter(), piecewise=True)
+        async with aclosing(answer):
+            try:
+                async for item in answer:
+                    items.append(item)
+            except Exception as error:
+                return items, error
+        return items, None
+
+    return asyncio.run(collect())
+
+
+def test_each_clause_is_asked_for_after_the_replies_before(taught):
+    services = taught(RELATIVE)
+    twice = replace(REQUEST, instruction="pick up the cube, then pick up the cube")
+    prediction = ask(services, twice)
+    assert len(prediction.actions) == 6
+    last = prediction.prompt.user.splitlines()
+    assert last[-2].endswith(f"pick up the cube >{RELATIVE.rstrip()}")
+    assert last[-1].endswith("pick up the cube >")
+    assert prediction.completion.text.count("1 A w") == 2
+    (record,) = recorded(services.store)
+    assert (record.prompt_user, len(record.actions)) == (prediction.prompt.user, 6)
+
+
+def test_too_many_clauses_for_the_actions_allowed(taught):
+    services = taught(RELATIVE)
+    thrice = replace(REQUEST, instruction="pick up the cube, then pick up the cube", max_actions=3)
+    with pytest.raises(UnparsableReplyError, match="3 actions do not carry out all 2 parts"):
+        ask(services, thrice)
+
+
+def test_the_papers_format_asks_for_a_whole_instruction_at_once(taught):
+    services = taught(f"[{ROW}]")
+    both = replace(REQUEST, instruction="pick up the cube, then pick up the cube", representation="absolute")
+    assert "then" in ask(services, both).prompt.query
+
+
+def test_actions_come_while_the_reply_arrives(taught):
+    items, error = streamed(taught(RELATIVE, delay_s=0.002))
+    assert error is None
+    assert [type(item) for item in items] == [PredictedAction] * 3 + [Prediction]
+    assert items[-1].actions == tuple(items[:3])
+    timings_ms = items[-1].timings_ms
+    assert timings_ms["first_action"] < 0.7 * timings_ms["llm"]
+
+
+def test_a_reply_that_goes_wrong_in_the_middle_ends_there(taught):
+    services = taught(RELATIVE.replace("3 A", "5 A") + "; ; ;")
+    items, error = streamed(services)
+    assert [type(item) for item in items] == [PredictedAction] * 2
+    assert isinstance(error, UnparsableReplyError)
+    (record,) = recorded(services.store)
+    assert (record.id, record.status, record.actions) == (error.prediction_id, "parse_error", None)
+    assert record.reply_text.startswith(" 1 A w")
+
+
+def test_a_model_that_fails_after_a_clause_keeps_what_it_said(taught):
+    services = taught(RELATIVE, ModelResponseError("out of order"))
+    with pytest.raises(ModelResponseError):
+        ask(services, replace(REQUEST, instruction="pick up the cube, then pick up the cube"))
+    (record,) = recorded(services.store)
+    assert (record.status, record.reply_text.strip()) == ("model_error", RELATIVE.strip())
+
+
+STEPS = [" 1 A w: +0 +0 +20 0 36 36 1\n", " 2 A w: +0 +0 +0 0 36 36 0\n", " done\n"]
+CLOSED = replace(REQUEST, closed_loop=True)
+
+
+def test_a_closed_loop_goes_on_from_its_last_step(taught):
+    services = taught(*STEPS, track=True)
+    first = ask(services, CLOSED)
+    second = ask(services, replace(CLOSED, after=first.id, objects=(ObjectQuery("cube", (0.2, 0.1, 0.9)),)))
+    third = ask(services, replace(CLOSED, after=second.id))
+    assert [len(step.actions) for step in (first, second, third)] == [1, 1, 0]
+    assert [step.question.step for step in (first, second, third)] == [0, 1, 2]
+    np.testing.assert_allclose(second.actions[0].action.position_m, [0.2, 0.1, 0.9])
+    assert second.prompt.user == f"{first.prompt.user}{STEPS[0]}{second.prompt.query.splitlines()[-1]}"
+    assert third.prompt.user.startswith(second.prompt.user)
+    with services.store.read() as connection:
+        assert predictions.get(connection, third.id).step == 2
+    with pytest.raises(InvalidInputError, match="ended its closed loop"):
+        ask(services, replace(CLOSED, after=third.id))
+
+
+def test_a_closed_loop_keeps_its_demonstrations(taught):
+    services = taught(*STEPS, track=True)
+    first = ask(services, CLOSED)
+    services.upload_episode(tracked(upload("cube")), respond)
+    second = ask(services, replace(CLOSED, after=first.id))
+    assert second.question.template.demonstration_ids == first.question.template.demonstration_ids
+    services.configure_task("pick", {"keyframes": {"rule": "uniform", "interval": 4}})
+    with pytest.raises(ConflictError, match="begin the closed loop anew"):
+        ask(services, replace(CLOSED, after=second.id))
+
+
+def test_only_a_step_of_this_tasks_closed_loop_can_be_gone_on_from(taught):
+    services = taught(RELATIVE, track=True)
+    open_loop = ask(services, REQUEST)
+    with pytest.raises(InvalidInputError, match="not a step of a closed loop"):
+        ask(services, replace(CLOSED, after=open_loop.id))
+
+
+def test_a_closed_loop_needs_tracked_objects(taught):
+    with pytest.raises(InvalidInputError, match=r"closed_loop: .*object_positions"):
+        ask(taught(*STEPS), CLOSED)
