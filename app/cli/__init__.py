@@ -1,13 +1,14 @@
-"""`roboprompt serve | demo | eval | calibrate | calibration-board`."""
+"""`roboprompt serve | demo | eval | films | calibrate | calibration-board`."""
 
 import typer
 
-from app.cli import calibrate, demo, evaluate, serve
+from app.cli import calibrate, demo, evaluate, films, serve
 
 application = typer.Typer(no_args_is_help=True, add_completion=False, help=__doc__, pretty_exceptions_enable=False)
 application.command("serve")(serve.serve)
 application.command("demo")(demo.demo)
 application.command("eval")(evaluate.evaluate)
+application.command("films")(films.films)
 application.command("calibrate")(calibrate.calibrate)
 application.command("calibration-board")(calibrate.calibration_board)
 

@@ -10,7 +10,7 @@ from app.sim.demonstrate import RecordedDemonstration, RolloutResult, SceneView
 FIRST_TEST_SEED = 100_000  # demonstrations are drawn from the seeds below
 
 # Where a method's actions come from; `app.evaluation.trials` has the function for each.
-Source = Literal["service", "closed loop", "nearest demonstration", "expert"]
+Source = Literal["service", "closed loop", "nearest demonstration", "expert replay", "expert"]
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,8 @@ class Method:
         return self.source in ("service", "closed loop")
 
 
-REPLAY = Method("expert replay", source="expert")
+REPLAY = Method("expert replay", source="expert replay")
+EXPERT = Method("expert", source="expert")
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from app.evaluation.methods import KAT, NEAREST, PAPER, REGRESSION, with_models
-from app.evaluation.records import REPLAY, Method
+from app.evaluation.records import EXPERT, REPLAY, Method
 
 INTERVALS = (5, 10, 20, 40, 80)  # frames; paper, section V "Keyframe extraction"
 DEMONSTRATIONS = (1, 2, 5, 10, 15)
@@ -70,6 +70,10 @@ SWEEPS: Mapping[str, Sweep] = {
     "noise": Sweep(
         "noise on object poses, in multiples of 1.68 cm and 4.61 degrees",
         (Method("no noise"), *(Method(f"noise x {scale:g}", noise=scale) for scale in NOISE)),
+    ),
+    "experts": Sweep(
+        "the scripted experts, and their keyframes after binning: the ceiling of every other method; asks no LLM",
+        (EXPERT, REPLAY),
     ),
     "loop": Sweep(
         "one observation against one before every action",

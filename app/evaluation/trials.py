@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 from app.client.client import RoboPromptClient
 from app.client.errors import ServiceProblemError
@@ -19,7 +19,14 @@ from app.evaluation.teach import Lesson
 from app.pipeline.episode import EndEffectorAction
 from app.pipeline.keyframes import merged
 from app.pipeline.workspace import Workspace, discretize_action, undiscretize_action
-from app.sim.demonstrate import RolloutResult, SceneView, record_demonstration, rollout, view_scene
+from app.sim.demonstrate import (
+    RecordedDemonstration,
+    RolloutResult,
+    SceneView,
+    record_demonstration,
+    rollout,
+    view_scene,
+)
 from app.sim.tasks import TASKS
 
 
@@ -122,18 +129,32 @@ def _replay_expert(laboratory: Laboratory, cell: Cell, lesson: Lesson, scene: Sc
     return laboratory.execute(Trial(cell.task, cell.seed, cell.method.label, scene), actions)
 
 
+def _perform_expert(laboratory: Laboratory, cell: Cell, lesson: Lesson, scene: SceneView) -> Trial:
+    """The scene solved as demonstrations are: how often could it be taught at all?"""
+    timed = call(laboratory.executor, _expert, cell.task, cell.seed)
+    execution, actions = timed.result
+    return Trial(
+        cell.task, cell.seed, cell.method.label, scene, execution=execution, execute_s=timed.seconds, actions=actions
+    )
+
+
 _Run = Callable[[Laboratory, Cell, Lesson, SceneView], Trial]
 SOURCES: Mapping[Source, _Run] = {
     "service": _ask_service,
     "closed loop": _ask_step_by_step,
     "nearest demonstration": _replay_nearest,
-    "expert": _replay_expert,
+    "expert replay": _replay_expert,
+    "expert": _perform_expert,
 }
 
 
+_Actions = tuple[EndEffectorAction, ...]
+_Result = TypeVar("_Result")
+
+
 @dataclass(frozen=True, eq=False)
-class _Timed:
-    result: RolloutResult
+class _Timed(Generic[_Result]):
+    result: _Result
     seconds: float
 
 
@@ -145,15 +166,27 @@ def _view(task: str, seed: int) -> SceneView:
     return view_scene(task, seed, variation=TASKS[task].test_variation(seed), images=False)
 
 
-def _execute(task: str, seed: int, actions: tuple[EndEffectorAction, ...]) -> _Timed:
+def _execute(task: str, seed: int, actions: _Actions) -> _Timed[RolloutResult]:
     started = time.perf_counter()
     result = rollout(task, seed, actions, variation=TASKS[task].test_variation(seed))
     return _Timed(result, time.perf_counter() - started)
 
 
-def _binned_expert(task: str, seed: int) -> tuple[EndEffectorAction, ...]:
-    variation = TASKS[task].test_variation(seed)
-    trajectory = record_demonstration(task, seed, variation=variation, images=False).trajectory
+def _expert(task: str, seed: int) -> _Timed[tuple[RolloutResult, _Actions]]:
+    started = time.perf_counter()
+    recorded = record_demonstration(task, seed, variation=TASKS[task].test_variation(seed), images=False)
+    actions = _keyframe_actions(recorded)
+    result = RolloutResult(task, seed, len(actions), recorded.succeeded, recorded.failure, ())
+    return _Timed((result, actions), time.perf_counter() - started)
+
+
+def _binned_expert(task: str, seed: int) -> _Actions:
+    recorded = record_demonstration(task, seed, variation=TASKS[task].test_variation(seed), images=False)
     workspace = Workspace.rlbench()
-    keyframes = [trajectory.action_at(index) for index in merged(trajectory)]
-    return tuple(undiscretize_action(discretize_action(action, workspace).bins, workspace) for action in keyframes)
+    binned = [discretize_action(action, workspace).bins for action in _keyframe_actions(recorded)]
+    return tuple(undiscretize_action(bins, workspace) for bins in binned)
+
+
+def _keyframe_actions(recorded: RecordedDemonstration) -> _Actions:
+    trajectory = recorded.trajectory
+    return tuple(trajectory.action_at(index) for index in merged(trajectory))

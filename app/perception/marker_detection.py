@@ -13,10 +13,11 @@ from app.pipeline.episode import Array
 
 GreyImage = npt.NDArray[np.uint8]
 
-# With these, twice the size finds 113 of 120 markers of 14 px (4 cm, 1.2 m away, seen from the side) in noisy
-# renderings; OpenCV's own finds 76 at once, 102 at twice the size.
+# With these, 115 of 120 markers of 14 px (4 cm, 1.2 m away, seen from the side) are found in noisy renderings; with
+# OpenCV's own settings 76, at twice the size 102.
 PIXELS_PER_CELL = 12
 CELL_MARGIN = 0.3
+ENLARGED_WINDOWS_PX = (7, 23)  # of the adaptive threshold: the two that find most, of OpenCV's three
 MAX_ENLARGED_PIXELS = 1_000_000  # a larger image shows enough as it is
 SIGMA_PX = 0.1  # of a corner: twice what noisy renderings show, for no lens is modelled exactly
 SMALL_SIGMA_PX = 0.35  # where a cell is one pixel wide, less where it is wider: neighbouring edges blur into each other
@@ -39,11 +40,11 @@ class SeenMarker:
 def find_markers(rgb: npt.NDArray[np.uint8], dictionary: str, wanted: Collection[int]) -> tuple[SeenMarker, ...]:
     """The markers with `wanted` ids in an (H, W, 3) image; an id appears as often as it is seen.
 
-    Where some are not seen at once, they are looked for in the image at twice its size, which takes 9 ms at 640x480
-    instead of 2.
+    Where some are not seen at once, they are looked for in the image at twice its size, which takes 8 ms more at
+    640x480.
     """
     grey = np.asarray(cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY), np.uint8)
-    found = [item for item in _detected(grey, dictionary) if item[0] in wanted]
+    found = [item for item in _detected(grey, dictionary, _options()) if item[0] in wanted]
     if not {id_ for id_, _ in found}.issuperset(wanted) and grey.size <= MAX_ENLARGED_PIXELS:
         larger = [item for item in _enlarged(grey, dictionary) if item[0] in wanted]
         seen = {id_ for id_, _ in larger}
@@ -57,23 +58,26 @@ def find_markers(rgb: npt.NDArray[np.uint8], dictionary: str, wanted: Collection
     return tuple(SeenMarker(*marker) for marker in seen_markers)
 
 
-def _detected(grey: GreyImage, dictionary: str) -> list[tuple[int, Array]]:
+def _detected(grey: GreyImage, dictionary: str, options: cv2.aruco.DetectorParameters) -> list[tuple[int, Array]]:
     """Ids and (4, 2) corners as OpenCV has them."""
-    quads, ids, _ = _detector(dictionary).detectMarkers(grey)
+    quads, ids, _ = cv2.aruco.ArucoDetector(marker_dictionary(dictionary), options).detectMarkers(grey)
     if not quads:
         return []
     corners = np.array(quads, np.float64).reshape(-1, 4, 2)
-    return list(zip(np.ravel(ids).tolist(), corners, strict=True))
+    return [(int(id_), quad) for id_, quad in zip(np.ravel(ids), corners, strict=True)]
 
 
 def _enlarged(grey: GreyImage, dictionary: str) -> list[tuple[int, Array]]:
+    options = _options()
+    options.adaptiveThreshWinSizeMin, options.adaptiveThreshWinSizeMax = ENLARGED_WINDOWS_PX
+    options.adaptiveThreshWinSizeStep = ENLARGED_WINDOWS_PX[1] - ENLARGED_WINDOWS_PX[0]
     larger = np.asarray(cv2.resize(grey, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC), np.uint8)
     # pixel centres are whole numbers: two small ones share the place of the larger one between them
-    return [(id_, (corners_px + 0.5) / 2 - 0.5) for id_, corners_px in _detected(larger, dictionary)]
+    return [(id_, (corners_px + 0.5) / 2 - 0.5) for id_, corners_px in _detected(larger, dictionary, options)]
 
 
-def _detector(dictionary: str) -> cv2.aruco.ArucoDetector:
+def _options() -> cv2.aruco.DetectorParameters:
     options = cv2.aruco.DetectorParameters()
     options.perspectiveRemovePixelPerCell = PIXELS_PER_CELL
     options.perspectiveRemoveIgnoredMarginPerCell = CELL_MARGIN
-    return cv2.aruco.ArucoDetector(marker_dictionary(dictionary), options)
+    return options

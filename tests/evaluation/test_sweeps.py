@@ -74,4 +74,4 @@ def test_models():
 def test_the_method_asked_for_comes_first():
     first, *others = methods_beside("a", None)
     assert first == Method("a, its representation", {"model": "a"})
-    assert [other.source for other in others] == ["service", "service", "expert"]
+    assert [other.source for other in others] == ["service", "service", "expert replay"]

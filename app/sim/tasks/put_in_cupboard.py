@@ -34,10 +34,10 @@ class PutInCupboard(SimTask):
 
     The cupboard's front edge has its middle in x 0.32..0.40 m, y -0.26..-0.16 m; its yaw is -75..39 degrees, a range of
     57 either way as in RLBench. The groceries stand at least 9 cm apart in x 0.16..0.32 m, y 0.12..0.34 m, the crackers
-    at a yaw of -25..65 degrees (RLBench: any; at others the arm often runs into the other groceries or the cupboard's
-    side). The crackers' pose is their centre, x along their broad side. The cupboard's is the middle of the lower
-    shelf's front edge, on the shelf; x points inside. Success: the crackers are above the lower shelf and below the
-    next, and the gripper holds nothing.
+    at a yaw of -25..65 degrees (RLBench: any; at others the arm sometimes runs into the other groceries or the
+    cupboard's side). The crackers' pose is their centre, x along their broad side. The cupboard's is the middle of the
+    lower shelf's front edge, on the shelf; x points inside. Success: the crackers are above the lower shelf and below
+    the next, and the gripper holds nothing.
     """
 
     name = "put_in_cupboard"

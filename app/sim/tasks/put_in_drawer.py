@@ -4,8 +4,14 @@ import numpy as np
 
 from app.sim.moves import UP, Move, move_to, nearest_yaw_rad, pick, place, tool_down
 from app.sim.scene import about_z
-from app.sim.tasks import cabinet
-from app.sim.tasks.cabinet import DrawerTask
+from app.sim.tasks.cabinet import (
+    HALF_DEPTH_M,
+    HALF_WIDTH_M,
+    HANDLE_FROM_FRONT_M,
+    PULL_M,
+    TOP_ABOVE_HANDLE_M,
+    DrawerTask,
+)
 
 HALF_SIZE_M = 0.020
 MASS_KG = 0.05
@@ -31,7 +37,7 @@ class PutInDrawer(DrawerTask):
 
     def build(self, random: np.random.Generator) -> None:
         handle, turn = self.add_cabinet(random)
-        at_m = [*random.uniform(LOW_M, HIGH_M), cabinet.TOP_ABOVE_HANDLE_M + HALF_SIZE_M]
+        at_m = [*random.uniform(LOW_M, HIGH_M), TOP_ABOVE_HANDLE_M + HALF_SIZE_M]
         block = self.add_part("block", handle + turn.apply(at_m), about_z(random.uniform(-np.pi, np.pi)), free=True)
         block.box((HALF_SIZE_M,) * 3, "red", mass_kg=MASS_KG)
 
@@ -41,7 +47,7 @@ class PutInDrawer(DrawerTask):
 
     def expert(self) -> list[Move]:
         drawer, into = self.position_m("bottom drawer"), self.rotation("bottom drawer")
-        drop_m = drawer + into.apply([BEHIND_HANDLE_M - cabinet.PULL_M, 0, DROP_HEIGHT_M])
+        drop_m = drawer + into.apply([BEHIND_HANDLE_M - PULL_M, 0, DROP_HEIGHT_M])
         release = tool_down(self.yaw_rad("bottom drawer"))
         grasp = tool_down(nearest_yaw_rad(self.yaw_rad("block"), np.pi / 2))
         return [
@@ -54,6 +60,6 @@ class PutInDrawer(DrawerTask):
     def succeeded(self) -> bool:
         to_drawer = self.rotation("bottom drawer").inv()
         x, y, z = to_drawer.apply(self.position_m("block") - self.position_m("bottom drawer"))
-        behind_front = 0 < x - cabinet.HANDLE_FROM_FRONT_M < 2 * cabinet.HALF_DEPTH_M
-        inside = behind_front and abs(y) < cabinet.HALF_WIDTH_M and abs(z) < INSIDE_HALF_HEIGHT_M
+        behind_front = 0 < x - HANDLE_FROM_FRONT_M < 2 * HALF_DEPTH_M
+        inside = behind_front and abs(y) < HALF_WIDTH_M and abs(z) < INSIDE_HALF_HEIGHT_M
         return bool(inside) and self.gripper_holds_nothing()
