@@ -7,9 +7,10 @@ from fastapi import FastAPI
 from fastapi_offline import FastAPIOffline
 
 from app.api.limits import BodyLimit
+from app.api.observation import ObserveRequests
 from app.api.openapi import install_openapi
 from app.api.problems import install_problem_handlers
-from app.api.routes import episodes, health, models, predict, predictions, tasks
+from app.api.routes import episodes, health, metrics, models, predict, predictions, tasks
 from app.services.container import Services
 
 DESCRIPTION = """Robot skills that an off-the-shelf LLM learns from a handful of demonstrations
@@ -40,9 +41,10 @@ def create_app(open_services: OpenServices, version: str, max_body_bytes: int) -
     app = FastAPIOffline(
         title="RoboPrompt", version=version, description=DESCRIPTION, lifespan=lifespan, redoc_url=None
     )
-    for module in (episodes, tasks, predict, predictions, models, health):
+    for module in (episodes, tasks, predict, predictions, models, health, metrics):
         app.include_router(module.router)
     install_problem_handlers(app)
     install_openapi(app)
     app.add_middleware(BodyLimit, max_bytes=max_body_bytes)
+    app.add_middleware(ObserveRequests, owner=app)
     return app

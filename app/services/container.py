@@ -6,6 +6,7 @@ import anyio.to_thread
 
 from app.llm.registry import ModelRegistry
 from app.services.configure_task import ConfigureTask
+from app.services.metrics import Metrics
 from app.services.predict_actions import PredictActions
 from app.services.upload_episode import UploadEpisode
 from app.store.store import Store
@@ -21,12 +22,14 @@ class Services:
     upload_episode: UploadEpisode
     configure_task: ConfigureTask
     predict_actions: PredictActions
+    metrics: Metrics
 
     @classmethod
     def wire(cls, store: Store, models: ModelRegistry, default_model: str) -> "Services":
         """The use cases over a store and models."""
-        predict = PredictActions(store, models, default_model)
-        return cls(store, models, default_model, UploadEpisode(store), ConfigureTask(store), predict)
+        metrics = Metrics()
+        predict = PredictActions(store, models, default_model, metrics)
+        return cls(store, models, default_model, UploadEpisode(store), ConfigureTask(store), predict, metrics)
 
     async def aclose(self) -> None:
         """Stop the models, then close the store."""

@@ -15,6 +15,7 @@ from app.pipeline.prompt import Prompt
 from app.pipeline.workspace import DiscreteAction, discretize_action
 from app.services.dialogue import Dialogue
 from app.services.errors import UnparsableReplyError
+from app.services.metrics import Metrics
 from app.services.question import PredictRequest, Question, QuestionWriter
 from app.services.timing import timed
 from app.store import predictions
@@ -60,9 +61,10 @@ class Prediction:
 class PredictActions:
     """Asks an LLM for actions. The event loop waits for nothing but the LLM; the rest runs in threads."""
 
-    def __init__(self, store: Store, models: ModelRegistry, default_model: str) -> None:
+    def __init__(self, store: Store, models: ModelRegistry, default_model: str, metrics: Metrics) -> None:
         self._store = store
         self._models = models
+        self._metrics = metrics
         self._write_question = QuestionWriter(store, lambda name: models.get(name or default_model).profile)
 
     async def prepare(self, request: PredictRequest, timings_ms: dict[str, float]) -> Question:
@@ -112,14 +114,17 @@ class PredictActions:
                     yield actions[-1]
         except ReplyParseError as error:
             id_ = await self._record(question, "parse_error", timings_ms, dialogue, error=error.message)
+            self._observe(question, "parse_error", timings_ms, dialogue)
             raise UnparsableReplyError(error.message, dialogue.reply_text or "", id_) from error
         except LanguageModelError as error:
             await self._record(question, "model_error", timings_ms, dialogue, error=str(error))
+            self._observe(question, "model_error", timings_ms, dialogue)
             raise
         with timed(timings_ms, "write"):
             id_ = await self._record(question, "ok", timings_ms, dialogue, tuple(actions))
         timings_ms["total"] = (time.perf_counter() - started_s) * 1000
         timings_ms["outside_llm"] = timings_ms["total"] - timings_ms["llm"]
+        self._observe(question, "ok", timings_ms, dialogue)
         completion = Completion(dialogue.reply_text or "", dialogue.usage)
         yield Prediction(id_, question, dialogue.prompt, tuple(actions), completion, timings_ms)
 
@@ -156,3 +161,9 @@ class PredictActions:
                 return predictions.add(connection, draft).id
 
         return await anyio.to_thread.run_sync(write)
+
+    def _observe(
+        self, question: Question, status: PredictionStatus, timings_ms: dict[str, float], dialogue: Dialogue
+    ) -> None:
+        style, model = question.style, question.profile.name
+        self._metrics.observe_prediction(model, style.representation, status, timings_ms, asdict(dialogue.usage))

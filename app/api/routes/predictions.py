@@ -57,4 +57,5 @@ def record_outcome(services: Wired, prediction_id: str, outcome: OutcomeBody) ->
     """Tell how the robot fared; a later outcome replaces an earlier one."""
     with services.store.write() as connection:
         record = predictions.record_outcome(connection, prediction_id, outcome.success, outcome.note)
+    services.metrics.observe_outcome(record.model, success=outcome.success)
     return JSONResponse(stored_prediction_document(record))

@@ -1,0 +1,80 @@
+"""Counters and latencies of what the service does, for Prometheus."""
+
+from collections.abc import Mapping
+
+from prometheus_client import CollectorRegistry, Counter, Histogram, generate_latest
+from prometheus_client.exposition import CONTENT_TYPE_LATEST
+
+STAGE_SECONDS = (0.0005, 0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1, 2.5, 5, 10, 30, 60)
+
+
+class Metrics:
+    """One process's figures: with several workers each has its own.
+
+    Names of tasks are not labels: there may be any number of them.
+    """
+
+    content_type = CONTENT_TYPE_LATEST
+
+    def __init__(self) -> None:
+        self._registry = registry = CollectorRegistry()
+        self._requests = Histogram(
+            "roboprompt_http_request_seconds",
+            "From the request's head to the answer's last byte",
+            ("method", "route", "status"),
+            buckets=STAGE_SECONDS,
+            registry=registry,
+        )
+        self._predictions = Counter(
+            "roboprompt_predictions",
+            "Predictions by how they ended: ok, parse_error, model_error",
+            ("model", "representation", "status"),
+            registry=registry,
+        )
+        self._stages = Histogram(
+            "roboprompt_prediction_stage_seconds",
+            "Time of a prediction's stages: read, poses, prompt, llm, first_action, parse, write, total, outside_llm",
+            ("model", "stage"),
+            buckets=STAGE_SECONDS,
+            registry=registry,
+        )
+        self._tokens = Counter(
+            "roboprompt_llm_tokens",
+            "Tokens of prompts (cached ones among them) and of replies",
+            ("model", "kind"),
+            registry=registry,
+        )
+        self._outcomes = Counter(
+            "roboprompt_outcomes", "How robots fared, as they told", ("model", "success"), registry=registry
+        )
+
+    def observe_request(self, method: str, route: str, status: int, seconds: float) -> None:
+        """Note an answered request.
+
+        Args:
+            route: the path's template.
+        """
+        self._requests.labels(method, route, str(status)).observe(seconds)
+
+    def observe_prediction(
+        self,
+        model: str,
+        representation: str,
+        status: str,
+        timings_ms: Mapping[str, float],
+        tokens: Mapping[str, int],
+    ) -> None:
+        """Note a prediction, however it ended."""
+        self._predictions.labels(model, representation, status).inc()
+        for stage, milliseconds in timings_ms.items():
+            self._stages.labels(model, stage).observe(milliseconds / 1000)
+        for kind, number in tokens.items():
+            self._tokens.labels(model, kind).inc(number)
+
+    def observe_outcome(self, model: str, *, success: bool) -> None:
+        """Note what a robot told of a prediction."""
+        self._outcomes.labels(model, str(success).lower()).inc()
+
+    def text(self) -> bytes:
+        """In Prometheus' text format."""
+        return generate_latest(self._registry)
