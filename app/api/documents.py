@@ -61,11 +61,13 @@ def task_document(record: TaskRecord, num_episodes: int) -> JsonObject:
 def _asked(question: Question, prompt: Prompt) -> JsonObject:
     """What a prediction and a dry run have in common."""
     return {
+        "objects": [ObjectRecord.of(pose).to_json() for pose in question.observed],
         "model": question.profile.name,
         "representation": question.style.representation,
         "prompt_format": question.style.prompt_format,
         "demonstration_ids": list(question.template.demonstration_ids),
         "prompt": {"system": prompt.system, "user": prompt.user},
+        "prefix_hash": question.template.cache_key,
     }
 
 
@@ -105,6 +107,8 @@ def stored_prediction_document(record: PredictionRecord) -> JsonObject:
         "demonstration_ids": list(record.demonstration_ids),
         "prompt": {"system": record.prompt_system, "user": record.prompt_user},
         "actions": None if record.actions is None else list(record.actions),
+        "objects": [item.to_json() for item in record.objects],
+        "cameras": [item.name for item in record.cameras],
         "usage": record.usage,
         "timings_ms": record.timings_ms,
         "step": record.step,

@@ -7,10 +7,11 @@ from fastapi.openapi.utils import get_openapi
 from pydantic import BaseModel
 from pydantic.json_schema import models_json_schema
 
+from app.api.schemas.poses import PosesBody
 from app.api.schemas.requests import EpisodeJson, EpisodeMetadata, PredictBody
 from app.api.schemas.responses import Problem
 
-_HAND_READ = (EpisodeJson, EpisodeMetadata, PredictBody, Problem)
+_HAND_READ = (EpisodeJson, EpisodeMetadata, PosesBody, PredictBody, Problem)
 _BINARY = {"type": "string", "format": "binary"}
 
 

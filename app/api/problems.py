@@ -13,12 +13,25 @@ from starlette.exceptions import HTTPException
 
 from app.llm.base import (
     LanguageModelError,
+    ModelBusyError,
     ModelResponseError,
     ModelTimeoutError,
     ModelUnavailableError,
     UnknownModelError,
 )
-from app.pipeline.errors import InvalidInputError, ObjectNotVisibleError, ObjectSetError, RoboPromptError
+from app.perception.errors import (
+    PoseServerError,
+    PoseServerReplyError,
+    PoseServerTimeoutError,
+    PoseServerUnavailableError,
+)
+from app.pipeline.errors import (
+    InvalidInputError,
+    ObjectNotVisibleError,
+    ObjectSetError,
+    RoboPromptError,
+    UncertainPoseError,
+)
 from app.services.errors import NoDemonstrationsError, UnparsableReplyError
 from app.store.errors import ConflictError, CorruptDataError, NotFoundError, StoreUnavailableError
 
@@ -42,10 +55,16 @@ KINDS: Mapping[type[Exception], Kind] = {
     InvalidInputError: Kind(422, "invalid-input", "A value is not valid"),
     ObjectSetError: Kind(422, "object-set", "The objects are not those of the task"),
     ObjectNotVisibleError: Kind(422, "object-not-visible", "No camera sees an object"),
+    UncertainPoseError: Kind(422, "uncertain-pose", "An object's pose cannot be told from the images"),
+    PoseServerUnavailableError: Kind(503, "pose-server-unavailable", "The pose server cannot be reached"),
+    PoseServerTimeoutError: Kind(504, "pose-server-timeout", "The pose server did not answer in time"),
+    PoseServerReplyError: Kind(502, "pose-server-error", "The pose server's answer cannot be used"),
+    PoseServerError: Kind(502, "pose-server-error", "The pose server's answer cannot be used"),
     NoDemonstrationsError: Kind(409, "no-demonstrations", "The task has no demonstrations"),
     UnparsableReplyError: Kind(502, "unparsable-reply", "The LLM's reply is not a list of valid actions"),
     UnknownModelError: Kind(422, "unknown-model", "There is no such model"),
     ModelUnavailableError: Kind(503, "model-unavailable", "The model cannot be used here"),
+    ModelBusyError: Kind(503, "model-busy", "The model has too many requests under way"),
     ModelTimeoutError: Kind(504, "model-timeout", "The LLM did not answer in time"),
     ModelResponseError: Kind(502, "model-error", "The LLM answered with an error"),
     LanguageModelError: Kind(502, "model-error", "The LLM answered with an error"),
@@ -111,14 +130,17 @@ def own_problem(request: Request, error: RoboPromptError) -> JSONResponse:
     if kind.status >= 500:
         logger.warning("%s %s: %s: %s", request.method, request.url.path, type(error).__name__, error)
     if isinstance(error, InvalidInputError):
-        entry = {"field": error.field, "message": error.message, "valid": error.valid}
-        return problem(kind, str(error), [entry])
+        return problem(kind, str(error), [_own_entry(error)])
     if isinstance(error, UnknownModelError):
         return problem(kind, str(error), [{"field": "model", "message": str(error), "valid": None}])
     if isinstance(error, UnparsableReplyError):
         return problem(kind, str(error), reply_text=error.reply_text, prediction_id=error.prediction_id)
     headers = {"Retry-After": "1"} if kind.status == 503 else None
     return problem(kind, str(error), headers=headers)
+
+
+def _own_entry(error: InvalidInputError) -> dict[str, Any]:
+    return {"field": error.field, "message": error.message, "valid": error.valid}
 
 
 def _on_validation_error(request: Request, error: Exception) -> JSONResponse:
@@ -130,6 +152,9 @@ def _on_validation_error(request: Request, error: Exception) -> JSONResponse:
 
 def _field_error(item: Mapping[str, Any]) -> dict[str, Any]:
     """Where and what, with the value where that helps, from one of pydantic's errors."""
+    own = item.get("ctx", {}).get("error")
+    if isinstance(own, InvalidInputError):
+        return _own_entry(own)
     location = [part for part in item["loc"] if part not in ("body", "query", "path", "header")]
     field = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in location).lstrip(".") or "body"
     value = item.get("input")

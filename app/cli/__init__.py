@@ -1,14 +1,15 @@
-"""`roboprompt serve | demo | eval | films | calibrate | calibration-board`."""
+"""`roboprompt serve | demo | eval | films | teach-objects | calibrate | calibration-board`."""
 
 import typer
 
-from app.cli import calibrate, demo, evaluate, films, serve
+from app.cli import calibrate, demo, evaluate, films, serve, teach_objects
 
 application = typer.Typer(no_args_is_help=True, add_completion=False, help=__doc__, pretty_exceptions_enable=False)
 application.command("serve")(serve.serve)
 application.command("demo")(demo.demo)
 application.command("eval")(evaluate.evaluate)
 application.command("films")(films.films)
+application.command("teach-objects")(teach_objects.teach_objects)
 application.command("calibrate")(calibrate.calibrate)
 application.command("calibration-board")(calibrate.calibration_board)
 

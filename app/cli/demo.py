@@ -5,7 +5,7 @@ import shlex
 import sys
 from datetime import datetime
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 from rich.console import Console
@@ -20,6 +20,9 @@ def demo(
     demos: Annotated[int, typer.Option(min=1, help="demonstrations a task")] = 10,
     model: Annotated[str | None, typer.Option(help="a name from GET /models; default: the service's")] = None,
     representation: Annotated[str | None, typer.Option(help="default: what suits the model")] = None,
+    poses: Annotated[
+        Literal["given", "vision"], typer.Option(help="vision: images only, by object models learned beforehand")
+    ] = "given",
     compare: Annotated[
         bool, typer.Option(help="also the paper's format, a regression, and the expert's replay")
     ] = True,
@@ -32,7 +35,7 @@ def demo(
     """
     # The simulator is an extra that `roboprompt serve` does without.
     from app.evaluation.demo import run_demo
-    from app.evaluation.methods import methods_beside
+    from app.evaluation.methods import methods_beside, with_poses
     from app.evaluation.plan import Plan
     from app.evaluation.report import write_report
     from app.evaluation.scores import errors_of
@@ -40,7 +43,7 @@ def demo(
 
     console = Console(stderr=as_json)
     command = shlex.join(["roboprompt", *sys.argv[1:]])
-    methods = methods_beside(model, representation) if compare else methods_beside(model, representation)[:1]
+    methods = with_poses(methods_beside(model, representation)[: None if compare else 1], poses)
     plan = Plan(tuple(task or TASKS), methods, episodes, demos, command, images=True)
     columns = (TextColumn("{task.description:<30}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console) as progress:

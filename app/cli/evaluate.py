@@ -6,13 +6,16 @@ import sys
 from collections.abc import Collection, Sequence
 from datetime import datetime
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-SWEEP_NAMES = "main, formats, keyframes, demonstrations, system_prompts, noise, experts, loop, models"
+if TYPE_CHECKING:
+    from app.evaluation.records import Method
+
+SWEEP_NAMES = "main, formats, keyframes, demonstrations, system_prompts, noise, poses, experts, loop, models"
 PACE_S = 600.0  # the time left follows from the pace of the last ten minutes: methods differ in theirs
 MAX_ERRORS = 5  # kinds of errors that the terminal shows; table.md has all
 INTERRUPTED = 130  # the exit status of a program that Ctrl-C ended
@@ -26,6 +29,9 @@ def evaluate(
     model: Annotated[
         list[str] | None, typer.Option(help="a name from GET /models; may be repeated; default: the service's")
     ] = None,
+    poses: Annotated[
+        Literal["given", "vision"], typer.Option(help="vision: images only, by object models learned beforehand")
+    ] = "given",
     out: Annotated[Path | None, typer.Option(help="folder of the results (default: reports/eval-SWEEP-TIME)")] = None,
     ray: Annotated[
         str | None, typer.Option(help="run on the Ray cluster at this address, 'auto', or 'local' to start one")
@@ -54,6 +60,8 @@ def evaluate(
     folder = out or Path("reports") / f"eval-{sweep}-{datetime.now():%Y%m%d-%H%M%S}"
     command = shlex.join(["roboprompt", *sys.argv[1:], *([] if out else ["--out", str(folder)])])
     methods = SWEEPS[sweep].with_models(model or ())
+    if poses == "vision":
+        methods = _looking(methods)
     plan = Plan(tuple(dict.fromkeys(task or TASKS)), methods, episodes, demos, command, predictions_at_once=at_once)
     console = Console(stderr=as_json)
     try:
@@ -77,6 +85,16 @@ def _check(option: str, given: Sequence[str], known: Collection[str]) -> None:
     for name in given:
         if name not in known:
             raise typer.BadParameter(f"{name!r} is none of {', '.join(known)}", param_hint=option)
+
+
+def _looking(methods: Sequence["Method"]) -> tuple["Method", ...]:
+    from app.evaluation.methods import with_poses
+    from app.pipeline.errors import InvalidInputError
+
+    try:
+        return with_poses(methods, "vision")
+    except InvalidInputError as error:
+        raise typer.BadParameter(str(error), param_hint="--poses") from error
 
 
 def _say(console: Console, lines: Sequence[str]) -> None:

@@ -18,6 +18,7 @@ from app.pipeline.episode import EndEffectorAction, Trajectory
 from app.pipeline.trajectory_npz import npz_from_trajectory
 
 DEFAULT_URL = "http://127.0.0.1:8000"
+LEARNING_TIMEOUT_S = 600.0
 MARGIN_S = 10.0  # the service answers within the request's own deadline; this is for the way there and back
 
 
@@ -82,7 +83,7 @@ class RoboPromptClient:
 
         Args:
             observation: what the robot saw at the first frame.
-            mask_ids: for each object the ids of its pixels in the masks, where the robot does not know poses.
+            mask_ids: for objects whose pixels the masks show, the ids of these; instead of a pose or beside it.
 
         Raises:
             ServiceProblemError: if the service refuses it.
@@ -159,6 +160,23 @@ class RoboPromptClient:
                     raise ServiceProblemError(document["status"], document)
         raise ServiceUnreachableError("POST /predict: the stream ended before it was complete")
 
+    def learn_object_models(
+        self, task: str, objects: Sequence[str] | None = None, episodes: int = 10
+    ) -> dict[str, Any]:
+        """Let the service learn what the task's objects look like from its labelled episodes.
+
+        Returns `object_models`, and in `refused` why nothing was learned of an object.
+
+        Args:
+            objects: None for all.
+            episodes: from at most so many, the task's first.
+
+        Raises:
+            ServiceProblemError, ServiceUnreachableError.
+        """
+        wish = {"objects": None if objects is None else list(objects), "episodes": episodes}
+        return self._send("POST", f"/tasks/{task}/object_models/learn", json=wish, timeout=LEARNING_TIMEOUT_S)
+
     def record_outcome(self, prediction_id: str, success: bool, note: str | None = None) -> dict[str, Any]:
         """Tell the service how the robot fared with a prediction."""
         return self._send("POST", f"/predictions/{prediction_id}/outcome", json={"success": success, "note": note})
@@ -201,9 +219,13 @@ def _predicted(answer: Mapping[str, Any]) -> PredictedActions:
 
 
 def _scene(observation: Observation, mask_ids: Mapping[str, Sequence[int]] | None) -> dict[str, Any]:
+    unnamed = {name: list(ids) for name, ids in (mask_ids or {}).items()}
     objects: list[dict[str, Any]] = [object_json(pose) for pose in observation.objects]
-    if mask_ids is not None:
-        objects = [{"name": name, "mask_ids": list(ids)} for name, ids in mask_ids.items()]
+    objects += [{"name": name} for name in observation.to_find]
+    for item in objects:
+        if (ids := unnamed.pop(item["name"], None)) is not None:
+            item["mask_ids"] = ids
+    objects += [{"name": name, "mask_ids": ids} for name, ids in unnamed.items()]
     return {"objects": objects, "cameras": [camera_json(frame.camera) for frame in observation.frames]}
 
 

@@ -8,10 +8,15 @@ from app.pipeline.episode import EndEffectorAction, ObjectPose, RgbdFrame
 
 @dataclass(frozen=True)
 class Observation:
-    """What the robot sees before it moves: poses where it knows them itself, calibrated images where it has cameras."""
+    """What the robot sees before it moves: poses where it knows them itself, calibrated images where it has cameras.
+
+    Attributes:
+        to_find: the names of objects that the service is to find in the images by the task's object models.
+    """
 
     objects: tuple[ObjectPose, ...] = ()
     frames: tuple[RgbdFrame, ...] = field(default=())
+    to_find: tuple[str, ...] = ()
 
 
 class Robot(Protocol):

@@ -4,6 +4,7 @@ EvaluationError
 ├── ServerStartError     the service did not come up; ends with what it wrote last
 ├── ServiceLostError     the service does not answer any more
 ├── ExpertFailedError    a task's expert fails too often to teach the task
+├── NotLearnedError      objects of a task cannot be found in images
 ├── OtherModelError      the results that are there were made with another default model
 ├── LedgerInUseError     another run writes into the same results
 ├── LedgerDamagedError   a line of the results that no run has written
@@ -27,6 +28,10 @@ class ServiceLostError(EvaluationError):
 
 class ExpertFailedError(EvaluationError):
     """A task's expert fails too often to teach the task."""
+
+
+class NotLearnedError(EvaluationError):
+    """Objects of a task cannot be found in images; the message says which and why."""
 
 
 class OtherModelError(EvaluationError):

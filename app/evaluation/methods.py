@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
-from app.evaluation.records import REPLAY, Method
+from app.evaluation.records import REPLAY, Method, Poses
 
 PAPER = {"representation": "absolute", "prompt_format": "paper", "system_prompt": "a"}
 KAT = {"representation": "action_tokens", "prompt_format": "kat"}
@@ -24,6 +24,15 @@ def methods_beside(model: str | None, representation: str | None) -> tuple[Metho
     label = ", ".join([model or "default LLM", representation or "its representation"])
     paper = Method("the same LLM, paper's format", {**options, **PAPER})
     return Method(label, options), paper, REGRESSION, REPLAY
+
+
+def with_poses(methods: Iterable[Method], poses: Poses) -> tuple[Method, ...]:
+    """The methods with the service finding poses as told; those that do not ask it stay as they are.
+
+    Raises:
+        InvalidInputError: for a method that needs given poses.
+    """
+    return tuple(replace(method, poses=poses) if method.asks_service else method for method in methods)
 
 
 def with_models(methods: Iterable[Method], models: Sequence[str]) -> tuple[Method, ...]:

@@ -5,11 +5,13 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from app.pipeline.episode import EndEffectorAction
+from app.pipeline.errors import InvalidInputError
 from app.sim.demonstrate import RecordedDemonstration, RolloutResult, SceneView
 
 FIRST_TEST_SEED = 100_000  # demonstrations are drawn from the seeds below
 
 # Where a method's actions come from; `app.evaluation.trials` has the function for each.
+Poses = Literal["given", "vision"]
 Source = Literal["service", "closed loop", "nearest demonstration", "expert replay", "expert"]
 
 
@@ -23,6 +25,7 @@ class Method:
         settings: for `PUT /tasks/{name}`, beside those of every evaluation; methods that differ here are taught under
             different task names.
         noise: added to the poses of demonstrations and tests, as a multiple of the error in `app.evaluation.noise`.
+        poses: whether the service is given the objects' poses, or finds them in images (`app.evaluation.vision`).
         source: where the actions come from; `closed loop` asks the service for one at a time, others do not ask it.
     """
 
@@ -31,6 +34,12 @@ class Method:
     settings: Mapping[str, Any] = field(default_factory=dict)
     noise: float = 0.0
     source: Source = "service"
+    poses: Poses = "given"
+
+    def __post_init__(self) -> None:
+        if self.poses == "vision" and (self.noise or self.source != "service"):
+            why = "noise is added to given poses" if self.noise else f"{self.source} takes given poses"
+            raise InvalidInputError(f"methods[{self.label}].poses", f"is 'vision', but {why}", "given")
 
     @property
     def asks_service(self) -> bool:

@@ -6,13 +6,14 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 from rich.progress import Progress
 
 from app.client.client import RoboPromptClient
 from app.client.errors import ServiceProblemError, ServiceUnreachableError
-from app.evaluation.errors import ServiceLostError
+from app.evaluation.errors import NotLearnedError, ServiceLostError
 from app.evaluation.executors import Executor
 from app.evaluation.ledger import Ledger
 from app.evaluation.plan import Plan
@@ -22,11 +23,13 @@ from app.evaluation.teach import Lesson, record, suffix_of, upload, variants
 from app.evaluation.threads import in_threads
 from app.evaluation.timing import Timing
 from app.evaluation.trials import Cell, Laboratory
+from app.evaluation.vision import FIRST_LABELLED_SEED, LABELLED_SCENES
 from app.sim.demonstrate import RecordedDemonstration
 
 TEACHING_THREADS = 2  # one task is uploaded while the next is recorded
 MAX_UNREACHABLE = 5  # trials in a row; then the service is gone and not just busy
 
+_Recorded = tuple[RecordedDemonstration, ...]
 Lessons = Mapping[str, Lesson | Exception]  # by the suffix of the task's name; or why it could not be taught
 
 
@@ -78,30 +81,25 @@ class Run:
         return lessons
 
     def _teach_task(self, task: str, suffixes: set[str], on_done: Callable[[], None]) -> Lessons:
-        plan = self.plan
-        recorded: tuple[RecordedDemonstration, ...] | Exception
+        plan, ways = self.plan, variants(self.plan.methods)
+        looks = any(ways[suffix].poses == "vision" for suffix in suffixes)
+        recording = partial(record, self.executor, task, control_frequency_hz=plan.control_frequency_hz)
         try:
-            recorded = record(
-                self.executor,
-                task,
-                plan.recorded,
-                plan.control_frequency_hz,
-                images=plan.images,
-                on_done=on_done,
-            )
+            recorded = recording(plan.recorded, images=plan.images or looks, on_done=on_done)
+            labelled = recording(LABELLED_SCENES, images=True, first_seed=FIRST_LABELLED_SEED) if looks else ()
         except Exception as error:
             return dict.fromkeys(suffixes, error)
-        ways = variants(plan.methods)
-        return {suffix: self._upload(task, suffix, ways[suffix], recorded) for suffix in suffixes}
+        return {suffix: self._upload(task, suffix, ways[suffix], recorded, labelled) for suffix in suffixes}
 
     def _upload(
-        self, task: str, suffix: str, method: Method, recorded: tuple[RecordedDemonstration, ...]
+        self, task: str, suffix: str, method: Method, recorded: _Recorded, labelled: _Recorded
     ) -> Lesson | Exception:
         name = f"{task}{suffix}" + (f".eval-{self._session}" if self.shared else "")
         try:
-            return upload(self.client, name, recorded, method, self.plan.demonstrations)
-        except (ServiceProblemError, ServiceUnreachableError) as error:
+            lesson = upload(self.client, name, recorded, method, self.plan.demonstrations, labelled)
+        except (ServiceProblemError, ServiceUnreachableError, NotLearnedError) as error:
             return error
+        return lesson if self.plan.images else lesson.without_images()
 
     def run_trials(self, lessons: Mapping[str, Lessons]) -> None:
         """Run what remains, each trial kept as it ends.

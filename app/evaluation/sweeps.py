@@ -71,6 +71,10 @@ SWEEPS: Mapping[str, Sweep] = {
         "noise on object poses, in multiples of 1.68 cm and 4.61 degrees",
         (Method("no noise"), *(Method(f"noise x {scale:g}", noise=scale) for scale in NOISE)),
     ),
+    "poses": Sweep(
+        "poses given against poses found in images, by models learned from six labelled scenes",
+        (Method("given poses"), Method("poses from images", poses="vision"), REPLAY),
+    ),
     "experts": Sweep(
         "the scripted experts, and their keyframes after binning: the ceiling of every other method; asks no LLM",
         (EXPERT, REPLAY),

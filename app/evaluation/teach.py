@@ -13,6 +13,7 @@ from app.evaluation.errors import ExpertFailedError
 from app.evaluation.executors import Executor
 from app.evaluation.noise import disturbed
 from app.evaluation.records import FIRST_TEST_SEED, Method, TaughtEpisode
+from app.evaluation.vision import images_only, learned_models
 from app.sim.demonstrate import RecordedDemonstration, record_demonstration
 from app.sim.tasks import TASKS
 
@@ -33,11 +34,20 @@ class Lesson:
     num_demonstrations: int
     taught: tuple[TaughtEpisode, ...]
 
+    def without_images(self) -> "Lesson":
+        """The same without the frames, which are large."""
+        return replace(self, taught=tuple(map(_without_images, self.taught)))
+
+
+def _without_images(taught: TaughtEpisode) -> TaughtEpisode:
+    scene = replace(taught.recorded.scene, frames=())
+    return replace(taught, recorded=replace(taught.recorded, scene=scene))
+
 
 def variants(methods: Sequence[Method]) -> dict[str, Method]:
     """What has to be taught, by the suffix of its task name: the first of the methods that need it.
 
-    Methods without settings and noise of their own share the suffix ``""``, which is always among them.
+    Methods with given poses and without settings and noise of their own share the suffix ``""``, which is always there.
     """
     found = {_variant(Method("")): ("", Method(""))}
     for method in methods:
@@ -52,7 +62,7 @@ def suffix_of(method: Method, methods: Sequence[Method]) -> str:
 
 
 def _variant(method: Method) -> str:
-    return json.dumps([method.settings, method.noise, method.source == "closed loop"], sort_keys=True)
+    return json.dumps([method.settings, method.noise, method.source == "closed loop", method.poses], sort_keys=True)
 
 
 def record(
@@ -62,18 +72,20 @@ def record(
     control_frequency_hz: float,
     *,
     images: bool,
-    on_done: Callable[[], None],
+    on_done: Callable[[], None] = lambda: None,
+    first_seed: int = 0,
 ) -> tuple[RecordedDemonstration, ...]:
     """`number` successful demonstrations, in the order of their seeds.
 
     Args:
+        first_seed: further ones follow.
         on_done: called after each.
 
     Raises:
         ExpertFailedError: if more than half of the expert's attempts fail.
     """
     recorded = []
-    for demonstration in _successful(executor, task, number, control_frequency_hz, images):
+    for demonstration in _successful(executor, task, number, control_frequency_hz, images, first_seed):
         recorded.append(demonstration)
         on_done()
     return tuple(recorded)
@@ -85,16 +97,22 @@ def upload(
     recorded: Sequence[RecordedDemonstration],
     method: Method,
     num_demonstrations: int,
+    labelled: Sequence[RecordedDemonstration] = (),
 ) -> Lesson:
     """Set the task `name` up as `method` wants it, and upload the demonstrations in their order.
 
     Args:
         num_demonstrations: the task's default for prompts.
+        labelled: from which object models are learned if `method` finds poses in images.
 
     Raises:
+        NotLearnedError: if that cannot be.
         ServiceProblemError, ServiceUnreachableError.
     """
-    client.configure_task(name, **_settings(recorded[0].scene.task, num_demonstrations, method))
+    settings = _settings(recorded[0].scene.task, num_demonstrations, method)
+    if method.poses == "vision":
+        settings = {**settings, "object_models": learned_models(client, name, labelled)}
+    client.configure_task(name, **settings)
     taught = tuple(TaughtEpisode(item, _upload(client, name, item, method)) for item in recorded)
     return Lesson(name, num_demonstrations, taught)
 
@@ -105,10 +123,10 @@ def _settings(task: str, num_demonstrations: int, method: Method) -> Mapping[str
 
 
 def _successful(
-    executor: Executor, task: str, number: int, control_frequency_hz: float, images: bool
+    executor: Executor, task: str, number: int, control_frequency_hz: float, images: bool, first_seed: int
 ) -> Iterator[RecordedDemonstration]:
     """Demonstrations that solve their scenes; a failed one is replaced by that of a further seed."""
-    seeds = iter(range(FIRST_TEST_SEED))
+    seeds = iter(range(first_seed, FIRST_TEST_SEED))
 
     def submit() -> Future[RecordedDemonstration]:
         return executor.submit(_record, task, next(seeds), control_frequency_hz, images)
@@ -134,11 +152,14 @@ def _upload(client: RoboPromptClient, name: str, recorded: RecordedDemonstration
     scene, trajectory = recorded.scene, recorded.trajectory
     if method.source != "closed loop":
         trajectory = replace(trajectory, object_positions_m=None, object_quaternions_xyzw=None)
+    seen = Observation(disturbed(scene.objects, method.noise, scene.seed), scene.frames)
+    if method.poses == "vision":
+        seen = images_only(scene.frames, scene.objects)
     return client.upload(
         name,
         scene.instruction,
         trajectory,
-        Observation(disturbed(scene.objects, method.noise, scene.seed), scene.frames),
+        seen,
         control_frequency_hz=recorded.control_frequency_hz,
         extra={"seed": scene.seed, "simulator": "mujoco"},
     )

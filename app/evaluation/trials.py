@@ -16,7 +16,8 @@ from app.evaluation.nearest import replayed
 from app.evaluation.noise import disturbed
 from app.evaluation.records import Method, Source, Trial
 from app.evaluation.teach import Lesson
-from app.pipeline.episode import EndEffectorAction
+from app.evaluation.vision import UNSEEN, images_only
+from app.pipeline.episode import EndEffectorAction, RgbdFrame
 from app.pipeline.keyframes import merged
 from app.pipeline.workspace import Workspace, discretize_action, undiscretize_action
 from app.sim.demonstrate import (
@@ -71,20 +72,28 @@ class Laboratory:
 
 def _ask_service(laboratory: Laboratory, cell: Cell, lesson: Lesson, scene: SceneView) -> Trial:
     trial = Trial(cell.task, cell.seed, cell.method.label, scene)
-    seen = Observation(disturbed(scene.objects, cell.method.noise, cell.seed))
+    seen = _seen(laboratory, cell, scene)
     with laboratory.asking:
         started = time.perf_counter()
         try:
             predicted = laboratory.client.predict(lesson.name, scene.instruction, seen, **cell.method.options)
         except ServiceProblemError as error:
-            if error.problem.get("type") != UNPARSABLE_REPLY:
+            seconds, problem = time.perf_counter() - started, error.problem.get("type")
+            if problem != UNPARSABLE_REPLY and not (cell.method.poses == "vision" and problem in UNSEEN):
                 raise
-            seconds = time.perf_counter() - started
-            return replace(trial, answer=_refused(laboratory.client, error), error=str(error), predict_s=seconds)
+            answer = _refused(laboratory.client, error) if problem == UNPARSABLE_REPLY else None
+            return replace(trial, answer=answer, error=str(error), predict_s=seconds)
         trial = replace(trial, answer=predicted.response, predict_s=time.perf_counter() - started)
     trial = laboratory.execute(trial, predicted.actions)
     laboratory.client.record_outcome(predicted.id, trial.succeeded, trial.failure or None)
     return trial
+
+
+def _seen(laboratory: Laboratory, cell: Cell, scene: SceneView) -> Observation:
+    """What the robot tells the service of the scene."""
+    if cell.method.poses == "vision":
+        return images_only(call(laboratory.executor, _photograph, cell.task, cell.seed), scene.objects)
+    return Observation(disturbed(scene.objects, cell.method.noise, cell.seed))
 
 
 def _refused(client: RoboPromptClient, error: ServiceProblemError) -> dict[str, Any]:
@@ -164,6 +173,10 @@ class _Timed(Generic[_Result]):
 @lru_cache(maxsize=64)
 def _view(task: str, seed: int) -> SceneView:
     return view_scene(task, seed, variation=TASKS[task].test_variation(seed), images=False)
+
+
+def _photograph(task: str, seed: int) -> tuple[RgbdFrame, ...]:
+    return view_scene(task, seed, variation=TASKS[task].test_variation(seed)).frames
 
 
 def _execute(task: str, seed: int, actions: _Actions) -> _Timed[RolloutResult]:

@@ -6,10 +6,12 @@ from dataclasses import dataclass
 from importlib.metadata import entry_points
 
 from app.llm import regression, scripted
+from app.llm.anthropic import AnthropicModel
 from app.llm.base import LanguageModel, ModelProfile, ModelUnavailableError, UnknownModelError
 from app.llm.embedded import EmbeddedModel, EmbeddedOptions
+from app.llm.guard import Limits
 from app.llm.openai_compatible import OpenAiCompatibleModel
-from app.llm.openai_wire import LLAMA_CPP
+from app.llm.openai_wire import SERVERS, Quirks, quirks_of
 from app.llm.settings import LlmSettings, variable
 from app.llm.weights import PACKAGED, find_weights
 
@@ -27,16 +29,35 @@ class Backend:
     Attributes:
         create: makes any of its models, also such as are not offered.
         offered: the models to show to people, whether or not they can be used at present.
+        limits: how many requests it bears and how often it is asked again; None: any number, and once.
     """
 
     create: ModelFactory
     offered: Callable[[LlmSettings], Sequence[ModelProfile]]
+    limits: Callable[[LlmSettings], Limits] | None = None
 
 
 def all_backends() -> dict[str, Backend]:
     """The built-in backends and those of installed packages; a package cannot replace a built-in one."""
     installed = {point.name: point.load() for point in entry_points(group=ENTRY_POINT_GROUP)}
     return {**installed, **BUILT_IN}
+
+
+def _network_limits(settings: LlmSettings) -> Limits:
+    """Of a provider's account, whichever of its models is asked."""
+    return Limits(
+        concurrent=settings.llm_concurrent_requests,
+        queued=settings.llm_queued_requests,
+        retries=settings.llm_retries,
+        backoff_s=settings.llm_backoff_s,
+        failures=settings.llm_failures,
+        pause_s=settings.llm_pause_s,
+    )
+
+
+def _embedded_limits(settings: LlmSettings) -> Limits:
+    """Of a model's slots. A second try finds llama.cpp started anew if it died."""
+    return Limits(settings.embedded_slots, settings.llm_queued_requests, retries=1, each_model=True)
 
 
 def _embedded(model: str, settings: LlmSettings) -> LanguageModel:
@@ -90,6 +111,31 @@ _PAPER_MODELS = {
 }
 
 
+def _anthropic(model: str, settings: LlmSettings) -> LanguageModel:
+    _require_model_name("anthropic", model)
+    if not settings.anthropic_api_key:
+        raise ModelUnavailableError(f"anthropic/{model} needs a key: set {variable('anthropic_api_key')}")
+    return AnthropicModel(
+        _anthropic_profile(model),
+        settings.anthropic_base_url,
+        model,
+        settings.anthropic_api_key,
+        key_variable=variable("anthropic_api_key"),
+        url_variable=variable("anthropic_base_url"),
+    )
+
+
+def _anthropic_profile(model: str, description: str = "") -> ModelProfile:
+    return ModelProfile(f"anthropic/{model}", "chat", grammar=False, representation="absolute", description=description)
+
+
+_CLAUDE_MODELS = {
+    "claude-opus-5-5": "Anthropic's large model; thinks a little before every reply",
+    "claude-sonnet-5-5": "Anthropic's middle model; replies at once",
+    "claude-haiku-5-5": "Anthropic's small model, the cheapest; replies at once",
+}
+
+
 def _openai_compatible(model: str, settings: LlmSettings) -> LanguageModel:
     _require_model_name("openai_compatible", model)
     if not settings.compatible_base_url:
@@ -102,18 +148,24 @@ def _openai_compatible(model: str, settings: LlmSettings) -> LanguageModel:
         settings.compatible_api_key,
         key_variable=variable("compatible_api_key"),
         url_variable=variable("compatible_base_url"),
-        quirks=LLAMA_CPP if settings.compatible_llama_cpp else None,
+        quirks=_compatible_quirks(settings),
     )
+
+
+def _compatible_quirks(settings: LlmSettings) -> Quirks:
+    server = "llama_cpp" if settings.compatible_llama_cpp else settings.compatible_server
+    return quirks_of(settings.compatible_base_url) if server == "other" else SERVERS[server]
 
 
 def _compatible_profile(model: str, settings: LlmSettings) -> ModelProfile:
     """A chat model is asked as in the paper; one that continues text and takes a grammar, like the embedded ones."""
     completes = settings.compatible_style == "completion"
+    grammar = bool(_compatible_quirks(settings).grammar_path)
     return ModelProfile(
         name=f"openai_compatible/{model}",
         style=settings.compatible_style,
-        grammar=settings.compatible_llama_cpp,
-        representation="object_frame" if completes and settings.compatible_llama_cpp else "absolute",
+        grammar=grammar,
+        representation="object_frame" if completes and grammar else "absolute",
         system_prompt="none" if completes else "a",
         description="A server that speaks OpenAI's API",
     )
@@ -142,10 +194,17 @@ def _refuse_model_name(backend: str, model: str) -> None:
 
 
 BUILT_IN: Mapping[str, Backend] = {
-    "embedded": Backend(_embedded, lambda settings: [_embedded_profile(model) for model in PACKAGED]),
-    "openai": Backend(_openai, lambda settings: [_openai_profile(*item) for item in _PAPER_MODELS.items()]),
+    "embedded": Backend(_embedded, lambda settings: [_embedded_profile(model) for model in PACKAGED], _embedded_limits),
+    "anthropic": Backend(
+        _anthropic, lambda settings: [_anthropic_profile(*item) for item in _CLAUDE_MODELS.items()], _network_limits
+    ),
+    "openai": Backend(
+        _openai, lambda settings: [_openai_profile(*item) for item in _PAPER_MODELS.items()], _network_limits
+    ),
     "openai_compatible": Backend(
-        _openai_compatible, lambda settings: [_compatible_profile(settings.compatible_model, settings)]
+        _openai_compatible,
+        lambda settings: [_compatible_profile(settings.compatible_model, settings)],
+        _network_limits,
     ),
     "regression": Backend(_regression, lambda settings: [regression.PROFILE]),
     "scripted": Backend(_scripted, lambda settings: [scripted.PROFILE] if settings.scripted_replies else []),

@@ -13,9 +13,19 @@ class LanguageModelError(RoboPromptError):
 
     ├── UnknownModelError      no backend of that name; lists those there are
     ├── ModelUnavailableError  weights, key or server are missing; says what to install or set
+    ├── ModelBusyError         more requests than the model or its provider takes at present
     ├── ModelTimeoutError      no answer within the request's deadline
     └── ModelResponseError     the backend answered with an error or with something unintelligible
+
+    Args:
+        retryable: the same request may well succeed when it is sent again.
+        retry_after_s: how long to wait before that, where it is known.
     """
+
+    def __init__(self, message: str, *, retryable: bool = False, retry_after_s: float | None = None) -> None:
+        super().__init__(message)
+        self.retryable = retryable
+        self.retry_after_s = retry_after_s
 
 
 class UnknownModelError(LanguageModelError):
@@ -24,6 +34,10 @@ class UnknownModelError(LanguageModelError):
 
 class ModelUnavailableError(LanguageModelError):
     """Weights, key or server are missing."""
+
+
+class ModelBusyError(LanguageModelError):
+    """More requests than the model or its provider takes at present."""
 
 
 class ModelTimeoutError(LanguageModelError):
@@ -59,7 +73,11 @@ class ModelProfile:
 
 @dataclass(frozen=True)
 class Usage:
-    """Tokens of one completion; `cached_tokens` counts those prompt tokens that were not evaluated again."""
+    """Tokens of one completion; `cached_tokens` counts those prompt tokens that were not evaluated again.
+
+    Tokens that a provider writes to its cache (Anthropic's `cache_creation_input_tokens`) were evaluated: they are
+    prompt tokens like any other.
+    """
 
     prompt_tokens: int = 0
     cached_tokens: int = 0
@@ -113,7 +131,7 @@ class LanguageModel(Protocol):
         Whoever stops early closes it, which ends the generation as well.
 
         Raises:
-            ModelUnavailableError, ModelTimeoutError, ModelResponseError.
+            ModelUnavailableError, ModelBusyError, ModelTimeoutError, ModelResponseError.
         """
         ...
 

@@ -9,12 +9,14 @@ import os
 from contextlib import aclosing
 from dataclasses import dataclass
 
-from app.llm.base import Completion, CompletionRequest, ModelProfile, ModelUnavailableError
+from app.llm.base import Completion, CompletionRequest, LanguageModelError, ModelProfile, ModelUnavailableError
 from app.llm.llama_process import LlamaOptions, LlamaProcess
 from app.llm.openai_compatible import OpenAiCompatibleModel
 from app.llm.openai_wire import LLAMA_CPP
 from app.llm.streaming import Pieces, whole, within_deadline
 from app.llm.weights import Weights
+
+DYING_S = 1.0  # frees some hundred MB
 
 
 @dataclass(frozen=True)
@@ -73,9 +75,15 @@ class EmbeddedModel:
 
     async def _pieces(self, request: CompletionRequest) -> Pieces:
         running = await self._running()
-        async with aclosing(running.client.stream(request)) as pieces:
-            async for piece in pieces:
-                yield piece
+        try:
+            async with aclosing(running.client.stream(request)) as pieces:
+                async for piece in pieces:
+                    yield piece
+        except LanguageModelError as error:
+            if error.retryable:
+                # A process that dies closes its connections first; the next request must find it dead.
+                await asyncio.to_thread(running.process.ends_within, DYING_S)
+            raise
 
     async def _running(self) -> _Running:
         """The server, which all callers start together; one that failed or died is started anew."""

@@ -14,6 +14,7 @@ from typing import Any
 
 PROMPT_CACHE_MIB = 1024  # Gemma 3 270M: 18 kB a token, some fifty prompts of ten demonstrations
 BATCH_TOKENS = 128  # 0.3 s on two cores; reading takes 2 % longer than with llama.cpp's 2048
+DRAFT_TOKENS = 48  # copied from the prompt and tried as a whole
 
 
 def main() -> None:
@@ -43,7 +44,12 @@ def _start(options: dict[str, Any]) -> Any:  # noqa: ANN401  xllamacpp has no ty
     params.swa_full = True
     params.cache_ram_mib = PROMPT_CACHE_MIB
     # A prompt is read in pieces this small: between two of them other requests go on and an abandoned one is noticed.
-    params.n_batch = params.n_ubatch = BATCH_TOKENS
+    # llama.cpp ends its process unless the next token and the draft of every slot fit into one piece.
+    params.n_batch = params.n_ubatch = max(BATCH_TOKENS, options["slots"] * (1 + DRAFT_TOKENS))
+    # Replies copy rows of the prompt: what followed the last 12 tokens before is tried as a whole and kept as far as
+    # the model agrees. The same replies, two to three times faster.
+    params.speculative.types = [xllamacpp.common_speculative_type.COMMON_SPECULATIVE_TYPE_NGRAM_SIMPLE]
+    params.speculative.ngram_simple.size_m = DRAFT_TOKENS
     params.verbosity = 1  # errors only
     params.ui = False
     return xllamacpp.Server(params)

@@ -73,6 +73,14 @@ class LlamaProcess:
         """Whether the process still lives."""
         return self._process.poll() is None
 
+    def ends_within(self, timeout_s: float) -> bool:
+        """Whether the process ends by itself; waits for it."""
+        try:
+            self._process.wait(timeout_s)
+        except subprocess.TimeoutExpired:
+            return False
+        return True
+
     def stop(self) -> None:
         """End the process and free its port and memory; requests under way break off."""
         with self._process as process:

@@ -4,15 +4,22 @@ The format is that of https://platform.openai.com/docs/api-reference (chat/compl
 differ, `QUIRKS` says how.
 """
 
-import json
-from dataclasses import dataclass
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 from urllib.parse import urlsplit
 
 from pydantic import BaseModel, Field, ValidationError
 
 from app.llm.base import CompletionRequest, ModelResponseError, Usage
-from app.llm.settings import Style
+from app.llm.settings import CompatibleServer, Style
+from app.llm.streaming import Chunk, error_message
+
+END = "[DONE]"
+# Room for the tokens that a model thinks before it replies: they count against the limit of the reply's length.
+# OpenAI's guide "Reasoning models" advises to reserve 25,000 at first; a pattern to continue takes far fewer.
+THINKING_TOKENS = 8192
 
 
 @dataclass(frozen=True)
@@ -22,24 +29,48 @@ class Quirks:
     Attributes:
         max_tokens_field: what the limit of the reply's length is called.
         cache_key_field: what routes requests with the same prefix to the same cache, if the server knows such a field.
-        marked_parts: the server caches up to a marked part of the message (Anthropic's `cache_control`).
-        llama_cpp: the server takes GBNF grammars and keeps prompts.
+        prefix_mark: put on the part of the message up to which the server caches, if it wants to be told.
+        grammar_path: the field, within fields, that takes a GBNF grammar.
+        extra: further fields of every request.
+        openai: the server has OpenAI's own models, which have quirks of their own.
     """
 
     max_tokens_field: str = "max_tokens"
     cache_key_field: str | None = None
-    marked_parts: bool = False
-    llama_cpp: bool = False
+    prefix_mark: tuple[str, Mapping[str, str]] | None = None
+    grammar_path: tuple[str, ...] = ()
+    extra: tuple[tuple[str, Any], ...] = ()
+    openai: bool = False
 
 
-LLAMA_CPP = Quirks(llama_cpp=True)
-# by the host of the base URL
-QUIRKS = {
-    "api.openai.com": Quirks(max_tokens_field="max_completion_tokens", cache_key_field="prompt_cache_key"),
-    "openrouter.ai": Quirks(marked_parts=True),
+# `cache_prompt` keeps the prompt. llama.cpp notices that the client has gone when it sends something, with
+# `return_progress` also while it reads the prompt. (llama.cpp, tools/server/README.md)
+LLAMA_CPP = Quirks(grammar_path=("grammar",), extra=(("cache_prompt", True), ("return_progress", True)))
+# "Structured Outputs" of vLLM's documentation, since 0.12; its default backend xgrammar reads GBNF.
+VLLM = Quirks(grammar_path=("structured_outputs", "grammar"))
+# "Structured Outputs" of SGLang's documentation: xgrammar, "currently uses the GGML BNF format".
+SGLANG = Quirks(grammar_path=("ebnf",))
+# Ollama takes the common fields and no grammar ("OpenAI compatibility" of its documentation lists them).
+SERVERS: Mapping[CompatibleServer, Quirks] = {
+    "other": Quirks(),
+    "llama_cpp": LLAMA_CPP,
+    "vllm": VLLM,
+    "sglang": SGLANG,
 }
+# by the host of the base URL
+HOSTS: Mapping[str, Quirks] = {
+    "api.openai.com": Quirks(max_tokens_field="max_completion_tokens", cache_key_field="prompt_cache_key", openai=True),
+    "openrouter.ai": Quirks(prefix_mark=("cache_control", {"type": "ephemeral"})),
+}
+# From GPT-5.6 on, OpenAI caches up to the end of the last message, which differs from query to query, unless it is told
+# where the prefix ends ("Prompt caching" of OpenAI's guides: prompt_cache_breakpoint, prompt_cache_options).
+EXPLICIT_CACHE_SINCE = (5, 6)
+EXPLICIT_CACHE = Quirks(
+    prefix_mark=("prompt_cache_breakpoint", {"mode": "explicit"}),
+    extra=(("prompt_cache_options", {"mode": "explicit"}),),
+)
 # Models that reason before they reply refuse these fields (OpenAI's guide "Reasoning models").
-REASONING_MODELS = ("o1", "o3", "o4", "gpt-5")
+REASONING_MODELS = re.compile(r"o[134](-|$)|gpt-([5-9]|\d\d)")
 REFUSED_BY_REASONING_MODELS = ("temperature", "stop", "seed")
 
 
@@ -69,18 +100,9 @@ class _Event(BaseModel):
     error: Any = None
 
 
-@dataclass(frozen=True)
-class Chunk:
-    """What one event of a streamed reply tells; any of it may be missing."""
-
-    text: str = ""
-    finish_reason: str | None = None
-    usage: Usage | None = None
-
-
 def quirks_of(base_url: str) -> Quirks:
     """The quirks of the server at `base_url`."""
-    return QUIRKS.get(urlsplit(base_url).hostname or "", Quirks())
+    return HOSTS.get(urlsplit(base_url).hostname or "", Quirks())
 
 
 def request_path(style: Style) -> str:
@@ -94,14 +116,17 @@ def request_body(request: CompletionRequest, model: str, style: Style, quirks: Q
     Args:
         model: the server's name of the model.
     """
-    prompt = request.prompt
+    prompt, thinks = request.prompt, REASONING_MODELS.match(model)
+    if quirks.openai and _version(model) >= EXPLICIT_CACHE_SINCE:
+        quirks = replace(quirks, prefix_mark=EXPLICIT_CACHE.prefix_mark, extra=EXPLICIT_CACHE.extra)
     body: dict[str, Any] = {
         "model": model,
-        quirks.max_tokens_field: request.max_tokens,
+        quirks.max_tokens_field: request.max_tokens + (THINKING_TOKENS if thinks else 0),
         "temperature": request.temperature,
         "seed": request.seed,
         "stream": True,
         "stream_options": {"include_usage": True},
+        **dict(quirks.extra),
     }
     if style == "chat":
         system = [{"role": "system", "content": prompt.system}] if prompt.system else []
@@ -112,34 +137,42 @@ def request_body(request: CompletionRequest, model: str, style: Style, quirks: Q
         body["stop"] = list(prompt.stop)
     if quirks.cache_key_field and request.cache_key:
         body[quirks.cache_key_field] = request.cache_key
-    if quirks.llama_cpp:
-        body["cache_prompt"] = True
-        # llama.cpp notices that the client has gone when it sends something, with this also while it reads the prompt
-        body["return_progress"] = True
-        if prompt.grammar:
-            body["grammar"] = prompt.grammar
-    if model.startswith(REASONING_MODELS):
-        return {name: value for name, value in body.items() if name not in REFUSED_BY_REASONING_MODELS}
-    return body
+    if quirks.grammar_path and prompt.grammar:
+        body |= _nested(quirks.grammar_path, prompt.grammar)
+    return {name: value for name, value in body.items() if not (thinks and name in REFUSED_BY_REASONING_MODELS)}
+
+
+def _version(model: str) -> tuple[int, int]:
+    """Of a GPT model; (0, 0) for others."""
+    found = re.match(r"gpt-(\d+)(?:\.(\d+))?", model)
+    return (int(found[1]), int(found[2] or 0)) if found else (0, 0)
+
+
+def _nested(path: tuple[str, ...], value: str) -> dict[str, Any]:
+    """`value` at a path of fields."""
+    return {path[0]: _nested(path[1:], value) if path[1:] else value}
 
 
 def _user_content(request: CompletionRequest, quirks: Quirks) -> str | list[dict[str, Any]]:
     """The user message; in two parts, the first marked, where the server caches up to a mark."""
     prompt = request.prompt
-    if not (quirks.marked_parts and prompt.prefix):
+    if not (quirks.prefix_mark and prompt.prefix):
         return prompt.user
+    field, mark = quirks.prefix_mark
     return [
-        {"type": "text", "text": prompt.prefix, "cache_control": {"type": "ephemeral"}},
+        {"type": "text", "text": prompt.prefix, field: dict(mark)},
         {"type": "text", "text": prompt.query},
     ]
 
 
-def parse_event(data: str) -> Chunk:
-    """What the `data` of one event says.
+def parse_event(data: str) -> Chunk | None:
+    """What the `data` of one event says; None at the end.
 
     Raises:
         ModelResponseError: if it is an error, or not in OpenAI's format.
     """
+    if data == END:
+        return None
     try:
         event = _Event.model_validate_json(data)
     except ValidationError:
@@ -157,12 +190,3 @@ def parse_event(data: str) -> Chunk:
 def _usage(usage: _Usage) -> Usage:
     cached = usage.prompt_tokens_details.cached_tokens if usage.prompt_tokens_details else None
     return Usage(usage.prompt_tokens, cached or 0, usage.completion_tokens)
-
-
-def error_message(body: str) -> str:
-    """The message in an error's body (`{"error": {"message": ...}}` or `{"error": "..."}`), else its beginning."""
-    try:
-        error = json.loads(body)["error"]
-        return str(error["message"] if isinstance(error, dict) else error)
-    except (ValueError, LookupError, TypeError):
-        return " ".join(body[:300].split()) or "no message"

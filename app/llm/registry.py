@@ -1,4 +1,4 @@
-"""Models by name: made when first asked for, kept, closed together."""
+"""Models by name: made when first asked for, wrapped as the settings say, kept, closed together."""
 
 import asyncio
 from collections.abc import Mapping
@@ -7,6 +7,9 @@ from dataclasses import dataclass
 from app.llm.backends import Backend, all_backends
 from app.llm.base import LanguageModel, LanguageModelError, ModelProfile, ModelUnavailableError, UnknownModelError
 from app.llm.embedded import EmbeddedModel
+from app.llm.guard import Guard
+from app.llm.recording import RecordingModel, ReplayedModel
+from app.llm.resilient import ResilientModel
 from app.llm.settings import LlmSettings
 
 MAX_MODELS = 32  # names come from requests, and each model holds connections or a process
@@ -26,6 +29,14 @@ class OfferedModel:
     reason: str = ""
 
 
+@dataclass(frozen=True)
+class _Made:
+    """A model as its backend made it, and as requests reach it."""
+
+    bare: LanguageModel
+    wrapped: LanguageModel
+
+
 class ModelRegistry:
     """The models of one service.
 
@@ -36,7 +47,8 @@ class ModelRegistry:
     def __init__(self, settings: LlmSettings, backends: Mapping[str, Backend] | None = None) -> None:
         self._settings = settings
         self._backends = all_backends() if backends is None else backends
-        self._models: dict[str, LanguageModel] = {}
+        self._models: dict[str, _Made] = {}
+        self._guards: dict[str, Guard] = {}
 
     def get(self, name: str = "") -> LanguageModel:
         """The model named `backend/model`, or the default one. Starts nothing.
@@ -45,11 +57,14 @@ class ModelRegistry:
             UnknownModelError: no backend or model of that name; lists those offered.
             ModelUnavailableError: something is missing; says what to install or set.
         """
+        return self._get(name).wrapped
+
+    def _get(self, name: str) -> _Made:
         name = name or self._settings.default_model
         if name not in self._models:
             if len(self._models) >= MAX_MODELS:
                 raise ModelUnavailableError(f"{MAX_MODELS} models are in use already: {', '.join(self._models)}")
-            self._models.setdefault(name, self._create(name))  # one model, whichever thread comes first
+            self._models.setdefault(name, self._make(name))  # one model, whichever thread comes first
         return self._models[name]
 
     def profiles(self) -> list[OfferedModel]:
@@ -66,28 +81,41 @@ class ModelRegistry:
         Raises:
             UnknownModelError, ModelUnavailableError.
         """
-        model = self.get(name)
+        model = self._get(name).bare
         if isinstance(model, EmbeddedModel):
             await model.warm_up()
 
     async def aclose(self) -> None:
         """Close every model that was made."""
         models, self._models = list(self._models.values()), {}
-        await asyncio.gather(*(model.aclose() for model in models))
+        await asyncio.gather(*(model.wrapped.aclose() for model in models))
 
-    def _create(self, name: str) -> LanguageModel:
-        backend, _, model = name.partition("/")
-        if backend not in self._backends:
+    def _make(self, name: str) -> _Made:
+        backend_name, _, model = name.partition("/")
+        if backend_name not in self._backends:
             known = ", ".join(profile.name for profile in self._offered_profiles())
             raise UnknownModelError(f"there is no model {name!r}; there are {known}")
-        return self._backends[backend].create(model, self._settings)
+        if self._settings.replay_llm:
+            replayed = ReplayedModel(name, self._settings.replay_llm)
+            return _Made(replayed, replayed)
+        bare = self._backends[backend_name].create(model, self._settings)
+        return _Made(bare, self._wrap(bare, name))
+
+    def _wrap(self, model: LanguageModel, name: str) -> LanguageModel:
+        """The model within its backend's limits, and recorded if it is to be."""
+        backend_name, _, _ = name.partition("/")
+        if limits_of := self._backends[backend_name].limits:
+            limits = limits_of(self._settings)
+            owner = name if limits.each_model else backend_name
+            model = ResilientModel(model, self._guards.setdefault(owner, Guard(owner, limits)))
+        return RecordingModel(model, self._settings.record_llm) if self._settings.record_llm else model
 
     def _offered_profiles(self) -> list[ModelProfile]:
         return [profile for backend in self._backends.values() for profile in backend.offered(self._settings)]
 
     def _offer(self, profile: ModelProfile) -> OfferedModel:
         try:
-            self._create(profile.name)
+            self._make(profile.name)
         except LanguageModelError as error:
             return OfferedModel(profile, available=False, reason=str(error))
         return OfferedModel(profile, available=True)

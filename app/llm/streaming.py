@@ -1,12 +1,16 @@
 """What every backend does with a stream of pieces: one deadline, stop strings, the whole from the pieces."""
 
 import asyncio
+import json
 import re
 from collections.abc import AsyncGenerator, Sequence
 from contextlib import aclosing
+from dataclasses import dataclass
+from typing import Literal
 
 from app.llm.base import Completion, CompletionRequest, ModelResponseError, ModelTimeoutError, TextDelta, Usage
 
+MAX_REPLY_CHARACTERS = 256 * 1024  # 25 actions take 1 kB; the rest is room for prose
 Pieces = AsyncGenerator[TextDelta | Completion, None]
 _WORD = re.compile(r"\S+\s*|\s+")
 
@@ -38,6 +42,68 @@ async def whole(pieces: Pieces) -> Completion:
             if isinstance(piece, Completion):
                 return piece
     raise ModelResponseError("the reply ended before it was complete")
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """What one event of a provider's stream tells; any of it may be missing.
+
+    Attributes:
+        finish_reason: why the reply ended: `stop` or `length`; anything else is an error.
+        usage: so far; the last counts.
+    """
+
+    text: str = ""
+    finish_reason: str | None = None
+    usage: Usage | None = None
+
+
+async def assembled(chunks: AsyncGenerator[Chunk, None], stop: Sequence[str], model: str) -> Pieces:
+    """The pieces that a provider's chunks make up; the reply ends at a stop string even if the provider goes on.
+
+    Raises:
+        ModelResponseError: the reply is too long, ends early or for a reason that leaves it incomplete.
+    """
+    text, finish_reason, usage, size = "", "", Usage(), 0
+    stops = StopStrings(stop)
+    async with aclosing(chunks):
+        async for chunk in chunks:
+            finish_reason = chunk.finish_reason or finish_reason
+            usage = chunk.usage or usage
+            size += len(chunk.text)
+            if size > MAX_REPLY_CHARACTERS:
+                raise ModelResponseError(f"{model} replied with more than {MAX_REPLY_CHARACTERS} characters")
+            if piece := stops.feed(chunk.text):
+                text += piece
+                yield TextDelta(piece)
+    if held := stops.flush():
+        text += held
+        yield TextDelta(held)
+    yield Completion(text, usage, _finish_reason(finish_reason, stops.stopped))
+
+
+def _finish_reason(reason: str, stopped: bool) -> Literal["stop", "length"]:
+    """Why the reply ended.
+
+    Args:
+        stopped: a stop string came.
+    """
+    if stopped or reason == "stop":
+        return "stop"
+    if reason == "length":
+        return "length"
+    if not reason:
+        raise ModelResponseError("the reply ended before it was complete", retryable=True)
+    raise ModelResponseError(f"the reply was ended for the reason {reason!r}")
+
+
+def error_message(body: str) -> str:
+    """The message in an error's body (`{"error": {"message": ...}}` or `{"error": "..."}`), else its beginning."""
+    try:
+        error = json.loads(body)["error"]
+        return str(error["message"] if isinstance(error, dict) else error)
+    except (ValueError, LookupError, TypeError):
+        return " ".join(body[:300].split()) or "no message"
 
 
 async def spoken(reply: str, request: CompletionRequest, delay_s: float = 0.0) -> Pieces:

@@ -17,7 +17,7 @@ class GivenPoses:
 
     def _pose(self, query: ObjectQuery) -> ObjectPose:
         if query.position_m is None:
-            remedy = "a position [x, y, z] in metres, or a task whose pose_estimator finds poses in images (masks)"
+            remedy = "a position [x, y, z] in metres, or images and the task's object_models to find it in them"
             raise InvalidInputError(f"objects[{query.name}].position", "is missing", remedy)
         rotation = None if query.quaternion_xyzw is None else np.array(query.quaternion_xyzw)
         return ObjectPose(query.name, np.array(query.position_m), rotation, estimator="given")

@@ -1,11 +1,14 @@
-"""Pose estimators by name."""
+"""Pose estimators by name, and which of them finds an object."""
 
-from app.perception.base import PoseEstimator
+from collections.abc import Sequence
+
+from app.perception.base import ObjectQuery, PoseEstimator
 from app.perception.cuboid import CuboidPoses
 from app.perception.given import GivenPoses
 from app.perception.markers import MarkerPoses
 from app.perception.masks import MaskedPoints
 from app.perception.remote import RemotePoses
+from app.pipeline.episode import ObjectPose, RgbdFrame
 from app.pipeline.errors import InvalidInputError
 
 ESTIMATORS: dict[str, PoseEstimator] = {
@@ -26,3 +29,16 @@ def pose_estimator(name: str) -> PoseEstimator:
     if name not in ESTIMATORS:
         raise InvalidInputError("pose_estimator", f"is {name!r}", ", ".join(ESTIMATORS))
     return ESTIMATORS[name]
+
+
+def estimate_poses(default: str, objects: Sequence[ObjectQuery], frames: Sequence[RgbdFrame]) -> tuple[ObjectPose, ...]:
+    """One pose per object, in the given order: found by its model's estimator, without a model by that named `default`.
+
+    Raises:
+        as PoseEstimator.estimate; InvalidInputError for an unknown `default`.
+    """
+    groups: dict[str, list[ObjectQuery]] = {}
+    for query in objects:
+        groups.setdefault(default if query.model is None else query.model.estimator, []).append(query)
+    found = {pose.name: pose for name, group in groups.items() for pose in pose_estimator(name).estimate(group, frames)}
+    return tuple(found[query.name] for query in objects)

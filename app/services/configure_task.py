@@ -4,18 +4,16 @@ from collections.abc import Mapping
 from typing import Any
 
 from app.perception.base import ObjectQuery
-from app.perception.frames import ImageBytes, decode_frame
-from app.pipeline.episode import RgbdFrame, checked_name
+from app.pipeline.episode import checked_name
 from app.pipeline.errors import InvalidInputError
 from app.services.extraction import extract
+from app.services.stored_images import read_frame
 from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks
 from app.store.errors import ConflictError, NotFoundError
 from app.store.records import EpisodeRecord, Extraction, TaskRecord
 from app.store.store import Store
-from app.store.values import CameraRecord, JsonObject
-
-PAGE = 200
+from app.store.values import JsonObject
 
 
 class ConfigureTask:
@@ -39,8 +37,9 @@ class ConfigureTask:
         settings = new.model_dump(mode="json")
         if before is None:
             return self._create(name, settings)
-        extract_again = (new.keyframes, new.pose_estimator) != (old.keyframes, old.pose_estimator)
-        extractions = [self._extract(record, new) for record in self._episodes(name)] if extract_again else []
+        if before.object_names is not None:
+            new.check_models(before.object_names)
+        extractions = [self._extract(record, new) for record in self._episodes(name)] if new.reads_unlike(old) else []
         with self._store.write() as connection:
             # An episode that came in since would keep what the old settings made of it.
             tasks.require_version(connection, name, before.version)
@@ -62,15 +61,9 @@ class ConfigureTask:
             except NotFoundError:
                 return None
 
-    def _episodes(self, task: str) -> list[EpisodeRecord]:
-        records: list[EpisodeRecord] = []
-        cursor = None
+    def _episodes(self, task: str) -> tuple[EpisodeRecord, ...]:
         with self._store.read() as connection:
-            while page := episodes.list_page(connection, task, PAGE, cursor):
-                records += page.items
-                if (cursor := page.next_cursor) is None:
-                    break
-        return records
+            return episodes.all_of(connection, task)
 
     def _extract(self, record: EpisodeRecord, settings: TaskSettings) -> Extraction:
         with self._store.read() as connection:
@@ -78,14 +71,8 @@ class ConfigureTask:
         try:
             names = [item.name for item in record.objects]
             queries = tuple(map(ObjectQuery.from_json, record.given_objects))
-            extracted = extract(trajectory, queries, self._frames(record), settings, names)
+            frames = [read_frame(self._store.blobs, item) for item in record.cameras]
+            extracted = extract(trajectory, queries, frames, settings, names)
         except InvalidInputError as error:
             raise InvalidInputError(f"episode {record.id}: {error.field}", error.message, error.valid) from error
         return Extraction(record.id, extracted.keyframes, extracted.objects)
-
-    def _frames(self, record: EpisodeRecord) -> tuple[RgbdFrame, ...]:
-        return tuple(decode_frame(item.camera(), self._images(item)) for item in record.cameras)
-
-    def _images(self, item: CameraRecord) -> ImageBytes:
-        digests = (item.rgb_digest, item.depth_digest, item.mask_digest)
-        return ImageBytes(*(None if digest is None else self._store.blobs.read(digest) for digest in digests))

@@ -6,6 +6,8 @@ import anyio.to_thread
 
 from app.llm.registry import ModelRegistry
 from app.services.configure_task import ConfigureTask
+from app.services.draw_overlay import DrawOverlay
+from app.services.learn_object_models import LearnObjectModels
 from app.services.metrics import Metrics
 from app.services.predict_actions import PredictActions
 from app.services.upload_episode import UploadEpisode
@@ -21,6 +23,8 @@ class Services:
     default_model: str
     upload_episode: UploadEpisode
     configure_task: ConfigureTask
+    learn_object_models: LearnObjectModels
+    draw_overlay: DrawOverlay
     predict_actions: PredictActions
     metrics: Metrics
 
@@ -29,7 +33,18 @@ class Services:
         """The use cases over a store and models."""
         metrics = Metrics()
         predict = PredictActions(store, models, default_model, metrics)
-        return cls(store, models, default_model, UploadEpisode(store), ConfigureTask(store), predict, metrics)
+        configure = ConfigureTask(store)
+        return cls(
+            store=store,
+            models=models,
+            default_model=default_model,
+            upload_episode=UploadEpisode(store),
+            configure_task=configure,
+            learn_object_models=LearnObjectModels(store, configure),
+            draw_overlay=DrawOverlay(store),
+            predict_actions=predict,
+            metrics=metrics,
+        )
 
     async def aclose(self) -> None:
         """Stop the models, then close the store."""

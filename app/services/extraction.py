@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from app.perception.base import ObjectQuery
-from app.perception.registry import pose_estimator
+from app.perception.registry import estimate_poses
 from app.pipeline.episode import ObjectPose, RgbdFrame, Trajectory
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.keyframes import find_keyframes
@@ -34,13 +34,14 @@ def extract(
         names: of the objects, in the task's order.
 
     Raises:
-        InvalidInputError: if there is no keyframe, or an object cannot be found.
+        InvalidInputError: if there is no keyframe, an object cannot be found, or a model is of none of them.
     """
     indices = find_keyframes(trajectory, settings.keyframes.keyframe_rule())
     if not indices:
         message = f"no keyframe in {len(trajectory)} frames by rule {settings.keyframes.rule!r}"
         raise InvalidInputError("trajectory", message, "an episode in which the robot moves and then rests")
-    poses = pose_estimator(settings.pose_estimator).estimate(objects, frames)
+    settings.check_models(names)
+    poses = estimate_poses(settings.pose_estimator, settings.with_models(objects), frames)
     sent = [query.name for query in objects]
     keyframes = tuple(
         KeyframeRecord.of(k, trajectory.action_at(k), _ordered(trajectory.objects_at(k, sent), names)) for k in indices

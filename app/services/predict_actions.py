@@ -3,7 +3,7 @@
 import time
 from collections.abc import AsyncGenerator
 from contextlib import aclosing
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 import anyio.to_thread
 
@@ -17,11 +17,12 @@ from app.services.dialogue import Dialogue
 from app.services.errors import UnparsableReplyError
 from app.services.metrics import Metrics
 from app.services.question import PredictRequest, Question, QuestionWriter
+from app.services.stored_images import put_images
 from app.services.timing import timed
 from app.store import predictions
 from app.store.records import PredictionDraft, PredictionStatus
 from app.store.store import Store
-from app.store.values import JsonObject
+from app.store.values import JsonObject, ObjectRecord
 
 
 @dataclass(frozen=True)
@@ -154,11 +155,13 @@ class PredictActions:
             usage={} if dialogue.reply_text is None else asdict(dialogue.usage),
             timings_ms=dict(timings_ms),
             step=question.step,
+            objects=tuple(map(ObjectRecord.of, question.observed)),
         )
 
         def write() -> str:
+            cameras = put_images(self._store.blobs, question.request.frames, question.request.images)
             with self._store.write() as connection:
-                return predictions.add(connection, draft).id
+                return predictions.add(connection, replace(draft, cameras=cameras) if cameras else draft).id
 
         return await anyio.to_thread.run_sync(write)
 

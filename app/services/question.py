@@ -1,13 +1,14 @@
 """From a robot's request to the question for the LLM: demonstrations read, objects found, prompt written."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from sqlalchemy import Connection
 
 from app.llm.base import ModelProfile
 from app.perception.base import ObjectQuery
-from app.perception.registry import pose_estimator
+from app.perception.frames import ImageBytes
+from app.perception.registry import estimate_poses
 from app.pipeline.episode import ObjectPose, RgbdFrame, checked_instruction
 from app.pipeline.prompt import Prompt, PromptTemplate, check_object_names, objects_of_task
 from app.pipeline.reply import MAX_ACTIONS
@@ -19,6 +20,7 @@ from app.services.task_settings import TaskSettings
 from app.services.templates import PromptStyle, Template, TemplateCache, TemplateKey, make_template
 from app.services.timing import Timings, timed
 from app.store import episodes, tasks
+from app.store.errors import ConflictError
 from app.store.records import DemonstrationRecord, TaskRecord
 from app.store.store import Store
 from app.store.values import JsonObject
@@ -31,6 +33,7 @@ class PredictRequest:
     Attributes:
         objects: the observed objects, in any order.
         frames: calibrated images, for estimators that look.
+        images: the same as they came, by camera, to be stored with the prediction.
         model, representation, prompt_format, system_prompt, num_demonstrations: None follows the task, then the model.
         episode_ids: exactly these demonstrations, in this order, instead of a selection.
         closed_loop: ask for the next action only.
@@ -42,6 +45,7 @@ class PredictRequest:
     instruction: str
     objects: tuple[ObjectQuery, ...]
     frames: tuple[RgbdFrame, ...] = ()
+    images: Mapping[str, ImageBytes] = field(default_factory=dict)
     model: str | None = None
     representation: str | None = None
     prompt_format: str | None = None
@@ -66,6 +70,7 @@ class Question:
         written: the template at the step that is asked for.
         so_far: the steps of a closed loop that were taken already.
         step: of a closed loop, from 0; None without one.
+        observed: the objects as they were found, in the task's order.
     """
 
     request: PredictRequest
@@ -78,6 +83,7 @@ class Question:
     profile: ModelProfile
     style: PromptStyle
     settings: TaskSettings
+    observed: tuple[ObjectPose, ...]
 
     @property
     def prompt(self) -> Prompt:
@@ -104,19 +110,22 @@ class QuestionWriter:
             UnknownModelError: for an unknown model.
             NotFoundError: for an unknown task, episode or prediction.
             NoDemonstrationsError: if the task has no episode yet.
-            ConflictError: if a closed loop's demonstrations have changed since its last step.
+            ConflictError: if a closed loop's demonstrations have changed since its last step, or the task's settings
+                while its images were looked at.
             InvalidInputError, ObjectSetError: if the observation does not fit the task.
         """
         instruction = checked_instruction("instruction", request.instruction)
+        seen = self._look(request, timings_ms) if request.frames else None
         with self._store.read() as connection:
             with timed(timings_ms, "read"):
                 task = tasks.get(connection, request.task)
                 settings = TaskSettings.model_validate(task.settings)
                 previous = None if request.after is None else previous_step(connection, request.after, request.task)
-            if task.object_names is None:
-                raise NoDemonstrationsError(request.task)
-            with timed(timings_ms, "poses"):
-                objects = _observed(request, settings, task.object_names)
+            if seen is None:
+                with timed(timings_ms, "poses"):
+                    objects = _observed(request, task, settings)
+            else:
+                objects = seen.objects_of(task)
             with timed(timings_ms, "prompt"):
                 profile = self._profile_of(request.model if previous is None else previous.model)
                 style = _style(request, settings, profile) if previous is None else previous.style
@@ -134,7 +143,15 @@ class QuestionWriter:
             profile=profile,
             style=style,
             settings=settings,
+            observed=objects,
         )
+
+    def _look(self, request: PredictRequest, timings_ms: Timings) -> "_Seen":
+        """What the images show, found without a transaction open: a server may be asked."""
+        with timed(timings_ms, "read"), self._store.read() as connection:
+            task = tasks.get(connection, request.task)
+        with timed(timings_ms, "poses"):
+            return _Seen(task, _observed(request, task, TaskSettings.model_validate(task.settings)))
 
     def _template(
         self,
@@ -172,11 +189,27 @@ def _demonstrations(
     return lambda: load_demonstrations(connection, task, selection, number, seed, objects), (selection, number, seed)
 
 
-def _observed(request: PredictRequest, settings: TaskSettings, names: Sequence[str]) -> tuple[ObjectPose, ...]:
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """The objects that were found with the settings of `task`."""
+
+    task: TaskRecord
+    objects: tuple[ObjectPose, ...]
+
+    def objects_of(self, task: TaskRecord) -> tuple[ObjectPose, ...]:
+        """The objects, if `task` still wants them found so."""
+        if (task.settings, task.object_names) != (self.task.settings, self.task.object_names):
+            raise ConflictError(f"task {task.name!r} changed while its images were looked at: send the request again")
+        return self.objects
+
+
+def _observed(request: PredictRequest, task: TaskRecord, settings: TaskSettings) -> tuple[ObjectPose, ...]:
     """The observed objects' poses in the task's order, symmetric objects at their canonical yaw."""
-    check_object_names([query.name for query in request.objects], names)
-    poses = pose_estimator(settings.pose_estimator).estimate(request.objects, request.frames)
-    return settings.canonical(objects_of_task(poses, names))
+    if task.object_names is None:
+        raise NoDemonstrationsError(request.task)
+    check_object_names([query.name for query in request.objects], task.object_names)
+    poses = estimate_poses(settings.pose_estimator, settings.with_models(request.objects), request.frames)
+    return settings.canonical(objects_of_task(poses, task.object_names))
 
 
 def _style(request: PredictRequest, settings: TaskSettings, profile: ModelProfile) -> PromptStyle:

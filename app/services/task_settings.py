@@ -1,12 +1,18 @@
 """What can be set per task. Everything has a default; a first upload creates the task with it."""
 
-from typing import Annotated, Literal
+import json
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo, field_validator
 
+from app.perception.base import ObjectQuery
+from app.perception.models import model_from_json
 from app.perception.registry import pose_estimator
-from app.pipeline.episode import ObjectPose
+from app.pipeline.episode import ObjectPose, checked_name
+from app.pipeline.errors import InvalidInputError
 from app.pipeline.geometry import canonical_pose
 from app.pipeline.keyframes import SIMULATION_DELTA_RAD_S, KeyframeRule, Rule
 from app.pipeline.prompt import MAX_SYSTEM_PROMPT_CHARS
@@ -53,6 +59,12 @@ def _known_estimator(name: str) -> str:
     return name
 
 
+def _known_models(models: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
+    """The models with every field, those left out at their defaults."""
+    json.dumps(models, allow_nan=False)
+    return {checked_name("object_models", name): model_from_json(name, item).as_json() for name, item in models.items()}
+
+
 def _symmetry(degrees: float) -> float:
     if degrees != 0 and not (0 < degrees <= 360 and abs(360 / degrees - round(360 / degrees)) < 1e-9):
         raise ValueError("must be 0 (round) or divide 360, e.g. 90 for a cube")
@@ -68,6 +80,14 @@ class TaskSettings(_Settings):
     workspace: WorkspaceSettings = WorkspaceSettings()
     keyframes: KeyframeSettings = KeyframeSettings()
     pose_estimator: Annotated[str, AfterValidator(_known_estimator)] = "given"
+    object_models: Annotated[
+        dict[str, dict[str, Any]],
+        AfterValidator(_known_models),
+        Field(
+            description="per object what is known of it beforehand; its `estimator` (cuboid, markers, masks, remote) "
+            "finds the object, `pose_estimator` those without a model"
+        ),
+    ] = {}
     representation: Representation | None = None
     prompt_format: PromptFormat | None = None
     system_prompt: SystemPrompt | None = None
@@ -86,6 +106,27 @@ class TaskSettings(_Settings):
         if value is not None and representation is not None:
             check_style(representation, value)
         return value
+
+    def reads_unlike(self, other: "TaskSettings") -> bool:
+        """Whether keyframes or poses may come out differently."""
+        mine, others = ((item.keyframes, item.pose_estimator, item.object_models) for item in (self, other))
+        return mine != others
+
+    def check_models(self, names: Iterable[str]) -> None:
+        """Refuse models of objects that are not among the task's `names`."""
+        known = list(names)
+        for name in self.object_models:
+            if name not in known:
+                raise InvalidInputError(f"object_models[{name}]", "is no object of the task", ", ".join(known))
+
+    def with_models(self, objects: Iterable[ObjectQuery]) -> tuple[ObjectQuery, ...]:
+        """The objects with what the task knows of them."""
+        return tuple(
+            query
+            if (model := self.object_models.get(query.name)) is None
+            else replace(query, model=model_from_json(query.name, model))
+            for query in objects
+        )
 
     def canonical(self, poses: tuple[ObjectPose, ...]) -> tuple[ObjectPose, ...]:
         """The poses with each symmetric object turned to its canonical yaw."""

@@ -11,6 +11,7 @@ from app.pipeline.episode import Episode, checked_name
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.prompt import check_object_names
 from app.services.extraction import Extracted, extract
+from app.services.stored_images import put_images
 from app.services.task_settings import TaskSettings
 from app.store import episodes, idempotency, tasks
 from app.store.errors import ConflictError, NotFoundError
@@ -74,7 +75,7 @@ class UploadEpisode:
         for _ in range(MAX_ATTEMPTS):
             task = self._task(upload)
             extracted = self._extract(upload, task)
-            cameras = self._put_images(upload)
+            cameras = put_images(self._store.blobs, upload.episode.frames, upload.images)
             if (answer := self._commit(upload, task, extracted, cameras, respond)) is not None:
                 return answer
         raise ConflictError(f"task {upload.task!r} kept changing during the upload: send the episode again")
@@ -100,15 +101,6 @@ class UploadEpisode:
             names = list(task.object_names)
             check_object_names(sent, names)
         return extract(upload.episode.trajectory, upload.objects, upload.episode.frames, settings, names)
-
-    def _put_images(self, upload: Upload) -> tuple[CameraRecord, ...]:
-        put = self._store.blobs.put
-        records = []
-        for frame in upload.episode.frames:
-            images = upload.images[frame.camera.name]
-            digests = [None if data is None else put(data) for data in (images.rgb, images.depth, images.mask)]
-            records.append(CameraRecord.of(frame.camera, *digests))
-        return tuple(records)
 
     def _commit(
         self,

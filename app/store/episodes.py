@@ -90,6 +90,12 @@ def list_page(
     return Page(tuple(_record(row) for row in rows), next_cursor)
 
 
+def all_of(connection: Connection, task: str) -> tuple[EpisodeRecord, ...]:
+    """Every episode of a task, oldest first."""
+    query = select(*_WITHOUT_TRAJECTORY).where(_EPISODES.c.task == task).order_by(_EPISODES.c.sequence)
+    return tuple(_record(row) for row in connection.execute(query))
+
+
 def list_ids(connection: Connection, task: str, instruction: str | None = None) -> tuple[str, ...]:
     """The ids of a task's episodes, oldest first; only those of an instruction if one is given."""
     query = select(_EPISODES.c.id).where(_EPISODES.c.task == task).order_by(_EPISODES.c.sequence)
@@ -178,10 +184,11 @@ def replace_extractions(
 
 
 def blob_digests(connection: Connection) -> set[str]:
-    """The digests of every image that an episode refers to."""
+    """The digests of every image that an episode or a prediction refers to."""
     digests: set[str] = set()
-    for cameras in connection.scalars(select(_EPISODES.c.cameras)):
-        digests.update(camera[image] for camera in cameras for image in ("rgb", "depth", "mask") if camera[image])
+    for column in (_EPISODES.c.cameras, tables.predictions.c.cameras):
+        for cameras in connection.scalars(select(column).where(column.is_not(None))):
+            digests.update(camera[image] for camera in cameras for image in ("rgb", "depth", "mask") if camera[image])
     return digests
 
 

@@ -11,6 +11,7 @@ from app.store import tables
 from app.store.errors import NotFoundError
 from app.store.pages import Page, fetch_page
 from app.store.records import PredictionDraft, PredictionRecord
+from app.store.values import CameraRecord, ObjectRecord
 
 _PREDICTIONS = tables.predictions
 _INSERT = insert(_PREDICTIONS).returning(_PREDICTIONS.c.sequence)
@@ -21,7 +22,8 @@ def add(connection: Connection, draft: PredictionDraft) -> PredictionRecord:
     """Store a prediction of an existing task."""
     fields = {field.name: getattr(draft, field.name) for field in fields_of(PredictionDraft)}
     values = {**fields, "id": uuid4().hex, "created_at": datetime.now(UTC)}
-    sequence = connection.execute(_INSERT, values).scalar_one()
+    seen = {name: [item.to_json() for item in fields[name]] or None for name in ("objects", "cameras")}
+    sequence = connection.execute(_INSERT, {**values, **seen}).scalar_one()
     return PredictionRecord(**values, sequence=sequence, outcome_success=None, outcome_note=None, outcome_at=None)
 
 
@@ -69,5 +71,7 @@ def _record(row: Row[Any]) -> PredictionRecord:
     decoded = {
         "demonstration_ids": tuple(row.demonstration_ids),
         "actions": None if row.actions is None else tuple(row.actions),
+        "objects": tuple(ObjectRecord.from_json(value) for value in row.objects or ()),
+        "cameras": tuple(CameraRecord.from_json(value) for value in row.cameras or ()),
     }
     return PredictionRecord(**{**row._mapping, **decoded})

@@ -106,6 +106,8 @@ class PredictionDraft:
         request: as the caller sent it.
         reply_text: None if the model gave none; `actions` None if the reply had none; `error` None if all went well.
         step: of a closed loop, from 0; None without one.
+        objects: as they were observed; empty in rows from before they were kept.
+        cameras: with the images that were sent, if any.
     """
 
     task: str
@@ -124,6 +126,8 @@ class PredictionDraft:
     usage: JsonObject
     timings_ms: JsonObject
     step: int | None = None
+    objects: tuple[ObjectRecord, ...] = ()
+    cameras: tuple[CameraRecord, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)

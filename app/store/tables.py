@@ -110,6 +110,8 @@ predictions = Table(
     Column("usage", Json, nullable=False),
     Column("timings_ms", Json, nullable=False),
     Column("step", Integer),
+    Column("objects", Json),
+    Column("cameras", Json),
     Index(None, "task", "sequence"),
     sqlite_autoincrement=True,
 )

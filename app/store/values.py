@@ -28,17 +28,21 @@ class ObjectRecord:
     quaternion_xyzw: tuple[float, ...] | None = None
     estimator: str = "given"
     cameras: tuple[str, ...] = ()
+    confidence: float = 1.0
+    reason: str = ""
 
     @classmethod
     def of(cls, pose: ObjectPose) -> Self:
         """The record of `pose`."""
         quaternion = None if pose.quaternion_xyzw is None else _floats(pose.quaternion_xyzw)
-        return cls(pose.name, _floats(pose.position_m), quaternion, pose.estimator, pose.cameras)
+        found = (pose.estimator, pose.cameras, pose.confidence, pose.reason)
+        return cls(pose.name, _floats(pose.position_m), quaternion, *found)
 
     def pose(self) -> ObjectPose:
         """As the pipeline wants it."""
         quaternion = None if self.quaternion_xyzw is None else np.array(self.quaternion_xyzw)
-        return ObjectPose(self.name, np.array(self.position_m), quaternion, self.estimator, self.cameras)
+        found = (self.estimator, self.cameras, self.confidence, self.reason)
+        return ObjectPose(self.name, np.array(self.position_m), quaternion, *found)
 
     def to_json(self) -> dict[str, Any]:
         """As it is stored."""
@@ -48,11 +52,13 @@ class ObjectRecord:
             "quaternion_xyzw": self.quaternion_xyzw,
             "estimator": self.estimator,
             "cameras": self.cameras,
+            "confidence": self.confidence,
+            "reason": self.reason,
         }
 
     @classmethod
     def from_json(cls, value: JsonObject) -> Self:
-        """The inverse of `to_json`."""
+        """The inverse of `to_json`; rows from before poses were judged have neither confidence nor reason."""
         quaternion = value["quaternion_xyzw"]
         return cls(
             value["name"],
@@ -60,6 +66,8 @@ class ObjectRecord:
             None if quaternion is None else tuple(quaternion),
             value["estimator"],
             tuple(value["cameras"]),
+            value.get("confidence", 1.0),
+            value.get("reason", ""),
         )
 
 

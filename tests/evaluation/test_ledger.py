@@ -89,3 +89,10 @@ def test_the_digest_follows_the_method(change):
     assert digest_of(replace(Method("a"), **change), {}) != digest_of(Method("a"), {})
     assert digest_of(Method("a"), {"demonstrations": 5}) != digest_of(Method("a"), {"demonstrations": 10})
     assert digest_of(Method("a", {"x": 1, "y": 2}), {}) == digest_of(Method("a", {"y": 2, "x": 1}), {})
+
+
+def test_results_that_do_not_tell_of_poses_stay_valid():
+    taught = {"demonstrations": 10, "recorded": 10, "hz": 20.0}
+    given = Method("default", {"model": "regression"})
+    assert digest_of(given, taught) == "821c05561945"
+    assert digest_of(replace(given, poses="vision"), taught) != "821c05561945"

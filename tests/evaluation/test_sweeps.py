@@ -2,11 +2,12 @@ import pytest
 
 from app.api.schemas.requests import PredictBody
 from app.cli.evaluate import SWEEP_NAMES
-from app.evaluation.methods import methods_beside, with_models
+from app.evaluation.methods import methods_beside, with_models, with_poses
 from app.evaluation.records import Method
 from app.evaluation.sweeps import SWEEPS
 from app.evaluation.teach import suffix_of, variants
 from app.pipeline.episode import NAME_PATTERN
+from app.pipeline.errors import InvalidInputError
 from app.services.task_settings import TaskSettings
 from app.sim.tasks import TASKS
 
@@ -26,7 +27,7 @@ def test_the_service_takes_what_a_sweep_asks(sweep):
 def test_names_of_taught_tasks_are_valid(sweep):
     for suffix in variants(sweep.with_models(())):
         for task in TASKS:
-            assert NAME_PATTERN.fullmatch(f"{task}{suffix}.eval-123456")
+            assert NAME_PATTERN.fullmatch(f"{task}{suffix}.eval-123456.labels")
 
 
 def test_the_command_line_names_every_sweep():
@@ -75,3 +76,16 @@ def test_the_method_asked_for_comes_first():
     first, *others = methods_beside("a", None)
     assert first == Method("a, its representation", {"model": "a"})
     assert [other.source for other in others] == ["service", "service", "expert replay"]
+
+
+def test_vision_is_for_those_that_ask_the_service():
+    methods = with_poses(SWEEPS["main"].methods, "vision")
+    assert [method.poses for method in methods] == ["vision", "vision", "given", "given"]
+    assert len(variants(methods)) == 2
+    assert suffix_of(methods[2], methods) == ""
+
+
+@pytest.mark.parametrize("sweep", ["noise", "loop"])
+def test_what_needs_given_poses_says_so(sweep):
+    with pytest.raises(InvalidInputError, match="given poses"):
+        with_poses(SWEEPS[sweep].methods, "vision")

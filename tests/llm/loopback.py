@@ -2,7 +2,7 @@
 
 import asyncio
 import json
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 
 SSE_HEAD = b"HTTP/1.1 200 OK\r\nContent-Type: text/event-stream\r\nTransfer-Encoding: chunked\r\n\r\n"
 
@@ -12,19 +12,20 @@ class Loopback:
 
     Attributes:
         requests: (head, body) of each request so far.
+        num_connections: opened so far.
         gone: set when a client closes the connection before its answer is complete.
     """
 
     def __init__(self, answer):
         self.answer = answer
         self.requests = []
+        self.num_connections = 0
         self.gone = asyncio.Event()
 
     async def _serve(self, reader, writer):
+        self.num_connections += 1
         try:
-            head = (await reader.readuntil(b"\r\n\r\n")).decode()
-            length = next(int(line.split(":")[1]) for line in head.splitlines() if line.lower().startswith("content-l"))
-            self.requests.append((head, json.loads(await reader.readexactly(length))))
+            await self._receive(reader)
             leaving = asyncio.create_task(self._notice_leaving(reader))
             await self.answer(writer)
             leaving.cancel()
@@ -33,29 +34,78 @@ class Loopback:
         finally:
             writer.close()
 
+    async def _serve_all(self, reader, writer):
+        """Answer one request after the other."""
+        self.num_connections += 1
+        with suppress(ConnectionError, asyncio.IncompleteReadError, asyncio.CancelledError):
+            while True:
+                await self._receive(reader)
+                await self.answer(writer)
+        writer.close()
+
+    async def _receive(self, reader):
+        head = (await reader.readuntil(b"\r\n\r\n")).decode()
+        length = next(int(line.split(":")[1]) for line in head.splitlines() if line.lower().startswith("content-l"))
+        self.requests.append((head, json.loads(await reader.readexactly(length))))
+
     async def _notice_leaving(self, reader):
         if not await reader.read(1):
             self.gone.set()
 
 
 @asynccontextmanager
-async def loopback(answer):
-    """Yields (base URL, Loopback)."""
+async def loopback(answer, keep_alive=False):
+    """Yields (base URL, Loopback).
+
+    Args:
+        keep_alive: a connection serves any number of requests; otherwise it is closed after its answer.
+    """
     server = Loopback(answer)
-    async with await asyncio.start_server(server._serve, "127.0.0.1", 0) as listening:
+    serve = server._serve_all if keep_alive else server._serve
+    async with await asyncio.start_server(serve, "127.0.0.1", 0) as listening:
         port = listening.sockets[0].getsockname()[1]
         yield f"http://127.0.0.1:{port}/v1", server
 
 
-def status(code, body):
-    """An answer that is not a stream."""
+def status(code, body=b"", **headers):
+    """An answer that is not a stream.
+
+    Args:
+        headers: further ones, with `_` for `-`.
+    """
+    headers = {"Content-Type": "application/json", "Content-Length": len(body), **headers}
+    head = "".join(f"{name.replace('_', '-')}: {value}\r\n" for name, value in headers.items())
 
     async def answer(writer):
-        head = f"HTTP/1.1 {code} Said\r\nContent-Type: application/json\r\nContent-Length: {len(body)}\r\n\r\n"
-        writer.write(head.encode() + body)
+        writer.write(f"HTTP/1.1 {code} Said\r\n{head}\r\n".encode() + body)
         await writer.drain()
 
     return answer
+
+
+def in_turn(*answers):
+    """One answer after the other; the last from then on."""
+    turns = list(answers)
+
+    async def answer(writer):
+        await (turns.pop(0) if len(turns) > 1 else turns[0])(writer)
+
+    return answer
+
+
+def after(delay_s, answer):
+    """An answer whose first byte is late."""
+
+    async def late(writer):
+        await asyncio.sleep(delay_s)
+        await answer(writer)
+
+    return late
+
+
+async def hang_up(writer):
+    """No answer at all."""
+    writer.transport.abort()
 
 
 def chunk(data):

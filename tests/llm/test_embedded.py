@@ -16,6 +16,7 @@ from app.llm.openai_compatible import OpenAiCompatibleModel
 from app.llm.openai_wire import LLAMA_CPP
 from app.llm.weights import find_weights
 from app.pipeline.prompt import Prompt
+from tests.llm.processes import child_pids
 from tests.llm.texts import ENDLESS, asking, object_frame_prompt
 
 PROFILE = ModelProfile("embedded/gemma", "completion", grammar=True, representation="object_frame")
@@ -31,20 +32,6 @@ async def started(settings):
         yield model
     finally:
         await model.aclose()
-
-
-def child_pids():
-    """The llama.cpp processes that this one has started."""
-    pids = []
-    for pid in filter(str.isdigit, os.listdir("/proc")):
-        try:
-            with open(f"/proc/{pid}/stat") as stat, open(f"/proc/{pid}/cmdline") as command:
-                fields = stat.read().rpartition(")")[2].split()
-                if int(fields[1]) == os.getpid() and fields[0] != "Z" and "llama_child" in command.read():
-                    pids.append(int(pid))
-        except OSError:
-            continue
-    return set(pids)
 
 
 async def longest_pause_s(while_running):

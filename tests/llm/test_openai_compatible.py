@@ -6,11 +6,23 @@ import time
 
 import pytest
 
-from app.llm.base import Completion, ModelProfile, ModelResponseError, ModelTimeoutError, ModelUnavailableError, Usage
-from app.llm.openai_compatible import MAX_REPLY_BYTES, MAX_WIRE_BYTES, OpenAiCompatibleModel
-from app.llm.openai_wire import Quirks
+from app.llm import sse
+from app.llm.base import (
+    Completion,
+    LanguageModelError,
+    ModelBusyError,
+    ModelProfile,
+    ModelResponseError,
+    ModelTimeoutError,
+    ModelUnavailableError,
+    Usage,
+)
+from app.llm.openai_compatible import OpenAiCompatibleModel
+from app.llm.openai_wire import LLAMA_CPP
+from app.llm.sse import MAX_WIRE_BYTES
+from app.llm.streaming import MAX_REPLY_CHARACTERS
 from app.pipeline.prompt import Prompt
-from tests.llm.loopback import SSE_HEAD, chunk, delta, event, loopback, status, streamed, text, usage
+from tests.llm.loopback import SSE_HEAD, chunk, delta, event, hang_up, loopback, status, streamed, text, usage
 from tests.llm.texts import asking
 
 KEY = "sk-very-secret"
@@ -79,7 +91,7 @@ def test_completion_sends_raw_text():
 
 
 def test_llama_cpp_gets_the_grammar_and_keeps_the_prompt():
-    _, server = ask(streamed(text("1", "stop")), quirks=Quirks(llama_cpp=True))
+    _, server = ask(streamed(text("1", "stop")), quirks=LLAMA_CPP)
     assert server.requests[0][1]["grammar"] == 'root ::= "1"'
     assert server.requests[0][1]["cache_prompt"] is True
 
@@ -106,7 +118,6 @@ def test_an_unknown_model_is_named_with_the_url():
 @pytest.mark.parametrize(
     ("code", "body", "said"),
     [
-        (429, b'{"error": {"message": "slow down"}}', "HTTP 429: slow down"),
         (500, b"<html>\n  oh no</html>", "HTTP 500: <html> oh no</html>"),
         (503, b"", "HTTP 503: no message"),
         (302, b"", "HTTP 302"),
@@ -114,6 +125,74 @@ def test_an_unknown_model_is_named_with_the_url():
 )
 def test_a_bad_status_carries_the_servers_message(code, body, said):
     assert said in failure(status(code, body), ModelResponseError)
+
+
+@pytest.mark.parametrize(
+    ("headers", "wait_s"),
+    [
+        ({"Retry_After": "7"}, 7.0),
+        ({"Retry_After": "0.25"}, 0.25),
+        ({"Retry_After": "Wed, 21 Oct 2015 07:28:00 GMT"}, 0.0),
+        ({"Retry_After": "Wed, 21 Oct 2015 07:28:00 -0000"}, 0.0),
+        ({"Retry_After": "-3"}, 0.0),
+        ({"Retry_After": "soon"}, None),
+        ({"Retry_After": "nan"}, None),
+        ({}, None),
+    ],
+)
+def test_a_server_that_wants_fewer_requests_says_when_to_come_back(headers, wait_s):
+    with pytest.raises(ModelBusyError, match="HTTP 429: slow down") as caught:
+        ask(status(429, b'{"error": {"message": "slow down"}}', **headers))
+    assert caught.value.retryable
+    assert caught.value.retry_after_s == wait_s
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        b'{"error": {"message": "no money", "code": "insufficient_quota"}}',
+        b'{"error": {"message": "no money", "details": {"error_code": "enforced_spend_limit_reached"}}}',
+    ],
+)
+def test_an_account_that_is_used_up_is_not_asked_again(body):
+    with pytest.raises(ModelUnavailableError, match="is used up: HTTP 429: no money") as caught:
+        ask(status(429, body))
+    assert not caught.value.retryable
+
+
+@pytest.mark.parametrize(
+    ("answer", "retryable"),
+    [
+        (status(500), True),
+        (status(503, Retry_After="2"), True),
+        (status(529), True),
+        (status(408), True),
+        (status(400), False),
+        (status(401), False),
+        (status(404), False),
+        (status(200, b'{"choices": []}'), False),
+        (hang_up, True),
+        (streamed("garbage"), False),
+        (streamed(text("4", "content_filter")), False),
+        (streamed(end=b"400\r\ndata: {"), True),
+        (streamed(), True),
+    ],
+)
+def test_an_error_knows_whether_asking_again_may_help(answer, retryable):
+    with pytest.raises(LanguageModelError) as caught:
+        ask(answer)
+    assert caught.value.retryable == retryable
+
+
+def test_a_key_with_a_stray_line_break_is_not_shown():
+    async def run():
+        async with loopback(streamed(text("4", "stop"))) as (base_url, _):
+            profile = ModelProfile("some/model", "chat", grammar=False, representation="absolute")
+            await OpenAiCompatibleModel(profile, base_url, "little", f"{KEY}\n").complete(asking(PROMPT))
+
+    with pytest.raises(ModelResponseError, match=r"Illegal header value .*\[key\]") as caught:
+        asyncio.run(run())
+    assert KEY not in str(caught.value)
 
 
 def test_a_server_that_does_not_stream_is_an_error():
@@ -186,7 +265,7 @@ def test_an_abandoned_stream_leaves_the_server():
 
 
 def test_a_long_reply_is_an_error():
-    piece = "a" * (MAX_REPLY_BYTES // 4)
+    piece = "a" * (MAX_REPLY_CHARACTERS // 4)
     assert "replied with more than" in failure(streamed(*[text(piece)] * 5), ModelResponseError)
 
 
@@ -226,3 +305,32 @@ def test_text_in_many_events_of_one_packet_arrives_in_pieces():
         await writer.drain()
 
     assert ask(answer)[0].text == "42"
+
+
+@pytest.mark.parametrize(("num_kept", "num_connections"), [(20, 1), (0, 4)])
+@pytest.mark.parametrize("delay_s", [0.0, 0.01])
+def test_a_kept_connection_serves_one_request_after_the_other(monkeypatch, num_kept, num_connections, delay_s):
+    """As over TLS, where a handshake takes longer than all else that is not the model's."""
+    monkeypatch.setitem(sse.KEPT_CONNECTIONS, "http", num_kept)
+    answer = streamed(text("4"), text("2", "stop"), "[DONE]", delay_s=delay_s)
+
+    async def run():
+        async with loopback(answer, keep_alive=True) as (base_url, server):
+            model = model_at(base_url)
+            replies = [(await model.complete(asking(PROMPT))).text for _ in range(4)]
+            await model.aclose()
+            return replies, server.num_connections
+
+    assert asyncio.run(run()) == (["42"] * 4, num_connections)
+
+
+def test_a_server_that_does_not_end_its_message_does_not_hold_up_the_reply(monkeypatch):
+    monkeypatch.setitem(sse.KEPT_CONNECTIONS, "http", 20)
+
+    async def never_ending(writer):
+        await streamed(text("42", "stop"), "[DONE]", end=b"")(writer)
+        await asyncio.sleep(30)
+
+    started = time.perf_counter()
+    assert ask(never_ending)[0].text == "42"
+    assert time.perf_counter() - started < 5

@@ -1,6 +1,7 @@
 import pytest
 
-from app.llm.openai_wire import LLAMA_CPP, Quirks, error_message, quirks_of, request_body
+from app.llm.openai_wire import LLAMA_CPP, SERVERS, THINKING_TOKENS, Quirks, quirks_of, request_body
+from app.llm.streaming import error_message
 from app.pipeline.prompt import Prompt
 from tests.llm.texts import asking
 
@@ -37,8 +38,46 @@ def test_a_server_that_caches_by_parts_gets_two_that_make_up_the_user_message():
     assert [("cache_control" in part) for part in parts] == [True, False]
 
 
+@pytest.mark.parametrize("model", ["gpt-5.6", "gpt-5.10-mini", "gpt-6"])
+def test_newer_models_of_openai_are_told_where_the_prefix_ends(model):
+    body = chat_body(model, quirks=quirks_of("https://api.openai.com/v1"), cache_key="task-1")
+    assert body["prompt_cache_options"] == {"mode": "explicit"}
+    assert body["messages"][-1]["content"] == [
+        {"type": "text", "text": "a>1, ", "prompt_cache_breakpoint": {"mode": "explicit"}},
+        {"type": "text", "text": "b>"},
+    ]
+
+
+@pytest.mark.parametrize("model", ["gpt-4o", "gpt-4.1", "gpt-5", "gpt-5.5-mini", "o3"])
+def test_older_models_of_openai_cache_by_themselves(model):
+    body = chat_body(model, quirks=quirks_of("https://api.openai.com/v1"))
+    assert "prompt_cache_options" not in body
+    assert body["messages"][-1]["content"] == "a>1, b>"
+
+
+def test_a_model_that_thinks_has_room_for_it():
+    quirks = quirks_of("https://api.openai.com/v1")
+    limits = [chat_body(model, quirks=quirks, max_tokens=9)["max_completion_tokens"] for model in ("gpt-4o", "gpt-5.6")]
+    assert limits == [9, 9 + THINKING_TOKENS]
+
+
+@pytest.mark.parametrize(
+    ("server", "field", "value"),
+    [
+        ("llama_cpp", "grammar", 'root ::= "1"'),
+        ("vllm", "structured_outputs", {"grammar": 'root ::= "1"'}),
+        ("sglang", "ebnf", 'root ::= "1"'),
+    ],
+)
+@pytest.mark.parametrize("style", ["chat", "completion"])
+def test_a_server_gets_the_grammar_where_it_takes_one(server, field, value, style):
+    body = request_body(asking(PROMPT), "little", style, SERVERS[server])
+    assert body[field] == value
+    assert field not in request_body(asking(Prompt("", "", "b>")), "little", style, SERVERS[server])
+
+
 def test_a_prompt_without_demonstrations_is_one_string_everywhere():
-    body = chat_body(prompt=Prompt("", "", "b>"), quirks=Quirks(marked_parts=True))
+    body = chat_body(prompt=Prompt("", "", "b>"), quirks=quirks_of("https://openrouter.ai/api/v1"))
     assert body["messages"] == [{"role": "user", "content": "b>"}]
 
 

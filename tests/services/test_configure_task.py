@@ -52,3 +52,32 @@ def test_refused_settings_change_nothing(services):
     with pytest.raises(ValidationError):
         services.configure_task("pick", {"num_demonstrations": 0})
     assert keyframes(services, id_) == before
+
+
+RED = {"estimator": "cuboid", "size_m": [0.05, 0.05, 0.05], "color": "red"}
+
+
+def test_models_are_kept_with_every_field(services):
+    record = services.configure_task("pick", {"object_models": {"cube": RED}})
+    kept = record.settings["object_models"]["cube"]
+    assert (kept["size_m"], kept["shape"], kept["color"]["hue_deg"]) == (RED["size_m"], "box", [345, 14])
+    assert services.configure_task("pick", {"object_models": {"cube": kept}}).version == record.version
+
+
+def test_a_model_extracts_every_episode_again(services):
+    id_ = services.upload_episode(upload("cube"), respond)["id"]
+    with pytest.raises(InvalidInputError, match=rf"episode {id_}.*cameras: there is none"):
+        services.configure_task("pick", {"object_models": {"cube": RED}})
+
+
+def test_a_model_of_no_object_of_the_task_is_refused(services):
+    services.upload_episode(upload("cube", "plate"), respond)
+    with pytest.raises(InvalidInputError, match=r"object_models\[bowl\].*valid: cube, plate"):
+        services.configure_task("pick", {"object_models": {"bowl": RED}})
+
+
+@pytest.mark.parametrize("url", ["http://x/poses", "not a url"])
+def test_a_model_that_is_not_json_is_refused(services, url):
+    remote = {"estimator": "remote", "url": url, "model": {"score": float("nan")}}
+    with pytest.raises(ValidationError):
+        services.configure_task("pick", {"object_models": {"cube": remote}})

@@ -1,10 +1,13 @@
-import pytest
+from dataclasses import replace
 
-from app.store import predictions
+import pytest
+from sqlalchemy import update
+
+from app.store import predictions, tables
 from app.store.errors import NotFoundError
 from app.store.store import Store
 
-from .drafts import TASK, predict, prediction_draft
+from .drafts import TASK, camera_record, object_record, predict, prediction_draft
 
 
 def test_everything_comes_back(store: Store) -> None:
@@ -15,6 +18,29 @@ def test_everything_comes_back(store: Store) -> None:
     assert stored == added
     assert {name: getattr(stored, name) for name in vars(draft)} == vars(draft)
     assert (stored.outcome_success, stored.outcome_note, stored.outcome_at) == (None, None, None)
+
+
+def test_the_scene_that_was_seen_comes_back(store: Store) -> None:
+    drawer = replace(object_record("drawer"), confidence=0.75, reason="partly hidden")
+    draft = prediction_draft(objects=(drawer, object_record("cube", 1)), cameras=(camera_record(rgb_digest="ab"),))
+    added = predict(store, draft)
+    with store.read() as connection:
+        stored = predictions.get(connection, added.id)
+    assert (stored.objects, stored.cameras) == (draft.objects, draft.cameras)
+
+
+def test_rows_from_before_scenes_were_kept_are_read(store: Store) -> None:
+    old = {"name": "drawer", "position": [0.1, 0.2, 0.7], "quaternion_xyzw": None, "estimator": "masks", "cameras": []}
+    added = predict(store, prediction_draft(objects=(object_record("drawer"),)))
+    with store.write() as connection:
+        connection.execute(update(tables.predictions).values(objects=[old], cameras=None))
+    with store.read() as connection:
+        (drawer,) = predictions.get(connection, added.id).objects
+    assert (drawer.confidence, drawer.reason) == (1.0, "")
+    with store.write() as connection:
+        connection.execute(update(tables.predictions).values(objects=None))
+    with store.read() as connection:
+        assert predictions.get(connection, added.id).objects == ()
 
 
 def test_failure_has_neither_reply_nor_actions(store: Store) -> None:

@@ -11,7 +11,7 @@ from app.store import episodes
 from app.store.errors import StoreUnavailableError
 from app.store.store import Store
 
-from .drafts import camera_record, episode_draft, upload
+from .drafts import camera_record, episode_draft, predict, prediction_draft, upload
 
 AT_ONCE = timedelta(0)
 # Uploads without end; says after each commit which episode is safe. Every third time it stops before the commit.
@@ -53,6 +53,15 @@ def test_sweep_keeps_the_images_of_episodes(store: Store) -> None:
     with store.write() as connection:
         episodes.remove(connection, episode.id)
     assert store.sweep(AT_ONCE) == 2
+    assert store.blobs.put(b"orphan") == orphan
+
+
+def test_sweep_keeps_the_images_of_predictions(store: Store) -> None:
+    rgb, orphan = store.blobs.put(b"rgb"), store.blobs.put(b"orphan")
+    predict(store, prediction_draft())
+    predict(store, prediction_draft(cameras=(camera_record(rgb_digest=rgb),)))
+    assert store.sweep(AT_ONCE) == 1
+    assert store.blobs.read(rgb) == b"rgb"
     assert store.blobs.put(b"orphan") == orphan
 
 

@@ -95,12 +95,13 @@ def _event(item: _Item) -> bytes:
 
 def _read(body: Body) -> tuple[PredictRequest, PredictBody]:
     asked = PredictBody.model_validate(body.document)
-    frames = decode_frames(asked.cameras, split_images(asked.cameras, body.parts))
+    images = split_images(asked.cameras, body.parts)
     wish = PredictRequest(
         task=asked.task,
         instruction=asked.instruction,
         objects=tuple(item.query() for item in asked.objects),
-        frames=frames,
+        frames=decode_frames(asked.cameras, images),
+        images=images,
         model=asked.model,
         representation=asked.representation,
         prompt_format=asked.prompt_format,

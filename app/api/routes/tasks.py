@@ -9,6 +9,7 @@ from fastapi.responses import JSONResponse
 from app.api.documents import task_document
 from app.api.routes import Wired, problems
 from app.api.schemas import examples
+from app.api.schemas.poses import LearnBody, LearnedOut
 from app.api.schemas.responses import TaskList, TaskOut
 from app.services.container import Services
 from app.services.task_settings import TaskSettings
@@ -16,6 +17,7 @@ from app.store import tasks
 from app.store.records import TaskRecord
 
 _EXAMPLES: dict[str, Example] = {"press": {"value": examples.TASK}}
+_EVERYTHING = LearnBody()
 router = APIRouter(tags=["tasks"])
 
 
@@ -50,10 +52,35 @@ def configure_task(
 ) -> Response:
     """Set what the body names and keep the rest; creates the task if it is new.
 
-    A change of the keyframe rule or of the pose estimator extracts every stored episode again.
+    A change of the keyframe rule, the pose estimator or the object models extracts every stored episode again.
     """
     record = services.configure_task(name, changes.model_dump(exclude_unset=True))
     return JSONResponse(_document(services, record))
+
+
+@router.post(
+    "/tasks/{name}/object_models/learn",
+    operation_id="learn_object_models",
+    response_model=LearnedOut,
+    responses=problems(
+        _404="no such task",
+        _409="the task has no episodes, or changed meanwhile",
+        _422="no episode has labels and images, or one cannot be extracted with what was learned",
+    ),
+)
+def learn_object_models(services: Wired, name: str, wish: Annotated[LearnBody, Body()] = _EVERYTHING) -> Response:
+    """Learn colours, sizes and shapes of the objects from stored episodes, and find the objects by them from now on.
+
+    Episodes with RGB-D images and masks, poses or both teach; afterwards uploads and requests need images and names
+    only. Every stored episode is extracted again; if one cannot be, nothing changes.
+    """
+    learned = services.learn_object_models(name, wish.objects, wish.episodes)
+    document = {
+        "object_models": dict(learned.object_models),
+        "refused": {name: str(error).removeprefix(f"{error.field}: ") for name, error in learned.refused.items()},
+        "episode_ids": list(learned.episode_ids),
+    }
+    return JSONResponse(document)
 
 
 def _document(services: Services, record: TaskRecord) -> dict[str, object]:

@@ -21,15 +21,22 @@ class KeyframeOut(BaseModel):
     clamped: Annotated[bool, Field(description="the position lies outside the workspace; its bins are at the edge")]
 
 
-class ObjectOut(BaseModel):
+class ObservedObjectOut(BaseModel):
     """An object's pose as it was estimated."""
 
     name: str
     position: list[float]
     quaternion_xyzw: list[float] | None
-    bins: Annotated[list[int], Field(description="three, or six where the rotation is known")]
     estimator: str
-    cameras: list[str]
+    cameras: Annotated[list[str], Field(description="in whose images it was found")]
+    confidence: Annotated[float, Field(ge=0, le=1, description="as the estimator judges its own result")]
+    reason: Annotated[str, Field(description="what lowered the confidence or deserves a look; empty if nothing")]
+
+
+class ObjectOut(ObservedObjectOut):
+    """An object of an episode."""
+
+    bins: Annotated[list[int], Field(description="three, or six where the rotation is known")]
 
 
 class EpisodeOut(BaseModel):
@@ -106,11 +113,13 @@ class PredictionOut(BaseModel):
 
     id: str
     actions: list[ActionOut]
+    objects: Annotated[list[ObservedObjectOut], Field(description="as they were observed, in the task's order")]
     model: str
     representation: str
     prompt_format: str
     demonstration_ids: list[str]
     prompt: PromptOut
+    prefix_hash: Annotated[str, Field(description="equal for equal prompts up to the query: what an LLM's cache keeps")]
     reply_text: str
     usage: UsageOut
     timings_ms: dict[str, float]
@@ -121,11 +130,13 @@ class DryRunOut(BaseModel):
     """The prompt as an LLM would read it."""
 
     id: None = None
+    objects: list[ObservedObjectOut]
     model: str
     representation: str
     prompt_format: str
     demonstration_ids: list[str]
     prompt: PromptOut
+    prefix_hash: Annotated[str, Field(description="equal for equal prompts up to the query: what an LLM's cache keeps")]
     grammar: str | None
     timings_ms: dict[str, float]
 
@@ -153,6 +164,8 @@ class StoredPrediction(BaseModel):
     prompt: PromptOut
     reply_text: str | None
     actions: list[ActionOut] | None
+    objects: Annotated[list[ObservedObjectOut], Field(description="empty where they were not kept yet")]
+    cameras: Annotated[list[str], Field(description="whose images were sent")]
     usage: dict[str, int]
     timings_ms: dict[str, float]
     step: Step = None

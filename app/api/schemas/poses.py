@@ -1,0 +1,58 @@
+"""Objects in images: what is asked and answered about them apart from episodes and predictions."""
+
+from typing import Annotated, Any
+
+from pydantic import BaseModel, Field
+
+from app.api.schemas.requests import CameraIn, Name, RequestModel
+
+
+class LearnBody(RequestModel):
+    """What to learn, and from how much."""
+
+    objects: Annotated[list[Name] | None, Field(min_length=1, max_length=64, description="null: all of the task")] = (
+        None
+    )
+    episodes: Annotated[int, Field(ge=1, le=100, description="at most so many, the task's first")] = 10
+
+
+class PoseQuestionIn(RequestModel):
+    """An object to be found: what is known of it, or its ids in the mask images."""
+
+    name: Name
+    mask_ids: Annotated[tuple[int, ...], Field(max_length=64, description="ids of its pixels in mask_NAME")] = ()
+    model: Annotated[dict[str, Any] | None, Field(description="an object model, as in a task's `object_models`")] = None
+
+
+class PosesBody(RequestModel):
+    """Objects to be found in images; the images are parts or fields rgb_NAME, depth_NAME and mask_NAME."""
+
+    objects: Annotated[list[PoseQuestionIn], Field(min_length=1, max_length=64)]
+    cameras: Annotated[list[CameraIn], Field(min_length=1, max_length=16)]
+
+
+class LearnedOut(BaseModel):
+    """What was learned of a task's objects."""
+
+    object_models: Annotated[dict[str, dict[str, Any]], Field(description="as the task now has them, by object")]
+    refused: Annotated[
+        dict[str, str], Field(description="why nothing was learned of an object; its poses come as before")
+    ]
+    episode_ids: Annotated[list[str], Field(description="from which was learned")]
+
+
+class PoseOut(BaseModel):
+    """An object's pose in the world frame."""
+
+    name: str
+    position: list[float]
+    quaternion_xyzw: list[float] | None
+    confidence: float
+    reason: str
+    cameras: list[str]
+
+
+class PosesOut(BaseModel):
+    """One pose per object, in the order asked."""
+
+    poses: list[PoseOut]

@@ -1,0 +1,187 @@
+"""Requests to LLMs and their replies as files: written while models are asked, read back instead of asking them.
+
+One JSON file for each question, named by a hash of what determines the reply: the model, the prompt and the sampling;
+and one for each model. A question that is asked again keeps its latest reply. No file holds a key.
+"""
+
+import asyncio
+import hashlib
+import json
+import os
+import tempfile
+from contextlib import aclosing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import TypeAdapter, ValidationError
+
+from app.llm.base import (
+    Completion,
+    CompletionRequest,
+    LanguageModel,
+    ModelProfile,
+    ModelResponseError,
+    ModelUnavailableError,
+    TextDelta,
+)
+from app.llm.settings import variable
+from app.llm.streaming import Pieces, whole
+
+
+@dataclass(frozen=True)
+class Recording:
+    """A question and its reply.
+
+    Attributes:
+        question: what determines the reply.
+        pieces: the reply's text as it came.
+        completion: how the reply ended; None if whoever asked broke it off.
+    """
+
+    question: dict[str, Any]
+    pieces: list[str]
+    completion: Completion | None
+
+
+_RECORDING = TypeAdapter(Recording)
+_PROFILE = TypeAdapter(ModelProfile)
+
+
+def question_of(model: str, request: CompletionRequest) -> dict[str, Any]:
+    """What determines the reply of a model."""
+    prompt = request.prompt
+    return {
+        "model": model,
+        "system": prompt.system,
+        "user": prompt.user,
+        "stop": list(prompt.stop),
+        "grammar": prompt.grammar,
+        "max_tokens": request.max_tokens,
+        "temperature": request.temperature,
+        "seed": request.seed,
+    }
+
+
+def hash_of(question: dict[str, Any]) -> str:
+    """The name of a question's file."""
+    return hashlib.sha256(json.dumps(question, sort_keys=True).encode()).hexdigest()[:32]
+
+
+def _profile_path(folder: Path, model: str) -> Path:
+    return folder / f"model-{hash_of({'model': model})}.json"
+
+
+class RecordingModel:
+    """A model whose replies are written to a folder. A reply that fails is not."""
+
+    def __init__(self, model: LanguageModel, folder: Path) -> None:
+        self._model = model
+        self._folder = folder
+
+    @property
+    def profile(self) -> ModelProfile:
+        return self._model.profile
+
+    async def stream(self, request: CompletionRequest) -> Pieces:
+        texts: list[str] = []
+        completion: Completion | None = None
+        try:
+            async with aclosing(self._model.stream(request)) as pieces:
+                async for piece in pieces:
+                    if isinstance(piece, Completion):
+                        completion = piece
+                        await self._keep(request, texts, completion)
+                    else:
+                        texts.append(piece.text)
+                    yield piece
+        except GeneratorExit:
+            if completion is None and texts:
+                await self._keep(request, texts, None)
+            raise
+
+    async def complete(self, request: CompletionRequest) -> Completion:
+        return await whole(self.stream(request))
+
+    async def aclose(self) -> None:
+        await self._model.aclose()
+
+    async def _keep(self, request: CompletionRequest, texts: list[str], completion: Completion | None) -> None:
+        question = question_of(self.profile.name, request)
+        recording = Recording(question, texts, completion)
+        await asyncio.to_thread(self._write, self._folder / f"{hash_of(question)}.json", recording)
+
+    def _write(self, path: Path, recording: Recording) -> None:
+        try:
+            self._folder.mkdir(parents=True, exist_ok=True)
+            if recording.completion is None and path.exists():
+                return  # worth less than what is there
+            _replace(_profile_path(self._folder, self.profile.name), _PROFILE.dump_json(self.profile, indent=1))
+            _replace(path, _RECORDING.dump_json(recording, indent=1))
+        except OSError as error:
+            raise ModelUnavailableError(
+                f"the reply cannot be recorded in {self._folder} ({error}); check {variable('record_llm')}"
+            ) from error
+
+
+def _replace(path: Path, content: bytes) -> None:
+    """Write the file whole or not at all."""
+    with tempfile.TemporaryDirectory(dir=path.parent, prefix=".writing-") as folder:
+        new = Path(folder) / path.name
+        with new.open("wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        new.replace(path)
+
+
+class ReplayedModel:
+    """Answers from recordings; a reply comes in the pieces that it came in.
+
+    Raises:
+        ModelUnavailableError: nothing is recorded of this model.
+    """
+
+    def __init__(self, name: str, folder: Path) -> None:
+        self._folder = folder
+        self._profile = _read(_profile_path(folder, name), _PROFILE, f"nothing is recorded of {name}")
+
+    @property
+    def profile(self) -> ModelProfile:
+        return self._profile
+
+    async def stream(self, request: CompletionRequest) -> Pieces:
+        name = self._profile.name
+        question_hash = hash_of(question_of(name, request))
+        path = self._folder / f"{question_hash}.json"
+        missing = f"no reply of {name} to question {question_hash} is recorded"
+        recording = await asyncio.to_thread(_read, path, _RECORDING, missing)
+        for text in recording.pieces:
+            yield TextDelta(text)
+        if recording.completion is None:
+            raise ModelResponseError(f"the reply in {path} was broken off here when it was recorded")
+        yield recording.completion
+
+    async def complete(self, request: CompletionRequest) -> Completion:
+        return await whole(self.stream(request))
+
+    async def aclose(self) -> None:
+        """Nothing is held."""
+
+
+T = TypeVar("T")
+
+
+def _read(path: Path, kind: TypeAdapter[T], missing: str) -> T:
+    """What a file of a recording holds.
+
+    Raises:
+        ModelUnavailableError: it is not there, or damaged.
+    """
+    try:
+        return kind.validate_json(path.read_bytes())
+    except FileNotFoundError:
+        remedy = f"record it with {variable('record_llm')}"
+        raise ModelUnavailableError(f"{missing} in {path.parent}; {remedy}") from None
+    except (OSError, ValidationError) as error:
+        raise ModelUnavailableError(f"the recording {path} cannot be read: {error}") from error

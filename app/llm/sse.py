@@ -1,0 +1,200 @@
+"""POST a question, read the reply as server-sent events: what every provider's HTTP API has in common.
+
+Every error of httpx and every bad status is mapped to the tree of `base.py` here and nowhere else.
+"""
+
+import asyncio
+import math
+import re
+from collections.abc import AsyncGenerator, AsyncIterator, Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from datetime import UTC, datetime
+from email.utils import parsedate_to_datetime
+from typing import Any
+
+import httpx
+from httpx_sse import ServerSentEvent, SSEError, aconnect_sse
+
+from app.llm.base import LanguageModelError, ModelBusyError, ModelResponseError, ModelUnavailableError
+from app.llm.streaming import MAX_REPLY_CHARACTERS, Chunk, error_message
+
+MAX_WIRE_BYTES = 16 * MAX_REPLY_CHARACTERS  # each token of a few characters comes wrapped in some 250 bytes of JSON
+READ_OUT_S = 0.1  # the end of the HTTP message comes with the end of the reply or right after it
+# Idle connections that are kept, by scheme. A new one costs round trips to a distant server, which is reached over TLS.
+# A plain one is near; and llama.cpp hangs up on a kept one, so that the next request fails.
+KEPT_CONNECTIONS = {"https": 20, "http": 0}
+KEEP_ALIVE_S = 60.0
+# What a 429 says when the account's money or quota is used up: asking again does not help.
+# (OpenAI's error codes; Anthropic's rate_limit_error with details.error_code)
+SPENT = re.compile(r"\b(insufficient_quota|credit_balance_exhausted|enforced_spend_limit_reached)\b")
+
+
+class SseEndpoint:
+    """One address of one server.
+
+    Args:
+        name: of the model, for messages.
+        headers: of every request; they carry the key.
+        key: which must not appear in any message; empty for a server that asks for none.
+        key_variable, url_variable: what to set when the server refuses the key or cannot be reached, for messages.
+        trust_env: whether proxies named in the environment are used.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        url: str,
+        headers: Mapping[str, str],
+        key: str = "",
+        *,
+        key_variable: str = "",
+        url_variable: str = "",
+        trust_env: bool = True,
+    ) -> None:
+        self._name = name
+        self._url = url
+        self._num_kept = KEPT_CONNECTIONS.get(url.partition(":")[0], 0)
+        self._headers = headers
+        self._key = key
+        self._key_variable = key_variable
+        self._url_variable = url_variable
+        self._trust_env = trust_env
+        self._client: httpx.AsyncClient | None = None
+        self._closed = False
+        self._where = f"{name} ({_without_password(url)})"
+
+    async def chunks(
+        self, body: Mapping[str, Any], parse: Callable[[str], Chunk | None]
+    ) -> AsyncGenerator[Chunk, None]:
+        """The events of the reply to `body`.
+
+        Args:
+            parse: reads the data of an event; None ends the reply. May raise ModelResponseError.
+
+        Raises:
+            ModelUnavailableError: no server, no such model, or a key that is refused.
+            ModelBusyError: the server wants fewer requests.
+            ModelResponseError: the server answered with an error, or its reply cannot be read.
+        """
+        with self._errors_mapped():
+            async with aconnect_sse(self._http(), "POST", self._url, json=body) as source:
+                if source.response.status_code != httpx.codes.OK:
+                    await source.response.aread()
+                    raise self._refusal(source.response)
+                events = source.aiter_sse()
+                async for event in events:
+                    chunk = parse(event.data)
+                    if chunk is None:
+                        if self._num_kept:
+                            await _read_out(events)
+                        return
+                    yield chunk
+
+    async def aclose(self) -> None:
+        """Close the connections; later requests are an error."""
+        self._closed = True
+        if self._client:
+            await self._client.aclose()
+
+    def _http(self) -> httpx.AsyncClient:
+        if self._closed:
+            raise ModelUnavailableError(f"{self._name} is closed")
+        if self._client is None:
+            self._client = httpx.AsyncClient(
+                headers={"Accept-Encoding": "identity", **self._headers},
+                timeout=None,  # the deadline of the request covers everything
+                limits=httpx.Limits(max_keepalive_connections=self._num_kept, keepalive_expiry=KEEP_ALIVE_S),
+                event_hooks={"response": [_cap_size]},
+                verify=self._url.startswith("https:"),  # reading the certificates takes 20 to 90 ms of the event loop
+                trust_env=self._trust_env,
+            )
+        return self._client
+
+    @contextmanager
+    def _errors_mapped(self) -> Iterator[None]:
+        """The errors of httpx as those of `base.py`, and no key in any text."""
+        try:
+            yield
+        except (httpx.ConnectError, httpx.ProxyError, httpx.UnsupportedProtocol, httpx.InvalidURL) as error:
+            remedy = f"; check {self._url_variable}" if self._url_variable else ""
+            said = self._without_key(f"cannot reach {self._where}: {error}{remedy}")
+            raise ModelUnavailableError(said, retryable=isinstance(error, httpx.ConnectError)) from error
+        except (httpx.HTTPError, SSEError) as error:
+            said = self._without_key(f"the reply of {self._where} cannot be read: {str(error) or type(error).__name__}")
+            cut = isinstance(error, httpx.NetworkError | httpx.RemoteProtocolError)
+            raise ModelResponseError(said, retryable=cut) from error
+        except LanguageModelError as error:
+            text = self._without_key(str(error))
+            raise type(error)(text, retryable=error.retryable, retry_after_s=error.retry_after_s) from None
+
+    def _refusal(self, response: httpx.Response) -> LanguageModelError:
+        """What a status other than 200 means."""
+        status, said = response.status_code, f"HTTP {response.status_code}: {error_message(response.text)}"
+        if status in (httpx.codes.UNAUTHORIZED, httpx.codes.FORBIDDEN):
+            remedy = f"; set {self._key_variable} to a valid key" if self._key_variable else ""
+            return ModelUnavailableError(f"{self._where} refused the key: {said}{remedy}")
+        if status == httpx.codes.NOT_FOUND:
+            return ModelUnavailableError(f"there is no {self._where}: {said}")
+        wait_s = _retry_after_s(response.headers)
+        if status == httpx.codes.TOO_MANY_REQUESTS:
+            if SPENT.search(response.text):
+                return ModelUnavailableError(f"the account at {self._where} is used up: {said}")
+            return ModelBusyError(f"{self._where} answered {said}", retryable=True, retry_after_s=wait_s)
+        passing = status >= httpx.codes.INTERNAL_SERVER_ERROR or status == httpx.codes.REQUEST_TIMEOUT
+        return ModelResponseError(f"{self._where} answered {said}", retryable=passing, retry_after_s=wait_s)
+
+    def _without_key(self, text: str) -> str:
+        key = self._key.strip()  # httpx shows a key with a stray line break as a literal
+        return text.replace(key, "[key]") if key else text
+
+
+async def _read_out(events: AsyncIterator[ServerSentEvent]) -> None:
+    """Read what follows the end of a reply, by which the connection serves the next request without a handshake."""
+    with suppress(TimeoutError, httpx.HTTPError):
+        async with asyncio.timeout(READ_OUT_S):
+            async for _ in events:
+                pass
+
+
+def _retry_after_s(headers: httpx.Headers) -> float | None:
+    """How long the server asks to wait, in seconds or until a date (RFC 9110, section 10.2.3)."""
+    value = headers.get("Retry-After", "")
+    try:
+        wait_s = float(value)
+    except ValueError:
+        try:
+            until = parsedate_to_datetime(value)
+        except ValueError:
+            return None
+        wait_s = (until.replace(tzinfo=until.tzinfo or UTC) - datetime.now(UTC)).total_seconds()
+    return max(wait_s, 0.0) if math.isfinite(wait_s) else None
+
+
+class _CappedStream(httpx.AsyncByteStream):
+    """A reply's bytes, no more than `MAX_WIRE_BYTES` of them."""
+
+    def __init__(self, stream: httpx.AsyncByteStream, where: str) -> None:
+        self._stream = stream
+        self._where = where
+
+    async def __aiter__(self) -> AsyncIterator[bytes]:
+        size = 0
+        async for piece in self._stream:
+            size += len(piece)
+            if size > MAX_WIRE_BYTES:
+                raise ModelResponseError(f"{self._where} replied with more than {MAX_WIRE_BYTES} bytes")
+            yield piece
+
+    async def aclose(self) -> None:
+        await self._stream.aclose()
+
+
+async def _cap_size(response: httpx.Response) -> None:
+    assert isinstance(response.stream, httpx.AsyncByteStream)
+    response.stream = _CappedStream(response.stream, _without_password(str(response.url)))
+
+
+def _without_password(url: str) -> str:
+    scheme, _, rest = url.partition("://")
+    authority, slash, path = rest.partition("/")
+    return f"{scheme}://{authority.rpartition('@')[2]}{slash}{path}"

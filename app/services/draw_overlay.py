@@ -1,0 +1,69 @@
+"""A stored scene's image with what was found in it."""
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import cv2
+
+from app.perception.base import ObjectQuery
+from app.perception.overlay import draw_overlay
+from app.services.stored_images import read_frame
+from app.services.task_settings import TaskSettings
+from app.store import episodes, predictions, tasks
+from app.store.errors import NotFoundError
+from app.store.store import Store
+from app.store.values import CameraRecord, ObjectRecord
+
+
+class DrawOverlay:
+    """Draws masks, outlines, axes and names; outlines are those of the task's present object models.
+
+    Synchronous: call it in a thread.
+    """
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+
+    def of_episode(self, episode_id: str, camera: str) -> bytes:
+        """A PNG of the episode's first frame.
+
+        Raises:
+            NotFoundError: if there is no such episode, or it has no colour image of that camera.
+        """
+        with self._store.read() as connection:
+            record = episodes.get(connection, episode_id)
+            settings = TaskSettings.model_validate(tasks.get(connection, record.task).settings)
+        mask_ids = {item["name"]: tuple(item["mask_ids"]) for item in record.given_objects}
+        stored = _camera(record.cameras, camera, f"episode {episode_id}")
+        return self._png(stored, record.objects, _queries(settings, record.objects, mask_ids))
+
+    def of_prediction(self, prediction_id: str, camera: str) -> bytes:
+        """A PNG of what the robot saw when it asked.
+
+        Raises:
+            NotFoundError: if there is no such prediction, or no colour image of that camera came with it.
+        """
+        with self._store.read() as connection:
+            record = predictions.get(connection, prediction_id)
+            settings = TaskSettings.model_validate(tasks.get(connection, record.task).settings)
+        asked = record.request.get("objects", ())
+        mask_ids = {item["name"]: tuple(item.get("mask_ids", ())) for item in asked}
+        stored = _camera(record.cameras, camera, f"prediction {prediction_id}")
+        return self._png(stored, record.objects, _queries(settings, record.objects, mask_ids))
+
+    def _png(self, camera: CameraRecord, objects: Sequence[ObjectRecord], queries: Sequence[ObjectQuery]) -> bytes:
+        frame = read_frame(self._store.blobs, camera)
+        image = draw_overlay(frame, [item.pose() for item in objects], queries)
+        return cv2.imencode(".png", image[..., ::-1])[1].tobytes()
+
+
+def _camera(cameras: Iterable[CameraRecord], name: str, where: str) -> CameraRecord:
+    for record in cameras:
+        if record.name == name and record.rgb_digest is not None:
+            return record
+    raise NotFoundError(f"rgb image of {where}", name)
+
+
+def _queries(
+    settings: TaskSettings, objects: Iterable[ObjectRecord], mask_ids: Mapping[str, tuple[int, ...]]
+) -> tuple[ObjectQuery, ...]:
+    return settings.with_models(ObjectQuery(item.name, mask_ids=mask_ids.get(item.name, ())) for item in objects)

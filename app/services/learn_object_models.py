@@ -1,0 +1,117 @@
+"""Object models from what is stored of a task, so that nobody has to type in colours and sizes."""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from app.perception.base import ObjectQuery
+from app.perception.labelled_scene import LabelledScene
+from app.perception.learn import learn_models
+from app.pipeline.errors import InvalidInputError
+from app.services.configure_task import ConfigureTask
+from app.services.errors import NoDemonstrationsError
+from app.services.stored_images import read_frame
+from app.store import episodes, tasks
+from app.store.records import EpisodeRecord, TaskRecord
+from app.store.store import Store
+
+OF_OBJECT = re.compile(r"object_models\[([^]]+)\]")
+
+
+@dataclass(frozen=True)
+class LearnedModels:
+    """What came of it.
+
+    Attributes:
+        object_models: by object, as the task now has them.
+        refused: by object, why nothing was learned of it.
+        episode_ids: from which was learned.
+    """
+
+    object_models: Mapping[str, Mapping[str, Any]]
+    refused: Mapping[str, InvalidInputError]
+    episode_ids: tuple[str, ...]
+
+
+class LearnObjectModels:
+    """Learns models for the estimator `cuboid` from labelled episodes: masks, poses or both beside RGB-D images.
+
+    Synchronous: call it in a thread.
+    """
+
+    def __init__(self, store: Store, configure_task: ConfigureTask) -> None:
+        self._store = store
+        self._configure_task = configure_task
+
+    def __call__(self, name: str, objects: Sequence[str] | None, max_episodes: int) -> LearnedModels:
+        """Learn, and set the task's `object_models`; those of other objects stay. Every episode is extracted again.
+
+        Args:
+            objects: to be learned; None for all of the task.
+            max_episodes: the task's first ones with labels and images.
+
+        Raises:
+            NotFoundError, NoDemonstrationsError: if there is no such task, or nothing in it.
+            InvalidInputError: if no episode has labels and images, or one cannot be extracted with what was learned;
+                nothing is changed.
+            ConflictError: if the task changed meanwhile.
+        """
+        with self._store.read() as connection:
+            task = tasks.get(connection, name)
+            wanted = _wanted(task, objects)
+            records = [record for record in episodes.all_of(connection, name) if _labelled(record, wanted)]
+        if not records:
+            message = f"none of the task {name!r} has RGB-D images with labels of {', '.join(wanted)}"
+            raise InvalidInputError("episodes", message, "rgb_NAME, depth_NAME, and mask_ids or a position per object")
+        chosen = records[:max_episodes]
+        learned, refused = _learned([self._scene(record, wanted) for record in chosen], wanted)
+        if learned:
+            kept = task.settings.get("object_models", {})
+            self._configure_task(name, {"object_models": {**kept, **learned}})
+        return LearnedModels(learned, refused, tuple(record.id for record in chosen))
+
+    def _scene(self, record: EpisodeRecord, wanted: Sequence[str]) -> LabelledScene:
+        frames = tuple(read_frame(self._store.blobs, camera) for camera in record.cameras)
+        queries = {query.name: query for query in map(ObjectQuery.from_json, record.given_objects)}
+        return LabelledScene(frames, tuple(queries[name] for name in wanted))
+
+
+def _wanted(task: TaskRecord, objects: Sequence[str] | None) -> tuple[str, ...]:
+    if task.object_names is None:
+        raise NoDemonstrationsError(task.name)
+    if objects is None:
+        return task.object_names
+    for name in objects:
+        if name not in task.object_names:
+            raise InvalidInputError("objects", f"{name!r} is no object of the task", ", ".join(task.object_names))
+    return tuple(dict.fromkeys(objects))
+
+
+def _labelled(record: EpisodeRecord, wanted: Sequence[str]) -> bool:
+    """Whether the episode shows what it has and says where the wanted objects are."""
+    given = {item["name"]: item for item in record.given_objects}
+    has_images = any(camera.rgb_digest is not None and camera.depth_digest is not None for camera in record.cameras)
+    return has_images and all(given[name]["mask_ids"] or given[name]["position_m"] is not None for name in wanted)
+
+
+def _learned(
+    scenes: Sequence[LabelledScene], wanted: Sequence[str]
+) -> tuple[dict[str, dict[str, Any]], dict[str, InvalidInputError]]:
+    """Models of the objects that can be learned without those that cannot, and why these cannot."""
+    refused: dict[str, InvalidInputError] = {}
+    while names := [name for name in wanted if name not in refused]:
+        try:
+            models = learn_models([_only(scene, names) for scene in scenes])
+        except InvalidInputError as error:
+            found = OF_OBJECT.match(error.field)
+            if found is None:
+                raise
+            refused[found[1]] = error
+        else:
+            return {name: model.as_json() for name, model in models.items()}, refused
+    return {}, refused
+
+
+def _only(scene: LabelledScene, names: Sequence[str]) -> LabelledScene:
+    return replace(scene, objects=tuple(query for query in scene.objects if query.name in names))

@@ -1,0 +1,123 @@
+"""Object models learned from labelled episodes, over HTTP and from the command line."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+from app.api.schemas.poses import LearnedOut
+from tests.e2e.vision import BLUE_MODEL, MODELS, NAMES, PLACES, assert_found, episode, frames, seen
+from tests.episodes import upload
+from tests.perception.solid_scene import cube
+
+MASKED = [{"name": name, "mask_ids": [number]} for number, name in enumerate(MODELS, 1)]
+LIGHT_GREY = cube("grey", 0.10, 0.12)
+
+
+def label(http, task, objects=MASKED, places=PLACES):
+    """Upload labelled episodes."""
+    for solids in places:
+        answer = http.post("/episodes", files=episode(task, frames(solids, masks=True), objects=objects))
+        assert answer.status_code == 201, answer.text
+
+
+def learn(http, task, **wish):
+    return http.post(f"/tasks/{task}/object_models/learn", json=wish)
+
+
+@pytest.fixture(scope="module")
+def learned(http):
+    label(http, "labelled")
+    response = learn(http, "labelled")
+    assert response.status_code == 200, response.text
+    LearnedOut.model_validate_json(response.content)
+    return response.json()
+
+
+def test_sizes_and_colours_are_learned_from_masks(http, learned):
+    assert learned["refused"] == {}
+    assert len(learned["episode_ids"]) == len(PLACES)
+    for model in learned["object_models"].values():
+        assert model["size_m"] == pytest.approx([0.05] * 3, abs=0.002)
+    assert http.get("/tasks/labelled").json()["object_models"] == learned["object_models"]
+
+
+def test_stored_episodes_are_found_again_by_what_was_learned(http, learned):
+    for id_, solids in zip(learned["episode_ids"], PLACES, strict=True):
+        objects = http.get(f"/episodes/{id_}").json()["objects"]
+        assert {item["estimator"] for item in objects} == {"cuboid"}
+        assert_found(objects, solids)
+
+
+def test_from_then_on_names_are_enough(http, learned):
+    solids = (cube("red", 0.0, 0.0, 0.4), cube("blue", 0.1, -0.08))
+    answer = http.post("/predict", files=seen("labelled", frames(solids), NAMES, dry_run=True))
+    assert_found(answer.json()["objects"], solids)
+    assert http.post("/episodes", files=episode("labelled", frames(solids))).status_code == 201
+    assert len(learn(http, "labelled").json()["episode_ids"]) == len(PLACES)  # the new one has no labels
+
+
+def test_what_cannot_be_learned_is_told_and_the_rest_is_learned(http):
+    objects = [*MASKED, {"name": "stone", "mask_ids": [3]}]
+    label(http, "partly", objects, [(*solids, LIGHT_GREY) for solids in PLACES])
+    answer = learn(http, "partly").json()
+    assert list(answer["object_models"]) == list(MODELS)
+    assert "have a colour" in answer["refused"]["stone"]
+    estimators = {
+        item["name"]: item["estimator"]
+        for item in http.get("/episodes", params={"task": "partly"}).json()["episodes"][0]["objects"]
+    }
+    assert estimators == {"red cube": "cuboid", "blue cube": "cuboid", "stone": "masks"}
+
+
+def test_some_objects_only_and_others_keep_their_models(http):
+    label(http, "one_of_two")
+    http.put("/tasks/one_of_two", json={"object_models": {"blue cube": BLUE_MODEL}})
+    before = http.get("/tasks/one_of_two").json()["object_models"]
+    answer = learn(http, "one_of_two", objects=["red cube"], episodes=2).json()
+    assert (list(answer["object_models"]), len(answer["episode_ids"])) == (["red cube"], 2)
+    after = http.get("/tasks/one_of_two").json()["object_models"]
+    assert after == {**before, **answer["object_models"]}
+
+
+def test_nothing_to_learn_from(http):
+    assert learn(http, "never_heard_of").status_code == 404
+    http.put("/tasks/no_episodes", json={})
+    assert learn(http, "no_episodes").json()["type"] == "/problems/no-demonstrations"
+    upload(http, "no_images", (0.1, 0.1, 0.78))
+    (error,) = learn(http, "no_images").json()["errors"]
+    assert error["field"] == "episodes"
+    (error,) = learn(http, "no_images", objects=["ball"]).json()["errors"]
+    assert (error["field"], error["valid"]) == ("objects", "cube")
+
+
+def test_an_episode_that_what_was_learned_does_not_find_changes_nothing(http):
+    label(http, "stands")
+    twins = (*PLACES[0], cube("red", -0.12, -0.12))
+    label(http, "stands", places=[twins])
+    before = http.get("/tasks/stands").json()
+    response = learn(http, "stands", episodes=3)
+    assert (response.status_code, response.json()["type"]) == (422, "/problems/invalid-input"), response.text
+    assert response.json()["errors"][0]["field"].startswith("episode ")
+    assert http.get("/tasks/stands").json() == before
+
+
+def teach_objects(*arguments):
+    command = [sys.executable, "-m", "app.cli", "teach-objects", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120)
+
+
+def test_command_line(http, url):
+    label(http, "commanded")
+    done = teach_objects("commanded", "--url", url, "--episodes", "2", "--object", "blue cube")
+    assert done.returncode == 0, done.stderr
+    document = json.loads(done.stdout.splitlines()[-1])
+    assert list(document["object_models"]) == ["blue cube"]
+    assert http.get("/tasks/commanded").json()["object_models"] == document["object_models"]
+
+
+def test_command_line_without_success(url):
+    done = teach_objects("nobody_knows_it", "--url", url)
+    assert (done.returncode, done.stdout) == (1, "")
+    assert "nobody_knows_it" in done.stderr

@@ -1,0 +1,104 @@
+"""Tasks taught and tested with images only, on a real service."""
+
+import json
+from dataclasses import replace
+
+import httpx
+import numpy as np
+import pytest
+from rich.progress import Progress
+
+from app.client.client import RoboPromptClient
+from app.evaluation import run, trials
+from app.evaluation.ledger import Ledger
+from app.evaluation.methods import REGRESSION, with_poses
+from app.evaluation.plan import Plan
+from app.evaluation.server import running_server
+from app.evaluation.teach import Lesson
+from app.evaluation.vision import FIRST_LABELLED_SEED, images_only
+from app.sim.demonstrate import view_scene
+from tests.evaluation.test_run import InlineExecutor
+
+(VISION,) = with_poses([REGRESSION], "vision")
+LABELLED_SCENES = 3  # enough for these scenes, and quick
+NAMES = ["block", "green target"]
+
+
+@pytest.fixture(scope="module")
+def url(tmp_path_factory):
+    environment = {"ROBOPROMPT_DEFAULT_MODEL": "regression"}
+    with running_server(tmp_path_factory.mktemp("data"), environment) as address:
+        yield address
+
+
+def run_plan(url, folder, task, episodes=1):
+    plan = Plan((task,), (VISION,), episodes, 2, "roboprompt eval")
+    with (
+        pytest.MonkeyPatch.context() as patch,
+        Ledger(folder / "results.jsonl") as ledger,
+        RoboPromptClient(url) as client,
+    ):
+        patch.setattr(run, "LABELLED_SCENES", LABELLED_SCENES)
+        (evaluated,) = run.Run(plan, ledger, client, InlineExecutor(), Progress(disable=True))().tasks
+    return evaluated
+
+
+@pytest.fixture(scope="module")
+def trial(url, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("slide_block")
+    (trial,) = run_plan(url, folder, "slide_block").trials
+    assert json.loads((folder / "results.jsonl").read_text())["answer"]["objects"] == trial.answer["objects"]
+    return trial
+
+
+def test_the_service_finds_the_objects_of_a_test(trial):
+    assert [item["name"] for item in trial.answer["objects"]] == NAMES
+    for found, true in zip(trial.answer["objects"], trial.scene.objects, strict=True):
+        assert found["estimator"] == "cuboid"
+        np.testing.assert_allclose(found["position"], true.position_m, atol=0.004)
+    assert trial.execution is not None
+    assert trial.scene.frames == ()
+
+
+def test_neither_poses_nor_masks_are_sent(trial, url):
+    stored = httpx.get(f"{url}/predictions/{trial.answer['id']}").json()
+    assert stored["request"]["objects"] == [{"name": name} for name in NAMES]
+    assert len(stored["cameras"]) == 2
+    task = stored["task"]
+    assert list(httpx.get(f"{url}/tasks/{task}").json()["object_models"]) == NAMES
+    for id_ in trial.answer["demonstration_ids"]:
+        episode = httpx.get(f"{url}/episodes/{id_}").json()
+        assert {item["estimator"] for item in episode["objects"]} == {"cuboid"}
+        scene = view_scene("slide_block", episode["extra"]["seed"], images=False)
+        for found, true in zip(episode["objects"], scene.objects, strict=True):
+            np.testing.assert_allclose(found["position"], true.position_m, atol=0.004)
+
+
+def test_models_are_learned_from_scenes_of_their_own(trial, url):
+    task = httpx.get(f"{url}/predictions/{trial.answer['id']}").json()["task"]
+    labelled = httpx.get(f"{url}/episodes", params={"task": f"{task}.labels"}).json()["episodes"]
+    assert [item["extra"]["seed"] for item in labelled[::-1]] == [
+        FIRST_LABELLED_SEED + k for k in range(LABELLED_SCENES)
+    ]
+
+
+def test_a_task_whose_objects_cannot_be_learned_is_an_error_that_says_so(url, tmp_path):
+    evaluated = run_plan(url, tmp_path, "open_drawer", episodes=2)
+    assert evaluated.trials == ()
+    assert [crash.seed for crash in evaluated.crashes] == [100_000, 100_001]
+    assert "NotLearnedError: not all objects can be found in images: bottom drawer:" in evaluated.crashes[0].message
+
+
+def test_a_scene_that_cannot_be_read_is_a_failure(url, monkeypatch, trial):
+    def in_the_dark(frames, objects):
+        seen = images_only(frames, objects)
+        return replace(seen, frames=tuple(replace(frame, rgb=np.zeros_like(frame.rgb)) for frame in seen.frames))
+
+    monkeypatch.setattr(trials, "images_only", in_the_dark)
+    task = httpx.get(f"{url}/predictions/{trial.answer['id']}").json()["task"]
+    with RoboPromptClient(url) as client:
+        laboratory = trials.Laboratory(client, InlineExecutor())
+        failed = laboratory.run(trials.Cell("slide_block", 100_000, VISION), Lesson(task, 2, ()))
+    assert not failed.succeeded
+    assert (failed.answer, failed.execution) == (None, None)
+    assert "no camera sees it" in failed.failure

@@ -1,0 +1,331 @@
+"""The wrapper around clients of a real server on loopback that fails in every way; nothing sleeps for long."""
+
+import asyncio
+import random
+import socket
+from contextlib import aclosing, asynccontextmanager
+
+import pytest
+
+from app.llm import resilient
+from app.llm.base import (
+    Completion,
+    LanguageModelError,
+    ModelBusyError,
+    ModelProfile,
+    ModelResponseError,
+    ModelTimeoutError,
+    ModelUnavailableError,
+    TextDelta,
+)
+from app.llm.guard import Guard, Limits
+from app.llm.openai_compatible import OpenAiCompatibleModel
+from app.llm.resilient import ResilientModel
+from app.llm.scripted import ScriptedModel
+from app.pipeline.prompt import Prompt
+from tests.llm import claude
+from tests.llm.claude import claude_at
+from tests.llm.loopback import after, hang_up, in_turn, loopback, status, streamed, text
+from tests.llm.texts import asking
+
+PROMPT = Prompt("Be brief.", "a>1, ", "b>")
+LIMITS = Limits(concurrent=4, queued=4, retries=2, backoff_s=0.5, failures=5, pause_s=10.0)
+OK = streamed(text("4"), text("2", "stop"), "[DONE]")
+OVERLOADED = streamed(claude.failed("overloaded_error", "Full"))
+CLAUDE_OK = streamed(claude.started(), claude.said("42"), claude.ended(), claude.STOP)
+
+
+class Provider:
+    """A resilient model of a loopback server.
+
+    Attributes:
+        waits_s: its waits between tries, which take no time.
+        now_s: of the circuit's clock.
+    """
+
+    def __init__(self, model, limits=LIMITS):
+        self.waits_s = []
+        self.now_s = 0.0
+        self.model = ResilientModel(
+            model, Guard("some", limits, lambda: self.now_s), sleep=self._sleep, jitter=random.Random(0).random
+        )
+
+    async def _sleep(self, wait_s):
+        self.waits_s.append(wait_s)
+
+    async def ask(self, **options):
+        return await self.model.complete(asking(PROMPT, **options))
+
+
+@asynccontextmanager
+async def provider_at(answer, limits=LIMITS):
+    async with loopback(answer) as (base_url, server):
+        profile = ModelProfile("some/model", "completion", grammar=False, representation="absolute")
+        provider = Provider(OpenAiCompatibleModel(profile, base_url, "little", "k", trust_env=False), limits)
+        try:
+            yield provider, server
+        finally:
+            await provider.model.aclose()
+
+
+def ask(answer, limits=LIMITS, **options):
+    """The outcome, how often the server was asked, and the waits between."""
+
+    async def run():
+        async with provider_at(answer, limits) as (provider, server):
+            try:
+                outcome = await provider.ask(**options)
+            except LanguageModelError as error:
+                outcome = error
+            return outcome, len(server.requests), provider.waits_s
+
+    return asyncio.run(run())
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [
+        status(429),
+        status(500),
+        status(503),
+        status(529),
+        hang_up,
+        streamed(),
+        streamed(end=b"400\r\ndata: {"),
+    ],
+)
+def test_what_may_pass_is_tried_again(fault):
+    outcome, num_asked, waits_s = ask(in_turn(fault, fault, OK))
+    assert outcome == Completion("42")
+    assert num_asked == 3
+    assert 0.25 <= waits_s[0] <= 0.5 <= waits_s[1] <= 1.0
+
+
+@pytest.mark.parametrize(
+    ("fault", "error_type"),
+    [
+        (status(400, b'{"error": {"message": "bad"}}'), ModelResponseError),
+        (status(401), ModelUnavailableError),
+        (status(404), ModelUnavailableError),
+        (status(429, b'{"error": {"code": "insufficient_quota"}}'), ModelUnavailableError),
+        (status(200, b'{"choices": []}'), ModelResponseError),
+        (streamed("garbage"), ModelResponseError),
+        (status(500, b"a" * 10 * 2**20), ModelResponseError),
+    ],
+    ids=["400", "401", "404", "no money", "content type", "garbage", "10 MB"],
+)
+def test_what_will_not_pass_is_not_tried_again(fault, error_type):
+    outcome, num_asked, waits_s = ask(in_turn(fault, OK))
+    assert type(outcome) is error_type
+    assert (num_asked, waits_s) == (1, [])
+
+
+def test_the_last_error_is_raised_when_the_tries_are_used_up():
+    outcome, num_asked, _ = ask(in_turn(status(429), status(500), status(503, b"{}", Retry_After="2"), OK))
+    assert "HTTP 503" in str(outcome)
+    assert outcome.retry_after_s == 2.0
+    assert num_asked == 3
+
+
+def test_the_server_says_how_long_to_wait_at_least():
+    _, _, waits_s = ask(in_turn(status(429, Retry_After="7"), status(503, Retry_After="0.01"), OK))
+    assert waits_s[0] == 7.0
+    assert 0.5 <= waits_s[1] <= 1.0
+
+
+def test_a_wait_beyond_the_deadline_is_not_begun():
+    outcome, num_asked, waits_s = ask(in_turn(status(429, Retry_After="7"), OK), timeout_s=5.0)
+    assert isinstance(outcome, ModelBusyError)
+    assert outcome.retry_after_s == 7.0
+    assert (num_asked, waits_s) == (1, [])
+
+
+def test_waits_grow_to_a_limit():
+    _, _, waits_s = ask(status(500), Limits(1, 0, retries=12, backoff_s=0.5), timeout_s=600.0)
+    assert [wait_s > 4.0 for wait_s in waits_s] == [False] * 4 + [True] * 8
+    assert max(waits_s) <= resilient.MAX_BACKOFF_S
+
+
+def test_nothing_is_tried_again_once_a_piece_has_come():
+    async def run():
+        async with provider_at(in_turn(streamed(text("4"), end=b"400\r\ndata: {"), OK)) as (provider, server):
+            async with aclosing(provider.model.stream(asking(PROMPT))) as pieces:
+                assert await anext(pieces) == TextDelta("4")
+                with pytest.raises(ModelResponseError, match="cannot be read"):
+                    await anext(pieces)
+            assert len(server.requests) == 1
+
+    asyncio.run(run())
+
+
+def test_claude_is_tried_again_as_well():
+    async def run():
+        async with loopback(in_turn(status(529), OVERLOADED, CLAUDE_OK)) as (base_url, server):
+            provider = Provider(claude_at(base_url))
+            completion = await provider.ask()
+            await provider.model.aclose()
+            return completion.text, len(server.requests)
+
+    assert asyncio.run(run()) == ("42", 3)
+
+
+def test_a_refused_connection_is_tried_again_and_then_named():
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))  # bound and not listening: refused
+
+        async def run():
+            profile = ModelProfile("some/model", "chat", grammar=False, representation="absolute")
+            address = f"http://127.0.0.1:{taken.getsockname()[1]}/v1"
+            provider = Provider(OpenAiCompatibleModel(profile, address, "x", trust_env=False))
+            with pytest.raises(ModelUnavailableError, match="cannot reach some/model"):
+                await provider.ask()
+            return len(provider.waits_s)
+
+        assert asyncio.run(run()) == 2
+
+
+@pytest.mark.parametrize(
+    "slow", [after(30, OK), streamed(*[text("a")] * 100, delay_s=0.05)], ids=["first byte", "drip"]
+)
+def test_a_slow_server_meets_the_deadline_and_is_left(slow):
+    async def run():
+        async with provider_at(slow) as (provider, server):
+            with pytest.raises(ModelTimeoutError, match=r"within 0\.2 s"):
+                await provider.ask(timeout_s=0.2)
+            await asyncio.wait_for(server.gone.wait(), 2)
+            assert len(server.requests) == 1
+
+    asyncio.run(run())
+
+
+def test_a_dead_provider_is_left_alone_until_the_pause_is_over():
+    async def run():
+        async with provider_at(in_turn(*[status(500)] * 5, OK)) as (provider, server):
+            for _ in range(2):
+                with pytest.raises(ModelResponseError, match="HTTP 500"):
+                    await provider.ask()
+            assert len(server.requests) == 5  # the circuit opened before the sixth try
+            with pytest.raises(ModelUnavailableError, match=r"some failed 5 times in a row .* another 10 s.*HTTP 500"):
+                await provider.ask()
+            assert len(server.requests) == 5
+            provider.now_s += 10
+            assert (await provider.ask()).text == "42"
+            assert (await provider.ask()).text == "42"
+
+    asyncio.run(run())
+
+
+def test_an_answer_between_failures_keeps_the_circuit_closed():
+    async def run():
+        failures = [status(500)] * 4
+        async with provider_at(in_turn(*failures, OK, *failures, OK), Limits(1, 0, failures=5, pause_s=10.0)) as (
+            provider,
+            server,
+        ):
+            for outcome in [False] * 4 + [True] + [False] * 4 + [True]:
+                try:
+                    assert ((await provider.ask()).text == "42") == outcome
+                except ModelResponseError:
+                    assert not outcome
+            assert len(server.requests) == 10
+
+    asyncio.run(run())
+
+
+@pytest.mark.parametrize("answer", [status(429), status(400)])
+def test_a_provider_that_refuses_is_not_dead(answer):
+    async def run():
+        async with provider_at(answer) as (provider, _):
+            for _ in range(6):
+                with pytest.raises((ModelBusyError, ModelResponseError)):
+                    await provider.ask()
+
+    asyncio.run(run())
+
+
+@pytest.mark.parametrize(("patience_s", "opens"), [(0.05, True), (10.0, False)])
+def test_silence_counts_if_the_provider_had_time_to_speak(monkeypatch, patience_s, opens):
+    monkeypatch.setattr(resilient, "PATIENCE_S", patience_s)
+
+    async def run():
+        async with provider_at(after(30, OK), Limits(1, 0, failures=1, pause_s=10.0)) as (provider, _):
+            for error in (ModelTimeoutError, ModelUnavailableError if opens else ModelTimeoutError):
+                with pytest.raises(error):
+                    await provider.ask(timeout_s=0.1)
+
+    asyncio.run(run())
+
+
+def test_robots_at_once_take_turns_and_too_many_are_refused():
+    async def run():
+        most, now = 0, 0
+
+        async def answer(writer):
+            nonlocal most, now
+            now += 1
+            most = max(most, now)
+            await asyncio.sleep(0.05)
+            await OK(writer)
+            now -= 1
+
+        async with provider_at(answer, Limits(concurrent=2, queued=3)) as (provider, server):
+            outcomes = await asyncio.gather(*(provider.ask() for _ in range(8)), return_exceptions=True)
+            assert outcomes[:5] == [Completion("42")] * 5
+            assert all(isinstance(outcome, ModelBusyError) and outcome.retry_after_s for outcome in outcomes[5:])
+            assert (most, len(server.requests)) == (2, 5)
+            assert (await provider.ask()).text == "42"
+
+    asyncio.run(run())
+
+
+def test_waiting_for_a_place_counts_against_the_deadline():
+    async def run():
+        async with provider_at(after(0.5, OK), Limits(concurrent=1, queued=1)) as (provider, server):
+            first = asyncio.create_task(provider.ask())
+            await asyncio.sleep(0)
+            with pytest.raises(ModelTimeoutError, match=r"some/model did not answer within 0\.1 s"):
+                await provider.ask(timeout_s=0.1)
+            assert (await first).text == "42"
+            assert len(server.requests) == 1
+
+    asyncio.run(run())
+
+
+def test_an_abandoned_reply_frees_its_place():
+    async def run():
+        async with provider_at(streamed(text("4"), text("2", "stop"), delay_s=0.3), Limits(1, 0)) as (provider, _):
+            async with aclosing(provider.model.stream(asking(PROMPT))) as pieces:
+                await anext(pieces)
+            assert (await provider.ask()).text == "42"
+
+    asyncio.run(run())
+
+
+def test_many_requests_against_a_flaky_server_are_all_answered():
+    """A fifth of the answers fail; with ten tries none of a hundred requests does."""
+    rng = random.Random(7)
+
+    async def answer(writer):
+        await rng.choice([OK, OK, OK, OK, OK, OK, OK, OK, status(500), hang_up])(writer)
+
+    async def run():
+        async with provider_at(answer, Limits(8, 100, retries=9, backoff_s=0.1)) as (provider, server):
+            outcomes = await asyncio.gather(*(provider.ask() for _ in range(100)))
+            return outcomes, len(server.requests)
+
+    outcomes, num_asked = asyncio.run(run())
+    assert outcomes == [Completion("42")] * 100
+    assert 110 < num_asked < 150
+
+
+def test_models_that_share_a_guard_share_its_places():
+    async def run():
+        guard = Guard("some", Limits(concurrent=1, queued=0))
+        slow, other = (ResilientModel(ScriptedModel(["a b"], delay_s=0.05), guard) for _ in range(2))
+        first = asyncio.create_task(slow.complete(asking(PROMPT)))
+        await asyncio.sleep(0.01)
+        with pytest.raises(ModelBusyError):
+            await other.complete(asking(PROMPT))
+        assert (await first).text == "a b"
+
+    asyncio.run(run())
