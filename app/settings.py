@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 from pydantic import Field, SecretStr
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
-from app.llm.settings import default_cache_folder
+from app.llm.settings import CompatibleServer, default_cache_folder
 
 MEGABYTE = 1_000_000
 
@@ -25,6 +25,10 @@ class Settings(BaseSettings):
     default_model: Annotated[str, Field(description="asked when a request names no model")] = "embedded/gemma-3-270m"
     openai_api_key: Annotated[SecretStr, Field(description="for openai/MODEL")] = SecretStr("")
     openai_base_url: Annotated[str, Field(description="for openai/MODEL")] = "https://api.openai.com/v1"
+    anthropic_api_key: Annotated[SecretStr, Field(description="for anthropic/MODEL")] = SecretStr("")
+    anthropic_base_url: Annotated[str, Field(description="for anthropic/MODEL; ends with /v1")] = (
+        "https://api.anthropic.com/v1"
+    )
     compatible_base_url: Annotated[
         str, Field(description="for openai_compatible/MODEL: vLLM, Ollama, llama.cpp ...; ends with /v1")
     ] = ""
@@ -33,10 +37,20 @@ class Settings(BaseSettings):
     )
     compatible_model: Annotated[str, Field(description="the server's name of its model")] = "default"
     compatible_style: Annotated[Literal["chat", "completion"], Field(description="messages or raw text")] = "chat"
-    compatible_llama_cpp: Annotated[bool, Field(description="the server is llama.cpp: it takes grammars")] = False
+    compatible_server: Annotated[
+        CompatibleServer, Field(description="what the server is, if it takes grammars: llama_cpp, vllm, sglang")
+    ] = "other"
     cache_folder: Annotated[Path, Field(description="where GGUF weights are assembled")] = default_cache_folder()
     packages_folder: Annotated[Path | None, Field(description="where pip --target put packages of weights")] = None
     embedded_threads: Annotated[int | None, Field(ge=1, description="CPU threads; empty: one per core")] = None
     embedded_slots: Annotated[int, Field(ge=1, description="predictions that share an embedded model at once")] = 4
     embedded_context_tokens: Annotated[int, Field(ge=512, description="longest prompt plus reply")] = 8192
     scripted_replies: Annotated[tuple[str, ...], Field(description="what the backend `scripted` replies, in turn")] = ()
+    llm_concurrent_requests: Annotated[int, Field(ge=1, description="requests that one provider is asked at once")] = 8
+    llm_queued_requests: Annotated[int, Field(ge=0, description="further requests that wait; more are refused")] = 32
+    llm_retries: Annotated[int, Field(ge=0, description="after 429, 5xx and connection errors, before any reply")] = 2
+    llm_backoff_s: Annotated[float, Field(ge=0, description="wait before the first retry; doubles, up to 8 s")] = 0.5
+    llm_failures: Annotated[int, Field(ge=1, description="so many in a row, and a provider is left alone")] = 5
+    llm_pause_s: Annotated[float, Field(ge=0, description="how long; then one request tries it")] = 15
+    record_llm: Annotated[Path | None, Field(description="folder where LLMs' requests and replies are written")] = None
+    replay_llm: Annotated[Path | None, Field(description="folder of such recordings, asked instead of the LLMs")] = None

@@ -1,6 +1,7 @@
 """Errors -> `application/problem+json` (RFC 9457), mapped once."""
 
 import logging
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -135,7 +136,8 @@ def own_problem(request: Request, error: RoboPromptError) -> JSONResponse:
         return problem(kind, str(error), [{"field": "model", "message": str(error), "valid": None}])
     if isinstance(error, UnparsableReplyError):
         return problem(kind, str(error), reply_text=error.reply_text, prediction_id=error.prediction_id)
-    headers = {"Retry-After": "1"} if kind.status == 503 else None
+    wait_s = getattr(error, "retry_after_s", None) or 1.0
+    headers = {"Retry-After": str(math.ceil(wait_s))} if kind.status == 503 else None
     return problem(kind, str(error), headers=headers)
 
 

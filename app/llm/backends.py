@@ -153,7 +153,7 @@ def _openai_compatible(model: str, settings: LlmSettings) -> LanguageModel:
 
 
 def _compatible_quirks(settings: LlmSettings) -> Quirks:
-    server = "llama_cpp" if settings.compatible_llama_cpp else settings.compatible_server
+    server = settings.compatible_server
     return quirks_of(settings.compatible_base_url) if server == "other" else SERVERS[server]
 
 

