@@ -1,5 +1,6 @@
 import json
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -108,7 +109,7 @@ def test_whatever_passes_is_within_every_bound(places_m, max_step_m):
         assert (place_m >= np.array(WORKSPACE.min_m) - 1e-9).all()
         assert (place_m <= np.array(WORKSPACE.max_m) + 1e-9).all()
         assert not ((place_m > keep_out.min_m) & (place_m < keep_out.max_m)).all()
-    assert all(np.linalg.norm(b - a) <= max_step_m + 1e-8 for a, b in zip(passed, passed[1:], strict=False))
+    assert all(np.linalg.norm(b - a) <= max_step_m + 1e-8 for a, b in pairwise(passed))
 
 
 @pytest.mark.parametrize(
