@@ -8,7 +8,9 @@ from importlib.metadata import version
 
 from fastapi import FastAPI
 
+from app.api.access import Access, is_loopback
 from app.api.app import create_app
+from app.api.redaction import hide_keys_in_access_log
 from app.llm.base import LanguageModelError
 from app.llm.registry import ModelRegistry
 from app.llm.settings import LlmSettings
@@ -16,6 +18,7 @@ from app.services.container import Services
 from app.settings import MEGABYTE, Settings
 from app.store.store import Store
 
+DEFAULT_RATE_PER_S = 20.0
 logger = logging.getLogger(__name__)
 
 
@@ -78,6 +81,27 @@ async def _warm_up(services: Services) -> None:
         logger.warning("the default model is not available: %s", error)
 
 
-def build_app(settings: Settings) -> FastAPI:
-    """The ASGI application for these settings."""
-    return create_app(lambda: open_services(settings), version("roboprompt"), int(settings.max_body_mb * MEGABYTE))
+def access_for(settings: Settings, host: str | None) -> Access:
+    """What is demanded of requests to a service that is bound to `host`; None: nobody knows to what."""
+    local = host is not None and is_loopback(host)
+    required = settings.auth == "on" or (settings.auth == "auto" and not local)
+    rate = settings.rate_limit_per_s
+    return Access(
+        key_required=required,
+        local_only=settings.auth == "auto" and local,
+        requests_per_s=rate if rate is not None else DEFAULT_RATE_PER_S if required else 0.0,
+        burst=settings.rate_limit_burst,
+        max_query_chars=settings.max_query_chars,
+    )
+
+
+def build_app(settings: Settings, host: str | None = None) -> FastAPI:
+    """The ASGI application for these settings.
+
+    Args:
+        host: that it will be bound to.
+    """
+    hide_keys_in_access_log()
+    max_body_bytes = int(settings.max_body_mb * MEGABYTE)
+    access = access_for(settings, host)
+    return create_app(lambda: open_services(settings), version("roboprompt"), max_body_bytes, access)

@@ -19,6 +19,16 @@ class Settings(BaseSettings):
     data: Annotated[Path, Field(description="folder of the database and the images")] = Path("data")
     database_url: Annotated[str | None, Field(description="SQLAlchemy URL; empty: SQLite in the data folder")] = None
     max_body_mb: Annotated[float, Field(gt=0, description="larger requests are refused with 413")] = 200
+    auth: Annotated[
+        Literal["auto", "on", "off"],
+        Field(description="whether API keys are required; auto: as soon as others than this machine can connect"),
+    ] = "auto"
+    rate_limit_per_s: Annotated[
+        float | None,
+        Field(ge=0, description="requests of one key or address; 0: any number; empty: 20 where keys are required"),
+    ] = None
+    rate_limit_burst: Annotated[int, Field(ge=1, description="so many of them at once")] = 40
+    max_query_chars: Annotated[int, Field(ge=100, description="of an address's query; longer ones get 414")] = 2000
     warm_up: Annotated[bool, Field(description="start the embedded LLM in the background at start-up")] = True
 
     # The fields of app.llm.settings.LlmSettings, which says what they mean.

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import anyio.to_thread
 
 from app.llm.registry import ModelRegistry
+from app.services.api_keys import KeyRing
 from app.services.configure_task import ConfigureTask
 from app.services.draw_overlay import DrawOverlay
 from app.services.learn_object_models import LearnObjectModels
@@ -27,6 +28,7 @@ class Services:
     draw_overlay: DrawOverlay
     predict_actions: PredictActions
     metrics: Metrics
+    keys: KeyRing
 
     @classmethod
     def wire(cls, store: Store, models: ModelRegistry, default_model: str) -> "Services":
@@ -44,6 +46,7 @@ class Services:
             draw_overlay=DrawOverlay(store),
             predict_actions=predict,
             metrics=metrics,
+            keys=KeyRing(store),
         )
 
     async def aclose(self) -> None:
