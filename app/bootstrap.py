@@ -8,13 +8,16 @@ from importlib.metadata import version
 
 from fastapi import FastAPI
 
-from app.api.access import Access, is_loopback
+from app.api.access import Access
 from app.api.app import create_app
 from app.api.redaction import hide_keys_in_access_log
 from app.llm.base import LanguageModelError
 from app.llm.registry import ModelRegistry
 from app.llm.settings import LlmSettings
+from app.services.addresses import is_loopback
 from app.services.container import Services
+from app.services.limits import Limits
+from app.services.pose_servers import PoseServers
 from app.settings import MEGABYTE, Settings
 from app.store.store import Store
 
@@ -52,6 +55,21 @@ def llm_settings(settings: Settings) -> LlmSettings:
     )
 
 
+def limits_of(settings: Settings) -> Limits:
+    """How much a request may ask for."""
+    return Limits(
+        max_image_pixels=int(settings.max_image_megapixels * MEGABYTE),
+        max_unpacked_bytes=int(settings.max_unpacked_mb * MEGABYTE),
+        max_frames=settings.max_frames,
+        max_objects=settings.max_objects,
+        max_cameras=settings.max_cameras,
+        max_name_chars=settings.max_name_chars,
+        max_instruction_chars=settings.max_instruction_chars,
+        max_prompt_chars=settings.max_prompt_chars,
+        max_page_size=settings.max_page_size,
+    )
+
+
 @contextlib.asynccontextmanager
 async def open_services(settings: Settings) -> AsyncIterator[Services]:
     """Open the store, sweep what earlier crashes left, start the default model in the background; close all at the end.
@@ -61,7 +79,8 @@ async def open_services(settings: Settings) -> AsyncIterator[Services]:
     """
     store = await asyncio.to_thread(Store.open, settings.data, settings.database_url)
     models = ModelRegistry(llm_settings(settings))
-    services = Services.wire(store, models, settings.default_model)
+    pose_servers = PoseServers(settings.pose_servers)
+    services = Services.wire(store, models, settings.default_model, limits_of(settings), pose_servers)
     background: list[asyncio.Task[object]] = [asyncio.create_task(asyncio.to_thread(store.sweep))]
     if settings.warm_up:
         background.append(asyncio.create_task(_warm_up(services)))

@@ -1,6 +1,5 @@
 """Who is let in: API keys, scopes, rate limit, and no other website's scripts. Before anything of a body is read."""
 
-import ipaddress
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,6 +14,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 from app.api.access_rules import HEALTH, LOGIN, SAFE_METHODS, accepted_scopes
 from app.api.problems import Kind, problem, store_problem
 from app.api.rate_limit import RateLimit
+from app.services.addresses import is_loopback
 from app.services.api_keys import Caller
 from app.services.container import Services
 from app.store.errors import StoreError
@@ -89,7 +89,7 @@ class AccessControl:
     def _foreign(self, method: str, headers: Headers) -> Response | None:
         """Refuse what another website's scripts send, with the user's cookie or from the user's own machine."""
         host = headers.get(b"host", b"").decode("latin-1")
-        if self._access.local_only and host and not _is_loopback(urlsplit(f"//{host}").hostname or ""):
+        if self._access.local_only and host and not is_loopback(urlsplit(f"//{host}").hostname or ""):
             remedy = "a service that others reach by name says ROBOPROMPT_AUTH=on, or off"
             return problem(_FORBIDDEN, f"the request names the host {host[:100]!r}, not this machine: {remedy}")
         origin = headers.get(b"origin")
@@ -139,17 +139,3 @@ def token_of(headers: Headers) -> str:
 
 def _is_by_cookie(headers: Headers) -> bool:
     return COOKIE.encode() in headers.get(b"cookie", b"") and not headers.keys() & {b"authorization", b"x-api-key"}
-
-
-def is_loopback(host: str) -> bool:
-    """Whether a service bound to `host` is reached from this machine only."""
-    return _is_loopback(host.strip("[]"))
-
-
-def _is_loopback(host: str) -> bool:
-    if host == "localhost" or host.endswith(".localhost"):
-        return True
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False

@@ -19,6 +19,7 @@ from app.api.routes import Wired, problems
 from app.api.schemas.requests import PredictBody
 from app.api.schemas.responses import DryRunOut, PredictionOut
 from app.pipeline.errors import RoboPromptError
+from app.services.limits import Limits
 from app.services.predict_actions import PredictedAction, Prediction
 from app.services.question import PredictRequest
 
@@ -60,7 +61,7 @@ async def predict(request: Request, services: Wired) -> Response:
     started_s = time.perf_counter()
     body = await read_body(request)
     # Images take long to decode; a JSON body does not repay the change of thread.
-    wish, asked = await run_in_threadpool(_read, body) if body.parts else _read(body)
+    wish, asked = await run_in_threadpool(_read, body, services.limits) if body.parts else _read(body, services.limits)
     timings_ms: dict[str, float] = {}
     if asked.dry_run:
         question = await services.predict_actions.prepare(wish, timings_ms)
@@ -93,14 +94,16 @@ def _event(item: _Item) -> bytes:
     return format_sse_event(event="done", data_str=json.dumps(prediction_document(item)))
 
 
-def _read(body: Body) -> tuple[PredictRequest, PredictBody]:
+def _read(body: Body, limits: Limits) -> tuple[PredictRequest, PredictBody]:
     asked = PredictBody.model_validate(body.document)
+    names, cameras = [item.name for item in asked.objects], [item.name for item in asked.cameras]
+    limits.check_scene(asked.task, asked.instruction, names, cameras)
     images = split_images(asked.cameras, body.parts)
     wish = PredictRequest(
         task=asked.task,
         instruction=asked.instruction,
         objects=tuple(item.query() for item in asked.objects),
-        frames=decode_frames(asked.cameras, images),
+        frames=decode_frames(asked.cameras, images, limits.max_image_pixels),
         images=images,
         model=asked.model,
         representation=asked.representation,
