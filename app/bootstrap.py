@@ -43,6 +43,7 @@ def llm_settings(settings: Settings) -> LlmSettings:
         embedded_threads=settings.embedded_threads,
         embedded_slots=settings.embedded_slots,
         embedded_context_tokens=settings.embedded_context_tokens,
+        embedded_shared_folder=settings.embedded_shared_folder,
         scripted_replies=settings.scripted_replies,
         llm_concurrent_requests=settings.llm_concurrent_requests,
         llm_queued_requests=settings.llm_queued_requests,
@@ -70,6 +71,15 @@ def limits_of(settings: Settings) -> Limits:
     )
 
 
+def open_store(settings: Settings) -> Store:
+    """The store of these settings, at the newest schema. Blocking.
+
+    Raises:
+        StoreError: if the data folder or the database cannot be used.
+    """
+    return Store.open(settings.data, settings.database_url, server_connections=settings.database_connections)
+
+
 @contextlib.asynccontextmanager
 async def open_services(settings: Settings) -> AsyncIterator[Services]:
     """Open the store, sweep what earlier crashes left, start the default model in the background; close all at the end.
@@ -77,11 +87,11 @@ async def open_services(settings: Settings) -> AsyncIterator[Services]:
     Raises:
         StoreError: if the data folder cannot be used.
     """
-    store = await asyncio.to_thread(Store.open, settings.data, settings.database_url)
+    store = await asyncio.to_thread(open_store, settings)
     models = ModelRegistry(llm_settings(settings))
     pose_servers = PoseServers(settings.pose_servers)
     services = Services.wire(store, models, settings.default_model, limits_of(settings), pose_servers)
-    background: list[asyncio.Task[object]] = [asyncio.create_task(asyncio.to_thread(store.sweep))]
+    background: list[asyncio.Task[object]] = [asyncio.create_task(asyncio.to_thread(store.sweep_once))]
     if settings.warm_up:
         background.append(asyncio.create_task(_warm_up(services)))
     try:
@@ -100,9 +110,9 @@ async def _warm_up(services: Services) -> None:
         logger.warning("the default model is not available: %s", error)
 
 
-def access_for(settings: Settings, host: str | None) -> Access:
-    """What is demanded of requests to a service that is bound to `host`; None: nobody knows to what."""
-    local = host is not None and is_loopback(host)
+def access_for(settings: Settings) -> Access:
+    """What is demanded of requests."""
+    local = settings.host is not None and is_loopback(settings.host)
     required = settings.auth == "on" or (settings.auth == "auto" and not local)
     rate = settings.rate_limit_per_s
     return Access(
@@ -114,13 +124,9 @@ def access_for(settings: Settings, host: str | None) -> Access:
     )
 
 
-def build_app(settings: Settings, host: str | None = None) -> FastAPI:
-    """The ASGI application for these settings.
-
-    Args:
-        host: that it will be bound to.
-    """
+def build_app(settings: Settings) -> FastAPI:
+    """The ASGI application for these settings."""
     hide_keys_in_access_log()
     max_body_bytes = int(settings.max_body_mb * MEGABYTE)
-    access = access_for(settings, host)
+    access = access_for(settings)
     return create_app(lambda: open_services(settings), version("roboprompt"), max_body_bytes, access)

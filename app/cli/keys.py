@@ -49,11 +49,12 @@ def revoke(key_id: Annotated[str, typer.Argument(help="as `list` prints it")], d
 
 @contextmanager
 def _store(data: Path | None) -> Iterator[Store]:
+    from app.bootstrap import open_store
     from app.settings import Settings
 
     settings = Settings() if data is None else Settings(data=data)
     try:
-        store = Store.open(settings.data, settings.database_url)
+        store = open_store(settings)
         try:
             yield store
         finally:
