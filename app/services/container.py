@@ -13,6 +13,7 @@ from app.services.limits import Limits
 from app.services.metrics import Metrics
 from app.services.pose_servers import PoseServers
 from app.services.predict_actions import PredictActions
+from app.services.repeated_predictions import RepeatedPredictions
 from app.services.upload_episode import UploadEpisode
 from app.store.store import Store
 
@@ -31,6 +32,7 @@ class Services:
     predict_actions: PredictActions
     metrics: Metrics
     keys: KeyRing
+    repeated_predictions: RepeatedPredictions
     limits: Limits
 
     @classmethod
@@ -58,6 +60,7 @@ class Services:
             predict_actions=predict,
             metrics=metrics,
             keys=KeyRing(store),
+            repeated_predictions=RepeatedPredictions(store),
             limits=limits,
         )
 

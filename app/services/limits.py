@@ -18,6 +18,7 @@ class Limits:
         max_frames: of a trajectory.
         max_prompt_chars: system prompt and demonstrations together.
         max_page_size: items of a list.
+        model_files: whether requests may name an embedded model by the path of its file.
     """
 
     max_image_pixels: int = MAX_PIXELS
@@ -29,6 +30,7 @@ class Limits:
     max_instruction_chars: int = MAX_INSTRUCTION_CHARS
     max_prompt_chars: int = 400_000
     max_page_size: int = 200
+    model_files: bool = True
 
     def check_scene(self, task: str, instruction: str, objects: Sequence[str], cameras: Sequence[str]) -> None:
         """Refuse a scene that is too large.
@@ -58,6 +60,12 @@ class Limits:
     def check_page(self, limit: int) -> None:
         """Refuse a page that is too long."""
         _check("limit", limit, self.max_page_size, "items")
+
+    def check_model(self, name: str) -> None:
+        """Refuse to open whatever file of this machine a request names."""
+        model = name.partition("embedded/")[2]
+        if not self.model_files and ("/" in model or model.endswith(".gguf")):
+            raise InvalidInputError("model", f"is {name!r}, a file of the service's machine", "a name from GET /models")
 
     def check_prompt(self, num_chars: int) -> None:
         """Refuse a prompt that is too long."""

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, replace
 
 import anyio.to_thread
 
-from app.llm.base import Completion, LanguageModelError
+from app.llm.base import Completion, LanguageModelError, ModelProfile
 from app.llm.registry import ModelRegistry
 from app.pipeline.episode import EndEffectorAction
 from app.pipeline.errors import ReplyParseError, UnsafeActionError
@@ -77,9 +77,14 @@ class PredictActions:
         self._store = store
         self._models = models
         self._metrics = metrics
-        self._write_question = QuestionWriter(
-            store, lambda name: models.get(name or default_model).profile, limits, pose_servers
-        )
+        self._default_model = default_model
+        self._limits = limits
+        self._write_question = QuestionWriter(store, self._profile, limits, pose_servers)
+
+    def _profile(self, name: str | None) -> ModelProfile:
+        if name is not None and name != self._default_model:
+            self._limits.check_model(name)
+        return self._models.get(name or self._default_model).profile
 
     async def prepare(self, request: PredictRequest, timings_ms: dict[str, float]) -> Question:
         """The question as it would be put to the LLM, which is not called.
