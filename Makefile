@@ -1,9 +1,9 @@
-# make setup | demo | serve | test | check | format | openapi | lock
+# make setup | demo | serve | test | check | audit | format | openapi | lock
 PYTHON ?= python3
 BIN := .venv/bin
 STAMP := .venv/.installed
 
-.PHONY: setup demo serve test check lint format openapi lock clean
+.PHONY: setup demo serve test check audit lint format openapi lock clean
 
 setup: $(STAMP)
 
@@ -27,7 +27,11 @@ lint: setup
 test: lint
 	$(BIN)/python -m pytest
 
-check: test
+# Says so where the database of vulnerabilities cannot be reached, and fails where a package has one.
+audit: setup
+	$(BIN)/python .ci/audit
+
+check: test audit
 
 format: setup
 	$(BIN)/ruff check --fix .
