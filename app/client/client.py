@@ -1,5 +1,6 @@
 """The service as a robot sees it."""
 
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -17,6 +18,7 @@ from app.pipeline.episode import EndEffectorAction, Trajectory
 from app.pipeline.motion_limits import MotionLimits, action_from_json
 from app.pipeline.trajectory_npz import npz_from_trajectory
 
+KEY_VARIABLE = "ROBOPROMPT_API_KEY"
 DEFAULT_URL = "http://127.0.0.1:8000"
 LEARNING_TIMEOUT_S = 600.0
 MARGIN_S = 10.0  # the service answers within the request's own deadline; this is for the way there and back
@@ -42,10 +44,15 @@ class RoboPromptClient:
     Args:
         url: where the service listens.
         connection: an httpx client to use instead of an own one.
+        api_key: where the service requires one; None: the environment's ROBOPROMPT_API_KEY.
     """
 
-    def __init__(self, url: str = DEFAULT_URL, connection: httpx.Client | None = None) -> None:
-        self._http = connection or httpx.Client(base_url=url, timeout=60)
+    def __init__(
+        self, url: str = DEFAULT_URL, connection: httpx.Client | None = None, *, api_key: str | None = None
+    ) -> None:
+        key = os.environ.get(KEY_VARIABLE, "") if api_key is None else api_key
+        headers = {"Authorization": f"Bearer {key}"} if key else {}
+        self._http = connection or httpx.Client(base_url=url, timeout=60, headers=headers)
 
     def __enter__(self) -> Self:
         return self

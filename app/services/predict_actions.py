@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, replace
 
 import anyio.to_thread
 
-from app.llm.base import Completion, LanguageModelError
+from app.llm.base import Completion, LanguageModelError, ModelProfile
 from app.llm.registry import ModelRegistry
 from app.pipeline.episode import EndEffectorAction
 from app.pipeline.errors import ReplyParseError, UnsafeActionError
@@ -16,7 +16,9 @@ from app.pipeline.prompt import Prompt
 from app.pipeline.workspace import DiscreteAction, discretize_action
 from app.services.dialogue import Dialogue
 from app.services.errors import UnparsableReplyError, UnsafeReplyError
+from app.services.limits import Limits
 from app.services.metrics import Metrics
+from app.services.pose_servers import PoseServers
 from app.services.question import PredictRequest, Question, QuestionWriter
 from app.services.stored_images import put_images
 from app.services.timing import timed
@@ -63,11 +65,26 @@ class Prediction:
 class PredictActions:
     """Asks an LLM for actions. The event loop waits for nothing but the LLM; the rest runs in threads."""
 
-    def __init__(self, store: Store, models: ModelRegistry, default_model: str, metrics: Metrics) -> None:
+    def __init__(
+        self,
+        store: Store,
+        models: ModelRegistry,
+        default_model: str,
+        metrics: Metrics,
+        limits: Limits,
+        pose_servers: PoseServers,
+    ) -> None:
         self._store = store
         self._models = models
         self._metrics = metrics
-        self._write_question = QuestionWriter(store, lambda name: models.get(name or default_model).profile)
+        self._default_model = default_model
+        self._limits = limits
+        self._write_question = QuestionWriter(store, self._profile, limits, pose_servers)
+
+    def _profile(self, name: str | None) -> ModelProfile:
+        if name is not None and name != self._default_model:
+            self._limits.check_model(name)
+        return self._models.get(name or self._default_model).profile
 
     async def prepare(self, request: PredictRequest, timings_ms: dict[str, float]) -> Question:
         """The question as it would be put to the LLM, which is not called.

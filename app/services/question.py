@@ -15,6 +15,8 @@ from app.pipeline.prompt import Prompt, PromptTemplate, check_object_names, obje
 from app.pipeline.reply import MAX_ACTIONS
 from app.pipeline.representation import KAT_FORMAT
 from app.services.errors import NoDemonstrationsError
+from app.services.limits import Limits
+from app.services.pose_servers import PoseServers
 from app.services.previous_step import PreviousStep, previous_step
 from app.services.select_demonstrations import Selection, load_demonstrations
 from app.services.task_settings import TaskSettings
@@ -103,8 +105,16 @@ class QuestionWriter:
         profile_of: the profile of a model by its name, of the default for None; raises UnknownModelError.
     """
 
-    def __init__(self, store: Store, profile_of: Callable[[str | None], ModelProfile]) -> None:
+    def __init__(
+        self,
+        store: Store,
+        profile_of: Callable[[str | None], ModelProfile],
+        limits: Limits | None = None,
+        pose_servers: PoseServers | None = None,
+    ) -> None:
         self._store = store
+        self._limits = limits or Limits()
+        self._pose_servers = pose_servers or PoseServers()
         self._profile_of = profile_of
         self._templates = TemplateCache()
 
@@ -137,13 +147,15 @@ class QuestionWriter:
                 template = self._template(connection, request, task, settings, style, objects, previous)
         step = None if not style.closed_loop else 0 if previous is None else previous.step + 1
         written = template.at_step(step or 0)
+        so_far = "" if previous is None else previous.so_far(template)
+        self._limits.check_prompt(len(written.system) + len(written.prefix) + len(so_far))
         return Question(
             request=request,
             instructions=written.codec.questions(instruction),
             objects=written.posed(objects),
             template=template,
             written=written,
-            so_far="" if previous is None else previous.so_far(template),
+            so_far=so_far,
             step=step,
             profile=profile,
             style=style,
@@ -156,8 +168,10 @@ class QuestionWriter:
         """What the images show, found without a transaction open: a server may be asked."""
         with timed(timings_ms, "read"), self._store.read() as connection:
             task = tasks.get(connection, request.task)
+        settings = TaskSettings.model_validate(task.settings)
+        self._pose_servers.check(settings.object_models)
         with timed(timings_ms, "poses"):
-            return _Seen(task, _observed(request, task, TaskSettings.model_validate(task.settings)))
+            return _Seen(task, _observed(request, task, settings))
 
     def _template(
         self,

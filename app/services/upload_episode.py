@@ -11,6 +11,7 @@ from app.pipeline.episode import Episode, checked_name
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.prompt import check_object_names
 from app.services.extraction import Extracted, extract
+from app.services.pose_servers import PoseServers
 from app.services.stored_images import put_images
 from app.services.task_settings import TaskSettings
 from app.store import episodes, idempotency, tasks
@@ -57,8 +58,9 @@ Respond = Callable[[EpisodeRecord, TaskRecord], JsonObject]
 class UploadEpisode:
     """Stores uploaded episodes. Synchronous: call it in a thread."""
 
-    def __init__(self, store: Store) -> None:
+    def __init__(self, store: Store, pose_servers: PoseServers | None = None) -> None:
         self._store = store
+        self._pose_servers = pose_servers or PoseServers()
 
     def __call__(self, upload: Upload, respond: Respond) -> JsonObject:
         """Extract and store the episode; nothing is stored if anything is wrong with it.
@@ -96,6 +98,7 @@ class UploadEpisode:
 
     def _extract(self, upload: Upload, task: TaskRecord | None) -> Extracted:
         settings = _settings_of(task, upload.objects)
+        self._pose_servers.check(settings.object_models)
         names = sent = [query.name for query in upload.objects]
         if task is not None and task.object_names is not None:
             names = list(task.object_names)

@@ -1,14 +1,15 @@
 """Answers to requests that carried an `Idempotency-Key`. Each query runs on the caller's transaction."""
 
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 
-from sqlalchemy import Connection, insert, select
+from sqlalchemy import Connection, delete, insert, select
 
 from app.store import tables
 from app.store.database import lock, writes
 from app.store.errors import ConflictError
 from app.store.records import StoredResponse
 
+KEPT_FOR = timedelta(hours=24)  # a key may then be used again
 _KEYS = tables.idempotency_keys
 
 
@@ -27,7 +28,7 @@ def find(connection: Connection, scope: str, key: str, request_digest: str) -> S
     if writes(connection):
         lock(connection, f"{scope} {key}")
     row = connection.execute(select(_KEYS).where(_KEYS.c.scope == scope, _KEYS.c.key == key)).first()
-    if row is None:
+    if row is None or row.created_at < datetime.now(UTC) - KEPT_FOR:
         return None
     if row.request_digest != request_digest:
         raise ConflictError(
@@ -37,13 +38,18 @@ def find(connection: Connection, scope: str, key: str, request_digest: str) -> S
 
 
 def save(connection: Connection, scope: str, key: str, request_digest: str, answer: StoredResponse) -> None:
-    """Remember the answer. Call it after `find`, in the write transaction that does what the request asks."""
+    """Remember the answer, and forget those that are too old.
+
+    Call it after `find`, in the write transaction that does what the request asks.
+    """
+    now = datetime.now(UTC)
+    connection.execute(delete(_KEYS).where(_KEYS.c.created_at < now - KEPT_FOR))
     values = {
         "scope": scope,
         "key": key,
         "request_digest": request_digest,
         "status": answer.status,
         "response": answer.response,
-        "created_at": datetime.now(UTC),
+        "created_at": now,
     }
     connection.execute(insert(_KEYS).values(values))

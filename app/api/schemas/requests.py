@@ -11,7 +11,7 @@ from app.perception.base import ObjectQuery
 from app.pipeline.episode import Camera, unit_quaternions
 from app.pipeline.motion_limits import Pose
 from app.pipeline.reply import MAX_ACTIONS
-from app.services.task_settings import PromptFormat, Representation, SystemPrompt
+from app.services.task_settings import PromptFormat, Representation, SystemPrompt, plain_text
 
 Position = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -167,4 +167,4 @@ class OutcomeBody(RequestModel):
     model_config = ConfigDict(extra="forbid", json_schema_extra={"examples": [examples.OUTCOME]})
 
     success: bool
-    note: Annotated[str | None, Field(max_length=2000)] = None
+    note: Annotated[Annotated[str, AfterValidator(plain_text)] | None, Field(max_length=2000)] = None
