@@ -8,6 +8,7 @@ import random
 import signal
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 from contextlib import contextmanager, suppress
@@ -38,7 +39,7 @@ class Service:
         port = free_port()
         self.url = f"http://127.0.0.1:{port}"
         serve = ["app.cli", "serve", "--port", str(port), "--data", str(data)]
-        self._log = (data.parent / f"{data.name}.log").open("w+")
+        self._log = tempfile.TemporaryFile("w+")  # noqa: SIM115  closed with the service
         self.process = subprocess.Popen(
             [sys.executable, "-m", "app.evaluation.leash", *serve, *arguments],
             stdin=subprocess.PIPE,
