@@ -1,11 +1,13 @@
-"""`roboprompt serve | demo | eval | films | teach-objects | calibrate | calibration-board`."""
+"""`roboprompt serve | backup | restore | demo | eval | films | teach-objects | calibrate | calibration-board`."""
 
 import typer
 
-from app.cli import calibrate, demo, evaluate, films, serve, teach_objects
+from app.cli import backup, calibrate, demo, evaluate, films, serve, teach_objects
 
 application = typer.Typer(no_args_is_help=True, add_completion=False, help=__doc__, pretty_exceptions_enable=False)
 application.command("serve")(serve.serve)
+application.command("backup")(backup.back_up)
+application.command("restore")(backup.restore)
 application.command("demo")(demo.demo)
 application.command("eval")(evaluate.evaluate)
 application.command("films")(films.films)
