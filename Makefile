@@ -33,6 +33,9 @@ check: test
 torture: setup
 	$(BIN)/python -m tests.reliability.torture
 
+fuzz: setup
+	$(BIN)/python -m tests.reliability.fuzz
+
 format: setup
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .

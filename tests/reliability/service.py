@@ -56,8 +56,12 @@ class Service:
                 if httpx.get(f"{self.url}/healthz").is_success:
                     return
             time.sleep(0.02)
+        raise AssertionError(self.log()[-3000:])
+
+    def log(self):
+        """What it has written so far."""
         self._log.seek(0)
-        raise AssertionError(self._log.read()[-3000:])
+        return self._log.read()
 
     def kill(self):
         """What `kill -9` does."""
