@@ -25,6 +25,8 @@ from tests.episodes import metadata
 from tests.reliability.service import TASK, Load, check, kill_repeatedly, serving, upload_files
 
 IMAGE_MB = 256
+CUTS_OF_A_DISK = 10  # after each, everything that is stored is looked at
+KILLS_OF_A_FOLDER = 20
 
 
 def say(**figures):
@@ -149,12 +151,14 @@ def main():
         if os.geteuid() == 0:
             say(**fill_the_disk(folder))
             say(**turn_read_only(folder))
-            if asked.power_cuts:
-                say(**cut_power_repeatedly(folder, asked.power_cuts))
+            for seed in range(0, asked.power_cuts, CUTS_OF_A_DISK):
+                (disk := folder / f"powered{seed}").mkdir()
+                say(**cut_power_repeatedly(disk, min(CUTS_OF_A_DISK, asked.power_cuts - seed), seed))
         else:
             say(left_out="power cuts, full and read-only disks need root: they mount")
-        if asked.kills:
-            say(**kill_repeatedly(folder / "killed", asked.kills, report=say))
+        for seed in range(0, asked.kills, KILLS_OF_A_FOLDER):
+            number = min(KILLS_OF_A_FOLDER, asked.kills - seed)
+            say(**kill_repeatedly(folder / f"killed{seed}", number, seed, report=say))
     finally:
         shutil.rmtree(folder, ignore_errors=True)
 
