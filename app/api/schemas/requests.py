@@ -157,7 +157,7 @@ class PredictBody(RequestModel):
         ),
     ] = None
     max_actions: Annotated[int, Field(ge=1, le=100)] = MAX_ACTIONS
-    timeout_s: Annotated[float, Field(gt=0, le=600)] = 60.0
+    timeout_s: Annotated[float, Field(ge=0.1, le=600)] = 60.0
     dry_run: Annotated[bool, Field(description="answer with the prompt, ask no LLM")] = False
 
 
