@@ -1,7 +1,7 @@
 """One prediction's talk with an LLM: the parts of an instruction are asked for in turn."""
 
 import time
-from collections.abc import AsyncGenerator
+from collections.abc import AsyncGenerator, Sequence
 from contextlib import aclosing
 from dataclasses import replace
 
@@ -35,8 +35,8 @@ class Dialogue:
         self.reply_text: str | None = None
         self.usage = Usage()
 
-    async def actions(self, *, piecewise: bool) -> AsyncGenerator[EndEffectorAction, None]:
-        """The actions of every reply.
+    async def actions(self, *, piecewise: bool) -> AsyncGenerator[Sequence[EndEffectorAction], None]:
+        """The actions of every reply, as many at a time as became complete together.
 
         Args:
             piecewise: hand out each as soon as its row is complete; otherwise when its reply is.
@@ -47,20 +47,21 @@ class Dialogue:
         """
         question = self._question
         remaining = question.request.max_actions
-        for instruction in question.instructions:
+        for number, instruction in enumerate(question.instructions):
             if remaining <= 0:
                 asked, most = len(question.instructions), question.request.max_actions
                 raise ReplyParseError(f"{most} actions do not carry out all {asked} parts", self.reply_text or "")
-            self.prompt = question.written.ask(question.objects, instruction, remaining, self._so_far)
+            if number > 0:
+                self.prompt = question.written.ask(question.objects, instruction, remaining, self._so_far)
             reader = ReplyReader(question.written.codec, question.objects, instruction, remaining)
             async with aclosing(self._reply(reader, remaining, piecewise=piecewise)) as arriving:
-                async for action in arriving:
-                    remaining -= 1
-                    yield action
+                async for actions in arriving:
+                    remaining -= len(actions)
+                    yield actions
 
     async def _reply(
         self, reader: ReplyReader, max_actions: int, *, piecewise: bool
-    ) -> AsyncGenerator[EndEffectorAction, None]:
+    ) -> AsyncGenerator[Sequence[EndEffectorAction], None]:
         """The actions of the reply to the prompt."""
         before, text, num_early = self.reply_text, "", 0
         completion: Completion | None = None
@@ -74,16 +75,16 @@ class Dialogue:
                 if piecewise:
                     with timed(self._timings_ms, "parse"):
                         new = reader.feed(piece.text)
-                    for action in new:
-                        num_early += 1
-                        yield action
+                    if new:
+                        num_early += len(new)
+                        yield new
         assert completion is not None, "a backend's stream ends with the completion"
         self.reply_text = _joined(before, completion.text)
         self.usage = _sum(self.usage, completion.usage)
         with timed(self._timings_ms, "parse"):
             actions = self._finished(reader, completion)
-        for action in actions[num_early:]:
-            yield action
+        if len(actions) > num_early:
+            yield actions[num_early:]
 
     def _finished(self, reader: ReplyReader, completion: Completion) -> tuple[EndEffectorAction, ...]:
         if completion.finish_reason == "length":

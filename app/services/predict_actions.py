@@ -12,7 +12,7 @@ from app.llm.registry import ModelRegistry
 from app.pipeline.episode import EndEffectorAction
 from app.pipeline.errors import ReplyParseError
 from app.pipeline.prompt import Prompt
-from app.pipeline.workspace import DiscreteAction, discretize_action
+from app.pipeline.workspace import DiscreteAction, discretize_actions
 from app.services.dialogue import Dialogue
 from app.services.errors import UnparsableReplyError
 from app.services.metrics import Metrics
@@ -109,10 +109,12 @@ class PredictActions:
         workspace = question.settings.workspace.workspace()
         try:
             async with aclosing(dialogue.actions(piecewise=piecewise)) as arriving:
-                async for action in arriving:
+                async for arrived in arriving:
                     timings_ms.setdefault("first_action", (time.perf_counter() - started_s) * 1000)
-                    actions.append(PredictedAction(action, discretize_action(action, workspace)))
-                    yield actions[-1]
+                    new = list(map(PredictedAction, arrived, discretize_actions(arrived, workspace)))
+                    actions += new
+                    for item in new:
+                        yield item
         except ReplyParseError as error:
             id_ = await self._record(question, "parse_error", timings_ms, dialogue, error=error.message)
             self._observe(question, "parse_error", timings_ms, dialogue)

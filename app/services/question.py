@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 from sqlalchemy import Connection
 
@@ -85,7 +86,7 @@ class Question:
     settings: TaskSettings
     observed: tuple[ObjectPose, ...]
 
-    @property
+    @cached_property
     def prompt(self) -> Prompt:
         """The prompt that asks for the first of the instructions."""
         return self.written.ask(self.objects, self.instructions[0], self.request.max_actions, self.so_far)
