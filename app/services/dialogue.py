@@ -12,6 +12,7 @@ from app.pipeline.prompt import Prompt
 from app.pipeline.reply import ReplyReader
 from app.services.question import Question
 from app.services.timing import Timings, timed
+from app.store.values import JsonObject
 
 MAX_TOKENS_PER_ACTION = 80  # more than any representation needs for a row, a token for each digit
 
@@ -20,6 +21,7 @@ class Dialogue:
     """Asks, reads, and keeps what was said.
 
     Attributes:
+        samples: None: there is one reply.
         prompt: the last that was asked.
         reply_text: every reply so far, also one that broke off; None while there is none.
         usage: the replies' together.
@@ -34,6 +36,7 @@ class Dialogue:
         self.prompt: Prompt = question.prompt
         self.reply_text: str | None = None
         self.usage = Usage()
+        self.samples: tuple[JsonObject, ...] | None = None
 
     async def actions(self, *, piecewise: bool) -> AsyncGenerator[Sequence[EndEffectorAction], None]:
         """The actions of every reply, as many at a time as became complete together.
@@ -80,7 +83,7 @@ class Dialogue:
                         yield new
         assert completion is not None, "a backend's stream ends with the completion"
         self.reply_text = _joined(before, completion.text)
-        self.usage = _sum(self.usage, completion.usage)
+        self.usage = usage_sum(self.usage, completion.usage)
         with timed(self._timings_ms, "parse"):
             actions = self._finished(reader, completion)
         if len(actions) > num_early:
@@ -106,6 +109,7 @@ class Dialogue:
             self.prompt,
             max_tokens=max_actions * MAX_TOKENS_PER_ACTION,
             timeout_s=timeout_s,
+            temperature=request.sampling_temperature,
             seed=request.seed,
             cache_key=self._question.template.cache_key,
         )
@@ -125,7 +129,8 @@ def _joined(before: str | None, text: str) -> str:
     return text if before is None else f"{before}\n{text}"
 
 
-def _sum(one: Usage, other: Usage) -> Usage:
+def usage_sum(one: Usage, other: Usage) -> Usage:
+    """The tokens of two completions together."""
     return replace(
         one,
         prompt_tokens=one.prompt_tokens + other.prompt_tokens,

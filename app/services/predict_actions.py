@@ -17,6 +17,7 @@ from app.services.dialogue import Dialogue
 from app.services.errors import UnparsableReplyError
 from app.services.metrics import Metrics
 from app.services.question import PredictRequest, Question, QuestionWriter
+from app.services.sampled_dialogue import SampledDialogue
 from app.services.stored_images import put_images
 from app.services.timing import timed
 from app.store import predictions
@@ -49,6 +50,7 @@ class Prediction:
 
     Attributes:
         prompt: the last that the LLM was asked: with several instructions it holds the replies to those before.
+        samples: where several replies were asked for, each of them.
     """
 
     id: str
@@ -57,6 +59,7 @@ class Prediction:
     actions: tuple[PredictedAction, ...]
     completion: Completion
     timings_ms: dict[str, float]
+    samples: tuple[JsonObject, ...] | None = None
 
 
 class PredictActions:
@@ -104,7 +107,8 @@ class PredictActions:
             LanguageModelError: if the LLM did not answer; recorded.
             UnparsableReplyError: if its reply is not a list of valid actions; recorded, carries the reply.
         """
-        dialogue = Dialogue(question, self._models.get(question.profile.name), timings_ms)
+        kind = SampledDialogue if question.samples else Dialogue
+        dialogue = kind(question, self._models.get(question.profile.name), timings_ms)
         actions: list[PredictedAction] = []
         workspace = question.settings.workspace.workspace()
         try:
@@ -129,14 +133,14 @@ class PredictActions:
         timings_ms["outside_llm"] = timings_ms["total"] - timings_ms["llm"]
         self._observe(question, "ok", timings_ms, dialogue)
         completion = Completion(dialogue.reply_text or "", dialogue.usage)
-        yield Prediction(id_, question, dialogue.prompt, tuple(actions), completion, timings_ms)
+        yield Prediction(id_, question, dialogue.prompt, tuple(actions), completion, timings_ms, dialogue.samples)
 
     async def _record(
         self,
         question: Question,
         status: PredictionStatus,
         timings_ms: dict[str, float],
-        dialogue: Dialogue,
+        dialogue: Dialogue | SampledDialogue,
         actions: tuple[PredictedAction, ...] | None = None,
         error: str | None = None,
     ) -> str:
@@ -158,6 +162,7 @@ class PredictActions:
             timings_ms=dict(timings_ms),
             step=question.step,
             objects=tuple(map(ObjectRecord.of, question.observed)),
+            samples=dialogue.samples,
         )
 
         def write() -> str:
@@ -168,7 +173,11 @@ class PredictActions:
         return await anyio.to_thread.run_sync(write)
 
     def _observe(
-        self, question: Question, status: PredictionStatus, timings_ms: dict[str, float], dialogue: Dialogue
+        self,
+        question: Question,
+        status: PredictionStatus,
+        timings_ms: dict[str, float],
+        dialogue: Dialogue | SampledDialogue,
     ) -> None:
         style, model = question.style, question.profile.name
         self._metrics.observe_prediction(model, style.representation, status, timings_ms, asdict(dialogue.usage))
