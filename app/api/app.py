@@ -44,8 +44,8 @@ def create_app(open_services: OpenServices, version: str, max_body_bytes: int, a
     app = FastAPIOffline(
         title="RoboPrompt", version=version, description=DESCRIPTION, lifespan=lifespan, redoc_url=None
     )
-    # overlays come first: the image kinds of episodes would take their addresses
-    for module in (overlays, episodes, tasks, poses, predict, predictions, models, health, metrics, login):
+    # Overlays come before episodes, whose image kinds would take their addresses; a robot waits for predictions.
+    for module in (predict, overlays, episodes, tasks, poses, predictions, models, health, metrics, login):
         app.include_router(module.router)
     install_problem_handlers(app)
     install_openapi(app)

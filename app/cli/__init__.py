@@ -1,4 +1,4 @@
-"""`roboprompt serve | keys | backup | restore | demo | eval | films | teach-objects | calibrate | calibration-board`."""
+"""`roboprompt`: serve, keys, backup, restore, demo, eval, films, teach-objects, calibrate, calibration-board."""
 
 import typer
 

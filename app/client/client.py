@@ -89,12 +89,14 @@ class RoboPromptClient:
         control_frequency_hz: float = 20.0,
         mask_ids: Mapping[str, Sequence[int]] | None = None,
         extra: Mapping[str, Any] | None = None,
+        prediction_id: str | None = None,
     ) -> dict[str, Any]:
         """Store a demonstration; returns the service's description of it.
 
         Args:
             observation: what the robot saw at the first frame.
             mask_ids: for objects whose pixels the masks show, the ids of these; instead of a pose or beside it.
+            prediction_id: of the prediction that the robot carried out with success in this episode.
 
         Raises:
             ServiceProblemError: if the service refuses it.
@@ -106,6 +108,7 @@ class RoboPromptClient:
             **_scene(observation, mask_ids),
             "control_frequency_hz": control_frequency_hz,
             "extra": dict(extra or {}),
+            "prediction_id": prediction_id,
         }
         parts = request_parts(metadata, observation.frames)
         parts["trajectory"] = ("trajectory.npz", npz_from_trajectory(trajectory), "application/octet-stream")

@@ -5,6 +5,8 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 
+from sqlalchemy import Connection
+
 from app.perception.base import ObjectQuery
 from app.perception.frames import ImageBytes
 from app.pipeline.episode import Episode, checked_name
@@ -14,7 +16,7 @@ from app.services.extraction import Extracted, extract
 from app.services.pose_servers import PoseServers
 from app.services.stored_images import put_images
 from app.services.task_settings import TaskSettings
-from app.store import episodes, idempotency, tasks
+from app.store import episodes, idempotency, predictions, tasks
 from app.store.errors import ConflictError, NotFoundError
 from app.store.records import EpisodeDraft, EpisodeRecord, StoredResponse, TaskRecord
 from app.store.store import Store
@@ -30,6 +32,7 @@ class Upload:
 
     Attributes:
         images: per camera of `episode.frames`, by name.
+        prediction_id: of the prediction that the robot carried out in this episode.
         digest: of the request's content; a repeated `idempotency_key` must come with the same.
     """
 
@@ -39,6 +42,7 @@ class Upload:
     images: Mapping[str, ImageBytes]
     digest: str = ""
     idempotency_key: str | None = None
+    prediction_id: str | None = None
 
     def __post_init__(self) -> None:
         checked_name("task", self.task)
@@ -126,11 +130,32 @@ class UploadEpisode:
                 return None
             if expected is None and task.object_names is not None:
                 return None
+            _check_link(connection, upload)
             record = episodes.add(connection, _draft(upload, extracted, cameras))
             answer = respond(record, replace(task, object_names=tuple(o.name for o in record.objects)))
             if key is not None:
                 idempotency.save(connection, SCOPE, key, upload.digest, StoredResponse(201, answer))
         return answer
+
+
+def _check_link(connection: Connection, upload: Upload) -> None:
+    """Refuse a link to a prediction that the episode cannot have carried out.
+
+    Raises:
+        InvalidInputError: if there is no such prediction, it is another task's, gave no actions, or failed.
+    """
+    if upload.prediction_id is None:
+        return
+    valid = f"the id of a prediction of the task {upload.task!r} that gave actions and did not fail"
+    try:
+        prediction = predictions.get(connection, upload.prediction_id)
+    except NotFoundError:
+        raise InvalidInputError("prediction_id", f"{upload.prediction_id!r} is no prediction", valid) from None
+    if prediction.task != upload.task:
+        raise InvalidInputError("prediction_id", f"is a prediction of the task {prediction.task!r}", valid)
+    if not prediction.actions or prediction.outcome_success is False:
+        fault = "whose outcome was a failure" if prediction.actions else "without actions"
+        raise InvalidInputError("prediction_id", f"is a prediction {fault}", valid)
 
 
 def _settings_of(task: TaskRecord | None, objects: Sequence[ObjectQuery]) -> TaskSettings:
@@ -151,6 +176,7 @@ def _draft(upload: Upload, extracted: Extracted, cameras: tuple[CameraRecord, ..
         given_objects=tuple(asdict(query) for query in upload.objects),
         cameras=cameras,
         extra=dict(upload.episode.extra),
+        prediction_id=upload.prediction_id,
         trajectory=upload.episode.trajectory,
     )
 

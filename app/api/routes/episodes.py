@@ -67,7 +67,7 @@ def _upload(services: Services, body: Body, idempotency_key: str | None) -> Json
     frames = decode_frames(metadata.cameras, images, limits.max_image_pixels)
     episode = Episode(metadata.instruction, trajectory, frames, metadata.control_frequency_hz, metadata.extra)
     objects = tuple(item.query() for item in metadata.objects)
-    upload = Upload(metadata.task, episode, objects, images, digest, idempotency_key)
+    upload = Upload(metadata.task, episode, objects, images, digest, idempotency_key, metadata.prediction_id)
     return services.upload_episode(upload, episode_document)
 
 
