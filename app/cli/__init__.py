@@ -1,8 +1,8 @@
-"""`roboprompt serve | demo | eval | films | teach-objects | calibrate | calibration-board`."""
+"""`roboprompt serve | demo | eval | films | teach-objects | calibrate | calibration-board | import | export`."""
 
 import typer
 
-from app.cli import calibrate, demo, evaluate, films, serve, teach_objects
+from app.cli import calibrate, demo, evaluate, films, import_data, serve, teach_objects
 
 application = typer.Typer(no_args_is_help=True, add_completion=False, help=__doc__, pretty_exceptions_enable=False)
 application.command("serve")(serve.serve)
@@ -12,6 +12,7 @@ application.command("films")(films.films)
 application.command("teach-objects")(teach_objects.teach_objects)
 application.command("calibrate")(calibrate.calibrate)
 application.command("calibration-board")(calibrate.calibration_board)
+application.command("import")(import_data.import_data)
 
 
 def main() -> None:

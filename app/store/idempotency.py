@@ -2,7 +2,7 @@
 
 from datetime import UTC, datetime
 
-from sqlalchemy import Connection, insert, select
+from sqlalchemy import Connection, delete, insert, select
 
 from app.store import tables
 from app.store.errors import ConflictError
@@ -29,6 +29,17 @@ def find(connection: Connection, scope: str, key: str, request_digest: str) -> S
             f"Idempotency-Key {key!r} was used for a different request: send a new key with new content"
         )
     return StoredResponse(row.status, row.response)
+
+
+def answered(connection: Connection, scope: str, key: str) -> StoredResponse | None:
+    """What any request with the key was answered with, or None if there was none."""
+    row = connection.execute(select(_KEYS).where(_KEYS.c.scope == scope, _KEYS.c.key == key)).first()
+    return None if row is None else StoredResponse(row.status, row.response)
+
+
+def forget(connection: Connection, scope: str, key: str) -> None:
+    """Let the key be used again: what the request did was undone since."""
+    connection.execute(delete(_KEYS).where(_KEYS.c.scope == scope, _KEYS.c.key == key))
 
 
 def save(connection: Connection, scope: str, key: str, request_digest: str, answer: StoredResponse) -> None:
