@@ -2,7 +2,7 @@
 
 import typer
 
-from app.cli import calibrate, demo, evaluate, films, import_data, serve, teach_objects
+from app.cli import calibrate, demo, evaluate, export_data, films, import_data, serve, teach_objects
 
 application = typer.Typer(no_args_is_help=True, add_completion=False, help=__doc__, pretty_exceptions_enable=False)
 application.command("serve")(serve.serve)
@@ -13,6 +13,7 @@ application.command("teach-objects")(teach_objects.teach_objects)
 application.command("calibrate")(calibrate.calibrate)
 application.command("calibration-board")(calibrate.calibration_board)
 application.command("import")(import_data.import_data)
+application.command("export")(export_data.export_data)
 
 
 def main() -> None:

@@ -15,6 +15,7 @@ from app.client.client import DEFAULT_URL, RoboPromptClient
 from app.client.errors import ServiceProblemError, ServiceUnreachableError
 from app.datasets.errors import DatasetError
 from app.datasets.formats import FORMATS, open_dataset
+from app.datasets.mapping import read_wishes
 from app.datasets.objects import KnownObjects, read_objects
 from app.datasets.options import ImportOptions
 from app.datasets.recording import Dataset
@@ -30,6 +31,10 @@ def import_data(
     instruction: Annotated[str | None, typer.Option(help="instead of the dataset's")] = None,
     objects: Annotated[Path | None, typer.Option(help="JSON: names, mask ids or poses, see docs/datasets.md")] = None,
     camera: Annotated[list[str] | None, typer.Option(help="only its images; may be repeated; default: all")] = None,
+    mapping: Annotated[Path | None, typer.Option(help="JSON: which columns are what, see docs/datasets.md")] = None,
+    feature: Annotated[
+        list[str] | None, typer.Option(help="PART=COLUMN over the mapping, e.g. gripper=action[6]; may be repeated")
+    ] = None,
     form: Annotated[str | None, typer.Option("--format", help=", ".join(FORMATS))] = None,
     dry_run: Annotated[bool, typer.Option(help="say what would be imported and what is missing")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="one JSON object as the last line")] = False,
@@ -45,14 +50,15 @@ def import_data(
     stopped: str | None = None
     try:
         known = KnownObjects() if objects is None else read_objects(objects)
-        options = ImportOptions(task, instruction, known, None if camera is None else tuple(camera))
+        wishes = read_wishes(mapping, tuple(feature or ()))
+        options = ImportOptions(task, instruction, known, None if camera is None else tuple(camera), wishes)
         dataset = open_dataset(path, options, form)
     except DatasetError as error:
         console.print(str(error), markup=False, soft_wrap=True)
         raise typer.Exit(1) from error
     try:
         _run(dataset, None if dry_run else server, results, console)
-    except (ServiceUnreachableError, ServiceProblemError) as error:
+    except (DatasetError, ServiceUnreachableError, ServiceProblemError) as error:
         stopped = str(error)
     except KeyboardInterrupt:
         stopped = "interrupted"

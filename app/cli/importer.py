@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 from app.client.client import RoboPromptClient
 from app.client.errors import ServiceProblemError
-from app.datasets.errors import DatasetError
+from app.datasets.errors import DamagedError
 from app.datasets.recording import Dataset, Entry, Parcel, canonical_json
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.keyframes import KeyframeRule, find_keyframes
@@ -87,10 +87,12 @@ def _each(dataset: Dataset, handle: Callable[[Entry, Parcel], Result]) -> Iterat
                 entry, reading = waiting.popleft()
                 try:
                     parcel = reading.result()
-                except (DatasetError, InvalidInputError) as error:
+                except DamagedError as error:
                     yield Result(entry.name, "damaged", str(error))
-                    continue
-                yield handle(entry, parcel)
+                except InvalidInputError as error:
+                    yield Result(entry.name, "refused", str(error))
+                else:
+                    yield handle(entry, parcel)
         finally:
             readers.shutdown(cancel_futures=True)
 

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from app.datasets import rlbench
+from app.datasets import archive, lerobot, mcap_log, rlbench, robomimic
 from app.datasets.errors import DatasetError
 from app.datasets.options import ImportOptions
 from app.datasets.recording import Dataset
@@ -23,6 +23,10 @@ class Format:
 
 
 FORMATS: dict[str, Format] = {
+    "archive": Format(archive.looks_like, archive.open_archive),
+    "lerobot": Format(lerobot.looks_like, lerobot.open_lerobot),
+    "robomimic": Format(robomimic.looks_like, robomimic.open_robomimic),
+    "mcap": Format(mcap_log.looks_like, mcap_log.open_mcap),
     "rlbench": Format(rlbench.looks_like, rlbench.open_rlbench),
 }
 

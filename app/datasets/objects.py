@@ -7,8 +7,8 @@ first:
      "variations": {"1": [{"name": "drawer", "mask_ids": [105]}]},
      "episodes": {"episode7": [{"name": "drawer", "position": [0.2, 0.0, 1.1], "quaternion_xyzw": [0, 0, 0, 1]}]}}
 
-RLBench records the poses of a task's objects one after the other in `task_low_dim_state`: `"low_dim_state": 7` says that
-the object's pose (x y z, quaternion xyzw) begins at number 7 there.
+RLBench records the poses of a task's objects one after the other in `task_low_dim_state`: `"low_dim_state": 7` says
+that the object's pose (x y z, quaternion xyzw) begins at number 7 there.
 """
 
 import json

@@ -1,6 +1,8 @@
 """What the user says about a dataset beside where it is."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 from app.datasets.objects import KnownObjects
 from app.pipeline.episode import NAME_PATTERN
@@ -14,12 +16,14 @@ class ImportOptions:
         task, instruction: instead of what the dataset says.
         objects: what the dataset does not tell.
         cameras: only these; None for all.
+        features: what the user says of the mapping of columns, as JSON; formats that have no columns take none.
     """
 
     task: str | None = None
     instruction: str | None = None
     objects: KnownObjects = field(default_factory=KnownObjects)
     cameras: tuple[str, ...] | None = None
+    features: Mapping[str, Any] = field(default_factory=dict)
 
     def wants(self, camera: str) -> bool:
         """Whether the camera's images are to be imported."""

@@ -88,8 +88,11 @@ class Parcel:
 
     @property
     def key(self) -> str:
-        """An idempotency key that follows from the content: the same episode has the same wherever it is read."""
-        digest = hashlib.sha256(canonical_json(self.metadata))
+        """An idempotency key that follows from the content.
+
+        An episode that was exported has the key that it was imported with.
+        """
+        digest = hashlib.sha256(canonical_json(_essence(self.metadata)))
         for name in sorted(self.files):
             digest.update(f"\0{name}\0".encode() + hashlib.sha256(self.files[name]).digest())
         return f"{KEY_PREFIX}{digest.hexdigest()}"
@@ -126,3 +129,12 @@ class Dataset:
 def canonical_json(value: object) -> bytes:
     """The same bytes for the same document, whatever the order of its keys."""
     return json.dumps(value, sort_keys=True, separators=(",", ":"), ensure_ascii=False).encode()
+
+
+def _essence(value: Any) -> Any:  # noqa: ANN401
+    """The document without what is empty, and with whole numbers as any other: a service tells both in its own way."""
+    if isinstance(value, Mapping):
+        return {name: _essence(item) for name, item in value.items() if item is not None and item not in ([], (), {})}
+    if isinstance(value, list | tuple):
+        return [_essence(item) for item in value]
+    return float(value) if isinstance(value, int) and not isinstance(value, bool) else value

@@ -28,6 +28,7 @@ LOW_DIM = "low_dim_obs.pkl"
 DESCRIPTIONS = "variation_descriptions.pkl"
 NUMBER = "variation_number.pkl"
 CONTROL_FREQUENCY_HZ = 20.0  # RLBench's simulation step is 50 ms
+HALF_OPEN = 0.5  # recorded as 0.0 or 1.0
 POSE_SIZE = 7  # x y z, quaternion xyzw
 _EPISODE = re.compile(r"episode\d+")
 _VARIATION = re.compile(r"variation(\d+)|all_variations")
@@ -92,7 +93,7 @@ def _trajectory(path: Path, observations: list[Record], states: Array | None) ->
         joint_velocities_rad_s=_stacked(path, observations, "joint_velocities"),
         positions_m=poses[:, :3],
         quaternions_xyzw=poses[:, 3:],
-        gripper_open=_stacked(path, observations, "gripper_open"),
+        gripper_open=_stacked(path, observations, "gripper_open") > HALF_OPEN,
         joint_positions_rad=_stacked(path, observations, "joint_positions") if has_positions else None,
         object_positions_m=None if states is None else states[:, :, :3],
         object_quaternions_xyzw=None if states is None else states[:, :, 3:],
