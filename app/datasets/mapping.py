@@ -178,7 +178,7 @@ def quaternions_xyzw(rotations: Array, form: RotationFormat) -> Array:
     if form == "quaternion_wxyz":
         return rotations[:, [1, 2, 3, 0]]
     make = Rotation.from_rotvec if form == "rotation_vector" else lambda angles: Rotation.from_euler("xyz", angles)
-    found: Array = make(rotations).as_quat()
+    found: Array = make(rotations.copy()).as_quat()  # scipy takes no read-only array, as those of pyarrow are
     return found
 
 

@@ -5,7 +5,8 @@ Topics become columns: a JointState gives `TOPIC.velocity` and `TOPIC.position`,
 frame has the last message up to then. Without a mapping the topics are told by their types, where that is clear.
 """
 
-from collections.abc import Callable
+import struct
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -84,25 +85,36 @@ def _read(file: Path, root: Path, options: ImportOptions) -> Parcel:
 
 def _tracks(file: Path) -> tuple[dict[str, Track], list[str]]:
     """Every topic that can be read as numbers, and those of joint states among them."""
-    try:
-        from mcap.exceptions import McapError
-        from mcap_ros2.reader import read_ros2_messages
-    except ImportError as error:
-        raise MissingPackageError("MCAP files", "mcap-ros2-support") from error
     tracks: dict[str, Track] = {}
     joints: list[str] = []
-    try:
-        for message in read_ros2_messages(str(file)):
-            kind, topic = message.schema.name, message.channel.topic
-            if (numbers := _NUMBERS.get(kind)) is None:
-                continue
-            if topic not in tracks and kind == JOINTS:
-                joints.append(topic)
-            track = tracks.setdefault(topic, Track())
-            track.add(message.log_time_ns * NANOSECONDS, numbers(message.ros_msg))
-    except (OSError, McapError, ValueError, EOFError) as error:
-        raise DamagedError(file, f"cannot be read: {error}") from error
+    for kind, topic, time_s, message in _messages(file):
+        if topic not in tracks and kind == JOINTS:
+            joints.append(topic)
+        tracks.setdefault(topic, Track()).add(time_s, _NUMBERS[kind](message))
     return tracks, joints
+
+
+def _messages(file: Path) -> Iterator[tuple[str, str, float, Any]]:
+    """Type, topic, time (s) and content of those messages that are numbers; images stay undecoded."""
+    try:
+        from mcap.exceptions import McapError
+        from mcap.reader import make_reader
+        from mcap_ros2.decoder import DecoderFactory
+    except ImportError as error:
+        raise MissingPackageError("MCAP files", "mcap-ros2-support") from error
+    decoders = DecoderFactory()
+    try:
+        with file.open("rb") as stream:
+            for schema, channel, message in make_reader(stream).iter_messages():
+                if schema is None or schema.name not in _NUMBERS:
+                    continue
+                if (decode := decoders.decoder_for(channel.message_encoding, schema)) is None:
+                    raise DamagedError(
+                        file, f"{channel.topic} is in {channel.message_encoding}, not in ROS 2's encoding"
+                    )
+                yield schema.name, channel.topic, message.log_time * NANOSECONDS, decode(message.data)
+    except (OSError, McapError, ValueError, EOFError, struct.error) as error:
+        raise DamagedError(file, f"cannot be read: {error or type(error).__name__}") from error
 
 
 def _on_clock(tracks: dict[str, Track], clock_s: Array) -> tuple[dict[str, Array], float]:

@@ -118,7 +118,7 @@ def write_episode(folder, trajectory, instruction="open the bottom drawer", matr
         seen.gripper_matrix = np.eye(4)
         seen.gripper_joint_positions = np.full(2, 0.04)
         seen.gripper_touch_forces = np.zeros(6, np.float32)
-        seen.task_low_dim_state = np.zeros(3)
+        seen.task_low_dim_state = np.concatenate([[0.5], DRAWER_M, [0.0, 0.0, 0.0, 1.0]])  # a joint, then the pose
         seen.ignore_collisions = np.float64(1.0)  # a numpy scalar, as PerAct's fork records it
         seen.front_rgb = seen.front_depth = seen.front_mask = None
         seen.misc = misc_of(matrices)
