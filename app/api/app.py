@@ -11,7 +11,19 @@ from app.api.limits import BodyLimit
 from app.api.observation import ObserveRequests
 from app.api.openapi import install_openapi
 from app.api.problems import install_problem_handlers
-from app.api.routes import episodes, health, login, metrics, models, overlays, poses, predict, predictions, tasks
+from app.api.routes import (
+    episodes,
+    health,
+    login,
+    metrics,
+    models,
+    overlays,
+    poses,
+    predict,
+    predictions,
+    tasks,
+    uploads,
+)
 from app.api.security_headers import SecurityHeaders
 from app.services.container import Services
 
@@ -45,7 +57,7 @@ def create_app(open_services: OpenServices, version: str, max_body_bytes: int, a
         title="RoboPrompt", version=version, description=DESCRIPTION, lifespan=lifespan, redoc_url=None
     )
     # Overlays come before episodes, whose image kinds would take their addresses; a robot waits for predictions.
-    for module in (predict, overlays, episodes, tasks, poses, predictions, models, health, metrics, login):
+    for module in (predict, overlays, episodes, uploads, tasks, poses, predictions, models, health, metrics, login):
         app.include_router(module.router)
     install_problem_handlers(app)
     install_openapi(app)

@@ -72,6 +72,11 @@ def get(connection: Connection, episode_id: str) -> EpisodeRecord:
     return _record(row)
 
 
+def exist(connection: Connection, episode_id: str) -> bool:
+    """Whether there is an episode of that id."""
+    return bool(connection.scalar(select(exists().where(_EPISODES.c.id == episode_id))))
+
+
 def get_trajectory(connection: Connection, episode_id: str) -> Trajectory:
     """The episode's trajectory, as it was stored.
 

@@ -57,6 +57,12 @@ class EpisodeOut(BaseModel):
     created_at: datetime
 
 
+class UploadOut(BaseModel):
+    """What an upload made."""
+
+    episode_id: str
+
+
 class EpisodePage(BaseModel):
     """Episodes, newest first; `next_cursor` continues the list, null at its end."""
 
