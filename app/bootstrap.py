@@ -15,6 +15,7 @@ from app.llm.settings import LlmSettings
 from app.services.container import Services
 from app.settings import MEGABYTE, Settings
 from app.store.store import Store
+from app.web.site import install_pages
 
 logger = logging.getLogger(__name__)
 
@@ -79,5 +80,7 @@ async def _warm_up(services: Services) -> None:
 
 
 def build_app(settings: Settings) -> FastAPI:
-    """The ASGI application for these settings."""
-    return create_app(lambda: open_services(settings), version("roboprompt"), int(settings.max_body_mb * MEGABYTE))
+    """The ASGI application for these settings: the API and the pages."""
+    app = create_app(lambda: open_services(settings), version("roboprompt"), int(settings.max_body_mb * MEGABYTE))
+    install_pages(app)
+    return app

@@ -2,9 +2,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.evaluation.report.prompt_colours import prompt_spans
 from app.pipeline.episode import Demonstration, EndEffectorAction, ObjectPose
 from app.pipeline.prompt import SYSTEM_PROMPTS, PromptTemplate
+from app.pipeline.prompt_colours import prompt_spans
 from app.pipeline.representation import PROMPT_FORMATS, REPRESENTATIONS, fit_codec
 from app.pipeline.workspace import Workspace
 
