@@ -64,7 +64,8 @@ def _embedded(model: str, settings: LlmSettings) -> LanguageModel:
     weights = find_weights(model, settings)
     if importlib.util.find_spec("xllamacpp") is None:
         raise ModelUnavailableError("embedded models need llama.cpp: pip install xllamacpp")
-    options = EmbeddedOptions(settings.embedded_threads, settings.embedded_slots, settings.embedded_context_tokens)
+    sizes = (settings.embedded_threads, settings.embedded_slots, settings.embedded_context_tokens)
+    options = EmbeddedOptions(*sizes, settings.embedded_shared_folder)
     return EmbeddedModel(_embedded_profile(model), weights, options)
 
 

@@ -7,7 +7,7 @@ number of actions.
 
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -101,8 +101,9 @@ def regressed_reply(prefix: str, query: str) -> str:
     written = [actions.integers for _, actions in pairs]
     outputs = np.array(written, dtype=np.float64)
     predicted = _ridge(inputs, outputs, np.array(observation.integers, dtype=np.float64))
-    columns = zip(*written, strict=True)
-    return pairs[-1][1].filled([_as_written(value, column) for value, column in zip(predicted, columns, strict=True)])
+    columns = list(zip(*written, strict=True))
+    signs = {integer[0] for column in columns for integer in column} & {"+", "-"}
+    return pairs[-1][1].filled([_as_written(*item, signs) for item in zip(predicted, columns, strict=True)])
 
 
 def _demonstrations(prefix: str) -> list[_Pair]:
@@ -149,10 +150,10 @@ def _ridge(inputs: Numbers, outputs: Numbers, query: Numbers) -> Numbers:
     return predicted
 
 
-def _as_written(value: float, column: Sequence[str]) -> str:
-    """`value` as an integer in the form of its column: signed or not, one of two choices (a gripper) or any."""
+def _as_written(value: float, column: Sequence[str], signs: Collection[str]) -> str:
+    """`value` as an integer, one of two choices (a gripper) or any, with those signs that the demonstrations use."""
     choices = sorted({int(written) for written in column})
     integer = min(choices, key=lambda choice: abs(choice - value)) if len(choices) <= 2 else round(value)
-    if any(written[0] in "+-" for written in column):
+    if "+" in signs and column[0][0] in "+-":
         return f"{integer:+d}"
-    return str(max(integer, 0))
+    return str(integer if "-" in signs else max(integer, 0))
