@@ -35,8 +35,8 @@ class Dialogue:
         self.reply_text: str | None = None
         self.usage = Usage()
 
-    async def actions(self, *, piecewise: bool) -> AsyncGenerator[EndEffectorAction, None]:
-        """The actions of every reply.
+    async def actions(self, *, piecewise: bool) -> AsyncGenerator[EndEffectorAction | TextDelta, None]:
+        """The actions of every reply; with `piecewise` also its text, if the request wishes it.
 
         Args:
             piecewise: hand out each as soon as its row is complete; otherwise when its reply is.
@@ -54,13 +54,13 @@ class Dialogue:
             self.prompt = question.written.ask(question.objects, instruction, remaining, self._so_far)
             reader = ReplyReader(question.written.codec, question.objects, instruction, remaining)
             async with aclosing(self._reply(reader, remaining, piecewise=piecewise)) as arriving:
-                async for action in arriving:
-                    remaining -= 1
-                    yield action
+                async for item in arriving:
+                    remaining -= isinstance(item, EndEffectorAction)
+                    yield item
 
     async def _reply(
         self, reader: ReplyReader, max_actions: int, *, piecewise: bool
-    ) -> AsyncGenerator[EndEffectorAction, None]:
+    ) -> AsyncGenerator[EndEffectorAction | TextDelta, None]:
         """The actions of the reply to the prompt."""
         before, text, num_early = self.reply_text, "", 0
         completion: Completion | None = None
@@ -70,7 +70,10 @@ class Dialogue:
                     completion = piece
                     break
                 text += piece.text
+                said = len(self.reply_text or "")
                 self.reply_text = _joined(before, text)
+                if piecewise and self._question.request.stream_text:
+                    yield TextDelta(self.reply_text[said:])
                 if piecewise:
                     with timed(self._timings_ms, "parse"):
                         new = reader.feed(piece.text)

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, replace
 
 import anyio.to_thread
 
-from app.llm.base import Completion, LanguageModelError
+from app.llm.base import Completion, LanguageModelError, TextDelta
 from app.llm.registry import ModelRegistry
 from app.pipeline.episode import EndEffectorAction
 from app.pipeline.errors import ReplyParseError, UnsafeActionError
@@ -94,8 +94,8 @@ class PredictActions:
 
     async def answer(
         self, question: Question, timings_ms: dict[str, float], started_s: float, *, piecewise: bool
-    ) -> AsyncGenerator[PredictedAction | Prediction, None]:
-        """The actions as they become complete, then the whole prediction, recorded.
+    ) -> AsyncGenerator[PredictedAction | TextDelta | Prediction, None]:
+        """The actions (and, if wished, pieces of text) as they become complete, then the whole prediction, recorded.
 
         Args:
             started_s: when the request came, by `time.perf_counter`.
@@ -114,6 +114,9 @@ class PredictActions:
         try:
             async with aclosing(dialogue.actions(piecewise=piecewise)) as arriving:
                 async for action in arriving:
+                    if isinstance(action, TextDelta):
+                        yield action
+                        continue
                     guard.check(action)
                     timings_ms.setdefault("first_action", (time.perf_counter() - started_s) * 1000)
                     actions.append(PredictedAction(action, discretize_action(action, workspace)))

@@ -18,6 +18,7 @@ from app.api.problems import own_problem
 from app.api.routes import Wired, problems
 from app.api.schemas.requests import PredictBody
 from app.api.schemas.responses import DryRunOut, PredictionOut
+from app.llm.base import TextDelta
 from app.pipeline.errors import RoboPromptError
 from app.services.predict_actions import PredictedAction, Prediction
 from app.services.question import PredictRequest
@@ -55,12 +56,13 @@ async def predict(request: Request, services: Wired) -> Response:
     actions is an error, recorded with the prediction.
 
     With `Accept: text/event-stream` each action comes as an event `action` as soon as its row is complete, then `done`
-    with the whole document; an event `error` with a problem document ends a reply that goes wrong in the middle.
+    with the whole document; an event `error` with a problem document ends a reply that goes wrong in the middle. With
+    `stream_text` the reply's pieces come as well, as events `text`, before it is known whether they are valid.
     """
     started_s = time.perf_counter()
     body = await read_body(request)
     # Images take long to decode; a JSON body does not repay the change of thread.
-    wish, asked = await run_in_threadpool(_read, body) if body.parts else _read(body)
+    wish, asked = await run_in_threadpool(read_question, body) if body.parts else read_question(body)
     timings_ms: dict[str, float] = {}
     if asked.dry_run:
         question = await services.predict_actions.prepare(wish, timings_ms)
@@ -73,7 +75,7 @@ async def predict(request: Request, services: Wired) -> Response:
     return JSONResponse(prediction_document(await services.predict_actions(wish)))
 
 
-_Item = PredictedAction | Prediction
+_Item = PredictedAction | TextDelta | Prediction
 
 
 async def _events(request: Request, first: _Item, answer: AsyncGenerator[_Item, None]) -> AsyncIterator[bytes]:
@@ -88,12 +90,15 @@ async def _events(request: Request, first: _Item, answer: AsyncGenerator[_Item, 
 
 
 def _event(item: _Item) -> bytes:
+    if isinstance(item, TextDelta):
+        return format_sse_event(event="text", data_str=json.dumps({"text": item.text}))
     if isinstance(item, PredictedAction):
         return format_sse_event(event="action", data_str=json.dumps(item.to_json()))
     return format_sse_event(event="done", data_str=json.dumps(prediction_document(item)))
 
 
-def _read(body: Body) -> tuple[PredictRequest, PredictBody]:
+def read_question(body: Body) -> tuple[PredictRequest, PredictBody]:
+    """What is asked, checked and decoded; synchronous: call it in a thread where there are images."""
     asked = PredictBody.model_validate(body.document)
     images = split_images(asked.cameras, body.parts)
     wish = PredictRequest(
@@ -114,6 +119,7 @@ def _read(body: Body) -> tuple[PredictRequest, PredictBody]:
         after=asked.after,
         max_actions=asked.max_actions,
         timeout_s=asked.timeout_s,
+        stream_text=asked.stream_text,
         end_effector=None if asked.end_effector is None else asked.end_effector.pose(),
         as_sent=asked.model_dump(mode="json", exclude_unset=True),
     )
