@@ -1,6 +1,7 @@
 """A real service with seeded episodes, and a real browser that may only talk to it."""
 
 import json
+import time
 
 import cv2
 import httpx
@@ -12,10 +13,19 @@ from playwright.sync_api import sync_playwright
 from app.evaluation.server import running_server
 from tests.episodes import arrays, camera, metadata, multipart, npz, pick_trajectory
 
+PATIENCE_S = 20
 CHROMIUM = "/usr/bin/chromium"
 INSTRUCTION = "pick up the cube"
 PLACES_M = [(0.1 + 0.05 * k, 0.02 * k, 0.785) for k in range(4)]
 SCRIPTED_REPLY = "I would rather not move today."
+
+
+def until(page, expression, argument=None):
+    """Wait until JavaScript says yes; Playwright's own way needs an `eval` in the page, which its policy forbids."""
+    deadline = time.monotonic() + PATIENCE_S
+    while not page.evaluate(expression, argument):
+        assert time.monotonic() < deadline, f"still not so: {expression}"
+        page.wait_for_timeout(50)
 
 
 def picture(hue):
