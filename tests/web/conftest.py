@@ -83,14 +83,22 @@ def browser():
         browser.close()
 
 
+@pytest.fixture(scope="session")
+def context(browser, url):
+    """Shared, so that plotly.js comes from the browser's cache after its first use."""
+    context = browser.new_context(base_url=url)
+    yield context
+    context.close()
+
+
 @pytest.fixture
-def page(browser, url, seeded):
+def page(context, url, seeded):
     """A page whose console must stay free of errors, and which must talk to no other host.
 
     A test that makes the service refuse something on purpose lists the status in `page.expected_refusals`.
     """
-    context = browser.new_context(base_url=url, viewport={"width": 1280, "height": 900})
     page = context.new_page()
+    page.set_viewport_size({"width": 1280, "height": 900})
     page.expected_refusals = []
     said, asked, refused = [], [], []
     page.on("console", lambda message: said.append(message.text) if message.type == "error" else None)
@@ -98,7 +106,7 @@ def page(browser, url, seeded):
     page.on("request", lambda request: asked.append(request.url))
     page.on("response", lambda response: refused.append(response.status) if response.status >= 400 else None)
     yield page
-    context.close()
+    page.close()
     assert refused == page.expected_refusals
     # Chromium itself reports every refused request as an error.
     assert [text for text in said if not text.startswith("Failed to load resource: the server responded")] == []
