@@ -38,6 +38,7 @@ def llm_settings(settings: Settings) -> LlmSettings:
         embedded_threads=settings.embedded_threads,
         embedded_slots=settings.embedded_slots,
         embedded_context_tokens=settings.embedded_context_tokens,
+        embedded_shared_folder=settings.embedded_shared_folder,
         scripted_replies=settings.scripted_replies,
         llm_concurrent_requests=settings.llm_concurrent_requests,
         llm_queued_requests=settings.llm_queued_requests,
@@ -50,6 +51,15 @@ def llm_settings(settings: Settings) -> LlmSettings:
     )
 
 
+def open_store(settings: Settings) -> Store:
+    """The store of these settings, at the newest schema. Blocking.
+
+    Raises:
+        StoreError: if the data folder or the database cannot be used.
+    """
+    return Store.open(settings.data, settings.database_url, server_connections=settings.database_connections)
+
+
 @contextlib.asynccontextmanager
 async def open_services(settings: Settings) -> AsyncIterator[Services]:
     """Open the store, sweep what earlier crashes left, start the default model in the background; close all at the end.
@@ -57,10 +67,10 @@ async def open_services(settings: Settings) -> AsyncIterator[Services]:
     Raises:
         StoreError: if the data folder cannot be used.
     """
-    store = await asyncio.to_thread(Store.open, settings.data, settings.database_url)
+    store = await asyncio.to_thread(open_store, settings)
     models = ModelRegistry(llm_settings(settings))
     services = Services.wire(store, models, settings.default_model)
-    background: list[asyncio.Task[object]] = [asyncio.create_task(asyncio.to_thread(store.sweep))]
+    background: list[asyncio.Task[object]] = [asyncio.create_task(asyncio.to_thread(store.sweep_once))]
     if settings.warm_up:
         background.append(asyncio.create_task(_warm_up(services)))
     try:

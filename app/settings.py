@@ -18,6 +18,7 @@ class Settings(BaseSettings):
 
     data: Annotated[Path, Field(description="folder of the database and the images")] = Path("data")
     database_url: Annotated[str | None, Field(description="SQLAlchemy URL; empty: SQLite in the data folder")] = None
+    database_connections: Annotated[int, Field(ge=2, description="of each worker to PostgreSQL, at most")] = 16
     max_body_mb: Annotated[float, Field(gt=0, description="larger requests are refused with 413")] = 200
     warm_up: Annotated[bool, Field(description="start the embedded LLM in the background at start-up")] = True
 
@@ -45,6 +46,9 @@ class Settings(BaseSettings):
     embedded_threads: Annotated[int | None, Field(ge=1, description="CPU threads; empty: one per core")] = None
     embedded_slots: Annotated[int, Field(ge=1, description="predictions that share an embedded model at once")] = 4
     embedded_context_tokens: Annotated[int, Field(ge=512, description="longest prompt plus reply")] = 8192
+    embedded_shared_folder: Annotated[
+        Path | None, Field(description="workers share one embedded model through it; `serve --workers` sets it")
+    ] = None
     scripted_replies: Annotated[tuple[str, ...], Field(description="what the backend `scripted` replies, in turn")] = ()
     llm_concurrent_requests: Annotated[int, Field(ge=1, description="requests that one provider is asked at once")] = 8
     llm_queued_requests: Annotated[int, Field(ge=0, description="further requests that wait; more are refused")] = 32

@@ -26,7 +26,7 @@ CHROMIUM = "/usr/bin/chromium"
 NUM_TASKS = 22  # as many as the simulation has
 NUM_FRAMES = 200
 NUM_IMAGES = 200
-# Longer than any visit here takes to paint; asked for, because Playwright's own wait evaluates text in the page.
+# Asked again and again for half a minute: Playwright's own wait evaluates text in the page, which its policy forbids.
 PAINT = """async () => {
   for (let k = 0; k < 600; k++) {
     const [entry] = performance.getEntriesByName("first-contentful-paint");

@@ -8,13 +8,13 @@ from typing import Any, Self
 from uuid import uuid4
 
 import httpx
-import numpy as np
 from httpx_sse import SSEError, connect_sse
 
 from app.client.encoding import camera_json, object_json, request_parts
 from app.client.errors import ServiceProblemError, ServiceUnreachableError
 from app.client.robot import Observation
 from app.pipeline.episode import EndEffectorAction, Trajectory
+from app.pipeline.motion_limits import MotionLimits, action_from_json
 from app.pipeline.trajectory_npz import npz_from_trajectory
 
 DEFAULT_URL = "http://127.0.0.1:8000"
@@ -68,6 +68,10 @@ class RoboPromptClient:
         """Set a task's settings, see `PUT /tasks/{name}`; returns all of them."""
         return self._send("PUT", f"/tasks/{task}", json=settings)
 
+    def motion_limits(self, task: str) -> MotionLimits:
+        """What the task allows an action."""
+        return MotionLimits.from_task(self.get(f"/tasks/{task}"))
+
     def upload(
         self,
         task: str,
@@ -120,6 +124,7 @@ class RoboPromptClient:
         Raises:
             ServiceProblemError: if the service refuses, or the LLM's reply is no list of actions.
             ServiceUnreachableError: if the service does not answer.
+            UnsafeActionError: if what it answers is no action: a number that is not finite, no unit quaternion ...
         """
         wish = {"timeout_s": timeout_s, **options}
         body = _question(task, instruction, observation, mask_ids, wish)
@@ -149,10 +154,10 @@ class RoboPromptClient:
             if source.response.is_error:
                 source.response.read()
                 raise ServiceProblemError(source.response.status_code, _problem(source.response))
-            for event in source.iter_sse():
+            for index, event in enumerate(source.iter_sse()):
                 document = event.json()
                 if event.event == "action":
-                    yield _action(document)
+                    yield action_from_json(index, document)
                 elif event.event == "done":
                     yield _predicted(document)
                     return
@@ -211,11 +216,14 @@ def _question(
 ) -> dict[str, Any]:
     """The body of a prediction, as arguments of httpx."""
     document = {"task": task, "instruction": instruction, **_scene(observation, mask_ids), **wish}
+    if (pose := observation.end_effector) is not None:
+        document["end_effector"] = {"position": pose.position_m, "quaternion_xyzw": pose.quaternion_xyzw}
     return {"files": request_parts(document, observation.frames)} if observation.frames else {"json": document}
 
 
 def _predicted(answer: Mapping[str, Any]) -> PredictedActions:
-    return PredictedActions(answer["id"], tuple(_action(item) for item in answer["actions"]), answer)
+    actions = tuple(action_from_json(index, item) for index, item in enumerate(answer["actions"]))
+    return PredictedActions(answer["id"], actions, answer)
 
 
 def _scene(observation: Observation, mask_ids: Mapping[str, Sequence[int]] | None) -> dict[str, Any]:
@@ -227,10 +235,6 @@ def _scene(observation: Observation, mask_ids: Mapping[str, Sequence[int]] | Non
             item["mask_ids"] = ids
     objects += [{"name": name, "mask_ids": ids} for name, ids in unnamed.items()]
     return {"objects": objects, "cameras": [camera_json(frame.camera) for frame in observation.frames]}
-
-
-def _action(item: Mapping[str, Any]) -> EndEffectorAction:
-    return EndEffectorAction(np.array(item["position"]), np.array(item["quaternion_xyzw"]), item["gripper_open"])
 
 
 def _problem(response: httpx.Response) -> dict[str, Any]:

@@ -27,7 +27,7 @@ class Metrics:
         )
         self._predictions = Counter(
             "roboprompt_predictions",
-            "Predictions by how they ended: ok, parse_error, model_error",
+            "Predictions by how they ended: ok, parse_error, unsafe_action, model_error",
             ("model", "representation", "status"),
             registry=registry,
         )

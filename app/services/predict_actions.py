@@ -10,11 +10,12 @@ import anyio.to_thread
 from app.llm.base import Completion, LanguageModelError
 from app.llm.registry import ModelRegistry
 from app.pipeline.episode import EndEffectorAction
-from app.pipeline.errors import ReplyParseError
+from app.pipeline.errors import ReplyParseError, UnsafeActionError
+from app.pipeline.motion_limits import MotionGuard
 from app.pipeline.prompt import Prompt
 from app.pipeline.workspace import DiscreteAction, discretize_action
 from app.services.dialogue import Dialogue
-from app.services.errors import UnparsableReplyError
+from app.services.errors import UnparsableReplyError, UnsafeReplyError
 from app.services.metrics import Metrics
 from app.services.question import PredictRequest, Question, QuestionWriter
 from app.services.stored_images import put_images
@@ -103,13 +104,17 @@ class PredictActions:
         Raises:
             LanguageModelError: if the LLM did not answer; recorded.
             UnparsableReplyError: if its reply is not a list of valid actions; recorded, carries the reply.
+            UnsafeReplyError: if an action is beyond a bound of motion; recorded, carries the reply.
         """
         dialogue = Dialogue(question, self._models.get(question.profile.name), timings_ms)
         actions: list[PredictedAction] = []
         workspace = question.settings.workspace.workspace()
+        limits = question.settings.limits_of_motion()
+        guard = MotionGuard(limits, question.request.max_actions, question.end_effector)
         try:
             async with aclosing(dialogue.actions(piecewise=piecewise)) as arriving:
                 async for action in arriving:
+                    guard.check(action)
                     timings_ms.setdefault("first_action", (time.perf_counter() - started_s) * 1000)
                     actions.append(PredictedAction(action, discretize_action(action, workspace)))
                     yield actions[-1]
@@ -117,6 +122,10 @@ class PredictActions:
             id_ = await self._record(question, "parse_error", timings_ms, dialogue, error=error.message)
             self._observe(question, "parse_error", timings_ms, dialogue)
             raise UnparsableReplyError(error.message, dialogue.reply_text or "", id_) from error
+        except UnsafeActionError as error:
+            id_ = await self._record(question, "unsafe_action", timings_ms, dialogue, error=str(error))
+            self._observe(question, "unsafe_action", timings_ms, dialogue)
+            raise UnsafeReplyError(error, dialogue.reply_text or "", id_) from error
         except LanguageModelError as error:
             await self._record(question, "model_error", timings_ms, dialogue, error=str(error))
             self._observe(question, "model_error", timings_ms, dialogue)

@@ -10,6 +10,7 @@ from app.perception.base import ObjectQuery
 from app.perception.frames import ImageBytes
 from app.perception.registry import estimate_poses
 from app.pipeline.episode import ObjectPose, RgbdFrame, checked_instruction
+from app.pipeline.motion_limits import Pose
 from app.pipeline.prompt import Prompt, PromptTemplate, check_object_names, objects_of_task
 from app.pipeline.reply import MAX_ACTIONS
 from app.pipeline.representation import KAT_FORMAT
@@ -38,6 +39,7 @@ class PredictRequest:
         episode_ids: exactly these demonstrations, in this order, instead of a selection.
         closed_loop: ask for the next action only.
         after: the id of the prediction that a closed loop goes on from; its model, demonstrations and style go on, too.
+        end_effector: where the robot's end effector is, where the robot tells.
         as_sent: the request as it came, to be stored with the prediction.
     """
 
@@ -58,6 +60,7 @@ class PredictRequest:
     after: str | None = None
     max_actions: int = MAX_ACTIONS
     timeout_s: float = 60.0
+    end_effector: Pose | None = None
     as_sent: JsonObject = field(default_factory=dict)
 
 
@@ -71,6 +74,7 @@ class Question:
         so_far: the steps of a closed loop that were taken already.
         step: of a closed loop, from 0; None without one.
         observed: the objects as they were found, in the task's order.
+        end_effector: where it is before the first action: as the robot tells, else where the last step sent it.
     """
 
     request: PredictRequest
@@ -84,6 +88,7 @@ class Question:
     style: PromptStyle
     settings: TaskSettings
     observed: tuple[ObjectPose, ...]
+    end_effector: Pose | None
 
     @property
     def prompt(self) -> Prompt:
@@ -144,6 +149,7 @@ class QuestionWriter:
             style=style,
             settings=settings,
             observed=objects,
+            end_effector=request.end_effector or (None if previous is None else previous.end_effector),
         )
 
     def _look(self, request: PredictRequest, timings_ms: Timings) -> "_Seen":

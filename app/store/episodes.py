@@ -123,8 +123,11 @@ def remove(connection: Connection, episode_id: str) -> None:
     Raises:
         NotFoundError: if there is none of that id.
     """
-    query = delete(_EPISODES).where(_EPISODES.c.id == episode_id).returning(_EPISODES.c.task)
-    if (task := connection.execute(query).scalar_one_or_none()) is None:
+    task = connection.scalar(select(_EPISODES.c.task).where(_EPISODES.c.id == episode_id))
+    if task is None:
+        raise NotFoundError("episode", episode_id)
+    tasks.lock(connection, task)  # an upload under way would not be seen below
+    if connection.execute(delete(_EPISODES).where(_EPISODES.c.id == episode_id)).rowcount == 0:
         raise NotFoundError("episode", episode_id)
     others_left = connection.scalar(select(exists().where(_EPISODES.c.task == task)))
     tasks.change(connection, task, {} if others_left else {"object_names": None})

@@ -5,6 +5,7 @@ from datetime import UTC, datetime
 from sqlalchemy import Connection, insert, select
 
 from app.store import tables
+from app.store.database import lock, writes
 from app.store.errors import ConflictError
 from app.store.records import StoredResponse
 
@@ -14,6 +15,8 @@ _KEYS = tables.idempotency_keys
 def find(connection: Connection, scope: str, key: str, request_digest: str) -> StoredResponse | None:
     """What the same request was answered with before, or None if it is new.
 
+    In a write transaction it waits for another one that has the same key under way.
+
     Args:
         scope: what the key belongs to, e.g. ``POST /episodes``.
         request_digest: of the request's content: SHA-256 in hexadecimal.
@@ -21,6 +24,8 @@ def find(connection: Connection, scope: str, key: str, request_digest: str) -> S
     Raises:
         ConflictError: if the key came with different content.
     """
+    if writes(connection):
+        lock(connection, f"{scope} {key}")
     row = connection.execute(select(_KEYS).where(_KEYS.c.scope == scope, _KEYS.c.key == key)).first()
     if row is None:
         return None

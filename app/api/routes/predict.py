@@ -42,7 +42,7 @@ router = APIRouter(tags=["predictions"])
         _413="the body is too large",
         _415="neither multipart nor JSON",
         _422="a value is not valid, or the objects are not those of the task",
-        _502="the LLM failed, or its reply is not a list of valid actions (reply_text has it)",
+        _502="the LLM failed, or its reply is not a list of valid actions, or one is unsafe (reply_text has it)",
         _503="the model or the store is not available",
         _504="the LLM did not answer in time",
     ),
@@ -114,6 +114,7 @@ def _read(body: Body) -> tuple[PredictRequest, PredictBody]:
         after=asked.after,
         max_actions=asked.max_actions,
         timeout_s=asked.timeout_s,
+        end_effector=None if asked.end_effector is None else asked.end_effector.pose(),
         as_sent=asked.model_dump(mode="json", exclude_unset=True),
     )
     return wish, asked

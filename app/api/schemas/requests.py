@@ -8,7 +8,8 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from app.api.schemas import examples
 from app.perception.base import ObjectQuery
-from app.pipeline.episode import Camera
+from app.pipeline.episode import Camera, unit_quaternions
+from app.pipeline.motion_limits import Pose
 from app.pipeline.reply import MAX_ACTIONS
 from app.services.task_settings import PromptFormat, Representation, SystemPrompt
 
@@ -112,6 +113,18 @@ class EpisodeJson(BaseModel):
     trajectory: TrajectoryIn
 
 
+class EndEffectorIn(RequestModel):
+    """Where the robot's end effector is now."""
+
+    position: Annotated[Position, Field(description="metres, world frame")]
+    quaternion_xyzw: Annotated[Quaternion, Field(description="unit quaternion, world frame")]
+
+    def pose(self) -> Pose:
+        """As the pipeline wants it; raises InvalidInputError for a quaternion that is none of unit length."""
+        unit = unit_quaternions("end_effector.quaternion_xyzw", self.quaternion_xyzw, (4,))
+        return Pose(self.position, tuple(unit.tolist()))
+
+
 class PredictBody(RequestModel):
     """An observation, an instruction, and how to predict. What is left out follows the task, then the model."""
 
@@ -121,6 +134,9 @@ class PredictBody(RequestModel):
     instruction: Instruction
     objects: Annotated[list[ObjectIn], Field(min_length=1, max_length=64)]
     cameras: Annotated[list[CameraIn], Field(max_length=16)] = []
+    end_effector: Annotated[
+        EndEffectorIn | None, Field(description="if given, the task's max_step bounds hold for the first action, too")
+    ] = None
     num_demonstrations: Annotated[int | None, Field(ge=1, le=100)] = None
     selection: Literal["first", "recent", "random", "nearest"] = "first"
     seed: Annotated[int, Field(ge=0, le=2**31 - 1, description="for selection random and for sampling")] = 0

@@ -88,5 +88,5 @@ function annotations(motion, { keyframes }, rule, top) {
     .map(([start, end, isOpen]) => ({ ...small, text: isOpen ? "open" : "closed", x: (start + end) / 2, yref: "y2", y: 0.5 }));
   if (rule.rule === "uniform" || rule.delta_rad_s > top) return [...numbers, ...words];
   const rest = { ...small, text: `at rest below ${rule.delta_rad_s}`, xref: "paper", x: 1, xanchor: "right", y: rule.delta_rad_s, yanchor: "bottom" };
-  return [...numbers, ...words, { ...rest, font: { size: 12, color: colour("threshold") } }];
+  return [...numbers, ...words, { ...rest, bgcolor: colour("card"), font: { size: 12, color: colour("threshold") } }];
 }
