@@ -80,12 +80,18 @@ def get_trajectory(connection: Connection, episode_id: str) -> Trajectory:
 
 
 def list_page(
-    connection: Connection, task: str | None = None, limit: int = 50, cursor: int | None = None
+    connection: Connection,
+    task: str | None = None,
+    limit: int = 50,
+    cursor: int | None = None,
+    instruction_contains: str = "",
 ) -> Page[EpisodeRecord]:
-    """Episodes, newest first, of one task or of all."""
+    """Episodes, newest first, of one task or of all, whose instruction contains the text in any case."""
     query = select(*_WITHOUT_TRAJECTORY)
     if task is not None:
         query = query.where(_EPISODES.c.task == task)
+    if instruction_contains:
+        query = query.where(_EPISODES.c.instruction.icontains(instruction_contains, autoescape=True))
     rows, next_cursor = fetch_page(connection, _EPISODES, query, limit, cursor)
     return Page(tuple(_record(row) for row in rows), next_cursor)
 

@@ -9,6 +9,7 @@ from fastapi.exceptions import RequestValidationError
 from fastapi.responses import HTMLResponse
 from fastapi.routing import APIRoute
 from jinja2 import Environment, PackageLoader, StrictUndefined
+from pydantic import ValidationError
 from starlette.exceptions import HTTPException
 from starlette.responses import Response
 
@@ -36,6 +37,8 @@ HEADERS = {
 }
 NAVIGATION = (
     ("Tasks", "/ui/tasks"),
+    ("Episodes", "/ui/episodes"),
+    ("Upload", "/ui/upload"),
     ("API", "/docs"),
 )
 
@@ -65,6 +68,11 @@ def render(request: Request, template: str, status_code: int = 200, **shown: obj
     return HTMLResponse(_ENVIRONMENT.get_template(template).render(**places, **shown), status_code, HEADERS)
 
 
+def render_part(template: str, **shown: object) -> str:
+    """A part of a page, for its scripts to put in place."""
+    return _ENVIRONMENT.get_template(template).render(**shown)
+
+
 class PageRoute(APIRoute):
     """A route whose errors are pages that say in words what the API says as a problem."""
 
@@ -75,7 +83,7 @@ class PageRoute(APIRoute):
         async def answer_in_words(request: Request) -> Response:
             try:
                 return await answer(request)
-            except (RoboPromptError, RequestValidationError, HTTPException) as error:
+            except (RoboPromptError, RequestValidationError, ValidationError, HTTPException) as error:
                 response = problem_of(request, error)
                 problem = json.loads(bytes(response.body))
                 page = render(request, "problem.html", response.status_code, problem=problem)

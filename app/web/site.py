@@ -7,16 +7,25 @@ from starlette.responses import Response
 
 from app.web.assets import serve_assets
 from app.web.page import PageRoute
-from app.web.routes import pictures, tasks
+from app.web.routes import episode, episodes, pictures, tasks, upload
 
 HOME = "/ui/tasks"
 _entrances = APIRouter(route_class=PageRoute)
+_ROUTERS = (
+    _entrances,
+    tasks.router,
+    episodes.router,
+    episode.router,
+    episode.documents,
+    upload.router,
+    pictures.router,
+)
 
 
 def install_pages(app: FastAPI) -> None:
     """Let `app` serve the pages; they are no part of the API that its OpenAPI document describes."""
     serve_assets(app)
-    for router in (_entrances, tasks.router, pictures.router, _elsewhere):
+    for router in (*_ROUTERS, _elsewhere):
         app.include_router(router, include_in_schema=False)
 
 

@@ -1,6 +1,7 @@
 """A real service with seeded episodes, and a real browser that may only talk to it."""
 
 import json
+import time
 
 import cv2
 import httpx
@@ -12,10 +13,19 @@ from playwright.sync_api import sync_playwright
 from app.evaluation.server import running_server
 from tests.episodes import arrays, camera, metadata, multipart, npz, pick_trajectory
 
+PATIENCE_S = 20
 CHROMIUM = "/usr/bin/chromium"
 INSTRUCTION = "pick up the cube"
 PLACES_M = [(0.1 + 0.05 * k, 0.02 * k, 0.785) for k in range(4)]
 SCRIPTED_REPLY = "I would rather not move today."
+
+
+def until(page, expression, argument=None):
+    """Wait until JavaScript says yes; Playwright's own way needs an `eval` in the page, which its policy forbids."""
+    deadline = time.monotonic() + PATIENCE_S
+    while not page.evaluate(expression, argument):
+        assert time.monotonic() < deadline, f"still not so: {expression}"
+        page.wait_for_timeout(50)
 
 
 def picture(hue):
@@ -73,14 +83,22 @@ def browser():
         browser.close()
 
 
+@pytest.fixture(scope="session")
+def context(browser, url):
+    """Shared, so that plotly.js comes from the browser's cache after its first use."""
+    context = browser.new_context(base_url=url)
+    yield context
+    context.close()
+
+
 @pytest.fixture
-def page(browser, url, seeded):
+def page(context, url, seeded):
     """A page whose console must stay free of errors, and which must talk to no other host.
 
     A test that makes the service refuse something on purpose lists the status in `page.expected_refusals`.
     """
-    context = browser.new_context(base_url=url, viewport={"width": 1280, "height": 900})
     page = context.new_page()
+    page.set_viewport_size({"width": 1280, "height": 900})
     page.expected_refusals = []
     said, asked, refused = [], [], []
     page.on("console", lambda message: said.append(message.text) if message.type == "error" else None)
@@ -88,7 +106,7 @@ def page(browser, url, seeded):
     page.on("request", lambda request: asked.append(request.url))
     page.on("response", lambda response: refused.append(response.status) if response.status >= 400 else None)
     yield page
-    context.close()
+    page.close()
     assert refused == page.expected_refusals
     # Chromium itself reports every refused request as an error.
     assert [text for text in said if not text.startswith("Failed to load resource: the server responded")] == []

@@ -1,13 +1,6 @@
 // Every call of the service's API from the pages, and how its problems are told.
 
 export const root = document.documentElement.dataset.root;
-const KEY = "roboprompt-api-key";
-
-/** The API key of this tab's session, or "". */
-export const apiKey = {
-  get: () => sessionStorage.getItem(KEY) ?? "",
-  set: (key) => (key ? sessionStorage.setItem(KEY, key) : sessionStorage.removeItem(KEY)),
-};
 
 /** What the service refused, as its application/problem+json says it. */
 export class ProblemError extends Error {
@@ -23,7 +16,6 @@ export class ProblemError extends Error {
  */
 export async function send(path, { headers = {}, json, ...options } = {}) {
   const all = new Headers(headers);
-  if (apiKey.get()) all.set("Authorization", `Bearer ${apiKey.get()}`);
   if (json !== undefined) {
     all.set("Content-Type", "application/json");
     options.body = JSON.stringify(json);
@@ -35,6 +27,8 @@ export async function send(path, { headers = {}, json, ...options } = {}) {
     if (error.name === "AbortError") throw error;
     throw new ProblemError({ title: "The service cannot be reached", detail: "No answer: is it running?", status: 0 });
   }
+  // Where keys are demanded, the login page keeps one in a cookie, which may have ended since the page was loaded.
+  if (response.status === 401) location.assign(`${root}/ui/login?next=${encodeURIComponent(location.pathname)}`);
   if (!response.ok) throw new ProblemError(await problemOf(response));
   return response;
 }

@@ -39,7 +39,7 @@ function sceneLayout(scene) {
       xaxis: axis("x, m", 0),
       yaxis: axis("y, m", 1),
       zaxis: axis("z, m", 2),
-      camera: { eye: { x: 1.25, y: -1.35, z: 0.85 } },
+      camera: { eye: { x: 1.15, y: -1.25, z: 0.7 }, center: { x: 0, y: 0, z: -0.12 } },
     },
   });
 }
