@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, replace
 
 import anyio.to_thread
 
-from app.llm.base import Completion, LanguageModelError, ModelProfile
+from app.llm.base import Completion, LanguageModelError, ModelProfile, TextDelta
 from app.llm.registry import ModelRegistry
 from app.pipeline.episode import EndEffectorAction
 from app.pipeline.errors import ReplyParseError, UnsafeActionError
@@ -114,8 +114,8 @@ class PredictActions:
 
     async def answer(
         self, question: Question, timings_ms: dict[str, float], started_s: float, *, piecewise: bool
-    ) -> AsyncGenerator[PredictedAction | Prediction, None]:
-        """The actions as they become complete, then the whole prediction, recorded.
+    ) -> AsyncGenerator[PredictedAction | TextDelta | Prediction, None]:
+        """The actions (and, if wished, pieces of text) as they become complete, then the whole prediction, recorded.
 
         Args:
             started_s: when the request came, by `time.perf_counter`.
@@ -135,6 +135,9 @@ class PredictActions:
         try:
             async with aclosing(dialogue.actions(piecewise=piecewise)) as arriving:
                 async for arrived in arriving:
+                    if isinstance(arrived, TextDelta):
+                        yield arrived
+                        continue
                     for action in arrived:
                         guard.check(action)
                     timings_ms.setdefault("first_action", (time.perf_counter() - started_s) * 1000)

@@ -52,6 +52,7 @@ class PredictRequest:
         closed_loop: ask for the next action only.
         after: the id of the prediction that a closed loop goes on from; its model, demonstrations and style go on, too.
         end_effector: where the robot's end effector is, where the robot tells.
+        stream_text: hand out the reply's text, too, where it is read while it arrives.
         as_sent: the request as it came, to be stored with the prediction.
     """
 
@@ -76,6 +77,7 @@ class PredictRequest:
     max_actions: int = MAX_ACTIONS
     timeout_s: float = 60.0
     end_effector: Pose | None = None
+    stream_text: bool = False
     as_sent: JsonObject = field(default_factory=dict)
 
     def __post_init__(self) -> None:

@@ -6,7 +6,7 @@ from functools import cache
 from typing import Any, Literal
 from uuid import uuid4
 
-from sqlalchemy import Connection, Row, Select, bindparam, delete, exists, insert, select, update
+from sqlalchemy import Connection, Row, Select, bindparam, delete, exists, func, insert, select, update
 
 from app.pipeline.episode import Trajectory
 from app.store import tables, tasks, trajectories
@@ -91,14 +91,27 @@ def get_trajectory(connection: Connection, episode_id: str) -> Trajectory:
 
 
 def list_page(
-    connection: Connection, task: str | None = None, limit: int = 50, cursor: int | None = None
+    connection: Connection,
+    task: str | None = None,
+    limit: int = 50,
+    cursor: int | None = None,
+    instruction_contains: str = "",
 ) -> Page[EpisodeRecord]:
-    """Episodes, newest first, of one task or of all."""
+    """Episodes, newest first, of one task or of all, whose instruction contains the text in any case."""
     query = select(*_WITHOUT_TRAJECTORY)
     if task is not None:
         query = query.where(_EPISODES.c.task == task)
+    if instruction_contains:
+        query = query.where(_EPISODES.c.instruction.icontains(instruction_contains, autoescape=True))
     rows, next_cursor = fetch_page(connection, _EPISODES, query, limit, cursor)
     return Page(tuple(_record(row) for row in rows), next_cursor)
+
+
+def newest_by_task(connection: Connection) -> dict[str, EpisodeRecord]:
+    """The newest episode of every task that has one."""
+    newest = select(func.max(_EPISODES.c.sequence)).group_by(_EPISODES.c.task)
+    query = select(*_WITHOUT_TRAJECTORY).where(_EPISODES.c.sequence.in_(newest))
+    return {row.task: _record(row) for row in connection.execute(query)}
 
 
 def all_of(connection: Connection, task: str) -> tuple[EpisodeRecord, ...]:

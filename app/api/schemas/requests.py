@@ -183,6 +183,9 @@ class PredictBody(RequestModel):
     ] = None
     max_actions: Annotated[int, Field(ge=1, le=100)] = MAX_ACTIONS
     timeout_s: Annotated[float, Field(ge=0.1, le=600)] = 60.0
+    stream_text: Annotated[
+        bool, Field(description="with `Accept: text/event-stream`: the reply's text, too, in events `text`")
+    ] = False
     dry_run: Annotated[bool, Field(description="answer with the prompt, ask no LLM")] = False
 
 
