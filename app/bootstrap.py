@@ -20,6 +20,7 @@ from app.services.limits import Limits
 from app.services.pose_servers import PoseServers
 from app.settings import MEGABYTE, Settings
 from app.store.store import Store
+from app.web.site import install_pages
 
 DEFAULT_RATE_PER_S = 20.0
 logger = logging.getLogger(__name__)
@@ -126,8 +127,10 @@ def access_for(settings: Settings) -> Access:
 
 
 def build_app(settings: Settings) -> FastAPI:
-    """The ASGI application for these settings."""
+    """The ASGI application for these settings: the API and the pages."""
     hide_keys_in_access_log()
     max_body_bytes = int(settings.max_body_mb * MEGABYTE)
     access = access_for(settings)
-    return create_app(lambda: open_services(settings), version("roboprompt"), max_body_bytes, access)
+    app = create_app(lambda: open_services(settings), version("roboprompt"), max_body_bytes, access)
+    install_pages(app)
+    return app

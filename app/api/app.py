@@ -11,7 +11,19 @@ from app.api.limits import BodyLimit
 from app.api.observation import ObserveRequests
 from app.api.openapi import install_openapi
 from app.api.problems import install_problem_handlers
-from app.api.routes import episodes, health, login, metrics, models, overlays, poses, predict, predictions, tasks
+from app.api.routes import (
+    episodes,
+    health,
+    login,
+    metrics,
+    models,
+    overlays,
+    poses,
+    predict,
+    predictions,
+    tasks,
+    uploads,
+)
 from app.api.security_headers import SecurityHeaders
 from app.services.container import Services
 
@@ -44,8 +56,8 @@ def create_app(open_services: OpenServices, version: str, max_body_bytes: int, a
     app = FastAPIOffline(
         title="RoboPrompt", version=version, description=DESCRIPTION, lifespan=lifespan, redoc_url=None
     )
-    # overlays come first: the image kinds of episodes would take their addresses
-    for module in (overlays, episodes, tasks, poses, predict, predictions, models, health, metrics, login):
+    # Overlays come before episodes, whose image kinds would take their addresses; a robot waits for predictions.
+    for module in (predict, overlays, episodes, uploads, tasks, poses, predictions, models, health, metrics, login):
         app.include_router(module.router)
     install_problem_handlers(app)
     install_openapi(app)

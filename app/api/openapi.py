@@ -71,6 +71,7 @@ def install_openapi(app: FastAPI) -> None:
             _, definitions = models_json_schema(
                 [(model, "validation") for model in _HAND_READ], ref_template="#/components/schemas/{model}"
             )
+            _document_refusals(document)
             document.setdefault("components", {}).setdefault("schemas", {}).update(definitions["$defs"])
             _describe_access(document)
             app.openapi_schema = document
@@ -92,6 +93,25 @@ def _describe_access(document: dict[str, Any]) -> None:
                 continue
             named = {status: {"$ref": f"#/components/responses/{name}"} for status, name in _STATUSES.items()}
             operation["responses"] = {**named, **operation["responses"]}
+
+
+# What every operation may answer, or every one with a body.
+_OF_ALL = {"422": "a value is not valid", "503": "the store does not answer"}
+_OF_BODIES = {"400": "the body cannot be read", "413": "the body is too large"}
+
+
+def _document_refusals(document: dict[str, Any]) -> None:
+    """Add the refusals that routes need not name; FastAPI's own 422 is not what the service answers."""
+    for operations in document["paths"].values():
+        for operation in operations.values():
+            meanings = _OF_ALL | (_OF_BODIES if "requestBody" in operation else {})
+            for status, meaning in meanings.items():
+                named = operation["responses"].get(status)
+                if named is None or ("application/json" in named["content"] and status == "422"):
+                    operation["responses"][status] = {"description": meaning, "content": _PROBLEM}
+
+
+_PROBLEM = {"application/problem+json": {"schema": {"$ref": "#/components/schemas/Problem"}}}
 
 
 def _reference(model: type[BaseModel]) -> dict[str, str]:

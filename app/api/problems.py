@@ -98,6 +98,17 @@ def install_problem_handlers(app: FastAPI) -> None:
     app.add_exception_handler(Exception, _on_unexpected_error)
 
 
+def problem_of(request: Request, error: Exception) -> JSONResponse:
+    """The response for any error."""
+    if isinstance(error, RoboPromptError):
+        return own_problem(request, error)
+    if isinstance(error, HTTPException):
+        return _on_http_error(request, error)
+    if isinstance(error, RequestValidationError | ValidationError):
+        return _on_validation_error(request, error)
+    return _on_unexpected_error(request, error)
+
+
 def problem(
     kind: Kind,
     detail: str,

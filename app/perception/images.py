@@ -79,7 +79,7 @@ def decode_mask(field: str, data: bytes, max_pixels: int = MAX_PIXELS) -> npt.ND
     return ids
 
 
-def as_image(data: bytes, kind: Literal["rgb", "depth"], depth_scale: float) -> tuple[bytes, str]:
+def as_image(data: bytes, kind: Literal["rgb", "depth", "mask"], depth_scale: float) -> tuple[bytes, str]:
     """Stored image bytes as a file that a browser can show, with its media type; arrays become a PNG."""
     if data.startswith(_JPEG):
         return data, "image/jpeg"
@@ -87,6 +87,8 @@ def as_image(data: bytes, kind: Literal["rgb", "depth"], depth_scale: float) -> 
         return data, "image/png"
     if kind == "rgb":
         image: npt.NDArray[np.integer[Any]] = decode_rgb("rgb", data, STORED_PIXELS)[..., ::-1]
+    elif kind == "mask":
+        image = np.clip(decode_mask("mask", data, STORED_PIXELS), 0, np.iinfo(np.uint16).max).astype(np.uint16)
     else:
         units = np.rint(decode_depth("depth", data, depth_scale, STORED_PIXELS) / depth_scale)
         image = np.minimum(units, np.iinfo(np.uint16).max).astype(np.uint16)

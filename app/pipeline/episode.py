@@ -63,11 +63,12 @@ def unit_quaternions(name: str, value: npt.ArrayLike, shape: tuple[int | None, .
     quaternions = finite_array(name, value, shape)
     with np.errstate(over="ignore"):  # an infinite norm is refused like any other
         norms = np.linalg.norm(quaternions, axis=-1, keepdims=True)
-    if (worst := float(np.abs(norms - 1).max(initial=0))) > QUATERNION_NORM_TOLERANCE:
+    deviations = np.abs(norms - 1)
+    if (worst := float(deviations.max(initial=0))) > QUATERNION_NORM_TOLERANCE:
         message = f"has a norm that differs from 1 by {worst:.3g}"
         raise InvalidInputError(name, message, "unit quaternions, order x y z w")
     # What is a unit quaternion already stays as it is, bit by bit: dividing again would change the last one.
-    unit: Array = np.where(np.abs(norms - 1) <= UNIT_NORM_ROUNDING, quaternions, quaternions / norms)
+    unit: Array = np.where(deviations <= UNIT_NORM_ROUNDING, quaternions, quaternions / norms)
     unit.flags.writeable = False
     return unit
 

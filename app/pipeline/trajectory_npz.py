@@ -67,7 +67,7 @@ def trajectory_from_arrays(arrays: Mapping[str, Any], max_frames: int = MAX_FRAM
 
 
 def npz_from_trajectory(trajectory: Trajectory) -> bytes:
-    """The inverse of `trajectory_from_npz`."""
+    """The inverse of `trajectory_from_npz`; the same trajectory gives the same bytes."""
     arrays: dict[str, Any] = {
         "joint_velocities": trajectory.joint_velocities_rad_s,
         "end_effector_positions": trajectory.positions_m,
@@ -79,5 +79,7 @@ def npz_from_trajectory(trajectory: Trajectory) -> bytes:
         "object_quaternions_xyzw": trajectory.object_quaternions_xyzw,
     }
     stream = io.BytesIO()
-    np.savez_compressed(stream, **{name: array for name, array in arrays.items() if array is not None})
+    # in one order of memory, which the file would tell
+    ordered: dict[str, Any] = {name: np.ascontiguousarray(array) for name, array in arrays.items() if array is not None}
+    np.savez_compressed(stream, **ordered)
     return stream.getvalue()

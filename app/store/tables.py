@@ -80,6 +80,7 @@ episodes = Table(
     Column("given_objects", Json, nullable=False),
     Column("extra", Json, nullable=False),
     Column("trajectory", LargeBinary, nullable=False),
+    Column("prediction_id", String(32)),
     Index(None, "task", "sequence"),
     Index(None, "task", "instruction", "sequence"),
     sqlite_autoincrement=True,  # a deleted episode's number is never given again: cursors stay valid
@@ -112,6 +113,7 @@ predictions = Table(
     Column("step", Integer),
     Column("objects", Json),
     Column("cameras", Json),
+    Column("samples", Json),
     Index(None, "task", "sequence"),
     sqlite_autoincrement=True,
 )

@@ -67,7 +67,7 @@ def test_request_repeated_at_the_same_time_is_done_once(store: Store) -> None:
 def test_a_key_is_forgotten_after_a_day(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     with store.write() as connection:
         idempotency.save(connection, SCOPE, "key", "digest", StoredResponse(201, {"id": "old"}))
-    monkeypatch.setattr(idempotency, "KEPT_FOR", timedelta(0))
+    monkeypatch.setitem(idempotency.KEPT_FOR, SCOPE, timedelta(0))
     with store.write() as connection:
         assert idempotency.find(connection, SCOPE, "key", "other digest") is None
         idempotency.save(connection, SCOPE, "key", "other digest", StoredResponse(201, {"id": "new"}))

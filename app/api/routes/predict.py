@@ -19,6 +19,7 @@ from app.api.problems import own_problem
 from app.api.routes import IdempotencyKey, Wired, problems
 from app.api.schemas.requests import PredictBody
 from app.api.schemas.responses import DryRunOut, PredictionOut
+from app.llm.base import TextDelta
 from app.pipeline.errors import RoboPromptError
 from app.services.limits import Limits
 from app.services.predict_actions import PredictedAction, Prediction
@@ -59,12 +60,14 @@ async def predict(request: Request, services: Wired, idempotency_key: Idempotenc
     actions is an error, recorded with the prediction.
 
     With `Accept: text/event-stream` each action comes as an event `action` as soon as its row is complete, then `done`
-    with the whole document; an event `error` with a problem document ends a reply that goes wrong in the middle.
+    with the whole document; an event `error` with a problem document ends a reply that goes wrong in the middle. With
+    `stream_text` the reply's pieces come as well, as events `text`, before it is known whether they are valid.
     """
     started_s = time.perf_counter()
     body = await read_body(request)
     # Images take long to decode; a JSON body does not repay the change of thread.
-    wish, asked = await run_in_threadpool(_read, body, services.limits) if body.parts else _read(body, services.limits)
+    limits = services.limits
+    wish, asked = await run_in_threadpool(read_question, body, limits) if body.parts else read_question(body, limits)
     timings_ms: dict[str, float] = {}
     if asked.dry_run:
         question = await services.predict_actions.prepare(wish, timings_ms)
@@ -91,7 +94,7 @@ async def _not_kept(document: JsonObject) -> JsonObject:
     return document
 
 
-_Item = PredictedAction | Prediction
+_Item = PredictedAction | TextDelta | Prediction
 
 
 async def _events(
@@ -108,6 +111,8 @@ async def _events(
 
 
 async def _event(item: _Item, keep: _Keep) -> bytes:
+    if isinstance(item, TextDelta):
+        return format_sse_event(event="text", data_str=json.dumps({"text": item.text}))
     if isinstance(item, PredictedAction):
         return format_sse_event(event="action", data_str=json.dumps(item.to_json()))
     document = prediction_document(item)
@@ -122,7 +127,8 @@ async def _events_again(document: JsonObject) -> AsyncIterator[bytes]:
     yield format_sse_event(event="done", data_str=json.dumps(document))
 
 
-def _read(body: Body, limits: Limits) -> tuple[PredictRequest, PredictBody]:
+def read_question(body: Body, limits: Limits) -> tuple[PredictRequest, PredictBody]:
+    """What is asked, checked and decoded; synchronous: call it in a thread where there are images."""
     asked = PredictBody.model_validate(body.document)
     names, cameras = [item.name for item in asked.objects], [item.name for item in asked.cameras]
     limits.check_scene(asked.task, asked.instruction, names, cameras)
@@ -140,11 +146,15 @@ def _read(body: Body, limits: Limits) -> tuple[PredictRequest, PredictBody]:
         num_demonstrations=asked.num_demonstrations,
         selection=asked.selection,
         seed=asked.seed,
+        num_samples=asked.num_samples,
+        temperature=asked.temperature,
+        permute_demonstrations=asked.permute_demonstrations,
         episode_ids=None if asked.episode_ids is None else tuple(asked.episode_ids),
         closed_loop=asked.closed_loop,
         after=asked.after,
         max_actions=asked.max_actions,
         timeout_s=asked.timeout_s,
+        stream_text=asked.stream_text,
         end_effector=None if asked.end_effector is None else asked.end_effector.pose(),
         as_sent=asked.model_dump(mode="json", exclude_unset=True),
     )
