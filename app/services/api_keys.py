@@ -105,6 +105,12 @@ def create_key(store: Store, name: str, scopes: Sequence[str]) -> str:
     return token
 
 
+def has_keys(store: Store) -> bool:
+    """Whether there is a valid key. Synchronous."""
+    with store.read() as connection:
+        return bool(api_keys.valid(connection))
+
+
 def digest_of(token: str) -> str:
     """SHA-256 in hexadecimal."""
     return hashlib.sha256(token.encode(errors="surrogatepass")).hexdigest()
