@@ -70,6 +70,7 @@ def limits_of(settings: Settings) -> Limits:
         max_instruction_chars=settings.max_instruction_chars,
         max_prompt_chars=settings.max_prompt_chars,
         max_page_size=settings.max_page_size,
+        allowed_models=settings.allowed_models,
         model_files=settings.host is not None and is_loopback(settings.host) and settings.auth != "on",
     )
 

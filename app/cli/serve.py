@@ -40,6 +40,7 @@ def serve(
         workers=workers,
         http=BoundedHeadProtocol,
         ws="none",
+        server_header=False,
         log_level="info",
         timeout_graceful_shutdown=GRACE_S,
     )
