@@ -15,8 +15,8 @@ from datetime import UTC, datetime
 
 import anyio.to_thread
 
-from app.pipeline.episode import checked_name
 from app.pipeline.errors import InvalidInputError
+from app.pipeline.wording import checked_name
 from app.store import api_keys
 from app.store.api_keys import ApiKeyRecord
 from app.store.store import Store

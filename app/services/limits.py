@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 
 from app.perception.images import MAX_PIXELS
-from app.pipeline.episode import MAX_INSTRUCTION_CHARS, MAX_NAME_CHARS
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.trajectory_npz import MAX_FRAMES, MAX_UNPACKED_BYTES
+from app.pipeline.wording import MAX_INSTRUCTION_CHARS, MAX_NAME_CHARS
 
 
 @dataclass(frozen=True)
