@@ -45,7 +45,7 @@ openapi: setup
 
 # Versions and hashes only: the lock names no package registry.
 lock:
-	$(BIN)/uv pip compile pyproject.toml --extra server --extra sim --extra dev --universal --python-version 3.11 \
+	$(BIN)/uv pip compile pyproject.toml --extra server --extra sim --extra datasets --extra dev --universal --python-version 3.11 \
 		--generate-hashes --no-annotate --no-header --no-emit-index-url --quiet --output-file requirements.lock
 
 clean:
