@@ -1,9 +1,9 @@
-# make setup | demo | serve | test | check | torture | fuzz | soak | growth | format | openapi | lock
+# make setup | demo | serve | test | check | audit | torture | fuzz | soak | growth | format | openapi | lock
 PYTHON ?= python3
 BIN := .venv/bin
 STAMP := .venv/.installed
 
-.PHONY: setup demo serve test check torture fuzz soak growth lint format openapi lock clean
+.PHONY: setup demo serve test check audit torture fuzz soak growth lint format openapi lock clean
 
 setup: $(STAMP)
 
@@ -27,7 +27,11 @@ lint: setup
 test: lint
 	$(BIN)/python -m pytest
 
-check: test
+# Says so where the database of vulnerabilities cannot be reached, and fails where a package has one.
+audit: setup
+	$(BIN)/python .ci/audit
+
+check: test audit
 
 # Half an hour; what mounts file systems needs root.
 torture: setup

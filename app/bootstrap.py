@@ -15,6 +15,7 @@ from app.llm.base import LanguageModelError
 from app.llm.registry import ModelRegistry
 from app.llm.settings import LlmSettings
 from app.services.addresses import is_loopback
+from app.services.api_keys import has_keys
 from app.services.container import Services
 from app.services.limits import Limits
 from app.services.pose_servers import PoseServers
@@ -69,6 +70,7 @@ def limits_of(settings: Settings) -> Limits:
         max_instruction_chars=settings.max_instruction_chars,
         max_prompt_chars=settings.max_prompt_chars,
         max_page_size=settings.max_page_size,
+        allowed_models=settings.allowed_models,
         model_files=settings.host is not None and is_loopback(settings.host) and settings.auth != "on",
     )
 
@@ -90,6 +92,8 @@ async def open_services(settings: Settings) -> AsyncIterator[Services]:
         StoreError: if the data folder cannot be used.
     """
     store = await asyncio.to_thread(open_store, settings)
+    if access_for(settings).key_required and not await asyncio.to_thread(has_keys, store):
+        logger.warning("API keys are required and there is none: roboprompt keys create NAME --scope admin")
     models = ModelRegistry(llm_settings(settings))
     pose_servers = PoseServers(settings.pose_servers)
     services = Services.wire(store, models, settings.default_model, limits_of(settings), pose_servers)

@@ -45,6 +45,10 @@ class Settings(BaseSettings):
     max_name_chars: Annotated[int, Field(ge=1, le=64, description="of a task, an object or a camera")] = 64
     max_instruction_chars: Annotated[int, Field(ge=1, le=500, description="of an instruction")] = 500
     max_prompt_chars: Annotated[int, Field(ge=100, description="system prompt and demonstrations together")] = 400_000
+    allowed_models: Annotated[
+        tuple[str, ...],
+        Field(description='JSON list of models that requests may use besides the default, e.g. `["openai/gpt-4o*"]`'),
+    ] = ()
     max_page_size: Annotated[int, Field(ge=50, le=200, description="items that a list answers at once")] = 200
     warm_up: Annotated[bool, Field(description="start the embedded LLM in the background at start-up")] = True
 

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from app.perception.base import ObjectQuery
-from app.pipeline.episode import checked_name
 from app.pipeline.errors import InvalidInputError
+from app.pipeline.wording import checked_name
 from app.services.extraction import extract
 from app.services.pose_servers import PoseServers
 from app.services.stored_images import read_frame

@@ -11,12 +11,13 @@ from app.llm.base import ModelProfile
 from app.perception.base import ObjectQuery
 from app.perception.frames import ImageBytes
 from app.perception.registry import estimate_poses
-from app.pipeline.episode import ObjectPose, RgbdFrame, checked_instruction
+from app.pipeline.episode import ObjectPose, RgbdFrame
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.motion_limits import Pose
 from app.pipeline.prompt import Prompt, PromptTemplate, check_object_names, objects_of_task
 from app.pipeline.reply import MAX_ACTIONS
 from app.pipeline.representation import KAT_FORMAT
+from app.pipeline.wording import checked_instruction
 from app.services.cache import Cache
 from app.services.errors import NoDemonstrationsError
 from app.services.limits import Limits
