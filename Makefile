@@ -34,6 +34,7 @@ torture: setup
 	$(BIN)/python -m tests.reliability.torture
 
 fuzz: setup
+	ROBOPROMPT_FUZZ_EXAMPLES=20000 $(BIN)/python -m pytest -q tests/reliability/test_binary_fuzz.py
 	$(BIN)/python -m tests.reliability.fuzz
 
 format: setup
