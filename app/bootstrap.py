@@ -12,10 +12,12 @@ from app.api.app import create_app
 from app.llm.base import LanguageModelError
 from app.llm.registry import ModelRegistry
 from app.llm.settings import LlmSettings
+from app.pipeline.errors import RoboPromptError
 from app.services.container import Services
 from app.settings import MEGABYTE, Settings
 from app.store.store import Store
 
+JOB_POLL_S = 1.0
 logger = logging.getLogger(__name__)
 
 
@@ -68,7 +70,8 @@ async def open_services(settings: Settings) -> AsyncIterator[Services]:
     """
     store = await asyncio.to_thread(open_store, settings)
     models = ModelRegistry(llm_settings(settings))
-    services = Services.wire(store, models, settings.default_model)
+    services = Services.wire(store, models, settings.default_model, settings.extract_at_once)
+    jobs = asyncio.create_task(_run_jobs(services))
     background: list[asyncio.Task[object]] = [asyncio.create_task(asyncio.to_thread(store.sweep_once))]
     if settings.warm_up:
         background.append(asyncio.create_task(_warm_up(services)))
@@ -77,8 +80,21 @@ async def open_services(settings: Settings) -> AsyncIterator[Services]:
     finally:
         for task in background:
             task.cancel()
-        await asyncio.gather(*background, return_exceptions=True)
+        services.run_jobs.stop()
+        await asyncio.gather(jobs, *background, return_exceptions=True)
         await services.aclose()
+
+
+async def _run_jobs(services: Services) -> None:
+    """Work at jobs until `RunJobs.stop`; whatever happens to one, the next is tried."""
+    while not services.run_jobs.stopping:
+        try:
+            worked = await asyncio.to_thread(services.run_jobs.run_next)
+        except RoboPromptError as error:
+            logger.warning("jobs: %s", error)
+            worked = False
+        if not worked:
+            await services.run_jobs.wait(JOB_POLL_S)
 
 
 async def _warm_up(services: Services) -> None:

@@ -19,6 +19,9 @@ class Settings(BaseSettings):
     data: Annotated[Path, Field(description="folder of the database and the images")] = Path("data")
     database_url: Annotated[str | None, Field(description="SQLAlchemy URL; empty: SQLite in the data folder")] = None
     database_connections: Annotated[int, Field(ge=2, description="of each worker to PostgreSQL, at most")] = 16
+    extract_at_once: Annotated[
+        int, Field(ge=0, description="episodes that PUT /tasks extracts again itself; more become a job")
+    ] = 200
     max_body_mb: Annotated[float, Field(gt=0, description="larger requests are refused with 413")] = 200
     warm_up: Annotated[bool, Field(description="start the embedded LLM in the background at start-up")] = True
 

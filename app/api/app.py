@@ -10,7 +10,7 @@ from app.api.limits import BodyLimit
 from app.api.observation import ObserveRequests
 from app.api.openapi import install_openapi
 from app.api.problems import install_problem_handlers
-from app.api.routes import episodes, health, metrics, models, overlays, poses, predict, predictions, tasks
+from app.api.routes import episodes, health, jobs, metrics, models, overlays, poses, predict, predictions, tasks
 from app.services.container import Services
 
 DESCRIPTION = """Robot skills that an off-the-shelf LLM learns from a handful of demonstrations
@@ -42,7 +42,7 @@ def create_app(open_services: OpenServices, version: str, max_body_bytes: int) -
         title="RoboPrompt", version=version, description=DESCRIPTION, lifespan=lifespan, redoc_url=None
     )
     # overlays come first: the image kinds of episodes would take their addresses
-    for module in (overlays, episodes, tasks, poses, predict, predictions, models, health, metrics):
+    for module in (overlays, episodes, tasks, jobs, poses, predict, predictions, models, health, metrics):
         app.include_router(module.router)
     install_problem_handlers(app)
     install_openapi(app)

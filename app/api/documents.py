@@ -10,7 +10,7 @@ from app.pipeline.workspace import Workspace, discretize_action, object_bins
 from app.services.predict_actions import Prediction
 from app.services.question import Question
 from app.services.task_settings import TaskSettings
-from app.store.records import EpisodeRecord, PredictionRecord, TaskRecord
+from app.store.records import EpisodeRecord, JobRecord, PredictionRecord, TaskRecord
 from app.store.values import JsonObject, KeyframeRecord, ObjectRecord
 
 
@@ -56,6 +56,14 @@ def task_document(record: TaskRecord, num_episodes: int) -> JsonObject:
     names = None if record.object_names is None else list(record.object_names)
     described = {"name": record.name, "version": record.version, "object_names": names, "num_episodes": num_episodes}
     return {**described, **stored}
+
+
+def job_document(record: JobRecord) -> JsonObject:
+    """A `JobOut`."""
+    shown = ("id", "task", "changes", "status", "num_episodes", "num_extracted", "error")
+    times = {name: getattr(record, name) for name in ("created_at", "finished_at")}
+    iso = {name: None if value is None else value.isoformat() for name, value in times.items()}
+    return {name: getattr(record, name) for name in shown} | iso
 
 
 def _asked(question: Question, prompt: Prompt) -> JsonObject:

@@ -5,11 +5,12 @@ from dataclasses import dataclass
 import anyio.to_thread
 
 from app.llm.registry import ModelRegistry
-from app.services.configure_task import ConfigureTask
+from app.services.configure_task import MAX_AT_ONCE, ConfigureTask
 from app.services.draw_overlay import DrawOverlay
 from app.services.learn_object_models import LearnObjectModels
 from app.services.metrics import Metrics
 from app.services.predict_actions import PredictActions
+from app.services.run_jobs import RunJobs
 from app.services.upload_episode import UploadEpisode
 from app.store.store import Store
 
@@ -27,13 +28,16 @@ class Services:
     draw_overlay: DrawOverlay
     predict_actions: PredictActions
     metrics: Metrics
+    run_jobs: RunJobs
 
     @classmethod
-    def wire(cls, store: Store, models: ModelRegistry, default_model: str) -> "Services":
+    def wire(
+        cls, store: Store, models: ModelRegistry, default_model: str, extract_at_once: int = MAX_AT_ONCE
+    ) -> "Services":
         """The use cases over a store and models."""
         metrics = Metrics()
         predict = PredictActions(store, models, default_model, metrics)
-        configure = ConfigureTask(store)
+        configure = ConfigureTask(store, extract_at_once)
         return cls(
             store=store,
             models=models,
@@ -44,6 +48,7 @@ class Services:
             draw_overlay=DrawOverlay(store),
             predict_actions=predict,
             metrics=metrics,
+            run_jobs=RunJobs(store),
         )
 
     async def aclose(self) -> None:

@@ -6,7 +6,7 @@ from functools import cache
 from typing import Any, Literal
 from uuid import uuid4
 
-from sqlalchemy import Connection, Row, Select, bindparam, delete, exists, insert, select, update
+from sqlalchemy import Connection, Row, Select, bindparam, delete, exists, func, insert, select, update
 
 from app.pipeline.episode import Trajectory
 from app.store import tables, tasks, trajectories
@@ -16,7 +16,7 @@ from app.store.records import DemonstrationRecord, EpisodeDraft, EpisodeRecord, 
 from app.store.values import CameraRecord, KeyframeRecord, ObjectRecord
 
 _EPISODES = tables.episodes
-_WITHOUT_TRAJECTORY = [column for column in _EPISODES.c if column is not _EPISODES.c.trajectory]
+WITHOUT_TRAJECTORY = [column for column in _EPISODES.c if column is not _EPISODES.c.trajectory]
 _FOR_PROMPTS = [_EPISODES.c[name] for name in ("id", "task", "instruction", "objects", "keyframes")]
 
 
@@ -35,7 +35,7 @@ def add(connection: Connection, draft: EpisodeDraft) -> EpisodeRecord:
         "extra": draft.extra,
     }
     encoded = {
-        **_extraction_json(draft.keyframes, draft.objects),
+        **extraction_json(draft.keyframes, draft.objects),
         "cameras": [camera.to_json() for camera in draft.cameras],
         "given_objects": list(draft.given_objects),
         "trajectory": trajectories.pack(draft.trajectory),
@@ -60,10 +60,10 @@ def get(connection: Connection, episode_id: str) -> EpisodeRecord:
     Raises:
         NotFoundError: if there is none of that id.
     """
-    row = connection.execute(select(*_WITHOUT_TRAJECTORY).where(_EPISODES.c.id == episode_id)).first()
+    row = connection.execute(select(*WITHOUT_TRAJECTORY).where(_EPISODES.c.id == episode_id)).first()
     if row is None:
         raise NotFoundError("episode", episode_id)
-    return _record(row)
+    return record_of(row)
 
 
 def get_trajectory(connection: Connection, episode_id: str) -> Trajectory:
@@ -83,17 +83,22 @@ def list_page(
     connection: Connection, task: str | None = None, limit: int = 50, cursor: int | None = None
 ) -> Page[EpisodeRecord]:
     """Episodes, newest first, of one task or of all."""
-    query = select(*_WITHOUT_TRAJECTORY)
+    query = select(*WITHOUT_TRAJECTORY)
     if task is not None:
         query = query.where(_EPISODES.c.task == task)
     rows, next_cursor = fetch_page(connection, _EPISODES, query, limit, cursor)
-    return Page(tuple(_record(row) for row in rows), next_cursor)
+    return Page(tuple(record_of(row) for row in rows), next_cursor)
 
 
 def all_of(connection: Connection, task: str) -> tuple[EpisodeRecord, ...]:
     """Every episode of a task, oldest first."""
-    query = select(*_WITHOUT_TRAJECTORY).where(_EPISODES.c.task == task).order_by(_EPISODES.c.sequence)
-    return tuple(_record(row) for row in connection.execute(query))
+    query = select(*WITHOUT_TRAJECTORY).where(_EPISODES.c.task == task).order_by(_EPISODES.c.sequence)
+    return tuple(record_of(row) for row in connection.execute(query))
+
+
+def number_of(connection: Connection, task: str) -> int:
+    """How many episodes the task has."""
+    return connection.scalar(select(func.count()).select_from(_EPISODES).where(_EPISODES.c.task == task)) or 0
 
 
 def list_ids(connection: Connection, task: str, instruction: str | None = None) -> tuple[str, ...]:
@@ -179,7 +184,7 @@ def replace_extractions(
     tasks.require_version(connection, task, expected_version)
     query = update(_EPISODES).where(_EPISODES.c.id == bindparam("episode_id"), _EPISODES.c.task == task)
     parameters = [
-        {"episode_id": item.episode_id, **_extraction_json(item.keyframes, item.objects)} for item in extractions
+        {"episode_id": item.episode_id, **extraction_json(item.keyframes, item.objects)} for item in extractions
     ]
     if parameters:
         connection.execute(query, parameters)
@@ -195,9 +200,10 @@ def blob_digests(connection: Connection) -> set[str]:
     return digests
 
 
-def _extraction_json(
+def extraction_json(
     keyframes: Sequence[KeyframeRecord], objects: Sequence[ObjectRecord]
 ) -> dict[str, list[dict[str, Any]]]:
+    """The two columns as they are stored."""
     return {
         "keyframes": [keyframe.to_json() for keyframe in keyframes],
         "objects": [record.to_json() for record in objects],
@@ -215,7 +221,8 @@ def _demonstration(row: Row[Any]) -> DemonstrationRecord:
     return DemonstrationRecord(id=row.id, instruction=row.instruction, **_extraction(row))
 
 
-def _record(row: Row[Any]) -> EpisodeRecord:
+def record_of(row: Row[Any]) -> EpisodeRecord:
+    """The record of a row of `WITHOUT_TRAJECTORY`."""
     decoded = {
         **_extraction(row),
         "cameras": tuple(CameraRecord.from_json(value) for value in row.cameras),
