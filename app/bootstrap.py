@@ -58,7 +58,12 @@ def open_store(settings: Settings) -> Store:
     Raises:
         StoreError: if the data folder or the database cannot be used.
     """
-    return Store.open(settings.data, settings.database_url, server_connections=settings.database_connections)
+    return Store.open(
+        settings.data,
+        settings.database_url,
+        settings.blobs_url,
+        server_connections=settings.database_connections,
+    )
 
 
 @contextlib.asynccontextmanager

@@ -18,6 +18,9 @@ class Settings(BaseSettings):
 
     data: Annotated[Path, Field(description="folder of the database and the images")] = Path("data")
     database_url: Annotated[str | None, Field(description="SQLAlchemy URL; empty: SQLite in the data folder")] = None
+    blobs_url: Annotated[
+        str | None, Field(description="object store of the images, e.g. s3://bucket/prefix; empty: the data folder")
+    ] = None
     database_connections: Annotated[int, Field(ge=2, description="of each worker to PostgreSQL, at most")] = 16
     extract_at_once: Annotated[
         int, Field(ge=0, description="episodes that PUT /tasks extracts again itself; more become a job")
