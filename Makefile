@@ -38,7 +38,14 @@ torture: setup
 	$(BIN)/python -m tests.reliability.torture
 
 fuzz: setup
+	ROBOPROMPT_FUZZ_EXAMPLES=20000 $(BIN)/python -m pytest -q tests/reliability/test_binary_fuzz.py
 	$(BIN)/python -m tests.reliability.fuzz
+
+soak: setup
+	$(BIN)/python -m benchmarks.soak --minutes 30
+
+growth: setup
+	$(BIN)/python -m benchmarks.growth
 
 format: setup
 	$(BIN)/ruff check --fix .

@@ -18,7 +18,13 @@ class Settings(BaseSettings):
 
     data: Annotated[Path, Field(description="folder of the database and the images")] = Path("data")
     database_url: Annotated[str | None, Field(description="SQLAlchemy URL; empty: SQLite in the data folder")] = None
+    blobs_url: Annotated[
+        str | None, Field(description="object store of the images, e.g. s3://bucket/prefix; empty: the data folder")
+    ] = None
     database_connections: Annotated[int, Field(ge=2, description="of each worker to PostgreSQL, at most")] = 16
+    extract_at_once: Annotated[
+        int, Field(ge=0, description="episodes that PUT /tasks extracts again itself; more become a job")
+    ] = 200
     max_body_mb: Annotated[float, Field(gt=0, description="larger requests are refused with 413")] = 200
     host: Annotated[
         str | None, Field(description="address that the service is bound to, as `serve --host` says; empty: unknown")

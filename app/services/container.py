@@ -6,7 +6,7 @@ import anyio.to_thread
 
 from app.llm.registry import ModelRegistry
 from app.services.api_keys import KeyRing
-from app.services.configure_task import ConfigureTask
+from app.services.configure_task import MAX_AT_ONCE, ConfigureTask
 from app.services.draw_overlay import DrawOverlay
 from app.services.learn_object_models import LearnObjectModels
 from app.services.limits import Limits
@@ -14,6 +14,7 @@ from app.services.metrics import Metrics
 from app.services.pose_servers import PoseServers
 from app.services.predict_actions import PredictActions
 from app.services.repeated_predictions import RepeatedPredictions
+from app.services.run_jobs import RunJobs
 from app.services.upload_episode import UploadEpisode
 from app.store.store import Store
 
@@ -34,6 +35,7 @@ class Services:
     keys: KeyRing
     repeated_predictions: RepeatedPredictions
     limits: Limits
+    run_jobs: RunJobs
 
     @classmethod
     def wire(
@@ -43,12 +45,13 @@ class Services:
         default_model: str,
         limits: Limits | None = None,
         pose_servers: PoseServers | None = None,
+        extract_at_once: int = MAX_AT_ONCE,
     ) -> "Services":
         """The use cases over a store and models; limits and pose servers left out are the defaults."""
         limits, pose_servers = limits or Limits(), pose_servers or PoseServers()
         metrics = Metrics()
         predict = PredictActions(store, models, default_model, metrics, limits, pose_servers)
-        configure = ConfigureTask(store, pose_servers)
+        configure = ConfigureTask(store, pose_servers, extract_at_once)
         return cls(
             store=store,
             models=models,
@@ -62,6 +65,7 @@ class Services:
             keys=KeyRing(store),
             repeated_predictions=RepeatedPredictions(store),
             limits=limits,
+            run_jobs=RunJobs(store),
         )
 
     async def aclose(self) -> None:
