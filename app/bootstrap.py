@@ -2,21 +2,17 @@
 
 import asyncio
 import contextlib
-import logging
 from collections.abc import AsyncIterator
 from importlib.metadata import version
 
 from fastapi import FastAPI
 
 from app.api.app import create_app
-from app.llm.base import LanguageModelError
 from app.llm.registry import ModelRegistry
 from app.llm.settings import LlmSettings
 from app.services.container import Services
 from app.settings import MEGABYTE, Settings
 from app.store.store import Store
-
-logger = logging.getLogger(__name__)
 
 
 def llm_settings(settings: Settings) -> LlmSettings:
@@ -58,10 +54,10 @@ async def open_services(settings: Settings) -> AsyncIterator[Services]:
     """
     store = await asyncio.to_thread(Store.open, settings.data, settings.database_url)
     models = ModelRegistry(llm_settings(settings))
-    services = Services.wire(store, models, settings.default_model)
+    services = Services.wire(store, models, settings.default_model, settings.embedded_slots)
     background: list[asyncio.Task[object]] = [asyncio.create_task(asyncio.to_thread(store.sweep))]
     if settings.warm_up:
-        background.append(asyncio.create_task(_warm_up(services)))
+        background.append(asyncio.create_task(services.prefix_warmer.run()))
     try:
         yield services
     finally:
@@ -69,13 +65,6 @@ async def open_services(settings: Settings) -> AsyncIterator[Services]:
             task.cancel()
         await asyncio.gather(*background, return_exceptions=True)
         await services.aclose()
-
-
-async def _warm_up(services: Services) -> None:
-    try:
-        await services.models.warm_up(services.default_model)
-    except LanguageModelError as error:
-        logger.warning("the default model is not available: %s", error)
 
 
 def build_app(settings: Settings) -> FastAPI:

@@ -19,7 +19,9 @@ class Settings(BaseSettings):
     data: Annotated[Path, Field(description="folder of the database and the images")] = Path("data")
     database_url: Annotated[str | None, Field(description="SQLAlchemy URL; empty: SQLite in the data folder")] = None
     max_body_mb: Annotated[float, Field(gt=0, description="larger requests are refused with 413")] = 200
-    warm_up: Annotated[bool, Field(description="start the embedded LLM in the background at start-up")] = True
+    warm_up: Annotated[
+        bool, Field(description="start the embedded LLM at start-up and let it read prefixes before they are asked for")
+    ] = True
 
     # The fields of app.llm.settings.LlmSettings, which says what they mean.
     default_model: Annotated[str, Field(description="asked when a request names no model")] = "embedded/gemma-3-270m"

@@ -10,6 +10,8 @@ from app.services.draw_overlay import DrawOverlay
 from app.services.learn_object_models import LearnObjectModels
 from app.services.metrics import Metrics
 from app.services.predict_actions import PredictActions
+from app.services.prefix_warmer import PrefixWarmer
+from app.services.question import QuestionWriter
 from app.services.upload_episode import UploadEpisode
 from app.store.store import Store
 
@@ -26,13 +28,20 @@ class Services:
     learn_object_models: LearnObjectModels
     draw_overlay: DrawOverlay
     predict_actions: PredictActions
+    prefix_warmer: PrefixWarmer
     metrics: Metrics
 
     @classmethod
-    def wire(cls, store: Store, models: ModelRegistry, default_model: str) -> "Services":
-        """The use cases over a store and models."""
+    def wire(cls, store: Store, models: ModelRegistry, default_model: str, num_warm_tasks: int = 0) -> "Services":
+        """The use cases over a store and models.
+
+        Args:
+            num_warm_tasks: how many tasks' prefixes the prefix warmer, where it runs, sends at start-up.
+        """
         metrics = Metrics()
-        predict = PredictActions(store, models, default_model, metrics)
+        write_question = QuestionWriter(store, lambda name: models.get(name or default_model).profile)
+        warmer = PrefixWarmer(store, models, write_question, num_warm_tasks)
+        predict = PredictActions(store, models, write_question, warmer, metrics)
         configure = ConfigureTask(store)
         return cls(
             store=store,
@@ -43,6 +52,7 @@ class Services:
             learn_object_models=LearnObjectModels(store, configure),
             draw_overlay=DrawOverlay(store),
             predict_actions=predict,
+            prefix_warmer=warmer,
             metrics=metrics,
         )
 

@@ -16,6 +16,7 @@ from app.pipeline.workspace import DiscreteAction, discretize_actions
 from app.services.dialogue import Dialogue
 from app.services.errors import UnparsableReplyError
 from app.services.metrics import Metrics
+from app.services.prefix_warmer import PrefixWarmer
 from app.services.question import PredictRequest, Question, QuestionWriter
 from app.services.sampled_dialogue import SampledDialogue
 from app.services.stored_images import put_images
@@ -65,11 +66,19 @@ class Prediction:
 class PredictActions:
     """Asks an LLM for actions. The event loop waits for nothing but the LLM; the rest runs in threads."""
 
-    def __init__(self, store: Store, models: ModelRegistry, default_model: str, metrics: Metrics) -> None:
+    def __init__(
+        self,
+        store: Store,
+        models: ModelRegistry,
+        write_question: QuestionWriter,
+        warmer: PrefixWarmer,
+        metrics: Metrics,
+    ) -> None:
         self._store = store
         self._models = models
+        self._write_question = write_question
+        self._warmer = warmer
         self._metrics = metrics
-        self._write_question = QuestionWriter(store, lambda name: models.get(name or default_model).profile)
 
     async def prepare(self, request: PredictRequest, timings_ms: dict[str, float]) -> Question:
         """The question as it would be put to the LLM, which is not called.
@@ -112,13 +121,14 @@ class PredictActions:
         actions: list[PredictedAction] = []
         workspace = question.settings.workspace.workspace()
         try:
-            async with aclosing(dialogue.actions(piecewise=piecewise)) as arriving:
-                async for arrived in arriving:
-                    timings_ms.setdefault("first_action", (time.perf_counter() - started_s) * 1000)
-                    new = list(map(PredictedAction, arrived, discretize_actions(arrived, workspace)))
-                    actions += new
-                    for item in new:
-                        yield item
+            with self._warmer.giving_way():
+                async with aclosing(dialogue.actions(piecewise=piecewise)) as arriving:
+                    async for arrived in arriving:
+                        timings_ms.setdefault("first_action", (time.perf_counter() - started_s) * 1000)
+                        new = list(map(PredictedAction, arrived, discretize_actions(arrived, workspace)))
+                        actions += new
+                        for item in new:
+                            yield item
         except ReplyParseError as error:
             id_ = await self._record(question, "parse_error", timings_ms, dialogue, error=error.message)
             self._observe(question, "parse_error", timings_ms, dialogue)
