@@ -11,7 +11,7 @@ import httpx
 import numpy as np
 from httpx_sse import SSEError, connect_sse
 
-from app.client.encoding import camera_json, object_json, request_parts
+from app.client.encoding import camera_json, object_json, packed_request, request_parts
 from app.client.errors import ServiceProblemError, ServiceUnreachableError
 from app.client.robot import Observation
 from app.pipeline.episode import EndEffectorAction, Trajectory
@@ -42,10 +42,15 @@ class RoboPromptClient:
     Args:
         url: where the service listens.
         connection: an httpx client to use instead of an own one.
+        compress: send images as JPEG and PNG, for a slow network; otherwise as they are, which saves both sides the
+            time to encode and decode them.
     """
 
-    def __init__(self, url: str = DEFAULT_URL, connection: httpx.Client | None = None) -> None:
+    def __init__(
+        self, url: str = DEFAULT_URL, connection: httpx.Client | None = None, *, compress: bool = True
+    ) -> None:
         self._http = connection or httpx.Client(base_url=url, timeout=60)
+        self._compress = compress
 
     def __enter__(self) -> Self:
         return self
@@ -125,7 +130,7 @@ class RoboPromptClient:
             ServiceUnreachableError: if the service does not answer.
         """
         wish = {"timeout_s": timeout_s, **options}
-        body = _question(task, instruction, observation, mask_ids, wish)
+        body = self._question(task, instruction, observation, mask_ids, wish)
         return _predicted(self._send("POST", "/predict", timeout=timeout_s + MARGIN_S, **body))
 
     def stream(
@@ -144,7 +149,7 @@ class RoboPromptClient:
             as `predict`; also after actions were given, if the rest of the reply goes wrong or does not come.
         """
         wish = {"timeout_s": timeout_s, **options}
-        body = _question(task, instruction, observation, mask_ids, wish)
+        body = self._question(task, instruction, observation, mask_ids, wish)
         with (
             self._transport_errors("POST", "/predict"),
             connect_sse(self._http, "POST", "/predict", timeout=timeout_s + MARGIN_S, **body) as source,
@@ -188,6 +193,23 @@ class RoboPromptClient:
         """Any document that the service offers, e.g. ``get("/episodes", task="open_drawer")``."""
         return self._send("GET", path, params=parameters)
 
+    def _question(
+        self,
+        task: str,
+        instruction: str,
+        observation: Observation,
+        mask_ids: Mapping[str, Sequence[int]] | None,
+        wish: Mapping[str, Any],
+    ) -> dict[str, Any]:
+        """The body of a prediction, as arguments of httpx."""
+        document = {"task": task, "instruction": instruction, **_scene(observation, mask_ids), **wish}
+        if not observation.frames:
+            return {"json": document}
+        if self._compress:
+            return {"files": request_parts(document, observation.frames)}
+        packed = packed_request(document, observation.frames)
+        return {"content": packed, "headers": {"Content-Type": "application/msgpack"}}
+
     def _send(self, method: str, path: str, **arguments: Any) -> dict[str, Any]:  # noqa: ANN401
         with self._transport_errors(method, path):
             response = self._http.request(method, path, **arguments)
@@ -203,18 +225,6 @@ class RoboPromptClient:
         except (httpx.TransportError, SSEError) as error:
             where = f"{self._http.base_url}{path.lstrip('/')}"
             raise ServiceUnreachableError(f"{method} {where}: {error or type(error).__name__}") from error
-
-
-def _question(
-    task: str,
-    instruction: str,
-    observation: Observation,
-    mask_ids: Mapping[str, Sequence[int]] | None,
-    wish: Mapping[str, Any],
-) -> dict[str, Any]:
-    """The body of a prediction, as arguments of httpx."""
-    document = {"task": task, "instruction": instruction, **_scene(observation, mask_ids), **wish}
-    return {"files": request_parts(document, observation.frames)} if observation.frames else {"json": document}
 
 
 def _predicted(answer: Mapping[str, Any]) -> PredictedActions:

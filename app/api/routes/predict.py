@@ -33,14 +33,14 @@ router = APIRouter(tags=["predictions"])
     "/predict",
     operation_id="predict",
     response_model=PredictionOut | DryRunOut,
-    openapi_extra=body_of(PredictBody, PredictBody),
+    openapi_extra=body_of(PredictBody, PredictBody, packed=True),
     responses=STREAMED
     | problems(
         _400="the body cannot be read",
         _404="no such task or episode",
         _409="the task has no demonstrations yet",
         _413="the body is too large",
-        _415="neither multipart nor JSON",
+        _415="neither multipart, JSON nor MessagePack",
         _422="a value is not valid, or the objects are not those of the task",
         _502="the LLM failed, or its reply is not a list of valid actions (reply_text has it)",
         _503="the model or the store is not available",
@@ -51,14 +51,15 @@ async def predict(request: Request, services: Wired) -> Response:
     """Actions for the observed scene, by an LLM that continues the pattern of the demonstrations.
 
     JSON with the objects' poses; or multipart with the same document as part `metadata`, and the cameras' images as in
-    an upload, for tasks whose pose estimator looks at images. Nothing is invented: a reply that is not a list of valid
-    actions is an error, recorded with the prediction.
+    an upload, for tasks whose pose estimator looks at images; or MessagePack with that document and the images beside
+    it as arrays, `{"__ndarray__": true, "data": bytes, "dtype": "|u1", "shape": [480, 640, 3]}`. Nothing is invented: a
+    reply that is not a list of valid actions is an error, recorded with the prediction.
 
     With `Accept: text/event-stream` each action comes as an event `action` as soon as its row is complete, then `done`
     with the whole document; an event `error` with a problem document ends a reply that goes wrong in the middle.
     """
     started_s = time.perf_counter()
-    body = await read_body(request)
+    body = await read_body(request, packed=True)
     # Images take long to decode; a JSON body does not repay the change of thread.
     wish, asked = await run_in_threadpool(_read, body) if body.parts else _read(body)
     timings_ms: dict[str, float] = {}
