@@ -1,9 +1,9 @@
-# make setup | demo | serve | test | check | format | openapi | lock
+# make setup | demo | serve | test | check | format | openapi | lock | bench
 PYTHON ?= python3
 BIN := .venv/bin
 STAMP := .venv/.installed
 
-.PHONY: setup demo serve test check lint format openapi lock clean
+.PHONY: setup demo serve test check lint format openapi lock bench clean
 
 setup: $(STAMP)
 
@@ -40,6 +40,9 @@ openapi: setup
 lock:
 	$(BIN)/uv pip compile pyproject.toml --extra server --extra sim --extra dev --universal --python-version 3.11 \
 		--generate-hashes --no-annotate --no-header --no-emit-index-url --quiet --output-file requirements.lock
+
+bench: setup
+	$(BIN)/python -m benchmarks.bench
 
 clean:
 	rm -rf .venv .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache
