@@ -17,6 +17,9 @@ from benchmarks.processes import Cost
 
 REPORT = Path(__file__).parents[1] / "docs" / "results" / "bench.md"
 COMMAND = "make bench"
+_SENDING = f"""{transport.WIDTH}x{transport.HEIGHT} RGB (uint8) and depth (float32 metres). The peers return a constant
+and neither check nor keep anything; ours decodes and checks the images, reads the demonstrations and writes the
+prompt, and in the second case stores everything."""
 
 
 def main() -> None:
@@ -65,9 +68,7 @@ def report(service: Mapping[str, Cost], sent: Mapping[str, Cost], llm: Measured,
                 "The same ten demonstrations and the same scene, no system prompt, tokens of the embedded model.",
                 _tokens(llm),
                 "## Sending an observation",
-                f"{transport.WIDTH}x{transport.HEIGHT} RGB (uint8) and depth (float32 metres). The peers return a constant "
-                "and neither check nor keep anything; ours decodes and checks the images, reads the demonstrations and "
-                "writes the prompt, and in the second case stores everything.",
+                _SENDING,
                 _table(("", "server CPU, ms", "wall, ms"), [(name, *_cost(item)) for name, item in sent.items()]),
             ]
         )

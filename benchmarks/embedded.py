@@ -25,6 +25,7 @@ from benchmarks.processes import service
 NUM_DEMONSTRATIONS = 10
 NUM_PROMPTS = 4  # as many as the embedded model keeps slots
 CONCURRENT_ROBOTS = (1, 4, 8)
+TIMEOUT_S = 300.0  # of a prediction, on a busy machine
 ROBOTS_S = 20.0
 WARMING_S = 15.0  # the prefix warmer waits for a second after an upload, then reads some 2000 tokens
 FORMATS = (
@@ -153,7 +154,7 @@ async def _first_token(registry: ModelRegistry, document: dict[str, Any]) -> tup
     """Seconds to the first piece of the reply, and the usage."""
     prompt = Prompt(document["prompt"]["system"], document["prompt"]["user"], "", ("\n",), document["grammar"])
     started_s, first_s = time.perf_counter(), None
-    async with aclosing(registry.get().stream(CompletionRequest(prompt))) as pieces:
+    async with aclosing(registry.get().stream(CompletionRequest(prompt, timeout_s=TIMEOUT_S))) as pieces:
         async for piece in pieces:
             if isinstance(piece, TextDelta):
                 first_s = first_s or time.perf_counter() - started_s
@@ -164,11 +165,11 @@ async def _first_token(registry: ModelRegistry, document: dict[str, Any]) -> tup
 
 
 def _streaming(client: RoboPromptClient) -> Streaming:
-    client.predict("task_0", scenes.INSTRUCTION, scenes.observation(90_000))
+    client.predict("task_0", scenes.INSTRUCTION, scenes.observation(90_000), timeout_s=TIMEOUT_S)
     runs: list[tuple[int, float, float]] = []
     for seed in range(91_000, 91_005):
         started_s, first_s = time.perf_counter(), 0.0
-        for item in client.stream("task_0", scenes.INSTRUCTION, scenes.observation(seed)):
+        for item in client.stream("task_0", scenes.INSTRUCTION, scenes.observation(seed), timeout_s=TIMEOUT_S):
             first_s = first_s or time.perf_counter() - started_s
             if isinstance(item, PredictedActions):
                 runs.append((len(item.actions), first_s, time.perf_counter() - started_s))
@@ -181,11 +182,12 @@ def _robots(url: str, number: int) -> Robots:
     ends_s = time.monotonic() + ROBOTS_S
 
     def robot(first_seed: int) -> None:
-        with httpx.Client(base_url=url, timeout=120) as http:
+        with httpx.Client(base_url=url, timeout=TIMEOUT_S) as http:
             seed = first_seed
             while time.monotonic() < ends_s:
                 seed += 1
-                done.append(http.post("/predict", json=scenes.question("task_0", seed)).is_success)
+                question = {**scenes.question("task_0", seed), "timeout_s": TIMEOUT_S}
+                done.append(http.post("/predict", json=question).is_success)
 
     threads = [threading.Thread(target=robot, args=(100_000 * k,)) for k in range(1, number + 1)]
     started_s = time.monotonic()
@@ -199,7 +201,7 @@ def _robots(url: str, number: int) -> Robots:
 
 def _tokens(client: RoboPromptClient, representation: str, prompt_format: str, name: str) -> Tokens:
     wish = {"representation": representation, "prompt_format": prompt_format, "system_prompt": "none"}
-    answer = client.predict("task_0", scenes.INSTRUCTION, scenes.observation(92_000), timeout_s=120, **wish)
+    answer = client.predict("task_0", scenes.INSTRUCTION, scenes.observation(92_000), timeout_s=TIMEOUT_S, **wish)
     usage = answer.response["usage"]
     return Tokens(name, usage["prompt_tokens"], usage["completion_tokens"])
 
@@ -207,12 +209,12 @@ def _tokens(client: RoboPromptClient, representation: str, prompt_format: str, n
 def _first(*, warm: bool) -> float:
     """The first prediction after ten uploads, the LLM running; with time to warm the prefix, if it is to be warmed."""
     with _taught(1, warm=warm) as client:
-        client.predict("task_0", scenes.INSTRUCTION, scenes.observation(90_000))
+        client.predict("task_0", scenes.INSTRUCTION, scenes.observation(90_000), timeout_s=TIMEOUT_S)
         _teach(client, "new", first_seed=5000)
         if warm:
             time.sleep(WARMING_S)
         started_s = time.perf_counter()
-        client.predict("new", scenes.INSTRUCTION, scenes.observation(90_000))
+        client.predict("new", scenes.INSTRUCTION, scenes.observation(90_000), timeout_s=TIMEOUT_S)
         return time.perf_counter() - started_s
 
 
