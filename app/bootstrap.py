@@ -11,7 +11,6 @@ from fastapi import FastAPI
 from app.api.access import Access
 from app.api.app import create_app
 from app.api.redaction import hide_keys_in_access_log
-from app.llm.base import LanguageModelError
 from app.llm.registry import ModelRegistry
 from app.llm.settings import LlmSettings
 from app.pipeline.errors import RoboPromptError
@@ -104,12 +103,18 @@ async def open_services(settings: Settings) -> AsyncIterator[Services]:
     models = ModelRegistry(llm_settings(settings))
     pose_servers = PoseServers(settings.pose_servers)
     services = Services.wire(
-        store, models, settings.default_model, limits_of(settings), pose_servers, settings.extract_at_once
+        store,
+        models,
+        settings.default_model,
+        limits_of(settings),
+        pose_servers,
+        extract_at_once=settings.extract_at_once,
+        num_warm_tasks=settings.embedded_slots,
     )
     jobs = asyncio.create_task(_run_jobs(services))
     background: list[asyncio.Task[object]] = [asyncio.create_task(asyncio.to_thread(store.sweep_once))]
     if settings.warm_up:
-        background.append(asyncio.create_task(_warm_up(services)))
+        background.append(asyncio.create_task(services.prefix_warmer.run()))
     try:
         yield services
     finally:
@@ -130,13 +135,6 @@ async def _run_jobs(services: Services) -> None:
             worked = False
         if not worked:
             await services.run_jobs.wait(JOB_POLL_S)
-
-
-async def _warm_up(services: Services) -> None:
-    try:
-        await services.models.warm_up(services.default_model)
-    except LanguageModelError as error:
-        logger.warning("the default model is not available: %s", error)
 
 
 def access_for(settings: Settings) -> Access:

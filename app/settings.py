@@ -56,7 +56,9 @@ class Settings(BaseSettings):
         Field(description='JSON list of models that requests may use besides the default, e.g. `["openai/gpt-4o*"]`'),
     ] = ()
     max_page_size: Annotated[int, Field(ge=50, le=200, description="items that a list answers at once")] = 200
-    warm_up: Annotated[bool, Field(description="start the embedded LLM in the background at start-up")] = True
+    warm_up: Annotated[
+        bool, Field(description="start the embedded LLM at start-up and let it read prefixes before they are asked for")
+    ] = True
 
     # The fields of app.llm.settings.LlmSettings, which says what they mean.
     default_model: Annotated[str, Field(description="asked when a request names no model")] = "embedded/gemma-3-270m"
