@@ -1,5 +1,6 @@
 """The service as a robot sees it."""
 
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -8,7 +9,6 @@ from typing import Any, Self
 from uuid import uuid4
 
 import httpx
-import numpy as np
 from httpx_sse import SSEError, connect_sse
 
 from app.client.encoding import Part, request_parts
@@ -16,8 +16,10 @@ from app.client.errors import ServiceProblemError, ServiceUnreachableError
 from app.client.robot import Observation
 from app.pipeline.episode import EndEffectorAction, Trajectory
 from app.pipeline.metadata import camera_json, object_json
+from app.pipeline.motion_limits import MotionLimits, action_from_json
 from app.pipeline.trajectory_npz import npz_from_trajectory
 
+KEY_VARIABLE = "ROBOPROMPT_API_KEY"
 DEFAULT_URL = "http://127.0.0.1:8000"
 LEARNING_TIMEOUT_S = 600.0
 MARGIN_S = 10.0  # the service answers within the request's own deadline; this is for the way there and back
@@ -43,10 +45,15 @@ class RoboPromptClient:
     Args:
         url: where the service listens.
         connection: an httpx client to use instead of an own one.
+        api_key: where the service requires one; None: the environment's ROBOPROMPT_API_KEY.
     """
 
-    def __init__(self, url: str = DEFAULT_URL, connection: httpx.Client | None = None) -> None:
-        self._http = connection or httpx.Client(base_url=url, timeout=60)
+    def __init__(
+        self, url: str = DEFAULT_URL, connection: httpx.Client | None = None, *, api_key: str | None = None
+    ) -> None:
+        key = os.environ.get(KEY_VARIABLE, "") if api_key is None else api_key
+        headers = {"Authorization": f"Bearer {key}"} if key else {}
+        self._http = connection or httpx.Client(base_url=url, timeout=60, headers=headers)
 
     def __enter__(self) -> Self:
         return self
@@ -69,6 +76,10 @@ class RoboPromptClient:
         """Set a task's settings, see `PUT /tasks/{name}`; returns all of them."""
         return self._send("PUT", f"/tasks/{task}", json=settings)
 
+    def motion_limits(self, task: str) -> MotionLimits:
+        """What the task allows an action."""
+        return MotionLimits.from_task(self.get(f"/tasks/{task}"))
+
     def upload(
         self,
         task: str,
@@ -79,12 +90,14 @@ class RoboPromptClient:
         control_frequency_hz: float = 20.0,
         mask_ids: Mapping[str, Sequence[int]] | None = None,
         extra: Mapping[str, Any] | None = None,
+        prediction_id: str | None = None,
     ) -> dict[str, Any]:
         """Store a demonstration; returns the service's description of it.
 
         Args:
             observation: what the robot saw at the first frame.
             mask_ids: for objects whose pixels the masks show, the ids of these; instead of a pose or beside it.
+            prediction_id: of the prediction that the robot carried out with success in this episode.
 
         Raises:
             ServiceProblemError: if the service refuses it.
@@ -96,6 +109,7 @@ class RoboPromptClient:
             **_scene(observation, mask_ids),
             "control_frequency_hz": control_frequency_hz,
             "extra": dict(extra or {}),
+            "prediction_id": prediction_id,
         }
         parts = request_parts(metadata, observation.frames)
         parts["trajectory"] = ("trajectory.npz", npz_from_trajectory(trajectory), "application/octet-stream")
@@ -131,6 +145,7 @@ class RoboPromptClient:
         Raises:
             ServiceProblemError: if the service refuses, or the LLM's reply is no list of actions.
             ServiceUnreachableError: if the service does not answer.
+            UnsafeActionError: if what it answers is no action: a number that is not finite, no unit quaternion ...
         """
         wish = {"timeout_s": timeout_s, **options}
         body = _question(task, instruction, observation, mask_ids, wish)
@@ -160,10 +175,10 @@ class RoboPromptClient:
             if source.response.is_error:
                 source.response.read()
                 raise ServiceProblemError(source.response.status_code, _problem(source.response))
-            for event in source.iter_sse():
+            for index, event in enumerate(source.iter_sse()):
                 document = event.json()
                 if event.event == "action":
-                    yield _action(document)
+                    yield action_from_json(index, document)
                 elif event.event == "done":
                     yield _predicted(document)
                     return
@@ -229,11 +244,14 @@ def _question(
 ) -> dict[str, Any]:
     """The body of a prediction, as arguments of httpx."""
     document = {"task": task, "instruction": instruction, **_scene(observation, mask_ids), **wish}
+    if (pose := observation.end_effector) is not None:
+        document["end_effector"] = {"position": pose.position_m, "quaternion_xyzw": pose.quaternion_xyzw}
     return {"files": request_parts(document, observation.frames)} if observation.frames else {"json": document}
 
 
 def _predicted(answer: Mapping[str, Any]) -> PredictedActions:
-    return PredictedActions(answer["id"], tuple(_action(item) for item in answer["actions"]), answer)
+    actions = tuple(action_from_json(index, item) for index, item in enumerate(answer["actions"]))
+    return PredictedActions(answer["id"], actions, answer)
 
 
 def _scene(observation: Observation, mask_ids: Mapping[str, Sequence[int]] | None) -> dict[str, Any]:
@@ -245,10 +263,6 @@ def _scene(observation: Observation, mask_ids: Mapping[str, Sequence[int]] | Non
             item["mask_ids"] = ids
     objects += [{"name": name, "mask_ids": ids} for name, ids in unnamed.items()]
     return {"objects": objects, "cameras": [camera_json(frame.camera) for frame in observation.frames]}
-
-
-def _action(item: Mapping[str, Any]) -> EndEffectorAction:
-    return EndEffectorAction(np.array(item["position"]), np.array(item["quaternion_xyzw"]), item["gripper_open"])
 
 
 def _problem(response: httpx.Response) -> dict[str, Any]:

@@ -6,7 +6,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -21,11 +21,14 @@ POLL_S = 0.05
 
 
 @contextmanager
-def running_server(data: Path, environment: Mapping[str, str] | None = None) -> Iterator[str]:
+def running_server(
+    data: Path, environment: Mapping[str, str] | None = None, arguments: Sequence[str] = ()
+) -> Iterator[str]:
     """Run `roboprompt serve` on `data`; yields its URL, and ends it afterwards.
 
     Args:
         environment: settings beside those of this process, e.g. ``{"ROBOPROMPT_DEFAULT_MODEL": "regression"}``.
+        arguments: further ones of `roboprompt serve`.
 
     Raises:
         ServerStartError: if it does not answer within a minute.
@@ -33,7 +36,7 @@ def running_server(data: Path, environment: Mapping[str, str] | None = None) -> 
     data.mkdir(parents=True, exist_ok=True)
     port = free_port()
     url = f"http://127.0.0.1:{port}"
-    serve = ["app.cli", "serve", "--port", str(port), "--data", str(data)]
+    serve = ["app.cli", "serve", "--port", str(port), "--data", str(data), *arguments]
     with (data / "server.log").open("w+") as log:
         process = subprocess.Popen(
             [sys.executable, "-m", "app.evaluation.leash", *serve],

@@ -13,9 +13,10 @@ from app.pipeline.episode import Episode, checked_name
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.prompt import check_object_names
 from app.services.extraction import Extracted, extract
+from app.services.pose_servers import PoseServers
 from app.services.stored_images import put_images
 from app.services.task_settings import TaskSettings
-from app.store import episodes, idempotency, tasks
+from app.store import episodes, idempotency, predictions, tasks
 from app.store.errors import ConflictError, NotFoundError
 from app.store.records import EpisodeDraft, EpisodeRecord, StoredResponse, TaskRecord
 from app.store.store import Store
@@ -31,6 +32,7 @@ class Upload:
 
     Attributes:
         images: per camera of `episode.frames`, by name.
+        prediction_id: of the prediction that the robot carried out in this episode.
         digest: of the request's content; a repeated `idempotency_key` must come with the same.
     """
 
@@ -40,6 +42,7 @@ class Upload:
     images: Mapping[str, ImageBytes]
     digest: str = ""
     idempotency_key: str | None = None
+    prediction_id: str | None = None
 
     def __post_init__(self) -> None:
         checked_name("task", self.task)
@@ -59,8 +62,9 @@ Respond = Callable[[EpisodeRecord, TaskRecord], JsonObject]
 class UploadEpisode:
     """Stores uploaded episodes. Synchronous: call it in a thread."""
 
-    def __init__(self, store: Store) -> None:
+    def __init__(self, store: Store, pose_servers: PoseServers | None = None) -> None:
         self._store = store
+        self._pose_servers = pose_servers or PoseServers()
 
     def __call__(self, upload: Upload, respond: Respond) -> JsonObject:
         """Extract and store the episode; nothing is stored if anything is wrong with it.
@@ -95,6 +99,7 @@ class UploadEpisode:
 
     def _extract(self, upload: Upload, task: TaskRecord | None) -> Extracted:
         settings = _settings_of(task, upload.objects)
+        self._pose_servers.check(settings.object_models)
         names = sent = [query.name for query in upload.objects]
         if task is not None and task.object_names is not None:
             names = list(task.object_names)
@@ -121,12 +126,33 @@ class UploadEpisode:
                 return None
             if expected is None and task.object_names is not None:
                 return None
+            _check_link(connection, upload)
             record = episodes.add(connection, _draft(upload, extracted, cameras))
             answer = respond(record, replace(task, object_names=tuple(o.name for o in record.objects)))
             if (key := upload.idempotency_key) is not None:
                 idempotency.forget(connection, SCOPE, key)
                 idempotency.save(connection, SCOPE, key, upload.digest, StoredResponse(201, answer))
         return answer
+
+
+def _check_link(connection: Connection, upload: Upload) -> None:
+    """Refuse a link to a prediction that the episode cannot have carried out.
+
+    Raises:
+        InvalidInputError: if there is no such prediction, it is another task's, gave no actions, or failed.
+    """
+    if upload.prediction_id is None:
+        return
+    valid = f"the id of a prediction of the task {upload.task!r} that gave actions and did not fail"
+    try:
+        prediction = predictions.get(connection, upload.prediction_id)
+    except NotFoundError:
+        raise InvalidInputError("prediction_id", f"{upload.prediction_id!r} is no prediction", valid) from None
+    if prediction.task != upload.task:
+        raise InvalidInputError("prediction_id", f"is a prediction of the task {prediction.task!r}", valid)
+    if not prediction.actions or prediction.outcome_success is False:
+        fault = "whose outcome was a failure" if prediction.actions else "without actions"
+        raise InvalidInputError("prediction_id", f"is a prediction {fault}", valid)
 
 
 def _answer_before(connection: Connection, upload: Upload) -> JsonObject | None:
@@ -155,6 +181,7 @@ def _draft(upload: Upload, extracted: Extracted, cameras: tuple[CameraRecord, ..
         given_objects=tuple(asdict(query) for query in upload.objects),
         cameras=cameras,
         extra=dict(upload.episode.extra),
+        prediction_id=upload.prediction_id,
         trajectory=upload.episode.trajectory,
     )
 

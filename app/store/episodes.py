@@ -6,17 +6,22 @@ from functools import cache
 from typing import Any, Literal
 from uuid import uuid4
 
-from sqlalchemy import Connection, Row, Select, bindparam, delete, exists, insert, select, update
+from sqlalchemy import Connection, Row, Select, bindparam, delete, exists, func, insert, select, update
 
 from app.pipeline.episode import Trajectory
 from app.store import tables, tasks, trajectories
 from app.store.errors import NotFoundError
 from app.store.pages import Page, fetch_page
-from app.store.records import DemonstrationRecord, EpisodeDraft, EpisodeRecord, Extraction
+from app.store.records import DemonstrationRecord, EpisodeDraft, EpisodeRecord, Extraction, SceneRecord
 from app.store.values import CameraRecord, KeyframeRecord, ObjectRecord
 
 _EPISODES = tables.episodes
 _WITHOUT_TRAJECTORY = [column for column in _EPISODES.c if column is not _EPISODES.c.trajectory]
+_SCENES = (
+    select(_EPISODES.c.id, _EPISODES.c.objects)
+    .where(_EPISODES.c.task == bindparam("task"))
+    .order_by(_EPISODES.c.sequence)
+)
 _FOR_PROMPTS = [_EPISODES.c[name] for name in ("id", "task", "instruction", "objects", "keyframes")]
 
 
@@ -33,6 +38,7 @@ def add(connection: Connection, draft: EpisodeDraft) -> EpisodeRecord:
         "control_frequency_hz": draft.control_frequency_hz,
         "created_at": datetime.now(UTC),
         "extra": draft.extra,
+        "prediction_id": draft.prediction_id,
     }
     encoded = {
         **_extraction_json(draft.keyframes, draft.objects),
@@ -85,14 +91,27 @@ def get_trajectory(connection: Connection, episode_id: str) -> Trajectory:
 
 
 def list_page(
-    connection: Connection, task: str | None = None, limit: int = 50, cursor: int | None = None
+    connection: Connection,
+    task: str | None = None,
+    limit: int = 50,
+    cursor: int | None = None,
+    instruction_contains: str = "",
 ) -> Page[EpisodeRecord]:
-    """Episodes, newest first, of one task or of all."""
+    """Episodes, newest first, of one task or of all, whose instruction contains the text in any case."""
     query = select(*_WITHOUT_TRAJECTORY)
     if task is not None:
         query = query.where(_EPISODES.c.task == task)
+    if instruction_contains:
+        query = query.where(_EPISODES.c.instruction.icontains(instruction_contains, autoescape=True))
     rows, next_cursor = fetch_page(connection, _EPISODES, query, limit, cursor)
     return Page(tuple(_record(row) for row in rows), next_cursor)
+
+
+def newest_by_task(connection: Connection) -> dict[str, EpisodeRecord]:
+    """The newest episode of every task that has one."""
+    newest = select(func.max(_EPISODES.c.sequence)).group_by(_EPISODES.c.task)
+    query = select(*_WITHOUT_TRAJECTORY).where(_EPISODES.c.sequence.in_(newest))
+    return {row.task: _record(row) for row in connection.execute(query)}
 
 
 def all_of(connection: Connection, task: str) -> tuple[EpisodeRecord, ...]:
@@ -115,8 +134,11 @@ def remove(connection: Connection, episode_id: str) -> None:
     Raises:
         NotFoundError: if there is none of that id.
     """
-    query = delete(_EPISODES).where(_EPISODES.c.id == episode_id).returning(_EPISODES.c.task)
-    if (task := connection.execute(query).scalar_one_or_none()) is None:
+    task = connection.scalar(select(_EPISODES.c.task).where(_EPISODES.c.id == episode_id))
+    if task is None:
+        raise NotFoundError("episode", episode_id)
+    tasks.lock(connection, task)  # an upload under way would not be seen below
+    if connection.execute(delete(_EPISODES).where(_EPISODES.c.id == episode_id)).rowcount == 0:
         raise NotFoundError("episode", episode_id)
     others_left = connection.scalar(select(exists().where(_EPISODES.c.task == task)))
     tasks.change(connection, task, {} if others_left else {"object_names": None})
@@ -139,6 +161,12 @@ def demonstrations(
     rows = connection.execute(query, {"task": task, "instruction": instruction, "limit": limit})
     records = tuple(_demonstration(row) for row in rows)
     return records if order == "first" else records[::-1]
+
+
+def scenes(connection: Connection, task: str) -> tuple[SceneRecord, ...]:
+    """The objects of every episode of the task, oldest first."""
+    rows = connection.execute(_SCENES, {"task": task})
+    return tuple(SceneRecord(row.id, tuple(map(ObjectRecord.from_json, row.objects))) for row in rows)
 
 
 @cache

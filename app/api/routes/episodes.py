@@ -55,20 +55,23 @@ async def upload_episode(request: Request, services: Wired, idempotency_key: Ide
 def _upload(services: Services, body: Body, idempotency_key: str | None) -> JsonObject:
     document, parts = dict(body.document), dict(body.parts)
     digest = content_digest(document, parts)
+    limits = services.limits
     if (npz := parts.pop("trajectory", None)) is not None:
         metadata = EpisodeMetadata.model_validate(document)
-        trajectory = trajectory_from_npz(npz)
+        trajectory = trajectory_from_npz(npz, limits.max_unpacked_bytes, limits.max_frames)
     else:
-        metadata, trajectory = _from_json(document)
+        metadata, trajectory = _from_json(document, limits.max_frames)
+    names, cameras = [item.name for item in metadata.objects], [item.name for item in metadata.cameras]
+    limits.check_scene(metadata.task, metadata.instruction, names, cameras)
     images = split_images(metadata.cameras, parts)
-    frames = decode_frames(metadata.cameras, images)
+    frames = decode_frames(metadata.cameras, images, limits.max_image_pixels)
     episode = Episode(metadata.instruction, trajectory, frames, metadata.control_frequency_hz, metadata.extra)
     objects = tuple(item.query() for item in metadata.objects)
-    upload = Upload(metadata.task, episode, objects, images, digest, idempotency_key)
+    upload = Upload(metadata.task, episode, objects, images, digest, idempotency_key, metadata.prediction_id)
     return services.upload_episode(upload, episode_document)
 
 
-def _from_json(document: JsonObject) -> tuple[EpisodeMetadata, Trajectory]:
+def _from_json(document: JsonObject, max_frames: int) -> tuple[EpisodeMetadata, Trajectory]:
     """The two halves of a JSON upload; the arrays are checked by Trajectory, once."""
     arrays: Any = document.get("trajectory")
     if not isinstance(arrays, dict):
@@ -76,7 +79,7 @@ def _from_json(document: JsonObject) -> tuple[EpisodeMetadata, Trajectory]:
         raise InvalidInputError("trajectory", "is missing", remedy)
     if unknown := set(document) - {"metadata", "trajectory"}:
         raise InvalidInputError(sorted(unknown)[0], "is not known", "metadata, trajectory, rgb_/depth_/mask_NAME")
-    return EpisodeMetadata.model_validate(document.get("metadata")), trajectory_from_arrays(arrays)
+    return EpisodeMetadata.model_validate(document.get("metadata")), trajectory_from_arrays(arrays, max_frames)
 
 
 @router.get(
@@ -92,6 +95,7 @@ def list_episodes(
     cursor: Cursor = None,
 ) -> Response:
     """Episodes, newest first."""
+    services.limits.check_page(limit)
     with services.store.read() as connection:
         known = {record.name: record for record in tasks.list_all(connection)}
         if task is not None and task not in known:
