@@ -17,6 +17,8 @@ _RULES = tuple(
         # whether an upload has been done already
         ("GET", f"/uploads/{_NAME}", "read", "upload"),
         ("POST", "/episodes", "upload"),
+        # whether an upload that was cut off came through
+        ("GET", f"/uploads/{_NAME}", "read", "upload"),
         # whoever can upload can teach
         ("POST", f"/tasks/{_NAME}/object_models/learn", "upload"),
         ("POST", "/predict", "predict"),
