@@ -116,6 +116,14 @@ def newest_by_task(connection: Connection) -> dict[str, EpisodeRecord]:
     return {row.task: _record(row) for row in connection.execute(query)}
 
 
+def neighbours(connection: Connection, record: EpisodeRecord) -> tuple[str | None, str | None]:
+    """The ids of the next older and the next newer episode of the same task."""
+    ids = select(_EPISODES.c.id).where(_EPISODES.c.task == record.task).limit(1)
+    number = _EPISODES.c.sequence
+    older = connection.scalar(ids.where(number < record.sequence).order_by(number.desc()))
+    return older, connection.scalar(ids.where(number > record.sequence).order_by(number))
+
+
 def all_of(connection: Connection, task: str) -> tuple[EpisodeRecord, ...]:
     """Every episode of a task, oldest first."""
     query = select(*_WITHOUT_TRAJECTORY).where(_EPISODES.c.task == task).order_by(_EPISODES.c.sequence)

@@ -45,13 +45,18 @@ def teach(http, task, place_m, hue=0, **more):
 
 
 @pytest.fixture(scope="session")
-def url(tmp_path_factory):
+def data_folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("web")
+
+
+@pytest.fixture(scope="session")
+def url(data_folder):
     environment = {
         "ROBOPROMPT_SCRIPTED_REPLIES": json.dumps([SCRIPTED_REPLY]),
         "ROBOPROMPT_DEFAULT_MODEL": "regression",
         "ROBOPROMPT_WARM_UP": "false",
     }
-    with running_server(tmp_path_factory.mktemp("web"), environment) as address:
+    with running_server(data_folder, environment) as address:
         yield address
 
 
