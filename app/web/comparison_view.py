@@ -1,6 +1,6 @@
 """Two predictions side by side."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import zip_longest
 from typing import Any
@@ -17,15 +17,16 @@ from app.web.prediction_view import PredictionView
 
 @dataclass(frozen=True)
 class Difference:
-    """A setting of both."""
+    """A setting or cost of both; costs differ from run to run, which says nothing."""
 
     name: str
     one: Any
     other: Any
+    is_cost: bool = False
 
     @property
     def differs(self) -> bool:
-        return bool(self.one != self.other)
+        return bool(not self.is_cost and self.one != self.other)
 
 
 @dataclass(frozen=True)
@@ -87,20 +88,28 @@ def _counts_of(record: PredictionRecord, counts: Sequence[ConfigurationCounts]) 
 
 
 def _differences(one: PredictionRecord, other: PredictionRecord) -> tuple[Difference, ...]:
-    told = [
-        {
-            "task": record.task,
-            "instruction": record.instruction,
-            **configuration(record),
-            "system prompt": record.prompt_system or "none",
-            "demonstrations": [id_[:8] for id_ in record.demonstration_ids],
-            **{f"tokens: {name.removesuffix('_tokens')}": number for name, number in record.usage.items()},
-            **{f"ms: {name}": round(ms) for name, ms in record.timings_ms.items() if name in ("llm", "total")},
-        }
-        for record in (one, other)
-    ]
-    names = dict.fromkeys([*told[0], *told[1]])
-    return tuple(Difference(name.replace("_", " "), told[0].get(name), told[1].get(name)) for name in names)
+    return (*_differences_of(_settings(one), _settings(other)), *_differences_of(_costs(one), _costs(other), True))
+
+
+def _differences_of(one: JsonObject, other: JsonObject, are_costs: bool = False) -> Iterator[Difference]:
+    for name in dict.fromkeys([*one, *other]):
+        yield Difference(name.replace("_", " "), one.get(name), other.get(name), are_costs)
+
+
+def _settings(record: PredictionRecord) -> JsonObject:
+    return {
+        "task": record.task,
+        "instruction": record.instruction,
+        **configuration(record),
+        "system prompt": record.prompt_system or "none",
+        "demonstrations": [id_[:8] for id_ in record.demonstration_ids],
+    }
+
+
+def _costs(record: PredictionRecord) -> JsonObject:
+    tokens = {f"tokens: {name.removesuffix('_tokens')}": number for name, number in record.usage.items()}
+    llm_ms = record.timings_ms.get("llm")
+    return {**tokens, "time of the LLM": None if llm_ms is None else f"{llm_ms:.0f} ms"}
 
 
 def _pair(one: JsonObject | None, other: JsonObject | None) -> ActionPair:

@@ -49,6 +49,7 @@ async function busy(text, work) {
   } finally {
     running = null;
     clearInterval(clock);
+    byId("clock").textContent = "";
     for (const id of ["predict", "show"]) byId(id).disabled = false;
     byId("cancel").hidden = true;
     byId("reply").classList.remove("writing");
