@@ -1,9 +1,9 @@
-# make setup | demo | serve | test | check | format | openapi | lock
+# make setup | demo | serve | test | check | torture | fuzz | soak | growth | format | openapi | lock
 PYTHON ?= python3
 BIN := .venv/bin
 STAMP := .venv/.installed
 
-.PHONY: setup demo serve test check lint format openapi lock clean
+.PHONY: setup demo serve test check torture fuzz soak growth lint format openapi lock clean
 
 setup: $(STAMP)
 
@@ -28,6 +28,13 @@ test: lint
 	$(BIN)/python -m pytest
 
 check: test
+
+# Half an hour; what mounts file systems needs root.
+torture: setup
+	$(BIN)/python -m tests.reliability.torture
+
+fuzz: setup
+	$(BIN)/python -m tests.reliability.fuzz
 
 format: setup
 	$(BIN)/ruff check --fix .
