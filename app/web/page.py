@@ -42,6 +42,7 @@ NAVIGATION = (
     ("Upload", "/ui/upload"),
     ("Predict", "/ui/predict"),
     ("Predictions", "/ui/predictions"),
+    ("Now", "/ui/live"),
     ("API", "/docs"),
 )
 

@@ -84,7 +84,8 @@ def episode_image(services: Wired, episode_id: str, camera: str, kind: ImageKind
 async def predict_prompt(request: Request, services: Wired) -> Response:
     """The prompt that a request to `/predict` would put to its LLM, in colours, and the scene; no LLM is asked."""
     body = await read_body(request)
-    wish, _ = await run_in_threadpool(read_question, body) if body.parts else read_question(body)
+    limits = services.limits
+    wish, _ = await run_in_threadpool(read_question, body, limits) if body.parts else read_question(body, limits)
     question = await services.predict_actions.prepare(wish, {})
     return await run_in_threadpool(_prompt_part, request, services, question)
 
