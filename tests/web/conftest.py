@@ -2,6 +2,7 @@
 
 import json
 import time
+from contextlib import contextmanager
 
 import cv2
 import httpx
@@ -98,6 +99,13 @@ def context(browser, url):
 
 @pytest.fixture
 def page(context, url, seeded):
+    """See `watched_page`."""
+    with watched_page(context, url) as page:
+        yield page
+
+
+@contextmanager
+def watched_page(context, url):
     """A page whose console must stay free of errors, and which must talk to no other host.
 
     A test that makes the service refuse something on purpose lists the status in `page.expected_refusals`.
