@@ -15,6 +15,7 @@ export async function drawScene(place, scene) {
     path(scene.path),
     ...triads("frames", scene.frames, FRAME_M),
     ...triads("objects", scene.objects.filter((item) => item.axes), OBJECT_M),
+    shown(scene.shown ?? []),
     ends(scene.frames),
     objects(scene.objects),
   ];
@@ -46,7 +47,8 @@ function sceneLayout(scene) {
 
 /** From below the least to above the greatest coordinate of workspace, path and objects: nothing touches the edge. */
 function span(scene, k) {
-  const values = [scene.workspace.min, scene.workspace.max, ...scene.path, ...scene.objects.map((item) => item.position)];
+  const objects = [...scene.objects, ...(scene.shown ?? [])];
+  const values = [scene.workspace.min, scene.workspace.max, ...scene.path, ...objects.map((item) => item.position)];
   const along = values.map((point) => point[k]);
   return [Math.min(...along) - MARGIN_M, Math.max(...along) + MARGIN_M];
 }
@@ -104,4 +106,18 @@ function objects(items) {
     textfont: { color: colour("object") },
     marker: { size: 6, color: colour("object"), symbol: "square" },
   });
+}
+
+/** Where demonstrations have the objects. */
+function shown(items) {
+  return markers(items, { name: "shown", mode: "markers", marker: { size: 4, color: colour("object"), symbol: "circle", opacity: 0.35 } });
+}
+
+/** The directions of x, y and z, a row each, as `frame` of app/web/scene.py gives them. */
+export function axesOf([x, y, z, w]) {
+  return [
+    [1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)],
+    [2 * (x * y - z * w), 1 - 2 * (x * x + z * z), 2 * (y * z + x * w)],
+    [2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y)],
+  ];
 }
