@@ -1,9 +1,9 @@
-# make setup | demo | serve | test | check | format | openapi | lock
+# make setup | demo | serve | test | check | torture | fuzz | soak | growth | format | openapi | lock
 PYTHON ?= python3
 BIN := .venv/bin
 STAMP := .venv/.installed
 
-.PHONY: setup demo serve test check lint format openapi lock clean
+.PHONY: setup demo serve test check torture fuzz soak growth lint format openapi lock clean
 
 setup: $(STAMP)
 
@@ -29,6 +29,13 @@ test: lint
 
 check: test
 
+# Half an hour; what mounts file systems needs root.
+torture: setup
+	$(BIN)/python -m tests.reliability.torture
+
+fuzz: setup
+	$(BIN)/python -m tests.reliability.fuzz
+
 format: setup
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
@@ -38,7 +45,7 @@ openapi: setup
 
 # Versions and hashes only: the lock names no package registry.
 lock:
-	$(BIN)/uv pip compile pyproject.toml --extra server --extra sim --extra dev --universal --python-version 3.11 \
+	$(BIN)/uv pip compile pyproject.toml --extra server --extra sim --extra datasets --extra dev --universal --python-version 3.11 \
 		--generate-hashes --no-annotate --no-header --no-emit-index-url --quiet --output-file requirements.lock
 
 clean:

@@ -8,15 +8,21 @@ from importlib.metadata import version
 
 from fastapi import FastAPI
 
+from app.api.access import Access
 from app.api.app import create_app
+from app.api.redaction import hide_keys_in_access_log
 from app.llm.base import LanguageModelError
 from app.llm.registry import ModelRegistry
 from app.llm.settings import LlmSettings
+from app.services.addresses import is_loopback
 from app.services.container import Services
+from app.services.limits import Limits
+from app.services.pose_servers import PoseServers
 from app.settings import MEGABYTE, Settings
 from app.store.store import Store
 from app.web.site import install_pages
 
+DEFAULT_RATE_PER_S = 20.0
 logger = logging.getLogger(__name__)
 
 
@@ -51,6 +57,22 @@ def llm_settings(settings: Settings) -> LlmSettings:
     )
 
 
+def limits_of(settings: Settings) -> Limits:
+    """How much a request may ask for."""
+    return Limits(
+        max_image_pixels=int(settings.max_image_megapixels * MEGABYTE),
+        max_unpacked_bytes=int(settings.max_unpacked_mb * MEGABYTE),
+        max_frames=settings.max_frames,
+        max_objects=settings.max_objects,
+        max_cameras=settings.max_cameras,
+        max_name_chars=settings.max_name_chars,
+        max_instruction_chars=settings.max_instruction_chars,
+        max_prompt_chars=settings.max_prompt_chars,
+        max_page_size=settings.max_page_size,
+        model_files=settings.host is not None and is_loopback(settings.host) and settings.auth != "on",
+    )
+
+
 def open_store(settings: Settings) -> Store:
     """The store of these settings, at the newest schema. Blocking.
 
@@ -69,7 +91,8 @@ async def open_services(settings: Settings) -> AsyncIterator[Services]:
     """
     store = await asyncio.to_thread(open_store, settings)
     models = ModelRegistry(llm_settings(settings))
-    services = Services.wire(store, models, settings.default_model)
+    pose_servers = PoseServers(settings.pose_servers)
+    services = Services.wire(store, models, settings.default_model, limits_of(settings), pose_servers)
     background: list[asyncio.Task[object]] = [asyncio.create_task(asyncio.to_thread(store.sweep_once))]
     if settings.warm_up:
         background.append(asyncio.create_task(_warm_up(services)))
@@ -89,8 +112,25 @@ async def _warm_up(services: Services) -> None:
         logger.warning("the default model is not available: %s", error)
 
 
+def access_for(settings: Settings) -> Access:
+    """What is demanded of requests."""
+    local = settings.host is not None and is_loopback(settings.host)
+    required = settings.auth == "on" or (settings.auth == "auto" and not local)
+    rate = settings.rate_limit_per_s
+    return Access(
+        key_required=required,
+        local_only=settings.auth == "auto" and local,
+        requests_per_s=rate if rate is not None else DEFAULT_RATE_PER_S if required else 0.0,
+        burst=settings.rate_limit_burst,
+        max_query_chars=settings.max_query_chars,
+    )
+
+
 def build_app(settings: Settings) -> FastAPI:
     """The ASGI application for these settings: the API and the pages."""
-    app = create_app(lambda: open_services(settings), version("roboprompt"), int(settings.max_body_mb * MEGABYTE))
+    hide_keys_in_access_log()
+    max_body_bytes = int(settings.max_body_mb * MEGABYTE)
+    access = access_for(settings)
+    app = create_app(lambda: open_services(settings), version("roboprompt"), max_body_bytes, access)
     install_pages(app)
     return app

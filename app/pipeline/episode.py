@@ -23,9 +23,16 @@ ROTATION_MATRIX_TOLERANCE = 1e-3
 OPTICAL_CENTRE_TOLERANCE = 0.25  # of the image's size: no lens is that far off-centre, other image sizes are
 # Names and instructions become part of the prompt: the characters that give the prompt its structure stay out of them.
 NAME_PATTERN = re.compile(r"[A-Za-z0-9](?:[A-Za-z0-9 _.\-]{0,62}[A-Za-z0-9])?")
+MAX_NAME_CHARS = 64  # as the pattern and the store have it
+MAX_INSTRUCTION_CHARS = 500
 NAME_RULE = "1 to 64 letters, digits, spaces, '_', '-' or '.', beginning and ending with a letter or digit"
-INSTRUCTION_FORBIDDEN = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff{}\[\]<>;]")
-INSTRUCTION_RULE = "1 to 500 characters on one line, without { } [ ] < > ;"
+# Besides: control characters, line separators, surrogates, and what is invisible or turns the direction of writing, in
+# which a reader would not see what the LLM reads. The joiners U+200C and U+200D belong to the spelling of languages.
+INSTRUCTION_FORBIDDEN = re.compile(
+    r"[\x00-\x1f\x7f-\x9f{}\[\]<>;\u00ad\u061c\u180e\u200b\u200e\u200f\u2028-\u202e\u2060-\u206f\ud800-\udfff"
+    r"\ufeff\ufff9-\uffff\U000e0000-\U000e0fff]"
+)
+INSTRUCTION_RULE = "1 to 500 visible characters on one line, without { } [ ] < > ;"
 
 
 def finite_array(name: str, value: npt.ArrayLike, shape: tuple[int | None, ...]) -> Array:
@@ -56,11 +63,12 @@ def unit_quaternions(name: str, value: npt.ArrayLike, shape: tuple[int | None, .
     quaternions = finite_array(name, value, shape)
     with np.errstate(over="ignore"):  # an infinite norm is refused like any other
         norms = np.linalg.norm(quaternions, axis=-1, keepdims=True)
-    if (worst := float(np.abs(norms - 1).max(initial=0))) > QUATERNION_NORM_TOLERANCE:
+    deviations = np.abs(norms - 1)
+    if (worst := float(deviations.max(initial=0))) > QUATERNION_NORM_TOLERANCE:
         message = f"has a norm that differs from 1 by {worst:.3g}"
         raise InvalidInputError(name, message, "unit quaternions, order x y z w")
     # What is a unit quaternion already stays as it is, bit by bit: dividing again would change the last one.
-    unit: Array = np.where(np.abs(norms - 1) <= UNIT_NORM_ROUNDING, quaternions, quaternions / norms)
+    unit: Array = np.where(deviations <= UNIT_NORM_ROUNDING, quaternions, quaternions / norms)
     unit.flags.writeable = False
     return unit
 
@@ -75,7 +83,7 @@ def checked_name(name: str, value: str) -> str:
 def checked_instruction(name: str, value: str) -> str:
     """`value` stripped, if it may stand in a prompt as an instruction."""
     text = value.strip()
-    if not 1 <= len(text) <= 500 or INSTRUCTION_FORBIDDEN.search(text):
+    if not 1 <= len(text) <= MAX_INSTRUCTION_CHARS or INSTRUCTION_FORBIDDEN.search(text):
         raise InvalidInputError(name, f"{text[:80]!r} is not a valid instruction", INSTRUCTION_RULE)
     return text
 

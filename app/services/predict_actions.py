@@ -7,17 +7,20 @@ from dataclasses import asdict, dataclass, replace
 
 import anyio.to_thread
 
-from app.llm.base import Completion, LanguageModelError
+from app.llm.base import Completion, LanguageModelError, ModelProfile, TextDelta
 from app.llm.registry import ModelRegistry
 from app.pipeline.episode import EndEffectorAction
 from app.pipeline.errors import ReplyParseError, UnsafeActionError
 from app.pipeline.motion_limits import MotionGuard
 from app.pipeline.prompt import Prompt
-from app.pipeline.workspace import DiscreteAction, discretize_action
+from app.pipeline.workspace import DiscreteAction, discretize_actions
 from app.services.dialogue import Dialogue
 from app.services.errors import UnparsableReplyError, UnsafeReplyError
+from app.services.limits import Limits
 from app.services.metrics import Metrics
+from app.services.pose_servers import PoseServers
 from app.services.question import PredictRequest, Question, QuestionWriter
+from app.services.sampled_dialogue import SampledDialogue
 from app.services.stored_images import put_images
 from app.services.timing import timed
 from app.store import predictions
@@ -50,6 +53,7 @@ class Prediction:
 
     Attributes:
         prompt: the last that the LLM was asked: with several instructions it holds the replies to those before.
+        samples: where several replies were asked for, each of them.
     """
 
     id: str
@@ -58,16 +62,32 @@ class Prediction:
     actions: tuple[PredictedAction, ...]
     completion: Completion
     timings_ms: dict[str, float]
+    samples: tuple[JsonObject, ...] | None = None
 
 
 class PredictActions:
     """Asks an LLM for actions. The event loop waits for nothing but the LLM; the rest runs in threads."""
 
-    def __init__(self, store: Store, models: ModelRegistry, default_model: str, metrics: Metrics) -> None:
+    def __init__(
+        self,
+        store: Store,
+        models: ModelRegistry,
+        default_model: str,
+        metrics: Metrics,
+        limits: Limits,
+        pose_servers: PoseServers,
+    ) -> None:
         self._store = store
         self._models = models
         self._metrics = metrics
-        self._write_question = QuestionWriter(store, lambda name: models.get(name or default_model).profile)
+        self._default_model = default_model
+        self._limits = limits
+        self._write_question = QuestionWriter(store, self._profile, limits, pose_servers)
+
+    def _profile(self, name: str | None) -> ModelProfile:
+        if name is not None and name != self._default_model:
+            self._limits.check_model(name)
+        return self._models.get(name or self._default_model).profile
 
     async def prepare(self, request: PredictRequest, timings_ms: dict[str, float]) -> Question:
         """The question as it would be put to the LLM, which is not called.
@@ -94,8 +114,8 @@ class PredictActions:
 
     async def answer(
         self, question: Question, timings_ms: dict[str, float], started_s: float, *, piecewise: bool
-    ) -> AsyncGenerator[PredictedAction | Prediction, None]:
-        """The actions as they become complete, then the whole prediction, recorded.
+    ) -> AsyncGenerator[PredictedAction | TextDelta | Prediction, None]:
+        """The actions (and, if wished, pieces of text) as they become complete, then the whole prediction, recorded.
 
         Args:
             started_s: when the request came, by `time.perf_counter`.
@@ -106,18 +126,25 @@ class PredictActions:
             UnparsableReplyError: if its reply is not a list of valid actions; recorded, carries the reply.
             UnsafeReplyError: if an action is beyond a bound of motion; recorded, carries the reply.
         """
-        dialogue = Dialogue(question, self._models.get(question.profile.name), timings_ms)
+        kind = SampledDialogue if question.samples else Dialogue
+        dialogue = kind(question, self._models.get(question.profile.name), timings_ms)
         actions: list[PredictedAction] = []
         workspace = question.settings.workspace.workspace()
         limits = question.settings.limits_of_motion()
         guard = MotionGuard(limits, question.request.max_actions, question.end_effector)
         try:
             async with aclosing(dialogue.actions(piecewise=piecewise)) as arriving:
-                async for action in arriving:
-                    guard.check(action)
+                async for arrived in arriving:
+                    if isinstance(arrived, TextDelta):
+                        yield arrived
+                        continue
+                    for action in arrived:
+                        guard.check(action)
                     timings_ms.setdefault("first_action", (time.perf_counter() - started_s) * 1000)
-                    actions.append(PredictedAction(action, discretize_action(action, workspace)))
-                    yield actions[-1]
+                    new = list(map(PredictedAction, arrived, discretize_actions(arrived, workspace)))
+                    actions += new
+                    for item in new:
+                        yield item
         except ReplyParseError as error:
             id_ = await self._record(question, "parse_error", timings_ms, dialogue, error=error.message)
             self._observe(question, "parse_error", timings_ms, dialogue)
@@ -136,14 +163,14 @@ class PredictActions:
         timings_ms["outside_llm"] = timings_ms["total"] - timings_ms["llm"]
         self._observe(question, "ok", timings_ms, dialogue)
         completion = Completion(dialogue.reply_text or "", dialogue.usage)
-        yield Prediction(id_, question, dialogue.prompt, tuple(actions), completion, timings_ms)
+        yield Prediction(id_, question, dialogue.prompt, tuple(actions), completion, timings_ms, dialogue.samples)
 
     async def _record(
         self,
         question: Question,
         status: PredictionStatus,
         timings_ms: dict[str, float],
-        dialogue: Dialogue,
+        dialogue: Dialogue | SampledDialogue,
         actions: tuple[PredictedAction, ...] | None = None,
         error: str | None = None,
     ) -> str:
@@ -165,6 +192,7 @@ class PredictActions:
             timings_ms=dict(timings_ms),
             step=question.step,
             objects=tuple(map(ObjectRecord.of, question.observed)),
+            samples=dialogue.samples,
         )
 
         def write() -> str:
@@ -175,7 +203,11 @@ class PredictActions:
         return await anyio.to_thread.run_sync(write)
 
     def _observe(
-        self, question: Question, status: PredictionStatus, timings_ms: dict[str, float], dialogue: Dialogue
+        self,
+        question: Question,
+        status: PredictionStatus,
+        timings_ms: dict[str, float],
+        dialogue: Dialogue | SampledDialogue,
     ) -> None:
         style, model = question.style, question.profile.name
         self._metrics.observe_prediction(model, style.representation, status, timings_ms, asdict(dialogue.usage))

@@ -1,6 +1,7 @@
 """What can be set per task. Everything has a default; a first upload creates the task with it."""
 
 import json
+import re
 from collections.abc import Iterable
 from dataclasses import replace
 from typing import Annotated, Any, Literal, Self
@@ -23,7 +24,17 @@ from app.pipeline.workspace import RLBENCH_MAX_M, RLBENCH_MIN_M, Workspace
 Point = tuple[float, float, float]
 Representation = Literal["absolute", "object_frame", "action_tokens"]
 PromptFormat = Literal["paper", "authors", "kat"]
-SystemPrompt = Annotated[str, Field(max_length=MAX_SYSTEM_PROMPT_CHARS)]
+_CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f]")
+
+
+def plain_text(value: str) -> str:
+    """`value`, if it has no control characters but tabs and line ends: databases and logs do not take all of them."""
+    if found := _CONTROL.search(value):
+        raise ValueError(f"has the control character {found[0]!r} at {found.start()}")
+    return value
+
+
+SystemPrompt = Annotated[str, Field(max_length=MAX_SYSTEM_PROMPT_CHARS), AfterValidator(plain_text)]
 
 
 class _Settings(BaseModel):

@@ -1,9 +1,7 @@
 """The part of a prompt that does not depend on the query, made once per task version and format."""
 
 import hashlib
-import threading
-from collections import OrderedDict
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from app.pipeline.closed_loop import ClosedLoopTemplate
@@ -14,7 +12,7 @@ from app.pipeline.representation.base import Codec
 from app.pipeline.workspace import Workspace
 from app.services.task_settings import TaskSettings
 
-CAPACITY = 256
+CAPACITY = 256  # templates that are kept
 
 
 @dataclass(frozen=True)
@@ -34,16 +32,12 @@ class PromptStyle:
 
 @dataclass(frozen=True)
 class TemplateKey:
-    """What a template depends on: nothing else may change its bytes.
-
-    Attributes:
-        demonstrations: how they were selected, or their ids.
-    """
+    """What a template depends on: nothing else may change its bytes."""
 
     task: str
     version: int
     style: PromptStyle
-    demonstrations: tuple[str | int, ...]
+    demonstration_ids: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,28 +55,6 @@ class Template:
     def at_step(self, step: int) -> PromptTemplate:
         """The template for a step of a closed loop; without one there is only step 0."""
         return self.prompt.at_step(step) if isinstance(self.prompt, ClosedLoopTemplate) else self.prompt
-
-
-class TemplateCache:
-    """The most recently used templates. Safe for concurrent use."""
-
-    def __init__(self, capacity: int = CAPACITY) -> None:
-        self._capacity = capacity
-        self._templates: OrderedDict[TemplateKey, Template] = OrderedDict()
-        self._lock = threading.Lock()
-
-    def get(self, key: TemplateKey, make: Callable[[], Template]) -> Template:
-        """The template of that key, made if it is not there."""
-        with self._lock:
-            if (found := self._templates.get(key)) is not None:
-                self._templates.move_to_end(key)
-                return found
-        template = make()
-        with self._lock:
-            self._templates[key] = template
-            while len(self._templates) > self._capacity:
-                self._templates.popitem(last=False)
-        return template
 
 
 def make_template(demonstrations: Sequence[Demonstration], settings: TaskSettings, style: PromptStyle) -> Template:

@@ -12,11 +12,16 @@ from app.pipeline.episode import Trajectory
 from app.store import tables, tasks, trajectories
 from app.store.errors import NotFoundError
 from app.store.pages import Page, fetch_page
-from app.store.records import DemonstrationRecord, EpisodeDraft, EpisodeRecord, Extraction
+from app.store.records import DemonstrationRecord, EpisodeDraft, EpisodeRecord, Extraction, SceneRecord
 from app.store.values import CameraRecord, KeyframeRecord, ObjectRecord
 
 _EPISODES = tables.episodes
 _WITHOUT_TRAJECTORY = [column for column in _EPISODES.c if column is not _EPISODES.c.trajectory]
+_SCENES = (
+    select(_EPISODES.c.id, _EPISODES.c.objects)
+    .where(_EPISODES.c.task == bindparam("task"))
+    .order_by(_EPISODES.c.sequence)
+)
 _FOR_PROMPTS = [_EPISODES.c[name] for name in ("id", "task", "instruction", "objects", "keyframes")]
 
 
@@ -33,6 +38,7 @@ def add(connection: Connection, draft: EpisodeDraft) -> EpisodeRecord:
         "control_frequency_hz": draft.control_frequency_hz,
         "created_at": datetime.now(UTC),
         "extra": draft.extra,
+        "prediction_id": draft.prediction_id,
     }
     encoded = {
         **_extraction_json(draft.keyframes, draft.objects),
@@ -64,6 +70,11 @@ def get(connection: Connection, episode_id: str) -> EpisodeRecord:
     if row is None:
         raise NotFoundError("episode", episode_id)
     return _record(row)
+
+
+def exist(connection: Connection, episode_id: str) -> bool:
+    """Whether there is an episode of that id."""
+    return bool(connection.scalar(select(exists().where(_EPISODES.c.id == episode_id))))
 
 
 def get_trajectory(connection: Connection, episode_id: str) -> Trajectory:
@@ -158,6 +169,12 @@ def demonstrations(
     rows = connection.execute(query, {"task": task, "instruction": instruction, "limit": limit})
     records = tuple(_demonstration(row) for row in rows)
     return records if order == "first" else records[::-1]
+
+
+def scenes(connection: Connection, task: str) -> tuple[SceneRecord, ...]:
+    """The objects of every episode of the task, oldest first."""
+    rows = connection.execute(_SCENES, {"task": task})
+    return tuple(SceneRecord(row.id, tuple(map(ObjectRecord.from_json, row.objects))) for row in rows)
 
 
 @cache

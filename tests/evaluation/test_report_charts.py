@@ -10,9 +10,9 @@ from app.evaluation.report.results import Result
 from app.evaluation.report.speed_plot import speed_plot
 from app.evaluation.report.theme import DARK, LIGHT, THEMES
 from app.evaluation.report.units import duration_text, tokens_text
-from app.evaluation.statistics import SuccessRate
 from app.pipeline.episode import Trajectory
 from app.pipeline.keyframes import SIMULATION_DELTA_RAD_S
+from app.pipeline.success_rate import SuccessRate
 
 
 def trajectory(timestamps_s=None):

@@ -75,6 +75,16 @@ def test_the_paper_s_example():
     ]
 
 
+def test_kat_s_format():
+    prompt, actions = prompt_and_actions("action_tokens", "kat", INSTRUCTIONS[0])
+    spans = prompt_spans(prompt, "action_tokens", "kat")
+    assert "".join(span.text for span in spans) == prompt
+    assert len(texts(spans, "object")) == 3
+    assert texts(spans, "action") == actions
+    assert len(texts(spans, "separator")) == 2
+    assert [span.kind for span in prompt_spans(actions[0], "action_tokens", "kat")] == ["action"]
+
+
 def test_the_object_frame_s_example():
     text = "A red button 40 41 17 36; push it > 1 A w: +0 +0 +14 0 36 36 0; 2 A o: +0 -1 +0 0 36 36 1\n"
     assert [(span.kind, span.text) for span in prompt_spans(text, "object_frame", "paper")] == [

@@ -11,6 +11,7 @@ from alembic import command
 from alembic.autogenerate import compare_metadata
 from alembic.migration import MigrationContext
 from alembic.operations import Operations
+from alembic.script import ScriptDirectory
 from alembic.util import CommandError
 from sqlalchemy import Integer, inspect, text
 
@@ -21,7 +22,7 @@ from app.store.migration import alembic_config, migrate, migration_transaction
 from app.store.store import Store
 from app.store.tables import metadata
 
-from .drafts import TASK, episode_draft, upload
+from .drafts import TASK, episode_draft, predict, prediction_draft, upload
 
 
 @pytest.fixture
@@ -69,6 +70,42 @@ def test_down_and_up_again(either: Database) -> None:
     assert tables_in(either) == {"alembic_version"}
     migrate(either)
     assert tables_in(either) == everything
+
+
+def rows_of(database: Database, columns: dict[str, list[str]]) -> dict[str, list[object]]:
+    with database.read() as connection:
+        return {
+            name: sorted(map(repr, connection.execute(text(f"SELECT {', '.join(chosen)} FROM {name}"))))
+            for name, chosen in columns.items()
+        }
+
+
+def test_down_and_up_again_on_a_filled_database(tmp_path: Path, either: Database) -> None:
+    """Step by step to the first revision and back: what its columns hold comes through."""
+    config, scripts = alembic_config(), ScriptDirectory.from_config(alembic_config())
+    with migration_transaction(either) as connection:
+        config.attributes["connection"] = connection
+        command.upgrade(config, "0001")
+    with either.read() as connection:
+        inspector = inspect(connection)
+        columns = {n: [c["name"] for c in inspector.get_columns(n)] for n in inspector.get_table_names()}
+    columns.pop("alembic_version")
+    store = Store.open(tmp_path, either.engine.url.render_as_string(hide_password=False))
+    for seed in range(3):
+        upload(store, episode_draft(seed))
+        predict(store, prediction_draft(step=seed))
+    store.close()
+    before = rows_of(either, columns)
+    assert len(before["episodes"]) == len(before["predictions"]) == 3
+    revisions = [script.revision for script in scripts.walk_revisions()]  # newest first
+    for direction, targets in ((command.downgrade, revisions[1:]), (command.upgrade, revisions[-2::-1])):
+        for revision in targets:
+            with migration_transaction(either) as connection:
+                config.attributes["connection"] = connection
+                direction(config, revision)
+            assert rows_of(either, columns) == before
+    with either.read() as connection:
+        assert compare_metadata(MigrationContext.configure(connection), metadata) == []
 
 
 def test_migrating_twice_changes_nothing(tmp_path: Path) -> None:
