@@ -2,6 +2,7 @@
 
 import json
 import time
+from contextlib import contextmanager
 
 import cv2
 import httpx
@@ -106,6 +107,12 @@ def page(context, url, seeded):
 
     A test that makes the service refuse something on purpose lists the status in `page.expected_refusals`.
     """
+    with watched_page(context, url) as page:
+        yield page
+
+
+@contextmanager
+def watched_page(context, url):
     page = context.new_page()
     page.set_viewport_size({"width": 1280, "height": 900})
     page.expected_refusals = []
