@@ -107,6 +107,19 @@ def list_page(
     return Page(tuple(_record(row) for row in rows), next_cursor)
 
 
+def by_ids(connection: Connection, task: str, ids: Sequence[str]) -> dict[str, EpisodeRecord]:
+    """Those of the episodes that the task still has, by id, in the order of `ids`."""
+    query = select(*_WITHOUT_TRAJECTORY).where(_EPISODES.c.id.in_(ids))
+    found = {row.id: row for row in connection.execute(query) if row.task == task}
+    return {id_: _record(found[id_]) for id_ in ids if id_ in found}
+
+
+def instructions(connection: Connection, task: str, limit: int = 50) -> tuple[str, ...]:
+    """At most `limit` different instructions of a task's episodes."""
+    query = select(_EPISODES.c.instruction).where(_EPISODES.c.task == task).distinct().limit(limit)
+    return tuple(sorted(connection.scalars(query)))
+
+
 def newest_by_task(connection: Connection) -> dict[str, EpisodeRecord]:
     """The newest episode of every task that has one."""
     newest = select(func.max(_EPISODES.c.sequence)).group_by(_EPISODES.c.task)

@@ -17,7 +17,8 @@ from app.api.access import COOKIE
 from app.api.problems import problem_of
 from app.pipeline.errors import RoboPromptError
 from app.web.assets import PLOTLY_ADDRESS, STATIC_ADDRESS
-from app.web.formats import FILTERS
+from app.web.formats import FILTERS, interval_text
+from app.web.thumbnails import pictured
 
 # plotly.js sets style attributes and draws pictures of its own; scripts come from this server only, none is inline.
 CONTENT_SECURITY_POLICY = "; ".join((
@@ -40,6 +41,9 @@ NAVIGATION = (
     ("Tasks", "/ui/tasks"),
     ("Episodes", "/ui/episodes"),
     ("Upload", "/ui/upload"),
+    ("Predict", "/ui/predict"),
+    ("Predictions", "/ui/predictions"),
+    ("Now", "/ui/live"),
     ("API", "/docs"),
 )
 
@@ -54,7 +58,7 @@ def _environment() -> Environment:
         lstrip_blocks=True,
     )
     environment.filters.update(FILTERS)
-    environment.globals.update(navigation=NAVIGATION)
+    environment.globals.update(navigation=NAVIGATION, interval=interval_text, pictured=pictured)
     return environment
 
 

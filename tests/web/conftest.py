@@ -103,6 +103,13 @@ def context(browser, url):
 
 @pytest.fixture
 def page(context, url, seeded):
+    """See `watched_page`."""
+    with watched_page(context, url) as page:
+        yield page
+
+
+@contextmanager
+def watched_page(context, url):
     """A page whose console must stay free of errors, and which must talk to no other host.
 
     A test that makes the service refuse something on purpose lists the status in `page.expected_refusals`.

@@ -21,6 +21,7 @@ export async function drawScene(place, scene) {
     path(scene.path),
     ...triads("frames", scene.frames, FRAME_M),
     ...triads("objects", scene.objects.filter((item) => item.axes), OBJECT_M),
+    shown(scene.shown ?? []),
     ends(scene.frames),
     objects(scene.objects),
   ];
@@ -72,7 +73,7 @@ function sceneLayout(scene, view) {
 
 /** The range of a coordinate. Of the whole: from below the least to above the greatest, so that nothing touches the edge. */
 function span(scene, k, view) {
-  const places = [...scene.frames, ...scene.objects].map((item) => item.position);
+  const places = [...scene.frames, ...scene.objects, ...(scene.shown ?? [])].map((item) => item.position);
   const close = view === CLOSE && places.length > 0;
   const points = close ? places : [scene.workspace.min, scene.workspace.max, ...scene.path, ...places];
   const margin = close ? CLOSE_MARGIN_M : MARGIN_M;
@@ -108,7 +109,8 @@ function triads(name, items, length_m) {
 function markers(items, more) {
   const [x, y, z] = [0, 1, 2].map((k) => items.map((item) => item.position[k]));
   const place = "%{x:.3f}, %{y:.3f}, %{z:.3f} m<extra></extra>";
-  return { type: "scatter3d", x, y, z, text: items.map((item) => item.label), hovertemplate: `%{hovertext}<br>${place}`, ...more };
+  const text = items.map((item) => item.label);
+  return { type: "scatter3d", x, y, z, text, hovertext: text, hovertemplate: `%{hovertext}<br>${place}`, ...more };
 }
 
 /** The labels of frames, those of one place together at the first of them. */
@@ -121,7 +123,6 @@ function labels(frames) {
 function ends(frames) {
   return markers(frames, {
     text: labels(frames),
-    hovertext: frames.map((item) => item.label),
     name: "frames",
     mode: "markers+text",
     textposition: "top center",
@@ -137,10 +138,23 @@ function ends(frames) {
 function objects(items) {
   return markers(items, {
     name: "objects",
-    hovertext: items.map((item) => item.label),
     mode: "markers+text",
     textposition: "bottom center",
     textfont: { color: colour("object") },
     marker: { size: 6, color: colour("object"), symbol: "square" },
   });
+}
+
+/** Where demonstrations have the objects. */
+function shown(items) {
+  return markers(items, { name: "shown", mode: "markers", marker: { size: 4, color: colour("object"), symbol: "circle", opacity: 0.35 } });
+}
+
+/** The directions of x, y and z, a row each, as `frame` of app/web/scene.py gives them. */
+export function axesOf([x, y, z, w]) {
+  return [
+    [1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)],
+    [2 * (x * y - z * w), 1 - 2 * (x * x + z * z), 2 * (y * z + x * w)],
+    [2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y)],
+  ];
 }
