@@ -23,10 +23,14 @@ SCRIPTED_REPLY = "I would rather not move today."
 
 def until(page, expression, argument=None):
     """Wait until JavaScript says yes; Playwright's own way needs an `eval` in the page, which its policy forbids."""
+    wait_until(lambda: page.evaluate(expression, argument), expression)
+
+
+def wait_until(condition, what=""):
     deadline = time.monotonic() + PATIENCE_S
-    while not page.evaluate(expression, argument):
-        assert time.monotonic() < deadline, f"still not so: {expression}"
-        page.wait_for_timeout(50)
+    while not condition():
+        assert time.monotonic() < deadline, f"still not so: {what}"
+        time.sleep(0.05)
 
 
 def picture(hue):
@@ -110,6 +114,12 @@ def watched_page(context, url):
 
     A test that makes the service refuse something on purpose lists the status in `page.expected_refusals`.
     """
+    with watched_page(context, url) as page:
+        yield page
+
+
+@contextmanager
+def watched_page(context, url):
     page = context.new_page()
     page.set_viewport_size({"width": 1280, "height": 900})
     page.expected_refusals = []
