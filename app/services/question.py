@@ -201,6 +201,20 @@ class QuestionWriter:
         )
         return replace(question, samples=_samples(question, templates)) if request.num_samples > 1 else question
 
+    def usual_template(self, task_name: str) -> Template:
+        """The template of a request that names nothing but the task.
+
+        Raises:
+            as for such a request.
+        """
+        request = PredictRequest(task_name, "", ())
+        with self._store.read() as connection:
+            task = tasks.get(connection, task_name)
+            settings = TaskSettings.model_validate(task.settings)
+            style = _style(request, settings, self._profile_of(None))
+            ids = self._demonstration_ids(connection, request, task, settings, ())
+            return self._template(connection, task, settings, style, ids)
+
     def _look(self, request: PredictRequest, timings_ms: Timings) -> "_Seen":
         """What the images show, found without a transaction open: a server may be asked."""
         with timed(timings_ms, "read"), self._store.read() as connection:
