@@ -16,6 +16,7 @@ from app.client.loop import NotConfirmedError, run_closed_loop, run_task
 from app.client.robot import MotionError, Observation
 from app.evaluation.server import running_server
 from app.pipeline.episode import EndEffectorAction, ObjectPose
+from app.pipeline.motion_limits import MotionLimits
 from tests.episodes import pick_trajectory
 
 PLACES_M = np.random.default_rng(3).uniform([0.0, -0.3, 0.77], [0.4, 0.3, 0.79], (10, 3)).round(4)
@@ -158,7 +159,7 @@ def test_a_service_that_dies_in_the_middle_stops_the_robot():
             RoboPromptClient(f"http://127.0.0.1:{server.server_port}") as client,
             pytest.raises(ServiceUnreachableError, match="ended before it was complete"),
         ):
-            run_task(client, arm, "pick", INSTRUCTION, stream=True)
+            run_task(client, arm, "pick", INSTRUCTION, stream=True, limits=MotionLimits())
         server.shutdown()
     assert [isinstance(entry, EndEffectorAction) for entry in arm.log] == [True, False]
 
