@@ -13,7 +13,7 @@ from app.api.schemas.poses import LearnBody, LearnedOut
 from app.api.schemas.responses import JobOut, TaskList, TaskOut
 from app.services.container import Services
 from app.services.task_settings import TaskSettings
-from app.store import tasks
+from app.store import episodes, tasks
 from app.store.records import JobRecord, TaskRecord
 
 _EXAMPLES: dict[str, Example] = {"press": {"value": examples.TASK}}
@@ -90,5 +90,4 @@ def learn_object_models(services: Wired, name: str, wish: Annotated[LearnBody, B
 
 def _document(services: Services, record: TaskRecord) -> dict[str, object]:
     with services.store.read() as connection:
-        counts = tasks.counts(connection)
-    return task_document(record, counts[record.name].episodes)
+        return task_document(record, episodes.number_of(connection, record.name))
