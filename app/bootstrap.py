@@ -1,6 +1,7 @@
 """The only place that picks the parts and wires them."""
 
 import asyncio
+import atexit
 import contextlib
 import logging
 from collections.abc import AsyncIterator
@@ -111,4 +112,15 @@ async def _warm_up(services: Services) -> None:
 
 def build_app(settings: Settings) -> FastAPI:
     """The ASGI application for these settings."""
-    return create_app(lambda: open_services(settings), version("roboprompt"), int(settings.max_body_mb * MEGABYTE))
+    app = create_app(lambda: open_services(settings), version("roboprompt"), int(settings.max_body_mb * MEGABYTE))
+    if settings.otel_endpoint:
+        _trace(app, settings.otel_endpoint)
+    return app
+
+
+def _trace(app: FastAPI, endpoint: str) -> None:
+    try:
+        from app.telemetry import install_tracing
+    except ModuleNotFoundError as error:
+        raise SystemExit(f"{error}; ROBOPROMPT_OTEL_ENDPOINT needs `pip install roboprompt[otel]`") from error
+    atexit.register(install_tracing(app, endpoint).shutdown)

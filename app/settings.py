@@ -28,6 +28,13 @@ class Settings(BaseSettings):
     max_body_mb: Annotated[float, Field(gt=0, description="larger requests are refused with 413")] = 200
     warm_up: Annotated[bool, Field(description="start the embedded LLM in the background at start-up")] = True
 
+    log_format: Annotated[
+        Literal["text", "json"], Field(description="of the log; json: with ids of requests, tasks and predictions")
+    ] = "text"
+    otel_endpoint: Annotated[
+        str | None, Field(description="OpenTelemetry collector that gets traces, e.g. http://127.0.0.1:4318")
+    ] = None
+
     # The fields of app.llm.settings.LlmSettings, which says what they mean.
     default_model: Annotated[str, Field(description="asked when a request names no model")] = "embedded/gemma-3-270m"
     openai_api_key: Annotated[SecretStr, Field(description="for openai/MODEL")] = SecretStr("")

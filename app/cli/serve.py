@@ -2,7 +2,7 @@
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -22,11 +22,16 @@ def serve(
     import uvicorn
 
     from app.bootstrap import build_app
+    from app.logs import log_as_json
     from app.settings import Settings
 
     settings = Settings() if data is None else Settings(data=data)
     application = build_app(settings) if workers == 1 else _for_workers(settings)
-    uvicorn.run(application, host=host, port=port, workers=workers, log_level="info", timeout_graceful_shutdown=GRACE_S)
+    logging: dict[str, Any] = {"log_level": "info"}
+    if settings.log_format == "json":
+        log_as_json()
+        logging = {"log_config": None, "access_log": False}
+    uvicorn.run(application, host=host, port=port, workers=workers, timeout_graceful_shutdown=GRACE_S, **logging)
 
 
 def _for_workers(settings: "Settings") -> str:

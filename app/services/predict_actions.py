@@ -16,6 +16,7 @@ from app.pipeline.prompt import Prompt
 from app.pipeline.workspace import DiscreteAction, discretize_action
 from app.services.dialogue import Dialogue
 from app.services.errors import UnparsableReplyError, UnsafeReplyError
+from app.services.log_fields import note
 from app.services.metrics import Metrics
 from app.services.question import PredictRequest, Question, QuestionWriter
 from app.services.stored_images import put_images
@@ -75,6 +76,7 @@ class PredictActions:
         Raises:
             as QuestionWriter.
         """
+        note(task=request.task)
         return await anyio.to_thread.run_sync(self._write_question, request, timings_ms)
 
     async def __call__(self, request: PredictRequest) -> Prediction:
@@ -172,7 +174,9 @@ class PredictActions:
             with self._store.write() as connection:
                 return predictions.add(connection, replace(draft, cameras=cameras) if cameras else draft).id
 
-        return await anyio.to_thread.run_sync(write)
+        id_ = await anyio.to_thread.run_sync(write)
+        note(prediction_id=id_)
+        return id_
 
     def _observe(
         self, question: Question, status: PredictionStatus, timings_ms: dict[str, float], dialogue: Dialogue

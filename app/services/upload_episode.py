@@ -11,6 +11,7 @@ from app.pipeline.episode import Episode, checked_name
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.prompt import check_object_names
 from app.services.extraction import Extracted, extract
+from app.services.log_fields import note
 from app.services.stored_images import put_images
 from app.services.task_settings import TaskSettings
 from app.store import episodes, idempotency, tasks
@@ -70,6 +71,7 @@ class UploadEpisode:
             InvalidInputError, ObjectSetError: if the episode does not fit.
             ConflictError: if the idempotency key came with other content.
         """
+        note(task=upload.task)
         if (answer := self._answered(upload)) is not None:
             return answer
         for _ in range(MAX_ATTEMPTS):
