@@ -9,15 +9,22 @@ from importlib.metadata import version
 
 from fastapi import FastAPI
 
+from app.api.access import Access
 from app.api.app import create_app
-from app.llm.base import LanguageModelError
+from app.api.redaction import hide_keys_in_access_log
 from app.llm.registry import ModelRegistry
 from app.llm.settings import LlmSettings
 from app.pipeline.errors import RoboPromptError
+from app.services.addresses import is_loopback
+from app.services.api_keys import has_keys
 from app.services.container import Services
+from app.services.limits import Limits
+from app.services.pose_servers import PoseServers
 from app.settings import MEGABYTE, Settings
 from app.store.store import Store
+from app.web.site import install_pages
 
+DEFAULT_RATE_PER_S = 20.0
 JOB_POLL_S = 1.0
 logger = logging.getLogger(__name__)
 
@@ -53,6 +60,23 @@ def llm_settings(settings: Settings) -> LlmSettings:
     )
 
 
+def limits_of(settings: Settings) -> Limits:
+    """How much a request may ask for."""
+    return Limits(
+        max_image_pixels=int(settings.max_image_megapixels * MEGABYTE),
+        max_unpacked_bytes=int(settings.max_unpacked_mb * MEGABYTE),
+        max_frames=settings.max_frames,
+        max_objects=settings.max_objects,
+        max_cameras=settings.max_cameras,
+        max_name_chars=settings.max_name_chars,
+        max_instruction_chars=settings.max_instruction_chars,
+        max_prompt_chars=settings.max_prompt_chars,
+        max_page_size=settings.max_page_size,
+        allowed_models=settings.allowed_models,
+        model_files=settings.host is not None and is_loopback(settings.host) and settings.auth != "on",
+    )
+
+
 def open_store(settings: Settings) -> Store:
     """The store of these settings, at the newest schema. Blocking.
 
@@ -75,12 +99,23 @@ async def open_services(settings: Settings) -> AsyncIterator[Services]:
         StoreError: if the data folder cannot be used.
     """
     store = await asyncio.to_thread(open_store, settings)
+    if access_for(settings).key_required and not await asyncio.to_thread(has_keys, store):
+        logger.warning("API keys are required and there is none: roboprompt keys create NAME --scope admin")
     models = ModelRegistry(llm_settings(settings))
-    services = Services.wire(store, models, settings.default_model, settings.extract_at_once)
+    pose_servers = PoseServers(settings.pose_servers)
+    services = Services.wire(
+        store,
+        models,
+        settings.default_model,
+        limits_of(settings),
+        pose_servers,
+        extract_at_once=settings.extract_at_once,
+        num_warm_tasks=settings.embedded_slots,
+    )
     jobs = asyncio.create_task(_run_jobs(services))
     background: list[asyncio.Task[object]] = [asyncio.create_task(asyncio.to_thread(store.sweep_once))]
     if settings.warm_up:
-        background.append(asyncio.create_task(_warm_up(services)))
+        background.append(asyncio.create_task(services.prefix_warmer.run()))
     try:
         yield services
     finally:
@@ -103,16 +138,27 @@ async def _run_jobs(services: Services) -> None:
             await services.run_jobs.wait(JOB_POLL_S)
 
 
-async def _warm_up(services: Services) -> None:
-    try:
-        await services.models.warm_up(services.default_model)
-    except LanguageModelError as error:
-        logger.warning("the default model is not available: %s", error)
+def access_for(settings: Settings) -> Access:
+    """What is demanded of requests."""
+    local = settings.host is not None and is_loopback(settings.host)
+    required = settings.auth == "on" or (settings.auth == "auto" and not local)
+    rate = settings.rate_limit_per_s
+    return Access(
+        key_required=required,
+        local_only=settings.auth == "auto" and local,
+        requests_per_s=rate if rate is not None else DEFAULT_RATE_PER_S if required else 0.0,
+        burst=settings.rate_limit_burst,
+        max_query_chars=settings.max_query_chars,
+    )
 
 
 def build_app(settings: Settings) -> FastAPI:
-    """The ASGI application for these settings."""
-    app = create_app(lambda: open_services(settings), version("roboprompt"), int(settings.max_body_mb * MEGABYTE))
+    """The ASGI application for these settings: the API and the pages."""
+    hide_keys_in_access_log()
+    max_body_bytes = int(settings.max_body_mb * MEGABYTE)
+    access = access_for(settings)
+    app = create_app(lambda: open_services(settings), version("roboprompt"), max_body_bytes, access)
+    install_pages(app)
     if settings.otel_endpoint:
         _trace(app, settings.otel_endpoint)
     return app

@@ -1,16 +1,19 @@
 """Stored records -> the JSON documents that clients get (see `schemas.responses`)."""
 
+from collections.abc import Sequence
 from typing import Any
 
 from app.llm.base import ModelProfile
 from app.pipeline.episode import Demonstration
+from app.pipeline.metadata import camera_json
 from app.pipeline.prompt import Prompt
 from app.pipeline.representation import fit_codec
 from app.pipeline.workspace import Workspace, discretize_action, object_bins
 from app.services.predict_actions import Prediction
 from app.services.question import Question
 from app.services.task_settings import TaskSettings
-from app.store.records import EpisodeRecord, JobRecord, PredictionRecord, TaskRecord
+from app.services.task_stats import Standing, TaskStats
+from app.store.records import ConfigurationCounts, EpisodeRecord, JobRecord, PredictionRecord, TaskRecord
 from app.store.values import JsonObject, KeyframeRecord, ObjectRecord
 
 
@@ -34,9 +37,31 @@ def episode_document(record: EpisodeRecord, task: TaskRecord) -> JsonObject:
         "objects": [_object(item, workspace) for item in record.objects],
         "cameras": [camera.name for camera in record.cameras],
         "extra": record.extra,
+        "prediction_id": record.prediction_id,
         "observation_text": codec.observation_text(poses, record.instruction),
         "actions_text": codec.actions_text(demonstration),
         "created_at": record.created_at.isoformat(),
+    }
+
+
+def metadata_document(record: EpisodeRecord) -> JsonObject:
+    """An `EpisodeMetadata`: what was uploaded, to be uploaded elsewhere; no link to a prediction of here."""
+    objects = [
+        {
+            "name": item["name"],
+            "position": item["position_m"],
+            "quaternion_xyzw": item["quaternion_xyzw"],
+            "mask_ids": item["mask_ids"],
+        }
+        for item in record.given_objects
+    ]
+    return {
+        "task": record.task,
+        "instruction": record.instruction,
+        "objects": objects,
+        "cameras": [camera_json(item.camera()) for item in record.cameras],
+        "control_frequency_hz": record.control_frequency_hz,
+        "extra": record.extra,
     }
 
 
@@ -56,6 +81,29 @@ def task_document(record: TaskRecord, num_episodes: int) -> JsonObject:
     names = None if record.object_names is None else list(record.object_names)
     described = {"name": record.name, "version": record.version, "object_names": names, "num_episodes": num_episodes}
     return {**described, **stored}
+
+
+def stats_document(task: str, stats: TaskStats) -> JsonObject:
+    """A `TaskStatsOut`."""
+    configurations = [{**_configuration(item.counts), **_standing(item)} for item in stats.configurations]
+    return {"task": task, **_standing(stats.total), "configurations": configurations}
+
+
+def _configuration(counts: ConfigurationCounts) -> JsonObject:
+    names = ("model", "representation", "prompt_format", "selection", "num_demonstrations", "num_samples")
+    return {name: getattr(counts, name) for name in names}
+
+
+def _standing(standing: Standing) -> JsonObject:
+    counts, rate = standing.counts, standing.rate
+    return {
+        "predictions": counts.predictions,
+        "errors": counts.errors,
+        "successes": counts.successes,
+        "failures": counts.failures,
+        "success_rate": rate.rate if rate.trials else None,
+        "interval": list(rate.interval),
+    }
 
 
 def job_document(record: JobRecord) -> JsonObject:
@@ -94,7 +142,15 @@ def prediction_document(prediction: Prediction) -> JsonObject:
         },
         "timings_ms": prediction.timings_ms,
         "step": prediction.question.step,
+        "samples": _samples(prediction.samples),
     }
+
+
+def _samples(samples: Sequence[JsonObject] | None) -> JsonObject | None:
+    """A `SamplesOut`."""
+    if samples is None:
+        return None
+    return {"asked": len(samples), "used": sum(sample["used"] for sample in samples), "replies": list(samples)}
 
 
 def dry_run_document(question: Question, timings_ms: dict[str, float]) -> JsonObject:
@@ -120,6 +176,7 @@ def stored_prediction_document(record: PredictionRecord) -> JsonObject:
         "usage": record.usage,
         "timings_ms": record.timings_ms,
         "step": record.step,
+        "samples": _samples(record.samples),
         "request": record.request,
         "outcome": outcome,
         "created_at": record.created_at.isoformat(),

@@ -34,7 +34,7 @@ from app.pipeline.errors import (
     UncertainPoseError,
 )
 from app.services.errors import NoDemonstrationsError, UnparsableReplyError, UnsafeReplyError
-from app.store.errors import ConflictError, CorruptDataError, NotFoundError, StoreUnavailableError
+from app.store.errors import ConflictError, CorruptDataError, NotFoundError, StoreError, StoreUnavailableError
 
 MEDIA_TYPE = "application/problem+json"
 MAX_SHOWN = 120  # characters of a bad value that an error repeats
@@ -98,6 +98,17 @@ def install_problem_handlers(app: FastAPI) -> None:
     app.add_exception_handler(Exception, _on_unexpected_error)
 
 
+def problem_of(request: Request, error: Exception) -> JSONResponse:
+    """The response for any error."""
+    if isinstance(error, RoboPromptError):
+        return own_problem(request, error)
+    if isinstance(error, HTTPException):
+        return _on_http_error(request, error)
+    if isinstance(error, RequestValidationError | ValidationError):
+        return _on_validation_error(request, error)
+    return _on_unexpected_error(request, error)
+
+
 def problem(
     kind: Kind,
     detail: str,
@@ -143,6 +154,13 @@ def own_problem(request: Request, error: RoboPromptError) -> JSONResponse:
     wait_s = getattr(error, "retry_after_s", None) or 1.0
     headers = {"Retry-After": str(math.ceil(wait_s))} if kind.status == 503 else None
     return problem(kind, str(error), headers=headers)
+
+
+def store_problem(error: StoreError) -> JSONResponse:
+    """The response where not even the keys can be read."""
+    kind = KINDS[StoreUnavailableError] if isinstance(error, StoreUnavailableError) else _INTERNAL
+    logger.warning("the API keys cannot be read: %s", error)
+    return problem(kind, "the API keys cannot be read", headers={"Retry-After": "1"})
 
 
 def _own_entry(error: InvalidInputError) -> dict[str, Any]:

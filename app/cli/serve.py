@@ -16,22 +16,39 @@ def serve(
     host: Annotated[str, typer.Option(help="address to listen on")] = "127.0.0.1",
     port: Annotated[int, typer.Option(help="port to listen on")] = 8000,
     data: Annotated[Path | None, typer.Option(help="folder of the database and images")] = None,
+    no_auth: Annotated[bool, typer.Option("--no-auth", help="let in whoever can connect, without API keys")] = False,
     workers: Annotated[int, typer.Option(min=1, help="processes that share the port, the store and the LLM")] = 1,
 ) -> None:
-    """Run the service until Ctrl-C. Everything else is set by ROBOPROMPT_ variables, see docs/settings.md."""
+    """Run the service until Ctrl-C.
+
+    Where others than this machine can connect (--host), API keys are required: `roboprompt keys create`.
+    Everything else is set by ROBOPROMPT_ variables, see docs/settings.md.
+    """
     import uvicorn
 
+    from app.api.bounded_head import BoundedHeadProtocol
     from app.bootstrap import build_app
     from app.logs import log_as_json
     from app.settings import Settings
 
-    settings = Settings() if data is None else Settings(data=data)
+    given = {"data": data, "host": host, "auth": "off" if no_auth else None}
+    settings = Settings().model_copy(update={name: value for name, value in given.items() if value is not None})
     application = build_app(settings) if workers == 1 else _for_workers(settings)
     logging: dict[str, Any] = {"log_level": "info"}
     if settings.log_format == "json":
         log_as_json()
         logging = {"log_config": None, "access_log": False}
-    uvicorn.run(application, host=host, port=port, workers=workers, timeout_graceful_shutdown=GRACE_S, **logging)
+    uvicorn.run(
+        application,
+        host=host,
+        port=port,
+        workers=workers,
+        http=BoundedHeadProtocol,
+        ws="none",
+        server_header=False,
+        timeout_graceful_shutdown=GRACE_S,
+        **logging,
+    )
 
 
 def _for_workers(settings: "Settings") -> str:
@@ -42,6 +59,7 @@ def _for_workers(settings: "Settings") -> str:
     from app.bootstrap import open_store
 
     open_store(settings).close()
-    os.environ["ROBOPROMPT_DATA"] = str(settings.data)
+    for name in ("data", "host", "auth"):
+        os.environ[f"ROBOPROMPT_{name.upper()}"] = str(getattr(settings, name))
     os.environ.setdefault("ROBOPROMPT_EMBEDDED_SHARED_FOLDER", str(settings.data / "llm"))
     return "app.asgi:app"

@@ -1,5 +1,6 @@
 """The service as a robot sees it."""
 
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -10,13 +11,15 @@ from uuid import uuid4
 import httpx
 from httpx_sse import SSEError, connect_sse
 
-from app.client.encoding import camera_json, object_json, request_parts
+from app.client.encoding import Part, packed_request, request_parts
 from app.client.errors import ServiceProblemError, ServiceUnreachableError
 from app.client.robot import Observation
 from app.pipeline.episode import EndEffectorAction, Trajectory
+from app.pipeline.metadata import camera_json, object_json
 from app.pipeline.motion_limits import MotionLimits, action_from_json
 from app.pipeline.trajectory_npz import npz_from_trajectory
 
+KEY_VARIABLE = "ROBOPROMPT_API_KEY"
 DEFAULT_URL = "http://127.0.0.1:8000"
 LEARNING_TIMEOUT_S = 600.0
 MARGIN_S = 10.0  # the service answers within the request's own deadline; this is for the way there and back
@@ -42,10 +45,23 @@ class RoboPromptClient:
     Args:
         url: where the service listens.
         connection: an httpx client to use instead of an own one.
+        api_key: where the service requires one; None: the environment's ROBOPROMPT_API_KEY.
+        compress: send images as JPEG and PNG, for a slow network; otherwise as they are, which saves both sides the
+            time to encode and decode them.
     """
 
-    def __init__(self, url: str = DEFAULT_URL, connection: httpx.Client | None = None) -> None:
-        self._http = connection or httpx.Client(base_url=url, timeout=60)
+    def __init__(
+        self,
+        url: str = DEFAULT_URL,
+        connection: httpx.Client | None = None,
+        *,
+        api_key: str | None = None,
+        compress: bool = True,
+    ) -> None:
+        key = os.environ.get(KEY_VARIABLE, "") if api_key is None else api_key
+        headers = {"Authorization": f"Bearer {key}"} if key else {}
+        self._http = connection or httpx.Client(base_url=url, timeout=60, headers=headers)
+        self._compress = compress
 
     def __enter__(self) -> Self:
         return self
@@ -82,12 +98,14 @@ class RoboPromptClient:
         control_frequency_hz: float = 20.0,
         mask_ids: Mapping[str, Sequence[int]] | None = None,
         extra: Mapping[str, Any] | None = None,
+        prediction_id: str | None = None,
     ) -> dict[str, Any]:
         """Store a demonstration; returns the service's description of it.
 
         Args:
             observation: what the robot saw at the first frame.
             mask_ids: for objects whose pixels the masks show, the ids of these; instead of a pose or beside it.
+            prediction_id: of the prediction that the robot carried out with success in this episode.
 
         Raises:
             ServiceProblemError: if the service refuses it.
@@ -99,11 +117,22 @@ class RoboPromptClient:
             **_scene(observation, mask_ids),
             "control_frequency_hz": control_frequency_hz,
             "extra": dict(extra or {}),
+            "prediction_id": prediction_id,
         }
         parts = request_parts(metadata, observation.frames)
         parts["trajectory"] = ("trajectory.npz", npz_from_trajectory(trajectory), "application/octet-stream")
-        # With the key, a request that is sent again after a broken connection stores nothing twice.
-        return self._send("POST", "/episodes", files=parts, headers={"Idempotency-Key": uuid4().hex})
+        return self.upload_parts(parts, uuid4().hex)
+
+    def upload_parts(self, parts: Mapping[str, Part], idempotency_key: str) -> dict[str, Any]:
+        """Store a demonstration that is encoded already: the parts of `POST /episodes`.
+
+        Args:
+            idempotency_key: sent again with the same content it stores nothing twice.
+
+        Raises:
+            ServiceProblemError, ServiceUnreachableError.
+        """
+        return self._send("POST", "/episodes", files=parts, headers={"Idempotency-Key": idempotency_key})
 
     def predict(
         self,
@@ -127,7 +156,7 @@ class RoboPromptClient:
             UnsafeActionError: if what it answers is no action: a number that is not finite, no unit quaternion ...
         """
         wish = {"timeout_s": timeout_s, **options}
-        body = _question(task, instruction, observation, mask_ids, wish)
+        body = self._question(task, instruction, observation, mask_ids, wish)
         return _predicted(self._send("POST", "/predict", timeout=timeout_s + MARGIN_S, **body))
 
     def stream(
@@ -146,7 +175,7 @@ class RoboPromptClient:
             as `predict`; also after actions were given, if the rest of the reply goes wrong or does not come.
         """
         wish = {"timeout_s": timeout_s, **options}
-        body = _question(task, instruction, observation, mask_ids, wish)
+        body = self._question(task, instruction, observation, mask_ids, wish)
         with (
             self._transport_errors("POST", "/predict"),
             connect_sse(self._http, "POST", "/predict", timeout=timeout_s + MARGIN_S, **body) as source,
@@ -190,13 +219,39 @@ class RoboPromptClient:
         """Any document that the service offers, e.g. ``get("/episodes", task="open_drawer")``."""
         return self._send("GET", path, params=parameters)
 
+    def get_bytes(self, path: str, **parameters: Any) -> bytes:  # noqa: ANN401
+        """Any file that the service offers, e.g. ``get_bytes(f"/episodes/{id}/trajectory")``."""
+        return self._request("GET", path, params=parameters).content
+
+    def _question(
+        self,
+        task: str,
+        instruction: str,
+        observation: Observation,
+        mask_ids: Mapping[str, Sequence[int]] | None,
+        wish: Mapping[str, Any],
+    ) -> dict[str, Any]:
+        """The body of a prediction, as arguments of httpx."""
+        document = {"task": task, "instruction": instruction, **_scene(observation, mask_ids), **wish}
+        if (pose := observation.end_effector) is not None:
+            document["end_effector"] = {"position": pose.position_m, "quaternion_xyzw": pose.quaternion_xyzw}
+        if not observation.frames:
+            return {"json": document}
+        if self._compress:
+            return {"files": request_parts(document, observation.frames)}
+        packed = packed_request(document, observation.frames)
+        return {"content": packed, "headers": {"Content-Type": "application/msgpack"}}
+
     def _send(self, method: str, path: str, **arguments: Any) -> dict[str, Any]:  # noqa: ANN401
+        document: dict[str, Any] = self._request(method, path, **arguments).json()
+        return document
+
+    def _request(self, method: str, path: str, **arguments: Any) -> httpx.Response:  # noqa: ANN401
         with self._transport_errors(method, path):
             response = self._http.request(method, path, **arguments)
         if response.is_error:
             raise ServiceProblemError(response.status_code, _problem(response))
-        document: dict[str, Any] = response.json()
-        return document
+        return response
 
     @contextmanager
     def _transport_errors(self, method: str, path: str) -> Iterator[None]:
@@ -205,20 +260,6 @@ class RoboPromptClient:
         except (httpx.TransportError, SSEError) as error:
             where = f"{self._http.base_url}{path.lstrip('/')}"
             raise ServiceUnreachableError(f"{method} {where}: {error or type(error).__name__}") from error
-
-
-def _question(
-    task: str,
-    instruction: str,
-    observation: Observation,
-    mask_ids: Mapping[str, Sequence[int]] | None,
-    wish: Mapping[str, Any],
-) -> dict[str, Any]:
-    """The body of a prediction, as arguments of httpx."""
-    document = {"task": task, "instruction": instruction, **_scene(observation, mask_ids), **wish}
-    if (pose := observation.end_effector) is not None:
-        document["end_effector"] = {"position": pose.position_m, "quaternion_xyzw": pose.quaternion_xyzw}
-    return {"files": request_parts(document, observation.frames)} if observation.frames else {"json": document}
 
 
 def _predicted(answer: Mapping[str, Any]) -> PredictedActions:

@@ -7,7 +7,7 @@ from statistics import fmean
 from typing import TypeVar
 
 from app.evaluation.records import Crash, Evaluation, Method, TaskEvaluation, Trial
-from app.evaluation.statistics import SuccessRate
+from app.pipeline.success_rate import SuccessRate
 
 Outcome = TypeVar("Outcome", Trial, Crash)
 NOTHING = "\N{EN DASH}"

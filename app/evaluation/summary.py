@@ -7,7 +7,7 @@ from typing import Any
 from rich.table import Table
 
 from app.evaluation.records import Evaluation, Trial
-from app.evaluation.statistics import SuccessRate
+from app.pipeline.success_rate import SuccessRate
 
 
 def results_table(evaluation: Evaluation) -> Table:

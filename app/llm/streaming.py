@@ -116,7 +116,8 @@ async def spoken(reply: str, request: CompletionRequest, delay_s: float = 0.0) -
     words = _WORD.findall(reply)
     num_tokens, text = 0, ""
     for word in words[: request.max_tokens]:
-        await asyncio.sleep(delay_s)
+        if delay_s > 0:
+            await asyncio.sleep(delay_s)
         num_tokens += 1
         if piece := stops.feed(word):
             text += piece

@@ -78,10 +78,14 @@ class StepCodec:
     def reply_text(self, rows: Sequence[str]) -> str:
         return self.action.reply_text(rows) if self.action and rows else f" {DONE}"
 
-    def decode_row(self, index: int, row: str, objects: Sequence[ObjectPose], instruction: str) -> EndEffectorAction:
+    def decode_rows(
+        self, first: int, rows: Sequence[str], objects: Sequence[ObjectPose], instruction: str
+    ) -> list[EndEffectorAction]:
         if self.action is None:
-            raise ReplyParseError(f"no demonstration has an action here, expected {DONE!r}", row)
-        return self.action.decode_row(index, row, objects, instruction)
+            if rows:
+                raise ReplyParseError(f"no demonstration has an action here, expected {DONE!r}", rows[0])
+            return []
+        return self.action.decode_rows(first, rows, objects, instruction)
 
 
 @dataclass(frozen=True, eq=False)

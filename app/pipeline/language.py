@@ -2,10 +2,12 @@
 
 import re
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 CLAUSE_SEPARATOR = re.compile(r"\s*,\s*(?:and\s+)?then\s+|\s+(?:and\s+)?then\s+", re.IGNORECASE)
 _WORD = re.compile(r"\w+")
+REMEMBERED = 1024  # results that are kept
 
 
 class _Mention(NamedTuple):
@@ -22,6 +24,11 @@ def mention_order(names: Sequence[str], instruction: str) -> tuple[str, ...]:
     A name is mentioned where it stands as a phrase; one that nowhere does, by its distinctive words: "open the top
     drawer" mentions `drawer_top` among `drawer_bottom` and `drawer_top`.
     """
+    return _mention_order(tuple(names), instruction)
+
+
+@lru_cache(maxsize=REMEMBERED)  # a robot asks with the same instruction again and again
+def _mention_order(names: tuple[str, ...], instruction: str) -> tuple[str, ...]:
     return tuple(dict.fromkeys(mention.name for mention in _mentions(names, _spaced(instruction))))
 
 
@@ -39,6 +46,7 @@ def template(names: Sequence[str], instruction: str) -> str:
     return text
 
 
+@lru_cache(maxsize=REMEMBERED)
 def clauses(instruction: str) -> tuple[str, ...]:
     """The parts that the instruction strings together with "then"."""
     return tuple(CLAUSE_SEPARATOR.split(instruction.strip()))

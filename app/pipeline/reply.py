@@ -63,8 +63,7 @@ class ReplyReader:
             rows = self._codec.rows(text, complete)
             if len(rows) > self._max_actions:
                 raise ReplyParseError(f"the reply has {len(rows)} actions, more than {self._max_actions}", text)
-            new = enumerate(rows[known:], start=known)
-            return [self._codec.decode_row(k, row, self._objects, self._instruction) for k, row in new]
+            return self._codec.decode_rows(known, rows[known:], self._objects, self._instruction)
         except ReplyParseError as error:
             raise ReplyParseError(error.message, text) from None
 

@@ -21,7 +21,9 @@ MAX_FRAMES = 100_000  # 80 minutes at 20 Hz
 _VALID = f"a .npz file with the arrays {', '.join(REQUIRED)}, and optionally {', '.join(OPTIONAL)}"
 
 
-def trajectory_from_npz(data: bytes) -> Trajectory:
+def trajectory_from_npz(
+    data: bytes, max_unpacked_bytes: int = MAX_UNPACKED_BYTES, max_frames: int = MAX_FRAMES
+) -> Trajectory:
     """The trajectory of a .npz file; pickles are never loaded.
 
     Raises:
@@ -31,14 +33,14 @@ def trajectory_from_npz(data: bytes) -> Trajectory:
         raise InvalidInputError("trajectory", "is empty", _VALID)
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            members = _unpack(archive)
+            members = _unpack(archive, max_unpacked_bytes)
     except InvalidInputError:
         raise
     except _UNREADABLE as error:
         raise InvalidInputError("trajectory", f"is not a readable .npz file: {error}", _VALID) from None
     numbers = "a plain array of numbers"
     arrays = {name: array_from_npy(f"trajectory.{name}", member, numbers) for name, member in members.items()}
-    return trajectory_from_arrays(arrays)
+    return trajectory_from_arrays(arrays, max_frames)
 
 
 # What zipfile raises for damaged archives; RuntimeError: encrypted, ValueError: offsets before the file's beginning.
@@ -55,14 +57,14 @@ _UNREADABLE = (
 )
 
 
-def _unpack(archive: zipfile.ZipFile) -> dict[str, bytes]:
+def _unpack(archive: zipfile.ZipFile, max_unpacked_bytes: int) -> dict[str, bytes]:
     unpacked = sum(member.file_size for member in archive.infolist())
-    if unpacked > MAX_UNPACKED_BYTES:
-        raise InvalidInputError("trajectory", f"unpacks to {unpacked} bytes", f"at most {MAX_UNPACKED_BYTES}")
+    if unpacked > max_unpacked_bytes:
+        raise InvalidInputError("trajectory", f"unpacks to {unpacked} bytes", f"at most {max_unpacked_bytes}")
     return {name.removesuffix(".npy"): archive.read(name) for name in archive.namelist()}
 
 
-def trajectory_from_arrays(arrays: Mapping[str, Any]) -> Trajectory:
+def trajectory_from_arrays(arrays: Mapping[str, Any], max_frames: int = MAX_FRAMES) -> Trajectory:
     """The trajectory of named arrays.
 
     Raises:
@@ -72,8 +74,8 @@ def trajectory_from_arrays(arrays: Mapping[str, Any]) -> Trajectory:
         raise InvalidInputError(f"trajectory.{missing[0]}", "is missing", _VALID)
     if unknown := [name for name in arrays if name not in REQUIRED + OPTIONAL]:
         raise InvalidInputError(f"trajectory.{unknown[0]}", "is not known", _VALID)
-    if (num_frames := np.shape(arrays["gripper_open"])[:1]) > (MAX_FRAMES,):
-        raise InvalidInputError("trajectory", f"has {num_frames[0]} frames", f"at most {MAX_FRAMES}")
+    if (num_frames := np.shape(arrays["gripper_open"])[:1]) > (max_frames,):
+        raise InvalidInputError("trajectory", f"has {num_frames[0]} frames", f"at most {max_frames}")
     return Trajectory(
         joint_velocities_rad_s=arrays["joint_velocities"],
         positions_m=arrays["end_effector_positions"],
@@ -87,7 +89,7 @@ def trajectory_from_arrays(arrays: Mapping[str, Any]) -> Trajectory:
 
 
 def npz_from_trajectory(trajectory: Trajectory) -> bytes:
-    """The inverse of `trajectory_from_npz`."""
+    """The inverse of `trajectory_from_npz`; the same trajectory gives the same bytes."""
     arrays: dict[str, Any] = {
         "joint_velocities": trajectory.joint_velocities_rad_s,
         "end_effector_positions": trajectory.positions_m,
@@ -99,5 +101,7 @@ def npz_from_trajectory(trajectory: Trajectory) -> bytes:
         "object_quaternions_xyzw": trajectory.object_quaternions_xyzw,
     }
     stream = io.BytesIO()
-    np.savez_compressed(stream, **{name: array for name, array in arrays.items() if array is not None})
+    # in one order of memory, which the file would tell
+    ordered: dict[str, Any] = {name: np.ascontiguousarray(array) for name, array in arrays.items() if array is not None}
+    np.savez_compressed(stream, **ordered)
     return stream.getvalue()

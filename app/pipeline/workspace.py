@@ -5,6 +5,7 @@ extrinsic (fixed-axis) xyz Euler angles.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -71,26 +72,37 @@ class DiscreteAction:
 
 def position_bins(position_m: npt.ArrayLike, workspace: Workspace) -> tuple[int, int, int]:
     """The bins (0..99) of a position (3,) in the world frame; outside the workspace the nearest bin."""
-    raw = np.floor((np.asarray(position_m) - workspace.min_m) / (workspace.bin_size_m + EDGE_TO_LOWER_BIN))
-    x, y, z = np.clip(raw, 0, POSITION_BINS - 1).astype(int).tolist()
+    x, y, z = _position_bins(np.asarray(position_m), workspace).tolist()
     return x, y, z
 
 
+def _position_bins(positions_m: Array, workspace: Workspace) -> npt.NDArray[np.int_]:
+    """The same of positions (..., 3)."""
+    raw = np.floor((positions_m - workspace.min_m) / (workspace.bin_size_m + EDGE_TO_LOWER_BIN))
+    return np.clip(raw, 0, POSITION_BINS - 1).astype(int)
+
+
 def bin_centre(bins: npt.ArrayLike, workspace: Workspace) -> Array:
-    """The position (3,) in metres at the centre of three position bins."""
+    """The positions (..., 3) in metres at the centres of position bins (..., 3)."""
     centre: Array = workspace.min_m + (np.asarray(bins) + 0.5) * workspace.bin_size_m
     return centre
 
 
 def rotation_bins(rotation: Rotation) -> tuple[int, int, int]:
     """The bins (0..71) of a rotation's extrinsic xyz Euler angles; rounds half to even, bin 72 is bin 0."""
-    euler_deg = rotation.as_euler("xyz", degrees=True, suppress_warnings=True)
-    roll, pitch, yaw = (round((angle + 180) / ROTATION_BIN_DEG) % ROTATION_BINS for angle in euler_deg.tolist())
+    roll, pitch, yaw = _rotation_bins(rotation).tolist()
     return roll, pitch, yaw
 
 
+def _rotation_bins(rotations: Rotation) -> npt.NDArray[np.int_]:
+    """The same of rotations of any shape: (..., 3)."""
+    euler_deg = rotations.as_euler("xyz", degrees=True, suppress_warnings=True)
+    bins: npt.NDArray[np.int_] = np.rint((euler_deg + 180) / ROTATION_BIN_DEG).astype(int) % ROTATION_BINS
+    return bins
+
+
 def rotation_from_bins(bins: npt.ArrayLike) -> Rotation:
-    """The rotation whose extrinsic xyz Euler angles three rotation bins stand for."""
+    """The rotations whose extrinsic xyz Euler angles rotation bins (..., 3) stand for."""
     return Rotation.from_euler("xyz", np.asarray(bins) * ROTATION_BIN_DEG - 180, degrees=True)
 
 
@@ -101,15 +113,34 @@ def yaw_bin(yaw_rad: float) -> int:
 
 def discretize_action(action: EndEffectorAction, workspace: Workspace) -> DiscreteAction:
     """An action's seven bins."""
-    rotation = Rotation.from_quat(action.quaternion_xyzw)
-    bins = (*position_bins(action.position_m, workspace), *rotation_bins(rotation), int(action.gripper_open))
-    return DiscreteAction(bins, clamped=not workspace.contains(action.position_m))
+    return discretize_actions([action], workspace)[0]
 
 
-def undiscretize_action(bins: tuple[int, ...], workspace: Workspace) -> EndEffectorAction:
+def discretize_actions(actions: Sequence[EndEffectorAction], workspace: Workspace) -> list[DiscreteAction]:
+    """The actions' seven bins each."""
+    if not actions:
+        return []
+    positions = _position_bins(np.array([action.position_m for action in actions]), workspace).tolist()
+    rotations = _rotation_bins(Rotation.from_quat([action.quaternion_xyzw for action in actions])).tolist()
+    return [
+        DiscreteAction((*place, *turn, int(action.gripper_open)), clamped=not workspace.contains(action.position_m))
+        for action, place, turn in zip(actions, positions, rotations, strict=True)
+    ]
+
+
+def undiscretize_action(bins: Sequence[int], workspace: Workspace) -> EndEffectorAction:
     """The action at the centre of seven bins."""
-    quaternion_xyzw = rotation_from_bins(bins[3:6]).as_quat(canonical=True)
-    return EndEffectorAction(bin_centre(bins[:3], workspace), quaternion_xyzw, bool(bins[6]))
+    return undiscretize_actions([bins], workspace)[0]
+
+
+def undiscretize_actions(bins: Sequence[Sequence[int]], workspace: Workspace) -> list[EndEffectorAction]:
+    """The actions at the centres of seven bins each."""
+    if not bins:
+        return []
+    numbers = np.array(bins)
+    positions_m = bin_centre(numbers[:, :3], workspace)
+    quaternions_xyzw = rotation_from_bins(numbers[:, 3:6]).as_quat(canonical=True)
+    return list(map(EndEffectorAction, positions_m, quaternions_xyzw, numbers[:, 6].astype(bool).tolist()))
 
 
 def object_bins(pose: ObjectPose, workspace: Workspace) -> tuple[int, ...]:

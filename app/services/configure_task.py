@@ -5,8 +5,9 @@ from typing import Any
 
 from sqlalchemy import Connection
 
-from app.pipeline.episode import checked_name
+from app.pipeline.wording import checked_name
 from app.services.extraction import extract_again
+from app.services.pose_servers import PoseServers
 from app.services.task_settings import TaskSettings
 from app.store import episodes, jobs, tasks
 from app.store.errors import ConflictError, NotFoundError
@@ -24,8 +25,9 @@ class ConfigureTask:
         max_at_once: episodes that a request extracts again itself; more become a job.
     """
 
-    def __init__(self, store: Store, max_at_once: int = MAX_AT_ONCE) -> None:
+    def __init__(self, store: Store, pose_servers: PoseServers, max_at_once: int = MAX_AT_ONCE) -> None:
         self._store = store
+        self._pose_servers = pose_servers
         self._max_at_once = max_at_once
 
     def __call__(self, name: str, changes: Mapping[str, Any]) -> TaskRecord:
@@ -71,6 +73,7 @@ class ConfigureTask:
         old = TaskSettings() if before is None else TaskSettings.model_validate(before.settings)
         new = TaskSettings.model_validate({**old.model_dump(), **changes})
         new.workspace.workspace()
+        self._pose_servers.check(new.object_models)
         if before is not None and before.object_names is not None:
             new.check_models(before.object_names)
         return before, old, new

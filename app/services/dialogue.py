@@ -1,7 +1,7 @@
 """One prediction's talk with an LLM: the parts of an instruction are asked for in turn."""
 
 import time
-from collections.abc import AsyncGenerator
+from collections.abc import AsyncGenerator, Sequence
 from contextlib import aclosing
 from dataclasses import replace
 
@@ -12,6 +12,7 @@ from app.pipeline.prompt import Prompt
 from app.pipeline.reply import ReplyReader
 from app.services.question import Question
 from app.services.timing import Timings, timed
+from app.store.values import JsonObject
 
 MAX_TOKENS_PER_ACTION = 80  # more than any representation needs for a row, a token for each digit
 
@@ -20,6 +21,7 @@ class Dialogue:
     """Asks, reads, and keeps what was said.
 
     Attributes:
+        samples: None: there is one reply.
         prompt: the last that was asked.
         reply_text: every reply so far, also one that broke off; None while there is none.
         usage: the replies' together.
@@ -34,9 +36,12 @@ class Dialogue:
         self.prompt: Prompt = question.prompt
         self.reply_text: str | None = None
         self.usage = Usage()
+        self.samples: tuple[JsonObject, ...] | None = None
 
-    async def actions(self, *, piecewise: bool) -> AsyncGenerator[EndEffectorAction, None]:
-        """The actions of every reply.
+    async def actions(self, *, piecewise: bool) -> AsyncGenerator[Sequence[EndEffectorAction] | TextDelta, None]:
+        """The actions of every reply, as many at a time as became complete together.
+
+        With `piecewise` also its text, if the request wishes it.
 
         Args:
             piecewise: hand out each as soon as its row is complete; otherwise when its reply is.
@@ -47,20 +52,22 @@ class Dialogue:
         """
         question = self._question
         remaining = question.request.max_actions
-        for instruction in question.instructions:
+        for number, instruction in enumerate(question.instructions):
             if remaining <= 0:
                 asked, most = len(question.instructions), question.request.max_actions
                 raise ReplyParseError(f"{most} actions do not carry out all {asked} parts", self.reply_text or "")
-            self.prompt = question.written.ask(question.objects, instruction, remaining, self._so_far)
+            if number > 0:
+                self.prompt = question.written.ask(question.objects, instruction, remaining, self._so_far)
             reader = ReplyReader(question.written.codec, question.objects, instruction, remaining)
             async with aclosing(self._reply(reader, remaining, piecewise=piecewise)) as arriving:
-                async for action in arriving:
-                    remaining -= 1
-                    yield action
+                async for item in arriving:
+                    if not isinstance(item, TextDelta):
+                        remaining -= len(item)
+                    yield item
 
     async def _reply(
         self, reader: ReplyReader, max_actions: int, *, piecewise: bool
-    ) -> AsyncGenerator[EndEffectorAction, None]:
+    ) -> AsyncGenerator[Sequence[EndEffectorAction] | TextDelta, None]:
         """The actions of the reply to the prompt."""
         before, text, num_early = self.reply_text, "", 0
         completion: Completion | None = None
@@ -70,20 +77,23 @@ class Dialogue:
                     completion = piece
                     break
                 text += piece.text
+                said = len(self.reply_text or "")
                 self.reply_text = _joined(before, text)
+                if piecewise and self._question.request.stream_text:
+                    yield TextDelta(self.reply_text[said:])
                 if piecewise:
                     with timed(self._timings_ms, "parse"):
                         new = reader.feed(piece.text)
-                    for action in new:
-                        num_early += 1
-                        yield action
+                    if new:
+                        num_early += len(new)
+                        yield new
         assert completion is not None, "a backend's stream ends with the completion"
         self.reply_text = _joined(before, completion.text)
-        self.usage = _sum(self.usage, completion.usage)
+        self.usage = usage_sum(self.usage, completion.usage)
         with timed(self._timings_ms, "parse"):
             actions = self._finished(reader, completion)
-        for action in actions[num_early:]:
-            yield action
+        if len(actions) > num_early:
+            yield actions[num_early:]
 
     def _finished(self, reader: ReplyReader, completion: Completion) -> tuple[EndEffectorAction, ...]:
         if completion.finish_reason == "length":
@@ -105,6 +115,7 @@ class Dialogue:
             self.prompt,
             max_tokens=max_actions * MAX_TOKENS_PER_ACTION,
             timeout_s=timeout_s,
+            temperature=request.sampling_temperature,
             seed=request.seed,
             cache_key=self._question.template.cache_key,
         )
@@ -124,7 +135,8 @@ def _joined(before: str | None, text: str) -> str:
     return text if before is None else f"{before}\n{text}"
 
 
-def _sum(one: Usage, other: Usage) -> Usage:
+def usage_sum(one: Usage, other: Usage) -> Usage:
+    """The tokens of two completions together."""
     return replace(
         one,
         prompt_tokens=one.prompt_tokens + other.prompt_tokens,

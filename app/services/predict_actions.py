@@ -7,18 +7,20 @@ from dataclasses import asdict, dataclass, replace
 
 import anyio.to_thread
 
-from app.llm.base import Completion, LanguageModelError
+from app.llm.base import Completion, LanguageModelError, TextDelta
 from app.llm.registry import ModelRegistry
 from app.pipeline.episode import EndEffectorAction
 from app.pipeline.errors import ReplyParseError, UnsafeActionError
 from app.pipeline.motion_limits import MotionGuard
 from app.pipeline.prompt import Prompt
-from app.pipeline.workspace import DiscreteAction, discretize_action
+from app.pipeline.workspace import DiscreteAction, discretize_actions
 from app.services.dialogue import Dialogue
 from app.services.errors import UnparsableReplyError, UnsafeReplyError
 from app.services.log_fields import note
 from app.services.metrics import Metrics
+from app.services.prefix_warmer import PrefixWarmer
 from app.services.question import PredictRequest, Question, QuestionWriter
+from app.services.sampled_dialogue import SampledDialogue
 from app.services.stored_images import put_images
 from app.services.timing import timed
 from app.store import predictions
@@ -51,6 +53,7 @@ class Prediction:
 
     Attributes:
         prompt: the last that the LLM was asked: with several instructions it holds the replies to those before.
+        samples: where several replies were asked for, each of them.
     """
 
     id: str
@@ -59,16 +62,25 @@ class Prediction:
     actions: tuple[PredictedAction, ...]
     completion: Completion
     timings_ms: dict[str, float]
+    samples: tuple[JsonObject, ...] | None = None
 
 
 class PredictActions:
     """Asks an LLM for actions. The event loop waits for nothing but the LLM; the rest runs in threads."""
 
-    def __init__(self, store: Store, models: ModelRegistry, default_model: str, metrics: Metrics) -> None:
+    def __init__(
+        self,
+        store: Store,
+        models: ModelRegistry,
+        write_question: QuestionWriter,
+        warmer: PrefixWarmer,
+        metrics: Metrics,
+    ) -> None:
         self._store = store
         self._models = models
+        self._write_question = write_question
+        self._warmer = warmer
         self._metrics = metrics
-        self._write_question = QuestionWriter(store, lambda name: models.get(name or default_model).profile)
 
     async def prepare(self, request: PredictRequest, timings_ms: dict[str, float]) -> Question:
         """The question as it would be put to the LLM, which is not called.
@@ -96,8 +108,8 @@ class PredictActions:
 
     async def answer(
         self, question: Question, timings_ms: dict[str, float], started_s: float, *, piecewise: bool
-    ) -> AsyncGenerator[PredictedAction | Prediction, None]:
-        """The actions as they become complete, then the whole prediction, recorded.
+    ) -> AsyncGenerator[PredictedAction | TextDelta | Prediction, None]:
+        """The actions (and, if wished, pieces of text) as they become complete, then the whole prediction, recorded.
 
         Args:
             started_s: when the request came, by `time.perf_counter`.
@@ -108,18 +120,26 @@ class PredictActions:
             UnparsableReplyError: if its reply is not a list of valid actions; recorded, carries the reply.
             UnsafeReplyError: if an action is beyond a bound of motion; recorded, carries the reply.
         """
-        dialogue = Dialogue(question, self._models.get(question.profile.name), timings_ms)
+        kind = SampledDialogue if question.samples else Dialogue
+        dialogue = kind(question, self._models.get(question.profile.name), timings_ms)
         actions: list[PredictedAction] = []
         workspace = question.settings.workspace.workspace()
         limits = question.settings.limits_of_motion()
         guard = MotionGuard(limits, question.request.max_actions, question.end_effector)
         try:
-            async with aclosing(dialogue.actions(piecewise=piecewise)) as arriving:
-                async for action in arriving:
-                    guard.check(action)
-                    timings_ms.setdefault("first_action", (time.perf_counter() - started_s) * 1000)
-                    actions.append(PredictedAction(action, discretize_action(action, workspace)))
-                    yield actions[-1]
+            with self._warmer.giving_way():
+                async with aclosing(dialogue.actions(piecewise=piecewise)) as arriving:
+                    async for arrived in arriving:
+                        if isinstance(arrived, TextDelta):
+                            yield arrived
+                            continue
+                        for action in arrived:
+                            guard.check(action)
+                        timings_ms.setdefault("first_action", (time.perf_counter() - started_s) * 1000)
+                        new = list(map(PredictedAction, arrived, discretize_actions(arrived, workspace)))
+                        actions += new
+                        for item in new:
+                            yield item
         except ReplyParseError as error:
             id_ = await self._record(question, "parse_error", timings_ms, dialogue, error=error.message)
             self._observe(question, "parse_error", timings_ms, dialogue)
@@ -138,14 +158,14 @@ class PredictActions:
         timings_ms["outside_llm"] = timings_ms["total"] - timings_ms["llm"]
         self._observe(question, "ok", timings_ms, dialogue)
         completion = Completion(dialogue.reply_text or "", dialogue.usage)
-        yield Prediction(id_, question, dialogue.prompt, tuple(actions), completion, timings_ms)
+        yield Prediction(id_, question, dialogue.prompt, tuple(actions), completion, timings_ms, dialogue.samples)
 
     async def _record(
         self,
         question: Question,
         status: PredictionStatus,
         timings_ms: dict[str, float],
-        dialogue: Dialogue,
+        dialogue: Dialogue | SampledDialogue,
         actions: tuple[PredictedAction, ...] | None = None,
         error: str | None = None,
     ) -> str:
@@ -167,6 +187,7 @@ class PredictActions:
             timings_ms=dict(timings_ms),
             step=question.step,
             objects=tuple(map(ObjectRecord.of, question.observed)),
+            samples=dialogue.samples,
         )
 
         def write() -> str:
@@ -179,7 +200,11 @@ class PredictActions:
         return id_
 
     def _observe(
-        self, question: Question, status: PredictionStatus, timings_ms: dict[str, float], dialogue: Dialogue
+        self,
+        question: Question,
+        status: PredictionStatus,
+        timings_ms: dict[str, float],
+        dialogue: Dialogue | SampledDialogue,
     ) -> None:
         style, model = question.style, question.profile.name
         self._metrics.observe_prediction(model, style.representation, status, timings_ms, asdict(dialogue.usage))

@@ -1,44 +1,63 @@
-"""Which of a task's episodes become the demonstrations of a prompt."""
+"""Which of a task's episodes become the demonstrations of a prompt, in the order in which it shows them."""
 
 import random
 from collections.abc import Sequence
 from typing import Literal
 
-import numpy as np
 from sqlalchemy import Connection
 
 from app.pipeline.episode import ObjectPose
+from app.pipeline.selection import most_diverse, nearest_last
+from app.services.cache import Cache
+from app.services.scenes import Scenes, read_scenes
 from app.store import episodes
-from app.store.records import DemonstrationRecord
+from app.store.records import TaskRecord
 
-Selection = Literal["first", "recent", "random", "nearest"]
-
-
-def load_demonstrations(
-    connection: Connection,
-    task: str,
-    selection: Selection,
-    number: int,
-    seed: int,
-    objects: Sequence[ObjectPose],
-) -> tuple[DemonstrationRecord, ...]:
-    """At most `number` episodes of the task, in the order in which the prompt shows them.
-
-    Args:
-        selection: `first` and `recent` by time of upload; `random` by `seed`; `nearest` by the distance of the observed
-            `objects` to the episode's, the nearest last, where a language model heeds it most.
-    """
-    if selection == "random":
-        ids = episodes.list_ids(connection, task)
-        chosen = random.Random(seed).sample(ids, min(number, len(ids)))
-        return episodes.demonstrations_by_id(connection, task, chosen)
-    if selection == "nearest":
-        everything = episodes.demonstrations(connection, task)
-        return tuple(sorted(everything, key=lambda d: _distance_m(d, objects), reverse=True)[-number:])
-    return episodes.demonstrations(connection, task, number, selection)
+Selection = Literal["first", "recent", "random", "nearest", "diverse"]
+MAX_TASKS = 64  # whose scenes are kept: 10,000 episodes of three objects take 1 MB
+MAX_CHOICES = 1024
 
 
-def _distance_m(record: DemonstrationRecord, objects: Sequence[ObjectPose]) -> float:
-    """The sum of the distances between the observed objects and the demonstration's."""
-    stored = {item.name: item.position_m for item in record.objects}
-    return sum(float(np.linalg.norm(pose.position_m - stored[pose.name])) for pose in objects)
+class DemonstrationSelector:
+    """Selects, and remembers per version of a task what does not depend on the observation."""
+
+    def __init__(self) -> None:
+        self._scenes: Cache[tuple[str, int], Scenes] = Cache(MAX_TASKS)
+        self._choices: Cache[tuple[str | int, ...], tuple[str, ...]] = Cache(MAX_CHOICES)
+
+    def __call__(
+        self,
+        connection: Connection,
+        task: TaskRecord,
+        selection: Selection,
+        number: int,
+        seed: int,
+        objects: Sequence[ObjectPose],
+    ) -> tuple[str, ...]:
+        """The ids of at most `number` episodes of the task.
+
+        Args:
+            selection: `first` and `recent` by time of upload; `random` by `seed`; `nearest` by the distance of the
+                observed `objects` to the episode's, the nearest last, where a language model heeds it most; `diverse`
+                those whose objects stand farthest apart, oldest first.
+        """
+        if selection == "nearest":
+            scenes = self._scenes_of(connection, task)
+            return scenes.ids_at(nearest_last(scenes.positions_m, scenes.observed_m(objects), number))
+        key = (task.name, task.version, selection, number, seed if selection == "random" else 0)
+        return self._choices.get(key, lambda: self._choose(connection, task, selection, number, seed))
+
+    def _choose(
+        self, connection: Connection, task: TaskRecord, selection: Selection, number: int, seed: int
+    ) -> tuple[str, ...]:
+        if selection == "random":
+            ids = episodes.list_ids(connection, task.name)
+            return tuple(random.Random(seed).sample(ids, min(number, len(ids))))
+        if selection == "diverse":
+            scenes = self._scenes_of(connection, task)
+            return scenes.ids_at(most_diverse(scenes.positions_m, number))
+        order: Literal["first", "recent"] = "recent" if selection == "recent" else "first"
+        return tuple(record.id for record in episodes.demonstrations(connection, task.name, number, order))
+
+    def _scenes_of(self, connection: Connection, task: TaskRecord) -> Scenes:
+        return self._scenes.get((task.name, task.version), lambda: read_scenes(connection, task.name))

@@ -1,6 +1,7 @@
 """What can be set per task. Everything has a default; a first upload creates the task with it."""
 
 import json
+import re
 from collections.abc import Iterable
 from dataclasses import replace
 from typing import Annotated, Any, Literal, Self
@@ -11,19 +12,30 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInf
 from app.perception.base import ObjectQuery
 from app.perception.models import model_from_json
 from app.perception.registry import pose_estimator
-from app.pipeline.episode import ObjectPose, checked_name
+from app.pipeline.episode import ObjectPose
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.geometry import canonical_pose
 from app.pipeline.keyframes import SIMULATION_DELTA_RAD_S, KeyframeRule, Rule
 from app.pipeline.motion_limits import Box, MotionLimits
 from app.pipeline.prompt import MAX_SYSTEM_PROMPT_CHARS
 from app.pipeline.representation import check_style
+from app.pipeline.wording import checked_name
 from app.pipeline.workspace import RLBENCH_MAX_M, RLBENCH_MIN_M, Workspace
 
 Point = tuple[float, float, float]
 Representation = Literal["absolute", "object_frame", "action_tokens"]
 PromptFormat = Literal["paper", "authors", "kat"]
-SystemPrompt = Annotated[str, Field(max_length=MAX_SYSTEM_PROMPT_CHARS)]
+_CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f]")
+
+
+def plain_text(value: str) -> str:
+    """`value`, if it has no control characters but tabs and line ends: databases and logs do not take all of them."""
+    if found := _CONTROL.search(value):
+        raise ValueError(f"has the control character {found[0]!r} at {found.start()}")
+    return value
+
+
+SystemPrompt = Annotated[str, Field(max_length=MAX_SYSTEM_PROMPT_CHARS), AfterValidator(plain_text)]
 
 
 class _Settings(BaseModel):

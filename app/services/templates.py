@@ -1,9 +1,7 @@
 """The part of a prompt that does not depend on the query, made once per task version and format."""
 
 import hashlib
-import threading
-from collections import OrderedDict
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from app.pipeline.closed_loop import ClosedLoopTemplate
@@ -14,7 +12,7 @@ from app.pipeline.representation.base import Codec
 from app.pipeline.workspace import Workspace
 from app.services.task_settings import TaskSettings
 
-CAPACITY = 256
+CAPACITY = 256  # templates that are kept
 
 
 @dataclass(frozen=True)
@@ -34,16 +32,12 @@ class PromptStyle:
 
 @dataclass(frozen=True)
 class TemplateKey:
-    """What a template depends on: nothing else may change its bytes.
-
-    Attributes:
-        demonstrations: how they were selected, or their ids.
-    """
+    """What a template depends on: nothing else may change its bytes."""
 
     task: str
     version: int
     style: PromptStyle
-    demonstrations: tuple[str | int, ...]
+    demonstration_ids: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,41 +57,20 @@ class Template:
         return self.prompt.at_step(step) if isinstance(self.prompt, ClosedLoopTemplate) else self.prompt
 
 
-class TemplateCache:
-    """The most recently used templates. Safe for concurrent use."""
-
-    def __init__(self, capacity: int = CAPACITY) -> None:
-        self._capacity = capacity
-        self._templates: OrderedDict[TemplateKey, Template] = OrderedDict()
-        self._lock = threading.Lock()
-
-    def get(self, key: TemplateKey, make: Callable[[], Template]) -> Template:
-        """The template of that key, made if it is not there."""
-        with self._lock:
-            if (found := self._templates.get(key)) is not None:
-                self._templates.move_to_end(key)
-                return found
-        template = make()
-        with self._lock:
-            self._templates[key] = template
-            while len(self._templates) > self._capacity:
-                self._templates.popitem(last=False)
-        return template
-
-
 def make_template(demonstrations: Sequence[Demonstration], settings: TaskSettings, style: PromptStyle) -> Template:
     """Fit the representation and write the demonstrations.
 
     Raises:
         InvalidInputError: without demonstrations; for a closed loop if they did not track their objects.
     """
-    canonical = tuple(_canonical(demonstration, settings) for demonstration in demonstrations)
+    canonical = tuple(canonical_demonstration(demonstration, settings) for demonstration in demonstrations)
     prompt = _prompt_template(canonical, settings.workspace.workspace(), style)
     digest = hashlib.sha256(f"{prompt.system}\0{prompt.prefix}".encode()).hexdigest()[:16]
     return Template(prompt, tuple(d.id for d in demonstrations), digest)
 
 
-def _canonical(demonstration: Demonstration, settings: TaskSettings) -> Demonstration:
+def canonical_demonstration(demonstration: Demonstration, settings: TaskSettings) -> Demonstration:
+    """The demonstration as prompts show it: symmetric objects at their canonical yaw."""
     later = tuple(settings.canonical(objects) for objects in demonstration.later_objects)
     return replace(demonstration, objects=settings.canonical(demonstration.objects), later_objects=later)
 

@@ -19,7 +19,7 @@ _tracer: Tracer | None = None
 
 def trace_with(tracer: Tracer | None) -> None:
     """Make a span of every stage from now on, in this process."""
-    global _tracer  # noqa: PLW0603
+    global _tracer
     _tracer = tracer
 
 

@@ -13,12 +13,17 @@ from app.pipeline.episode import Trajectory
 from app.store import tables, tasks, trajectories
 from app.store.errors import NotFoundError
 from app.store.pages import Page, fetch_page
-from app.store.records import DemonstrationRecord, EpisodeDraft, EpisodeRecord, Extraction
+from app.store.records import DemonstrationRecord, EpisodeDraft, EpisodeRecord, Extraction, SceneRecord
 from app.store.values import CameraRecord, KeyframeRecord, ObjectRecord
 
 _EPISODES = tables.episodes
 _DIGEST = re.compile(r'"([0-9a-f]{64})"')
 WITHOUT_TRAJECTORY = [column for column in _EPISODES.c if column is not _EPISODES.c.trajectory]
+_SCENES = (
+    select(_EPISODES.c.id, _EPISODES.c.objects)
+    .where(_EPISODES.c.task == bindparam("task"))
+    .order_by(_EPISODES.c.sequence)
+)
 _FOR_PROMPTS = [_EPISODES.c[name] for name in ("id", "task", "instruction", "objects", "keyframes")]
 
 
@@ -35,6 +40,7 @@ def add(connection: Connection, draft: EpisodeDraft) -> EpisodeRecord:
         "control_frequency_hz": draft.control_frequency_hz,
         "created_at": datetime.now(UTC),
         "extra": draft.extra,
+        "prediction_id": draft.prediction_id,
     }
     encoded = {
         **extraction_json(draft.keyframes, draft.objects),
@@ -68,6 +74,11 @@ def get(connection: Connection, episode_id: str) -> EpisodeRecord:
     return record_of(row)
 
 
+def exist(connection: Connection, episode_id: str) -> bool:
+    """Whether there is an episode of that id."""
+    return bool(connection.scalar(select(exists().where(_EPISODES.c.id == episode_id))))
+
+
 def get_trajectory(connection: Connection, episode_id: str) -> Trajectory:
     """The episode's trajectory, as it was stored.
 
@@ -82,14 +93,27 @@ def get_trajectory(connection: Connection, episode_id: str) -> Trajectory:
 
 
 def list_page(
-    connection: Connection, task: str | None = None, limit: int = 50, cursor: int | None = None
+    connection: Connection,
+    task: str | None = None,
+    limit: int = 50,
+    cursor: int | None = None,
+    instruction_contains: str = "",
 ) -> Page[EpisodeRecord]:
-    """Episodes, newest first, of one task or of all."""
+    """Episodes, newest first, of one task or of all, whose instruction contains the text in any case."""
     query = select(*WITHOUT_TRAJECTORY)
     if task is not None:
         query = query.where(_EPISODES.c.task == task)
+    if instruction_contains:
+        query = query.where(_EPISODES.c.instruction.icontains(instruction_contains, autoescape=True))
     rows, next_cursor = fetch_page(connection, _EPISODES, query, limit, cursor)
     return Page(tuple(record_of(row) for row in rows), next_cursor)
+
+
+def newest_by_task(connection: Connection) -> dict[str, EpisodeRecord]:
+    """The newest episode of every task that has one."""
+    newest = select(func.max(_EPISODES.c.sequence)).group_by(_EPISODES.c.task)
+    query = select(*WITHOUT_TRAJECTORY).where(_EPISODES.c.sequence.in_(newest))
+    return {row.task: record_of(row) for row in connection.execute(query)}
 
 
 def all_of(connection: Connection, task: str) -> tuple[EpisodeRecord, ...]:
@@ -144,6 +168,12 @@ def demonstrations(
     rows = connection.execute(query, {"task": task, "instruction": instruction, "limit": limit})
     records = tuple(_demonstration(row) for row in rows)
     return records if order == "first" else records[::-1]
+
+
+def scenes(connection: Connection, task: str) -> tuple[SceneRecord, ...]:
+    """The objects of every episode of the task, oldest first."""
+    rows = connection.execute(_SCENES, {"task": task})
+    return tuple(SceneRecord(row.id, tuple(map(ObjectRecord.from_json, row.objects))) for row in rows)
 
 
 @cache

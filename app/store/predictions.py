@@ -5,12 +5,12 @@ from datetime import UTC, datetime
 from typing import Any, Literal
 from uuid import uuid4
 
-from sqlalchemy import Connection, Row, insert, select, update
+from sqlalchemy import Connection, Row, case, func, insert, select, update
 
 from app.store import tables
 from app.store.errors import NotFoundError
 from app.store.pages import Page, fetch_page
-from app.store.records import PredictionDraft, PredictionRecord
+from app.store.records import ConfigurationCounts, PredictionDraft, PredictionRecord
 from app.store.values import CameraRecord, ObjectRecord
 
 _PREDICTIONS = tables.predictions
@@ -67,10 +67,36 @@ def record_outcome(connection: Connection, prediction_id: str, success: bool, no
     return get(connection, prediction_id)
 
 
+def configuration_counts(connection: Connection, task: str) -> tuple[ConfigurationCounts, ...]:
+    """How the task's predictions ended, by model, style and choice of demonstrations."""
+    request = _PREDICTIONS.c.request
+    # What a request leaves out is the default, as it was asked; named episodes are no selection.
+    named, selected = request["episode_ids"].as_string(), request["selection"].as_string()
+    configuration = {
+        "model": _PREDICTIONS.c.model,
+        "representation": _PREDICTIONS.c.representation,
+        "prompt_format": _PREDICTIONS.c.prompt_format,
+        "selection": case((named.is_(None), func.coalesce(selected, "first")), else_=None),
+        "num_demonstrations": func.json_array_length(_PREDICTIONS.c.demonstration_ids),
+        "num_samples": func.coalesce(func.json_array_length(_PREDICTIONS.c.samples), 1),
+    }
+    outcome = _PREDICTIONS.c.outcome_success
+    counts = {
+        "predictions": func.count(),
+        "errors": func.count().filter(_PREDICTIONS.c.status != "ok"),
+        "successes": func.count().filter(outcome.is_(True)),
+        "failures": func.count().filter(outcome.is_(False)),
+    }
+    columns = [column.label(name) for name, column in {**configuration, **counts}.items()]
+    query = select(*columns).where(_PREDICTIONS.c.task == task).group_by(*columns[: len(configuration)])
+    return tuple(ConfigurationCounts(**row._mapping) for row in connection.execute(query.order_by(*columns[:2])))
+
+
 def _record(row: Row[Any]) -> PredictionRecord:
     decoded = {
         "demonstration_ids": tuple(row.demonstration_ids),
         "actions": None if row.actions is None else tuple(row.actions),
+        "samples": None if row.samples is None else tuple(row.samples),
         "objects": tuple(ObjectRecord.from_json(value) for value in row.objects or ()),
         "cameras": tuple(CameraRecord.from_json(value) for value in row.cameras or ()),
     }

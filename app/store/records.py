@@ -38,12 +38,34 @@ class TaskCounts:
     failures: int = 0
 
 
+@dataclass(frozen=True)
+class ConfigurationCounts:
+    """What became of the predictions that were asked for in one way.
+
+    Attributes:
+        selection: null where the request named its episodes.
+        errors: predictions without actions; successes and failures count those whose outcome was recorded.
+    """
+
+    model: str = ""
+    representation: str = ""
+    prompt_format: str = ""
+    selection: str | None = None
+    num_demonstrations: int = 0
+    num_samples: int = 1
+    predictions: int = 0
+    errors: int = 0
+    successes: int = 0
+    failures: int = 0
+
+
 @dataclass(frozen=True, kw_only=True)
 class EpisodeFields:
     """What a new and a stored episode have in common.
 
     Attributes:
         given_objects: the objects as the caller sent them: their poses can be estimated again.
+        prediction_id: of the prediction that the episode carried out, if any.
     """
 
     task: str
@@ -54,6 +76,7 @@ class EpisodeFields:
     given_objects: tuple[JsonObject, ...]
     cameras: tuple[CameraRecord, ...]
     extra: JsonObject
+    prediction_id: str | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,6 +94,14 @@ class EpisodeRecord(EpisodeFields):
     sequence: int
     num_frames: int
     created_at: datetime
+
+
+@dataclass(frozen=True)
+class SceneRecord:
+    """Where an episode's objects stood at its first frame."""
+
+    id: str
+    objects: tuple[ObjectRecord, ...]
 
 
 @dataclass(frozen=True)
@@ -109,6 +140,7 @@ class PredictionDraft:
         step: of a closed loop, from 0; None without one.
         objects: as they were observed; empty in rows from before they were kept.
         cameras: with the images that were sent, if any.
+        samples: where several replies were asked for, each of them and whether it entered.
     """
 
     task: str
@@ -129,6 +161,7 @@ class PredictionDraft:
     step: int | None = None
     objects: tuple[ObjectRecord, ...] = ()
     cameras: tuple[CameraRecord, ...] = ()
+    samples: tuple[JsonObject, ...] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -80,6 +80,7 @@ episodes = Table(
     Column("given_objects", Json, nullable=False),
     Column("extra", Json, nullable=False),
     Column("trajectory", LargeBinary, nullable=False),
+    Column("prediction_id", String(32)),
     Index(None, "task", "sequence"),
     Index(None, "task", "instruction", "sequence"),
     sqlite_autoincrement=True,  # a deleted episode's number is never given again: cursors stay valid
@@ -112,6 +113,7 @@ predictions = Table(
     Column("step", Integer),
     Column("objects", Json),
     Column("cameras", Json),
+    Column("samples", Json),
     Index(None, "task", "sequence"),
     sqlite_autoincrement=True,
 )
@@ -124,7 +126,18 @@ idempotency_keys = Table(
     Column("request_digest", String(64), nullable=False),
     Column("status", Integer, nullable=False),
     Column("response", Json, nullable=False),
+    Column("created_at", UtcDateTime, nullable=False, index=True),
+)
+
+api_keys = Table(
+    "api_keys",
+    metadata,
+    Column("id", String(16), primary_key=True),
+    Column("name", String(64), nullable=False),
+    Column("digest", String(64), nullable=False),
+    Column("scopes", Json, nullable=False),
     Column("created_at", UtcDateTime, nullable=False),
+    Column("revoked_at", UtcDateTime),
 )
 
 jobs = Table(

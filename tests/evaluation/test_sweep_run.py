@@ -19,7 +19,7 @@ from app.evaluation.sweep_run import SweepRun
 from tests.evaluation.processes import alive, descendants
 
 TASKS = ("push_button", "open_drawer")
-NUM_TRIALS = 2 * 2 * 4  # tasks, seeds, methods
+NUM_TRIALS = 2 * 2 * 5  # tasks, seeds, methods
 PATIENCE_S = 90
 
 

@@ -77,8 +77,8 @@ def test_an_unsigned_number_never_becomes_negative_and_a_choice_stays_one():
     [
         ("", "found 0 of 0"),
         (linear_prefix(1), "found 1 of 1"),
-        ("once upon a time", "cannot take the prompt apart"),
-        (linear_prefix(3) + "{'drawer': [1, 2", "cannot take the prompt apart"),
+        ("once upon a time", "cannot be taken apart"),
+        (linear_prefix(3) + "{'drawer': [1, 2", "cannot be taken apart"),
         ("cup 1 2 > 1 cup: +1\n" * 4, "found 0 of 4"),
     ],
 )

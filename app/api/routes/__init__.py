@@ -15,8 +15,8 @@ IdempotencyKey = Annotated[
 ]
 
 
-def get_services(request: Request) -> Services:
-    """The application's services."""
+async def get_services(request: Request) -> Services:
+    """The application's services; asynchronous, because FastAPI calls every other dependency in a thread."""
     services: Services = request.app.state.services
     return services
 

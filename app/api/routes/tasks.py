@@ -6,13 +6,14 @@ from fastapi import APIRouter, Body, Response
 from fastapi.openapi.models import Example
 from fastapi.responses import JSONResponse
 
-from app.api.documents import job_document, task_document
+from app.api.documents import job_document, stats_document, task_document
 from app.api.routes import Wired, problems
 from app.api.schemas import examples
 from app.api.schemas.poses import LearnBody, LearnedOut
-from app.api.schemas.responses import JobOut, TaskList, TaskOut
+from app.api.schemas.responses import JobOut, TaskList, TaskOut, TaskStatsOut
 from app.services.container import Services
 from app.services.task_settings import TaskSettings
+from app.services.task_stats import task_stats
 from app.store import episodes, tasks
 from app.store.records import JobRecord, TaskRecord
 
@@ -61,6 +62,20 @@ def configure_task(
     if isinstance(outcome, JobRecord):
         return JSONResponse(job_document(outcome), 202, {"Location": f"/jobs/{outcome.id}"})
     return JSONResponse(_document(services, outcome))
+
+
+@router.get(
+    "/tasks/{name}/stats",
+    operation_id="get_task_stats",
+    response_model=TaskStatsOut,
+    responses=problems(_404="no such task"),
+)
+def get_task_stats(services: Wired, name: str) -> Response:
+    """Success rates of the task's predictions by model and configuration, the surest first.
+
+    They count outcomes that robots told; the interval is Wilson's, 95 %.
+    """
+    return JSONResponse(stats_document(name, task_stats(services.store, name)))
 
 
 @router.post(

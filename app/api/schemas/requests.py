@@ -1,7 +1,7 @@
 """What robots send."""
 
 import json
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
@@ -11,7 +11,8 @@ from app.perception.base import ObjectQuery
 from app.pipeline.episode import Camera, unit_quaternions
 from app.pipeline.motion_limits import Pose
 from app.pipeline.reply import MAX_ACTIONS
-from app.services.task_settings import PromptFormat, Representation, SystemPrompt
+from app.services.select_demonstrations import Selection
+from app.services.task_settings import PromptFormat, Representation, SystemPrompt, plain_text
 
 Position = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -83,6 +84,9 @@ class EpisodeMetadata(RequestModel):
     objects: Annotated[list[ObjectIn], Field(min_length=1, max_length=64)]
     cameras: Annotated[list[CameraIn], Field(max_length=16)] = []
     control_frequency_hz: Annotated[float, Field(gt=0)] = 20.0
+    prediction_id: Annotated[
+        str | None, Field(max_length=64, description="of the prediction of this task that the robot carried out here")
+    ] = None
     extra: Annotated[
         dict[str, Any], AfterValidator(_plain_json), Field(description="kept with the episode, not interpreted")
     ] = {}
@@ -138,8 +142,29 @@ class PredictBody(RequestModel):
         EndEffectorIn | None, Field(description="if given, the task's max_step bounds hold for the first action, too")
     ] = None
     num_demonstrations: Annotated[int | None, Field(ge=1, le=100)] = None
-    selection: Literal["first", "recent", "random", "nearest"] = "first"
+    selection: Annotated[
+        Selection,
+        Field(
+            description="first and recent by time of upload; nearest: to the observed objects, the nearest last; "
+            "diverse: those whose objects stand farthest apart"
+        ),
+    ] = "first"
     seed: Annotated[int, Field(ge=0, le=2**31 - 1, description="for selection random and for sampling")] = 0
+    num_samples: Annotated[
+        int,
+        Field(
+            ge=1,
+            le=16,
+            description="replies to ask for at once; the actions are the median of those with the most common number "
+            "of actions, who must be more than half",
+        ),
+    ] = 1
+    temperature: Annotated[
+        float | None, Field(ge=0, le=2, description="left out: 0, or 0.5 for several samples of the same prompt")
+    ] = None
+    permute_demonstrations: Annotated[
+        bool, Field(description="every sample but the first sees the demonstrations in an order of its own")
+    ] = False
     episode_ids: Annotated[
         list[str] | None, Field(min_length=1, max_length=100, description="exactly these demonstrations, in this order")
     ] = None
@@ -158,6 +183,9 @@ class PredictBody(RequestModel):
     ] = None
     max_actions: Annotated[int, Field(ge=1, le=100)] = MAX_ACTIONS
     timeout_s: Annotated[float, Field(ge=0.1, le=600)] = 60.0
+    stream_text: Annotated[
+        bool, Field(description="with `Accept: text/event-stream`: the reply's text, too, in events `text`")
+    ] = False
     dry_run: Annotated[bool, Field(description="answer with the prompt, ask no LLM")] = False
 
 
@@ -167,4 +195,4 @@ class OutcomeBody(RequestModel):
     model_config = ConfigDict(extra="forbid", json_schema_extra={"examples": [examples.OUTCOME]})
 
     success: bool
-    note: Annotated[str | None, Field(max_length=2000)] = None
+    note: Annotated[Annotated[str, AfterValidator(plain_text)] | None, Field(max_length=2000)] = None

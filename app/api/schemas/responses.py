@@ -51,9 +51,16 @@ class EpisodeOut(BaseModel):
     objects: list[ObjectOut]
     cameras: list[str]
     extra: dict[str, Any]
+    prediction_id: Annotated[str | None, Field(description="of the prediction that the robot carried out here")]
     observation_text: str
     actions_text: str
     created_at: datetime
+
+
+class UploadOut(BaseModel):
+    """What an upload made."""
+
+    episode_id: str
 
 
 class EpisodePage(BaseModel):
@@ -76,6 +83,35 @@ class TaskList(BaseModel):
     """Every task."""
 
     tasks: list[TaskOut]
+
+
+class StandingOut(BaseModel):
+    """How predictions ended. Rate and interval are of those whose outcome a robot told."""
+
+    predictions: int
+    errors: Annotated[int, Field(description="without actions: the LLM failed, or its reply was not valid")]
+    successes: int
+    failures: int
+    success_rate: Annotated[float | None, Field(description="null where no outcome was told")]
+    interval: Annotated[tuple[float, float], Field(description="Wilson's 95 % interval of the true success rate")]
+
+
+class ConfigurationOut(StandingOut):
+    """A way to ask, and how robots fared with it."""
+
+    model: str
+    representation: str
+    prompt_format: str
+    selection: Annotated[str | None, Field(description="null where the request named its episodes")]
+    num_demonstrations: int
+    num_samples: int
+
+
+class TaskStatsOut(StandingOut):
+    """A task's predictions together, and by configuration, the surest success first."""
+
+    task: str
+    configurations: list[ConfigurationOut]
 
 
 class JobOut(BaseModel):
@@ -129,6 +165,27 @@ Step = Annotated[
 ]
 
 
+class SampleOut(BaseModel):
+    """One of several replies to a question."""
+
+    seed: int
+    reply_text: str | None
+    num_actions: Annotated[int | None, Field(description="null where the reply is not a list of valid actions")]
+    used: Annotated[bool, Field(description="whether it entered the median")]
+    error: str | None
+
+
+class SamplesOut(BaseModel):
+    """Several replies to a question; the actions are the median of those that were used."""
+
+    asked: int
+    used: int
+    replies: list[SampleOut]
+
+
+Samples = Annotated[SamplesOut | None, Field(description="null where one reply was asked for")]
+
+
 class PredictionOut(BaseModel):
     """Actions for the robot, and where they come from."""
 
@@ -145,6 +202,7 @@ class PredictionOut(BaseModel):
     usage: UsageOut
     timings_ms: dict[str, float]
     step: Step = None
+    samples: Samples = None
 
 
 class DryRunOut(BaseModel):
@@ -190,6 +248,7 @@ class StoredPrediction(BaseModel):
     usage: dict[str, int]
     timings_ms: dict[str, float]
     step: Step = None
+    samples: Samples = None
     request: dict[str, Any]
     outcome: OutcomeOut | None
     created_at: datetime

@@ -6,7 +6,7 @@ from statistics import median
 from typing import Any
 
 from app.evaluation.records import Evaluation, Trial
-from app.evaluation.statistics import SuccessRate
+from app.pipeline.success_rate import SuccessRate
 
 _Answer = Mapping[str, Any]
 

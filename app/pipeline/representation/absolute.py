@@ -11,9 +11,9 @@ from app.pipeline.workspace import (
     POSITION_BINS,
     ROTATION_BINS,
     Workspace,
-    discretize_action,
+    discretize_actions,
     object_bins,
-    undiscretize_action,
+    undiscretize_actions,
 )
 
 _COLUMNS = (
@@ -56,7 +56,7 @@ class AbsoluteCodec:
         return "{" + ", ".join(parts) + "}>"
 
     def actions_text(self, demonstration: Demonstration) -> str:
-        return str([list(discretize_action(action, self.workspace).bins) for action in demonstration.actions])
+        return str([list(item.bins) for item in discretize_actions(demonstration.actions, self.workspace)])
 
     def demonstration_text(self, demonstration: Demonstration) -> str:
         observation = self.observation_text(demonstration.objects, demonstration.instruction)
@@ -71,5 +71,8 @@ class AbsoluteCodec:
     def reply_text(self, rows: Sequence[str]) -> str:
         return f"[{', '.join(rows)}]"
 
-    def decode_row(self, index: int, row: str, objects: Sequence[ObjectPose], instruction: str) -> EndEffectorAction:
-        return undiscretize_action(row_integers(row, index, _COLUMNS), self.workspace)
+    def decode_rows(
+        self, first: int, rows: Sequence[str], objects: Sequence[ObjectPose], instruction: str
+    ) -> list[EndEffectorAction]:
+        bins = [row_integers(row, index, _COLUMNS) for index, row in enumerate(rows, start=first)]
+        return undiscretize_actions(bins, self.workspace)

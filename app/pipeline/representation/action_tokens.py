@@ -52,16 +52,10 @@ class ActionTokensCodec(AbsoluteCodec):
     def grammar(self, instruction: str, max_actions: int) -> str:
         return list_grammar(_ROW_RULES, *row_count_bounds(self.demonstrations, instruction, max_actions))
 
-    def decode_row(self, index: int, row: str, objects: Sequence[ObjectPose], instruction: str) -> EndEffectorAction:
-        *coordinates, gripper = row_integers(row, index, _COLUMNS)
-        points_mm = np.array(coordinates).reshape(3, 3)
-        if not np.cross(points_mm[1] - points_mm[0], points_mm[2] - points_mm[0]).any():
-            raise ReplyParseError(f"action {index}: its three points lie on one line, which leaves a turn open", row)
-        position_mm, rotation, residual_mm = _rigid_fit(points_mm)
-        if residual_mm > MAX_RESIDUAL_MM:
-            fault = f"its three points are {residual_mm:.1f} mm (rms) off those of an end effector"
-            raise ReplyParseError(f"action {index}: {fault}, at most {MAX_RESIDUAL_MM:.1f} mm", row)
-        return EndEffectorAction(position_mm / MM_PER_M, rotation.as_quat(canonical=True), bool(gripper))
+    def decode_rows(
+        self, first: int, rows: Sequence[str], objects: Sequence[ObjectPose], instruction: str
+    ) -> list[EndEffectorAction]:
+        return [_action(index, row) for index, row in enumerate(rows, start=first)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,6 +70,18 @@ class KatCodec(ActionTokensCodec):
 
     def observation_text(self, objects: Sequence[ObjectPose], instruction: str) -> str:
         return f"INPUTS:\n{[_whole_mm(pose.position_m) for pose in objects]}\nOUTPUTS:\n"
+
+
+def _action(index: int, row: str) -> EndEffectorAction:
+    *coordinates, gripper = row_integers(row, index, _COLUMNS)
+    points_mm = np.array(coordinates).reshape(3, 3)
+    if not np.cross(points_mm[1] - points_mm[0], points_mm[2] - points_mm[0]).any():
+        raise ReplyParseError(f"action {index}: its three points lie on one line, which leaves a turn open", row)
+    position_mm, rotation, residual_mm = _rigid_fit(points_mm)
+    if residual_mm > MAX_RESIDUAL_MM:
+        fault = f"its three points are {residual_mm:.1f} mm (rms) off those of an end effector"
+        raise ReplyParseError(f"action {index}: {fault}, at most {MAX_RESIDUAL_MM:.1f} mm", row)
+    return EndEffectorAction(position_mm / MM_PER_M, rotation.as_quat(canonical=True), bool(gripper))
 
 
 def _whole_mm(position_m: Array) -> list[int]:

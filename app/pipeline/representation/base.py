@@ -53,11 +53,18 @@ class Codec(Protocol):
         """The reply that consists of these rows, as demonstrations show it after the observation."""
         ...
 
-    def decode_row(self, index: int, row: str, objects: Sequence[ObjectPose], instruction: str) -> EndEffectorAction:
-        """The action of the row at `index` (from 0) of the reply to `instruction`, given the observed objects.
+    def decode_rows(
+        self, first: int, rows: Sequence[str], objects: Sequence[ObjectPose], instruction: str
+    ) -> list[EndEffectorAction]:
+        """The actions of the rows from index `first` (from 0) on of the reply to `instruction`.
+
+        All rows at once: numpy and scipy take as long for one as for ten.
+
+        Args:
+            objects: as they were observed.
 
         Raises:
-            ReplyParseError: if it is not a valid row.
+            ReplyParseError: if one is not a valid row.
         """
         ...
 

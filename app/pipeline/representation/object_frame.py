@@ -12,7 +12,7 @@ binning costs nothing.
 import re
 import string
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -152,27 +152,44 @@ class ObjectFrameCodec:
     def reply_text(self, rows: Sequence[str]) -> str:
         return f" {'; '.join(rows)}"
 
-    def decode_row(self, index: int, row: str, objects: Sequence[ObjectPose], instruction: str) -> EndEffectorAction:
+    def decode_rows(
+        self, first: int, rows: Sequence[str], objects: Sequence[ObjectPose], instruction: str
+    ) -> list[EndEffectorAction]:
+        if not rows:
+            return []
+        poses = {_letter(place): pose for place, pose in enumerate(in_order(objects, instruction))}
+        read = [self._read_row(index, row, poses) for index, row in enumerate(rows, start=first)]
+        origins_m = np.array([pose.position_m for pose, _, _ in read])
+        axes = Rotation.concatenate([object_rotation(pose, frame, self.tilted) for pose, frame, _ in read])
+        numbers = np.array([numbers for _, _, numbers in read])
+        positions_m = origins_m + axes.apply(numbers[:, :3] * OFFSET_UNIT_M)
+        quaternions_xyzw = (axes * rotation_from_bins(numbers[:, 3:6])).as_quat(canonical=True)
+        return list(map(EndEffectorAction, positions_m, quaternions_xyzw, (numbers[:, 6] == 1).tolist()))
+
+    def _read_row(
+        self, index: int, row: str, poses: Mapping[str, ObjectPose]
+    ) -> tuple[ObjectPose, str, tuple[int, ...]]:
+        """The object of a row, its frame, and its seven numbers.
+
+        Args:
+            poses: the observed objects by their letters.
+        """
         match = _ROW.fullmatch(row)
         if not match:
             expected = f"'{index + self.first_row} A w: +x +y +z roll pitch yaw gripper'"
             raise ReplyParseError(f"action {index} is {row[:80]!r}, expected {expected}", row)
-        number, letter, frame, *numbers, gripper = match.groups()
+        number, letter, frame, *texts = match.groups()
         if int(number) != index + self.first_row:
             raise ReplyParseError(f"action {index} has row number {number}, expected {index + self.first_row}", row)
-        poses = {_letter(place): pose for place, pose in enumerate(in_order(objects, instruction))}
         pose = poses.get(letter)
         if pose is None or (frame == "o" and not _has_rotation(pose)):
             known = ", ".join(f"{key} w" + (" or o" if _has_rotation(pose) else "") for key, pose in poses.items())
             raise ReplyParseError(f"action {index} is relative to {letter} {frame}, expected one of {known}", row)
-        integers = [int(value) for value in numbers]
-        if max(integers[3:]) >= ROTATION_BINS:
-            message = f"action {index} has the rotations {integers[3:]}, expected 0 to {ROTATION_BINS - 1}"
+        numbers = tuple(map(int, texts))
+        if max(numbers[3:6]) >= ROTATION_BINS:
+            message = f"action {index} has the rotations {list(numbers[3:6])}, expected 0 to {ROTATION_BINS - 1}"
             raise ReplyParseError(message, row)
-        axes = object_rotation(pose, frame, self.tilted)
-        position_m = pose.position_m + axes.apply(np.array(integers[:3]) * OFFSET_UNIT_M)
-        rotation = axes * rotation_from_bins(integers[3:])
-        return EndEffectorAction(position_m, rotation.as_quat(canonical=True), gripper == "1")
+        return pose, frame, numbers
 
 
 def _letter(place: int) -> str:

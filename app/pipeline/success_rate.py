@@ -2,8 +2,6 @@
 
 from dataclasses import dataclass
 
-from scipy.stats import binomtest
-
 CONFIDENCE = 0.95
 
 
@@ -24,6 +22,8 @@ class SuccessRate:
         """Wilson's 95 % interval of the true rate; (0, 1) without trials."""
         if not self.trials:
             return 0.0, 1.0
+        from scipy.stats import binomtest  # half a second, which only those who ask shall wait
+
         bounds = binomtest(self.successes, self.trials).proportion_ci(CONFIDENCE, method="wilson")
         return float(bounds.low), float(bounds.high)
 

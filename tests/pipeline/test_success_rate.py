@@ -1,6 +1,6 @@
 import pytest
 
-from app.evaluation.statistics import SuccessRate
+from app.pipeline.success_rate import SuccessRate
 
 
 @pytest.mark.parametrize(

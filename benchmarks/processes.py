@@ -1,0 +1,115 @@
+"""Servers in processes of their own, and the CPU time that they take."""
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import median
+
+import httpx
+
+from app.evaluation.server import free_port
+
+START_TIMEOUT_S = 60.0
+_TICKS_PER_S = os.sysconf("SC_CLK_TCK")
+
+
+@dataclass(frozen=True)
+class Server:
+    """A server that runs.
+
+    Attributes:
+        url: where it listens.
+        pid: of its process.
+    """
+
+    url: str
+    pid: int
+
+    def cpu_s(self) -> float:
+        """CPU time, user and system, of all its threads until now, without its children; in steps of 10 ms."""
+        fields = Path(f"/proc/{self.pid}/stat").read_text().rpartition(")")[2].split()
+        return (int(fields[11]) + int(fields[12])) / _TICKS_PER_S
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Of one request, in milliseconds.
+
+    Attributes:
+        cpu_ms: of the server's process, all threads, mean.
+        wall_ms: as the client sees it, median.
+    """
+
+    cpu_ms: float
+    wall_ms: float
+
+
+def cost(server: Server, send: Callable[[int], object], num_requests: int) -> Cost:
+    """The cost of one of `num_requests`, after a tenth as many to warm up.
+
+    Args:
+        send: the request of that number, and its answer.
+    """
+    for k in range(num_requests // 10):
+        send(k)
+    walls_s: list[float] = []
+    before_s = server.cpu_s()
+    for k in range(num_requests):
+        started_s = time.perf_counter()
+        send(k)
+        walls_s.append(time.perf_counter() - started_s)
+    cpu_s = server.cpu_s() - before_s
+    return Cost(1000 * cpu_s / num_requests, 1000 * median(walls_s))
+
+
+@contextmanager
+def running(module: str, arguments: Sequence[str], log: Path, environment: Mapping[str, str]) -> Iterator[Server]:
+    """`python -m module --port PORT ...` until the block ends.
+
+    Raises:
+        RuntimeError: if it does not answer `GET /healthz` within a minute.
+    """
+    port = free_port()
+    server_url = f"http://127.0.0.1:{port}"
+    with log.open("w") as output:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "app.evaluation.leash", module, *arguments, "--port", str(port)],
+            stdin=subprocess.PIPE,
+            stdout=output,
+            stderr=subprocess.STDOUT,
+            env={**os.environ, **environment},
+        )
+    try:
+        _wait_until_alive(process, f"{server_url}/healthz", log)
+        yield Server(server_url, process.pid)
+    finally:
+        process.terminate()
+        process.wait(15)
+
+
+@contextmanager
+def service(data: Path, **settings: str) -> Iterator[Server]:
+    """The service on the folder `data`.
+
+    Args:
+        settings: by their names in `app.settings`.
+    """
+    environment = {f"ROBOPROMPT_{name.upper()}": value for name, value in settings.items()}
+    with running("app.cli", ["serve", "--data", str(data)], data / "server.log", environment) as server:
+        yield server
+
+
+def _wait_until_alive(process: subprocess.Popen[bytes], address: str, log: Path) -> None:
+    deadline = time.monotonic() + START_TIMEOUT_S
+    while time.monotonic() < deadline and process.poll() is None:
+        try:
+            if httpx.get(address).is_success:
+                return
+        except httpx.TransportError:
+            time.sleep(0.05)
+    raise RuntimeError(f"{address} did not answer; {log} ends with:\n{log.read_text()[-2000:]}")

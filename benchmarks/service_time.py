@@ -1,0 +1,80 @@
+"""What a prediction costs the service outside the LLM, with few and with 100,000 stored episodes."""
+
+import json
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import httpx
+from sqlalchemy import insert, select
+
+from app.client.client import RoboPromptClient
+from app.store import tables
+from app.store.store import Store
+from benchmarks import scenes
+from benchmarks.processes import Cost, cost, running, service
+
+NUM_DEMONSTRATIONS = 10
+NUM_STORED = 100_000
+NUM_REQUESTS = 400
+TASK = "put_in_box"
+ROWS = ((1, "A", "+0 +0 +24", 1), (2, "A", "+0 +0 +0", 1), (3, "A", "+0 +0 +0", 0), (4, "A", "+0 +0 +24", 0))
+ROWS += ((5, "B", "+0 +0 +24", 0), (6, "B", "+0 +0 +24", 1))
+REPLY = " " + "; ".join(f"{number} {letter} w: {offset} 0 36 36 {grip}" for number, letter, offset, grip in ROWS)
+
+
+def measure() -> dict[str, Cost]:
+    """The cost of each case."""
+    with tempfile.TemporaryDirectory(prefix="roboprompt-") as folder:
+        data = Path(folder)
+        costs = {"FastAPI hello-world": _hello(data / "hello.log")}
+        teach(data)
+        costs[f"{NUM_DEMONSTRATIONS} episodes stored"] = _predictions(data)
+        fill(data)
+        costs[f"{NUM_STORED:,} episodes stored"] = _predictions(data)
+    return costs
+
+
+def teach(data: Path) -> None:
+    """Upload the demonstrations."""
+    with service(data, warm_up="false") as server, RoboPromptClient(server.url) as client:
+        for seed in range(NUM_DEMONSTRATIONS):
+            scene = scenes.observation(seed)
+            client.upload(TASK, scenes.INSTRUCTION, scenes.trajectory(scene), scene)
+
+
+def fill(data: Path) -> None:
+    """Copy the first episode's row until there are enough, a tenth of them in the task itself."""
+    store = Store.open(data)
+    with store.write() as connection:
+        task = dict(connection.execute(select(tables.tasks)).one()._mapping)
+        episode = dict(connection.execute(select(tables.episodes).limit(1)).one()._mapping)
+        del episode["sequence"]
+        names = [TASK, *(f"other_{k}" for k in range(9))]
+        connection.execute(insert(tables.tasks), [{**task, "name": name} for name in names[1:]])
+        copies = ({**episode, "id": f"{k:032x}", "task": names[k % 10]} for k in range(NUM_STORED))
+        connection.execute(insert(tables.episodes), list(copies))
+    store.close()
+
+
+def _hello(log: Path) -> Cost:
+    with running("benchmarks.hello", [], log, {}) as server, httpx.Client(base_url=server.url) as http:
+        return cost(server, lambda _: http.get("/healthz"), NUM_REQUESTS)
+
+
+def _predictions(data: Path) -> Cost:
+    with (
+        service(data, warm_up="false", default_model="scripted", scripted_replies=json.dumps([REPLY])) as server,
+        httpx.Client(base_url=server.url) as http,
+    ):
+        return cost(server, lambda seed: http.post("/predict", json=asked(seed)).raise_for_status(), NUM_REQUESTS)
+
+
+def asked(seed: int) -> dict[str, Any]:
+    """A prediction by the scripted LLM in the representation of small models."""
+    return {**scenes.question(TASK, seed), "representation": "object_frame"}
+
+
+if __name__ == "__main__":
+    for name, measured in measure().items():
+        print(f"{name}: {measured.cpu_ms:.2f} ms CPU, {measured.wall_ms:.2f} ms wall")  # noqa: T201

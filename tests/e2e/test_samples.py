@@ -1,0 +1,142 @@
+"""Several replies to one question, and outcomes that sum up, over HTTP."""
+
+import json
+
+import httpx
+import numpy as np
+import pytest
+
+from app.evaluation.server import running_server
+from tests.episodes import arrays, metadata, multipart, npz, pick_trajectory, upload
+
+ONE = "[[50, 40, 20, 36, 36, 36, 1]]"
+TWO = "[[50, 40, 20, 36, 36, 36, 1], [1, 1, 1, 1, 1, 1, 0]]"
+HIGHER = "[[50, 40, 24, 36, 36, 36, 1]]"
+REPLIES = [ONE, TWO, HIGHER, "sorry", ONE]
+
+
+@pytest.fixture(scope="module")
+def http(tmp_path_factory):
+    settings = {"ROBOPROMPT_SCRIPTED_REPLIES": json.dumps(REPLIES), "ROBOPROMPT_WARM_UP": "false"}
+    with (
+        running_server(tmp_path_factory.mktemp("samples"), settings) as url,
+        httpx.Client(base_url=url, timeout=60) as client,
+    ):
+        for x_m in (0.0, 0.1, 0.3, 0.31):
+            assert upload(client, "pick", (x_m, 0.0, 0.78)).status_code == 201
+        yield client
+
+
+def ask(http, **options):
+    wish = {"model": "scripted", "representation": "absolute", **options}
+    return http.post("/predict", json={**metadata("pick", {"cube": (0.2, 0.0, 0.78)}), **wish})
+
+
+def test_median_of_the_samples_that_agree(http):
+    answer = ask(http, num_samples=5, seed=7).json()
+    assert [action["bins"] for action in answer["actions"]] == [[50, 40, 20, 36, 36, 36, 1]]
+    samples = answer["samples"]
+    assert (samples["asked"], samples["used"]) == (5, 3)
+    assert [reply["seed"] for reply in samples["replies"]] == [7, 8, 9, 10, 11]
+    assert sorted(reply["reply_text"] for reply in samples["replies"]) == sorted(REPLIES)
+    assert [reply["error"] is None for reply in samples["replies"]].count(False) == 1
+    assert http.get(f"/predictions/{answer['id']}").json()["samples"] == samples
+
+
+def test_samples_that_do_not_agree_are_an_error_and_recorded(http):
+    problem = ask(http, num_samples=5, max_actions=1).json()
+    # with one action at most the reply of two is invalid: three of five agree
+    assert "actions" in problem
+    refused = ask(http, num_samples=4)
+    assert refused.status_code == 502
+    stored = http.get(f"/predictions/{refused.json()['prediction_id']}").json()
+    assert stored["actions"] is None
+    assert len(stored["samples"]["replies"]) == 4
+    ask(http)  # the fifth of the replies, so that the next test begins with the first
+
+
+def test_one_sample_says_nothing_of_samples(http):
+    for _ in REPLIES:
+        answer = ask(http)
+        assert answer.status_code == 502 or answer.json()["samples"] is None
+
+
+def test_streamed_samples_come_together(http):
+    wish = {**metadata("pick", {"cube": (0.2, 0.0, 0.78)}), "model": "scripted", "num_samples": 5}
+    response = http.post(
+        "/predict", json={**wish, "representation": "absolute"}, headers={"accept": "text/event-stream"}
+    )
+    assert [line for line in response.text.splitlines() if line.startswith("event")] == ["event: action", "event: done"]
+
+
+def test_permuted_demonstrations_are_seen_in_several_orders(http):
+    answer = ask(http, num_samples=5, permute_demonstrations=True).json()
+    assert answer["samples"]["used"] == 3
+    assert answer["demonstration_ids"] == ask(http, dry_run=True).json()["demonstration_ids"]
+
+
+def test_samples_and_closed_loops_exclude_each_other(http):
+    response = ask(http, num_samples=2, closed_loop=True)
+    assert response.status_code == 422
+    assert response.json()["errors"][0]["field"] == "num_samples"
+
+
+def test_diverse_demonstrations(http):
+    ids = ask(http, dry_run=True, selection="diverse", num_demonstrations=3).json()["demonstration_ids"]
+    places = [http.get(f"/episodes/{id_}").json()["objects"][0]["position"][0] for id_ in ids]
+    assert places == [0.0, 0.1, 0.31]
+
+
+def linked(http, prediction_id, task="pick"):
+    document = metadata(task, {"cube": (0.2, 0.0, 0.78)}, prediction_id=prediction_id)
+    return http.post("/episodes", files=multipart(document, npz(**arrays(pick_trajectory((0.2, 0.0, 0.78))))))
+
+
+def test_an_executed_prediction_becomes_a_demonstration(http):
+    prediction = ask(http, num_samples=5).json()["id"]
+    http.post(f"/predictions/{prediction}/outcome", json={"success": True})
+    episode = linked(http, prediction)
+    assert episode.status_code == 201
+    stored = http.get(f"/episodes/{episode.json()['id']}").json()
+    assert stored["prediction_id"] == prediction
+
+
+@pytest.mark.parametrize("fault", ["unknown", "failed", "of another task"])
+def test_links_that_cannot_be_are_refused(http, fault):
+    prediction = "0" * 32 if fault == "unknown" else ask(http, num_samples=5).json()["id"]
+    if fault == "failed":
+        http.post(f"/predictions/{prediction}/outcome", json={"success": False})
+    response = linked(http, prediction, "press" if fault == "of another task" else "pick")
+    assert response.status_code == 422
+    assert response.json()["errors"][0]["field"] == "prediction_id"
+    assert "press" not in [task["name"] for task in http.get("/tasks").json()["tasks"]]
+
+
+def test_stats_by_configuration(http):
+    for x_m, y_m in ((0.1, 0.0), (0.3, 0.1), (0.2, -0.2)):
+        assert upload(http, "counted", (x_m, y_m, 0.78)).status_code == 201
+    wish = {**metadata("counted", {"cube": (0.2, 0.0, 0.78)}), "model": "regression"}
+    outcomes = [("first", True), ("first", True), ("first", False), ("recent", True), ("recent", None)]
+    for selection, success in outcomes:
+        id_ = http.post("/predict", json={**wish, "selection": selection}).json()["id"]
+        if success is not None:
+            http.post(f"/predictions/{id_}/outcome", json={"success": success})
+    stats = http.get("/tasks/counted/stats").json()
+    assert (stats["predictions"], stats["successes"], stats["failures"], stats["success_rate"]) == (5, 3, 1, 0.75)
+    by_selection = {item["selection"]: item for item in stats["configurations"]}
+    assert by_selection["first"]["success_rate"] == pytest.approx(2 / 3)
+    # Wilson at 2 of 3
+    np.testing.assert_allclose(by_selection["first"]["interval"], [0.2077, 0.9385], atol=1e-3)
+    assert (by_selection["recent"]["predictions"], by_selection["recent"]["success_rate"]) == (2, 1.0)
+    assert {item["model"] for item in stats["configurations"]} == {"regression"}
+
+
+def test_stats_of_an_unknown_task(http):
+    assert http.get("/tasks/nothing/stats").status_code == 404
+
+
+def test_stats_without_predictions(http):
+    assert upload(http, "fresh", (0.1, 0.0, 0.78)).status_code == 201
+    stats = http.get("/tasks/fresh/stats").json()
+    assert (stats["predictions"], stats["configurations"]) == (0, [])
+    assert (stats["success_rate"], stats["interval"]) == (None, [0, 1])
