@@ -46,7 +46,7 @@ def seen(tmp_path_factory, collector):
         with httpx.Client(base_url=service.url, headers={"X-Request-ID": "robot-7.1"}) as http:
             http.post("/episodes", files=upload_files(0)).raise_for_status()
             prediction = http.post("/predict", json=metadata(TASK, {"cube": (0.2, 0.1, 0.8)}))
-            odd = http.get("/healthz", headers={"X-Request-ID": "not\u00e9 plain"})
+            odd = http.get("/healthz", headers={"X-Request-ID": "two words"})
         service.process.terminate()
         service.process.wait(30)
         log = service.log()
