@@ -1,9 +1,9 @@
-# make setup | demo | serve | test | check | format | openapi | lock | bench
+# make setup | demo | serve | test | check | audit | torture | fuzz | soak | growth | format | openapi | lock | bench
 PYTHON ?= python3
 BIN := .venv/bin
 STAMP := .venv/.installed
 
-.PHONY: setup demo serve test check lint format openapi lock bench clean
+.PHONY: setup demo serve test check audit torture fuzz soak growth lint format openapi lock bench clean
 
 setup: $(STAMP)
 
@@ -27,7 +27,18 @@ lint: setup
 test: lint
 	$(BIN)/python -m pytest
 
-check: test
+# Says so where the database of vulnerabilities cannot be reached, and fails where a package has one.
+audit: setup
+	$(BIN)/python .ci/audit
+
+check: test audit
+
+# Half an hour; what mounts file systems needs root.
+torture: setup
+	$(BIN)/python -m tests.reliability.torture
+
+fuzz: setup
+	$(BIN)/python -m tests.reliability.fuzz
 
 format: setup
 	$(BIN)/ruff check --fix .
@@ -38,7 +49,7 @@ openapi: setup
 
 # Versions and hashes only: the lock names no package registry.
 lock:
-	$(BIN)/uv pip compile pyproject.toml --extra server --extra sim --extra dev --universal --python-version 3.11 \
+	$(BIN)/uv pip compile pyproject.toml --extra server --extra sim --extra datasets --extra dev --universal --python-version 3.11 \
 		--generate-hashes --no-annotate --no-header --no-emit-index-url --quiet --output-file requirements.lock
 
 bench: setup

@@ -2,17 +2,28 @@
 
 import asyncio
 import contextlib
+import logging
 from collections.abc import AsyncIterator
 from importlib.metadata import version
 
 from fastapi import FastAPI
 
+from app.api.access import Access
 from app.api.app import create_app
+from app.api.redaction import hide_keys_in_access_log
 from app.llm.registry import ModelRegistry
 from app.llm.settings import LlmSettings
+from app.services.addresses import is_loopback
+from app.services.api_keys import has_keys
 from app.services.container import Services
+from app.services.limits import Limits
+from app.services.pose_servers import PoseServers
 from app.settings import MEGABYTE, Settings
 from app.store.store import Store
+from app.web.site import install_pages
+
+DEFAULT_RATE_PER_S = 20.0
+logger = logging.getLogger(__name__)
 
 
 def llm_settings(settings: Settings) -> LlmSettings:
@@ -33,6 +44,7 @@ def llm_settings(settings: Settings) -> LlmSettings:
         embedded_threads=settings.embedded_threads,
         embedded_slots=settings.embedded_slots,
         embedded_context_tokens=settings.embedded_context_tokens,
+        embedded_shared_folder=settings.embedded_shared_folder,
         scripted_replies=settings.scripted_replies,
         llm_concurrent_requests=settings.llm_concurrent_requests,
         llm_queued_requests=settings.llm_queued_requests,
@@ -45,6 +57,32 @@ def llm_settings(settings: Settings) -> LlmSettings:
     )
 
 
+def limits_of(settings: Settings) -> Limits:
+    """How much a request may ask for."""
+    return Limits(
+        max_image_pixels=int(settings.max_image_megapixels * MEGABYTE),
+        max_unpacked_bytes=int(settings.max_unpacked_mb * MEGABYTE),
+        max_frames=settings.max_frames,
+        max_objects=settings.max_objects,
+        max_cameras=settings.max_cameras,
+        max_name_chars=settings.max_name_chars,
+        max_instruction_chars=settings.max_instruction_chars,
+        max_prompt_chars=settings.max_prompt_chars,
+        max_page_size=settings.max_page_size,
+        allowed_models=settings.allowed_models,
+        model_files=settings.host is not None and is_loopback(settings.host) and settings.auth != "on",
+    )
+
+
+def open_store(settings: Settings) -> Store:
+    """The store of these settings, at the newest schema. Blocking.
+
+    Raises:
+        StoreError: if the data folder or the database cannot be used.
+    """
+    return Store.open(settings.data, settings.database_url, server_connections=settings.database_connections)
+
+
 @contextlib.asynccontextmanager
 async def open_services(settings: Settings) -> AsyncIterator[Services]:
     """Open the store, sweep what earlier crashes left, start the default model in the background; close all at the end.
@@ -52,10 +90,15 @@ async def open_services(settings: Settings) -> AsyncIterator[Services]:
     Raises:
         StoreError: if the data folder cannot be used.
     """
-    store = await asyncio.to_thread(Store.open, settings.data, settings.database_url)
+    store = await asyncio.to_thread(open_store, settings)
+    if access_for(settings).key_required and not await asyncio.to_thread(has_keys, store):
+        logger.warning("API keys are required and there is none: roboprompt keys create NAME --scope admin")
     models = ModelRegistry(llm_settings(settings))
-    services = Services.wire(store, models, settings.default_model, settings.embedded_slots)
-    background: list[asyncio.Task[object]] = [asyncio.create_task(asyncio.to_thread(store.sweep))]
+    pose_servers = PoseServers(settings.pose_servers)
+    services = Services.wire(
+        store, models, settings.default_model, limits_of(settings), pose_servers, settings.embedded_slots
+    )
+    background: list[asyncio.Task[object]] = [asyncio.create_task(asyncio.to_thread(store.sweep_once))]
     if settings.warm_up:
         background.append(asyncio.create_task(services.prefix_warmer.run()))
     try:
@@ -67,6 +110,25 @@ async def open_services(settings: Settings) -> AsyncIterator[Services]:
         await services.aclose()
 
 
+def access_for(settings: Settings) -> Access:
+    """What is demanded of requests."""
+    local = settings.host is not None and is_loopback(settings.host)
+    required = settings.auth == "on" or (settings.auth == "auto" and not local)
+    rate = settings.rate_limit_per_s
+    return Access(
+        key_required=required,
+        local_only=settings.auth == "auto" and local,
+        requests_per_s=rate if rate is not None else DEFAULT_RATE_PER_S if required else 0.0,
+        burst=settings.rate_limit_burst,
+        max_query_chars=settings.max_query_chars,
+    )
+
+
 def build_app(settings: Settings) -> FastAPI:
-    """The ASGI application for these settings."""
-    return create_app(lambda: open_services(settings), version("roboprompt"), int(settings.max_body_mb * MEGABYTE))
+    """The ASGI application for these settings: the API and the pages."""
+    hide_keys_in_access_log()
+    max_body_bytes = int(settings.max_body_mb * MEGABYTE)
+    access = access_for(settings)
+    app = create_app(lambda: open_services(settings), version("roboprompt"), max_body_bytes, access)
+    install_pages(app)
+    return app

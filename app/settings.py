@@ -18,10 +18,39 @@ class Settings(BaseSettings):
 
     data: Annotated[Path, Field(description="folder of the database and the images")] = Path("data")
     database_url: Annotated[str | None, Field(description="SQLAlchemy URL; empty: SQLite in the data folder")] = None
+    database_connections: Annotated[int, Field(ge=2, description="of each worker to PostgreSQL, at most")] = 16
     max_body_mb: Annotated[float, Field(gt=0, description="larger requests are refused with 413")] = 200
-    warm_up: Annotated[
-        bool, Field(description="start the embedded LLM at start-up and let it read prefixes before they are asked for")
-    ] = True
+    host: Annotated[
+        str | None, Field(description="address that the service is bound to, as `serve --host` says; empty: unknown")
+    ] = None
+    auth: Annotated[
+        Literal["auto", "on", "off"],
+        Field(description="whether API keys are required; auto: as soon as others than this machine can connect"),
+    ] = "auto"
+    rate_limit_per_s: Annotated[
+        float | None,
+        Field(ge=0, description="requests of one key or address; 0: any number; empty: 20 where keys are required"),
+    ] = None
+    rate_limit_burst: Annotated[int, Field(ge=1, description="so many of them at once")] = 40
+    max_query_chars: Annotated[int, Field(ge=100, description="of an address's query; longer ones get 414")] = 2000
+    pose_servers: Annotated[
+        tuple[str, ...],
+        Field(description="JSON list of URL prefixes that `remote` may send images to; empty: this machine only"),
+    ] = ()
+    max_image_megapixels: Annotated[float, Field(gt=0, description="of one image; read before it is decoded")] = 16
+    max_unpacked_mb: Annotated[float, Field(gt=0, description="of a trajectory's .npz, before it is unpacked")] = 100
+    max_frames: Annotated[int, Field(ge=1, description="of a trajectory")] = 100_000
+    max_objects: Annotated[int, Field(ge=1, le=64, description="of a scene")] = 64
+    max_cameras: Annotated[int, Field(ge=0, le=16, description="of a scene")] = 16
+    max_name_chars: Annotated[int, Field(ge=1, le=64, description="of a task, an object or a camera")] = 64
+    max_instruction_chars: Annotated[int, Field(ge=1, le=500, description="of an instruction")] = 500
+    max_prompt_chars: Annotated[int, Field(ge=100, description="system prompt and demonstrations together")] = 400_000
+    allowed_models: Annotated[
+        tuple[str, ...],
+        Field(description='JSON list of models that requests may use besides the default, e.g. `["openai/gpt-4o*"]`'),
+    ] = ()
+    max_page_size: Annotated[int, Field(ge=50, le=200, description="items that a list answers at once")] = 200
+    warm_up: Annotated[bool, Field(description="start the embedded LLM at start-up; let it read prefixes ahead")] = True
 
     # The fields of app.llm.settings.LlmSettings, which says what they mean.
     default_model: Annotated[str, Field(description="asked when a request names no model")] = "embedded/gemma-3-270m"
@@ -47,6 +76,9 @@ class Settings(BaseSettings):
     embedded_threads: Annotated[int | None, Field(ge=1, description="CPU threads; empty: one per core")] = None
     embedded_slots: Annotated[int, Field(ge=1, description="predictions that share an embedded model at once")] = 4
     embedded_context_tokens: Annotated[int, Field(ge=512, description="longest prompt plus reply")] = 8192
+    embedded_shared_folder: Annotated[
+        Path | None, Field(description="workers share one embedded model through it; `serve --workers` sets it")
+    ] = None
     scripted_replies: Annotated[tuple[str, ...], Field(description="what the backend `scripted` replies, in turn")] = ()
     llm_concurrent_requests: Annotated[int, Field(ge=1, description="requests that one provider is asked at once")] = 8
     llm_queued_requests: Annotated[int, Field(ge=0, description="further requests that wait; more are refused")] = 32

@@ -1,5 +1,7 @@
 from hypothesis import settings
 
+pytest_plugins = ["tests.postgres"]
+
 # The same examples on every run; a slow machine is no failure.
 settings.register_profile("repeatable", derandomize=True, deadline=None, max_examples=50)
 settings.load_profile("repeatable")

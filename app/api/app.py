@@ -6,11 +6,25 @@ from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from fastapi import FastAPI
 from fastapi_offline import FastAPIOffline
 
+from app.api.access import Access, AccessControl
 from app.api.limits import BodyLimit
 from app.api.observation import ObserveRequests
 from app.api.openapi import install_openapi
 from app.api.problems import install_problem_handlers
-from app.api.routes import episodes, health, metrics, models, overlays, poses, predict, predictions, tasks
+from app.api.routes import (
+    episodes,
+    health,
+    login,
+    metrics,
+    models,
+    overlays,
+    poses,
+    predict,
+    predictions,
+    tasks,
+    uploads,
+)
+from app.api.security_headers import SecurityHeaders
 from app.services.container import Services
 
 DESCRIPTION = """Robot skills that an off-the-shelf LLM learns from a handful of demonstrations
@@ -25,11 +39,12 @@ Metres, radians and seconds; world frame; quaternions x y z w; cameras with Open
 OpenServices = Callable[[], AbstractAsyncContextManager[Services]]
 
 
-def create_app(open_services: OpenServices, version: str, max_body_bytes: int) -> FastAPI:
+def create_app(open_services: OpenServices, version: str, max_body_bytes: int, access: Access | None = None) -> FastAPI:
     """The application.
 
     Args:
         open_services: entered at start-up, left at shutdown.
+        access: None: anybody may do anything.
     """
 
     @asynccontextmanager
@@ -42,10 +57,12 @@ def create_app(open_services: OpenServices, version: str, max_body_bytes: int) -
         title="RoboPrompt", version=version, description=DESCRIPTION, lifespan=lifespan, redoc_url=None
     )
     # Overlays come before episodes, whose image kinds would take their addresses; a robot waits for predictions.
-    for module in (predict, overlays, episodes, tasks, poses, predictions, models, health, metrics):
+    for module in (predict, overlays, episodes, uploads, tasks, poses, predictions, models, health, metrics, login):
         app.include_router(module.router)
     install_problem_handlers(app)
     install_openapi(app)
     app.add_middleware(BodyLimit, max_bytes=max_body_bytes)
+    app.add_middleware(AccessControl, owner=app, access=access or Access())
+    app.add_middleware(SecurityHeaders)
     app.add_middleware(ObserveRequests, owner=app)
     return app

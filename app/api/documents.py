@@ -5,6 +5,7 @@ from typing import Any
 
 from app.llm.base import ModelProfile
 from app.pipeline.episode import Demonstration
+from app.pipeline.metadata import camera_json
 from app.pipeline.prompt import Prompt
 from app.pipeline.representation import fit_codec
 from app.pipeline.workspace import Workspace, discretize_action, object_bins
@@ -40,6 +41,27 @@ def episode_document(record: EpisodeRecord, task: TaskRecord) -> JsonObject:
         "observation_text": codec.observation_text(poses, record.instruction),
         "actions_text": codec.actions_text(demonstration),
         "created_at": record.created_at.isoformat(),
+    }
+
+
+def metadata_document(record: EpisodeRecord) -> JsonObject:
+    """An `EpisodeMetadata`: what was uploaded, so that it can be uploaded elsewhere."""
+    objects = [
+        {
+            "name": item["name"],
+            "position": item["position_m"],
+            "quaternion_xyzw": item["quaternion_xyzw"],
+            "mask_ids": item["mask_ids"],
+        }
+        for item in record.given_objects
+    ]
+    return {
+        "task": record.task,
+        "instruction": record.instruction,
+        "objects": objects,
+        "cameras": [camera_json(item.camera()) for item in record.cameras],
+        "control_frequency_hz": record.control_frequency_hz,
+        "extra": record.extra,
     }
 
 

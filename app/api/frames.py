@@ -27,10 +27,12 @@ def split_images(cameras: Sequence[CameraIn], parts: Mapping[str, bytes]) -> dic
     return {name: ImageBytes(*(parts.get(f"{prefix}{name}") for prefix in IMAGE_PREFIXES)) for name in names}
 
 
-def decode_frames(cameras: Sequence[CameraIn], images: Mapping[str, ImageBytes]) -> tuple[RgbdFrame, ...]:
+def decode_frames(
+    cameras: Sequence[CameraIn], images: Mapping[str, ImageBytes], max_pixels: int
+) -> tuple[RgbdFrame, ...]:
     """The frames of all cameras, in their order.
 
     Raises:
         InvalidInputError: naming the image part or the camera's field.
     """
-    return tuple(decode_frame(item.camera(), images[item.name]) for item in cameras)
+    return tuple(decode_frame(item.camera(), images[item.name], max_pixels) for item in cameras)

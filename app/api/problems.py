@@ -33,8 +33,8 @@ from app.pipeline.errors import (
     RoboPromptError,
     UncertainPoseError,
 )
-from app.services.errors import NoDemonstrationsError, UnparsableReplyError
-from app.store.errors import ConflictError, CorruptDataError, NotFoundError, StoreUnavailableError
+from app.services.errors import NoDemonstrationsError, UnparsableReplyError, UnsafeReplyError
+from app.store.errors import ConflictError, CorruptDataError, NotFoundError, StoreError, StoreUnavailableError
 
 MEDIA_TYPE = "application/problem+json"
 MAX_SHOWN = 120  # characters of a bad value that an error repeats
@@ -63,6 +63,7 @@ KINDS: Mapping[type[Exception], Kind] = {
     PoseServerError: Kind(502, "pose-server-error", "The pose server's answer cannot be used"),
     NoDemonstrationsError: Kind(409, "no-demonstrations", "The task has no demonstrations"),
     UnparsableReplyError: Kind(502, "unparsable-reply", "The LLM's reply is not a list of valid actions"),
+    UnsafeReplyError: Kind(502, "unsafe-action", "The LLM's reply breaks a bound of motion"),
     UnknownModelError: Kind(422, "unknown-model", "There is no such model"),
     ModelUnavailableError: Kind(503, "model-unavailable", "The model cannot be used here"),
     ModelBusyError: Kind(503, "model-busy", "The model has too many requests under way"),
@@ -95,6 +96,17 @@ def install_problem_handlers(app: FastAPI) -> None:
     app.add_exception_handler(ValidationError, _on_validation_error)
     app.add_exception_handler(HTTPException, _on_http_error)
     app.add_exception_handler(Exception, _on_unexpected_error)
+
+
+def problem_of(request: Request, error: Exception) -> JSONResponse:
+    """The response for any error."""
+    if isinstance(error, RoboPromptError):
+        return own_problem(request, error)
+    if isinstance(error, HTTPException):
+        return _on_http_error(request, error)
+    if isinstance(error, RequestValidationError | ValidationError):
+        return _on_validation_error(request, error)
+    return _on_unexpected_error(request, error)
 
 
 def problem(
@@ -136,9 +148,19 @@ def own_problem(request: Request, error: RoboPromptError) -> JSONResponse:
         return problem(kind, str(error), [{"field": "model", "message": str(error), "valid": None}])
     if isinstance(error, UnparsableReplyError):
         return problem(kind, str(error), reply_text=error.reply_text, prediction_id=error.prediction_id)
+    if isinstance(error, UnsafeReplyError):
+        breach = {"field": error.action.field, "message": error.action.message, "valid": error.action.bound}
+        return problem(kind, str(error), [breach], reply_text=error.reply_text, prediction_id=error.prediction_id)
     wait_s = getattr(error, "retry_after_s", None) or 1.0
     headers = {"Retry-After": str(math.ceil(wait_s))} if kind.status == 503 else None
     return problem(kind, str(error), headers=headers)
+
+
+def store_problem(error: StoreError) -> JSONResponse:
+    """The response where not even the keys can be read."""
+    kind = KINDS[StoreUnavailableError] if isinstance(error, StoreUnavailableError) else _INTERNAL
+    logger.warning("the API keys cannot be read: %s", error)
+    return problem(kind, "the API keys cannot be read", headers={"Retry-After": "1"})
 
 
 def _own_entry(error: InvalidInputError) -> dict[str, Any]:

@@ -1,21 +1,60 @@
 """`roboprompt serve`: run the service."""
 
+import os
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+if TYPE_CHECKING:
+    from app.settings import Settings
+
+GRACE_S = 10  # for requests under way when the service is told to stop
 
 
 def serve(
     host: Annotated[str, typer.Option(help="address to listen on")] = "127.0.0.1",
     port: Annotated[int, typer.Option(help="port to listen on")] = 8000,
     data: Annotated[Path | None, typer.Option(help="folder of the database and images")] = None,
+    no_auth: Annotated[bool, typer.Option("--no-auth", help="let in whoever can connect, without API keys")] = False,
+    workers: Annotated[int, typer.Option(min=1, help="processes that share the port, the store and the LLM")] = 1,
 ) -> None:
-    """Run the service until Ctrl-C. Everything else is set by ROBOPROMPT_ variables, see docs/settings.md."""
+    """Run the service until Ctrl-C.
+
+    Where others than this machine can connect (--host), API keys are required: `roboprompt keys create`.
+    Everything else is set by ROBOPROMPT_ variables, see docs/settings.md.
+    """
     import uvicorn
 
+    from app.api.bounded_head import BoundedHeadProtocol
     from app.bootstrap import build_app
     from app.settings import Settings
 
-    settings = Settings() if data is None else Settings(data=data)
-    uvicorn.run(build_app(settings), host=host, port=port, log_level="info", timeout_graceful_shutdown=10)
+    given = {"data": data, "host": host, "auth": "off" if no_auth else None}
+    settings = Settings().model_copy(update={name: value for name, value in given.items() if value is not None})
+    application = build_app(settings) if workers == 1 else _for_workers(settings)
+    uvicorn.run(
+        application,
+        host=host,
+        port=port,
+        workers=workers,
+        http=BoundedHeadProtocol,
+        ws="none",
+        server_header=False,
+        log_level="info",
+        timeout_graceful_shutdown=GRACE_S,
+    )
+
+
+def _for_workers(settings: "Settings") -> str:
+    """The import name of the application that each worker builds from the environment.
+
+    The database is migrated here, so that a failure is said once and before any worker starts.
+    """
+    from app.bootstrap import open_store
+
+    open_store(settings).close()
+    for name in ("data", "host", "auth"):
+        os.environ[f"ROBOPROMPT_{name.upper()}"] = str(getattr(settings, name))
+    os.environ.setdefault("ROBOPROMPT_EMBEDDED_SHARED_FOLDER", str(settings.data / "llm"))
+    return "app.asgi:app"

@@ -7,8 +7,10 @@ numpy and OpenCV, and nothing of the server.
 import argparse
 import importlib
 import json
+import signal
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +19,18 @@ from app.client.errors import ServiceProblemError, ServiceUnreachableError
 from app.client.loop import NotConfirmedError, run_closed_loop, run_task
 from app.client.robot import MotionError, Observation, Robot
 from app.pipeline.episode import EndEffectorAction, ObjectPose
-from app.pipeline.errors import InvalidInputError
+from app.pipeline.errors import InvalidInputError, UnsafeActionError
+from app.pipeline.motion_limits import Box, MotionLimits
 from app.pipeline.trajectory_npz import trajectory_from_npz
+
+REFUSALS = (
+    ServiceProblemError,
+    ServiceUnreachableError,
+    MotionError,
+    NotConfirmedError,
+    InvalidInputError,
+    UnsafeActionError,
+)
 
 
 def main() -> int:
@@ -28,9 +40,12 @@ def main() -> int:
     try:
         with RoboPromptClient(arguments.url) as client:
             print(json.dumps(command(client, arguments), indent=2))  # noqa: T201
-    except (ServiceProblemError, ServiceUnreachableError, MotionError, NotConfirmedError, InvalidInputError) as error:
+    except REFUSALS as error:
         print(error, file=sys.stderr)  # noqa: T201
         return 1
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)  # noqa: T201
+        return 128 + signal.SIGINT
     return 0
 
 
@@ -54,6 +69,13 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--instruction", required=True)
     run.add_argument("--robot", required=True, metavar="MODULE:FACTORY", help="a callable that returns a Robot")
     run.add_argument("--confirm", action="store_true", help="ask before each motion")
+    run.add_argument(
+        "--workspace",
+        nargs=6,
+        type=float,
+        metavar=("XMIN", "YMIN", "ZMIN", "XMAX", "YMAX", "ZMAX"),
+        help="metres, world frame: refuse every action outside, whatever the service says (default: the task's limits)",
+    )
     how = run.add_mutually_exclusive_group()
     how.add_argument("--stream", action="store_true", help="begin to move while the LLM still writes")
     how.add_argument("--closed-loop", action="store_true", help="observe again before each action")
@@ -88,14 +110,31 @@ def _run(client: RoboPromptClient, arguments: argparse.Namespace) -> dict[str, A
     robot: Robot = getattr(importlib.import_module(module), factory)()
     confirm = _ask if arguments.confirm else None
     what = (client, robot, arguments.task, arguments.instruction)
+    limits = _limits(client, arguments)
+    # Who ends this script ends it through `run_task`, which stops the arm.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     if arguments.closed_loop:
-        return {"steps": [step.response for step in run_closed_loop(*what, confirm=confirm)]}
-    return dict(run_task(*what, confirm=confirm, stream=arguments.stream).response)
+        return {"steps": [step.response for step in run_closed_loop(*what, limits=limits, confirm=confirm)]}
+    return dict(run_task(*what, limits=limits, confirm=confirm, stream=arguments.stream).response)
+
+
+def _limits(client: RoboPromptClient, arguments: argparse.Namespace) -> MotionLimits:
+    """The task's limits, with the caller's own workspace where one is given."""
+    of_task = client.motion_limits(arguments.task)
+    if arguments.workspace is None:
+        return of_task
+    low, high = tuple(arguments.workspace[:3]), tuple(arguments.workspace[3:])
+    return replace(of_task, workspace=Box(low, high))
 
 
 def _ask(index: int, action: EndEffectorAction) -> bool:
     gripper = "open" if action.gripper_open else "closed"
-    return input(f"action {index + 1}: {action.position_m.round(3)} m, gripper {gripper}. Go? [y/N] ").strip() == "y"
+    x_m, y_m, z_m = action.position_m
+    try:
+        answer = input(f"action {index + 1}: to {x_m:.3f} {y_m:.3f} {z_m:.3f} m, gripper {gripper}. Go? [y/N] ")
+    except EOFError:  # nobody is there to ask
+        return False
+    return answer.strip().lower() in ("y", "yes")
 
 
 def _observation(path: Path) -> Observation:

@@ -1,5 +1,6 @@
 """The service as a robot sees it."""
 
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -8,15 +9,17 @@ from typing import Any, Self
 from uuid import uuid4
 
 import httpx
-import numpy as np
 from httpx_sse import SSEError, connect_sse
 
-from app.client.encoding import camera_json, object_json, packed_request, request_parts
+from app.client.encoding import Part, packed_request, request_parts
 from app.client.errors import ServiceProblemError, ServiceUnreachableError
 from app.client.robot import Observation
 from app.pipeline.episode import EndEffectorAction, Trajectory
+from app.pipeline.metadata import camera_json, object_json
+from app.pipeline.motion_limits import MotionLimits, action_from_json
 from app.pipeline.trajectory_npz import npz_from_trajectory
 
+KEY_VARIABLE = "ROBOPROMPT_API_KEY"
 DEFAULT_URL = "http://127.0.0.1:8000"
 LEARNING_TIMEOUT_S = 600.0
 MARGIN_S = 10.0  # the service answers within the request's own deadline; this is for the way there and back
@@ -42,14 +45,22 @@ class RoboPromptClient:
     Args:
         url: where the service listens.
         connection: an httpx client to use instead of an own one.
+        api_key: where the service requires one; None: the environment's ROBOPROMPT_API_KEY.
         compress: send images as JPEG and PNG, for a slow network; otherwise as they are, which saves both sides the
             time to encode and decode them.
     """
 
     def __init__(
-        self, url: str = DEFAULT_URL, connection: httpx.Client | None = None, *, compress: bool = True
+        self,
+        url: str = DEFAULT_URL,
+        connection: httpx.Client | None = None,
+        *,
+        api_key: str | None = None,
+        compress: bool = True,
     ) -> None:
-        self._http = connection or httpx.Client(base_url=url, timeout=60)
+        key = os.environ.get(KEY_VARIABLE, "") if api_key is None else api_key
+        headers = {"Authorization": f"Bearer {key}"} if key else {}
+        self._http = connection or httpx.Client(base_url=url, timeout=60, headers=headers)
         self._compress = compress
 
     def __enter__(self) -> Self:
@@ -72,6 +83,10 @@ class RoboPromptClient:
     def configure_task(self, task: str, **settings: Any) -> dict[str, Any]:  # noqa: ANN401
         """Set a task's settings, see `PUT /tasks/{name}`; returns all of them."""
         return self._send("PUT", f"/tasks/{task}", json=settings)
+
+    def motion_limits(self, task: str) -> MotionLimits:
+        """What the task allows an action."""
+        return MotionLimits.from_task(self.get(f"/tasks/{task}"))
 
     def upload(
         self,
@@ -106,8 +121,18 @@ class RoboPromptClient:
         }
         parts = request_parts(metadata, observation.frames)
         parts["trajectory"] = ("trajectory.npz", npz_from_trajectory(trajectory), "application/octet-stream")
-        # With the key, a request that is sent again after a broken connection stores nothing twice.
-        return self._send("POST", "/episodes", files=parts, headers={"Idempotency-Key": uuid4().hex})
+        return self.upload_parts(parts, uuid4().hex)
+
+    def upload_parts(self, parts: Mapping[str, Part], idempotency_key: str) -> dict[str, Any]:
+        """Store a demonstration that is encoded already: the parts of `POST /episodes`.
+
+        Args:
+            idempotency_key: sent again with the same content it stores nothing twice.
+
+        Raises:
+            ServiceProblemError, ServiceUnreachableError.
+        """
+        return self._send("POST", "/episodes", files=parts, headers={"Idempotency-Key": idempotency_key})
 
     def predict(
         self,
@@ -128,6 +153,7 @@ class RoboPromptClient:
         Raises:
             ServiceProblemError: if the service refuses, or the LLM's reply is no list of actions.
             ServiceUnreachableError: if the service does not answer.
+            UnsafeActionError: if what it answers is no action: a number that is not finite, no unit quaternion ...
         """
         wish = {"timeout_s": timeout_s, **options}
         body = self._question(task, instruction, observation, mask_ids, wish)
@@ -157,10 +183,10 @@ class RoboPromptClient:
             if source.response.is_error:
                 source.response.read()
                 raise ServiceProblemError(source.response.status_code, _problem(source.response))
-            for event in source.iter_sse():
+            for index, event in enumerate(source.iter_sse()):
                 document = event.json()
                 if event.event == "action":
-                    yield _action(document)
+                    yield action_from_json(index, document)
                 elif event.event == "done":
                     yield _predicted(document)
                     return
@@ -193,6 +219,10 @@ class RoboPromptClient:
         """Any document that the service offers, e.g. ``get("/episodes", task="open_drawer")``."""
         return self._send("GET", path, params=parameters)
 
+    def get_bytes(self, path: str, **parameters: Any) -> bytes:  # noqa: ANN401
+        """Any file that the service offers, e.g. ``get_bytes(f"/episodes/{id}/trajectory")``."""
+        return self._request("GET", path, params=parameters).content
+
     def _question(
         self,
         task: str,
@@ -203,6 +233,8 @@ class RoboPromptClient:
     ) -> dict[str, Any]:
         """The body of a prediction, as arguments of httpx."""
         document = {"task": task, "instruction": instruction, **_scene(observation, mask_ids), **wish}
+        if (pose := observation.end_effector) is not None:
+            document["end_effector"] = {"position": pose.position_m, "quaternion_xyzw": pose.quaternion_xyzw}
         if not observation.frames:
             return {"json": document}
         if self._compress:
@@ -211,12 +243,15 @@ class RoboPromptClient:
         return {"content": packed, "headers": {"Content-Type": "application/msgpack"}}
 
     def _send(self, method: str, path: str, **arguments: Any) -> dict[str, Any]:  # noqa: ANN401
+        document: dict[str, Any] = self._request(method, path, **arguments).json()
+        return document
+
+    def _request(self, method: str, path: str, **arguments: Any) -> httpx.Response:  # noqa: ANN401
         with self._transport_errors(method, path):
             response = self._http.request(method, path, **arguments)
         if response.is_error:
             raise ServiceProblemError(response.status_code, _problem(response))
-        document: dict[str, Any] = response.json()
-        return document
+        return response
 
     @contextmanager
     def _transport_errors(self, method: str, path: str) -> Iterator[None]:
@@ -228,7 +263,8 @@ class RoboPromptClient:
 
 
 def _predicted(answer: Mapping[str, Any]) -> PredictedActions:
-    return PredictedActions(answer["id"], tuple(_action(item) for item in answer["actions"]), answer)
+    actions = tuple(action_from_json(index, item) for index, item in enumerate(answer["actions"]))
+    return PredictedActions(answer["id"], actions, answer)
 
 
 def _scene(observation: Observation, mask_ids: Mapping[str, Sequence[int]] | None) -> dict[str, Any]:
@@ -240,10 +276,6 @@ def _scene(observation: Observation, mask_ids: Mapping[str, Sequence[int]] | Non
             item["mask_ids"] = ids
     objects += [{"name": name, "mask_ids": ids} for name, ids in unnamed.items()]
     return {"objects": objects, "cameras": [camera_json(frame.camera) for frame in observation.frames]}
-
-
-def _action(item: Mapping[str, Any]) -> EndEffectorAction:
-    return EndEffectorAction(np.array(item["position"]), np.array(item["quaternion_xyzw"]), item["gripper_open"])
 
 
 def _problem(response: httpx.Response) -> dict[str, Any]:

@@ -8,31 +8,12 @@ import cv2
 import msgpack
 import numpy as np
 
-from app.pipeline.episode import Camera, ObjectPose, RgbdFrame
+from app.pipeline.episode import RgbdFrame
 from app.pipeline.packed_array import packed_array
 
 Part = tuple[str, bytes, str]
 JPEG_QUALITY = 95
 _MAX_DEPTH_UNITS = np.iinfo(np.uint16).max
-
-
-def object_json(pose: ObjectPose) -> dict[str, Any]:
-    """An object with the pose that the robot knows."""
-    quaternion = None if pose.quaternion_xyzw is None else pose.quaternion_xyzw.tolist()
-    return {"name": pose.name, "position": pose.position_m.tolist(), "quaternion_xyzw": quaternion}
-
-
-def camera_json(camera: Camera) -> dict[str, Any]:
-    """A camera's calibration."""
-    intrinsics = {"fx": camera.fx_px, "fy": camera.fy_px, "cx": camera.cx_px, "cy": camera.cy_px}
-    if camera.image_size_px is not None:
-        intrinsics["width"], intrinsics["height"] = camera.image_size_px
-    return {
-        "name": camera.name,
-        "intrinsics": intrinsics,
-        "camera_to_world": camera.camera_to_world.tolist(),
-        "depth_scale": camera.depth_scale,
-    }
 
 
 def request_parts(metadata: Mapping[str, Any], frames: Sequence[RgbdFrame]) -> dict[str, Part]:

@@ -6,6 +6,7 @@ from typing import Any
 from app.client.client import PredictedActions, RoboPromptClient
 from app.client.robot import Robot
 from app.pipeline.episode import EndEffectorAction
+from app.pipeline.motion_limits import MotionGuard, MotionLimits
 from app.pipeline.reply import MAX_ACTIONS
 
 Confirm = Callable[[int, EndEffectorAction], bool]
@@ -21,40 +22,54 @@ def run_task(
     task: str,
     instruction: str,
     *,
+    limits: MotionLimits | None = None,
     confirm: Confirm | None = None,
     stream: bool = False,
     **options: Any,  # noqa: ANN401
 ) -> PredictedActions:
     """Let the robot carry out one instruction; returns what was predicted.
 
-    Whatever goes wrong in between, the robot is stopped where it is before the error goes on.
+    Whatever goes wrong, Ctrl-C included, the robot is stopped where it is before the error goes on.
 
     Args:
+        limits: what the robot may be told, whatever the service says; None: what the service says of the task.
         confirm: asked before each action, with its index; the run ends where it says no.
         stream: begin to move while the LLM still writes; otherwise nothing moves until the whole reply is known to be
-            a valid list of actions.
+            a list of actions within the limits.
         options: as for `RoboPromptClient.predict`.
 
     Raises:
         ServiceProblemError, ServiceUnreachableError: without `stream` nothing was moved.
+        UnsafeActionError: if an action is beyond the limits; it was not carried out, and without `stream` none was.
         MotionError: if an action could not be carried out.
         NotConfirmedError: if `confirm` said no.
     """
-    observation = robot.observe()
-    predicted = None if stream else client.predict(task, instruction, observation, **options)
     try:
-        if predicted is not None:
-            for index, action in enumerate(predicted.actions):
-                _execute(robot, index, action, confirm)
-            return predicted
-        for index, item in enumerate(client.stream(task, instruction, observation, **options)):
-            if isinstance(item, PredictedActions):
-                return item
-            _execute(robot, index, item, confirm)
-        raise AssertionError("a stream ends with the whole answer or an error")
+        allowed = limits or client.motion_limits(task)
+        observation = robot.observe()
+        guard = MotionGuard(allowed, options.get("max_actions", MAX_ACTIONS), observation.end_effector)
+        if stream:
+            return _run_streamed(client.stream(task, instruction, observation, **options), robot, guard, confirm)
+        predicted = client.predict(task, instruction, observation, **options)
+        for action in predicted.actions:
+            guard.check(action)
+        for index, action in enumerate(predicted.actions):
+            _execute(robot, index, action, confirm)
     except BaseException:
         robot.stop()
         raise
+    return predicted
+
+
+def _run_streamed(
+    arriving: Iterator[EndEffectorAction | PredictedActions], robot: Robot, guard: MotionGuard, confirm: Confirm | None
+) -> PredictedActions:
+    for index, item in enumerate(arriving):
+        if isinstance(item, PredictedActions):
+            return item
+        guard.check(item)
+        _execute(robot, index, item, confirm)
+    raise AssertionError("a stream ends with the whole answer or an error")
 
 
 def run_closed_loop(
@@ -64,6 +79,7 @@ def run_closed_loop(
     instruction: str,
     *,
     max_steps: int = MAX_ACTIONS,
+    limits: MotionLimits | None = None,
     confirm: Confirm | None = None,
     **options: Any,  # noqa: ANN401
 ) -> Iterator[PredictedActions]:
@@ -71,7 +87,7 @@ def run_closed_loop(
 
     Args:
         max_steps: after so many the run ends, done or not.
-        confirm, options: as for `run_task`.
+        limits, confirm, options: as for `run_task`.
 
     Yields:
         the answer to each step, before its action is carried out; the last has no action unless `max_steps` ended the
@@ -81,9 +97,15 @@ def run_closed_loop(
         as `run_task`; the robot is stopped before.
     """
     wish = {**options, "closed_loop": True}
+    guard: MotionGuard | None = None
     try:
+        allowed = limits or client.motion_limits(task)
         for index in range(max_steps):
-            predicted = client.predict(task, instruction, robot.observe(), **wish)
+            observation = robot.observe()
+            guard = guard or MotionGuard(allowed, max_steps, observation.end_effector)
+            predicted = client.predict(task, instruction, observation, **wish)
+            for action in predicted.actions:
+                guard.check(action)
             yield predicted
             if not predicted.actions:
                 return

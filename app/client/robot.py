@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from app.pipeline.episode import EndEffectorAction, ObjectPose, RgbdFrame
+from app.pipeline.motion_limits import Pose
 
 
 @dataclass(frozen=True)
@@ -12,11 +13,13 @@ class Observation:
 
     Attributes:
         to_find: the names of objects that the service is to find in the images by the task's object models.
+        end_effector: where the arm is; with it the bounds of a step hold for the first action, too.
     """
 
     objects: tuple[ObjectPose, ...] = ()
     frames: tuple[RgbdFrame, ...] = field(default=())
     to_find: tuple[str, ...] = ()
+    end_effector: Pose | None = None
 
 
 class Robot(Protocol):

@@ -14,7 +14,8 @@ from app.pipeline.episode import EndEffectorAction
 from app.sim.demonstrate import RolloutResult, judge, robot_in_scene
 from app.sim.tasks import TASKS
 
-UNPARSABLE_REPLY = "/problems/unparsable-reply"  # the problem that is the LLM's failure, not the service's
+# the problems that are the LLM's failure, not the service's
+USELESS_REPLY = frozenset({"/problems/unparsable-reply", "/problems/unsafe-action"})
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +70,7 @@ def run_in_closed_loop(
         except MotionError as failure:
             blocked = str(failure)
         except ServiceProblemError as problem:
-            if problem.problem.get("type") != UNPARSABLE_REPLY:
+            if problem.problem.get("type") not in USELESS_REPLY:
                 raise
             error = str(problem)
         failure_text = error or blocked or judge(robot)

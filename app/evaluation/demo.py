@@ -2,6 +2,7 @@
 
 import tempfile
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 from rich.progress import Progress
@@ -27,4 +28,5 @@ def run_demo(plan: Plan, progress: Progress) -> Evaluation:
         closing(LocalExecutor()) as executor,
         service(warm_up=plan.asks_default_model) as client,
     ):
-        return illustrated(Run(plan, ledger, client, executor, progress)(), executor, progress)
+        evaluation = Run(plan, ledger, client, executor, progress)()
+        return replace(evaluation, tasks=tuple(illustrated(evaluation, executor, progress)))

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from app.client.encoding import object_json
 from app.evaluation.records import Crash, Trial
 from app.pipeline.episode import EndEffectorAction, ObjectPose
+from app.pipeline.metadata import object_json
 from app.sim.demonstrate import RolloutResult, SceneView
 
 Document = Mapping[str, Any]

@@ -1,6 +1,6 @@
 """Pictures for the trials that a report shows: simulated again, since pictures take longer than the simulation."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, replace
 
@@ -27,19 +27,19 @@ class _Pictures:
     execution: RolloutResult | None
 
 
-def illustrated(evaluation: Evaluation, executor: Executor, progress: Progress) -> Evaluation:
-    """The evaluation with pictures of each task's first demonstration and of the trials that a report shows."""
+def illustrated(evaluation: Evaluation, executor: Executor, progress: Progress) -> Iterator[TaskEvaluation]:
+    """The evaluation's tasks with pictures of the first demonstration and of the trials that a report shows.
+
+    One after the other: the pictures of one task take some 100 MB.
+    """
     shown = [_shown(task, evaluation) for task in evaluation.tasks]
     bar = progress.add_task("pictures", total=sum(map(len, shown)))
-    first = [_record_first(executor, task.taught) for task in evaluation.tasks]
-    pictures = [{trial: _submit(executor, trial) for trial in trials} for trials in shown]
-    for future in (future for futures in pictures for future in futures.values()):
-        future.add_done_callback(lambda _: progress.advance(bar))
-    tasks = (
-        _with_pictures(task, recorded, futures)
-        for task, recorded, futures in zip(evaluation.tasks, first, pictures, strict=True)
-    )
-    return replace(evaluation, tasks=tuple(tasks))
+    for task, trials in zip(evaluation.tasks, shown, strict=True):
+        first = _record_first(executor, task.taught)
+        pictures = {trial: _submit(executor, trial) for trial in trials}
+        for future in pictures.values():
+            future.add_done_callback(lambda _: progress.advance(bar))
+        yield _with_pictures(task, first, pictures)
 
 
 def _shown(task: TaskEvaluation, evaluation: Evaluation) -> list[Trial]:

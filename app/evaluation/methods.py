@@ -9,6 +9,7 @@ from app.evaluation.records import REPLAY, Method, Poses
 PAPER = {"representation": "absolute", "prompt_format": "paper", "system_prompt": "a"}
 KAT = {"representation": "action_tokens", "prompt_format": "kat"}
 REGRESSION = Method("regression, no LLM", {"model": "regression"})
+COPY = Method("nearest demonstration's rows, no LLM", {"model": "nearest"})
 NEAREST = Method("nearest demonstration", source="nearest demonstration")
 
 

@@ -6,7 +6,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -15,17 +15,22 @@ import httpx
 from app.client.client import RoboPromptClient
 from app.evaluation.errors import ServerStartError
 
+# Whoever requires keys of a service, for which the environment is meant, does not require them of this one.
+WITHOUT_KEYS = {"ROBOPROMPT_AUTH": "auto"}
 START_TIMEOUT_S = 60.0
 STOP_TIMEOUT_S = 15.0
 POLL_S = 0.05
 
 
 @contextmanager
-def running_server(data: Path, environment: Mapping[str, str] | None = None) -> Iterator[str]:
+def running_server(
+    data: Path, environment: Mapping[str, str] | None = None, arguments: Sequence[str] = ()
+) -> Iterator[str]:
     """Run `roboprompt serve` on `data`; yields its URL, and ends it afterwards.
 
     Args:
         environment: settings beside those of this process, e.g. ``{"ROBOPROMPT_DEFAULT_MODEL": "regression"}``.
+        arguments: further ones of `roboprompt serve`.
 
     Raises:
         ServerStartError: if it does not answer within a minute.
@@ -33,14 +38,14 @@ def running_server(data: Path, environment: Mapping[str, str] | None = None) -> 
     data.mkdir(parents=True, exist_ok=True)
     port = free_port()
     url = f"http://127.0.0.1:{port}"
-    serve = ["app.cli", "serve", "--port", str(port), "--data", str(data)]
+    serve = ["app.cli", "serve", "--port", str(port), "--data", str(data), *arguments]
     with (data / "server.log").open("w+") as log:
         process = subprocess.Popen(
             [sys.executable, "-m", "app.evaluation.leash", *serve],
             stdin=subprocess.PIPE,
             stdout=log,
             stderr=subprocess.STDOUT,
-            env={**os.environ, **(environment or {})},
+            env={**os.environ, **WITHOUT_KEYS, **(environment or {})},
             start_new_session=True,  # Ctrl-C is for this process to handle
         )
         try:

@@ -102,7 +102,7 @@ class SweepRun:
 
     def _write_report(self, evaluation: Evaluation, executor: Executor, progress: Progress, timing: Timing) -> None:
         with timing.measured("report_s"):
-            write_report(illustrated(evaluation, executor, progress), self.report.parent)
+            write_report(evaluation, self.report.parent, illustrated(evaluation, executor, progress))
 
     def _write_results(self, evaluation: Evaluation) -> None:
         (self.folder / "table.md").write_text(markdown(evaluation, SWEEPS[self.sweep].about), encoding="utf-8")

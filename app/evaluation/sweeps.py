@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from app.evaluation.methods import KAT, NEAREST, PAPER, REGRESSION, with_models
+from app.evaluation.methods import COPY, KAT, NEAREST, PAPER, REGRESSION, with_models
 from app.evaluation.records import EXPERT, REPLAY, Method
 
 INTERVALS = (5, 10, 20, 40, 80)  # frames; paper, section V "Keyframe extraction"
@@ -42,8 +42,8 @@ def _uniform(interval: int) -> Method:
 
 SWEEPS: Mapping[str, Sweep] = {
     "main": Sweep(
-        "the default method against a regression, the nearest demonstration and the expert's replay",
-        (Method("default"), REGRESSION, NEAREST, REPLAY),
+        "the default method against methods without an LLM, and against the expert's replay",
+        (Method("default"), COPY, REGRESSION, NEAREST, REPLAY),
     ),
     "formats": Sweep(
         "rows relative to objects against the paper's and the authors' formats, and against KAT's action tokens",

@@ -10,7 +10,7 @@ from typing import Any, Generic, TypeVar
 from app.client.client import RoboPromptClient
 from app.client.errors import ServiceProblemError
 from app.client.robot import Observation
-from app.evaluation.closed_loop import UNPARSABLE_REPLY, ClosedLoopResult, run_in_closed_loop
+from app.evaluation.closed_loop import USELESS_REPLY, ClosedLoopResult, run_in_closed_loop
 from app.evaluation.executors import Executor, call
 from app.evaluation.nearest import replayed
 from app.evaluation.noise import disturbed
@@ -79,9 +79,9 @@ def _ask_service(laboratory: Laboratory, cell: Cell, lesson: Lesson, scene: Scen
             predicted = laboratory.client.predict(lesson.name, scene.instruction, seen, **cell.method.options)
         except ServiceProblemError as error:
             seconds, problem = time.perf_counter() - started, error.problem.get("type")
-            if problem != UNPARSABLE_REPLY and not (cell.method.poses == "vision" and problem in UNSEEN):
+            if problem not in USELESS_REPLY and not (cell.method.poses == "vision" and problem in UNSEEN):
                 raise
-            answer = _refused(laboratory.client, error) if problem == UNPARSABLE_REPLY else None
+            answer = _refused(laboratory.client, error) if problem in USELESS_REPLY else None
             return replace(trial, answer=answer, error=str(error), predict_s=seconds)
         trial = replace(trial, answer=predicted.response, predict_s=time.perf_counter() - started)
     trial = laboratory.execute(trial, predicted.actions)

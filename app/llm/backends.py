@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import entry_points
 
-from app.llm import regression, scripted
+from app.llm import nearest, regression, scripted
 from app.llm.anthropic import AnthropicModel
 from app.llm.base import LanguageModel, ModelProfile, ModelUnavailableError, UnknownModelError
 from app.llm.embedded import EmbeddedModel, EmbeddedOptions
@@ -64,7 +64,8 @@ def _embedded(model: str, settings: LlmSettings) -> LanguageModel:
     weights = find_weights(model, settings)
     if importlib.util.find_spec("xllamacpp") is None:
         raise ModelUnavailableError("embedded models need llama.cpp: pip install xllamacpp")
-    options = EmbeddedOptions(settings.embedded_threads, settings.embedded_slots, settings.embedded_context_tokens)
+    sizes = (settings.embedded_threads, settings.embedded_slots, settings.embedded_context_tokens)
+    options = EmbeddedOptions(*sizes, settings.embedded_shared_folder)
     return EmbeddedModel(_embedded_profile(model), weights, options)
 
 
@@ -176,6 +177,11 @@ def _regression(model: str, settings: LlmSettings) -> LanguageModel:
     return regression.RegressionModel()
 
 
+def _nearest(model: str, settings: LlmSettings) -> LanguageModel:
+    _refuse_model_name("nearest", model)
+    return nearest.NearestModel()
+
+
 def _scripted(model: str, settings: LlmSettings) -> LanguageModel:
     _refuse_model_name("scripted", model)
     if not settings.scripted_replies:
@@ -206,6 +212,7 @@ BUILT_IN: Mapping[str, Backend] = {
         lambda settings: [_compatible_profile(settings.compatible_model, settings)],
         _network_limits,
     ),
+    "nearest": Backend(_nearest, lambda settings: [nearest.PROFILE]),
     "regression": Backend(_regression, lambda settings: [regression.PROFILE]),
     "scripted": Backend(_scripted, lambda settings: [scripted.PROFILE] if settings.scripted_replies else []),
 }

@@ -8,11 +8,13 @@ import asyncio
 import os
 from contextlib import aclosing
 from dataclasses import dataclass
+from pathlib import Path
 
 from app.llm.base import Completion, CompletionRequest, LanguageModelError, ModelProfile, ModelUnavailableError
 from app.llm.llama_process import LlamaOptions, LlamaProcess
 from app.llm.openai_compatible import OpenAiCompatibleModel
 from app.llm.openai_wire import LLAMA_CPP
+from app.llm.shared_llama import SharedLlama
 from app.llm.streaming import Pieces, whole, within_deadline
 from app.llm.weights import Weights
 
@@ -27,16 +29,18 @@ class EmbeddedOptions:
         threads: CPU threads; None for one per core that this process may use.
         slots: requests answered at once; each keeps the prefix of its last prompt.
         context_tokens: longest prompt plus reply of a slot.
+        shared_folder: where processes tell each other of running models; None: this process has its own.
     """
 
     threads: int | None = None
     slots: int = 4
     context_tokens: int = 8192
+    shared_folder: Path | None = None
 
 
 @dataclass(frozen=True)
 class _Running:
-    process: LlamaProcess
+    process: LlamaProcess | SharedLlama
     client: OpenAiCompatibleModel
 
 
@@ -104,16 +108,24 @@ class EmbeddedModel:
             context_tokens=self._options.context_tokens,
             threads=self._options.threads or usable_cores(),
         )
-        process = await asyncio.to_thread(LlamaProcess, options)
+        process, api_key = await asyncio.to_thread(_launch, options, self._options.shared_folder)
         client = OpenAiCompatibleModel(
             self._profile,
             process.base_url,
             self._profile.name,
-            options.api_key,
+            api_key,
             quirks=LLAMA_CPP,
             trust_env=False,  # no proxy stands before the loopback
         )
         return _Running(process, client)
+
+
+def _launch(options: LlamaOptions, shared_folder: Path | None) -> tuple[LlamaProcess | SharedLlama, str]:
+    """A server and its key."""
+    if shared_folder is None:
+        return LlamaProcess(options), options.api_key
+    shared = SharedLlama(options, shared_folder)
+    return shared, shared.api_key
 
 
 def _has_ended(start: asyncio.Task[_Running]) -> bool:

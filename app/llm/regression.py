@@ -5,15 +5,14 @@ how much of a task is a linear map. It cannot follow an instruction that no demo
 number of actions.
 """
 
-import re
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Sequence
 
 import numpy as np
 import numpy.typing as npt
 
 from app.llm.base import Completion, CompletionRequest, ModelProfile, ModelResponseError
+from app.llm.prompt_text import Pair, Pattern, alike, taken_apart
 from app.llm.streaming import Pieces, spoken, whole, within_deadline
 
 PROFILE = ModelProfile(
@@ -29,42 +28,7 @@ MIN_DEMONSTRATIONS = 2
 # only where the demonstrations leave a coefficient open.
 RIDGE = 1.0
 
-# observation>actions, then the separator of the paper's format (a comma before the next brace) or the end of the line
-_DEMONSTRATION = re.compile(r"([^>]*>)(.*?)(?:, (?=\{|\Z)|\n)")
-# a quoted name, or an integer that is no part of a word ("block2")
-_TOKEN = re.compile(r"'[^']*'|(?<![\w.])[+-]?\d+(?![\w.])")
-_HOLE = "\0"
-
 Numbers = npt.NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class _Text:
-    """A text taken apart: `template` with a hole for each integer, and the integers as they were written."""
-
-    template: str
-    integers: tuple[str, ...]
-
-    @classmethod
-    def parse(cls, text: str) -> "_Text":
-        integers: list[str] = []
-
-        def hole(match: re.Match[str]) -> str:
-            if match.group().startswith("'"):
-                return match.group()
-            integers.append(match.group())
-            return _HOLE
-
-        template = _TOKEN.sub(hole, text)
-        return cls(template, tuple(integers))
-
-    def filled(self, integers: Sequence[str]) -> str:
-        """The template with other integers."""
-        literals = self.template.split(_HOLE)
-        return literals[0] + "".join(a + b for a, b in zip(integers, literals[1:], strict=True))
-
-
-_Pair = tuple[_Text, _Text]  # observation, actions
 
 
 class RegressionModel:
@@ -95,39 +59,28 @@ def regressed_reply(prefix: str, query: str) -> str:
     Raises:
         ModelResponseError: if `prefix` is not a row of demonstrations, or has too few that are like the query.
     """
-    observation = _Text.parse(query)
-    pairs = _alike(_demonstrations(prefix), observation)
+    shown, observation = taken_apart(prefix, query)
+    pairs = _of_one_form(shown, observation)
     inputs = np.array([seen.integers for seen, _ in pairs], dtype=np.float64)
     written = [actions.integers for _, actions in pairs]
     outputs = np.array(written, dtype=np.float64)
     predicted = _ridge(inputs, outputs, np.array(observation.integers, dtype=np.float64))
-    columns = zip(*written, strict=True)
-    return pairs[-1][1].filled([_as_written(value, column) for value, column in zip(predicted, columns, strict=True)])
+    columns = list(zip(*written, strict=True))
+    signs = {integer[0] for column in columns for integer in column} & {"+", "-"}
+    return pairs[-1][1].filled([_as_written(*item, signs) for item in zip(predicted, columns, strict=True)])
 
 
-def _demonstrations(prefix: str) -> list[_Pair]:
-    matches = list(_DEMONSTRATION.finditer(prefix))
-    if "".join(match.group() for match in matches) != prefix:
-        raise ModelResponseError("regression cannot take the prompt apart into demonstrations 'observation>actions'")
-    return [(_Text.parse(match[1]), _Text.parse(match[2])) for match in matches]
-
-
-def _alike(pairs: Sequence[_Pair], observation: _Text) -> list[_Pair]:
-    """The demonstrations whose observation differs from the query's in numbers only; failing that, all of like size.
-
-    Of these, the ones whose actions have the most frequent form.
-    """
-    same = [pair for pair in pairs if pair[0].template == observation.template]
-    if len(same) < MIN_DEMONSTRATIONS:
-        same = [pair for pair in pairs if len(pair[0].integers) == len(observation.integers)]
+def _of_one_form(pairs: Sequence[Pair], observation: Pattern) -> list[Pair]:
+    """The demonstrations that are like the query, and of these the ones whose actions have the most frequent form."""
+    same = alike(pairs, observation, MIN_DEMONSTRATIONS)
     forms = Counter(actions.template for _, actions in same)
-    alike = [pair for pair in same if pair[1].template == forms.most_common(1)[0][0]]
-    if len(alike) < MIN_DEMONSTRATIONS:
+    chosen = [pair for pair in same if pair[1].template == forms.most_common(1)[0][0]]
+    if len(chosen) < MIN_DEMONSTRATIONS:
         raise ModelResponseError(
-            f"regression found {len(alike)} of {len(pairs)} demonstrations that are like the query; it needs"
+            f"regression found {len(chosen)} of {len(pairs)} demonstrations that are like the query; it needs"
             f" {MIN_DEMONSTRATIONS}"
         )
-    return alike
+    return chosen
 
 
 def _ridge(inputs: Numbers, outputs: Numbers, query: Numbers) -> Numbers:
@@ -149,10 +102,10 @@ def _ridge(inputs: Numbers, outputs: Numbers, query: Numbers) -> Numbers:
     return predicted
 
 
-def _as_written(value: float, column: Sequence[str]) -> str:
-    """`value` as an integer in the form of its column: signed or not, one of two choices (a gripper) or any."""
+def _as_written(value: float, column: Sequence[str], signs: Collection[str]) -> str:
+    """`value` as an integer, one of two choices (a gripper) or any, with those signs that the demonstrations use."""
     choices = sorted({int(written) for written in column})
     integer = min(choices, key=lambda choice: abs(choice - value)) if len(choices) <= 2 else round(value)
-    if any(written[0] in "+-" for written in column):
+    if "+" in signs and column[0][0] in "+-":
         return f"{integer:+d}"
-    return str(max(integer, 0))
+    return str(integer if "-" in signs else max(integer, 0))

@@ -38,6 +38,8 @@ class LlmSettings:
         embedded_threads: CPU threads of an embedded model; None: one for each core that this process may use.
         embedded_slots: requests that an embedded model answers at once; each keeps one prompt's prefix warm.
         embedded_context_tokens: longest prompt plus reply of a slot.
+        embedded_shared_folder: where processes of this machine tell each other of running embedded models, so that
+            several workers share one; None: each has its own.
         scripted_replies: what the `scripted` backend replies, in turn.
         llm_concurrent_requests: requests that one provider is asked at once; an embedded model has its slots.
         llm_queued_requests: requests that wait for their turn, for each provider or embedded model; more are refused.
@@ -64,6 +66,7 @@ class LlmSettings:
     embedded_threads: int | None = None
     embedded_slots: int = 4
     embedded_context_tokens: int = 8192
+    embedded_shared_folder: Path | None = None
     scripted_replies: tuple[str, ...] = ()
     llm_concurrent_requests: int = 8
     llm_queued_requests: int = 32

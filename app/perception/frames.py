@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from app.perception.images import decode_depth, decode_mask, decode_rgb
+from app.perception.images import MAX_PIXELS, decode_depth, decode_mask, decode_rgb
 from app.pipeline.episode import Camera, RgbdFrame
 
 
@@ -15,7 +15,7 @@ class ImageBytes:
     mask: bytes | None = None
 
 
-def decode_frame(camera: Camera, images: ImageBytes) -> RgbdFrame:
+def decode_frame(camera: Camera, images: ImageBytes, max_pixels: int = MAX_PIXELS) -> RgbdFrame:
     """The camera's frame.
 
     Raises:
@@ -24,7 +24,7 @@ def decode_frame(camera: Camera, images: ImageBytes) -> RgbdFrame:
     name = camera.name
     return RgbdFrame(
         camera,
-        None if images.rgb is None else decode_rgb(f"rgb_{name}", images.rgb),
-        None if images.depth is None else decode_depth(f"depth_{name}", images.depth, camera.depth_scale),
-        None if images.mask is None else decode_mask(f"mask_{name}", images.mask),
+        None if images.rgb is None else decode_rgb(f"rgb_{name}", images.rgb, max_pixels),
+        None if images.depth is None else decode_depth(f"depth_{name}", images.depth, camera.depth_scale, max_pixels),
+        None if images.mask is None else decode_mask(f"mask_{name}", images.mask, max_pixels),
     )

@@ -6,6 +6,7 @@ An image is a PNG, a JPEG or a `.npy` array. Its size is read from the header be
 
 import re
 import struct
+import sys
 from typing import Any, Literal
 
 import cv2
@@ -17,6 +18,7 @@ from app.pipeline.npy import array_from_npy
 
 # 4k UHD has 8.3 million. OpenCV's own limit is an environment variable that it reads once, when it is loaded.
 MAX_PIXELS = 16_000_000
+STORED_PIXELS = sys.maxsize  # what is stored was checked when it came
 _PNG = b"\x89PNG\r\n\x1a\n"
 _PNG_END = b"IEND\xaeB`\x82"
 _JPEG = b"\xff\xd8\xff"
@@ -32,43 +34,43 @@ _VALID = {
 }
 
 
-def decode_rgb(field: str, data: bytes) -> npt.NDArray[np.uint8]:
+def decode_rgb(field: str, data: bytes, max_pixels: int = MAX_PIXELS) -> npt.NDArray[np.uint8]:
     """An (H, W, 3) uint8 image, red first."""
     if data.startswith(_NPY):
-        array = _load_npy(field, data, "rgb")
+        array = _load_npy(field, data, "rgb", max_pixels)
         if array.ndim != 3 or array.shape[2] != 3 or array.dtype != np.uint8:
             raise InvalidInputError(field, f"is an array {array.shape} {array.dtype}", _VALID["rgb"])
         return np.ascontiguousarray(array)
-    image = _decode(field, data, cv2.IMREAD_COLOR, "rgb")
+    image = _decode(field, data, cv2.IMREAD_COLOR, "rgb", max_pixels)
     return np.ascontiguousarray(image[..., ::-1])
 
 
-def decode_depth(field: str, data: bytes, depth_scale: float) -> npt.NDArray[np.float32]:
+def decode_depth(field: str, data: bytes, depth_scale: float, max_pixels: int = MAX_PIXELS) -> npt.NDArray[np.float32]:
     """An (H, W) float32 image of metres; 0 where the depth is unknown.
 
     Args:
         depth_scale: metres per unit of a 16-bit image.
     """
     if data.startswith(_NPY):
-        array = _load_npy(field, data, "depth")
+        array = _load_npy(field, data, "depth", max_pixels)
         if array.ndim != 2 or array.dtype.kind != "f":
             raise InvalidInputError(field, f"is an array {array.shape} {array.dtype}", _VALID["depth"])
         depth_m = array.astype(np.float32, copy=False)
         if (depth_m < 0).any():
             raise InvalidInputError(field, f"has a depth of {float(np.nanmin(depth_m)):g} m", "0 (unknown) or positive")
         return np.where(np.isfinite(depth_m), depth_m, np.float32(0))
-    image = _decode(field, data, cv2.IMREAD_UNCHANGED, "depth")
+    image = _decode(field, data, cv2.IMREAD_UNCHANGED, "depth", max_pixels)
     if image.ndim != 2 or image.dtype != np.uint16:
         raise InvalidInputError(field, f"is an image {image.shape} {image.dtype}", _VALID["depth"])
     return image.astype(np.float32) * np.float32(depth_scale)
 
 
-def decode_mask(field: str, data: bytes) -> npt.NDArray[np.int32]:
+def decode_mask(field: str, data: bytes, max_pixels: int = MAX_PIXELS) -> npt.NDArray[np.int32]:
     """An (H, W) int32 image of object ids."""
     if data.startswith(_NPY):
-        array = _load_npy(field, data, "mask")
+        array = _load_npy(field, data, "mask", max_pixels)
     else:
-        array = _decode(field, data, cv2.IMREAD_UNCHANGED, "mask")
+        array = _decode(field, data, cv2.IMREAD_UNCHANGED, "mask", max_pixels)
     if array.ndim != 2 or array.dtype.kind not in "iub":
         raise InvalidInputError(field, f"is an array {array.shape} {array.dtype}", _VALID["mask"])
     ids = array.astype(np.int32)
@@ -77,21 +79,25 @@ def decode_mask(field: str, data: bytes) -> npt.NDArray[np.int32]:
     return ids
 
 
-def as_image(data: bytes, kind: Literal["rgb", "depth"], depth_scale: float) -> tuple[bytes, str]:
+def as_image(data: bytes, kind: Literal["rgb", "depth", "mask"], depth_scale: float) -> tuple[bytes, str]:
     """Stored image bytes as a file that a browser can show, with its media type; arrays become a PNG."""
     if data.startswith(_JPEG):
         return data, "image/jpeg"
     if data.startswith(_PNG):
         return data, "image/png"
     if kind == "rgb":
-        image: npt.NDArray[np.integer[Any]] = decode_rgb("rgb", data)[..., ::-1]
+        image: npt.NDArray[np.integer[Any]] = decode_rgb("rgb", data, STORED_PIXELS)[..., ::-1]
+    elif kind == "mask":
+        image = np.clip(decode_mask("mask", data, STORED_PIXELS), 0, np.iinfo(np.uint16).max).astype(np.uint16)
     else:
-        units = np.rint(decode_depth("depth", data, depth_scale) / depth_scale)
+        units = np.rint(decode_depth("depth", data, depth_scale, STORED_PIXELS) / depth_scale)
         image = np.minimum(units, np.iinfo(np.uint16).max).astype(np.uint16)
     return cv2.imencode(".png", image)[1].tobytes(), "image/png"
 
 
-def _decode(field: str, data: bytes, flags: int, kind: Literal["rgb", "depth", "mask"]) -> npt.NDArray[np.generic]:
+def _decode(
+    field: str, data: bytes, flags: int, kind: Literal["rgb", "depth", "mask"], max_pixels: int
+) -> npt.NDArray[np.generic]:
     if not data:
         raise InvalidInputError(field, "is empty", _VALID[kind])
     if not data.startswith((_PNG, _JPEG)):
@@ -99,7 +105,7 @@ def _decode(field: str, data: bytes, flags: int, kind: Literal["rgb", "depth", "
     if (_PNG_END if data.startswith(_PNG) else _JPEG_END) not in data[-64:]:
         raise InvalidInputError(field, f"is cut off after {len(data)} bytes", _VALID[kind])
     width, height = _png_size(data) if data.startswith(_PNG) else _jpeg_size(data)
-    _check_pixels(field, width * height)
+    _check_pixels(field, width * height, max_pixels)
     try:
         image = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
     except cv2.error as error:
@@ -127,13 +133,13 @@ def _jpeg_size(data: bytes) -> tuple[int, int]:
     return 0, 0
 
 
-def _load_npy(field: str, data: bytes, kind: str) -> npt.NDArray[np.generic]:
+def _load_npy(field: str, data: bytes, kind: str, max_pixels: int) -> npt.NDArray[np.generic]:
     array = array_from_npy(field, data, _VALID[kind])
     if array.ndim >= 2:
-        _check_pixels(field, array.shape[0] * array.shape[1])
+        _check_pixels(field, array.shape[0] * array.shape[1], max_pixels)
     return array
 
 
-def _check_pixels(field: str, pixels: int) -> None:
-    if not 0 < pixels <= MAX_PIXELS:
-        raise InvalidInputError(field, f"claims {pixels} pixels", f"1 to {MAX_PIXELS} pixels")
+def _check_pixels(field: str, pixels: int, max_pixels: int) -> None:
+    if not 0 < pixels <= max_pixels:
+        raise InvalidInputError(field, f"claims {pixels} pixels", f"1 to {max_pixels} pixels")

@@ -5,7 +5,8 @@
     │   ├── ObjectSetError         the objects differ from the task's
     │   ├── ObjectNotVisibleError  no camera sees an object
     │   └── UncertainPoseError     an object is seen, but not well enough to tell its pose
-    └── ReplyParseError            the LLM's reply is not a list of valid actions; carries the raw text
+    ├── ReplyParseError            the LLM's reply is not a list of valid actions; carries the raw text
+    └── UnsafeActionError          an action is valid but beyond a bound of motion; names action, value and bound
 
 Other packages (llm, store, services) hang their own branches under RoboPromptError; `app.api.problems` maps each to a
 status once.
@@ -56,3 +57,20 @@ class ReplyParseError(RoboPromptError):
         super().__init__(message)
         self.message = message
         self.reply_text = reply_text
+
+
+class UnsafeActionError(RoboPromptError):
+    """An action that no robot may be told. It is reported, never clipped.
+
+    Args:
+        index: of the action, from 0.
+        quantity: which of its members, e.g. ``position.z``.
+        message: what is wrong with it, with the value.
+        bound: what would be allowed.
+    """
+
+    def __init__(self, index: int, quantity: str, message: str, bound: str) -> None:
+        super().__init__(f"action {index}: {quantity} {message} (allowed: {bound})")
+        self.field = f"actions[{index}].{quantity}"
+        self.message = message
+        self.bound = bound

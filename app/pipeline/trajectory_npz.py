@@ -19,7 +19,9 @@ MAX_FRAMES = 100_000  # 80 minutes at 20 Hz
 _VALID = f"a .npz file with the arrays {', '.join(REQUIRED)}, and optionally {', '.join(OPTIONAL)}"
 
 
-def trajectory_from_npz(data: bytes) -> Trajectory:
+def trajectory_from_npz(
+    data: bytes, max_unpacked_bytes: int = MAX_UNPACKED_BYTES, max_frames: int = MAX_FRAMES
+) -> Trajectory:
     """The trajectory of a .npz file; pickles are never loaded.
 
     Raises:
@@ -30,17 +32,17 @@ def trajectory_from_npz(data: bytes) -> Trajectory:
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             unpacked = sum(member.file_size for member in archive.infolist())
-            if unpacked > MAX_UNPACKED_BYTES:
-                raise InvalidInputError("trajectory", f"unpacks to {unpacked} bytes", f"at most {MAX_UNPACKED_BYTES}")
+            if unpacked > max_unpacked_bytes:
+                raise InvalidInputError("trajectory", f"unpacks to {unpacked} bytes", f"at most {max_unpacked_bytes}")
             members = {name.removesuffix(".npy"): archive.read(name) for name in archive.namelist()}
     except (zipfile.BadZipFile, zlib.error, EOFError, OSError, RuntimeError) as error:  # RuntimeError: encrypted
         raise InvalidInputError("trajectory", f"is not a readable .npz file: {error}", _VALID) from None
     numbers = "a plain array of numbers"
     arrays = {name: array_from_npy(f"trajectory.{name}", member, numbers) for name, member in members.items()}
-    return trajectory_from_arrays(arrays)
+    return trajectory_from_arrays(arrays, max_frames)
 
 
-def trajectory_from_arrays(arrays: Mapping[str, Any]) -> Trajectory:
+def trajectory_from_arrays(arrays: Mapping[str, Any], max_frames: int = MAX_FRAMES) -> Trajectory:
     """The trajectory of named arrays.
 
     Raises:
@@ -50,8 +52,8 @@ def trajectory_from_arrays(arrays: Mapping[str, Any]) -> Trajectory:
         raise InvalidInputError(f"trajectory.{missing[0]}", "is missing", _VALID)
     if unknown := [name for name in arrays if name not in REQUIRED + OPTIONAL]:
         raise InvalidInputError(f"trajectory.{unknown[0]}", "is not known", _VALID)
-    if (num_frames := np.shape(arrays["gripper_open"])[:1]) > (MAX_FRAMES,):
-        raise InvalidInputError("trajectory", f"has {num_frames[0]} frames", f"at most {MAX_FRAMES}")
+    if (num_frames := np.shape(arrays["gripper_open"])[:1]) > (max_frames,):
+        raise InvalidInputError("trajectory", f"has {num_frames[0]} frames", f"at most {max_frames}")
     return Trajectory(
         joint_velocities_rad_s=arrays["joint_velocities"],
         positions_m=arrays["end_effector_positions"],
@@ -65,7 +67,7 @@ def trajectory_from_arrays(arrays: Mapping[str, Any]) -> Trajectory:
 
 
 def npz_from_trajectory(trajectory: Trajectory) -> bytes:
-    """The inverse of `trajectory_from_npz`."""
+    """The inverse of `trajectory_from_npz`; the same trajectory gives the same bytes."""
     arrays: dict[str, Any] = {
         "joint_velocities": trajectory.joint_velocities_rad_s,
         "end_effector_positions": trajectory.positions_m,
@@ -77,5 +79,7 @@ def npz_from_trajectory(trajectory: Trajectory) -> bytes:
         "object_quaternions_xyzw": trajectory.object_quaternions_xyzw,
     }
     stream = io.BytesIO()
-    np.savez_compressed(stream, **{name: array for name, array in arrays.items() if array is not None})
+    # in one order of memory, which the file would tell
+    ordered: dict[str, Any] = {name: np.ascontiguousarray(array) for name, array in arrays.items() if array is not None}
+    np.savez_compressed(stream, **ordered)
     return stream.getvalue()

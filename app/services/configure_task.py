@@ -4,9 +4,10 @@ from collections.abc import Mapping
 from typing import Any
 
 from app.perception.base import ObjectQuery
-from app.pipeline.episode import checked_name
 from app.pipeline.errors import InvalidInputError
+from app.pipeline.wording import checked_name
 from app.services.extraction import extract
+from app.services.pose_servers import PoseServers
 from app.services.stored_images import read_frame
 from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks
@@ -19,8 +20,9 @@ from app.store.values import JsonObject
 class ConfigureTask:
     """Creates tasks and changes their settings. Synchronous: call it in a thread."""
 
-    def __init__(self, store: Store) -> None:
+    def __init__(self, store: Store, pose_servers: PoseServers) -> None:
         self._store = store
+        self._pose_servers = pose_servers
 
     def __call__(self, name: str, changes: Mapping[str, Any]) -> TaskRecord:
         """Set the named settings and keep the others; a new task has the defaults.
@@ -34,6 +36,7 @@ class ConfigureTask:
         old = TaskSettings() if before is None else TaskSettings.model_validate(before.settings)
         new = TaskSettings.model_validate({**old.model_dump(), **changes})
         new.workspace.workspace()
+        self._pose_servers.check(new.object_models)
         settings = new.model_dump(mode="json")
         if before is None:
             return self._create(name, settings)

@@ -5,13 +5,18 @@ from dataclasses import dataclass
 import anyio.to_thread
 
 from app.llm.registry import ModelRegistry
+from app.services.allowed_profiles import AllowedProfiles
+from app.services.api_keys import KeyRing
 from app.services.configure_task import ConfigureTask
 from app.services.draw_overlay import DrawOverlay
 from app.services.learn_object_models import LearnObjectModels
+from app.services.limits import Limits
 from app.services.metrics import Metrics
+from app.services.pose_servers import PoseServers
 from app.services.predict_actions import PredictActions
 from app.services.prefix_warmer import PrefixWarmer
 from app.services.question import QuestionWriter
+from app.services.repeated_predictions import RepeatedPredictions
 from app.services.upload_episode import UploadEpisode
 from app.store.store import Store
 
@@ -30,30 +35,46 @@ class Services:
     predict_actions: PredictActions
     prefix_warmer: PrefixWarmer
     metrics: Metrics
+    keys: KeyRing
+    repeated_predictions: RepeatedPredictions
+    limits: Limits
 
     @classmethod
-    def wire(cls, store: Store, models: ModelRegistry, default_model: str, num_warm_tasks: int = 0) -> "Services":
-        """The use cases over a store and models.
+    def wire(
+        cls,
+        store: Store,
+        models: ModelRegistry,
+        default_model: str,
+        limits: Limits | None = None,
+        pose_servers: PoseServers | None = None,
+        num_warm_tasks: int = 0,
+    ) -> "Services":
+        """The use cases over a store and models; limits and pose servers left out are the defaults.
 
         Args:
             num_warm_tasks: how many tasks' prefixes the prefix warmer, where it runs, sends at start-up.
         """
+        limits, pose_servers = limits or Limits(), pose_servers or PoseServers()
         metrics = Metrics()
-        write_question = QuestionWriter(store, lambda name: models.get(name or default_model).profile)
+        profile_of = AllowedProfiles(models, default_model, limits)
+        write_question = QuestionWriter(store, profile_of, limits, pose_servers)
         warmer = PrefixWarmer(store, models, write_question, num_warm_tasks)
         predict = PredictActions(store, models, write_question, warmer, metrics)
-        configure = ConfigureTask(store)
+        configure = ConfigureTask(store, pose_servers)
         return cls(
             store=store,
             models=models,
             default_model=default_model,
-            upload_episode=UploadEpisode(store),
+            upload_episode=UploadEpisode(store, pose_servers),
             configure_task=configure,
             learn_object_models=LearnObjectModels(store, configure),
             draw_overlay=DrawOverlay(store),
             predict_actions=predict,
             prefix_warmer=warmer,
             metrics=metrics,
+            keys=KeyRing(store),
+            repeated_predictions=RepeatedPredictions(store),
+            limits=limits,
         )
 
     async def aclose(self) -> None:

@@ -38,8 +38,10 @@ class Dialogue:
         self.usage = Usage()
         self.samples: tuple[JsonObject, ...] | None = None
 
-    async def actions(self, *, piecewise: bool) -> AsyncGenerator[Sequence[EndEffectorAction], None]:
+    async def actions(self, *, piecewise: bool) -> AsyncGenerator[Sequence[EndEffectorAction] | TextDelta, None]:
         """The actions of every reply, as many at a time as became complete together.
+
+        With `piecewise` also its text, if the request wishes it.
 
         Args:
             piecewise: hand out each as soon as its row is complete; otherwise when its reply is.
@@ -58,13 +60,14 @@ class Dialogue:
                 self.prompt = question.written.ask(question.objects, instruction, remaining, self._so_far)
             reader = ReplyReader(question.written.codec, question.objects, instruction, remaining)
             async with aclosing(self._reply(reader, remaining, piecewise=piecewise)) as arriving:
-                async for actions in arriving:
-                    remaining -= len(actions)
-                    yield actions
+                async for item in arriving:
+                    if not isinstance(item, TextDelta):
+                        remaining -= len(item)
+                    yield item
 
     async def _reply(
         self, reader: ReplyReader, max_actions: int, *, piecewise: bool
-    ) -> AsyncGenerator[Sequence[EndEffectorAction], None]:
+    ) -> AsyncGenerator[Sequence[EndEffectorAction] | TextDelta, None]:
         """The actions of the reply to the prompt."""
         before, text, num_early = self.reply_text, "", 0
         completion: Completion | None = None
@@ -74,7 +77,10 @@ class Dialogue:
                     completion = piece
                     break
                 text += piece.text
+                said = len(self.reply_text or "")
                 self.reply_text = _joined(before, text)
+                if piecewise and self._question.request.stream_text:
+                    yield TextDelta(self.reply_text[said:])
                 if piecewise:
                     with timed(self._timings_ms, "parse"):
                         new = reader.feed(piece.text)

@@ -1,13 +1,14 @@
 """What a use case can refuse beyond the method's and the store's own errors; a branch of `app.pipeline.errors`."""
 
-from app.pipeline.errors import RoboPromptError
+from app.pipeline.errors import RoboPromptError, UnsafeActionError
 
 
 class ServiceError(RoboPromptError):
     """A use case cannot go on.
 
     ├── NoDemonstrationsError   the task has no episode yet
-    └── UnparsableReplyError    the LLM's reply is not a list of valid actions; recorded
+    ├── UnparsableReplyError    the LLM's reply is not a list of valid actions; recorded
+    └── UnsafeReplyError        one of its actions is beyond a bound of motion; recorded
     """
 
 
@@ -28,5 +29,20 @@ class UnparsableReplyError(ServiceError):
 
     def __init__(self, message: str, reply_text: str, prediction_id: str) -> None:
         super().__init__(message)
+        self.reply_text = reply_text
+        self.prediction_id = prediction_id
+
+
+class UnsafeReplyError(ServiceError):
+    """The LLM's reply asks for an action beyond a bound of motion.
+
+    Args:
+        action: what is wrong with which action.
+        reply_text, prediction_id: as in UnparsableReplyError.
+    """
+
+    def __init__(self, action: UnsafeActionError, reply_text: str, prediction_id: str) -> None:
+        super().__init__(str(action))
+        self.action = action
         self.reply_text = reply_text
         self.prediction_id = prediction_id

@@ -5,19 +5,23 @@ from collections.abc import Mapping
 from prometheus_client import CollectorRegistry, Counter, Histogram, generate_latest
 from prometheus_client.exposition import CONTENT_TYPE_LATEST
 
+MAX_MODELS = 50
+OTHER_MODELS = "other"
 STAGE_SECONDS = (0.0005, 0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1, 2.5, 5, 10, 30, 60)
 
 
 class Metrics:
     """One process's figures: with several workers each has its own.
 
-    Names of tasks are not labels: there may be any number of them.
+    Names of tasks are not labels: there may be any number of them. Of models, whose names come from requests, too, the
+    first few have a label of their own, and the others share one.
     """
 
     content_type = CONTENT_TYPE_LATEST
 
     def __init__(self) -> None:
         self._registry = registry = CollectorRegistry()
+        self._model_labels: set[str] = set()
         self._requests = Histogram(
             "roboprompt_http_request_seconds",
             "From the request's head to the answer's last byte",
@@ -27,7 +31,7 @@ class Metrics:
         )
         self._predictions = Counter(
             "roboprompt_predictions",
-            "Predictions by how they ended: ok, parse_error, model_error",
+            "Predictions by how they ended: ok, parse_error, unsafe_action, model_error",
             ("model", "representation", "status"),
             registry=registry,
         )
@@ -65,6 +69,7 @@ class Metrics:
         tokens: Mapping[str, int],
     ) -> None:
         """Note a prediction, however it ended."""
+        model = self._label(model)
         self._predictions.labels(model, representation, status).inc()
         for stage, milliseconds in timings_ms.items():
             self._stages.labels(model, stage).observe(milliseconds / 1000)
@@ -73,7 +78,13 @@ class Metrics:
 
     def observe_outcome(self, model: str, *, success: bool) -> None:
         """Note what a robot told of a prediction."""
-        self._outcomes.labels(model, str(success).lower()).inc()
+        self._outcomes.labels(self._label(model), str(success).lower()).inc()
+
+    def _label(self, model: str) -> str:
+        if model not in self._model_labels and len(self._model_labels) >= MAX_MODELS:
+            return OTHER_MODELS
+        self._model_labels.add(model)
+        return model
 
     def text(self) -> bytes:
         """In Prometheus' text format."""

@@ -7,14 +7,15 @@ from dataclasses import asdict, dataclass, replace
 
 import anyio.to_thread
 
-from app.llm.base import Completion, LanguageModelError
+from app.llm.base import Completion, LanguageModelError, TextDelta
 from app.llm.registry import ModelRegistry
 from app.pipeline.episode import EndEffectorAction
-from app.pipeline.errors import ReplyParseError
+from app.pipeline.errors import ReplyParseError, UnsafeActionError
+from app.pipeline.motion_limits import MotionGuard
 from app.pipeline.prompt import Prompt
 from app.pipeline.workspace import DiscreteAction, discretize_actions
 from app.services.dialogue import Dialogue
-from app.services.errors import UnparsableReplyError
+from app.services.errors import UnparsableReplyError, UnsafeReplyError
 from app.services.metrics import Metrics
 from app.services.prefix_warmer import PrefixWarmer
 from app.services.question import PredictRequest, Question, QuestionWriter
@@ -105,8 +106,8 @@ class PredictActions:
 
     async def answer(
         self, question: Question, timings_ms: dict[str, float], started_s: float, *, piecewise: bool
-    ) -> AsyncGenerator[PredictedAction | Prediction, None]:
-        """The actions as they become complete, then the whole prediction, recorded.
+    ) -> AsyncGenerator[PredictedAction | TextDelta | Prediction, None]:
+        """The actions (and, if wished, pieces of text) as they become complete, then the whole prediction, recorded.
 
         Args:
             started_s: when the request came, by `time.perf_counter`.
@@ -115,15 +116,23 @@ class PredictActions:
         Raises:
             LanguageModelError: if the LLM did not answer; recorded.
             UnparsableReplyError: if its reply is not a list of valid actions; recorded, carries the reply.
+            UnsafeReplyError: if an action is beyond a bound of motion; recorded, carries the reply.
         """
         kind = SampledDialogue if question.samples else Dialogue
         dialogue = kind(question, self._models.get(question.profile.name), timings_ms)
         actions: list[PredictedAction] = []
         workspace = question.settings.workspace.workspace()
+        limits = question.settings.limits_of_motion()
+        guard = MotionGuard(limits, question.request.max_actions, question.end_effector)
         try:
             with self._warmer.giving_way():
                 async with aclosing(dialogue.actions(piecewise=piecewise)) as arriving:
                     async for arrived in arriving:
+                        if isinstance(arrived, TextDelta):
+                            yield arrived
+                            continue
+                        for action in arrived:
+                            guard.check(action)
                         timings_ms.setdefault("first_action", (time.perf_counter() - started_s) * 1000)
                         new = list(map(PredictedAction, arrived, discretize_actions(arrived, workspace)))
                         actions += new
@@ -133,6 +142,10 @@ class PredictActions:
             id_ = await self._record(question, "parse_error", timings_ms, dialogue, error=error.message)
             self._observe(question, "parse_error", timings_ms, dialogue)
             raise UnparsableReplyError(error.message, dialogue.reply_text or "", id_) from error
+        except UnsafeActionError as error:
+            id_ = await self._record(question, "unsafe_action", timings_ms, dialogue, error=str(error))
+            self._observe(question, "unsafe_action", timings_ms, dialogue)
+            raise UnsafeReplyError(error, dialogue.reply_text or "", id_) from error
         except LanguageModelError as error:
             await self._record(question, "model_error", timings_ms, dialogue, error=str(error))
             self._observe(question, "model_error", timings_ms, dialogue)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from sqlalchemy import Connection
 
 from app.pipeline.errors import InvalidInputError
+from app.pipeline.motion_limits import Pose
 from app.services.templates import PromptStyle, Template
 from app.store import predictions
 from app.store.errors import ConflictError
@@ -17,6 +18,7 @@ class PreviousStep:
     Attributes:
         step: its number, from 0.
         prompt_user, reply_text: as the LLM read and wrote them.
+        end_effector: where its action sent it.
     """
 
     step: int
@@ -25,6 +27,7 @@ class PreviousStep:
     demonstration_ids: tuple[str, ...]
     prompt_user: str
     reply_text: str
+    end_effector: Pose
 
     def so_far(self, template: Template) -> str:
         """What follows the demonstrations in the next prompt: every observation and action until now.
@@ -56,6 +59,13 @@ def previous_step(connection: Connection, prediction_id: str, task: str) -> Prev
     if not record.actions:
         raise InvalidInputError("after", "is a step that ended its closed loop", valid)
     style = PromptStyle(record.representation, record.prompt_format, record.prompt_system, closed_loop=True)
+    last = record.actions[-1]
     return PreviousStep(
-        record.step, record.model, style, record.demonstration_ids, record.prompt_user, record.reply_text
+        record.step,
+        record.model,
+        style,
+        record.demonstration_ids,
+        record.prompt_user,
+        record.reply_text,
+        Pose(tuple(last["position"]), tuple(last["quaternion_xyzw"])),
     )

@@ -11,13 +11,17 @@ from app.llm.base import ModelProfile
 from app.perception.base import ObjectQuery
 from app.perception.frames import ImageBytes
 from app.perception.registry import estimate_poses
-from app.pipeline.episode import ObjectPose, RgbdFrame, checked_instruction
+from app.pipeline.episode import ObjectPose, RgbdFrame
 from app.pipeline.errors import InvalidInputError
+from app.pipeline.motion_limits import Pose
 from app.pipeline.prompt import Prompt, PromptTemplate, check_object_names, objects_of_task
 from app.pipeline.reply import MAX_ACTIONS
 from app.pipeline.representation import KAT_FORMAT
+from app.pipeline.wording import checked_instruction
 from app.services.cache import Cache
 from app.services.errors import NoDemonstrationsError
+from app.services.limits import Limits
+from app.services.pose_servers import PoseServers
 from app.services.previous_step import previous_step
 from app.services.select_demonstrations import DemonstrationSelector, Selection
 from app.services.task_settings import TaskSettings
@@ -48,6 +52,8 @@ class PredictRequest:
         episode_ids: exactly these demonstrations, in this order, instead of a selection.
         closed_loop: ask for the next action only.
         after: the id of the prediction that a closed loop goes on from; its model, demonstrations and style go on, too.
+        end_effector: where the robot's end effector is, where the robot tells.
+        stream_text: hand out the reply's text, too, where it is read while it arrives.
         as_sent: the request as it came, to be stored with the prediction.
     """
 
@@ -71,6 +77,8 @@ class PredictRequest:
     after: str | None = None
     max_actions: int = MAX_ACTIONS
     timeout_s: float = 60.0
+    end_effector: Pose | None = None
+    stream_text: bool = False
     as_sent: JsonObject = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -95,6 +103,7 @@ class Question:
         so_far: the steps of a closed loop that were taken already.
         step: of a closed loop, from 0; None without one.
         observed: the objects as they were found, in the task's order.
+        end_effector: where it is before the first action: as the robot tells, else where the last step sent it.
         samples: where several replies are asked for, the same question for each, with a seed of its own.
     """
 
@@ -109,6 +118,7 @@ class Question:
     style: PromptStyle
     settings: TaskSettings
     observed: tuple[ObjectPose, ...]
+    end_effector: Pose | None
     samples: tuple["Question", ...] = ()
 
     @cached_property
@@ -124,8 +134,16 @@ class QuestionWriter:
         profile_of: the profile of a model by its name, of the default for None; raises UnknownModelError.
     """
 
-    def __init__(self, store: Store, profile_of: Callable[[str | None], ModelProfile]) -> None:
+    def __init__(
+        self,
+        store: Store,
+        profile_of: Callable[[str | None], ModelProfile],
+        limits: Limits | None = None,
+        pose_servers: PoseServers | None = None,
+    ) -> None:
         self._store = store
+        self._limits = limits or Limits()
+        self._pose_servers = pose_servers or PoseServers()
         self._profile_of = profile_of
         self._select = DemonstrationSelector()
         self._templates: Cache[TemplateKey, Template] = Cache(CAPACITY)
@@ -165,18 +183,21 @@ class QuestionWriter:
         template = templates[0]
         step = None if not style.closed_loop else 0 if previous is None else previous.step + 1
         written = template.at_step(step or 0)
+        so_far = "" if previous is None else previous.so_far(template)
+        self._limits.check_prompt(len(written.system) + len(written.prefix) + len(so_far))
         question = Question(
             request=request,
             instructions=written.codec.questions(instruction),
             objects=written.posed(objects),
             template=template,
             written=written,
-            so_far="" if previous is None else previous.so_far(template),
+            so_far=so_far,
             step=step,
             profile=profile,
             style=style,
             settings=settings,
             observed=objects,
+            end_effector=request.end_effector or (None if previous is None else previous.end_effector),
         )
         return replace(question, samples=_samples(question, templates)) if request.num_samples > 1 else question
 
@@ -198,8 +219,10 @@ class QuestionWriter:
         """What the images show, found without a transaction open: a server may be asked."""
         with timed(timings_ms, "read"), self._store.read() as connection:
             task = tasks.get(connection, request.task)
+        settings = TaskSettings.model_validate(task.settings)
+        self._pose_servers.check(settings.object_models)
         with timed(timings_ms, "poses"):
-            return _Seen(task, _observed(request, task, TaskSettings.model_validate(task.settings)))
+            return _Seen(task, _observed(request, task, settings))
 
     def _demonstration_ids(
         self,

@@ -6,7 +6,7 @@ from contextlib import aclosing
 from dataclasses import dataclass
 from functools import reduce
 
-from app.llm.base import LanguageModel, Usage
+from app.llm.base import LanguageModel, TextDelta, Usage
 from app.pipeline.consensus import consensus
 from app.pipeline.episode import EndEffectorAction
 from app.pipeline.errors import ReplyParseError
@@ -96,7 +96,8 @@ async def _ask(question: Question, dialogue: Dialogue) -> _Reply:
     try:
         async with aclosing(dialogue.actions(piecewise=False)) as arriving:
             async for new in arriving:
-                actions += new
+                if not isinstance(new, TextDelta):  # none comes unless piecewise
+                    actions += new
     except ReplyParseError as error:
         return _Reply(seed, dialogue.reply_text, None, error.message)
     return _Reply(seed, dialogue.reply_text, actions)

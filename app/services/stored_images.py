@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping
 
 from app.perception.frames import ImageBytes, decode_frame
+from app.perception.images import STORED_PIXELS
 from app.pipeline.episode import RgbdFrame
 from app.store.blobs import BlobStore
 from app.store.values import CameraRecord
@@ -32,4 +33,4 @@ def read_frame(blobs: BlobStore, record: CameraRecord) -> RgbdFrame:
     """
     digests = (record.rgb_digest, record.depth_digest, record.mask_digest)
     images = ImageBytes(*(None if digest is None else blobs.read(digest) for digest in digests))
-    return decode_frame(record.camera(), images)
+    return decode_frame(record.camera(), images, STORED_PIXELS)

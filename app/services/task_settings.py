@@ -1,28 +1,41 @@
 """What can be set per task. Everything has a default; a first upload creates the task with it."""
 
 import json
+import re
 from collections.abc import Iterable
 from dataclasses import replace
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo, field_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 
 from app.perception.base import ObjectQuery
 from app.perception.models import model_from_json
 from app.perception.registry import pose_estimator
-from app.pipeline.episode import ObjectPose, checked_name
+from app.pipeline.episode import ObjectPose
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.geometry import canonical_pose
 from app.pipeline.keyframes import SIMULATION_DELTA_RAD_S, KeyframeRule, Rule
+from app.pipeline.motion_limits import Box, MotionLimits
 from app.pipeline.prompt import MAX_SYSTEM_PROMPT_CHARS
 from app.pipeline.representation import check_style
+from app.pipeline.wording import checked_name
 from app.pipeline.workspace import RLBENCH_MAX_M, RLBENCH_MIN_M, Workspace
 
 Point = tuple[float, float, float]
 Representation = Literal["absolute", "object_frame", "action_tokens"]
 PromptFormat = Literal["paper", "authors", "kat"]
-SystemPrompt = Annotated[str, Field(max_length=MAX_SYSTEM_PROMPT_CHARS)]
+_CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f]")
+
+
+def plain_text(value: str) -> str:
+    """`value`, if it has no control characters but tabs and line ends: databases and logs do not take all of them."""
+    if found := _CONTROL.search(value):
+        raise ValueError(f"has the control character {found[0]!r} at {found.start()}")
+    return value
+
+
+SystemPrompt = Annotated[str, Field(max_length=MAX_SYSTEM_PROMPT_CHARS), AfterValidator(plain_text)]
 
 
 class _Settings(BaseModel):
@@ -52,6 +65,29 @@ class KeyframeSettings(_Settings):
     def keyframe_rule(self) -> KeyframeRule:
         """As the pipeline wants it."""
         return KeyframeRule(self.rule, self.delta_rad_s, self.interval)
+
+
+class KeepOutBox(_Settings):
+    """A box that no action's target may lie in, in metres in the world frame."""
+
+    min: Point
+    max: Point
+
+    @model_validator(mode="after")
+    def _has_room(self) -> Self:
+        if any(low >= high for low, high in zip(self.min, self.max, strict=True)):
+            raise ValueError(f"min {list(self.min)} is not below max {list(self.max)} on every axis")
+        return self
+
+
+class MotionLimitsSettings(_Settings):
+    """Bounds of predicted actions beyond the workspace. An action beyond one is an error, never clipped."""
+
+    keep_out: Annotated[
+        tuple[KeepOutBox, ...], Field(max_length=64, description="boxes that no action's target may lie in")
+    ] = ()
+    max_step_m: Annotated[float | None, Field(gt=0, description="between the targets of consecutive actions")] = None
+    max_step_rotation_deg: Annotated[float | None, Field(gt=0, le=180, description="likewise")] = None
 
 
 def _known_estimator(name: str) -> str:
@@ -88,6 +124,7 @@ class TaskSettings(_Settings):
             "finds the object, `pose_estimator` those without a model"
         ),
     ] = {}
+    motion_limits: MotionLimitsSettings = MotionLimitsSettings()
     representation: Representation | None = None
     prompt_format: PromptFormat | None = None
     system_prompt: SystemPrompt | None = None
@@ -106,6 +143,13 @@ class TaskSettings(_Settings):
         if value is not None and representation is not None:
             check_style(representation, value)
         return value
+
+    def limits_of_motion(self) -> MotionLimits:
+        """What every action of a prediction must keep to."""
+        limits = self.motion_limits
+        keep_out = tuple(Box(box.min, box.max) for box in limits.keep_out)
+        workspace = Box(self.workspace.min, self.workspace.max)
+        return MotionLimits(workspace, keep_out, limits.max_step_m, limits.max_step_rotation_deg)
 
     def reads_unlike(self, other: "TaskSettings") -> bool:
         """Whether keyframes or poses may come out differently."""

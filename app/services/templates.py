@@ -63,13 +63,14 @@ def make_template(demonstrations: Sequence[Demonstration], settings: TaskSetting
     Raises:
         InvalidInputError: without demonstrations; for a closed loop if they did not track their objects.
     """
-    canonical = tuple(_canonical(demonstration, settings) for demonstration in demonstrations)
+    canonical = tuple(canonical_demonstration(demonstration, settings) for demonstration in demonstrations)
     prompt = _prompt_template(canonical, settings.workspace.workspace(), style)
     digest = hashlib.sha256(f"{prompt.system}\0{prompt.prefix}".encode()).hexdigest()[:16]
     return Template(prompt, tuple(d.id for d in demonstrations), digest)
 
 
-def _canonical(demonstration: Demonstration, settings: TaskSettings) -> Demonstration:
+def canonical_demonstration(demonstration: Demonstration, settings: TaskSettings) -> Demonstration:
+    """The demonstration as prompts show it: symmetric objects at their canonical yaw."""
     later = tuple(settings.canonical(objects) for objects in demonstration.later_objects)
     return replace(demonstration, objects=settings.canonical(demonstration.objects), later_objects=later)
 

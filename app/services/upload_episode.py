@@ -9,10 +9,12 @@ from sqlalchemy import Connection
 
 from app.perception.base import ObjectQuery
 from app.perception.frames import ImageBytes
-from app.pipeline.episode import Episode, checked_name
+from app.pipeline.episode import Episode
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.prompt import check_object_names
+from app.pipeline.wording import checked_name
 from app.services.extraction import Extracted, extract
+from app.services.pose_servers import PoseServers
 from app.services.stored_images import put_images
 from app.services.task_settings import TaskSettings
 from app.store import episodes, idempotency, predictions, tasks
@@ -61,8 +63,9 @@ Respond = Callable[[EpisodeRecord, TaskRecord], JsonObject]
 class UploadEpisode:
     """Stores uploaded episodes. Synchronous: call it in a thread."""
 
-    def __init__(self, store: Store) -> None:
+    def __init__(self, store: Store, pose_servers: PoseServers | None = None) -> None:
         self._store = store
+        self._pose_servers = pose_servers or PoseServers()
 
     def __call__(self, upload: Upload, respond: Respond) -> JsonObject:
         """Extract and store the episode; nothing is stored if anything is wrong with it.
@@ -85,11 +88,8 @@ class UploadEpisode:
         raise ConflictError(f"task {upload.task!r} kept changing during the upload: send the episode again")
 
     def _answered(self, upload: Upload) -> JsonObject | None:
-        if upload.idempotency_key is None:
-            return None
         with self._store.read() as connection:
-            stored = idempotency.find(connection, SCOPE, upload.idempotency_key, upload.digest)
-        return None if stored is None else stored.response
+            return _answer_before(connection, upload)
 
     def _task(self, upload: Upload) -> TaskRecord | None:
         with self._store.read() as connection:
@@ -100,6 +100,7 @@ class UploadEpisode:
 
     def _extract(self, upload: Upload, task: TaskRecord | None) -> Extracted:
         settings = _settings_of(task, upload.objects)
+        self._pose_servers.check(settings.object_models)
         names = sent = [query.name for query in upload.objects]
         if task is not None and task.object_names is not None:
             names = list(task.object_names)
@@ -116,9 +117,8 @@ class UploadEpisode:
     ) -> JsonObject | None:
         """The answer, or None if the task changed in what matters since it was `seen`."""
         with self._store.write() as connection:
-            key = upload.idempotency_key
-            if key is not None and (stored := idempotency.find(connection, SCOPE, key, upload.digest)) is not None:
-                return stored.response
+            if (before := _answer_before(connection, upload)) is not None:
+                return before
             task = tasks.get_or_create(
                 connection, upload.task, _settings_of(seen, upload.objects).model_dump(mode="json")
             )
@@ -130,7 +130,8 @@ class UploadEpisode:
             _check_link(connection, upload)
             record = episodes.add(connection, _draft(upload, extracted, cameras))
             answer = respond(record, replace(task, object_names=tuple(o.name for o in record.objects)))
-            if key is not None:
+            if (key := upload.idempotency_key) is not None:
+                idempotency.forget(connection, SCOPE, key)
                 idempotency.save(connection, SCOPE, key, upload.digest, StoredResponse(201, answer))
         return answer
 
@@ -153,6 +154,14 @@ def _check_link(connection: Connection, upload: Upload) -> None:
     if not prediction.actions or prediction.outcome_success is False:
         fault = "whose outcome was a failure" if prediction.actions else "without actions"
         raise InvalidInputError("prediction_id", f"is a prediction {fault}", valid)
+
+
+def _answer_before(connection: Connection, upload: Upload) -> JsonObject | None:
+    """What the same request was answered with, while its episode is there: after a deletion it may be sent again."""
+    if upload.idempotency_key is None:
+        return None
+    stored = idempotency.find(connection, SCOPE, upload.idempotency_key, upload.digest)
+    return stored.response if stored is not None and episodes.exist(connection, stored.response["id"]) else None
 
 
 def _settings_of(task: TaskRecord | None, objects: Sequence[ObjectQuery]) -> TaskSettings:

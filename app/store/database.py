@@ -4,43 +4,52 @@ import json
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from functools import partial
+from typing import Any
 
-from sqlalchemy import Connection, QueuePool, create_engine, exc
+from sqlalchemy import Connection, Engine, QueuePool, create_engine, exc, make_url
 
 from app.store import sqlite
 from app.store.errors import CorruptDataError, StoreUnavailableError
 
 BUSY_TIMEOUT_S = 10.0
 # As many as anyio's thread pool has threads by default: no caller waits for a connection.
-MAX_CONNECTIONS = 40
+SQLITE_CONNECTIONS = 40
+# Of each process; a server allows 100 of all of them by default.
+SERVER_CONNECTIONS = 16
 
 
 class Database:
     """A pool of connections to one database; nothing is opened or created before the first use.
 
     Args:
-        url: SQLAlchemy's, e.g. ``sqlite:////var/lib/roboprompt/roboprompt.db``.
+        url: SQLAlchemy's, e.g. ``sqlite:////var/lib/roboprompt/roboprompt.db`` or ``postgresql://user@host/name``.
         busy_timeout_s: how long a writer waits for the others before StoreUnavailableError.
+        server_connections: at most so many at once to a database server.
 
     Attributes:
-        is_sqlite: whether `app.store.sqlite` applies.
+        is_sqlite: whether `app.store.sqlite` applies; else `app.store.postgres`.
+
+    Raises:
+        StoreUnavailableError: if the URL or its driver is none that this code knows.
     """
 
-    def __init__(self, url: str, busy_timeout_s: float = BUSY_TIMEOUT_S) -> None:
-        self.engine = create_engine(
-            url,
-            poolclass=QueuePool,
-            pool_size=MAX_CONNECTIONS,
-            max_overflow=0,
-            pool_timeout=busy_timeout_s,
-            json_serializer=partial(json.dumps, allow_nan=False, separators=(",", ":")),
-        )
+    def __init__(
+        self, url: str, busy_timeout_s: float = BUSY_TIMEOUT_S, server_connections: int = SERVER_CONNECTIONS
+    ) -> None:
+        self.is_sqlite = make_url(url).get_backend_name() == "sqlite"
+        self.max_connections = SQLITE_CONNECTIONS if self.is_sqlite else server_connections
+        self.engine = _engine(url, self.max_connections, busy_timeout_s, ping=not self.is_sqlite)
         self.name = self.engine.url.render_as_string(hide_password=True)
         self.busy_timeout_s = busy_timeout_s
-        self.is_sqlite = self.engine.dialect.name == "sqlite"
+        self._readers, self._writers = self.engine, None
         if self.is_sqlite:
             sqlite.configure(self.engine, busy_timeout_s)
-        self._writers = sqlite.WriterQueue(busy_timeout_s) if self.is_sqlite else None
+            self._writers = sqlite.WriterQueue(busy_timeout_s)
+        else:
+            from app.store import postgres
+
+            postgres.configure(self.engine, busy_timeout_s)
+            self._readers = self.engine.execution_options(**postgres.READ_OPTIONS)
 
     @contextmanager
     def read(self) -> Iterator[Connection]:
@@ -49,12 +58,15 @@ class Database:
         Raises:
             StoreUnavailableError, CorruptDataError: see `errors`.
         """
-        with self.errors(), self.engine.connect() as connection:
+        with self.errors(), self._readers.connect() as connection:
             yield connection
 
     @contextmanager
     def write(self) -> Iterator[Connection]:
-        """A transaction that is alone in writing: committed at the end, rolled back by any exception. Do not nest.
+        """A transaction that writes: committed at the end, rolled back by any exception. Do not nest.
+
+        On SQLite it is alone in writing. On PostgreSQL what it reads may change before its commit unless it holds a
+        lock: that of the task (`tasks.lock`, `tasks.get_or_create`), or one of `lock`.
 
         Raises:
             StoreUnavailableError, CorruptDataError: see `errors`.
@@ -80,16 +92,59 @@ class Database:
             raise StoreUnavailableError(f"database {self.name}: {error.orig}") from error
         except exc.TimeoutError as error:
             raise StoreUnavailableError(
-                f"database {self.name}: all {MAX_CONNECTIONS} connections are in use"
+                f"database {self.name}: all {self.max_connections} connections are in use"
             ) from error
         except exc.DatabaseError as error:
+            raise self._meaning(error) from error
+
+    def _meaning(self, error: exc.DatabaseError) -> Exception:
+        if self.is_sqlite:
             # SQLite reports a damaged file by the base class; the subclasses are mistakes of ours.
-            if type(error) is not exc.DatabaseError:
-                raise
-            raise CorruptDataError("database", self.name, str(error.orig)) from error
+            unavailable, damaged = False, type(error) is exc.DatabaseError
+        else:
+            from app.store import postgres
+
+            unavailable, damaged = postgres.is_unavailable(error), postgres.is_damaged(error)
+        if unavailable:
+            return StoreUnavailableError(f"database {self.name}: {error.orig}")
+        return CorruptDataError("database", self.name, str(error.orig)) if damaged else error
 
     def _turn(self) -> AbstractContextManager[None]:
         return self._writers.turn() if self._writers else nullcontext()
+
+
+def _engine(url: str, connections: int, timeout_s: float, *, ping: bool) -> Engine:
+    """The engine.
+
+    Args:
+        ping: try a connection before it is used, so that a restart of the server breaks no request.
+    """
+    options: dict[str, Any] = {
+        "poolclass": QueuePool,
+        "pool_size": connections,
+        "max_overflow": 0,
+        "pool_timeout": timeout_s,
+        "pool_pre_ping": ping,
+        "json_serializer": partial(json.dumps, allow_nan=False, separators=(",", ":")),
+    }
+    try:
+        return create_engine(url, **options)
+    except (ModuleNotFoundError, exc.NoSuchModuleError) as error:
+        remedy = "postgresql://... needs `pip install roboprompt[postgres]`; SQLite needs nothing"
+        raise StoreUnavailableError(f"database URL: {error}; {remedy}") from error
+
+
+def lock(connection: Connection, name: str) -> None:
+    """Keep other transactions out that take the lock `name`, until this one ends; call it in a write transaction."""
+    if connection.dialect.name != "sqlite":  # where writers are alone anyway
+        from app.store import postgres
+
+        postgres.lock(connection, name)
+
+
+def writes(connection: Connection) -> bool:
+    """Whether `connection` is in a write transaction."""
+    return bool(connection.get_execution_options().get(sqlite.WRITE_OPTION, False))
 
 
 @contextmanager

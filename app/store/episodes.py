@@ -6,7 +6,7 @@ from functools import cache
 from typing import Any, Literal
 from uuid import uuid4
 
-from sqlalchemy import Connection, Row, Select, bindparam, delete, exists, insert, select, update
+from sqlalchemy import Connection, Row, Select, bindparam, delete, exists, func, insert, select, update
 
 from app.pipeline.episode import Trajectory
 from app.store import tables, tasks, trajectories
@@ -72,6 +72,11 @@ def get(connection: Connection, episode_id: str) -> EpisodeRecord:
     return _record(row)
 
 
+def exist(connection: Connection, episode_id: str) -> bool:
+    """Whether there is an episode of that id."""
+    return bool(connection.scalar(select(exists().where(_EPISODES.c.id == episode_id))))
+
+
 def get_trajectory(connection: Connection, episode_id: str) -> Trajectory:
     """The episode's trajectory, as it was stored.
 
@@ -86,14 +91,27 @@ def get_trajectory(connection: Connection, episode_id: str) -> Trajectory:
 
 
 def list_page(
-    connection: Connection, task: str | None = None, limit: int = 50, cursor: int | None = None
+    connection: Connection,
+    task: str | None = None,
+    limit: int = 50,
+    cursor: int | None = None,
+    instruction_contains: str = "",
 ) -> Page[EpisodeRecord]:
-    """Episodes, newest first, of one task or of all."""
+    """Episodes, newest first, of one task or of all, whose instruction contains the text in any case."""
     query = select(*_WITHOUT_TRAJECTORY)
     if task is not None:
         query = query.where(_EPISODES.c.task == task)
+    if instruction_contains:
+        query = query.where(_EPISODES.c.instruction.icontains(instruction_contains, autoescape=True))
     rows, next_cursor = fetch_page(connection, _EPISODES, query, limit, cursor)
     return Page(tuple(_record(row) for row in rows), next_cursor)
+
+
+def newest_by_task(connection: Connection) -> dict[str, EpisodeRecord]:
+    """The newest episode of every task that has one."""
+    newest = select(func.max(_EPISODES.c.sequence)).group_by(_EPISODES.c.task)
+    query = select(*_WITHOUT_TRAJECTORY).where(_EPISODES.c.sequence.in_(newest))
+    return {row.task: _record(row) for row in connection.execute(query)}
 
 
 def all_of(connection: Connection, task: str) -> tuple[EpisodeRecord, ...]:
@@ -116,8 +134,11 @@ def remove(connection: Connection, episode_id: str) -> None:
     Raises:
         NotFoundError: if there is none of that id.
     """
-    query = delete(_EPISODES).where(_EPISODES.c.id == episode_id).returning(_EPISODES.c.task)
-    if (task := connection.execute(query).scalar_one_or_none()) is None:
+    task = connection.scalar(select(_EPISODES.c.task).where(_EPISODES.c.id == episode_id))
+    if task is None:
+        raise NotFoundError("episode", episode_id)
+    tasks.lock(connection, task)  # an upload under way would not be seen below
+    if connection.execute(delete(_EPISODES).where(_EPISODES.c.id == episode_id)).rowcount == 0:
         raise NotFoundError("episode", episode_id)
     others_left = connection.scalar(select(exists().where(_EPISODES.c.task == task)))
     tasks.change(connection, task, {} if others_left else {"object_names": None})

@@ -1,18 +1,23 @@
 """Answers to requests that carried an `Idempotency-Key`. Each query runs on the caller's transaction."""
 
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 
-from sqlalchemy import Connection, insert, select
+from sqlalchemy import Connection, delete, insert, select
 
 from app.store import tables
+from app.store.database import lock, writes
 from app.store.errors import ConflictError
 from app.store.records import StoredResponse
 
+# After this a key may be used again. An upload's is kept: a dataset imported twice adds nothing, however much later.
+KEPT_FOR = {"POST /predict": timedelta(hours=24)}
 _KEYS = tables.idempotency_keys
 
 
 def find(connection: Connection, scope: str, key: str, request_digest: str) -> StoredResponse | None:
     """What the same request was answered with before, or None if it is new.
+
+    In a write transaction it waits for another one that has the same key under way.
 
     Args:
         scope: what the key belongs to, e.g. ``POST /episodes``.
@@ -21,8 +26,10 @@ def find(connection: Connection, scope: str, key: str, request_digest: str) -> S
     Raises:
         ConflictError: if the key came with different content.
     """
+    if writes(connection):
+        lock(connection, f"{scope} {key}")
     row = connection.execute(select(_KEYS).where(_KEYS.c.scope == scope, _KEYS.c.key == key)).first()
-    if row is None:
+    if row is None or (scope in KEPT_FOR and row.created_at < datetime.now(UTC) - KEPT_FOR[scope]):
         return None
     if row.request_digest != request_digest:
         raise ConflictError(
@@ -31,14 +38,31 @@ def find(connection: Connection, scope: str, key: str, request_digest: str) -> S
     return StoredResponse(row.status, row.response)
 
 
+def answered(connection: Connection, scope: str, key: str) -> StoredResponse | None:
+    """What any request with the key was answered with, or None if there was none."""
+    row = connection.execute(select(_KEYS).where(_KEYS.c.scope == scope, _KEYS.c.key == key)).first()
+    return None if row is None else StoredResponse(row.status, row.response)
+
+
+def forget(connection: Connection, scope: str, key: str) -> None:
+    """Let the key be used again: what the request did was undone since."""
+    connection.execute(delete(_KEYS).where(_KEYS.c.scope == scope, _KEYS.c.key == key))
+
+
 def save(connection: Connection, scope: str, key: str, request_digest: str, answer: StoredResponse) -> None:
-    """Remember the answer. Call it after `find`, in the write transaction that does what the request asks."""
+    """Remember the answer, and forget those of the same scope that are too old.
+
+    Call it after `find`, in the write transaction that does what the request asks.
+    """
+    now = datetime.now(UTC)
+    if scope in KEPT_FOR:
+        connection.execute(delete(_KEYS).where(_KEYS.c.scope == scope, _KEYS.c.created_at < now - KEPT_FOR[scope]))
     values = {
         "scope": scope,
         "key": key,
         "request_digest": request_digest,
         "status": answer.status,
         "response": answer.response,
-        "created_at": datetime.now(UTC),
+        "created_at": now,
     }
     connection.execute(insert(_KEYS).values(values))

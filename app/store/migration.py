@@ -51,6 +51,10 @@ def migration_transaction(database: Database) -> Iterator[Connection]:
             connection.detach()  # its settings are for migrations only: it does not go back to the pool
             sqlite.prepare_for_migration(connection, database.busy_timeout_s)
         with begin_write(connection):
+            if not database.is_sqlite:
+                from app.store import postgres
+
+                postgres.lock_for_migration(connection)
             yield connection
             if database.is_sqlite:
                 sqlite.check_foreign_keys(connection)

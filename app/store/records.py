@@ -7,7 +7,7 @@ from typing import Literal
 from app.pipeline.episode import Demonstration, Trajectory
 from app.store.values import CameraRecord, JsonObject, KeyframeRecord, ObjectRecord
 
-PredictionStatus = Literal["ok", "parse_error", "model_error"]
+PredictionStatus = Literal["ok", "parse_error", "unsafe_action", "model_error"]
 
 
 @dataclass(frozen=True)

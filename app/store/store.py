@@ -1,5 +1,7 @@
 """Database and blobs of one data directory, opened together."""
 
+import fcntl
+import time
 from contextlib import AbstractContextManager
 from datetime import timedelta
 from pathlib import Path
@@ -9,7 +11,7 @@ from sqlalchemy import Connection, select
 
 from app.store import episodes, tables
 from app.store.blobs import BlobStore, FileBlobStore
-from app.store.database import Database
+from app.store.database import SERVER_CONNECTIONS, Database
 from app.store.errors import StoreUnavailableError
 from app.store.migration import migrate
 
@@ -31,16 +33,20 @@ class Store:
         blobs: images; put them before the row that refers to them is committed.
     """
 
-    def __init__(self, database: Database, blobs: BlobStore) -> None:
+    def __init__(self, database: Database, blobs: BlobStore, data_dir: Path) -> None:
         self._database = database
+        self._data_dir = data_dir
         self.blobs = blobs
 
     @classmethod
-    def open(cls, data_dir: Path, database_url: str | None = None) -> Self:
+    def open(
+        cls, data_dir: Path, database_url: str | None = None, *, server_connections: int = SERVER_CONNECTIONS
+    ) -> Self:
         """Open or create the store and bring its database to the newest schema.
 
         Args:
             data_dir: created if it is not there; holds the blobs, and the database unless `database_url` names another.
+            server_connections: at most so many at once to a database server.
 
         Raises:
             StoreUnavailableError: if directory or database cannot be opened, created or locked.
@@ -50,10 +56,11 @@ class Store:
             data_dir.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise StoreUnavailableError(f"data directory: {error}") from error
-        database = Database(database_url or f"sqlite:///{data_dir / 'roboprompt.db'}")
+        url = database_url or f"sqlite:///{data_dir / 'roboprompt.db'}"
+        database = Database(url, server_connections=server_connections)
         try:
             migrate(database)
-            return cls(database, FileBlobStore(data_dir / "blobs"))
+            return cls(database, FileBlobStore(data_dir / "blobs"), data_dir)
         except BaseException:
             database.close()
             raise
@@ -80,6 +87,22 @@ class Store:
         with self.read() as connection:
             referenced = episodes.blob_digests(connection)
         return self.blobs.sweep(referenced, older_than)
+
+    def sweep_once(self) -> int:
+        """`sweep`, unless another process of this data directory does it or has done it within the hour."""
+        path = self._data_dir / ".swept"
+        with path.open("a+") as note:
+            try:
+                fcntl.flock(note, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                return 0
+            note.seek(0)
+            if time.time() - float(note.read() or 0) < SWEEP_GRACE.total_seconds():
+                return 0
+            removed = self.sweep()
+            note.truncate(0)
+            note.write(str(time.time()))
+            return removed
 
     def close(self) -> None:
         """Close every connection."""

@@ -4,7 +4,9 @@ from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from typing import Any
 
-from sqlalchemy import Connection, Row, bindparam, func, insert, select, update
+from sqlalchemy import Connection, Row, bindparam, func, select, update
+from sqlalchemy.dialects.postgresql import insert as postgresql_insert
+from sqlalchemy.dialects.sqlite import insert as sqlite_insert
 
 from app.store import tables
 from app.store.errors import ConflictError, NotFoundError
@@ -27,6 +29,23 @@ def get(connection: Connection, name: str) -> TaskRecord:
     return _record(row)
 
 
+def lock(connection: Connection, name: str) -> TaskRecord:
+    """The task, which no other transaction changes until this one ends.
+
+    Raises:
+        NotFoundError: if there is none of that name.
+    """
+    if (task := _locked(connection, name)) is None:
+        raise NotFoundError("task", name)
+    return task
+
+
+def _locked(connection: Connection, name: str) -> TaskRecord | None:
+    # NO KEY: predictions that refer to the task are inserted meanwhile. SQLite, where writers are alone, ignores it.
+    row = connection.execute(_GET.with_for_update(key_share=True), {"name": name}).first()
+    return None if row is None else _record(row)
+
+
 def list_all(connection: Connection) -> tuple[TaskRecord, ...]:
     """Every task, by name."""
     return tuple(_record(row) for row in connection.execute(select(_TASKS).order_by(_TASKS.c.name)))
@@ -46,13 +65,14 @@ def get_or_create(connection: Connection, name: str, settings: JsonObject) -> Ta
     Call it in a write transaction. What it returns (object names, settings, version) cannot change before the commit,
     so the caller's checks against it hold.
     """
-    query = select(_TASKS).where(_TASKS.c.name == name).with_for_update()
-    if (row := connection.execute(query).first()) is not None:
-        return _record(row)
+    if (task := _locked(connection, name)) is not None:
+        return task
     now = datetime.now(UTC)
     values = {"name": name, "version": 1, "settings": settings, "created_at": now, "updated_at": now}
-    connection.execute(insert(_TASKS).values(values))
-    return TaskRecord(name, 1, settings, None, now, now)
+    insert = postgresql_insert if connection.dialect.name == "postgresql" else sqlite_insert
+    # Another transaction may be creating it, too: this one then waits for that one's commit.
+    connection.execute(insert(_TASKS).values(values).on_conflict_do_nothing())
+    return lock(connection, name)
 
 
 def update_settings(connection: Connection, name: str, settings: JsonObject) -> TaskRecord:
@@ -61,7 +81,7 @@ def update_settings(connection: Connection, name: str, settings: JsonObject) -> 
     Raises:
         NotFoundError: if there is no task of that name.
     """
-    task = get(connection, name)
+    task = lock(connection, name)
     if task.settings != settings:
         change(connection, name, {"settings": settings})
     return get(connection, name)
@@ -74,13 +94,13 @@ def change(connection: Connection, name: str, values: Mapping[str, Any]) -> None
 
 
 def require_version(connection: Connection, name: str, version: int) -> None:
-    """Make sure that nothing changed since the caller read the task.
+    """Make sure that nothing changed since the caller read the task, and that nothing changes until the commit.
 
     Raises:
         ConflictError: if something did; read again and repeat the work.
         NotFoundError: if there is no task of that name.
     """
-    if (current := get(connection, name).version) != version:
+    if (current := lock(connection, name).version) != version:
         raise ConflictError(f"task {name!r} is at version {current}, no longer {version}: read it again and repeat")
 
 

@@ -127,6 +127,7 @@ class CameraRecord:
     rgb_digest: str | None = None
     depth_digest: str | None = None
     mask_digest: str | None = None
+    image_size_px: tuple[int, int] | None = None
 
     @classmethod
     def of(
@@ -148,12 +149,13 @@ class CameraRecord:
             rgb_digest,
             depth_digest,
             mask_digest,
+            camera.image_size_px,
         )
 
     def camera(self) -> Camera:
         """As the pipeline wants it."""
         intrinsics = (self.fx_px, self.fy_px, self.cx_px, self.cy_px)
-        return Camera(self.name, *intrinsics, np.array(self.camera_to_world), self.depth_scale)
+        return Camera(self.name, *intrinsics, np.array(self.camera_to_world), self.depth_scale, self.image_size_px)
 
     def to_json(self) -> dict[str, Any]:
         """As it is stored."""
@@ -165,12 +167,13 @@ class CameraRecord:
             "rgb": self.rgb_digest,
             "depth": self.depth_digest,
             "mask": self.mask_digest,
+            **({} if self.image_size_px is None else {"image_size": self.image_size_px}),
         }
 
     @classmethod
     def from_json(cls, value: JsonObject) -> Self:
-        """The inverse of `to_json`."""
-        intrinsics = value["intrinsics"]
+        """The inverse of `to_json`; rows from before image sizes were kept have none."""
+        intrinsics, size = value["intrinsics"], value.get("image_size")
         return cls(
             value["name"],
             intrinsics["fx"],
@@ -182,4 +185,5 @@ class CameraRecord:
             value["rgb"],
             value["depth"],
             value["mask"],
+            None if size is None else tuple(size),
         )

@@ -25,8 +25,10 @@ def test_predictions_tokens_outcomes_and_requests(http):
     assert counted(http, "roboprompt_llm_tokens_total", model="regression", kind="prompt_tokens") > 0
     stage = {"model": "regression", "stage": "outside_llm"}
     assert counted(http, "roboprompt_prediction_stage_seconds_count", **stage) == before + 1
+    successes = {"model": "regression", "success": "true"}
+    outcomes_before = counted(http, "roboprompt_outcomes_total", **successes)
     http.post(f"/predictions/{answer['id']}/outcome", json={"success": True})
-    assert counted(http, "roboprompt_outcomes_total", model="regression", success="true") == 1
+    assert counted(http, "roboprompt_outcomes_total", **successes) == outcomes_before + 1
 
 
 def test_a_reply_that_does_not_parse_is_counted(http):

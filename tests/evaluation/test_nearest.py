@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from app.client.encoding import object_json
 from app.evaluation.nearest import replayed
 from app.evaluation.records import TaughtEpisode
 from app.pipeline.episode import ObjectPose, Trajectory
+from app.pipeline.metadata import object_json
 from app.sim.demonstrate import RecordedDemonstration, SceneView
 
 

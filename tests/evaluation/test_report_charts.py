@@ -7,7 +7,7 @@ from PIL import Image
 
 from app.evaluation.report.charts import success_chart
 from app.evaluation.report.results import Result
-from app.evaluation.report.speed_plot import frame_times_s, gripper_stretches, speed_plot
+from app.evaluation.report.speed_plot import speed_plot
 from app.evaluation.report.theme import DARK, LIGHT, THEMES
 from app.evaluation.report.units import duration_text, tokens_text
 from app.pipeline.episode import Trajectory
@@ -35,16 +35,6 @@ def luminance(colour):
 
 def result(task, method, successes):
     return Result(task, method, SuccessRate(successes, 4), (), None, None, None, None, None)
-
-
-def test_times_come_from_timestamps_or_from_the_frequency():
-    np.testing.assert_allclose(frame_times_s(trajectory(), 20.0)[:3], [0, 0.05, 0.1])
-    np.testing.assert_allclose(frame_times_s(trajectory([5.0, 5.1, 5.3, 5.4, 5.5, 5.6]), 20.0)[:3], [0, 0.1, 0.3])
-
-
-def test_the_gripper_s_stretches_cover_the_trajectory():
-    stretches = gripper_stretches(trajectory().gripper_open.tolist())
-    assert stretches == [(0, 3, True), (3, 5, False), (5, 6, True)]
 
 
 def test_the_speed_plot_shows_norm_threshold_and_keyframes():

@@ -201,7 +201,7 @@ def test_a_service_that_is_gone_ends_the_run(tmp_path):
 def test_pictures_show_the_trials(run):
     task = run(REGRESSION, SCRIPTED, REPLAY)
     evaluation = Evaluation("roboprompt eval", (REGRESSION, SCRIPTED, REPLAY), (task,), 1.0)
-    (shown,) = illustrated(evaluation, InlineExecutor(), Progress(disable=True)).tasks
+    (shown,) = illustrated(evaluation, InlineExecutor(), Progress(disable=True))
     asked, scripted, replay = shown.trials
     assert len(replay.execution.film_strip) == 1 + replay.execution.num_executed
     assert (asked.failure, scripted.execution) == (task.trials[0].failure, None)

@@ -19,7 +19,7 @@ from app.evaluation.sweep_run import SweepRun
 from tests.evaluation.processes import alive, descendants
 
 TASKS = ("push_button", "open_drawer")
-NUM_TRIALS = 2 * 2 * 4  # tasks, seeds, methods
+NUM_TRIALS = 2 * 2 * 5  # tasks, seeds, methods
 PATIENCE_S = 90
 
 
@@ -31,7 +31,13 @@ def arguments(folder):
 
 def start(folder):
     command = arguments(folder)
-    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    return subprocess.Popen(command, **pipes, start_new_session=True, preexec_fn=heed_ctrl_c)
+
+
+def heed_ctrl_c():
+    """Children of a shell's background job ignore it."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def results(folder):

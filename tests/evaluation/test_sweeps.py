@@ -6,8 +6,8 @@ from app.evaluation.methods import methods_beside, with_models, with_poses
 from app.evaluation.records import Method
 from app.evaluation.sweeps import SWEEPS
 from app.evaluation.teach import suffix_of, variants
-from app.pipeline.episode import NAME_PATTERN
 from app.pipeline.errors import InvalidInputError
+from app.pipeline.wording import NAME_PATTERN
 from app.services.task_settings import TaskSettings
 from app.sim.tasks import TASKS
 
@@ -64,7 +64,7 @@ def test_models():
     main = SWEEPS["main"].methods
     assert [m.label for m in with_models(main, [])] == [m.label for m in main]
     one = with_models(main, ["openai/gpt-4o"])
-    assert [m.options.get("model") for m in one] == ["openai/gpt-4o", "regression", None, None]
+    assert [m.options.get("model") for m in one] == ["openai/gpt-4o", "nearest", "regression", None, None]
     assert one[0].label == "default"
     two = with_models(main, ["a", "b"])
     assert [m.label for m in two[:2]] == ["default, a", "default, b"]
@@ -80,9 +80,9 @@ def test_the_method_asked_for_comes_first():
 
 def test_vision_is_for_those_that_ask_the_service():
     methods = with_poses(SWEEPS["main"].methods, "vision")
-    assert [method.poses for method in methods] == ["vision", "vision", "given", "given"]
+    assert [method.poses for method in methods] == ["vision", "vision", "vision", "given", "given"]
     assert len(variants(methods)) == 2
-    assert suffix_of(methods[2], methods) == ""
+    assert suffix_of(methods[3], methods) == ""
 
 
 @pytest.mark.parametrize("sweep", ["noise", "loop"])

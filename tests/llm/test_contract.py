@@ -7,6 +7,7 @@ from contextlib import aclosing
 import pytest
 
 from app.llm.base import Completion, ModelProfile, ModelTimeoutError, ModelUnavailableError, TextDelta
+from app.llm.nearest import NearestModel
 from app.llm.openai_compatible import OpenAiCompatibleModel
 from app.llm.openai_wire import LLAMA_CPP
 from app.llm.regression import RegressionModel
@@ -25,13 +26,18 @@ def models(gemma, llama_server, run):
         )
         for style, profile in profiles.items()
     }
-    made |= {"embedded": gemma, "regression": RegressionModel(), "scripted": ScriptedModel([REPLY + "\nand more"])}
+    made |= {
+        "embedded": gemma,
+        "nearest": NearestModel(),
+        "regression": RegressionModel(),
+        "scripted": ScriptedModel([REPLY + "\nand more"]),
+    }
     yield made
     for model in made.values():
         run(model.aclose())
 
 
-@pytest.fixture(params=[*LLMS, "regression", "scripted"])
+@pytest.fixture(params=[*LLMS, "nearest", "regression", "scripted"])
 def model(request, models):
     return models[request.param]
 

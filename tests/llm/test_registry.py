@@ -39,7 +39,9 @@ def test_a_model_is_made_once_and_the_default_answers_for_no_name(make_registry)
 
 
 def test_an_unknown_backend_lists_the_models(make_registry):
-    with pytest.raises(UnknownModelError, match=r"no model 'gpt-4o'; there are embedded/gemma-3-270m, .*, regression$"):
+    with pytest.raises(
+        UnknownModelError, match=r"no model 'gpt-4o'; there are embedded/gemma-3-270m, .*, nearest, regression$"
+    ):
         make_registry().get("gpt-4o")
 
 

@@ -42,6 +42,12 @@ def test_the_object_frame_format_keeps_its_signs_and_row_numbers():
     assert reply == " 1 red button w: +0 -3 +14 0 36 36 0; 2 red button o: +0 +0 +2 0 36 36 1"
 
 
+def test_numbers_below_zero_without_plus_signs():
+    prefix = "".join(f"{{'drawer': [{x}, 65]}}>[[{x - 30}, -4, 1]], " for x in (10, 20, 40, 50))
+    assert regressed_reply(prefix, "{'drawer': [25, 65]}>") == "[[-5, -4, 1]]"
+    assert regressed_reply(prefix, "{'drawer': [33, 65]}>") == "[[3, -4, 1]]"
+
+
 def test_the_authors_format_without_an_instruction_is_read():
     prefix = "{'drawer': [42, 65, 29]}>[[42, 65, 55]], {'drawer': [40, 60, 20]}>[[40, 60, 46]], "
     assert regressed_reply(prefix, "{'drawer': [41, 62, 24]}>").startswith("[[4")
@@ -71,8 +77,8 @@ def test_an_unsigned_number_never_becomes_negative_and_a_choice_stays_one():
     [
         ("", "found 0 of 0"),
         (linear_prefix(1), "found 1 of 1"),
-        ("once upon a time", "cannot take the prompt apart"),
-        (linear_prefix(3) + "{'drawer': [1, 2", "cannot take the prompt apart"),
+        ("once upon a time", "cannot be taken apart"),
+        (linear_prefix(3) + "{'drawer': [1, 2", "cannot be taken apart"),
         ("cup 1 2 > 1 cup: +1\n" * 4, "found 0 of 4"),
     ],
 )

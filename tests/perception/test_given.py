@@ -33,6 +33,6 @@ def test_a_broken_pose_is_refused_by_name(query, field):
 
 @pytest.mark.parametrize("query", [ObjectQuery("lid"), ObjectQuery("lid", mask_ids=(3,))])
 def test_a_missing_pose_comes_with_the_remedy(query):
-    with pytest.raises(InvalidInputError, match=r"is missing .*masks") as caught:
+    with pytest.raises(InvalidInputError, match=r"is missing .*object_models") as caught:
         GivenPoses().estimate([query], [])
     assert caught.value.field == "objects[lid].position"

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.llm.base import ModelResponseError
+from app.llm.base import ModelResponseError, TextDelta
 from app.perception.base import ObjectQuery
 from app.pipeline.errors import InvalidInputError
 from app.services.errors import UnparsableReplyError
@@ -154,3 +154,19 @@ def test_only_a_step_of_this_tasks_closed_loop_can_be_gone_on_from(taught):
 def test_a_closed_loop_needs_tracked_objects(taught):
     with pytest.raises(InvalidInputError, match=r"closed_loop: .*object_positions"):
         ask(taught(*STEPS), CLOSED)
+
+
+def test_the_text_comes_in_pieces_if_it_is_wished(taught):
+    items, error = streamed(taught(RELATIVE), replace(REQUEST, stream_text=True))
+    assert error is None
+    pieces = [item.text for item in items if isinstance(item, TextDelta)]
+    assert len(pieces) > 3
+    assert "".join(pieces) == items[-1].completion.text
+    assert sum(isinstance(item, PredictedAction) for item in items) == 3
+    assert not any(isinstance(item, TextDelta) for item in streamed(taught(RELATIVE))[0])
+
+
+def test_pieces_of_a_reply_that_goes_wrong_come_before_the_error(taught):
+    items, error = streamed(taught("no list of actions"), replace(REQUEST, stream_text=True))
+    assert isinstance(error, UnparsableReplyError)
+    assert "".join(item.text for item in items) == error.reply_text == "no list of actions"

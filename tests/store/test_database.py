@@ -26,8 +26,8 @@ def database(tmp_path: Path) -> Iterator[Database]:
 @pytest.mark.parametrize(
     ("pragma", "value"), [("journal_mode", "wal"), ("synchronous", 2), ("foreign_keys", 1), ("busy_timeout", 10_000)]
 )
-def test_every_connection_is_durable_and_strict(store: Store, kind: str, pragma: str, value: object) -> None:
-    with getattr(store, kind)() as connection:
+def test_every_connection_is_durable_and_strict(sqlite_store: Store, kind: str, pragma: str, value: object) -> None:
+    with getattr(sqlite_store, kind)() as connection:
         assert connection.exec_driver_sql(f"PRAGMA {pragma}").scalar() == value
 
 

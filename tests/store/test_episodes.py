@@ -180,9 +180,9 @@ OF_INSTRUCTION = "SEARCH episodes USING INDEX ix_episodes_task_instruction_seque
         ),
     ],
 )
-def test_one_index_finds_and_sorts(store: Store, ask: Callable[[Connection], object], plan: str) -> None:
-    upload(store, episode_draft())
-    assert plan_of(store, ask) == plan
+def test_one_index_finds_and_sorts(sqlite_store: Store, ask: Callable[[Connection], object], plan: str) -> None:
+    upload(sqlite_store, episode_draft())
+    assert plan_of(sqlite_store, ask) == plan
 
 
 def test_new_extractions_replace_the_old(store: Store) -> None:

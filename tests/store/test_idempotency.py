@@ -1,5 +1,6 @@
 import threading
 from concurrent.futures import ThreadPoolExecutor
+from datetime import timedelta
 
 import pytest
 
@@ -61,3 +62,15 @@ def test_request_repeated_at_the_same_time_is_done_once(store: Store) -> None:
     with store.read() as connection:
         (episode,) = episodes.list_page(connection).items
     assert answers == [StoredResponse(201, {"id": episode.id})] * 4
+
+
+def test_a_key_is_forgotten_after_a_day(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    with store.write() as connection:
+        idempotency.save(connection, SCOPE, "key", "digest", StoredResponse(201, {"id": "old"}))
+    monkeypatch.setitem(idempotency.KEPT_FOR, SCOPE, timedelta(0))
+    with store.write() as connection:
+        assert idempotency.find(connection, SCOPE, "key", "other digest") is None
+        idempotency.save(connection, SCOPE, "key", "other digest", StoredResponse(201, {"id": "new"}))
+    monkeypatch.undo()
+    with store.read() as connection:
+        assert idempotency.find(connection, SCOPE, "key", "other digest") == StoredResponse(201, {"id": "new"})

@@ -11,6 +11,7 @@ from alembic import command
 from alembic.autogenerate import compare_metadata
 from alembic.migration import MigrationContext
 from alembic.operations import Operations
+from alembic.script import ScriptDirectory
 from alembic.util import CommandError
 from sqlalchemy import Integer, inspect, text
 
@@ -21,7 +22,7 @@ from app.store.migration import alembic_config, migrate, migration_transaction
 from app.store.store import Store
 from app.store.tables import metadata
 
-from .drafts import TASK, episode_draft, upload
+from .drafts import TASK, episode_draft, predict, prediction_draft, upload
 
 
 @pytest.fixture
@@ -31,28 +32,80 @@ def database(tmp_path: Path) -> Iterator[Database]:
     opened.close()
 
 
+@pytest.fixture(params=["sqlite", "postgres"])
+def empty_url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
+    if request.param == "sqlite":
+        return f"sqlite:///{tmp_path / 'roboprompt.db'}"
+    url: str = request.getfixturevalue("postgres").empty()
+    return url
+
+
+@pytest.fixture
+def either(empty_url: str) -> Iterator[Database]:
+    """A database without tables on either server."""
+    opened = Database(empty_url)
+    yield opened
+    opened.close()
+
+
 def tables_in(database: Database) -> set[str]:
     with database.read() as connection:
         return set(inspect(connection).get_table_names())
 
 
-def test_migrations_and_tables_say_the_same(database: Database) -> None:
-    migrate(database)
-    with database.read() as connection:
+def test_migrations_and_tables_say_the_same(either: Database) -> None:
+    migrate(either)
+    with either.read() as connection:
         assert compare_metadata(MigrationContext.configure(connection), metadata) == []
 
 
-def test_down_and_up_again(database: Database) -> None:
-    migrate(database)
-    everything = tables_in(database)
+def test_down_and_up_again(either: Database) -> None:
+    migrate(either)
+    everything = tables_in(either)
     assert {"tasks", "episodes", "predictions", "idempotency_keys"} < everything
     config = alembic_config()
-    with migration_transaction(database) as connection:
+    with migration_transaction(either) as connection:
         config.attributes["connection"] = connection
         command.downgrade(config, "base")
-    assert tables_in(database) == {"alembic_version"}
-    migrate(database)
-    assert tables_in(database) == everything
+    assert tables_in(either) == {"alembic_version"}
+    migrate(either)
+    assert tables_in(either) == everything
+
+
+def rows_of(database: Database, columns: dict[str, list[str]]) -> dict[str, list[object]]:
+    with database.read() as connection:
+        return {
+            name: sorted(map(repr, connection.execute(text(f"SELECT {', '.join(chosen)} FROM {name}"))))
+            for name, chosen in columns.items()
+        }
+
+
+def test_down_and_up_again_on_a_filled_database(tmp_path: Path, either: Database) -> None:
+    """Step by step to the first revision and back: what its columns hold comes through."""
+    config, scripts = alembic_config(), ScriptDirectory.from_config(alembic_config())
+    with migration_transaction(either) as connection:
+        config.attributes["connection"] = connection
+        command.upgrade(config, "0001")
+    with either.read() as connection:
+        inspector = inspect(connection)
+        columns = {n: [c["name"] for c in inspector.get_columns(n)] for n in inspector.get_table_names()}
+    columns.pop("alembic_version")
+    store = Store.open(tmp_path, either.engine.url.render_as_string(hide_password=False))
+    for seed in range(3):
+        upload(store, episode_draft(seed))
+        predict(store, prediction_draft(step=seed))
+    store.close()
+    before = rows_of(either, columns)
+    assert len(before["episodes"]) == len(before["predictions"]) == 3
+    revisions = [script.revision for script in scripts.walk_revisions()]  # newest first
+    for direction, targets in ((command.downgrade, revisions[1:]), (command.upgrade, revisions[-2::-1])):
+        for revision in targets:
+            with migration_transaction(either) as connection:
+                config.attributes["connection"] = connection
+                direction(config, revision)
+            assert rows_of(either, columns) == before
+    with either.read() as connection:
+        assert compare_metadata(MigrationContext.configure(connection), metadata) == []
 
 
 def test_migrating_twice_changes_nothing(tmp_path: Path) -> None:
@@ -65,23 +118,23 @@ def test_migrating_twice_changes_nothing(tmp_path: Path) -> None:
     store.close()
 
 
-def test_database_of_newer_code_is_refused(database: Database) -> None:
-    migrate(database)
-    with database.write() as connection:
+def test_database_of_newer_code_is_refused(either: Database) -> None:
+    migrate(either)
+    with either.write() as connection:
         connection.execute(text("UPDATE alembic_version SET version_num = '9999'"))
-    with pytest.raises(SchemaVersionError, match=r"roboprompt\.db is at revision 9999, newer than this code"):
-        migrate(database)
+    with pytest.raises(SchemaVersionError, match=r"at revision 9999, newer than this code"):
+        migrate(either)
 
 
-def test_migration_that_fails_leaves_nothing(database: Database) -> None:
+def test_migration_that_fails_leaves_nothing(either: Database) -> None:
     def fail_half_way() -> None:
-        with migration_transaction(database) as connection:
+        with migration_transaction(either) as connection:
             connection.execute(text("CREATE TABLE half (a INTEGER)"))
             raise RuntimeError("half way")
 
     with pytest.raises(RuntimeError, match="half way"):
         fail_half_way()
-    assert tables_in(database) == set()
+    assert tables_in(either) == set()
 
 
 def test_altering_a_table_keeps_the_rows_that_refer_to_it(tmp_path: Path, database: Database) -> None:
@@ -121,7 +174,7 @@ for _ in range(8):
     if child == 0:
         os.close(opener)
         os.read(gate, 1)
-        Store.open(Path(sys.argv[1])).close()
+        Store.open(Path(sys.argv[1]), sys.argv[2]).close()
         os._exit(0)
     children.append(child)
 os.close(opener)
@@ -129,8 +182,8 @@ sys.exit(sum(os.waitpid(child, 0)[1] != 0 for child in children))
 """
 
 
-def test_several_processes_start_at_once(tmp_path: Path) -> None:
-    command = [sys.executable, "-c", STARTERS, str(tmp_path / "data")]
+def test_several_processes_start_at_once(tmp_path: Path, empty_url: str) -> None:
+    command = [sys.executable, "-c", STARTERS, str(tmp_path / "data"), empty_url]
     finished = subprocess.run(command, cwd=Path(__file__).parents[2], capture_output=True, text=True, check=False)
     assert (finished.returncode, finished.stderr) == (0, "")
 

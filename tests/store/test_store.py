@@ -35,13 +35,16 @@ for number in range(10_000):
 """
 
 
-def test_ping(store: Store, tmp_path: Path) -> None:
+def test_ping(store: Store) -> None:
     store.ping()
-    store.close()
+
+
+def test_ping_notices_that_the_file_is_gone(sqlite_store: Store, tmp_path: Path) -> None:
+    sqlite_store.close()
     for path in (tmp_path / "data").glob("roboprompt.db*"):
         path.unlink()
     with pytest.raises(StoreUnavailableError, match="no such table"):
-        store.ping()
+        sqlite_store.ping()
 
 
 def test_sweep_keeps_the_images_of_episodes(store: Store) -> None:

@@ -8,7 +8,7 @@ from app.api.schemas.responses import Problem
 from app.services.container import Services
 
 Limit = Annotated[int, Query(ge=1, le=200, description="at most so many")]
-Cursor = Annotated[int | None, Query(ge=1, description="next_cursor of the page before")]
+Cursor = Annotated[int | None, Query(ge=1, le=2**63 - 1, description="next_cursor of the page before")]
 IdempotencyKey = Annotated[
     str | None,
     Header(max_length=200, description="a repeated request with the same key is answered as the first was"),

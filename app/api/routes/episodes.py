@@ -7,7 +7,7 @@ from fastapi.responses import JSONResponse
 from starlette.concurrency import run_in_threadpool
 
 from app.api.body import Body, read_body
-from app.api.documents import episode_document
+from app.api.documents import episode_document, metadata_document
 from app.api.frames import decode_frames, split_images
 from app.api.openapi import body_of
 from app.api.routes import Cursor, IdempotencyKey, Limit, Wired, problems
@@ -56,20 +56,23 @@ async def upload_episode(request: Request, services: Wired, idempotency_key: Ide
 def _upload(services: Services, body: Body, idempotency_key: str | None) -> JsonObject:
     document, parts = dict(body.document), dict(body.parts)
     digest = content_digest(document, parts)
+    limits = services.limits
     if (npz := parts.pop("trajectory", None)) is not None:
         metadata = EpisodeMetadata.model_validate(document)
-        trajectory = trajectory_from_npz(npz)
+        trajectory = trajectory_from_npz(npz, limits.max_unpacked_bytes, limits.max_frames)
     else:
-        metadata, trajectory = _from_json(document)
+        metadata, trajectory = _from_json(document, limits.max_frames)
+    names, cameras = [item.name for item in metadata.objects], [item.name for item in metadata.cameras]
+    limits.check_scene(metadata.task, metadata.instruction, names, cameras)
     images = split_images(metadata.cameras, parts)
-    frames = decode_frames(metadata.cameras, images)
+    frames = decode_frames(metadata.cameras, images, limits.max_image_pixels)
     episode = Episode(metadata.instruction, trajectory, frames, metadata.control_frequency_hz, metadata.extra)
     objects = tuple(item.query() for item in metadata.objects)
     upload = Upload(metadata.task, episode, objects, images, digest, idempotency_key, metadata.prediction_id)
     return services.upload_episode(upload, episode_document)
 
 
-def _from_json(document: JsonObject) -> tuple[EpisodeMetadata, Trajectory]:
+def _from_json(document: JsonObject, max_frames: int) -> tuple[EpisodeMetadata, Trajectory]:
     """The two halves of a JSON upload; the arrays are checked by Trajectory, once."""
     arrays: Any = document.get("trajectory")
     if not isinstance(arrays, dict):
@@ -77,7 +80,7 @@ def _from_json(document: JsonObject) -> tuple[EpisodeMetadata, Trajectory]:
         raise InvalidInputError("trajectory", "is missing", remedy)
     if unknown := set(document) - {"metadata", "trajectory"}:
         raise InvalidInputError(sorted(unknown)[0], "is not known", "metadata, trajectory, rgb_/depth_/mask_NAME")
-    return EpisodeMetadata.model_validate(document.get("metadata")), trajectory_from_arrays(arrays)
+    return EpisodeMetadata.model_validate(document.get("metadata")), trajectory_from_arrays(arrays, max_frames)
 
 
 @router.get(
@@ -93,6 +96,7 @@ def list_episodes(
     cursor: Cursor = None,
 ) -> Response:
     """Episodes, newest first."""
+    services.limits.check_page(limit)
     with services.store.read() as connection:
         known = {record.name: record for record in tasks.list_all(connection)}
         if task is not None and task not in known:
@@ -114,6 +118,19 @@ def get_episode(services: Wired, episode_id: str) -> Response:
         record = episodes.get(connection, episode_id)
         task = tasks.get(connection, record.task)
     return JSONResponse(episode_document(record, task))
+
+
+@router.get(
+    "/episodes/{episode_id}/metadata",
+    operation_id="get_metadata",
+    response_model=EpisodeMetadata,
+    responses=problems(_404="no such episode"),
+)
+def get_metadata(services: Wired, episode_id: str) -> Response:
+    """What the episode's upload said: with its trajectory and images it can be uploaded elsewhere."""
+    with services.store.read() as connection:
+        record = episodes.get(connection, episode_id)
+    return JSONResponse(metadata_document(record))
 
 
 @router.delete(
@@ -152,19 +169,28 @@ def get_trajectory(services: Wired, episode_id: str) -> Response:
     response_class=Response,
     responses={
         200: {
-            "description": "the image as uploaded; depth as a 16-bit PNG",
-            "content": {"image/png": {}, "image/jpeg": {}},
+            "description": "the image as uploaded; depth and mask arrays as a 16-bit PNG",
+            "content": {"image/png": {}, "image/jpeg": {}, "application/octet-stream": {}},
         },
         **problems(_404="no such episode, camera or image"),
     },
 )
-def get_image(services: Wired, episode_id: str, camera: str, kind: Literal["rgb", "depth"]) -> Response:
+def get_image(
+    services: Wired,
+    episode_id: str,
+    camera: str,
+    kind: Literal["rgb", "depth", "mask"],
+    original: Annotated[bool, Query(description="the very bytes that were uploaded, also of an array")] = False,
+) -> Response:
     """A camera's image of the first frame."""
     with services.store.read() as connection:
         record = episodes.get(connection, episode_id)
     stored = next((item for item in record.cameras if item.name == camera), None)
-    digest = None if stored is None else {"rgb": stored.rgb_digest, "depth": stored.depth_digest}[kind]
+    digest = None if stored is None else getattr(stored, f"{kind}_digest")
     if stored is None or digest is None:
         raise NotFoundError(f"{kind} image of episode {episode_id}", camera)
-    data, media_type = as_image(services.store.blobs.read(digest), kind, stored.depth_scale)
+    data = services.store.blobs.read(digest)
+    if original:
+        return Response(data, media_type="application/octet-stream")
+    data, media_type = as_image(data, kind, stored.depth_scale)
     return Response(data, media_type=media_type)

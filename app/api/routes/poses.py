@@ -7,10 +7,11 @@ from starlette.concurrency import run_in_threadpool
 from app.api.body import Body, read_body
 from app.api.frames import decode_frames, split_images
 from app.api.openapi import body_of
-from app.api.routes import problems
+from app.api.routes import Wired, problems
 from app.api.schemas.poses import PosesBody, PosesOut
 from app.perception.poses_wire import PoseQuestion, poses_document
 from app.services.find_poses import find_poses
+from app.services.limits import Limits
 from app.store.values import JsonObject
 
 router = APIRouter(tags=["poses"])
@@ -28,18 +29,19 @@ router = APIRouter(tags=["poses"])
         _422="a value is not valid, an object is not in view, or its pose cannot be told",
     ),
 )
-async def poses(request: Request) -> Response:
+async def poses(request: Request, services: Wired) -> Response:
     """Find objects in calibrated RGB-D images; nothing is stored.
 
     The protocol of the pose estimator `remote`: another instance's `object_models` may name this address. Multipart: a
     part `metadata` with `objects` and `cameras`, and the cameras' images as in an upload.
     """
     body = await read_body(request)
-    return JSONResponse(await run_in_threadpool(_find, body))
+    return JSONResponse(await run_in_threadpool(_find, body, services.limits))
 
 
-def _find(body: Body) -> JsonObject:
+def _find(body: Body, limits: Limits) -> JsonObject:
     asked = PosesBody.model_validate(body.document)
-    frames = decode_frames(asked.cameras, split_images(asked.cameras, body.parts))
+    limits.check_views([item.name for item in asked.objects], [item.name for item in asked.cameras])
+    frames = decode_frames(asked.cameras, split_images(asked.cameras, body.parts), limits.max_image_pixels)
     questions = [PoseQuestion(item.name, item.mask_ids, item.model) for item in asked.objects]
     return poses_document(find_poses(questions, frames))

@@ -2,8 +2,9 @@
 
 import json
 import time
-from collections.abc import AsyncGenerator, AsyncIterator
+from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable
 from contextlib import aclosing
+from functools import partial
 
 from fastapi import APIRouter, Request, Response
 from fastapi.responses import JSONResponse
@@ -15,12 +16,16 @@ from app.api.documents import dry_run_document, prediction_document
 from app.api.frames import decode_frames, split_images
 from app.api.openapi import body_of
 from app.api.problems import own_problem
-from app.api.routes import Wired, problems
+from app.api.routes import IdempotencyKey, Wired, problems
 from app.api.schemas.requests import PredictBody
 from app.api.schemas.responses import DryRunOut, PredictionOut
+from app.llm.base import TextDelta
 from app.pipeline.errors import RoboPromptError
+from app.services.limits import Limits
 from app.services.predict_actions import PredictedAction, Prediction
 from app.services.question import PredictRequest
+from app.services.upload_episode import content_digest
+from app.store.values import JsonObject
 
 EVENT_STREAM = "text/event-stream"
 STREAMED: dict[int | str, dict[str, object]] = {
@@ -38,16 +43,16 @@ router = APIRouter(tags=["predictions"])
     | problems(
         _400="the body cannot be read",
         _404="no such task or episode",
-        _409="the task has no demonstrations yet",
+        _409="the task has no demonstrations yet, or the idempotency key came with other content",
         _413="the body is too large",
         _415="neither multipart, JSON nor MessagePack",
         _422="a value is not valid, or the objects are not those of the task",
-        _502="the LLM failed, or its reply is not a list of valid actions (reply_text has it)",
+        _502="the LLM failed, or its reply is not a list of valid actions, or one is unsafe (reply_text has it)",
         _503="the model or the store is not available",
         _504="the LLM did not answer in time",
     ),
 )
-async def predict(request: Request, services: Wired) -> Response:
+async def predict(request: Request, services: Wired, idempotency_key: IdempotencyKey = None) -> Response:
     """Actions for the observed scene, by an LLM that continues the pattern of the demonstrations.
 
     JSON with the objects' poses; or multipart with the same document as part `metadata`, and the cameras' images as in
@@ -56,52 +61,84 @@ async def predict(request: Request, services: Wired) -> Response:
     reply that is not a list of valid actions is an error, recorded with the prediction.
 
     With `Accept: text/event-stream` each action comes as an event `action` as soon as its row is complete, then `done`
-    with the whole document; an event `error` with a problem document ends a reply that goes wrong in the middle.
+    with the whole document; an event `error` with a problem document ends a reply that goes wrong in the middle. With
+    `stream_text` the reply's pieces come as well, as events `text`, before it is known whether they are valid.
     """
     started_s = time.perf_counter()
     body = await read_body(request, packed=True)
     # Images take long to decode; a JSON body does not repay the change of thread.
-    wish, asked = await run_in_threadpool(_read, body) if body.parts else _read(body)
+    limits = services.limits
+    wish, asked = await run_in_threadpool(read_question, body, limits) if body.parts else read_question(body, limits)
     timings_ms: dict[str, float] = {}
     if asked.dry_run:
         question = await services.predict_actions.prepare(wish, timings_ms)
         return JSONResponse(dry_run_document(question, timings_ms))
-    if EVENT_STREAM in request.headers.get("accept", ""):
+    streamed = EVENT_STREAM in request.headers.get("accept", "")
+    keep = _not_kept
+    if idempotency_key is not None:
+        digest = content_digest(body.document, body.parts)
+        if (known := await services.repeated_predictions.answer_to(idempotency_key, digest)) is not None:
+            return EventSourceResponse(_events_again(known)) if streamed else JSONResponse(known)
+        keep = partial(services.repeated_predictions.remember, idempotency_key, digest)
+    if streamed:
         question = await services.predict_actions.prepare(wish, timings_ms)
         answer = services.predict_actions.answer(question, timings_ms, started_s, piecewise=True)
         # What fails before the first action is answered with its own status.
-        return EventSourceResponse(_events(request, await anext(answer), answer))
-    return JSONResponse(prediction_document(await services.predict_actions(wish)))
+        return EventSourceResponse(_events(request, await anext(answer), answer, keep))
+    return JSONResponse(await keep(prediction_document(await services.predict_actions(wish))))
 
 
-_Item = PredictedAction | Prediction
+_Keep = Callable[[JsonObject], Awaitable[JsonObject]]
 
 
-async def _events(request: Request, first: _Item, answer: AsyncGenerator[_Item, None]) -> AsyncIterator[bytes]:
+async def _not_kept(document: JsonObject) -> JsonObject:
+    return document
+
+
+_Item = PredictedAction | TextDelta | Prediction
+
+
+async def _events(
+    request: Request, first: _Item, answer: AsyncGenerator[_Item, None], keep: _Keep
+) -> AsyncIterator[bytes]:
     """The answer as server-sent events."""
     async with aclosing(answer):
-        yield _event(first)
         try:
+            yield await _event(first, keep)
             async for item in answer:
-                yield _event(item)
+                yield await _event(item, keep)
         except RoboPromptError as error:
             yield format_sse_event(event="error", data_str=bytes(own_problem(request, error).body).decode())
 
 
-def _event(item: _Item) -> bytes:
+async def _event(item: _Item, keep: _Keep) -> bytes:
+    if isinstance(item, TextDelta):
+        return format_sse_event(event="text", data_str=json.dumps({"text": item.text}))
     if isinstance(item, PredictedAction):
         return format_sse_event(event="action", data_str=json.dumps(item.to_json()))
-    return format_sse_event(event="done", data_str=json.dumps(prediction_document(item)))
+    document = prediction_document(item)
+    await keep(document)
+    return format_sse_event(event="done", data_str=json.dumps(document))
 
 
-def _read(body: Body) -> tuple[PredictRequest, PredictBody]:
+async def _events_again(document: JsonObject) -> AsyncIterator[bytes]:
+    """The events of an answer that was given before."""
+    for action in document["actions"]:
+        yield format_sse_event(event="action", data_str=json.dumps(action))
+    yield format_sse_event(event="done", data_str=json.dumps(document))
+
+
+def read_question(body: Body, limits: Limits) -> tuple[PredictRequest, PredictBody]:
+    """What is asked, checked and decoded; synchronous: call it in a thread where there are images."""
     asked = PredictBody.model_validate(body.document)
+    names, cameras = [item.name for item in asked.objects], [item.name for item in asked.cameras]
+    limits.check_scene(asked.task, asked.instruction, names, cameras)
     images = split_images(asked.cameras, body.parts)
     wish = PredictRequest(
         task=asked.task,
         instruction=asked.instruction,
         objects=tuple(item.query() for item in asked.objects),
-        frames=decode_frames(asked.cameras, images),
+        frames=decode_frames(asked.cameras, images, limits.max_image_pixels),
         images=images,
         model=asked.model,
         representation=asked.representation,
@@ -118,6 +155,8 @@ def _read(body: Body) -> tuple[PredictRequest, PredictBody]:
         after=asked.after,
         max_actions=asked.max_actions,
         timeout_s=asked.timeout_s,
+        stream_text=asked.stream_text,
+        end_effector=None if asked.end_effector is None else asked.end_effector.pose(),
         as_sent=asked.model_dump(mode="json", exclude_unset=True),
     )
     return wish, asked

@@ -28,6 +28,7 @@ def list_predictions(
     cursor: Cursor = None,
 ) -> Response:
     """Predictions, newest first, failed ones included."""
+    services.limits.check_page(limit)
     with services.store.read() as connection:
         page = predictions.list_page(connection, task, outcome, limit, cursor)
     documents = [stored_prediction_document(record) for record in page.items]

@@ -8,10 +8,11 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from app.api.schemas import examples
 from app.perception.base import ObjectQuery
-from app.pipeline.episode import Camera
+from app.pipeline.episode import Camera, unit_quaternions
+from app.pipeline.motion_limits import Pose
 from app.pipeline.reply import MAX_ACTIONS
 from app.services.select_demonstrations import Selection
-from app.services.task_settings import PromptFormat, Representation, SystemPrompt
+from app.services.task_settings import PromptFormat, Representation, SystemPrompt, plain_text
 
 Position = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -116,6 +117,18 @@ class EpisodeJson(BaseModel):
     trajectory: TrajectoryIn
 
 
+class EndEffectorIn(RequestModel):
+    """Where the robot's end effector is now."""
+
+    position: Annotated[Position, Field(description="metres, world frame")]
+    quaternion_xyzw: Annotated[Quaternion, Field(description="unit quaternion, world frame")]
+
+    def pose(self) -> Pose:
+        """As the pipeline wants it; raises InvalidInputError for a quaternion that is none of unit length."""
+        unit = unit_quaternions("end_effector.quaternion_xyzw", self.quaternion_xyzw, (4,))
+        return Pose(self.position, tuple(unit.tolist()))
+
+
 class PredictBody(RequestModel):
     """An observation, an instruction, and how to predict. What is left out follows the task, then the model."""
 
@@ -125,6 +138,9 @@ class PredictBody(RequestModel):
     instruction: Instruction
     objects: Annotated[list[ObjectIn], Field(min_length=1, max_length=64)]
     cameras: Annotated[list[CameraIn], Field(max_length=16)] = []
+    end_effector: Annotated[
+        EndEffectorIn | None, Field(description="if given, the task's max_step bounds hold for the first action, too")
+    ] = None
     num_demonstrations: Annotated[int | None, Field(ge=1, le=100)] = None
     selection: Annotated[
         Selection,
@@ -166,7 +182,10 @@ class PredictBody(RequestModel):
         ),
     ] = None
     max_actions: Annotated[int, Field(ge=1, le=100)] = MAX_ACTIONS
-    timeout_s: Annotated[float, Field(gt=0, le=600)] = 60.0
+    timeout_s: Annotated[float, Field(ge=0.1, le=600)] = 60.0
+    stream_text: Annotated[
+        bool, Field(description="with `Accept: text/event-stream`: the reply's text, too, in events `text`")
+    ] = False
     dry_run: Annotated[bool, Field(description="answer with the prompt, ask no LLM")] = False
 
 
@@ -176,4 +195,4 @@ class OutcomeBody(RequestModel):
     model_config = ConfigDict(extra="forbid", json_schema_extra={"examples": [examples.OUTCOME]})
 
     success: bool
-    note: Annotated[str | None, Field(max_length=2000)] = None
+    note: Annotated[Annotated[str, AfterValidator(plain_text)] | None, Field(max_length=2000)] = None

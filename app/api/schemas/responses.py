@@ -57,6 +57,12 @@ class EpisodeOut(BaseModel):
     created_at: datetime
 
 
+class UploadOut(BaseModel):
+    """What an upload made."""
+
+    episode_id: str
+
+
 class EpisodePage(BaseModel):
     """Episodes, newest first; `next_cursor` continues the list, null at its end."""
 
@@ -207,7 +213,7 @@ class StoredPrediction(BaseModel):
     id: str
     task: str
     instruction: str
-    status: Literal["ok", "parse_error", "model_error"]
+    status: Literal["ok", "parse_error", "unsafe_action", "model_error"]
     error: str | None
     model: str
     representation: str

@@ -8,10 +8,11 @@ import numpy as np
 from app.evaluation.records import TaughtEpisode
 from app.evaluation.report.overlay import draw_scene
 from app.evaluation.report.pictures import Picture, PictureFolder
-from app.evaluation.report.prompt_colours import prompt_spans
-from app.evaluation.report.speed_plot import frame_times_s, speed_plot
+from app.evaluation.report.speed_plot import speed_plot
 from app.evaluation.report.views import DemonstrationView
 from app.pipeline.episode import EndEffectorAction, ObjectPose
+from app.pipeline.prompt_colours import prompt_spans
+from app.pipeline.timeline import frame_times_s
 from app.sim.demonstrate import SceneView
 from app.sim.film import CAMERA
 

@@ -1,6 +1,7 @@
 """An evaluation -> a folder with `index.html` and its images."""
 
 import re
+from collections.abc import Iterable
 from pathlib import Path
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -16,16 +17,19 @@ from app.evaluation.report.units import duration_text, percent_text, tokens_text
 from app.evaluation.report.views import PageView, TaskView, TrialView
 
 
-def write_report(evaluation: Evaluation, folder: Path) -> Path:
+def write_report(evaluation: Evaluation, folder: Path, illustrated: Iterable[TaskEvaluation] | None = None) -> Path:
     """Write the report into `folder`, over an earlier one; returns the path of its `index.html`.
 
     At most 12 failures and 2 successes of each task are shown with pictures; the other failures are listed.
+
+    Args:
+        illustrated: the evaluation's tasks with their pictures; consumed one by one. None: they have them.
     """
     pictures = PictureFolder(folder)
     results = results_of(evaluation)
     tasks = [
         _task_view(pictures, number, task, evaluation.methods, results)
-        for number, task in enumerate(evaluation.tasks, start=1)
+        for number, task in enumerate(illustrated or evaluation.tasks, start=1)
     ]
     page = PageView(evaluation.command, evaluation.duration_s, _chart(pictures, results), tuple(tasks))
     index = folder / "index.html"

@@ -1,7 +1,6 @@
 """How fast the joints move over a demonstration, and where its keyframes are found (paper, section III-B)."""
 
 from collections.abc import Sequence
-from itertools import pairwise
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -10,24 +9,11 @@ from matplotlib.figure import Figure
 from app.evaluation.report.theme import FONT_SIZE, Theme, new_figure, style_axes
 from app.pipeline.episode import Array, Trajectory
 from app.pipeline.keyframes import SIMULATION_DELTA_RAD_S
+from app.pipeline.timeline import frame_times_s, gripper_stretches
 
 SIZE_IN = (9.0, 3.0)
 MIN_TEXT_SHARE = 0.06  # of the duration: a shorter stretch of the gripper's band has no room for a word
 HEADROOM = 1.08
-
-
-def frame_times_s(trajectory: Trajectory, control_frequency_hz: float) -> Array:
-    """(T,) from the first frame on."""
-    if trajectory.timestamps_s is not None:
-        return trajectory.timestamps_s - float(trajectory.timestamps_s[0])
-    times_s: Array = np.arange(len(trajectory)) / control_frequency_hz
-    return times_s
-
-
-def gripper_stretches(gripper_open: Sequence[bool]) -> list[tuple[int, int, bool]]:
-    """First frame, frame after the last, and state of each stretch in which the gripper's command stays the same."""
-    edges = [0, *(np.flatnonzero(np.diff(gripper_open)) + 1).tolist(), len(gripper_open)]
-    return [(first, end, bool(gripper_open[first])) for first, end in pairwise(edges)]
 
 
 def speed_plot(trajectory: Trajectory, control_frequency_hz: float, keyframes: Sequence[int], theme: Theme) -> Figure:

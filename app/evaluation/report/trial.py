@@ -4,8 +4,8 @@ from app.evaluation.records import Trial
 from app.evaluation.report.demonstration import action_of, scene_picture
 from app.evaluation.report.film import captions, film_tiles
 from app.evaluation.report.pictures import Picture, PictureFolder
-from app.evaluation.report.prompt_colours import prompt_spans
 from app.evaluation.report.views import Spans, TrialView
+from app.pipeline.prompt_colours import prompt_spans
 
 
 def trial_view(pictures: PictureFolder, name: str, trial: Trial) -> TrialView:

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 from app.evaluation.records import Trial
 from app.evaluation.report.pictures import Picture
-from app.evaluation.report.prompt_colours import Span
 from app.evaluation.report.results import Result
+from app.pipeline.prompt_colours import Span
 
 Spans = tuple[Span, ...]
 

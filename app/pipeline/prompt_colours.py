@@ -5,6 +5,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
 
+from app.pipeline.representation import KAT_FORMAT
+
 Kind = Literal["object", "action", "instruction", "separator", "plain"]
 
 
@@ -28,6 +30,11 @@ _LISTS = re.compile(
     r"|(?P<separator>, (?=\{'|\Z))",
     re.DOTALL,
 )
+# INPUTS:\n[[165, 245, 1155], ...]\nOUTPUTS:\n[[165, 245, 1155, ..., 1], ...]\n; a reply is a list on its own
+_KAT = re.compile(
+    r"(?<=INPUTS:\n)(?P<object>\[\[.*?\]\])(?=\n)|(?P<action>\[\[.*?\]\])|(?P<separator>(?<=\]\])\n(?=INPUTS:|\Z))",
+    re.DOTALL,
+)
 # A red button 40 41 17 36; push the red button > 1 A w: +0 +0 +14 36 36 0 0; ...
 _ROW = r"(?P<action>\d+ [A-Z]+ [wo]:(?: [+-]?\d+){7})"
 _OBJECT = r"(?:^|(?<=; ))(?P<object>[A-Z]+ \w[\w .\-]*?(?: \d+){3,6})"
@@ -49,6 +56,8 @@ def prompt_spans(text: str, representation: str, prompt_format: str) -> tuple[Sp
 
 
 def _pattern(representation: str, prompt_format: str) -> re.Pattern[str] | None:
+    if prompt_format == KAT_FORMAT:
+        return _KAT
     if representation in ("absolute", "action_tokens") and prompt_format in ("paper", "authors"):
         return _LISTS
     return _OBJECT_FRAME.get(prompt_format) if representation == "object_frame" else None

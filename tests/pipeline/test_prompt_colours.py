@@ -2,9 +2,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.evaluation.report.prompt_colours import prompt_spans
 from app.pipeline.episode import Demonstration, EndEffectorAction, ObjectPose
 from app.pipeline.prompt import SYSTEM_PROMPTS, PromptTemplate
+from app.pipeline.prompt_colours import prompt_spans
 from app.pipeline.representation import PROMPT_FORMATS, REPRESENTATIONS, fit_codec
 from app.pipeline.workspace import Workspace
 
@@ -73,6 +73,16 @@ def test_the_paper_s_example():
         ("action", "[[46, 74, 55, 54, 36, 37, 1], [40, 7, 5, 4, 6, 7, 0]]"),
         ("separator", ", "),
     ]
+
+
+def test_kat_s_format():
+    prompt, actions = prompt_and_actions("action_tokens", "kat", INSTRUCTIONS[0])
+    spans = prompt_spans(prompt, "action_tokens", "kat")
+    assert "".join(span.text for span in spans) == prompt
+    assert len(texts(spans, "object")) == 3
+    assert texts(spans, "action") == actions
+    assert len(texts(spans, "separator")) == 2
+    assert [span.kind for span in prompt_spans(actions[0], "action_tokens", "kat")] == ["action"]
 
 
 def test_the_object_frame_s_example():

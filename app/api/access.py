@@ -1,0 +1,143 @@
+"""Who is let in: API keys, scopes, rate limit, and no other website's scripts. Before anything of a body is read."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from http.cookies import CookieError, SimpleCookie
+from urllib.parse import quote, urlsplit
+
+from fastapi import FastAPI
+from fastapi.responses import RedirectResponse
+from starlette.responses import Response
+from starlette.types import ASGIApp, Receive, Scope, Send
+
+from app.api.access_rules import HEALTH, LOGIN, SAFE_METHODS, accepted_scopes
+from app.api.problems import Kind, problem, store_problem
+from app.api.rate_limit import RateLimit
+from app.services.addresses import is_loopback
+from app.services.api_keys import Caller
+from app.services.container import Services
+from app.store.errors import StoreError
+
+COOKIE = "roboprompt_key"
+Headers = Mapping[bytes, bytes]
+_UNAUTHENTICATED = Kind(401, "unauthenticated", "An API key is needed")
+_FORBIDDEN = Kind(403, "forbidden", "This is not allowed")
+_TOO_MANY = Kind(429, "too-many-requests", "Too many requests")
+_TOO_LONG = Kind(414, "address-too-long", "The address is too long")
+_CHALLENGE = 'Bearer realm="roboprompt"'
+HOW = "send `Authorization: Bearer KEY` or `X-API-Key: KEY`; `roboprompt keys create` makes one"
+
+
+@dataclass(frozen=True)
+class Access:
+    """What the operator demands of requests.
+
+    Attributes:
+        key_required: of all but health checks and the login page.
+        local_only: without keys, only those who name this machine as such (localhost, 127.0.0.1): a website whose name
+            was bent to 127.0.0.1 is kept out.
+        requests_per_s, burst: see RateLimit.
+        max_query_chars: of an address's query.
+    """
+
+    key_required: bool = False
+    local_only: bool = False
+    requests_per_s: float = 0.0
+    burst: int = 40
+    max_query_chars: int = 2000
+
+
+class AccessControl:
+    """ASGI middleware.
+
+    Args:
+        owner: whose `state.services` has the keys.
+    """
+
+    def __init__(self, app: ASGIApp, owner: FastAPI, access: Access) -> None:
+        self._app = app
+        self._owner = owner
+        self._access = access
+        self._rate = RateLimit(access.requests_per_s, access.burst)
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] != "http" or (refusal := await self._refusal(scope)) is None:
+            await self._app(scope, receive, send)
+        else:
+            await refusal(scope, receive, send)
+
+    async def _refusal(self, scope: Scope) -> Response | None:
+        method, path = scope["method"], scope["path"].removeprefix(scope.get("root_path", ""))
+        if path in HEALTH:
+            return None
+        headers = dict(scope["headers"])
+        if len(scope["query_string"]) > self._access.max_query_chars:
+            return problem(_TOO_LONG, f"its query may have at most {self._access.max_query_chars} characters")
+        if (refusal := self._foreign(method, headers)) is not None:
+            return refusal
+        try:
+            caller = await self._caller(headers) if self._access.key_required else None
+        except StoreError as error:
+            return store_problem(error)
+        address = scope["client"][0] if scope["client"] else ""
+        if wait_s := self._rate.wait_s(address if caller is None else caller.key_id):
+            seconds = str(math.ceil(wait_s))
+            return problem(_TOO_MANY, f"try again in {seconds} s", headers={"Retry-After": seconds})
+        return self._unwelcome(method, path, headers, caller) if self._access.key_required else None
+
+    def _foreign(self, method: str, headers: Headers) -> Response | None:
+        """Refuse what another website's scripts send, with the user's cookie or from the user's own machine."""
+        host = headers.get(b"host", b"").decode("latin-1")
+        if self._access.local_only and host and not is_loopback(urlsplit(f"//{host}").hostname or ""):
+            remedy = "a service that others reach by name says ROBOPROMPT_AUTH=on, or off"
+            return problem(_FORBIDDEN, f"the request names the host {host[:100]!r}, not this machine: {remedy}")
+        origin = headers.get(b"origin")
+        if method in SAFE_METHODS or (origin is None and not _is_by_cookie(headers)):
+            return None
+        if origin is None or urlsplit(origin.decode("latin-1")).netloc != host:
+            return problem(
+                _FORBIDDEN, "pages of other websites may not change anything here (a proxy must pass Host on)"
+            )
+        return None
+
+    async def _caller(self, headers: Headers) -> Caller | None:
+        services: Services = self._owner.state.services
+        token = token_of(headers)
+        return await services.keys.recognise(token) if token else None
+
+    def _unwelcome(self, method: str, path: str, headers: Headers, caller: Caller | None) -> Response | None:
+        accepted = accepted_scopes(method, path)
+        if not accepted:
+            return None
+        if caller is None:
+            if method == "GET" and b"text/html" in headers.get(b"accept", b""):
+                return RedirectResponse(f"{LOGIN}?next={quote(path)}", 303)
+            said = "the key is not known, or was revoked" if token_of(headers) else "there is no key"
+            return problem(_UNAUTHENTICATED, f"{said}: {HOW}", headers={"WWW-Authenticate": _CHALLENGE})
+        if caller.may(accepted):
+            return None
+        needed = " or ".join(sorted(accepted))
+        challenge = f'{_CHALLENGE}, error="insufficient_scope", scope="{" ".join(sorted(accepted))}"'
+        detail = f"the key {caller.name!r} has the scopes {', '.join(sorted(caller.scopes))}; this needs {needed}"
+        return problem(_FORBIDDEN, detail, headers={"WWW-Authenticate": challenge})
+
+
+def token_of(headers: Headers) -> str:
+    """The key that a request carries: as bearer, in `X-API-Key`, or in the cookie of the login page; else empty."""
+    scheme, _, token = headers.get(b"authorization", b"").decode("latin-1").partition(" ")
+    if scheme.lower() == "bearer":
+        return token.strip()
+    if key := headers.get(b"x-api-key", b"").decode("latin-1"):
+        return key.strip()
+    if cookie := headers.get(b"cookie", b"").decode("latin-1"):
+        try:
+            morsel = SimpleCookie(cookie).get(COOKIE)
+        except CookieError:
+            return ""
+        return "" if morsel is None else morsel.value
+    return ""
+
+
+def _is_by_cookie(headers: Headers) -> bool:
+    return COOKIE.encode() in headers.get(b"cookie", b"") and not headers.keys() & {b"authorization", b"x-api-key"}

@@ -1,0 +1,41 @@
+"""Which scopes let a request in. What is not listed is the strictest: reading needs `read`, changing `admin`."""
+
+import re
+
+SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
+HEALTH = frozenset({"/healthz", "/readyz"})
+LOGIN, LOGOUT = "/ui/login", "/ui/logout"
+# They hold no data: the way in, and what the pages are drawn with.
+OPEN = HEALTH | {LOGIN, LOGOUT, "/favicon.ico"}
+OPEN_BELOW = ("/ui/static/", "/ui/vendor/", "/static-offline-docs/")
+_NAME = r"[^/]+"
+_RULES = tuple(
+    (method, re.compile(path), frozenset(scopes))
+    for method, path, *scopes in (
+        # the limits of motion that a robot keeps to
+        ("GET", f"/tasks/{_NAME}", "read", "predict"),
+        # whether an upload has been done already
+        ("GET", f"/uploads/{_NAME}", "read", "upload"),
+        ("POST", "/episodes", "upload"),
+        # whoever can upload can teach
+        ("POST", f"/tasks/{_NAME}/object_models/learn", "upload"),
+        ("POST", "/predict", "predict"),
+        ("POST", "/poses", "predict"),
+        ("POST", f"/predictions/{_NAME}/outcome", "predict"),
+    )
+)
+_READ, _ADMIN = frozenset({"read"}), frozenset({"admin"})
+
+
+def accepted_scopes(method: str, path: str) -> frozenset[str]:
+    """The scopes of which one is needed; empty where anybody may come.
+
+    Args:
+        path: of a request, or its template in the OpenAPI document.
+    """
+    if path in OPEN or path.startswith(OPEN_BELOW):
+        return frozenset()
+    for listed, pattern, scopes in _RULES:
+        if method == listed and pattern.fullmatch(path):
+            return scopes
+    return _READ if method in SAFE_METHODS else _ADMIN

@@ -1,0 +1,73 @@
+"""How a browser gets in where keys are required: the key goes into a cookie that no script can read."""
+
+from string import Template
+from typing import Annotated
+
+from fastapi import APIRouter, Form, Request, Response
+from fastapi.responses import HTMLResponse, RedirectResponse
+
+from app.api.access import COOKIE
+from app.api.access_rules import LOGIN, LOGOUT
+from app.api.routes import Wired
+
+HOME = "/ui"
+_PAGE = Template("""<!doctype html>
+<html lang="en">
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<title>Log in · RoboPrompt</title>
+<style>body { font: 16px system-ui, sans-serif; max-width: 24rem; margin: 15vh auto; padding: 0 1rem; }
+input, button { font: inherit; padding: .5rem; width: 100%; box-sizing: border-box; margin-top: .5rem; }</style>
+<h1>RoboPrompt</h1>
+<form method="post">
+<label>API key <input name="key" type="password" autocomplete="current-password" required autofocus></label>
+<button>Log in</button>
+</form>
+<p role="alert">$said</p>
+</html>
+""")
+_HEADERS = {
+    "Content-Security-Policy": "default-src 'none'; style-src 'unsafe-inline'; form-action 'self'; base-uri 'none'; "
+    "frame-ancestors 'none'",
+    "Cache-Control": "no-store",
+}
+router = APIRouter(include_in_schema=False)
+
+
+@router.get(LOGIN)
+async def login_page() -> Response:
+    """The page that asks for a key."""
+    return _page("")
+
+
+@router.post(LOGIN)
+async def login(
+    request: Request,
+    services: Wired,
+    key: Annotated[str, Form(max_length=200)] = "",
+    next: str = HOME,  # noqa: A002
+) -> Response:
+    """Keep the key in a cookie, if it is one."""
+    if await services.keys.recognise(key.strip()) is None:
+        return _page("This key is not known, or was revoked.", 401)
+    response = RedirectResponse(next if _is_local(next) else HOME, 303)
+    secure = request.url.scheme == "https"
+    response.set_cookie(COOKIE, key.strip(), httponly=True, samesite="strict", secure=secure)
+    return response
+
+
+@router.post(LOGOUT)
+async def logout() -> Response:
+    """Forget the key."""
+    response = RedirectResponse(LOGIN, 303)
+    response.delete_cookie(COOKIE, httponly=True, samesite="strict")
+    return response
+
+
+def _page(said: str, status_code: int = 200) -> Response:
+    return HTMLResponse(_PAGE.substitute(said=said), status_code, _HEADERS)
+
+
+def _is_local(path: str) -> bool:
+    """Whether it leads to this service: browsers take `//host` and `/\\host` for other ones."""
+    return path.startswith("/") and path[1:2] not in ("/", "\\") and path.isprintable()

@@ -1,0 +1,134 @@
+"""`roboprompt import`: episodes that other tools recorded, into the service."""
+
+import json
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+
+from app.cli.importer import Result, check_dataset, import_dataset, prepare_tasks
+from app.cli.progress import counted
+from app.client.client import DEFAULT_URL, RoboPromptClient
+from app.client.errors import ServiceProblemError, ServiceUnreachableError
+from app.datasets.errors import DatasetError
+from app.datasets.formats import FORMATS, open_dataset
+from app.datasets.mapping import read_wishes
+from app.datasets.objects import KnownObjects, read_objects
+from app.datasets.options import ImportOptions
+from app.datasets.recording import Dataset
+
+MAX_SHOWN = 10  # reasons on the terminal; --json has all
+INTERRUPTED = 130  # the exit status of a program that Ctrl-C ended
+
+
+def import_data(
+    path: Annotated[Path, typer.Argument(help="folder or file; its format is found out")],
+    server: Annotated[str, typer.Option(help="of the running service")] = DEFAULT_URL,
+    task: Annotated[str | None, typer.Option(help="instead of the task that the dataset names")] = None,
+    instruction: Annotated[str | None, typer.Option(help="instead of the dataset's")] = None,
+    objects: Annotated[Path | None, typer.Option(help="JSON: names, mask ids or poses, see docs/datasets.md")] = None,
+    camera: Annotated[list[str] | None, typer.Option(help="only its images; may be repeated; default: all")] = None,
+    mapping: Annotated[Path | None, typer.Option(help="JSON: which columns are what, see docs/datasets.md")] = None,
+    feature: Annotated[
+        list[str] | None, typer.Option(help="PART=COLUMN over the mapping, e.g. gripper=action[6]; may be repeated")
+    ] = None,
+    form: Annotated[str | None, typer.Option("--format", help=", ".join(FORMATS))] = None,
+    dry_run: Annotated[bool, typer.Option(help="say what would be imported and what is missing")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="one JSON object as the last line")] = False,
+) -> None:
+    """Import a dataset. Episodes that are there already are skipped: the same command again goes on where it stopped.
+
+    A damaged file is named and skipped; the exit status is 1 if anything could not be imported.
+    """
+    if form is not None and form not in FORMATS:
+        raise typer.BadParameter(f"{form!r} is none of {', '.join(FORMATS)}", param_hint="--format")
+    console = Console(stderr=as_json)
+    results: list[Result] = []
+    stopped: str | None = None
+    try:
+        known = KnownObjects() if objects is None else read_objects(objects)
+        wishes = read_wishes(mapping, tuple(feature or ()))
+        options = ImportOptions(task, instruction, known, None if camera is None else tuple(camera), wishes)
+        dataset = open_dataset(path, options, form)
+    except DatasetError as error:
+        console.print(str(error), markup=False, soft_wrap=True)
+        raise typer.Exit(1) from error
+    try:
+        _run(dataset, None if dry_run else server, results, console)
+    except (DatasetError, ServiceUnreachableError, ServiceProblemError) as error:
+        stopped = str(error)
+    except KeyboardInterrupt:
+        stopped = "interrupted"
+    summary = {"dry_run": dry_run, **_summary(dataset, results), "stopped": stopped}
+    _report(console, summary)
+    if as_json:
+        print(json.dumps(summary))  # noqa: T201
+    if stopped == "interrupted":
+        raise typer.Exit(INTERRUPTED)
+    if stopped or summary["damaged"] or summary["refused"]:
+        raise typer.Exit(1)
+
+
+def _run(dataset: Dataset, server: str | None, results: list[Result], console: Console) -> None:
+    """Fill `results` one by one, so that they are known also after an interruption."""
+    if server is None:
+        results.extend(counted(check_dataset(dataset), len(dataset.entries), "reading", console))
+        return
+    with RoboPromptClient(server) as client:
+        for note in prepare_tasks(dataset, client):
+            console.print(note, markup=False, soft_wrap=True)
+        for result in counted(import_dataset(dataset, client), len(dataset.entries), "importing", console):
+            results.append(result)
+
+
+def _summary(dataset: Dataset, results: Sequence[Result]) -> dict[str, Any]:
+    def of(status: str) -> list[Result]:
+        return [item for item in results if item.status == status]
+
+    def listed(status: str) -> list[dict[str, str]]:
+        return [{"episode": item.name, "reason": item.detail} for item in of(status)]
+
+    unlisted = [{"episode": message.partition(":")[0], "reason": message} for message in dataset.damaged]
+    imported = of("imported")
+    return {
+        "format": dataset.format,
+        "episodes": len(dataset.entries) + len(dataset.damaged),
+        "imported": len(imported),
+        "already_there": len(of("already_there")),
+        "damaged": unlisted + listed("damaged"),
+        "refused": listed("refused"),
+        "missing": dict(Counter(note for item in results for note in item.notes)),
+        "tasks": dict(Counter(item.task for item in results if item.status in ("imported", "already_there"))),
+        "frames": sum(item.frames for item in imported),
+        "keyframes": sum(item.keyframes for item in imported),
+    }
+
+
+def _report(console: Console, summary: dict[str, Any]) -> None:
+    def say(line: str) -> None:
+        console.print(line, markup=False, highlight=False, soft_wrap=True)
+
+    for kind in ("damaged", "refused"):
+        grouped: dict[str, list[str]] = {}
+        for item in summary[kind]:
+            grouped.setdefault(item["reason"], []).append(item["episode"])
+        for reason, names in list(grouped.items())[:MAX_SHOWN]:
+            more = f" and {len(names) - 1} more" if len(names) > 1 else ""
+            say(f"{kind}: {names[0]}{more}: {reason}")
+        if len(grouped) > MAX_SHOWN:
+            say(f"{kind}: more for {len(grouped) - MAX_SHOWN} other reasons, listed by --json")
+    for note, number in summary["missing"].items():
+        say(f"missing in {number}: {note}")
+    verb = "would be imported" if summary["dry_run"] else "imported"
+    tasks = ", ".join(f"{name} ({number})" for name, number in summary["tasks"].items()) or "none"
+    size = f"{summary['frames']} frames, {summary['keyframes']} keyframes"
+    say(
+        f"{summary['format']}, {summary['episodes']} episodes: {summary['imported']} {verb} ({size}), "
+        f"{summary['already_there']} already there, "
+        f"{len(summary['damaged'])} damaged, {len(summary['refused'])} refused; tasks: {tasks}"
+    )
+    if summary["stopped"]:
+        say(f"stopped: {summary['stopped']}; the same command goes on from here")

@@ -1,0 +1,1 @@
+"""Datasets that other tools recorded -> uploads, and stored episodes -> datasets. Files only: no service, no store."""

@@ -1,0 +1,103 @@
+"""A task as one file, to be imported by another service: settings, and every episode as it was uploaded.
+
+A zip with `task.json` (the settings), `episodes/000000/` (`metadata.json`, `trajectory.npz`, and the images under the
+names of their parts), and `manifest.json` with the SHA-256 of each. The same task gives the same bytes.
+"""
+
+import hashlib
+import json
+import zipfile
+from collections.abc import Iterable, Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from app.datasets.errors import DamagedError, DatasetError
+from app.datasets.options import ImportOptions
+from app.datasets.recording import Dataset, Entry, Parcel, canonical_json
+from app.datasets.writing import in_one_step
+
+FORMAT, VERSION = "roboprompt-task", 1
+MANIFEST, TASK, METADATA, TRAJECTORY = "manifest.json", "task.json", "metadata.json", "trajectory.npz"
+_EPOCH = (1980, 1, 1, 0, 0, 0)  # zip's first day: the time of writing would change the bytes
+
+
+def looks_like(path: Path) -> bool:
+    """Whether the file is a zip."""
+    return path.is_file() and zipfile.is_zipfile(path)
+
+
+def write_archive(target: Path, task: str, settings: Mapping[str, Any], parcels: Iterable[Parcel]) -> int:
+    """Write the task; returns the number of episodes.
+
+    Raises:
+        DatasetError: if the file exists or cannot be written.
+    """
+    digests: dict[str, str] = {}
+    number = 0
+    with in_one_step(target) as unfinished, zipfile.ZipFile(unfinished, "w") as archive:
+
+        def add(name: str, data: bytes) -> None:
+            digests[name] = hashlib.sha256(data).hexdigest()
+            archive.writestr(zipfile.ZipInfo(name, _EPOCH), data)
+
+        add(TASK, canonical_json(settings))
+        for number, parcel in enumerate(parcels, 1):
+            folder = f"episodes/{number - 1:06d}"
+            add(f"{folder}/{METADATA}", canonical_json(parcel.metadata))
+            for part, data in sorted(parcel.files.items()):
+                add(f"{folder}/{TRAJECTORY if part == 'trajectory' else part}", data)
+        manifest = {"format": FORMAT, "version": VERSION, "task": task, "files": digests}
+        archive.writestr(zipfile.ZipInfo(MANIFEST, _EPOCH), canonical_json(manifest))
+    return number
+
+
+def open_archive(path: Path, options: ImportOptions) -> Dataset:
+    """The archive's episodes and its task's settings.
+
+    Raises:
+        DatasetError: if it is no such archive, or the settings are damaged.
+    """
+    manifest = _manifest(path)
+    task, digests = options.task or manifest["task"], manifest["files"]
+    settings = json.loads(_read(path, TASK, digests))
+    folders: dict[str, list[str]] = {}
+    for name in digests:
+        if name.startswith("episodes/"):
+            folders.setdefault(name.rpartition("/")[0], []).append(name)
+    entries = (Entry(name, partial(_parcel, path, folders[name], digests, options)) for name in sorted(folders))
+    return Dataset("RoboPrompt archive", tuple(entries), {task: settings})
+
+
+def _manifest(path: Path) -> dict[str, Any]:
+    try:
+        with zipfile.ZipFile(path) as archive:
+            manifest = json.loads(archive.read(MANIFEST))
+        if (manifest["format"], manifest["version"]) != (FORMAT, VERSION):
+            raise ValueError(f"is {manifest['format']} {manifest['version']}, expected {FORMAT} {VERSION}")
+        return {"task": str(manifest["task"]), "files": dict(manifest["files"])}
+    except (OSError, zipfile.BadZipFile, KeyError, TypeError, ValueError) as error:
+        raise DatasetError(f"{path}: is no archive of a task: {error}") from error
+
+
+def _parcel(path: Path, names: list[str], digests: Mapping[str, str], options: ImportOptions) -> Parcel:
+    files = {name.rpartition("/")[2]: _read(path, name, digests) for name in names}
+    try:
+        metadata = json.loads(files.pop(METADATA))
+        parts = {"trajectory": files.pop(TRAJECTORY), **files}
+    except (KeyError, ValueError) as error:
+        raise DamagedError(names[0], f"the episode is not complete: {error}") from error
+    wishes = {"task": options.task, "instruction": options.instruction}
+    metadata.update({name: wish for name, wish in wishes.items() if wish is not None})
+    return Parcel(metadata, parts)
+
+
+def _read(path: Path, name: str, digests: Mapping[str, str]) -> bytes:
+    try:
+        with zipfile.ZipFile(path) as archive:
+            data = archive.read(name)
+    except (OSError, zipfile.BadZipFile, KeyError, EOFError, RuntimeError) as error:
+        raise DamagedError(f"{path}: {name}", error) from error
+    if hashlib.sha256(data).hexdigest() != digests.get(name):
+        raise DamagedError(f"{path}: {name}", "does not match its SHA-256 in the manifest")
+    return data

@@ -1,0 +1,169 @@
+"""ROS 2 recordings in MCAP: one file is one episode, a folder of files a dataset.
+
+Topics become columns: a JointState gives `TOPIC.velocity` and `TOPIC.position`, a pose `TOPIC.position` and
+`TOPIC.quaternion`, a number or a truth value `TOPIC`. The clock is that of the joint states; of every other topic each
+frame has the last message up to then. Without a mapping the topics are told by their types, where that is clear.
+"""
+
+import struct
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from app.datasets.errors import DamagedError, MissingPackageError
+from app.datasets.mapped import recording_of
+from app.datasets.mapping import FeatureMap
+from app.datasets.options import ImportOptions, as_name
+from app.datasets.recording import Dataset, Entry, Parcel
+from app.pipeline.episode import NUM_JOINTS, Array
+from app.pipeline.errors import InvalidInputError
+
+SUFFIX = ".mcap"
+JOINTS = "sensor_msgs/msg/JointState"
+NANOSECONDS = 1e-9
+
+
+@dataclass
+class Track:
+    """One topic's messages as numbers."""
+
+    times_s: list[float] = field(default_factory=list)
+    values: dict[str, list[list[float]]] = field(default_factory=dict)
+
+    def add(self, time_s: float, numbers: dict[str, list[float]]) -> None:
+        """One message more."""
+        self.times_s.append(time_s)
+        for name, value in numbers.items():
+            self.values.setdefault(name, []).append(value)
+
+
+def looks_like(path: Path) -> bool:
+    """Whether it is such a file, or a folder with some."""
+    return path.suffix == SUFFIX if path.is_file() else any(path.glob(f"*{SUFFIX}"))
+
+
+def open_mcap(path: Path, options: ImportOptions) -> Dataset:
+    """The file, or the folder's files by name."""
+    files = [path] if path.is_file() else sorted(path.glob(f"*{SUFFIX}"))
+    return Dataset("MCAP", tuple(Entry(file.stem, partial(_read, file, path, options)) for file in files))
+
+
+def _read(file: Path, root: Path, options: ImportOptions) -> Parcel:
+    tracks, joints = _tracks(file)
+    if len(joints) != 1:
+        listed = ", ".join(joints) or "none"
+        raise InvalidInputError(
+            file.name, f"has {len(joints)} topics of joint states: {listed}", "exactly one: the clock"
+        )
+    clock_s = np.array(tracks[joints[0]].times_s)
+    columns, start_s = _on_clock(tracks, clock_s)
+    times_s = clock_s[clock_s >= start_s]
+    steps_s = np.diff(times_s)
+    if len(steps_s) == 0 or steps_s.min() <= 0:
+        raise DamagedError(file, f"has {len(times_s)} frames in which every topic is known, or their times do not grow")
+    columns["time"] = times_s - times_s[0]
+
+    def image(topic: str) -> bytes:
+        raise DamagedError(file, f"images of topic {topic} cannot be read from MCAP files")
+
+    return recording_of(
+        name=file.stem,
+        source="MCAP",
+        task=as_name(root.resolve().stem),
+        instruction=None,
+        columns=columns,
+        frequency_hz=float(1 / np.median(steps_s)),
+        mapping=_mapping(columns, joints[0], options),
+        options=options,
+        image=image,
+    ).parcel()
+
+
+def _tracks(file: Path) -> tuple[dict[str, Track], list[str]]:
+    """Every topic that can be read as numbers, and those of joint states among them."""
+    tracks: dict[str, Track] = {}
+    joints: list[str] = []
+    for kind, topic, time_s, message in _messages(file):
+        if topic not in tracks and kind == JOINTS:
+            joints.append(topic)
+        tracks.setdefault(topic, Track()).add(time_s, _NUMBERS[kind](message))
+    return tracks, joints
+
+
+def _messages(file: Path) -> Iterator[tuple[str, str, float, Any]]:
+    """Type, topic, time (s) and content of those messages that are numbers; images stay undecoded."""
+    try:
+        from mcap.exceptions import McapError
+        from mcap.reader import make_reader
+        from mcap_ros2.decoder import DecoderFactory
+    except ImportError as error:
+        raise MissingPackageError("MCAP files", "mcap-ros2-support") from error
+    decoders = DecoderFactory()
+    try:
+        with file.open("rb") as stream:
+            for schema, channel, message in make_reader(stream).iter_messages():
+                if schema is None or schema.name not in _NUMBERS:
+                    continue
+                if (decode := decoders.decoder_for(channel.message_encoding, schema)) is None:
+                    raise DamagedError(
+                        file, f"{channel.topic} is in {channel.message_encoding}, not in ROS 2's encoding"
+                    )
+                yield schema.name, channel.topic, message.log_time * NANOSECONDS, decode(message.data)
+    except (OSError, McapError, ValueError, EOFError, struct.error) as error:
+        raise DamagedError(file, f"cannot be read: {error or type(error).__name__}") from error
+
+
+def _on_clock(tracks: dict[str, Track], clock_s: Array) -> tuple[dict[str, Array], float]:
+    """Columns with a row for each time of the clock at which every topic is known, and the first such time."""
+    start_s = max(track.times_s[0] for track in tracks.values())
+    clock_s = clock_s[clock_s >= start_s]
+    columns = {}
+    for topic, track in tracks.items():
+        latest = np.searchsorted(np.array(track.times_s), clock_s, side="right") - 1
+        for name, rows in track.values.items():
+            if len(rows) == len(track.times_s) and len({len(row) for row in rows}) == 1:
+                values = np.array(rows)[latest]
+                columns[f"{topic}.{name}" if name else topic] = values
+    return columns, start_s
+
+
+def _mapping(columns: dict[str, Array], joints: str, options: ImportOptions) -> FeatureMap:
+    found = {"timestamps": "time"}
+    arm = f"[0:{NUM_JOINTS}]"
+    for part, name in (("joint_velocities", "velocity"), ("joint_positions", "position")):
+        if f"{joints}.{name}" in columns:
+            found[part] = f"{joints}.{name}{arm}"
+    poses = [name.removesuffix(".quaternion") for name in columns if name.endswith(".quaternion")]
+    if len(poses) == 1:
+        found.update(end_effector_positions=f"{poses[0]}.position", end_effector_rotations=f"{poses[0]}.quaternion")
+    single = [name for name, values in columns.items() if name != "time" and values.shape[1:] == (1,)]
+    if len(single) == 1:
+        found["gripper"] = single[0]
+    return FeatureMap(gripper_open_above=0.5).changed(found).changed(options.features)
+
+
+def _joint_numbers(message: Any) -> dict[str, list[float]]:  # noqa: ANN401
+    """In the order of the joints' names: panda_joint1 ... before panda_finger_joint1, whose name says finger."""
+    order = sorted(range(len(message.name)), key=lambda k: ("finger" in message.name[k], message.name[k]))
+    named = {"velocity": message.velocity, "position": message.position}
+    return {name: [float(values[k]) for k in order] for name, values in named.items() if len(values) == len(order)}
+
+
+def _pose_numbers(pose: Any) -> dict[str, list[float]]:  # noqa: ANN401
+    p, q = pose.position, pose.orientation
+    return {"position": [p.x, p.y, p.z], "quaternion": [q.x, q.y, q.z, q.w]}
+
+
+_NUMBERS: dict[str, Callable[[Any], dict[str, list[float]]]] = {
+    JOINTS: _joint_numbers,
+    "geometry_msgs/msg/Pose": _pose_numbers,
+    "geometry_msgs/msg/PoseStamped": lambda message: _pose_numbers(message.pose),
+    **{
+        f"std_msgs/msg/{kind}": lambda message: {"": [float(message.data)]}
+        for kind in ("Bool", "Float32", "Float64", "Int32", "UInt8")
+    },
+}

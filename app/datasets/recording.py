@@ -1,0 +1,141 @@
+"""An episode as a dataset holds it -> the parts of an upload."""
+
+import hashlib
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from app.pipeline.episode import Camera, Trajectory
+from app.pipeline.metadata import camera_json
+from app.pipeline.trajectory_npz import npz_from_trajectory
+from app.pipeline.wording import checked_instruction, checked_name
+
+KEY_PREFIX = "import-"
+
+
+@dataclass(frozen=True)
+class ObjectEntry:
+    """An object of a scene, with what the dataset knows of it: its pose in the world frame, or its ids in the masks.
+
+    With neither, the service is to find it in the images by the task's object models.
+
+    Attributes:
+        low_dim_state: where in RLBench's `task_low_dim_state` its pose begins; the reader puts the pose in its place.
+    """
+
+    name: str
+    position_m: tuple[float, ...] | None = None
+    quaternion_xyzw: tuple[float, ...] | None = None
+    mask_ids: tuple[int, ...] = ()
+    low_dim_state: int | None = None
+
+    def as_json(self) -> dict[str, Any]:
+        """As an upload's metadata has it."""
+        document: dict[str, Any] = {"name": self.name}
+        if self.position_m is not None:
+            document["position"] = list(self.position_m)
+        if self.quaternion_xyzw is not None:
+            document["quaternion_xyzw"] = list(self.quaternion_xyzw)
+        if self.mask_ids:
+            document["mask_ids"] = list(self.mask_ids)
+        return document
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """What a reader makes of one episode.
+
+    Attributes:
+        images: encoded images of the first frame by the names of their parts: rgb_NAME, depth_NAME, mask_NAME.
+        extra: kept with the episode, not interpreted.
+        notes: what the dataset lacks that an upload could have.
+    """
+
+    task: str
+    instruction: str
+    trajectory: Trajectory
+    control_frequency_hz: float
+    objects: tuple[ObjectEntry, ...]
+    cameras: tuple[Camera, ...] = ()
+    images: Mapping[str, bytes] = field(default_factory=dict)
+    extra: Mapping[str, Any] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    def parcel(self) -> "Parcel":
+        """Ready to be sent.
+
+        Raises:
+            InvalidInputError: for names or an instruction that a prompt cannot have.
+        """
+        metadata = {
+            "task": checked_name("task", self.task),
+            "instruction": checked_instruction("instruction", self.instruction),
+            "objects": [item.as_json() for item in self.objects],
+            "cameras": [camera_json(camera) for camera in self.cameras],
+            "control_frequency_hz": self.control_frequency_hz,
+            "extra": dict(self.extra),
+        }
+        return Parcel(metadata, {"trajectory": npz_from_trajectory(self.trajectory), **self.images}, self.notes)
+
+
+@dataclass(frozen=True, eq=False)
+class Parcel:
+    """An episode as it is sent: the metadata document, and the trajectory and the images as files."""
+
+    metadata: Mapping[str, Any]
+    files: Mapping[str, bytes]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def key(self) -> str:
+        """An idempotency key that follows from the content.
+
+        An episode that was exported has the key that it was imported with.
+        """
+        digest = hashlib.sha256(canonical_json(_essence(self.metadata)))
+        for name in sorted(self.files):
+            digest.update(f"\0{name}\0".encode() + hashlib.sha256(self.files[name]).digest())
+        return f"{KEY_PREFIX}{digest.hexdigest()}"
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One episode of a dataset that is read when it is its turn.
+
+    Attributes:
+        name: within the dataset, for messages.
+        read: raises DamagedError or InvalidInputError.
+    """
+
+    name: str
+    read: Callable[[], Parcel]
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """A dataset that was found, nothing of its bulk read yet.
+
+    Attributes:
+        task_settings: of tasks that the dataset brings along, by name.
+        damaged: files that could not even be listed as episodes, with the reason.
+    """
+
+    format: str
+    entries: tuple[Entry, ...]
+    task_settings: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    damaged: tuple[str, ...] = ()
+
+
+def canonical_json(value: object) -> bytes:
+    """The same bytes for the same document, whatever the order of its keys."""
+    return json.dumps(value, sort_keys=True, separators=(",", ":"), ensure_ascii=False).encode()
+
+
+def _essence(value: Any) -> Any:  # noqa: ANN401
+    """The document without what is empty, and with whole numbers as any other: a service tells both in its own way."""
+    if isinstance(value, Mapping):
+        return {name: _essence(item) for name, item in value.items() if item is not None and item not in ([], (), {})}
+    if isinstance(value, list | tuple):
+        return [_essence(item) for item in value]
+    return float(value) if isinstance(value, int) and not isinstance(value, bool) else value

@@ -1,0 +1,165 @@
+"""Folders that RLBench's and PerAct's dataset generators write.
+
+    TASK/all_variations/episodes/episodeN/   (PerAct)   or   TASK/variationN/episodes/episodeN/   (RLBench)
+        low_dim_obs.pkl   variation_number.pkl   variation_descriptions.pkl (RLBench's stands beside `episodes`)
+        front_rgb/0.png ...   front_depth/0.png ...   front_mask/0.png ...   and so on for other cameras
+
+Any folder above, or one episode's own, can be imported. Poses are in RLBench's world frame, frames at 20 Hz.
+"""
+
+import os
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from app.datasets.errors import DamagedError
+from app.datasets.options import ImportOptions, as_name
+from app.datasets.recording import Dataset, Entry, ObjectEntry, Parcel, Recording
+from app.datasets.rlbench_images import calibrated_cameras, read_images
+from app.datasets.rlbench_pickle import Record, load_demo, load_descriptions, load_number
+from app.pipeline.episode import Array, Camera, Trajectory
+
+LOW_DIM = "low_dim_obs.pkl"
+DESCRIPTIONS = "variation_descriptions.pkl"
+NUMBER = "variation_number.pkl"
+CONTROL_FREQUENCY_HZ = 20.0  # RLBench's simulation step is 50 ms
+HALF_OPEN = 0.5  # recorded as 0.0 or 1.0
+POSE_SIZE = 7  # x y z, quaternion xyzw
+_EPISODE = re.compile(r"episode\d+")
+_VARIATION = re.compile(r"variation(\d+)|all_variations")
+_IMAGES = re.compile(r".*_(rgb|depth|mask)")
+_NUMBERS = re.compile(r"(\d+)")
+
+
+def looks_like(root: Path) -> bool:
+    """Whether episodes of this layout lie in or below the folder."""
+    return root.is_dir() and bool(_episode_folders(root))
+
+
+def open_rlbench(root: Path, options: ImportOptions) -> Dataset:
+    """Every episode in or below the folder, in the order of their numbers."""
+    root = root.resolve()
+    entries = []
+    for folder in _episode_folders(root):
+        name = folder.name if folder == root else folder.relative_to(root).as_posix()
+        entries.append(Entry(name, partial(_read, folder, name, options)))
+    return Dataset("RLBench", tuple(entries))
+
+
+def _episode_folders(root: Path) -> list[Path]:
+    found = []
+    for current, folders, files in os.walk(root):
+        folders[:] = [name for name in folders if not _IMAGES.fullmatch(name)]
+        folder = Path(current)
+        if LOW_DIM in files or (folder.parent.name == "episodes" and _EPISODE.fullmatch(folder.name)):
+            found.append(folder)
+            folders.clear()
+    return sorted(found, key=lambda path: [int(s) if s.isdigit() else s for s in _NUMBERS.split(str(path))])
+
+
+def _read(folder: Path, name: str, options: ImportOptions) -> Parcel:
+    observations = load_demo(folder / LOW_DIM)
+    misc: dict[str, Any] = observations[0].get("misc") or {}
+    variation = _variation(folder, misc)
+    instruction, others = _instructions(folder, options)
+    wanted = options.objects.of(name, variation)
+    states = _object_states(folder / LOW_DIM, observations, wanted)
+    cameras, images, notes = _cameras(folder, misc, options)
+    recording = Recording(
+        task=options.task or as_name(_task(folder)),
+        instruction=instruction,
+        trajectory=_trajectory(folder / LOW_DIM, observations, states),
+        control_frequency_hz=CONTROL_FREQUENCY_HZ,
+        objects=wanted if states is None else tuple(map(_placed, wanted, states[0])),
+        cameras=cameras,
+        images=images,
+        extra={"source": "RLBench", "variation": variation, "other_instructions": others},
+        notes=notes,
+    )
+    return recording.parcel()
+
+
+def _trajectory(path: Path, observations: list[Record], states: Array | None) -> Trajectory:
+    poses = _stacked(path, observations, "gripper_pose")
+    if poses.ndim != 2 or poses.shape[1] != 7:
+        raise DamagedError(path, f"gripper_pose has shape {poses.shape}, expected (T, 7)")
+    has_positions = all(item.get("joint_positions") is not None for item in observations)
+    return Trajectory(
+        joint_velocities_rad_s=_stacked(path, observations, "joint_velocities"),
+        positions_m=poses[:, :3],
+        quaternions_xyzw=poses[:, 3:],
+        gripper_open=_stacked(path, observations, "gripper_open") > HALF_OPEN,
+        joint_positions_rad=_stacked(path, observations, "joint_positions") if has_positions else None,
+        object_positions_m=None if states is None else states[:, :, :3],
+        object_quaternions_xyzw=None if states is None else states[:, :, 3:],
+    )
+
+
+def _object_states(path: Path, observations: list[Record], objects: Sequence[ObjectEntry]) -> Array | None:
+    """(T, N, 7) poses of the objects, if all of them are to be read from the task's state."""
+    offsets = [item.low_dim_state for item in objects]
+    if not objects or None in offsets:
+        return None
+    state = _stacked(path, observations, "task_low_dim_state")
+    found = [state[:, start : start + POSE_SIZE] for start in offsets if start is not None]
+    for item, pose in zip(objects, found, strict=True):
+        if pose.shape[1] != POSE_SIZE:
+            reason = f"task_low_dim_state has {state.shape[1]} numbers: no pose of {item.name} at {item.low_dim_state}"
+            raise DamagedError(path, reason)
+    return np.stack(found, axis=1)
+
+
+def _placed(item: ObjectEntry, pose: Array) -> ObjectEntry:
+    return replace(item, position_m=tuple(pose[:3].tolist()), quaternion_xyzw=tuple(pose[3:].tolist()))
+
+
+def _stacked(path: Path, observations: list[Record], name: str) -> Array:
+    try:
+        return np.stack([np.asarray(item.get(name), dtype=np.float64) for item in observations])
+    except (TypeError, ValueError) as error:
+        raise DamagedError(path, f"{name} is missing in a frame or differs in shape") from error
+
+
+def _variation(folder: Path, misc: dict[str, Any]) -> int | None:
+    if (folder / NUMBER).exists():
+        return load_number(folder / NUMBER)
+    if misc.get("variation_index") is not None:
+        return int(misc["variation_index"])
+    match = _VARIATION.fullmatch(folder.parent.parent.name)
+    return int(match[1]) if match and match[1] else None
+
+
+def _task(folder: Path) -> str:
+    above = folder.parent.parent if folder.parent.name == "episodes" else folder.parent
+    return above.parent.name if _VARIATION.fullmatch(above.name) else above.name
+
+
+def _instructions(folder: Path, options: ImportOptions) -> tuple[str, list[str]]:
+    """The instruction, and other phrasings of it."""
+    if options.instruction is not None:
+        return options.instruction, []
+    for path in (folder / DESCRIPTIONS, folder.parent.parent / DESCRIPTIONS):
+        if path.exists():
+            first, *others = load_descriptions(path)
+            return first, others
+    raise DamagedError(folder / DESCRIPTIONS, "is missing: say what the robot does with --instruction")
+
+
+def _cameras(
+    folder: Path, misc: dict[str, Any], options: ImportOptions
+) -> tuple[tuple[Camera, ...], dict[str, bytes], tuple[str, ...]]:
+    cameras, images = [], {}
+    calibrated = calibrated_cameras(misc)
+    for name in filter(options.wants, calibrated):
+        if (read := read_images(folder, name, misc)) is not None:
+            cameras.append(read[0])
+            images.update(read[1])
+    if cameras:
+        return tuple(cameras), images, ()
+    reason = "no images of calibrated cameras" if calibrated else "no camera calibration in misc: images are left out"
+    return (), {}, (reason,)

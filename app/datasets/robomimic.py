@@ -1,0 +1,124 @@
+"""HDF5 files of robomimic and robosuite: `data/demo_N` with observations under `obs` and `actions` beside it.
+
+robosuite moves one arm by end-effector poses and opens the gripper where the action's last number is negative. Objects
+are the observations `NAME_pos` with `NAME_quat`; files that only have `object`, a vector of the task's own making, need
+a mapping or an objects file. Other layouts of the same kind (LIBERO) are read with a mapping.
+"""
+
+import json
+import re
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from app.datasets.errors import DamagedError, DatasetError, MissingPackageError
+from app.datasets.images import depth_png, rgb_png
+from app.datasets.mapped import recording_of
+from app.datasets.mapping import FeatureMap
+from app.datasets.options import ImportOptions, as_name
+from app.datasets.recording import Dataset, Entry, Parcel
+
+SUFFIXES = (".hdf5", ".h5")
+CONTROL_FREQUENCY_HZ = 20.0  # robosuite's default, where env_args does not say
+DEFAULTS = {
+    "joint_velocities": "obs/robot0_joint_vel",
+    "joint_positions": "obs/robot0_joint_pos",
+    "end_effector_positions": "obs/robot0_eef_pos",
+    "end_effector_rotations": "obs/robot0_eef_quat",  # x y z w, robosuite/utils/transform_utils.py
+}
+GRIPPER = "actions[-1]"
+_OBJECT = re.compile(r"obs/(?!robot\d)(?P<name>(?!.*_to_).+)_pos")
+_WORD = re.compile(r"(?<=[a-z0-9])(?=[A-Z])")
+
+
+def looks_like(path: Path) -> bool:
+    """Whether the name says HDF5."""
+    return path.is_file() and path.suffix.lower() in SUFFIXES
+
+
+def open_robomimic(path: Path, options: ImportOptions) -> Dataset:
+    """The file's demonstrations in the order of their numbers.
+
+    Raises:
+        DatasetError: if it cannot be read or has no group `data`; MissingPackageError without h5py.
+    """
+    h5py = _h5py()
+    try:
+        with h5py.File(path) as file:
+            names = sorted(file["data"], key=lambda name: [int(n) for n in re.findall(r"\d+", name)])
+            described = json.loads(file["data"].attrs.get("env_args", "{}"))
+    except (OSError, KeyError, ValueError) as error:
+        raise DatasetError(f"{path}: is no robomimic file: {error}") from error
+    return Dataset("robomimic", tuple(Entry(name, partial(_read, path, name, described, options)) for name in names))
+
+
+def _read(path: Path, name: str, described: dict[str, Any], options: ImportOptions) -> Parcel:
+    where = f"{path}: data/{name}"
+    try:
+        with _h5py().File(path) as file:
+            columns, images = _columns(file[f"data/{name}"])
+    except (OSError, KeyError, RuntimeError) as error:  # RuntimeError: h5py's for damaged chunks
+        raise DamagedError(where, f"cannot be read: {error}") from error
+
+    def image(column: str) -> bytes:
+        if column not in images:
+            raise DamagedError(where, f"has no images {column}; it has {', '.join(images) or 'none'}")
+        return _encoded(images[column])
+
+    environment = str(described.get("env_name", path.stem))
+    frequency_hz = float(described.get("env_kwargs", {}).get("control_freq", CONTROL_FREQUENCY_HZ))
+    return recording_of(
+        name=name,
+        source="robomimic",
+        task=as_name(_WORD.sub("_", environment).lower()),
+        instruction=described.get("lang"),
+        columns=columns,
+        frequency_hz=frequency_hz,
+        mapping=_mapping(columns, options),
+        options=options,
+        image=image,
+        image_columns=list(images),
+    ).parcel()
+
+
+def _columns(demo: Any) -> tuple[dict[str, np.ndarray[Any, Any]], dict[str, np.ndarray[Any, Any]]]:  # noqa: ANN401
+    """The numbers of every frame, and the images of the first, by their paths."""
+    columns, images = {}, {}
+    items = {"actions": demo["actions"], **{f"obs/{key}": item for key, item in demo["obs"].items()}}
+    for key, item in items.items():
+        if item.ndim <= 2:
+            columns[key] = item[()]
+        else:
+            images[key] = item[0]
+    return columns, images
+
+
+def _mapping(columns: dict[str, np.ndarray[Any, Any]], options: ImportOptions) -> FeatureMap:
+    found = {part: column for part, column in DEFAULTS.items() if column in columns}
+    names = [match["name"] for column in columns if (match := _OBJECT.fullmatch(column))]
+    objects = [
+        {
+            "name": as_name(name),
+            "position": f"obs/{name}_pos",
+            "rotation": f"obs/{name}_quat" if f"obs/{name}_quat" in columns else None,
+        }
+        for name in names
+    ]
+    defaults = FeatureMap(gripper=GRIPPER, gripper_open_below=0.0).changed({**found, "objects": objects})
+    return defaults.changed(options.features)
+
+
+def _encoded(image: np.ndarray[Any, Any]) -> bytes:
+    if image.dtype == np.uint8 and image.ndim == 3 and image.shape[2] == 3:
+        return rgb_png(image)
+    return depth_png(np.asarray(image.squeeze(), np.float64))[0]
+
+
+def _h5py() -> Any:  # noqa: ANN401
+    try:
+        import h5py
+    except ImportError as error:
+        raise MissingPackageError("HDF5 files", "h5py") from error
+    return h5py

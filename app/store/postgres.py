@@ -1,0 +1,56 @@
+"""All that is special to PostgreSQL."""
+
+import psycopg
+from psycopg.adapt import Buffer
+from psycopg.types.string import StrDumper
+from sqlalchemy import Connection, Engine, event, exc, func, select
+from sqlalchemy.pool import ConnectionPoolEntry
+
+# SQLSTATEs of errors that the driver does not count among the operational ones
+# (https://www.postgresql.org/docs/current/errcodes-appendix.html).
+_READ_ONLY = "25006"
+_CORRUPTED = ("XX001", "XX002")
+# Readers see one state throughout; psycopg sends both with the BEGIN, without another round trip.
+READ_OPTIONS = {"isolation_level": "REPEATABLE READ", "postgresql_readonly": True}
+_MIGRATION_LOCK = "roboprompt migration"
+_MIGRATION_LOCK_TIMEOUT = "10min"  # another process may be rewriting a large table
+
+
+class _NulFreeDumper(StrDumper):
+    """PostgreSQL stores no NUL in a text: U+FFFD takes its place, so that what is asked for with one is not found."""
+
+    def dump(self, obj: str) -> Buffer | None:
+        return super().dump(obj.replace("\0", "\N{REPLACEMENT CHARACTER}"))
+
+
+def configure(engine: Engine, lock_timeout_s: float) -> None:
+    """Durable commits, bounded waits for locks, and texts with NUL."""
+    settings = (f"lock_timeout = {round(lock_timeout_s * 1000)}", "synchronous_commit = on")
+
+    @event.listens_for(engine, "connect")
+    def on_connect(connection: psycopg.Connection, _: ConnectionPoolEntry) -> None:
+        connection.adapters.register_dumper(str, _NulFreeDumper)
+        for setting in settings:
+            connection.execute(f"SET {setting}")
+        connection.commit()
+
+
+def lock(connection: Connection, name: str) -> None:
+    """Wait until no other transaction holds the lock `name`; released at this one's end."""
+    connection.execute(select(func.pg_advisory_xact_lock(func.hashtextextended(name, 0))))
+
+
+def lock_for_migration(connection: Connection) -> None:
+    """Let one process migrate at a time."""
+    connection.exec_driver_sql(f"SET LOCAL lock_timeout = '{_MIGRATION_LOCK_TIMEOUT}'")
+    lock(connection, _MIGRATION_LOCK)
+
+
+def is_unavailable(error: exc.DatabaseError) -> bool:
+    """Whether a later attempt may succeed: a standby, or a database that its operator made read-only."""
+    return getattr(error.orig, "sqlstate", None) == _READ_ONLY
+
+
+def is_damaged(error: exc.DatabaseError) -> bool:
+    """Whether the server found its files damaged."""
+    return getattr(error.orig, "sqlstate", None) in _CORRUPTED

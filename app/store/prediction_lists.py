@@ -1,0 +1,159 @@
+"""Lists of predictions for people: without prompts, failures first, and how each configuration fares."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any, Literal, get_args
+
+from sqlalchemy import ColumnElement, Connection, Row, Select, and_, func, or_, select
+
+from app.store import tables
+from app.store.records import PredictionStatus
+
+Fate = Literal["failure", "refused", "unknown", "success"]
+FATES: tuple[Fate, ...] = get_args(Fate)  # in the order in which a person who looks for faults wants them
+Order = Literal["failures", "newest"]
+
+_P = tables.predictions
+_NO_OUTCOME = _P.c.outcome_success.is_(None)
+_FATES: dict[Fate, ColumnElement[bool]] = {
+    "failure": _P.c.outcome_success.is_(False),
+    "refused": and_(_NO_OUTCOME, _P.c.status != "ok"),
+    "unknown": and_(_NO_OUTCOME, _P.c.status == "ok"),
+    "success": _P.c.outcome_success.is_(True),
+}
+_num_demonstrations = func.json_array_length(_P.c.demonstration_ids)
+_SUMMARY = (
+    *(_P.c[name] for name in ("sequence", "id", "task", "instruction", "model", "representation", "prompt_format")),
+    *(_P.c[name] for name in ("status", "error", "outcome_success", "outcome_note", "created_at")),
+    _num_demonstrations.label("num_demonstrations"),
+)
+_CONFIGURATION = (_P.c.model, _P.c.representation, _P.c.prompt_format, _num_demonstrations)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PredictionSummary:
+    """A prediction without its prompt and reply."""
+
+    sequence: int
+    id: str
+    task: str
+    instruction: str
+    model: str
+    representation: str
+    prompt_format: str
+    status: PredictionStatus
+    error: str | None
+    outcome_success: bool | None
+    outcome_note: str | None
+    created_at: datetime
+    num_demonstrations: int
+
+    @property
+    def fate(self) -> Fate:
+        """`refused`: no actions, so that the robot could not even try."""
+        if self.outcome_success is not None:
+            return "success" if self.outcome_success else "failure"
+        return "unknown" if self.status == "ok" else "refused"
+
+
+@dataclass(frozen=True, kw_only=True)
+class PredictionFilter:
+    """Which predictions; None does not narrow."""
+
+    task: str | None = None
+    model: str | None = None
+    representation: str | None = None
+    prompt_format: str | None = None
+    num_demonstrations: int | None = None
+    fate: Fate | None = None
+
+    def narrow(self, query: Select[Any]) -> Select[Any]:
+        """`query` on predictions, of those that fit."""
+        for name in ("task", "model", "representation", "prompt_format"):
+            if (value := getattr(self, name)) is not None:
+                query = query.where(_P.c[name] == value)
+        if self.num_demonstrations is not None:
+            query = query.where(_num_demonstrations == self.num_demonstrations)
+        return query if self.fate is None else query.where(_FATES[self.fate])
+
+
+@dataclass(frozen=True)
+class ListCursor:
+    """Where a list goes on: the last row's group and number."""
+
+    group: int
+    sequence: int
+
+
+@dataclass(frozen=True)
+class SummaryPage:
+    """Some predictions, and where those that follow begin; None at the end."""
+
+    items: tuple[PredictionSummary, ...]
+    next_cursor: ListCursor | None
+
+
+@dataclass(frozen=True)
+class ConfigurationCounts:
+    """How predictions with one configuration fared; `refused` have neither actions nor an outcome.
+
+    Attributes:
+        newest, newest_failure: the numbers of predictions to look at; None where none failed.
+    """
+
+    model: str
+    representation: str
+    prompt_format: str
+    num_demonstrations: int
+    predictions: int
+    successes: int
+    failures: int
+    refused: int
+    newest: int
+    newest_failure: int | None
+
+
+def list_page(
+    connection: Connection, chosen: PredictionFilter, order: Order, limit: int, cursor: ListCursor | None = None
+) -> SummaryPage:
+    """At most `limit` predictions: the newest first, or those that failed first and then the newest."""
+    groups = [or_(*_FATES.values())] if order == "newest" else [_FATES[fate] for fate in FATES]
+    found: list[tuple[int, Row[Any]]] = []
+    for number, fits in enumerate(groups):
+        if cursor is not None and number < cursor.group:
+            continue
+        query = chosen.narrow(select(*_SUMMARY).where(fits))
+        if cursor is not None and number == cursor.group:
+            query = query.where(_P.c.sequence < cursor.sequence)
+        room = limit + 1 - len(found)
+        found += [(number, row) for row in connection.execute(query.order_by(_P.c.sequence.desc()).limit(room))]
+        if len(found) > limit:
+            group, last = found[limit - 1]
+            return SummaryPage(_summaries(found[:limit]), ListCursor(group, last.sequence))
+    return SummaryPage(_summaries(found), None)
+
+
+def models(connection: Connection) -> tuple[str, ...]:
+    """Every model that was ever asked, by name."""
+    return tuple(connection.scalars(select(_P.c.model).distinct().order_by(_P.c.model)))
+
+
+def configurations(connection: Connection, task: str | None = None) -> tuple[ConfigurationCounts, ...]:
+    """Every configuration that was tried, of one task or of all, the most often tried first."""
+    counts = [func.count().filter(_FATES[fate]) for fate in ("success", "failure", "refused")]
+    failed = func.max(_P.c.sequence).filter(or_(_FATES["failure"], _FATES["refused"]))
+    query = select(*_CONFIGURATION, func.count(), *counts, func.max(_P.c.sequence), failed)
+    grouped = PredictionFilter(task=task).narrow(query).group_by(*_CONFIGURATION)
+    rows = connection.execute(grouped.order_by(func.count().desc(), *_CONFIGURATION))
+    return tuple(ConfigurationCounts(*row) for row in rows)
+
+
+def ids_of(connection: Connection, sequences: Sequence[int]) -> dict[int, str]:
+    """The ids of predictions by their numbers."""
+    rows = connection.execute(select(_P.c.sequence, _P.c.id).where(_P.c.sequence.in_(sequences)))
+    return {row.sequence: row.id for row in rows}
+
+
+def _summaries(found: Sequence[tuple[int, Row[Any]]]) -> tuple[PredictionSummary, ...]:
+    return tuple(PredictionSummary(**row._mapping) for _, row in found)

@@ -1,0 +1,147 @@
+"""One episode: what was recorded, what was made of it, and what another keyframe rule would make."""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from fastapi import APIRouter, Query, Request
+from fastapi.responses import JSONResponse
+from starlette.responses import Response
+
+from app.api.documents import episode_document
+from app.api.routes import Wired
+from app.llm.base import LanguageModelError
+from app.pipeline.episode import Array, Trajectory
+from app.pipeline.keyframes import RULES
+from app.pipeline.timeline import frame_times_s, gripper_stretches
+from app.services.container import Services
+from app.services.task_settings import KeyframeSettings, TaskSettings
+from app.store import episodes, tasks
+from app.store.records import DemonstrationRecord, EpisodeRecord, TaskRecord
+from app.store.values import JsonObject
+from app.web.episode_texts import EpisodeText, episode_texts
+from app.web.keyframe_preview import Preview, preview
+from app.web.page import HEADERS, PageRoute, render, render_part
+from app.web.scene import scene
+
+router = APIRouter(route_class=PageRoute)
+documents = APIRouter()
+
+
+@dataclass(frozen=True, eq=False)
+class _Recording:
+    """An episode with its task and trajectory."""
+
+    record: EpisodeRecord
+    task: TaskRecord
+    trajectory: Trajectory
+
+    @property
+    def settings(self) -> TaskSettings:
+        return TaskSettings.model_validate(self.task.settings)
+
+    @property
+    def times_s(self) -> Array:
+        return frame_times_s(self.trajectory, self.record.control_frequency_hz)
+
+    def preview(self, rule: KeyframeSettings) -> Preview:
+        stored = [item.index for item in self.record.keyframes]
+        return preview(self.trajectory, self.times_s, rule, stored, self.settings)
+
+
+def _recording(services: Services, episode_id: str) -> _Recording:
+    with services.store.read() as connection:
+        record = episodes.get(connection, episode_id)
+        return _Recording(record, tasks.get(connection, record.task), episodes.get_trajectory(connection, episode_id))
+
+
+@router.get("/ui/episodes/{episode_id}")
+def episode_page(
+    request: Request,
+    services: Wired,
+    episode_id: str,
+    rule: str | None = None,
+    delta_rad_s: float | None = None,
+    interval: int | None = None,
+    applied: bool = False,
+) -> Response:
+    """The episode; with a rule, what that would change."""
+    recording = _recording(services, episode_id)
+    wished = {"rule": rule, "delta_rad_s": delta_rad_s, "interval": interval}
+    named = {name: value for name, value in wished.items() if value is not None}
+    current = recording.settings.keyframes
+    shown = recording.preview(KeyframeSettings.model_validate({**current.model_dump(), **named}))
+    texts, about_texts = _texts(services, recording)
+    with services.store.read() as connection:
+        num_episodes = tasks.counts(connection)[recording.task.name].episodes
+    return render(
+        request,
+        "episode.html",
+        episode=recording.record,
+        document=episode_document(recording.record, recording.task),
+        settings=recording.settings,
+        duration_s=float(recording.times_s[-1]),
+        preview=shown,
+        rules=RULES,
+        num_episodes=num_episodes,
+        texts=texts,
+        about_texts=about_texts,
+        applied=applied,
+    )
+
+
+@documents.get("/ui/episodes/{episode_id}/motion")
+def episode_motion(services: Wired, episode_id: str) -> Response:
+    """Speeds and gripper over time, and the scene without keyframes."""
+    recording = _recording(services, episode_id)
+    times_s, velocities = recording.times_s, recording.trajectory.joint_velocities_rad_s
+    stretches = gripper_stretches(recording.trajectory.gripper_open.tolist())
+    ends_s = np.append(times_s, times_s[-1])
+    document: JsonObject = {
+        "times_s": times_s.round(4).tolist(),
+        "speed_rad_s": np.linalg.norm(velocities, axis=1).round(5).tolist(),
+        "fastest_joint_rad_s": np.abs(velocities).max(axis=1).round(5).tolist(),
+        "gripper": [[float(ends_s[first]), float(ends_s[end]), is_open] for first, end, is_open in stretches],
+        "scene": scene(recording.settings.workspace, recording.record.objects, (), recording.trajectory.positions_m),
+    }
+    return JSONResponse(document, headers=HEADERS)
+
+
+@documents.get("/ui/episodes/{episode_id}/keyframes")
+def episode_keyframes(services: Wired, episode_id: str, rule: Annotated[KeyframeSettings, Query()]) -> Response:
+    """What a rule would find: for the plots, and as a table."""
+    shown = _recording(services, episode_id).preview(rule)
+    html = render_part("keyframes.html", preview=shown)
+    return JSONResponse({**shown.document(), "html": html}, headers=HEADERS)
+
+
+def _texts(services: Services, recording: _Recording) -> tuple[tuple[EpisodeText, ...], str]:
+    """The texts, and whose they are."""
+    settings, record = recording.settings, recording.record
+    with services.store.read() as connection:
+        prompted = episodes.demonstrations(connection, record.task, settings.num_demonstrations)
+    ids = [item.id for item in prompted]
+    usually = "which a prompt shows unless a request asks for others"
+    if record.id in ids:
+        where = f"Demonstration {ids.index(record.id) + 1} of the first {len(ids)}, {usually}."
+    else:
+        where = f"Not among the first {len(ids)} demonstrations, {usually}; so it would be read after them."
+        prompted += (DemonstrationRecord(record.id, record.instruction, record.objects, record.keyframes),)
+        ids.append(record.id)
+    representation, prompt_format, whose = _usual_style(services, settings)
+    demonstrations = [item.demonstration() for item in prompted]
+    texts = episode_texts(demonstrations, ids.index(record.id), settings, representation, prompt_format)
+    return texts, f"{where} {whose}"
+
+
+def _usual_style(services: Services, settings: TaskSettings) -> tuple[str, str, str]:
+    """Representation and format of a request that names none, and who wants it so."""
+    try:
+        profile = services.models.get(services.default_model).profile
+    except LanguageModelError as error:
+        representation, prompt_format = settings.representation or "absolute", settings.prompt_format or "paper"
+        return representation, prompt_format, f"The default model is not available: {error}"
+    if settings.representation:
+        return settings.representation, settings.prompt_format or profile.prompt_format, "First as the task is set."
+    whose = f"First as {profile.name} reads it."
+    return profile.representation, settings.prompt_format or profile.prompt_format, whose

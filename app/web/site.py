@@ -1,0 +1,46 @@
+"""The pages' addresses, all under `/ui`."""
+
+from fastapi import APIRouter, FastAPI
+from fastapi.responses import RedirectResponse
+from starlette.exceptions import HTTPException
+from starlette.responses import Response
+
+from app.web.assets import serve_assets
+from app.web.page import PageRoute
+from app.web.routes import episode, episodes, pictures, tasks, upload
+
+HOME = "/ui/tasks"
+_entrances = APIRouter(route_class=PageRoute)
+_ROUTERS = (
+    _entrances,
+    tasks.router,
+    episodes.router,
+    episode.router,
+    episode.documents,
+    upload.router,
+    pictures.router,
+)
+
+
+def install_pages(app: FastAPI) -> None:
+    """Let `app` serve the pages; they are no part of the API that its OpenAPI document describes."""
+    serve_assets(app)
+    for router in (*_ROUTERS, _elsewhere):
+        app.include_router(router, include_in_schema=False)
+
+
+@_entrances.get("/")
+@_entrances.get("/ui")
+@_entrances.get("/ui/")
+def enter() -> RedirectResponse:
+    """To the first page."""
+    return RedirectResponse(HOME)
+
+
+_elsewhere = APIRouter(route_class=PageRoute)
+
+
+@_elsewhere.get("/ui/{path:path}")
+def elsewhere(path: str) -> Response:
+    """No page of ours."""
+    raise HTTPException(404, f"there is no page /ui/{path}")

@@ -1,0 +1,124 @@
+// One episode: plots, the keyframe rule tried out and applied, deletion.
+
+import { call, root } from "./api.js";
+import { confirmed, data, debounced, say, sayProblem } from "./dom.js";
+import { drawMotion } from "./motion_plot.js";
+import { inBothModes, whenNear } from "./plot.js";
+import { drawScene } from "./scene3d.js";
+
+const PAUSE_MS = 60;
+const byId = (id) => document.getElementById(id);
+const section = byId("keyframes");
+const form = byId("rule");
+const { episode, task, episodes } = section.dataset;
+const stored = data("stored");
+const motion = call(`/ui/episodes/${episode}/motion`);
+let preview = data("preview");
+let asked = new AbortController();
+let spaceIsSeen = false;
+
+/** The rule that the form says. */
+function wish() {
+  const { rule, delta_rad_s, interval } = form.elements;
+  return { rule: rule.value, delta_rad_s: delta_rad_s.valueAsNumber, interval: interval.valueAsNumber };
+}
+
+function isChanged() {
+  return Object.entries(wish()).some(([name, value]) => stored[name] !== value);
+}
+
+/** Show the fields of the chosen rule, the slider where the number is, the buttons that make sense. */
+function arrange() {
+  const { rule, delta_rad_s } = wish();
+  for (const field of form.querySelectorAll("[data-for]")) field.hidden = !field.dataset.for.split(" ").includes(rule);
+  byId("delta-slider").value = Math.log10(delta_rad_s);
+  byId("delta-slider").setAttribute("aria-valuetext", `${delta_rad_s} rad/s`);
+  byId("apply").disabled = byId("reset").disabled = !isChanged();
+}
+
+async function drawSpeed() {
+  try {
+    const drawn = await motion;
+    byId("speed").querySelector("p")?.remove();
+    await drawMotion(byId("speed"), drawn, preview, wish());
+  } catch (error) {
+    sayProblem(byId("speed"), error);
+  }
+}
+
+async function drawSpace() {
+  if (!spaceIsSeen) return;
+  try {
+    const { scene } = await motion;
+    byId("space-view").querySelector("p")?.remove();
+    await drawScene(byId("space-view"), { ...scene, frames: preview.frames });
+  } catch (error) {
+    sayProblem(byId("space-view"), error);
+  }
+}
+
+/** Ask what the rule would find; the service's own rule, so that it is what applying it gives. */
+const look = debounced(async () => {
+  asked.abort();
+  asked = new AbortController();
+  const query = new URLSearchParams(wish());
+  try {
+    preview = await call(`/ui/episodes/${episode}/keyframes?${query}`, { signal: asked.signal });
+  } catch (error) {
+    if (error.name !== "AbortError") sayProblem(byId("problem"), error);
+    return;
+  }
+  byId("problem").replaceChildren();
+  byId("table").innerHTML = preview.html;
+  history.replaceState(null, "", isChanged() ? `?${query}` : location.pathname);
+  drawSpeed();
+  drawSpace();
+}, PAUSE_MS);
+
+function changed() {
+  if (!form.checkValidity()) return;
+  arrange();
+  drawSpeed();
+  look();
+}
+
+form.addEventListener("submit", (event) => event.preventDefault());
+form.addEventListener("input", (event) => {
+  if (event.target.id === "delta-slider") form.elements.delta_rad_s.value = Number((10 ** event.target.value).toPrecision(2));
+  changed();
+});
+byId("reset").addEventListener("click", () => {
+  for (const [name, value] of Object.entries(stored)) form.elements[name].value = value;
+  changed();
+});
+byId("apply").addEventListener("click", async () => {
+  const { rule, delta_rad_s, interval } = wish();
+  const said = rule === "uniform" ? `every ${interval} frames` : `${rule}, at rest below ${delta_rad_s} rad/s`;
+  const text = `All ${episodes} episodes of ${task} are extracted again (${said}); later prompts show what is found then.`;
+  if (!(await confirmed("Apply to the whole task?", text, "Apply"))) return;
+  say(byId("problem"), "busy", `Extracting ${episodes} episodes again…`);
+  try {
+    await call(`/tasks/${encodeURIComponent(task)}`, { method: "PUT", json: { keyframes: wish() } });
+    location.assign(`${location.pathname}?applied=true`);
+  } catch (error) {
+    sayProblem(byId("problem"), error);
+  }
+});
+byId("delete").addEventListener("click", async () => {
+  const text = "It will no longer be shown to the LLM. Its recording cannot be brought back.";
+  if (!(await confirmed("Delete this episode?", text, "Delete"))) return;
+  say(byId("message"), "busy", "Deleting…");
+  try {
+    await call(`/episodes/${episode}`, { method: "DELETE" });
+    location.assign(`${root}/ui/episodes?task=${encodeURIComponent(task)}`);
+  } catch (error) {
+    sayProblem(byId("message"), error);
+  }
+});
+
+arrange();
+whenNear(byId("speed"), () => inBothModes(drawSpeed));
+whenNear(byId("space-view"), () => {
+  spaceIsSeen = true;
+  inBothModes(drawSpace);
+});

@@ -1,0 +1,50 @@
+// plotly.js, loaded when something is to be drawn, in the page's colours.
+
+let loading;
+
+/** Plotly; the page's `data-plotly` says where it is. */
+export function plotly() {
+  loading ??= new Promise((resolve, reject) => {
+    const script = document.createElement("script");
+    script.src = document.querySelector("[data-plotly]").dataset.plotly;
+    script.onload = () => resolve(window.Plotly);
+    script.onerror = () => reject(new Error("plotly.js could not be loaded"));
+    document.head.append(script);
+  });
+  return loading;
+}
+
+/** The value of a custom property of the style sheet: colour("curve"). */
+export const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
+
+/** What every figure has in common. */
+export function layout(more = {}) {
+  return {
+    paper_bgcolor: "rgba(0,0,0,0)",
+    plot_bgcolor: "rgba(0,0,0,0)",
+    font: { color: colour("text"), family: "system-ui, sans-serif", size: 13 },
+    margin: { l: 56, r: 16, t: 24, b: 44 },
+    ...more,
+  };
+}
+
+export const CONFIG = { displaylogo: false, responsive: true, showSendToCloud: false };
+
+/** Call `draw` now and whenever the browser changes between light and dark. */
+export function inBothModes(draw) {
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
+  return draw();
+}
+
+/** Call `draw` as soon as `place` comes near the part of the page that is seen. */
+export function whenNear(place, draw) {
+  const watcher = new IntersectionObserver(
+    (entries) => {
+      if (!entries.some((entry) => entry.isIntersecting)) return;
+      watcher.disconnect();
+      draw();
+    },
+    { rootMargin: "300px" },
+  );
+  watcher.observe(place);
+}

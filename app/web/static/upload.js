@@ -1,0 +1,83 @@
+// Upload: what is dropped or chosen is sorted into demonstrations, and each is sent on its own.
+
+import { root, send } from "./api.js";
+import { element, say, sayProblem } from "./dom.js";
+import { collect, demonstrationsIn } from "./upload_files.js";
+
+const drop = document.getElementById("drop");
+const summary = document.getElementById("summary");
+const list = document.getElementById("found");
+let waiting = Promise.resolve();
+
+for (const id of ["folder", "files"]) {
+  const input = document.getElementById(id);
+  input.addEventListener("change", () => {
+    const files = [...input.files].map((file) => ({ path: file.webkitRelativePath || file.name, file }));
+    input.value = "";
+    upload(files);
+  });
+}
+for (const kind of ["dragenter", "dragover"]) {
+  drop.addEventListener(kind, (event) => {
+    event.preventDefault();
+    drop.classList.add("over");
+  });
+}
+drop.addEventListener("dragleave", () => drop.classList.remove("over"));
+drop.addEventListener("drop", async (event) => {
+  event.preventDefault();
+  drop.classList.remove("over");
+  upload(await collect(event.dataTransfer));
+});
+
+/** Send the demonstrations among `files`, after those that are under way. */
+function upload(files) {
+  waiting = waiting.then(() => sendAll(files)).catch((error) => sayProblem(summary, error));
+}
+
+async function sendAll(files) {
+  const { demonstrations, unused } = await demonstrationsIn(files);
+  if (!demonstrations.length) {
+    const names = unused.slice(0, 5).join(", ") || "nothing at all";
+    const detail = `Found ${names}, but neither metadata.json with trajectory.npz beside it, nor a .json file that holds both.`;
+    sayProblem(summary, { problem: { title: "No demonstration among these files", detail } });
+    return;
+  }
+  const entries = demonstrations.map((item) => ({ item, place: entry(item) }));
+  let stored = 0;
+  const started = performance.now();
+  for (const [done, { item, place }] of entries.entries()) {
+    say(summary, "busy", `Sending ${done + 1} of ${entries.length}${timeLeft(started, done, entries.length)}`);
+    stored += (await sendOne(item, place)) ? 1 : 0;
+  }
+  const refused = entries.length - stored;
+  const rest = unused.length ? ` Not used: ${unused.slice(0, 5).join(", ")}${unused.length > 5 ? ", …" : ""}.` : "";
+  say(summary, refused ? "bad" : "good", `${stored} stored${refused ? `, ${refused} refused: see below` : ""}.${rest}`);
+}
+
+function timeLeft(started, done, all) {
+  if (!done) return "";
+  const left_s = (((performance.now() - started) / done) * (all - done)) / 1000;
+  return left_s < 2 ? "" : `, about ${Math.round(left_s)} s left`;
+}
+
+function entry(item) {
+  const place = element("div", {}, element("span", { className: "note" }, "waiting"));
+  list.append(element("li", { className: "card" }, element("strong", {}, item.name), place));
+  return place;
+}
+
+/** Whether the service stored it; `place` says what became of it. */
+async function sendOne(item, place) {
+  say(place, "busy", "Sending…");
+  try {
+    const response = await send("/episodes", { method: "POST", ...item.request() });
+    const episode = await response.json();
+    const link = element("a", { href: `${root}/ui/episodes/${episode.id}` }, `“${episode.instruction}” of ${episode.task}`);
+    place.replaceChildren(link, `: ${episode.num_frames} frames, ${episode.keyframes.length} keyframes`);
+    return true;
+  } catch (error) {
+    sayProblem(place, error);
+    return false;
+  }
+}

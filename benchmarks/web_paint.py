@@ -1,0 +1,139 @@
+"""How soon the pages show something when much is stored: first contentful paint in headless Chromium on loopback.
+
+Every load is a new visit with an empty cache. Run: ``python -m benchmarks.web_paint [--episodes 10000] [--visits 5]``.
+"""
+
+import argparse
+import statistics
+import tempfile
+from pathlib import Path
+
+import cv2
+import numpy as np
+from playwright.sync_api import Browser, sync_playwright
+from rich.console import Console
+from rich.table import Table
+
+from app.evaluation.server import running_server
+from app.pipeline.episode import Camera, ObjectPose, Trajectory
+from app.services.task_settings import TaskSettings
+from app.store import episodes, tasks
+from app.store.records import EpisodeDraft
+from app.store.store import Store
+from app.store.values import CameraRecord, KeyframeRecord, ObjectRecord
+
+CHROMIUM = "/usr/bin/chromium"
+NUM_TASKS = 22  # as many as the simulation has
+NUM_FRAMES = 200
+NUM_IMAGES = 200
+# Asked again and again for half a minute: Playwright's own wait evaluates text in the page, which its policy forbids.
+PAINT = """async () => {
+  for (let k = 0; k < 600; k++) {
+    const [entry] = performance.getEntriesByName("first-contentful-paint");
+    if (entry) return entry.startTime;
+    await new Promise((resolve) => setTimeout(resolve, 50));
+  }
+}"""
+ANSWER = "performance.getEntriesByType('navigation')[0].responseEnd"
+
+
+def fill(data: Path, num_episodes: int) -> str:
+    """Store so many episodes with pictures; returns the id of one."""
+    store = Store.open(data)
+    random = np.random.default_rng(0)
+    digests = [store.blobs.put(picture(random)) for _ in range(NUM_IMAGES)]
+    trajectory = walk(random)
+    settings = TaskSettings().model_dump(mode="json")
+    record = None
+    with store.write() as connection:
+        for number in range(NUM_TASKS):
+            tasks.get_or_create(connection, f"task_{number}", settings)
+        for number in range(num_episodes):
+            camera = CameraRecord.of(Camera("front", 500, 500, 320, 240, np.eye(4)), digests[number % NUM_IMAGES])
+            record = episodes.add(connection, draft(f"task_{number % NUM_TASKS}", trajectory, camera))
+    store.close()
+    assert record is not None
+    return record.id
+
+
+def draft(task: str, trajectory: Trajectory, camera: CameraRecord) -> EpisodeDraft:
+    """An episode with five keyframes and three objects."""
+    objects = tuple(ObjectRecord.of(ObjectPose(name, np.array([0.1, 0.2, 0.8]))) for name in ("cube", "drawer", "mug"))
+    return EpisodeDraft(
+        task=task,
+        instruction="put the cube into the drawer",
+        control_frequency_hz=20.0,
+        keyframes=tuple(KeyframeRecord.of(k, trajectory.action_at(k)) for k in (20, 60, 100, 150, NUM_FRAMES - 1)),
+        objects=objects,
+        given_objects=tuple({"name": item.name, "mask_ids": []} for item in objects),
+        cameras=(camera,),
+        extra={},
+        trajectory=trajectory,
+    )
+
+
+def walk(random: np.random.Generator) -> Trajectory:
+    """Random motion."""
+    return Trajectory(
+        joint_velocities_rad_s=random.normal(size=(NUM_FRAMES, 7)),
+        positions_m=random.uniform(0, 1, (NUM_FRAMES, 3)),
+        quaternions_xyzw=np.tile([1.0, 0.0, 0.0, 0.0], (NUM_FRAMES, 1)),
+        gripper_open=np.arange(NUM_FRAMES) % 100 < 50,
+    )
+
+
+def picture(random: np.random.Generator) -> bytes:
+    """A PNG of 640x480 that is as hard to decode as a photograph."""
+    coarse = random.integers(0, 255, (48, 64, 3), dtype=np.uint8)
+    smooth = cv2.resize(coarse, (640, 480), interpolation=cv2.INTER_CUBIC).astype(np.int16)
+    noisy = np.clip(smooth + random.normal(0, 4, smooth.shape), 0, 255).astype(np.uint8)
+    return cv2.imencode(".png", noisy)[1].tobytes()
+
+
+def visit(browser: Browser, address: str) -> tuple[float, float]:
+    """Milliseconds until the whole page was answered, and until something was painted."""
+    context = browser.new_context()
+    page = context.new_page()
+    page.goto(address)
+    painted_ms = page.evaluate(PAINT)
+    answered_ms = page.evaluate(ANSWER)
+    context.close()
+    return answered_ms, painted_ms
+
+
+def main() -> None:
+    """Fill a folder, visit every page, print a table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--episodes", type=int, default=10_000)
+    parser.add_argument("--visits", type=int, default=5)
+    arguments = parser.parse_args()
+    table = Table("page", "answered, median ms", "painted, median ms", "worst ms")
+    settings = {"ROBOPROMPT_DEFAULT_MODEL": "regression", "ROBOPROMPT_WARM_UP": "false"}
+    with tempfile.TemporaryDirectory(prefix="roboprompt-") as folder:
+        episode_id = fill(Path(folder), arguments.episodes)
+        middle = arguments.episodes // 2
+        pages = (
+            "/ui/tasks",
+            "/ui/episodes",
+            f"/ui/episodes?cursor={middle}",
+            "/ui/episodes?task=task_3",
+            "/ui/episodes?q=drawer",
+            "/ui/episodes?q=nowhere",
+            f"/ui/episodes/{episode_id}",
+            "/ui/upload",
+        )
+        with running_server(Path(folder), settings) as url, sync_playwright() as playwright:
+            browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+            visit(browser, url + "/ui/upload")
+            for page in pages:
+                answered_ms, painted_ms = zip(
+                    *(visit(browser, url + page) for _ in range(arguments.visits)), strict=True
+                )
+                medians = f"{statistics.median(answered_ms):.0f}", f"{statistics.median(painted_ms):.0f}"
+                table.add_row(page.replace(episode_id, "ID"), *medians, f"{max(painted_ms):.0f}")
+            browser.close()
+    Console().print(table)
+
+
+if __name__ == "__main__":
+    main()

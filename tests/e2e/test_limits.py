@@ -1,0 +1,123 @@
+"""An operator's limits hold, and a repeated prediction is answered as the first was."""
+
+import json
+
+import httpx
+import numpy as np
+import pytest
+from httpx_sse import connect_sse
+
+from tests.e2e.processes import killable_server
+from tests.episodes import arrays, camera, metadata, multipart, npz, pick_trajectory, png, upload
+
+PLACE_M = (0.1, 0.1, 0.78)
+TIGHT = {
+    "ROBOPROMPT_MAX_IMAGE_MEGAPIXELS": "0.002",
+    "ROBOPROMPT_MAX_UNPACKED_MB": "0.005",
+    "ROBOPROMPT_MAX_FRAMES": "30",
+    "ROBOPROMPT_MAX_OBJECTS": "2",
+    "ROBOPROMPT_MAX_CAMERAS": "1",
+    "ROBOPROMPT_MAX_NAME_CHARS": "12",
+    "ROBOPROMPT_MAX_INSTRUCTION_CHARS": "20",
+    "ROBOPROMPT_MAX_PROMPT_CHARS": "600",
+    "ROBOPROMPT_MAX_PAGE_SIZE": "60",
+    "ROBOPROMPT_MAX_BODY_MB": "0.1",
+    "ROBOPROMPT_DEFAULT_MODEL": "scripted",
+    "ROBOPROMPT_SCRIPTED_REPLIES": json.dumps([f"[[50, 50, {z}, 0, 36, 36, 1]]" for z in range(20, 60)]),
+}
+
+
+@pytest.fixture(scope="module")
+def http(tmp_path_factory):
+    with killable_server(tmp_path_factory.mktemp("tight"), TIGHT) as (_, url), httpx.Client(base_url=url) as client:
+        assert upload(client, "pick", PLACE_M).status_code == 201
+        yield client
+
+
+def refused(response, field):
+    problem = response.json()
+    assert (response.status_code, problem["errors"][0]["field"]) == (422, field), problem
+    assert "at most" in problem["detail"] or "1 to" in problem["detail"]
+
+
+def send(http, document=None, trajectory=None, **images):
+    whole = {**metadata("pick", {"cube": PLACE_M}), **(document or {})}
+    return http.post(
+        "/episodes", files=multipart(whole, trajectory or npz(**arrays(pick_trajectory(PLACE_M))), **images)
+    )
+
+
+def test_each_limit(http):
+    long = {name: np.repeat(array, 10, axis=0) for name, array in arrays(pick_trajectory(PLACE_M)).items()}
+    refused(send(http, trajectory=npz(**long)), "trajectory")
+    inline = {name: np.repeat(array, 2, axis=0).tolist() for name, array in arrays(pick_trajectory(PLACE_M)).items()}
+    refused(
+        http.post("/episodes", json={"metadata": metadata("pick", {"cube": PLACE_M}), "trajectory": inline}),
+        "trajectory",
+    )
+    refused(send(http, {"cameras": [camera()]}, rgb_front=png(np.zeros((48, 64, 3), np.uint8))), "rgb_front")
+    refused(send(http, {"cameras": [camera(), camera("left")]}), "cameras")
+    refused(send(http, {"task": "much_too_long_a_name"}), "task")
+    refused(send(http, {"instruction": "pick up the cube and then rest"}), "instruction")
+    many = [{"name": f"cube {k}", "position": PLACE_M} for k in range(3)]
+    refused(send(http, {"objects": many}), "objects")
+    refused(http.post("/predict", json={**metadata("pick", {}), "objects": many}), "objects")
+    refused(http.get("/episodes", params={"limit": 61}), "limit")
+    assert http.get("/episodes").status_code == 200
+    assert (
+        http.post("/predict", content=b"x" * 200_000, headers={"content-type": "application/json"}).status_code == 413
+    )
+    seen = {"name": "cube", "mask_ids": [1]}
+    body = {"objects": [seen], "cameras": [camera(), camera("left")]}
+    refused(http.post("/poses", json=body), "cameras")
+
+
+def test_a_prompt_that_is_too_long(http):
+    question = metadata("pick", {"cube": PLACE_M})
+    assert http.post("/predict", json=question).status_code == 200
+    for _ in range(5):
+        upload(http, "pick", PLACE_M)
+    refused(http.post("/predict", json=question), "num_demonstrations")
+    assert http.post("/predict", json={**question, "num_demonstrations": 1}).status_code == 200
+
+
+def test_images_go_to_no_other_machine(http):
+    model = {"estimator": "remote", "url": "http://169.254.169.254/latest"}
+    answer = http.put("/tasks/remote", json={"object_models": {"mug": model}})
+    assert (answer.status_code, answer.json()["errors"][0]["field"]) == (422, "object_models[mug].url")
+    assert "ROBOPROMPT_POSE_SERVERS" in answer.json()["detail"]
+    model["url"] = "http://127.0.0.1:9/poses"
+    assert http.put("/tasks/remote", json={"object_models": {"mug": model}}).status_code == 200
+
+
+QUESTION = {**metadata("pick", {"cube": PLACE_M}), "num_demonstrations": 1}
+
+
+def ask(http, key, **changes):
+    return http.post("/predict", json={**QUESTION, **changes}, headers={"idempotency-key": key})
+
+
+def test_a_repeated_prediction_is_answered_as_the_first_was(http):
+    first = ask(http, "one").json()
+    assert ask(http, "one").json() == first
+    assert ask(http, "two").json()["id"] != first["id"]
+    assert http.post("/predict", json=QUESTION).json()["id"] != first["id"]
+    conflict = ask(http, "one", max_actions=3)
+    assert (conflict.status_code, "different request" in conflict.json()["detail"]) == (409, True)
+
+
+def test_a_repeated_stream_gives_the_same_events(http):
+    def events():
+        headers = {"idempotency-key": "stream"}
+        with connect_sse(http, "POST", "/predict", json=QUESTION, headers=headers) as source:
+            return [(event.event, event.json()) for event in source.iter_sse()]
+
+    first = events()
+    assert [name for name, _ in first] == ["action", "done"]
+    assert events() == first
+    assert ask(http, "stream").json() == first[-1][1]
+
+
+def test_a_prediction_that_failed_is_asked_for_again(http):
+    assert ask(http, "failing", model="nobody").status_code == 422
+    assert ask(http, "failing").status_code == 200

@@ -1,0 +1,235 @@
+"""Nothing unsafe leaves the service, and the robot is stopped whatever happens to it."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from app.client.client import RoboPromptClient
+from app.client.errors import ServiceProblemError, ServiceUnreachableError
+from app.client.loop import run_closed_loop, run_task
+from app.pipeline.errors import UnsafeActionError
+from app.pipeline.motion_limits import Box, MotionLimits, Pose
+from tests.e2e.processes import killable_server, slow_llm
+from tests.e2e.test_stream import Arm, seen, tracked
+from tests.episodes import pick_trajectory
+
+PLACES_M = np.random.default_rng(5).uniform([0.0, -0.3, 0.77], [0.4, 0.3, 0.79], (6, 3)).round(4)
+QUERY_M = np.array([0.213, -0.117, 0.78])
+PICK = "pick up the cube"
+DOWN = (1.0, 0.0, 0.0, 0.0)
+REGRESSION = {"model": "regression"}
+LLM = {"model": "embedded/gemma-3-270m"}
+
+
+@pytest.fixture(scope="module")
+def client(url):
+    with RoboPromptClient(url) as client:
+        yield client
+
+
+@pytest.fixture
+def taught(client, request):
+    """A task of six picks (0.1 m above the cube, down, 0.15 m up), of the test's own."""
+    task = "".join(character if character.isalnum() else "_" for character in request.node.name)[:64].strip("_")
+    teach(client, task)
+    return task
+
+
+def teach(client, task):
+    for place_m in PLACES_M:
+        client.upload(task, PICK, tracked(pick_trajectory(place_m), place_m), seen(place_m))
+
+
+def refused(client, task, observation=None, **options):
+    """The problem that a prediction is answered with."""
+    with pytest.raises(ServiceProblemError) as caught:
+        client.predict(task, PICK, observation or seen(QUERY_M), **{**REGRESSION, **options})
+    assert (caught.value.status, caught.value.problem["type"]) == (502, "/problems/unsafe-action")
+    return caught.value.problem
+
+
+def test_a_step_that_is_too_long_names_action_value_and_bound(client, taught):
+    client.configure_task(taught, motion_limits={"max_step_m": 0.12})
+    problem = refused(client, taught)
+    (error,) = problem["errors"]
+    assert error["field"] == "actions[2].position"
+    assert error["message"].startswith("is 0.15")
+    assert error["valid"] == "at most 0.12 m"
+    stored = client.get(f"/predictions/{problem['prediction_id']}")
+    assert (stored["status"], stored["actions"], stored["reply_text"]) == ("unsafe_action", None, problem["reply_text"])
+    assert "at most 0.12 m" in stored["error"]
+
+
+def test_the_first_step_is_bounded_where_the_robot_tells_where_it_is(client, taught):
+    client.configure_task(taught, motion_limits={"max_step_m": 0.2})
+    near, far = (Pose(tuple(QUERY_M + np.array([0, 0, up_m])), DOWN) for up_m in (0.2, 0.6))
+    assert client.predict(taught, PICK, replace(seen(QUERY_M), end_effector=near), **REGRESSION).actions
+    assert refused(client, taught, replace(seen(QUERY_M), end_effector=far))["errors"][0]["field"].startswith(
+        "actions[0]"
+    )
+
+
+def test_keep_out_boxes_and_turns(client, taught):
+    low, high = (QUERY_M - 0.03).tolist(), (QUERY_M + 0.03).tolist()
+    client.configure_task(taught, motion_limits={"keep_out": [{"min": low, "max": high}]})
+    assert "keep_out[0]" in refused(client, taught)["errors"][0]["valid"]
+    client.configure_task(taught, motion_limits={"max_step_rotation_deg": 20})
+    assert client.predict(taught, PICK, seen(QUERY_M), **REGRESSION).actions
+    turned = replace(seen(QUERY_M), end_effector=Pose(tuple(QUERY_M), (0.0, 0.0, 0.0, 1.0)))
+    assert "turned by" in refused(client, taught, turned)["errors"][0]["message"]
+
+
+@pytest.mark.parametrize("stream", [False, True])
+def test_rows_relative_to_an_object_cannot_leave_the_workspace(client, taught, stream):
+    """The real LLM writes offsets that lead out of the task's box: nothing is clipped to its edge."""
+    client.configure_task(taught, workspace={"min": [-0.3, -0.5, 0.6], "max": [0.7, 0.5, 0.85]})
+    arm = Arm()
+    with pytest.raises(ServiceProblemError, match=r"position\.z is 0\.8") as caught:
+        run_task(client, arm, taught, PICK, representation="object_frame", stream=stream, **LLM)
+    assert caught.value.problem["errors"][0]["field"] == "actions[0].position.z"
+    assert arm.log == ["stop"]
+
+
+def test_an_unsafe_action_in_the_middle_of_a_stream_stops_the_robot(client, taught):
+    client.configure_task(taught, motion_limits={"max_step_m": 0.12})
+    arm = Arm()
+    with pytest.raises(ServiceProblemError, match=r"action 2: position is 0\.15"):
+        run_task(client, arm, taught, PICK, stream=True, **REGRESSION)
+    assert [entry == "stop" for entry in arm.log] == [False, False, True]
+
+
+@pytest.mark.parametrize(
+    ("limits", "field"),
+    [
+        ({"keep_out": [{"min": [0, 0, 0], "max": [0, 1, 1]}]}, "motion_limits.keep_out[0]"),
+        ({"max_step_m": 0}, "motion_limits.max_step_m"),
+        ({"max_step_rotation_deg": 200}, "motion_limits.max_step_rotation_deg"),
+        ({"max_speed": 1}, "motion_limits.max_speed"),
+    ],
+)
+def test_limits_that_make_no_sense_are_refused(client, limits, field):
+    with pytest.raises(ServiceProblemError) as caught:
+        client.configure_task("senseless", motion_limits=limits)
+    assert caught.value.problem["errors"][0]["field"] == field
+
+
+def test_the_robots_own_limits_hold_whatever_the_service_says(client, taught):
+    arm = Arm()
+    with pytest.raises(UnsafeActionError, match=r"action 0: position\.x is"):
+        run_task(client, arm, taught, PICK, limits=MotionLimits(Box((0.5, -1, 0), (1, 1, 2))), **REGRESSION)
+    assert arm.log == ["stop"]
+
+
+class Murderous(Arm):
+    """Kills the service with its first motion."""
+
+    def __init__(self, process):
+        super().__init__()
+        self._process = process
+
+    def execute(self, action):
+        super().execute(action)
+        self._process.kill()
+        self._process.wait()
+
+
+ROWS = (
+    "[[50, 50, 20, 0, 36, 36, 1], [50, 50, 21, 0, 36, 36, 1], [50, 50, 22, 0, 36, 36, 1], [50, 50, 23, 0, 36, 36, 1]]"
+)
+
+
+def test_a_service_that_is_killed_in_the_middle_of_a_stream_stops_the_robot(tmp_path):
+    with slow_llm(ROWS, 0.5) as settings, killable_server(tmp_path, settings) as (process, url):
+        with RoboPromptClient(url) as client:
+            teach(client, "pick")
+            arm = Murderous(process)
+            with pytest.raises(ServiceUnreachableError):
+                run_task(client, arm, "pick", PICK, stream=True, representation="absolute")
+        assert [entry == "stop" for entry in arm.log] == [False, True]
+
+
+STEPS = {
+    "ROBOPROMPT_SCRIPTED_REPLIES": json.dumps([f"[[50, 50, {z}, 0, 36, 36, 1]]" for z in (20, 25, 60)]),
+    "ROBOPROMPT_DEFAULT_MODEL": "scripted",
+}
+
+
+def test_a_closed_loop_is_bounded_from_step_to_step(tmp_path):
+    with killable_server(tmp_path, STEPS) as (_, url), RoboPromptClient(url) as client:
+        teach(client, "pick")
+        client.configure_task("pick", motion_limits={"max_step_m": 0.12})
+        arm = Arm()
+        with pytest.raises(ServiceProblemError, match=r"is 0\.35 m from the one before \(allowed: at most 0\.12 m\)"):
+            list(run_closed_loop(client, arm, "pick", PICK))
+    assert [entry == "stop" for entry in arm.log] == [False, False, True]
+
+
+def test_a_service_that_is_killed_between_the_steps_of_a_closed_loop_stops_the_robot(tmp_path):
+    with killable_server(tmp_path, STEPS) as (process, url), RoboPromptClient(url) as client:
+        teach(client, "pick")
+        arm = Murderous(process)
+        with pytest.raises(ServiceUnreachableError):
+            list(run_closed_loop(client, arm, "pick", PICK))
+    assert [entry == "stop" for entry in arm.log] == [False, True]
+
+
+def script(url, log, *options, arm_seconds=0.0, **kinds):
+    """`python -m app.client run` with an arm that takes its time."""
+    command = [sys.executable, "-m", "app.client", "--url", url, "run", "--robot", "tests.e2e.slow_arm:SlowArm"]
+    environment = {**os.environ, "ARM_LOG": str(log), "ARM_SECONDS": str(arm_seconds)}
+    return subprocess.Popen(
+        [*command, "--instruction", PICK, *options], env=environment, stderr=subprocess.PIPE, stdout=subprocess.PIPE,
+        text=True, **kinds
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def scripted(tmp_path_factory):
+    """A service whose model replies four rows at once."""
+    environment = {"ROBOPROMPT_SCRIPTED_REPLIES": json.dumps([ROWS]), "ROBOPROMPT_DEFAULT_MODEL": "scripted"}
+    with killable_server(tmp_path_factory.mktemp("scripted"), environment) as (_, url), RoboPromptClient(url) as client:
+        teach(client, "pick")
+        yield url
+
+
+@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("how", [(), ("--stream",)])
+def test_ctrl_c_stops_the_robot(scripted, tmp_path, sent, how):
+    log = tmp_path / "arm.log"
+    process = script(scripted, log, "--task", "pick", *how, arm_seconds=30)
+    deadline = time.monotonic() + 30
+    while not log.exists() and time.monotonic() < deadline:
+        time.sleep(0.05)
+    process.send_signal(sent)
+    _, said = process.communicate(timeout=10)
+    assert log.read_text().splitlines() == ["to 0.805", "stop"]
+    assert process.returncode == 128 + sent
+    assert "Traceback" not in said
+
+
+@pytest.mark.parametrize(("answers", "moved"), [("y\nn\n", ["to 0.805", "stop"]), ("", ["stop"]), ("y\n" * 4, None)])
+def test_confirm_asks_before_each_motion(scripted, tmp_path, answers, moved):
+    log = tmp_path / "arm.log"
+    process = script(scripted, log, "--task", "pick", "--confirm", stdin=subprocess.PIPE)
+    said, errors = process.communicate(answers, timeout=30)
+    everything = ["to 0.805", "to 0.815", "to 0.825", "to 0.835"]
+    assert log.read_text().splitlines() == (moved or everything)
+    assert process.returncode == (1 if moved else 0)
+    assert said.count("Go? [y/N]") == (len(moved) if moved else 4)
+    assert not moved or "was not allowed" in errors
+
+
+def test_the_script_keeps_to_a_workspace_of_its_own(scripted, tmp_path):
+    log = tmp_path / "arm.log"
+    bounds = ["--workspace", "-1", "-1", "0", "1", "1", "0.82"]
+    process = script(scripted, log, "--task", "pick", *bounds)
+    _, said = process.communicate(timeout=30)
+    assert (process.returncode, log.read_text().splitlines()) == (1, ["stop"])
+    assert "action 2: position.z is 0.825 m (allowed: 0 to 0.82 m, the workspace)" in said

@@ -1,0 +1,40 @@
+"""Schemathesis over the whole OpenAPI document, against a real service.
+
+`make fuzz` asks thousands of questions; tests/reliability/test_fuzz.py a few hundred.
+"""
+
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import httpx
+
+from tests.episodes import metadata
+from tests.reliability.service import TASK, serving, upload_files
+
+CHECKS = "not_a_server_error,status_code_conformance,content_type_conformance,response_schema_conformance"
+
+
+def fuzz(data, max_examples, phases, seed=1):
+    """(exit status, report, log of the service)."""
+    with serving(data) as service:
+        for number in range(3):
+            httpx.post(f"{service.url}/episodes", files=upload_files(number)).raise_for_status()
+        httpx.post(f"{service.url}/predict", json=metadata(TASK, {"cube": (0.2, 0.1, 0.8)})).raise_for_status()
+        command = [Path(sys.executable).with_name("schemathesis"), "run", f"{service.url}/openapi.json", "--no-color"]
+        options = ["--checks", CHECKS, "--phases", phases, "--max-examples", str(max_examples), "--seed", str(seed)]
+        database = ["--generation-database", "none"]
+        run = subprocess.run([*command, *options, *database], capture_output=True, text=True, check=False, cwd=data)
+        return run.returncode, run.stdout + run.stderr, service.log()
+
+
+if __name__ == "__main__":
+    with tempfile.TemporaryDirectory() as folder:
+        number = int(sys.argv[1]) if len(sys.argv) > 1 else 300
+        status, report, log = fuzz(Path(folder) / "data", number, "examples,coverage,fuzzing,stateful")
+    sys.stdout.write(report)
+    if "Traceback" in log:
+        sys.stdout.write(log[log.index("Traceback") :][:5000])
+        status = 1
+    sys.exit(status)

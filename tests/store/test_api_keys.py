@@ -1,0 +1,67 @@
+import asyncio
+from datetime import UTC, datetime
+
+import pytest
+
+from app.pipeline.errors import InvalidInputError
+from app.services.api_keys import KeyRing, create_key, digest_of
+from app.store import api_keys
+from app.store.api_keys import ApiKeyRecord
+from app.store.errors import NotFoundError
+from app.store.store import Store
+
+
+def test_keys_come_back_as_they_went_in(store: Store) -> None:
+    record = ApiKeyRecord("k1", "robot 1", "d" * 64, ("read", "predict"), datetime.now(UTC))
+    with store.write() as connection:
+        api_keys.add(connection, record)
+    with store.read() as connection:
+        assert api_keys.list_all(connection) == (record,)
+        assert api_keys.valid(connection) == (record,)
+
+
+def test_a_revoked_key_stays_in_the_list_and_is_no_longer_valid(store: Store) -> None:
+    token = create_key(store, "robot", ["read"])
+    key_id = token.split("_")[1]
+    with store.write() as connection:
+        api_keys.revoke(connection, key_id)
+        (first,) = api_keys.list_all(connection)
+        api_keys.revoke(connection, key_id)
+        assert api_keys.list_all(connection) == (first,)
+        assert api_keys.valid(connection) == ()
+        with pytest.raises(NotFoundError, match="there is no API key 'nobody'"):
+            api_keys.revoke(connection, "nobody")
+
+
+def test_every_key_is_another_and_only_its_digest_is_kept(store: Store) -> None:
+    tokens = {create_key(store, "robot", ["admin", "read"]) for _ in range(20)}
+    assert len({token.split("_", 2)[2] for token in tokens}) == 20
+    with store.read() as connection:
+        assert {record.digest for record in api_keys.list_all(connection)} == set(map(digest_of, tokens))
+        assert {record.scopes for record in api_keys.list_all(connection)} == {("read", "admin")}
+
+
+@pytest.mark.parametrize(("name", "scopes"), [("robot", []), ("robot", ["write"]), ("", ["read"]), ("a\nb", ["read"])])
+def test_what_is_no_key_is_not_made(store: Store, name: str, scopes: list[str]) -> None:
+    with pytest.raises(InvalidInputError):
+        create_key(store, name, scopes)
+
+
+def test_the_ring_reads_the_keys_once_in_a_while(store: Store) -> None:
+    token, reads = create_key(store, "robot", ["predict"]), []
+
+    async def recognise_often() -> None:
+        ring = KeyRing(store, known_for_s=0.2)
+        read, ring._read = ring._read, lambda: reads.append(1) or read()  # type: ignore[method-assign, func-returns-value]
+        callers = [await ring.recognise(token) for _ in range(50)]
+        assert {caller.name for caller in callers if caller} == {"robot"}
+        assert callers[0] is not None
+        assert callers[0].may(frozenset({"predict", "read"}))
+        assert not callers[0].may(frozenset({"upload"}))
+        with store.write() as connection:
+            api_keys.revoke(connection, token.split("_")[1])
+        await asyncio.sleep(0.25)
+        assert await ring.recognise(token) is None
+
+    asyncio.run(recognise_often())
+    assert len(reads) == 2

@@ -1,0 +1,73 @@
+import pytest
+
+from app.store import prediction_lists, predictions
+from app.store.prediction_lists import FATES, PredictionFilter
+from app.store.store import Store
+
+from .drafts import TASK, predict, prediction_draft
+
+REFUSED = {"status": "parse_error", "actions": None, "error": "the reply has 0 lists of actions"}
+
+
+@pytest.fixture
+def mixed(store: Store) -> dict[str, list[str]]:
+    """Three predictions of every fate, mixed in time; by fate, newest first."""
+    ids: dict[str, list[str]] = {fate: [] for fate in FATES}
+    for _ in range(3):
+        for fate in ("success", "unknown", "refused", "failure"):
+            added = predict(store, prediction_draft(**(REFUSED if fate == "refused" else {})))
+            ids[fate].insert(0, added.id)
+            if fate in ("success", "failure"):
+                with store.write() as connection:
+                    predictions.record_outcome(connection, added.id, fate == "success", "a note")
+    return ids
+
+
+def pages(store, chosen, order, limit):
+    cursor, found = None, []
+    with store.read() as connection:
+        while True:
+            page = prediction_lists.list_page(connection, chosen, order, limit, cursor)
+            found.append([item.id for item in page.items])
+            if (cursor := page.next_cursor) is None:
+                return found
+
+
+@pytest.mark.parametrize("limit", [1, 2, 3, 4, 5, 12, 50])
+def test_failures_come_first_and_every_page_goes_on_where_the_last_ended(store, mixed, limit):
+    found = pages(store, PredictionFilter(), "failures", limit)
+    assert [id_ for page in found for id_ in page] == [id_ for fate in FATES for id_ in mixed[fate]]
+    assert {len(page) for page in found[:-1]} <= {limit}
+    newest = [id_ for page in pages(store, PredictionFilter(), "newest", limit) for id_ in page]
+    assert newest == [mixed[fate][k] for k in range(3) for fate in FATES]
+
+
+def test_filters_narrow(store, mixed):
+    other = predict(store, prediction_draft(task="other", model="regression", demonstration_ids=("c" * 32,)))
+    for fate in FATES:
+        (found,) = pages(store, PredictionFilter(fate=fate, task=TASK), "failures", 50)
+        assert found == mixed[fate]
+    for chosen in ({"task": "other"}, {"model": "regression"}, {"num_demonstrations": 1}):
+        assert pages(store, PredictionFilter(**chosen), "newest", 50) == [[other.id]]
+    assert pages(store, PredictionFilter(representation="absolute"), "newest", 50) == [[]]
+    with store.read() as connection:
+        assert prediction_lists.models(connection) == ("embedded/gemma-3-270m", "regression")
+
+
+def test_a_summary_tells_how_it_ended(store, mixed):
+    with store.read() as connection:
+        items = prediction_lists.list_page(connection, PredictionFilter(), "failures", 50).items
+    assert [item.fate for item in items] == [fate for fate in FATES for _ in range(3)]
+    assert {item.num_demonstrations for item in items} == {2}
+    assert items[3].error == REFUSED["error"]
+
+
+def test_configurations_are_counted(store, mixed):
+    predict(store, prediction_draft(model="regression"))
+    with store.read() as connection:
+        often, rare = prediction_lists.configurations(connection, TASK)
+        assert prediction_lists.configurations(connection, "nothing") == ()
+        ids = prediction_lists.ids_of(connection, [often.newest_failure, rare.newest])
+    assert (often.predictions, often.successes, often.failures, often.refused) == (12, 3, 3, 3)
+    assert (rare.model, rare.predictions, rare.num_demonstrations, rare.newest_failure) == ("regression", 1, 2, None)
+    assert ids[often.newest_failure] == mixed["failure"][0]

@@ -1,0 +1,125 @@
+"""A real service with seeded episodes, and a real browser that may only talk to it."""
+
+import json
+import time
+
+import cv2
+import httpx
+import numpy as np
+import pytest
+from axe_playwright_python.sync_playwright import Axe
+from playwright.sync_api import sync_playwright
+
+from app.evaluation.server import running_server
+from tests.episodes import arrays, camera, metadata, multipart, npz, pick_trajectory
+
+PATIENCE_S = 20
+CHROMIUM = "/usr/bin/chromium"
+INSTRUCTION = "pick up the cube"
+PLACES_M = [(0.1 + 0.05 * k, 0.02 * k, 0.785) for k in range(4)]
+SCRIPTED_REPLY = "I would rather not move today."
+
+
+def until(page, expression, argument=None):
+    """Wait until JavaScript says yes; Playwright's own way needs an `eval` in the page, which its policy forbids."""
+    deadline = time.monotonic() + PATIENCE_S
+    while not page.evaluate(expression, argument):
+        assert time.monotonic() < deadline, f"still not so: {expression}"
+        page.wait_for_timeout(50)
+
+
+def picture(hue):
+    """A small scene as a JPEG: a cube on a table."""
+    hsv = np.full((48, 64, 3), (20, 60, 190), np.uint8)
+    hsv[18:30, 26:38] = (hue, 200, 220)
+    return cv2.imencode(".jpg", cv2.cvtColor(hsv, cv2.COLOR_HSV2BGR))[1].tobytes()
+
+
+def teach(http, task, place_m, hue=0, **more):
+    """Upload a pick of a cube with a picture; returns the episode."""
+    document = metadata(task, {"cube": place_m}, cameras=[camera()], **more)
+    files = multipart(document, npz(**arrays(pick_trajectory(place_m))), rgb_front=picture(hue))
+    response = http.post("/episodes", files=files)
+    assert response.status_code == 201, response.text
+    return response.json()
+
+
+@pytest.fixture(scope="session")
+def url(tmp_path_factory):
+    environment = {
+        "ROBOPROMPT_SCRIPTED_REPLIES": json.dumps([SCRIPTED_REPLY]),
+        "ROBOPROMPT_DEFAULT_MODEL": "regression",
+        "ROBOPROMPT_WARM_UP": "false",
+    }
+    with running_server(tmp_path_factory.mktemp("web"), environment) as address:
+        yield address
+
+
+@pytest.fixture(scope="session")
+def http(url):
+    with httpx.Client(base_url=url, timeout=60) as client:
+        yield client
+
+
+@pytest.fixture(scope="session")
+def seeded(http):
+    """The task `pick` with four episodes and two predictions, one failed and one solved; `bare` has no episode."""
+    taught = [teach(http, "pick", place_m, hue=30 * k) for k, place_m in enumerate(PLACES_M)]
+    http.put("/tasks/bare", json={}).raise_for_status()
+    asked = {"task": "pick", "instruction": INSTRUCTION, "objects": [{"name": "cube", "position": PLACES_M[1]}]}
+    for success in (False, True):
+        prediction = http.post("/predict", json=asked).json()
+        http.post(f"/predictions/{prediction['id']}/outcome", json={"success": success}).raise_for_status()
+    return taught
+
+
+@pytest.fixture(scope="session")
+def browser():
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(
+            executable_path=CHROMIUM, args=["--no-sandbox", "--enable-unsafe-swiftshader"]
+        )
+        yield browser
+        browser.close()
+
+
+@pytest.fixture(scope="session")
+def context(browser, url):
+    """Shared, so that plotly.js comes from the browser's cache after its first use."""
+    context = browser.new_context(base_url=url)
+    yield context
+    context.close()
+
+
+@pytest.fixture
+def page(context, url, seeded):
+    """A page whose console must stay free of errors, and which must talk to no other host.
+
+    A test that makes the service refuse something on purpose lists the status in `page.expected_refusals`.
+    """
+    page = context.new_page()
+    page.set_viewport_size({"width": 1280, "height": 900})
+    page.expected_refusals = []
+    said, asked, refused = [], [], []
+    page.on("console", lambda message: said.append(message.text) if message.type == "error" else None)
+    page.on("pageerror", lambda error: said.append(str(error)))
+    page.on("request", lambda request: asked.append(request.url))
+    page.on("response", lambda response: refused.append(response.status) if response.status >= 400 else None)
+    yield page
+    page.close()
+    assert refused == page.expected_refusals
+    # Chromium itself reports every refused request as an error.
+    assert [text for text in said if not text.startswith("Failed to load resource: the server responded")] == []
+    assert [address for address in asked if not address.startswith((url, "data:", "blob:"))] == []
+
+
+@pytest.fixture
+def check_accessibility():
+    """Ask axe-core about the page: labels, roles, names, contrast."""
+
+    def check(page):
+        found = Axe().run(page).response["violations"]
+        told = [f"{item['id']}: {item['help']}: {item['nodes'][0]['html']}" for item in found]
+        assert told == []
+
+    return check

@@ -1,0 +1,160 @@
+"""One episode: what was recorded, what was made of it, what another rule would make."""
+
+import pytest
+from playwright.sync_api import expect
+
+from tests.web.conftest import PLACES_M, teach, until
+
+DRAWN = "document.getElementById('speed').layout?.shapes?.length > 0"
+
+
+def see_the_plot(page):
+    page.locator("#speed").scroll_into_view_if_needed()
+    until(page, DRAWN)
+
+
+@pytest.fixture
+def episode(page, seeded):
+    page.goto(f"/ui/episodes/{seeded[0]['id']}")
+    see_the_plot(page)
+    return seeded[0]
+
+
+def set_slider(page, exponent):
+    """As a person drags it: the value, then the event."""
+    page.locator("#delta-slider").evaluate(
+        "(slider, value) => { slider.value = value; slider.dispatchEvent(new Event('input', { bubbles: true })); }",
+        exponent,
+    )
+
+
+def threshold(page):
+    return page.evaluate("document.getElementById('speed').layout.shapes[0].y0")
+
+
+def frames(page):
+    return [int(text) for text in page.locator("#table tbody td:nth-child(2)").all_inner_texts()]
+
+
+def test_the_camera_s_image_is_shown_with_the_poses(page, episode):
+    image = page.get_by_alt_text("First image of camera front with cube marked")
+    assert image.evaluate("image => image.decode().then(() => image.naturalWidth)") == 64
+    expect(page.get_by_role("row", name="cube")).to_contain_text("0.100, 0.000, 0.785")
+
+
+def test_the_plot_has_speed_threshold_gripper_and_keyframes(page, episode):
+    shapes = page.evaluate("document.getElementById('speed').layout.shapes")
+    assert threshold(page) == 0.1
+    assert [shape["type"] for shape in shapes].count("rect") == 2
+    marked = [shape["x0"] for shape in shapes if shape["type"] == "line" and shape["xref"] == "x"]
+    assert marked == [keyframe["index"] / 20 for keyframe in episode["keyframes"]]
+    assert page.evaluate("document.getElementById('speed').data[0].y.length") == episode["num_frames"]
+
+
+def test_the_slider_shows_at_once_what_would_be_found(page, episode, http):
+    assert frames(page) == [6, 11, 20]
+    set_slider(page, 0)
+    expect(page.locator("#table [role=status]")).to_contain_text("gone")
+    until(page, "document.getElementById('speed').layout.shapes[0].y0 === 1")
+    assert page.get_by_label("rad/s").input_value() == "1"
+    assert "delta_rad_s=1" in page.url
+    page.reload()
+    expect(page.locator("#table [role=status]")).to_contain_text("gone")
+    page.get_by_role("button", name="As stored").click()
+    expect(page.locator("#table [role=status]")).to_have_text("3 keyframes, as stored")
+    assert "?" not in page.url
+    assert [item["index"] for item in http.get(f"/episodes/{episode['id']}").json()["keyframes"]] == [6, 11, 20]
+
+
+def test_another_rule_shows_its_own_fields(page, episode):
+    page.get_by_label("Rule").select_option("uniform")
+    page.get_by_label("Every n-th frame").fill("7")
+    expect(page.locator("#table [role=status]")).to_have_text("3 keyframes: 2 new, 2 of the stored ones gone")
+    assert frames(page) == [7, 14, 20, 6, 11]
+    expect(page.locator("#delta")).to_be_hidden()
+    until(page, "document.getElementById('speed').layout.shapes.every((shape) => shape.xref !== 'paper')")
+
+
+def test_a_rule_is_applied_to_the_whole_task(page, http):
+    taught = [teach(http, "applied", place_m)["id"] for place_m in PLACES_M[:2]]
+    page.goto(f"/ui/episodes/{taught[0]}")
+    expect(page.get_by_role("button", name="Apply to the task")).to_be_disabled()
+    page.get_by_label("Rule").select_option("uniform")
+    page.get_by_label("Every n-th frame").fill("9")
+    page.get_by_role("button", name="Apply to the task").click()
+    expect(page.get_by_role("dialog")).to_contain_text("All 2 episodes of applied")
+    page.get_by_role("dialog").get_by_role("button", name="Apply").click()
+    page.wait_for_url("**?applied=true")
+    expect(page.locator("#table [role=status]")).to_have_text("3 keyframes, as stored")
+    for id_ in taught:
+        assert [item["index"] for item in http.get(f"/episodes/{id_}").json()["keyframes"]] == [9, 18, 20]
+
+
+def test_the_scene_is_drawn_in_space(page, episode):
+    page.locator("#space-view").scroll_into_view_if_needed()
+    page.wait_for_selector("#space-view canvas")
+    traces = page.evaluate("document.getElementById('space-view').data.map(({ name, x }) => [name, x.length])")
+    counted = dict(traces)
+    assert counted["workspace"] == 12 * 3
+    assert counted["path"] == episode["num_frames"] + 2
+    assert counted["objects"] == 1
+    points = page.evaluate("document.getElementById('space-view').data.filter(({ mode }) => mode.includes('text'))")
+    assert [len(trace["text"]) for trace in points] == [len(episode["keyframes"]), 1]
+
+
+def test_the_text_is_that_of_the_prompt(page, episode, http):
+    usual = page.locator("details[open] pre").inner_text()
+    body = {"task": "pick", "instruction": "pick up the cube", "dry_run": True}
+    body["objects"] = [{"name": "cube", "position": PLACES_M[3]}]
+    assert http.post("/predict", json=body).json()["prompt"]["user"].startswith(usual.strip())
+    assert (
+        page.locator("details[open] .action").first.evaluate("part => getComputedStyle(part).color")
+        == "rgb(0, 90, 156)"
+    )
+    page.get_by_text("object_frame, format paper").click()
+    expect(page.locator("details").nth(1).locator(".object").first).to_be_visible()
+
+
+def test_it_is_deleted_from_its_page(page, http):
+    id_ = teach(http, "deleted alone", PLACES_M[0])["id"]
+    page.goto(f"/ui/episodes/{id_}")
+    page.get_by_role("button", name="Delete…").click()
+    page.get_by_role("dialog").get_by_role("button", name="Delete").click()
+    page.wait_for_url("**/ui/episodes?task=deleted%20alone")
+    assert http.get(f"/episodes/{id_}").status_code == 404
+
+
+def test_plots_follow_a_change_of_mode(page, episode):
+    light = page.evaluate("document.getElementById('speed').data[0].line.color")
+    page.emulate_media(color_scheme="dark")
+    until(page, "light => document.getElementById('speed').data[0].line.color !== light", light)
+
+
+def test_it_is_useful_without_scripts(browser, url, seeded):
+    context = browser.new_context(base_url=url, java_script_enabled=False)
+    plain = context.new_page()
+    plain.goto(f"/ui/episodes/{seeded[0]['id']}")
+    plain.get_by_label("Rule").select_option("uniform")
+    plain.get_by_role("button", name="Show").click()
+    expect(plain.locator("#table [role=status]")).to_contain_text("new")
+    assert "rule=uniform" in plain.url
+    expect(plain.locator("details[open] pre")).to_contain_text("pick up the cube")
+    context.close()
+
+
+def test_wrong_addresses_and_values_are_told(page, seeded):
+    page.expected_refusals = [404, 422]
+    page.goto("/ui/episodes/nothing")
+    expect(page.get_by_role("alert")).to_contain_text("there is no episode 'nothing'")
+    page.goto(f"/ui/episodes/{seeded[0]['id']}?delta_rad_s=-1")
+    expect(page.get_by_role("alert")).to_contain_text("delta_rad_s")
+
+
+@pytest.mark.parametrize(("scheme", "width"), [("light", 1280), ("dark", 360)])
+def test_it_can_be_read_by_everyone(page, seeded, check_accessibility, scheme, width):
+    page.emulate_media(color_scheme=scheme)
+    page.set_viewport_size({"width": width, "height": 800})
+    page.goto(f"/ui/episodes/{seeded[0]['id']}?rule=uniform&interval=4")
+    see_the_plot(page)
+    check_accessibility(page)
+    until(page, "document.documentElement.scrollWidth <= innerWidth")

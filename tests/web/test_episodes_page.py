@@ -1,0 +1,95 @@
+"""The list of episodes: found, turned over, deleted."""
+
+import pytest
+from playwright.sync_api import expect
+
+from tests.episodes import upload
+from tests.web.conftest import PLACES_M, teach
+
+PAGE_SIZE = 50
+
+
+@pytest.fixture(scope="module")
+def many(http):
+    """A task of more episodes than a page holds; the oldest is told apart by its instruction."""
+    first = upload(http, "many", PLACES_M[0], instruction="lift the 100% cotton cube").json()
+    rest = [upload(http, "many", PLACES_M[k % 4]).json() for k in range(PAGE_SIZE)]
+    return [first, *rest]
+
+
+def test_a_task_s_episodes_are_listed_with_pictures(page, seeded):
+    page.goto("/ui/tasks")
+    page.get_by_role("link", name="pick", exact=True).click()
+    page.wait_for_url("**/ui/episodes?task=pick")
+    expect(page.locator("tbody tr")).to_have_count(len(seeded))
+    assert page.locator("tbody img").first.evaluate("image => image.decode().then(() => image.naturalWidth)") > 0
+    assert "1 of 2" in page.locator("dl.facts").inner_text()
+    page.locator("tbody th a").first.click()
+    assert page.url.endswith(seeded[-1]["id"])
+
+
+def test_older_ones_follow(page, many):
+    page.goto("/ui/episodes?task=many")
+    expect(page.locator("tbody tr")).to_have_count(PAGE_SIZE)
+    page.get_by_role("link", name="Older").click()
+    expect(page.locator("tbody tr")).to_have_count(len(many) - PAGE_SIZE)
+    assert many[0]["id"] in page.locator("tbody a").first.get_attribute("href")
+    page.get_by_role("link", name="Newest").click()
+    expect(page.locator("tbody tr")).to_have_count(PAGE_SIZE)
+
+
+def test_instructions_are_searched(page, many):
+    page.goto("/ui/episodes")
+    page.get_by_label("Task").select_option("many")
+    page.get_by_label("Instruction contains").fill("100% COTTON")
+    page.get_by_role("button", name="Filter").click()
+    expect(page.locator("tbody tr")).to_have_count(1)
+    page.get_by_label("Instruction contains").fill("cotton <b>")
+    page.keyboard.press("Enter")
+    expect(page.locator(".empty")).to_contain_text("No instruction of many contains “cotton <b>”")
+
+
+def test_deletion_asks_first(page, http):
+    kept, gone = (teach(http, "deletion", place_m)["id"] for place_m in PLACES_M[:2])
+    page.goto("/ui/episodes?task=deletion")
+    button = page.get_by_role("button", name=f"Delete episode {gone[:8]}")
+    button.focus()
+    page.keyboard.press("Enter")
+    page.keyboard.press("Escape")
+    assert http.get(f"/episodes/{gone}").status_code == 200
+    assert button.evaluate("button => document.activeElement === button")
+    button.click()
+    page.get_by_role("dialog").get_by_role("button", name="Delete").click()
+    expect(page.get_by_role("status")).to_contain_text("Deleted")
+    assert http.get(f"/episodes/{gone}").status_code == 404
+    expect(page.locator("tbody tr")).to_have_count(1)
+    assert kept in page.evaluate("document.activeElement.href")
+
+
+def test_what_the_service_refuses_is_told(page, http):
+    id_ = teach(http, "deletion", PLACES_M[2])["id"]
+    page.expected_refusals = [404]
+    page.goto("/ui/episodes?task=deletion")
+    http.delete(f"/episodes/{id_}")
+    page.get_by_role("button", name=f"Delete episode {id_[:8]}").click()
+    page.get_by_role("dialog").get_by_role("button", name="Delete").click()
+    expect(page.get_by_role("alert")).to_contain_text(f"there is no episode {id_!r}")
+
+
+def test_empty_and_unknown_tasks_say_so(page):
+    page.expected_refusals = [404, 422]
+    page.goto("/ui/episodes?task=bare")
+    expect(page.locator(".empty")).to_contain_text("No episode of bare yet")
+    page.goto("/ui/episodes?task=nowhere")
+    expect(page.get_by_role("alert")).to_contain_text("nowhere")
+    page.goto("/ui/episodes?cursor=zero")
+    expect(page.get_by_role("alert")).to_contain_text("cursor")
+
+
+@pytest.mark.parametrize(("scheme", "width"), [("light", 1280), ("dark", 360)])
+def test_it_can_be_read_by_everyone(page, check_accessibility, scheme, width):
+    page.emulate_media(color_scheme=scheme)
+    page.set_viewport_size({"width": width, "height": 800})
+    page.goto("/ui/episodes?task=pick")
+    check_accessibility(page)
+    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")

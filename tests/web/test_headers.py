@@ -1,0 +1,26 @@
+"""What the server says about the pages."""
+
+import re
+
+from app.web.assets import PLOTLY_ADDRESS
+
+
+def test_pages_may_load_nothing_from_elsewhere(http):
+    answer = http.get("/ui/tasks")
+    policy = dict(part.split(" ", 1) for part in answer.headers["content-security-policy"].split("; "))
+    assert policy["default-src"] == "'none'"
+    assert policy["script-src"] == "'self'"
+    assert policy["frame-ancestors"] == "'none'"
+    assert answer.headers["x-content-type-options"] == "nosniff"
+
+
+def test_assets_are_kept_forever_and_plotly_is_served(http):
+    style = re.search(r'href="(/ui/static/\w+/style\.css)"', http.get("/ui/tasks").text)[1]
+    assert "immutable" in http.get(style).headers["cache-control"]
+    plotly = http.get(PLOTLY_ADDRESS)
+    assert plotly.headers["content-type"].startswith("text/javascript")
+    assert "immutable" in plotly.headers["cache-control"]
+
+
+def test_pages_are_no_part_of_the_api(http):
+    assert not [path for path in http.get("/openapi.json").json()["paths"] if path.startswith("/ui") or path == "/"]

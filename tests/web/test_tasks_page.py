@@ -1,0 +1,57 @@
+"""The first page: what was taught, and how it fares."""
+
+import pytest
+
+from tests.web.conftest import until
+
+
+def test_the_entrance_leads_to_the_tasks(page, seeded):
+    page.goto("/")
+    assert page.url.endswith("/ui/tasks")
+    row = page.get_by_role("row", name="pick")
+    assert row.locator("td[data-label=Episodes]").inner_text() == "4"
+    assert "50" in row.locator("td[data-label=Success]").inner_text()
+    assert page.get_by_role("navigation").get_by_role("link", name="Tasks").get_attribute("aria-current") == "page"
+
+
+def test_pictures_are_shown(page):
+    page.goto("/ui/tasks")
+    picture = page.get_by_role("row", name="pick").locator("img")
+    until(page, "image => image.complete", picture.element_handle())
+    assert picture.evaluate("image => image.naturalWidth") == 192
+
+
+def test_a_filter_narrows_the_list(page, http):
+    page.goto("/ui/tasks")
+    page.get_by_label("Name or object contains").fill("CUBE")
+    page.keyboard.press("Enter")
+    page.wait_for_url("**/ui/tasks?q=CUBE")
+    assert page.get_by_role("row", name="pick").is_visible()
+    assert not page.get_by_role("row", name="bare").is_visible()
+    names = [(task["name"], *(task["object_names"] or [])) for task in http.get("/tasks").json()["tasks"]]
+    found = [words for words in names if any("cube" in word for word in words)]
+    assert page.get_by_role("status").inner_text() == f"{len(found)} of {len(names)} tasks"
+    page.goto("/ui/tasks?q=<script>")
+    assert "No task has “<script>”" in page.locator("main").inner_text()
+
+
+@pytest.mark.parametrize(("scheme", "width"), [("light", 1280), ("dark", 360)])
+def test_it_can_be_read_by_everyone(page, check_accessibility, scheme, width):
+    page.emulate_media(color_scheme=scheme)
+    page.set_viewport_size({"width": width, "height": 800})
+    page.goto("/ui/tasks")
+    check_accessibility(page)
+    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+
+
+def test_the_keyboard_reaches_the_content(page):
+    page.goto("/ui/tasks")
+    page.keyboard.press("Tab")
+    page.keyboard.press("Enter")
+    assert page.evaluate("document.activeElement.id") == "main"
+
+
+def test_an_unknown_page_says_so(page):
+    page.expected_refusals = [404]
+    page.goto("/ui/nowhere")
+    assert "there is no page /ui/nowhere" in page.get_by_role("alert").inner_text()
