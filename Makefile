@@ -1,9 +1,9 @@
-# make setup | demo | serve | test | check | audit | torture | fuzz | soak | growth | format | openapi | lock | bench
+# make setup | demo | serve | test | check | audit | torture | fuzz | soak | growth | bench | format | openapi | lock
 PYTHON ?= python3
 BIN := .venv/bin
 STAMP := .venv/.installed
 
-.PHONY: setup demo serve test check audit torture fuzz soak growth lint format openapi lock bench clean
+.PHONY: setup demo serve test check audit torture fuzz soak growth bench lint format openapi lock clean
 
 setup: $(STAMP)
 
@@ -38,7 +38,14 @@ torture: setup
 	$(BIN)/python -m tests.reliability.torture
 
 fuzz: setup
+	ROBOPROMPT_FUZZ_EXAMPLES=20000 $(BIN)/python -m pytest -q tests/reliability/test_binary_fuzz.py
 	$(BIN)/python -m tests.reliability.fuzz
+
+soak: setup
+	$(BIN)/python -m benchmarks.soak --minutes 30
+
+growth: setup
+	$(BIN)/python -m benchmarks.growth
 
 format: setup
 	$(BIN)/ruff check --fix .

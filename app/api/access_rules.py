@@ -3,6 +3,8 @@
 import re
 
 SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
+# Opening one takes dozens of requests for scripts and pictures, so that they do not count against the rate limit.
+PAGES = "/ui/"
 HEALTH = frozenset({"/healthz", "/readyz"})
 LOGIN, LOGOUT = "/ui/login", "/ui/logout"
 # They hold no data: the way in, and what the pages are drawn with.
@@ -17,6 +19,8 @@ _RULES = tuple(
         # whether an upload has been done already
         ("GET", f"/uploads/{_NAME}", "read", "upload"),
         ("POST", "/episodes", "upload"),
+        # whether an upload that was cut off came through
+        ("GET", f"/uploads/{_NAME}", "read", "upload"),
         # whoever can upload can teach
         ("POST", f"/tasks/{_NAME}/object_models/learn", "upload"),
         ("POST", "/predict", "predict"),
