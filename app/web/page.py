@@ -13,6 +13,7 @@ from pydantic import ValidationError
 from starlette.exceptions import HTTPException
 from starlette.responses import Response
 
+from app.api.access import COOKIE
 from app.api.problems import problem_of
 from app.pipeline.errors import RoboPromptError
 from app.web.assets import PLOTLY_ADDRESS, STATIC_ADDRESS
@@ -69,7 +70,8 @@ def render(request: Request, template: str, status_code: int = 200, **shown: obj
     # Behind a proxy the service may live below a path of its host.
     root = request.scope.get("root_path", "")
     places = {"root": root, "static": root + STATIC_ADDRESS, "plotly": root + PLOTLY_ADDRESS, "here": request.url.path}
-    return HTMLResponse(_ENVIRONMENT.get_template(template).render(**places, **shown), status_code, HEADERS)
+    html = _ENVIRONMENT.get_template(template).render(**places, may_log_out=COOKIE in request.cookies, **shown)
+    return HTMLResponse(html, status_code, HEADERS)
 
 
 def render_part(template: str, **shown: object) -> str:

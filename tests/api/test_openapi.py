@@ -11,6 +11,8 @@ OPERATIONS = {
     "list_tasks", "get_task", "configure_task", "predict", "list_predictions", "get_prediction", "record_outcome",
     "list_models", "healthz", "readyz", "metrics", "find_poses", "learn_object_models", "get_episode_overlay",
     "get_prediction_overlay",
+    "get_metadata", "get_task_stats", "get_upload",
+    "get_job", "list_jobs",
 }  # fmt: skip
 
 

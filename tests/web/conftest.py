@@ -23,10 +23,14 @@ SCRIPTED_REPLY = "I would rather not move today."
 
 def until(page, expression, argument=None):
     """Wait until JavaScript says yes; Playwright's own way needs an `eval` in the page, which its policy forbids."""
+    wait_until(lambda: page.evaluate(expression, argument), expression)
+
+
+def wait_until(condition, what=""):
     deadline = time.monotonic() + PATIENCE_S
-    while not page.evaluate(expression, argument):
-        assert time.monotonic() < deadline, f"still not so: {expression}"
-        page.wait_for_timeout(50)
+    while not condition():
+        assert time.monotonic() < deadline, f"still not so: {what}"
+        time.sleep(0.05)
 
 
 def picture(hue):

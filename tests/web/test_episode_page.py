@@ -1,12 +1,14 @@
 """One episode: what was recorded, what was made of it, what another rule would make."""
 
+import cv2
 import numpy as np
 import pytest
 from playwright.sync_api import expect
 
 from tests.episodes import arrays, metadata, multipart, npz, pick_trajectory
-from tests.web.conftest import PLACES_M, teach, until
+from tests.web.conftest import PLACES_M, teach, until, wait_until
 
+PATH_BGR = (173, 92, 11)  # --curve of the style sheet
 DRAWN = "document.getElementById('speed').layout?.shapes?.length > 0"
 
 
@@ -27,6 +29,12 @@ def set_slider(page, exponent):
         "(slider, value) => { slider.value = value; slider.dispatchEvent(new Event('input', { bubbles: true })); }",
         exponent,
     )
+
+
+def path_pixels(page):
+    """How many pixels the blue path covers: plotly.js may know of a new view and not have drawn it."""
+    image = cv2.imdecode(np.frombuffer(page.locator("#space-view").screenshot(), np.uint8), cv2.IMREAD_COLOR)
+    return int((np.abs(image.astype(int) - PATH_BGR).max(axis=2) < 12).sum())
 
 
 def frames(page):
@@ -144,6 +152,10 @@ def test_the_scene_is_drawn_in_space(page, episode):
     assert counted["objects"] == 1
     points = page.evaluate("document.getElementById('space-view').data.filter(({ mode }) => mode.includes('text'))")
     assert [len(trace["text"]) for trace in points] == [len(episode["keyframes"]), 1]
+    whole = path_pixels(page)
+    page.get_by_role("button", name="Close to the motion").click()
+    assert page.get_by_role("button", name="Close to the motion").get_attribute("aria-pressed") == "true"
+    wait_until(lambda: path_pixels(page) > 1.3 * whole > 0)
 
 
 def test_the_text_is_that_of_the_prompt(page, episode, http):

@@ -121,7 +121,7 @@ byId("apply").addEventListener("click", async () => {
 });
 byId("delete").addEventListener("click", async () => {
   const text = "It will no longer be shown to the LLM. Its recording cannot be brought back.";
-  if (!(await confirmed("Delete this episode?", text, "Delete"))) return;
+  if (!(await confirmed("Delete this episode?", text, "Delete", "danger"))) return;
   say(byId("message"), "busy", "Deleting…");
   try {
     await call(`/episodes/${episode}`, { method: "DELETE" });
