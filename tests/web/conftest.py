@@ -114,12 +114,6 @@ def watched_page(context, url):
 
     A test that makes the service refuse something on purpose lists the status in `page.expected_refusals`.
     """
-    with watched_page(context, url) as page:
-        yield page
-
-
-@contextmanager
-def watched_page(context, url):
     page = context.new_page()
     page.set_viewport_size({"width": 1280, "height": 900})
     page.expected_refusals = []
