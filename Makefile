@@ -1,9 +1,9 @@
-# make setup | demo | serve | test | check | torture | fuzz | soak | growth | format | openapi | lock
+# make setup | demo | serve | test | check | audit | torture | fuzz | soak | growth | bench | format | openapi | lock
 PYTHON ?= python3
 BIN := .venv/bin
 STAMP := .venv/.installed
 
-.PHONY: setup demo serve test check torture fuzz soak growth lint format openapi lock clean
+.PHONY: setup demo serve test check audit torture fuzz soak growth bench lint format openapi lock clean
 
 setup: $(STAMP)
 
@@ -27,14 +27,25 @@ lint: setup
 test: lint
 	$(BIN)/python -m pytest
 
-check: test
+# Says so where the database of vulnerabilities cannot be reached, and fails where a package has one.
+audit: setup
+	$(BIN)/python .ci/audit
+
+check: test audit
 
 # Half an hour; what mounts file systems needs root.
 torture: setup
 	$(BIN)/python -m tests.reliability.torture
 
 fuzz: setup
+	ROBOPROMPT_FUZZ_EXAMPLES=20000 $(BIN)/python -m pytest -q tests/reliability/test_binary_fuzz.py
 	$(BIN)/python -m tests.reliability.fuzz
+
+soak: setup
+	$(BIN)/python -m benchmarks.soak --minutes 30
+
+growth: setup
+	$(BIN)/python -m benchmarks.growth
 
 format: setup
 	$(BIN)/ruff check --fix .
@@ -47,6 +58,9 @@ openapi: setup
 lock:
 	$(BIN)/uv pip compile pyproject.toml --extra server --extra sim --extra datasets --extra dev --universal --python-version 3.11 \
 		--generate-hashes --no-annotate --no-header --no-emit-index-url --quiet --output-file requirements.lock
+
+bench: setup
+	$(BIN)/python -m benchmarks.bench
 
 clean:
 	rm -rf .venv .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache

@@ -11,10 +11,11 @@ from fastapi import FastAPI
 from app.api.access import Access
 from app.api.app import create_app
 from app.api.redaction import hide_keys_in_access_log
-from app.llm.base import LanguageModelError
 from app.llm.registry import ModelRegistry
 from app.llm.settings import LlmSettings
+from app.pipeline.errors import RoboPromptError
 from app.services.addresses import is_loopback
+from app.services.api_keys import has_keys
 from app.services.container import Services
 from app.services.limits import Limits
 from app.services.pose_servers import PoseServers
@@ -23,6 +24,7 @@ from app.store.store import Store
 from app.web.site import install_pages
 
 DEFAULT_RATE_PER_S = 20.0
+JOB_POLL_S = 1.0
 logger = logging.getLogger(__name__)
 
 
@@ -69,6 +71,7 @@ def limits_of(settings: Settings) -> Limits:
         max_instruction_chars=settings.max_instruction_chars,
         max_prompt_chars=settings.max_prompt_chars,
         max_page_size=settings.max_page_size,
+        allowed_models=settings.allowed_models,
         model_files=settings.host is not None and is_loopback(settings.host) and settings.auth != "on",
     )
 
@@ -79,7 +82,12 @@ def open_store(settings: Settings) -> Store:
     Raises:
         StoreError: if the data folder or the database cannot be used.
     """
-    return Store.open(settings.data, settings.database_url, server_connections=settings.database_connections)
+    return Store.open(
+        settings.data,
+        settings.database_url,
+        settings.blobs_url,
+        server_connections=settings.database_connections,
+    )
 
 
 @contextlib.asynccontextmanager
@@ -90,26 +98,43 @@ async def open_services(settings: Settings) -> AsyncIterator[Services]:
         StoreError: if the data folder cannot be used.
     """
     store = await asyncio.to_thread(open_store, settings)
+    if access_for(settings).key_required and not await asyncio.to_thread(has_keys, store):
+        logger.warning("API keys are required and there is none: roboprompt keys create NAME --scope admin")
     models = ModelRegistry(llm_settings(settings))
     pose_servers = PoseServers(settings.pose_servers)
-    services = Services.wire(store, models, settings.default_model, limits_of(settings), pose_servers)
+    services = Services.wire(
+        store,
+        models,
+        settings.default_model,
+        limits_of(settings),
+        pose_servers,
+        extract_at_once=settings.extract_at_once,
+        num_warm_tasks=settings.embedded_slots,
+    )
+    jobs = asyncio.create_task(_run_jobs(services))
     background: list[asyncio.Task[object]] = [asyncio.create_task(asyncio.to_thread(store.sweep_once))]
     if settings.warm_up:
-        background.append(asyncio.create_task(_warm_up(services)))
+        background.append(asyncio.create_task(services.prefix_warmer.run()))
     try:
         yield services
     finally:
         for task in background:
             task.cancel()
-        await asyncio.gather(*background, return_exceptions=True)
+        services.run_jobs.stop()
+        await asyncio.gather(jobs, *background, return_exceptions=True)
         await services.aclose()
 
 
-async def _warm_up(services: Services) -> None:
-    try:
-        await services.models.warm_up(services.default_model)
-    except LanguageModelError as error:
-        logger.warning("the default model is not available: %s", error)
+async def _run_jobs(services: Services) -> None:
+    """Work at jobs until `RunJobs.stop`; whatever happens to one, the next is tried."""
+    while not services.run_jobs.stopping:
+        try:
+            worked = await asyncio.to_thread(services.run_jobs.run_next)
+        except RoboPromptError as error:
+            logger.warning("jobs: %s", error)
+            worked = False
+        if not worked:
+            await services.run_jobs.wait(JOB_POLL_S)
 
 
 def access_for(settings: Settings) -> Access:

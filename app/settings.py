@@ -18,7 +18,13 @@ class Settings(BaseSettings):
 
     data: Annotated[Path, Field(description="folder of the database and the images")] = Path("data")
     database_url: Annotated[str | None, Field(description="SQLAlchemy URL; empty: SQLite in the data folder")] = None
+    blobs_url: Annotated[
+        str | None, Field(description="object store of the images, e.g. s3://bucket/prefix; empty: the data folder")
+    ] = None
     database_connections: Annotated[int, Field(ge=2, description="of each worker to PostgreSQL, at most")] = 16
+    extract_at_once: Annotated[
+        int, Field(ge=0, description="episodes that PUT /tasks extracts again itself; more become a job")
+    ] = 200
     max_body_mb: Annotated[float, Field(gt=0, description="larger requests are refused with 413")] = 200
     host: Annotated[
         str | None, Field(description="address that the service is bound to, as `serve --host` says; empty: unknown")
@@ -45,8 +51,14 @@ class Settings(BaseSettings):
     max_name_chars: Annotated[int, Field(ge=1, le=64, description="of a task, an object or a camera")] = 64
     max_instruction_chars: Annotated[int, Field(ge=1, le=500, description="of an instruction")] = 500
     max_prompt_chars: Annotated[int, Field(ge=100, description="system prompt and demonstrations together")] = 400_000
+    allowed_models: Annotated[
+        tuple[str, ...],
+        Field(description='JSON list of models that requests may use besides the default, e.g. `["openai/gpt-4o*"]`'),
+    ] = ()
     max_page_size: Annotated[int, Field(ge=50, le=200, description="items that a list answers at once")] = 200
-    warm_up: Annotated[bool, Field(description="start the embedded LLM in the background at start-up")] = True
+    warm_up: Annotated[
+        bool, Field(description="start the embedded LLM at start-up and let it read prefixes before they are asked for")
+    ] = True
 
     # The fields of app.llm.settings.LlmSettings, which says what they mean.
     default_model: Annotated[str, Field(description="asked when a request names no model")] = "embedded/gemma-3-270m"

@@ -4,10 +4,11 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from statistics import median
 
 import httpx
 
@@ -33,6 +34,37 @@ class Server:
         """CPU time, user and system, of all its threads until now, without its children; in steps of 10 ms."""
         fields = Path(f"/proc/{self.pid}/stat").read_text().rpartition(")")[2].split()
         return (int(fields[11]) + int(fields[12])) / _TICKS_PER_S
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Of one request, in milliseconds.
+
+    Attributes:
+        cpu_ms: of the server's process, all threads, mean.
+        wall_ms: as the client sees it, median.
+    """
+
+    cpu_ms: float
+    wall_ms: float
+
+
+def cost(server: Server, send: Callable[[int], object], num_requests: int) -> Cost:
+    """The cost of one of `num_requests`, after a tenth as many to warm up.
+
+    Args:
+        send: the request of that number, and its answer.
+    """
+    for k in range(num_requests // 10):
+        send(k)
+    walls_s: list[float] = []
+    before_s = server.cpu_s()
+    for k in range(num_requests):
+        started_s = time.perf_counter()
+        send(k)
+        walls_s.append(time.perf_counter() - started_s)
+    cpu_s = server.cpu_s() - before_s
+    return Cost(1000 * cpu_s / num_requests, 1000 * median(walls_s))
 
 
 @contextmanager

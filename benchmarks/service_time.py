@@ -2,9 +2,6 @@
 
 import json
 import tempfile
-import time
-from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,28 +12,15 @@ from app.client.client import RoboPromptClient
 from app.store import tables
 from app.store.store import Store
 from benchmarks import scenes
-from benchmarks.processes import Server, running, service
+from benchmarks.processes import Cost, cost, running, service
 
 NUM_DEMONSTRATIONS = 10
 NUM_STORED = 100_000
-NUM_WARM, NUM_REQUESTS = 50, 500
+NUM_REQUESTS = 400
 TASK = "put_in_box"
 ROWS = ((1, "A", "+0 +0 +24", 1), (2, "A", "+0 +0 +0", 1), (3, "A", "+0 +0 +0", 0), (4, "A", "+0 +0 +24", 0))
 ROWS += ((5, "B", "+0 +0 +24", 0), (6, "B", "+0 +0 +24", 1))
 REPLY = " " + "; ".join(f"{number} {letter} w: {offset} 0 36 36 {grip}" for number, letter, offset, grip in ROWS)
-
-
-@dataclass(frozen=True)
-class Cost:
-    """Of one request, in milliseconds.
-
-    Attributes:
-        cpu_ms: of the server's process, all threads.
-        wall_ms: as the client sees it, median.
-    """
-
-    cpu_ms: float
-    wall_ms: float
 
 
 def measure() -> dict[str, Cost]:
@@ -75,7 +59,7 @@ def fill(data: Path) -> None:
 
 def _hello(log: Path) -> Cost:
     with running("benchmarks.hello", [], log, {}) as server, httpx.Client(base_url=server.url) as http:
-        return cost(server, lambda _: http.get("/healthz"))
+        return cost(server, lambda _: http.get("/healthz"), NUM_REQUESTS)
 
 
 def _predictions(data: Path) -> Cost:
@@ -83,26 +67,12 @@ def _predictions(data: Path) -> Cost:
         service(data, warm_up="false", default_model="scripted", scripted_replies=json.dumps([REPLY])) as server,
         httpx.Client(base_url=server.url) as http,
     ):
-        return cost(server, lambda seed: http.post("/predict", json=asked(seed)))
+        return cost(server, lambda seed: http.post("/predict", json=asked(seed)).raise_for_status(), NUM_REQUESTS)
 
 
 def asked(seed: int) -> dict[str, Any]:
     """A prediction by the scripted LLM in the representation of small models."""
     return {**scenes.question(TASK, seed), "representation": "object_frame"}
-
-
-def cost(server: Server, send: Callable[[int], httpx.Response]) -> Cost:
-    """The mean CPU time and the median wall time of a request, after some to warm up."""
-    for seed in range(NUM_WARM):
-        send(seed).raise_for_status()
-    walls_s: list[float] = []
-    before_s = server.cpu_s()
-    for seed in range(NUM_REQUESTS):
-        started_s = time.perf_counter()
-        send(seed)
-        walls_s.append(time.perf_counter() - started_s)
-    cpu_s = server.cpu_s() - before_s
-    return Cost(1000 * cpu_s / NUM_REQUESTS, 1000 * sorted(walls_s)[NUM_REQUESTS // 2])
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 from hypothesis import settings
 
-pytest_plugins = ["tests.postgres"]
+pytest_plugins = ["tests.postgres", "tests.s3"]
 
 # The same examples on every run; a slow machine is no failure.
 settings.register_profile("repeatable", derandomize=True, deadline=None, max_examples=50)

@@ -98,7 +98,9 @@ class AccessControl:
         if method in SAFE_METHODS or (origin is None and not _is_by_cookie(headers)):
             return None
         if origin is None or urlsplit(origin.decode("latin-1")).netloc != host:
-            return problem(_FORBIDDEN, "pages of other websites may not change anything here")
+            return problem(
+                _FORBIDDEN, "pages of other websites may not change anything here (a proxy must pass Host on)"
+            )
         return None
 
     async def _caller(self, headers: Headers) -> Caller | None:

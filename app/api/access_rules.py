@@ -9,14 +9,18 @@ HEALTH = frozenset({"/healthz", "/readyz"})
 LOGIN, LOGOUT = "/ui/login", "/ui/logout"
 # They hold no data: the way in, and what the pages are drawn with.
 OPEN = HEALTH | {LOGIN, LOGOUT, "/favicon.ico"}
-OPEN_BELOW = ("/ui/static/", "/static-offline-docs/")
+OPEN_BELOW = ("/ui/static/", "/ui/vendor/", "/static-offline-docs/")
 _NAME = r"[^/]+"
 _RULES = tuple(
     (method, re.compile(path), frozenset(scopes))
     for method, path, *scopes in (
         # the limits of motion that a robot keeps to
         ("GET", f"/tasks/{_NAME}", "read", "predict"),
+        # whether an upload has been done already
+        ("GET", f"/uploads/{_NAME}", "read", "upload"),
         ("POST", "/episodes", "upload"),
+        # whether an upload that was cut off came through
+        ("GET", f"/uploads/{_NAME}", "read", "upload"),
         # whoever can upload can teach
         ("POST", f"/tasks/{_NAME}/object_models/learn", "upload"),
         ("POST", "/predict", "predict"),

@@ -14,6 +14,7 @@ from app.api.problems import install_problem_handlers
 from app.api.routes import (
     episodes,
     health,
+    jobs,
     login,
     metrics,
     models,
@@ -57,7 +58,20 @@ def create_app(open_services: OpenServices, version: str, max_body_bytes: int, a
         title="RoboPrompt", version=version, description=DESCRIPTION, lifespan=lifespan, redoc_url=None
     )
     # Overlays come before episodes, whose image kinds would take their addresses; a robot waits for predictions.
-    for module in (predict, overlays, episodes, uploads, tasks, poses, predictions, models, health, metrics, login):
+    for module in (
+        predict,
+        overlays,
+        episodes,
+        uploads,
+        tasks,
+        jobs,
+        poses,
+        predictions,
+        models,
+        health,
+        metrics,
+        login,
+    ):
         app.include_router(module.router)
     install_problem_handlers(app)
     install_openapi(app)

@@ -1,4 +1,4 @@
-"""Request bodies -> metadata and named parts, whether multipart or JSON; nothing is interpreted yet."""
+"""Request bodies -> metadata and named parts, whether multipart, JSON or MessagePack; nothing is interpreted yet."""
 
 import base64
 import binascii
@@ -7,16 +7,20 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import msgpack
 from fastapi import Request
 from starlette.datastructures import UploadFile
 from starlette.exceptions import HTTPException
 
 from app.pipeline.errors import InvalidInputError
+from app.pipeline.packed_array import is_packed_array, npy_from_packed
 
 IMAGE_PREFIXES = ("rgb_", "depth_", "mask_")
 MAX_PARTS = 64
 MAX_METADATA_BYTES = 1_000_000
-MULTIPART, JSON = "multipart/form-data", "application/json"
+MULTIPART, JSON, MSGPACK = "multipart/form-data", "application/json", "application/msgpack"
+# What a MessagePack document may hold, arrays' bytes aside: its lists and maps are made as long as they claim to be.
+MAX_PACKED_ITEMS = 4096
 
 
 @dataclass(frozen=True)
@@ -32,8 +36,11 @@ class Body:
     parts: Mapping[str, bytes]
 
 
-async def read_body(request: Request) -> Body:
+async def read_body(request: Request, *, packed: bool = False) -> Body:
     """Read a multipart or JSON body.
+
+    Args:
+        packed: read MessagePack, too.
 
     Raises:
         HTTPException: 415 for another content type, 400 if it is damaged.
@@ -44,7 +51,10 @@ async def read_body(request: Request) -> Body:
         return await _read_multipart(request)
     if content_type == JSON:
         return _read_json(await request.body())
-    raise HTTPException(415, f"content type {content_type or '(none)'!r}: send {JSON} or {MULTIPART}")
+    if content_type == MSGPACK and packed:
+        return _read_packed(await request.body())
+    known = ", ".join([JSON, MULTIPART, *([MSGPACK] if packed else [])])
+    raise HTTPException(415, f"content type {content_type or '(none)'!r}: send one of {known}")
 
 
 async def _read_multipart(request: Request) -> Body:
@@ -63,6 +73,48 @@ def _read_json(data: bytes) -> Body:
     document = _json_object(data, "body")
     names = [name for name in document if name.startswith(IMAGE_PREFIXES)]
     return Body(document, {name: _base64(name, document.pop(name)) for name in names})
+
+
+def _read_packed(data: bytes) -> Body:
+    """The document of a JSON body, its images as arrays or as encoded files."""
+    try:
+        document = msgpack.unpackb(
+            data, max_array_len=MAX_PACKED_ITEMS, max_map_len=MAX_PACKED_ITEMS, max_ext_len=0, strict_map_key=True
+        )
+    except Exception as error:  # msgpack's own errors have no common class; some are ValueError, some are not
+        raise HTTPException(400, f"body is not MessagePack: {str(error)[:200] or type(error).__name__}") from None
+    if not isinstance(document, dict):
+        raise HTTPException(400, f"body is a MessagePack {type(document).__name__}, expected a map")
+    names = [name for name in document if isinstance(name, str) and name.startswith(IMAGE_PREFIXES)]
+    parts = {name: _packed_image(name, document.pop(name)) for name in names}
+    _refuse_bytes(document, "body")
+    return Body(document, parts)
+
+
+def _packed_image(name: str, value: object) -> bytes:
+    if isinstance(value, bytes):
+        return value
+    if isinstance(value, dict) and is_packed_array(value):
+        return npy_from_packed(name, value)
+    raise InvalidInputError(name, f"is a {type(value).__name__}", "an array, or the image file's bytes")
+
+
+def _refuse_bytes(value: object, where: str) -> None:
+    """Let nothing but what JSON has into the document, which is stored as such.
+
+    Raises:
+        InvalidInputError: naming the place.
+    """
+    if isinstance(value, dict):
+        for key, item in value.items():
+            if not isinstance(key, str):
+                raise InvalidInputError(where, f"has the key {key!r:.40}", "keys that are text")
+            _refuse_bytes(item, key if where == "body" else f"{where}.{key}")
+    elif isinstance(value, list):
+        for index, item in enumerate(value):
+            _refuse_bytes(item, f"{where}[{index}]")
+    elif not isinstance(value, str | int | float | bool | None):
+        raise InvalidInputError(where, f"is of the type {type(value).__name__}", "what JSON can say")
 
 
 def _json_object(data: bytes, where: str) -> dict[str, Any]:

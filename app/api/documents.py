@@ -13,7 +13,7 @@ from app.services.predict_actions import Prediction
 from app.services.question import Question
 from app.services.task_settings import TaskSettings
 from app.services.task_stats import Standing, TaskStats
-from app.store.records import ConfigurationCounts, EpisodeRecord, PredictionRecord, TaskRecord
+from app.store.records import ConfigurationCounts, EpisodeRecord, JobRecord, PredictionRecord, TaskRecord
 from app.store.values import JsonObject, KeyframeRecord, ObjectRecord
 
 
@@ -45,7 +45,7 @@ def episode_document(record: EpisodeRecord, task: TaskRecord) -> JsonObject:
 
 
 def metadata_document(record: EpisodeRecord) -> JsonObject:
-    """An `EpisodeMetadata`: what was uploaded, so that it can be uploaded elsewhere."""
+    """An `EpisodeMetadata`: what was uploaded, to be uploaded elsewhere; without a link to a prediction of here."""
     objects = [
         {
             "name": item["name"],
@@ -104,6 +104,14 @@ def _standing(standing: Standing) -> JsonObject:
         "success_rate": rate.rate if rate.trials else None,
         "interval": list(rate.interval),
     }
+
+
+def job_document(record: JobRecord) -> JsonObject:
+    """A `JobOut`."""
+    shown = ("id", "task", "changes", "status", "num_episodes", "num_extracted", "error")
+    times = {name: getattr(record, name) for name in ("created_at", "finished_at")}
+    iso = {name: None if value is None else value.isoformat() for name, value in times.items()}
+    return {name: getattr(record, name) for name in shown} | iso
 
 
 def _asked(question: Question, prompt: Prompt) -> JsonObject:

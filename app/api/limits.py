@@ -2,7 +2,10 @@
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from app.api.access_rules import LOGIN, LOGOUT
 from app.api.problems import Kind, problem
+
+MAX_LOGIN_BYTES = 10_000
 
 
 class _TooLargeError(Exception):
@@ -20,6 +23,8 @@ class BodyLimit:
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
+        # Anybody may log in: nobody needs a large body for that.
+        max_bytes = MAX_LOGIN_BYTES if scope["path"].endswith((LOGIN, LOGOUT)) else self._max_bytes
         headers = dict(scope["headers"])
         declared = headers.get(b"content-length", b"0")
         received = 0
@@ -29,7 +34,7 @@ class BodyLimit:
             nonlocal received
             message = await receive()
             received += len(message.get("body", b""))
-            if received > self._max_bytes:
+            if received > max_bytes:
                 raise _TooLargeError
             return message
 
@@ -39,11 +44,11 @@ class BodyLimit:
             await send(message)
 
         try:
-            if int(declared) > self._max_bytes:
+            if int(declared) > max_bytes:
                 raise _TooLargeError
             await self._app(scope, limited_receive, watched_send)
         except _TooLargeError:
             if started:
                 raise
             kind = Kind(413, "too-large", "The request is too large")
-            await problem(kind, f"a request may have at most {self._max_bytes} bytes")(scope, receive, send)
+            await problem(kind, f"a request may have at most {max_bytes} bytes")(scope, receive, send)

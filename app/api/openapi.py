@@ -37,11 +37,14 @@ _REFUSALS: dict[str, Any] = {
 }
 
 
-def body_of(json_model: type[BaseModel], metadata_model: type[BaseModel], *files: str) -> dict[str, Any]:
+def body_of(
+    json_model: type[BaseModel], metadata_model: type[BaseModel], *files: str, packed: bool = False
+) -> dict[str, Any]:
     """`openapi_extra` for a body that is one JSON document, or multipart with a part `metadata`.
 
     Args:
         files: names of further required parts.
+        packed: MessagePack is read, too.
     """
     images = {f"{kind}_NAME": _BINARY for kind in ("rgb", "depth", "mask")}
     multipart = {
@@ -49,10 +52,12 @@ def body_of(json_model: type[BaseModel], metadata_model: type[BaseModel], *files
         "required": ["metadata", *files],
         "properties": {"metadata": _reference(metadata_model), **dict.fromkeys(files, _BINARY), **images},
     }
-    content = {
+    content: dict[str, dict[str, Any]] = {
         "application/json": {"schema": _reference(json_model)},
         "multipart/form-data": {"schema": multipart, "encoding": {"metadata": {"contentType": "application/json"}}},
     }
+    if packed:
+        content["application/msgpack"] = {"schema": _reference(json_model)}
     return {"requestBody": {"required": True, "content": content}}
 
 

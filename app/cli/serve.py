@@ -26,13 +26,24 @@ def serve(
     """
     import uvicorn
 
+    from app.api.bounded_head import BoundedHeadProtocol
     from app.bootstrap import build_app
     from app.settings import Settings
 
     given = {"data": data, "host": host, "auth": "off" if no_auth else None}
     settings = Settings().model_copy(update={name: value for name, value in given.items() if value is not None})
     application = build_app(settings) if workers == 1 else _for_workers(settings)
-    uvicorn.run(application, host=host, port=port, workers=workers, log_level="info", timeout_graceful_shutdown=GRACE_S)
+    uvicorn.run(
+        application,
+        host=host,
+        port=port,
+        workers=workers,
+        http=BoundedHeadProtocol,
+        ws="none",
+        server_header=False,
+        log_level="info",
+        timeout_graceful_shutdown=GRACE_S,
+    )
 
 
 def _for_workers(settings: "Settings") -> str:

@@ -11,7 +11,7 @@ from uuid import uuid4
 import httpx
 from httpx_sse import SSEError, connect_sse
 
-from app.client.encoding import Part, request_parts
+from app.client.encoding import Part, packed_request, request_parts
 from app.client.errors import ServiceProblemError, ServiceUnreachableError
 from app.client.robot import Observation
 from app.pipeline.episode import EndEffectorAction, Trajectory
@@ -46,14 +46,22 @@ class RoboPromptClient:
         url: where the service listens.
         connection: an httpx client to use instead of an own one.
         api_key: where the service requires one; None: the environment's ROBOPROMPT_API_KEY.
+        compress: send images as JPEG and PNG, for a slow network; otherwise as they are, which saves both sides the
+            time to encode and decode them.
     """
 
     def __init__(
-        self, url: str = DEFAULT_URL, connection: httpx.Client | None = None, *, api_key: str | None = None
+        self,
+        url: str = DEFAULT_URL,
+        connection: httpx.Client | None = None,
+        *,
+        api_key: str | None = None,
+        compress: bool = True,
     ) -> None:
         key = os.environ.get(KEY_VARIABLE, "") if api_key is None else api_key
         headers = {"Authorization": f"Bearer {key}"} if key else {}
         self._http = connection or httpx.Client(base_url=url, timeout=60, headers=headers)
+        self._compress = compress
 
     def __enter__(self) -> Self:
         return self
@@ -148,7 +156,7 @@ class RoboPromptClient:
             UnsafeActionError: if what it answers is no action: a number that is not finite, no unit quaternion ...
         """
         wish = {"timeout_s": timeout_s, **options}
-        body = _question(task, instruction, observation, mask_ids, wish)
+        body = self._question(task, instruction, observation, mask_ids, wish)
         return _predicted(self._send("POST", "/predict", timeout=timeout_s + MARGIN_S, **body))
 
     def stream(
@@ -167,7 +175,7 @@ class RoboPromptClient:
             as `predict`; also after actions were given, if the rest of the reply goes wrong or does not come.
         """
         wish = {"timeout_s": timeout_s, **options}
-        body = _question(task, instruction, observation, mask_ids, wish)
+        body = self._question(task, instruction, observation, mask_ids, wish)
         with (
             self._transport_errors("POST", "/predict"),
             connect_sse(self._http, "POST", "/predict", timeout=timeout_s + MARGIN_S, **body) as source,
@@ -215,6 +223,25 @@ class RoboPromptClient:
         """Any file that the service offers, e.g. ``get_bytes(f"/episodes/{id}/trajectory")``."""
         return self._request("GET", path, params=parameters).content
 
+    def _question(
+        self,
+        task: str,
+        instruction: str,
+        observation: Observation,
+        mask_ids: Mapping[str, Sequence[int]] | None,
+        wish: Mapping[str, Any],
+    ) -> dict[str, Any]:
+        """The body of a prediction, as arguments of httpx."""
+        document = {"task": task, "instruction": instruction, **_scene(observation, mask_ids), **wish}
+        if (pose := observation.end_effector) is not None:
+            document["end_effector"] = {"position": pose.position_m, "quaternion_xyzw": pose.quaternion_xyzw}
+        if not observation.frames:
+            return {"json": document}
+        if self._compress:
+            return {"files": request_parts(document, observation.frames)}
+        packed = packed_request(document, observation.frames)
+        return {"content": packed, "headers": {"Content-Type": "application/msgpack"}}
+
     def _send(self, method: str, path: str, **arguments: Any) -> dict[str, Any]:  # noqa: ANN401
         document: dict[str, Any] = self._request(method, path, **arguments).json()
         return document
@@ -233,20 +260,6 @@ class RoboPromptClient:
         except (httpx.TransportError, SSEError) as error:
             where = f"{self._http.base_url}{path.lstrip('/')}"
             raise ServiceUnreachableError(f"{method} {where}: {error or type(error).__name__}") from error
-
-
-def _question(
-    task: str,
-    instruction: str,
-    observation: Observation,
-    mask_ids: Mapping[str, Sequence[int]] | None,
-    wish: Mapping[str, Any],
-) -> dict[str, Any]:
-    """The body of a prediction, as arguments of httpx."""
-    document = {"task": task, "instruction": instruction, **_scene(observation, mask_ids), **wish}
-    if (pose := observation.end_effector) is not None:
-        document["end_effector"] = {"position": pose.position_m, "quaternion_xyzw": pose.quaternion_xyzw}
-    return {"files": request_parts(document, observation.frames)} if observation.frames else {"json": document}
 
 
 def _predicted(answer: Mapping[str, Any]) -> PredictedActions:

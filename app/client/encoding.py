@@ -5,9 +5,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import cv2
+import msgpack
 import numpy as np
 
 from app.pipeline.episode import RgbdFrame
+from app.pipeline.packed_array import packed_array
 
 Part = tuple[str, bytes, str]
 JPEG_QUALITY = 95
@@ -20,6 +22,16 @@ def request_parts(metadata: Mapping[str, Any], frames: Sequence[RgbdFrame]) -> d
     for frame in frames:
         parts.update(_image_parts(frame))
     return parts
+
+
+def packed_request(document: Mapping[str, Any], frames: Sequence[RgbdFrame]) -> bytes:
+    """The same as one MessagePack document: images are not compressed, which costs neither side time."""
+    arrays: dict[str, Any] = {}
+    for frame in frames:
+        images = (("rgb", frame.rgb), ("depth", frame.depth_m), ("mask", frame.mask))
+        arrays |= {f"{kind}_{frame.camera.name}": packed_array(image) for kind, image in images if image is not None}
+    packed: bytes = msgpack.packb({**document, **arrays})
+    return packed
 
 
 def _image_parts(frame: RgbdFrame) -> dict[str, Part]:

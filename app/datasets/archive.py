@@ -7,6 +7,7 @@ names of their parts), and `manifest.json` with the SHA-256 of each. The same ta
 import hashlib
 import json
 import zipfile
+import zlib
 from collections.abc import Iterable, Mapping
 from functools import partial
 from pathlib import Path
@@ -58,30 +59,30 @@ def open_archive(path: Path, options: ImportOptions) -> Dataset:
     Raises:
         DatasetError: if it is no such archive, or the settings are damaged.
     """
-    manifest = _manifest(path)
+    try:
+        archive = zipfile.ZipFile(path)  # stays open while the dataset is read, from several threads
+        manifest = _manifest(archive)
+    except (OSError, zipfile.BadZipFile, KeyError, TypeError, ValueError) as error:
+        raise DatasetError(f"{path}: is no archive of a task: {error}") from error
     task, digests = options.task or manifest["task"], manifest["files"]
-    settings = json.loads(_read(path, TASK, digests))
+    settings = json.loads(_read(archive, TASK, digests))
     folders: dict[str, list[str]] = {}
     for name in digests:
         if name.startswith("episodes/"):
             folders.setdefault(name.rpartition("/")[0], []).append(name)
-    entries = (Entry(name, partial(_parcel, path, folders[name], digests, options)) for name in sorted(folders))
+    entries = (Entry(name, partial(_parcel, archive, folders[name], digests, options)) for name in sorted(folders))
     return Dataset("RoboPrompt archive", tuple(entries), {task: settings})
 
 
-def _manifest(path: Path) -> dict[str, Any]:
-    try:
-        with zipfile.ZipFile(path) as archive:
-            manifest = json.loads(archive.read(MANIFEST))
-        if (manifest["format"], manifest["version"]) != (FORMAT, VERSION):
-            raise ValueError(f"is {manifest['format']} {manifest['version']}, expected {FORMAT} {VERSION}")
-        return {"task": str(manifest["task"]), "files": dict(manifest["files"])}
-    except (OSError, zipfile.BadZipFile, KeyError, TypeError, ValueError) as error:
-        raise DatasetError(f"{path}: is no archive of a task: {error}") from error
+def _manifest(archive: zipfile.ZipFile) -> dict[str, Any]:
+    manifest = json.loads(archive.read(MANIFEST))
+    if (manifest["format"], manifest["version"]) != (FORMAT, VERSION):
+        raise ValueError(f"is {manifest['format']} {manifest['version']}, expected {FORMAT} {VERSION}")
+    return {"task": str(manifest["task"]), "files": dict(manifest["files"])}
 
 
-def _parcel(path: Path, names: list[str], digests: Mapping[str, str], options: ImportOptions) -> Parcel:
-    files = {name.rpartition("/")[2]: _read(path, name, digests) for name in names}
+def _parcel(archive: zipfile.ZipFile, names: list[str], digests: Mapping[str, str], options: ImportOptions) -> Parcel:
+    files = {name.rpartition("/")[2]: _read(archive, name, digests) for name in names}
     try:
         metadata = json.loads(files.pop(METADATA))
         parts = {"trajectory": files.pop(TRAJECTORY), **files}
@@ -92,12 +93,12 @@ def _parcel(path: Path, names: list[str], digests: Mapping[str, str], options: I
     return Parcel(metadata, parts)
 
 
-def _read(path: Path, name: str, digests: Mapping[str, str]) -> bytes:
+def _read(archive: zipfile.ZipFile, name: str, digests: Mapping[str, str]) -> bytes:
+    where = f"{archive.filename}: {name}"
     try:
-        with zipfile.ZipFile(path) as archive:
-            data = archive.read(name)
-    except (OSError, zipfile.BadZipFile, KeyError, EOFError, RuntimeError) as error:
-        raise DamagedError(f"{path}: {name}", error) from error
+        data = archive.read(name)
+    except (OSError, zipfile.BadZipFile, zlib.error, KeyError, EOFError, RuntimeError) as error:
+        raise DamagedError(where, error) from error
     if hashlib.sha256(data).hexdigest() != digests.get(name):
-        raise DamagedError(f"{path}: {name}", "does not match its SHA-256 in the manifest")
+        raise DamagedError(where, "does not match its SHA-256 in the manifest")
     return data

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from app.datasets.objects import KnownObjects
-from app.pipeline.episode import NAME_PATTERN
+from app.pipeline.wording import NAME_PATTERN
 
 
 @dataclass(frozen=True)

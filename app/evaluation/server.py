@@ -15,6 +15,8 @@ import httpx
 from app.client.client import RoboPromptClient
 from app.evaluation.errors import ServerStartError
 
+# Whoever requires keys of a service, for which the environment is meant, does not require them of this one.
+WITHOUT_KEYS = {"ROBOPROMPT_AUTH": "auto"}
 START_TIMEOUT_S = 60.0
 STOP_TIMEOUT_S = 15.0
 POLL_S = 0.05
@@ -43,7 +45,7 @@ def running_server(
             stdin=subprocess.PIPE,
             stdout=log,
             stderr=subprocess.STDOUT,
-            env={**os.environ, **(environment or {})},
+            env={**os.environ, **WITHOUT_KEYS, **(environment or {})},
             start_new_session=True,  # Ctrl-C is for this process to handle
         )
         try:

@@ -7,7 +7,7 @@ another scene as far as they are relative to the right objects.
 import numpy as np
 
 from app.llm.base import Completion, CompletionRequest, ModelProfile, ModelResponseError
-from app.llm.prompt_text import Pair, Pattern, alike, demonstrations_in
+from app.llm.prompt_text import Pair, alike, taken_apart
 from app.llm.streaming import Pieces, spoken, whole, within_deadline
 
 PROFILE = ModelProfile(
@@ -48,9 +48,9 @@ def copied_reply(prefix: str, query: str) -> str:
     Raises:
         ModelResponseError: if `prefix` is not a row of demonstrations, or none is like the query.
     """
-    observation = Pattern.parse(query)
+    shown, observation = taken_apart(prefix, query)
     place = np.array(observation.integers, dtype=np.float64)
-    pairs = alike(demonstrations_in(prefix), observation, at_least=1)
+    pairs = alike(shown, observation, at_least=1)
     if not pairs:
         raise ModelResponseError("nearest found no demonstration with as many numbers as the query")
 

@@ -43,16 +43,25 @@ class Pattern:
 Pair = tuple[Pattern, Pattern]  # observation, actions
 
 
-def demonstrations_in(prefix: str) -> list[Pair]:
-    """The demonstrations of a prompt.
+def taken_apart(prefix: str, query: str) -> tuple[list[Pair], Pattern]:
+    """The demonstrations of a prompt, and the observation to find actions for.
+
+    Steps of a closed loop and clauses that were answered already stand before it in `query`; they count as
+    demonstrations.
 
     Raises:
-        ModelResponseError: if the text is not a row of them.
+        ModelResponseError: if the text is not a row of demonstrations.
     """
-    matches = list(_DEMONSTRATION.finditer(prefix))
-    if "".join(match.group() for match in matches) != prefix:
+    text = prefix + query
+    pairs, end = [], 0
+    for match in _DEMONSTRATION.finditer(text):
+        if match.start() != end:
+            break
+        pairs.append((Pattern.parse(match[1]), Pattern.parse(match[2])))
+        end = match.end()
+    if end < len(prefix) or ">" in text[end:-1]:
         raise ModelResponseError("the prompt cannot be taken apart into demonstrations 'observation>actions'")
-    return [(Pattern.parse(match[1]), Pattern.parse(match[2])) for match in matches]
+    return pairs, Pattern.parse(text[end:])
 
 
 def alike(pairs: Sequence[Pair], observation: Pattern, at_least: int) -> list[Pair]:

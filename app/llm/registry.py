@@ -75,8 +75,10 @@ class ModelRegistry:
             offered[profile.name] = OfferedModel(profile, available=True)
         return list(offered.values())
 
-    async def warm_up(self, name: str = "") -> None:
+    async def warm_up(self, name: str = "") -> bool:
         """Start an embedded model before the first request needs it; other models have nothing to start.
+
+        Returns whether it is one.
 
         Raises:
             UnknownModelError, ModelUnavailableError.
@@ -84,6 +86,7 @@ class ModelRegistry:
         model = self._get(name).bare
         if isinstance(model, EmbeddedModel):
             await model.warm_up()
+        return isinstance(model, EmbeddedModel)
 
     async def aclose(self) -> None:
         """Close every model that was made."""

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from app.llm.base import Completion, CompletionRequest, ModelProfile, ModelResponseError
-from app.llm.prompt_text import Pair, Pattern, alike, demonstrations_in
+from app.llm.prompt_text import Pair, Pattern, alike, taken_apart
 from app.llm.streaming import Pieces, spoken, whole, within_deadline
 
 PROFILE = ModelProfile(
@@ -59,8 +59,8 @@ def regressed_reply(prefix: str, query: str) -> str:
     Raises:
         ModelResponseError: if `prefix` is not a row of demonstrations, or has too few that are like the query.
     """
-    observation = Pattern.parse(query)
-    pairs = _of_one_form(demonstrations_in(prefix), observation)
+    shown, observation = taken_apart(prefix, query)
+    pairs = _of_one_form(shown, observation)
     inputs = np.array([seen.integers for seen, _ in pairs], dtype=np.float64)
     written = [actions.integers for _, actions in pairs]
     outputs = np.array(written, dtype=np.float64)

@@ -6,8 +6,9 @@ from typing import Any, Protocol, Self
 
 from app.perception.models import model_from_json
 from app.perception.object_model import ObjectModel
-from app.pipeline.episode import ObjectPose, RgbdFrame, checked_name
+from app.pipeline.episode import ObjectPose, RgbdFrame
 from app.pipeline.errors import InvalidInputError
+from app.pipeline.wording import checked_name
 
 
 @dataclass(frozen=True)

@@ -55,8 +55,8 @@ def decode_depth(field: str, data: bytes, depth_scale: float, max_pixels: int = 
         array = _load_npy(field, data, "depth", max_pixels)
         if array.ndim != 2 or array.dtype.kind != "f":
             raise InvalidInputError(field, f"is an array {array.shape} {array.dtype}", _VALID["depth"])
-        depth_m = array.astype(np.float32)
-        if (np.nan_to_num(depth_m) < 0).any():
+        depth_m = array.astype(np.float32, copy=False)
+        if (depth_m < 0).any():
             raise InvalidInputError(field, f"has a depth of {float(np.nanmin(depth_m)):g} m", "0 (unknown) or positive")
         return np.where(np.isfinite(depth_m), depth_m, np.float32(0))
     image = _decode(field, data, cv2.IMREAD_UNCHANGED, "depth", max_pixels)

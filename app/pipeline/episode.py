@@ -4,7 +4,6 @@ Every value is checked when it is constructed. Frames: `camera_to_world` takes O
 down, z forward) to the world frame; positions are in metres in the world frame; quaternions are xyzw.
 """
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -13,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from app.pipeline.errors import InvalidInputError
+from app.pipeline.wording import checked_instruction, checked_name
 
 Array = npt.NDArray[np.float64]
 
@@ -21,18 +21,6 @@ QUATERNION_NORM_TOLERANCE = 1e-3
 UNIT_NORM_ROUNDING = 1e-15
 ROTATION_MATRIX_TOLERANCE = 1e-3
 OPTICAL_CENTRE_TOLERANCE = 0.25  # of the image's size: no lens is that far off-centre, other image sizes are
-# Names and instructions become part of the prompt: the characters that give the prompt its structure stay out of them.
-NAME_PATTERN = re.compile(r"[A-Za-z0-9](?:[A-Za-z0-9 _.\-]{0,62}[A-Za-z0-9])?")
-MAX_NAME_CHARS = 64  # as the pattern and the store have it
-MAX_INSTRUCTION_CHARS = 500
-NAME_RULE = "1 to 64 letters, digits, spaces, '_', '-' or '.', beginning and ending with a letter or digit"
-# Besides: control characters, line separators, surrogates, and what is invisible or turns the direction of writing, in
-# which a reader would not see what the LLM reads. The joiners U+200C and U+200D belong to the spelling of languages.
-INSTRUCTION_FORBIDDEN = re.compile(
-    r"[\x00-\x1f\x7f-\x9f{}\[\]<>;\u00ad\u061c\u180e\u200b\u200e\u200f\u2028-\u202e\u2060-\u206f\ud800-\udfff"
-    r"\ufeff\ufff9-\uffff\U000e0000-\U000e0fff]"
-)
-INSTRUCTION_RULE = "1 to 500 visible characters on one line, without { } [ ] < > ;"
 
 
 def finite_array(name: str, value: npt.ArrayLike, shape: tuple[int | None, ...]) -> Array:
@@ -71,21 +59,6 @@ def unit_quaternions(name: str, value: npt.ArrayLike, shape: tuple[int | None, .
     unit: Array = np.where(deviations <= UNIT_NORM_ROUNDING, quaternions, quaternions / norms)
     unit.flags.writeable = False
     return unit
-
-
-def checked_name(name: str, value: str) -> str:
-    """`value` if it may stand in a prompt as an object's, camera's or task's name."""
-    if not NAME_PATTERN.fullmatch(value):
-        raise InvalidInputError(name, f"{value[:80]!r} is not a valid name", NAME_RULE)
-    return value
-
-
-def checked_instruction(name: str, value: str) -> str:
-    """`value` stripped, if it may stand in a prompt as an instruction."""
-    text = value.strip()
-    if not 1 <= len(text) <= MAX_INSTRUCTION_CHARS or INSTRUCTION_FORBIDDEN.search(text):
-        raise InvalidInputError(name, f"{text[:80]!r} is not a valid instruction", INSTRUCTION_RULE)
-    return text
 
 
 def _settle(instance: object, **checked: object) -> None:

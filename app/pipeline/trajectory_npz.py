@@ -1,6 +1,8 @@
 """Trajectory <-> the .npz file that robots upload, and its JSON twin: named arrays, never a pickle."""
 
 import io
+import lzma
+import struct
 import zipfile
 import zlib
 from collections.abc import Mapping
@@ -31,15 +33,35 @@ def trajectory_from_npz(
         raise InvalidInputError("trajectory", "is empty", _VALID)
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            unpacked = sum(member.file_size for member in archive.infolist())
-            if unpacked > max_unpacked_bytes:
-                raise InvalidInputError("trajectory", f"unpacks to {unpacked} bytes", f"at most {max_unpacked_bytes}")
-            members = {name.removesuffix(".npy"): archive.read(name) for name in archive.namelist()}
-    except (zipfile.BadZipFile, zlib.error, EOFError, OSError, RuntimeError) as error:  # RuntimeError: encrypted
+            members = _unpack(archive, max_unpacked_bytes)
+    except InvalidInputError:
+        raise
+    except _UNREADABLE as error:
         raise InvalidInputError("trajectory", f"is not a readable .npz file: {error}", _VALID) from None
     numbers = "a plain array of numbers"
     arrays = {name: array_from_npy(f"trajectory.{name}", member, numbers) for name, member in members.items()}
     return trajectory_from_arrays(arrays, max_frames)
+
+
+# What zipfile raises for damaged archives; RuntimeError: encrypted, ValueError: offsets before the file's beginning.
+_UNREADABLE = (
+    zipfile.BadZipFile,
+    zlib.error,
+    lzma.LZMAError,
+    struct.error,
+    EOFError,
+    OSError,
+    RuntimeError,
+    ValueError,
+    OverflowError,
+)
+
+
+def _unpack(archive: zipfile.ZipFile, max_unpacked_bytes: int) -> dict[str, bytes]:
+    unpacked = sum(member.file_size for member in archive.infolist())
+    if unpacked > max_unpacked_bytes:
+        raise InvalidInputError("trajectory", f"unpacks to {unpacked} bytes", f"at most {max_unpacked_bytes}")
+    return {name.removesuffix(".npy"): archive.read(name) for name in archive.namelist()}
 
 
 def trajectory_from_arrays(arrays: Mapping[str, Any], max_frames: int = MAX_FRAMES) -> Trajectory:

@@ -15,8 +15,8 @@ from datetime import UTC, datetime
 
 import anyio.to_thread
 
-from app.pipeline.episode import checked_name
 from app.pipeline.errors import InvalidInputError
+from app.pipeline.wording import checked_name
 from app.store import api_keys
 from app.store.api_keys import ApiKeyRecord
 from app.store.store import Store
@@ -103,6 +103,12 @@ def create_key(store: Store, name: str, scopes: Sequence[str]) -> str:
     with store.write() as connection:
         api_keys.add(connection, record)
     return token
+
+
+def has_keys(store: Store) -> bool:
+    """Whether there is a valid key. Synchronous."""
+    with store.read() as connection:
+        return bool(api_keys.valid(connection))
 
 
 def digest_of(token: str) -> str:

@@ -3,26 +3,32 @@
 from collections.abc import Mapping
 from typing import Any
 
-from app.perception.base import ObjectQuery
-from app.pipeline.episode import checked_name
-from app.pipeline.errors import InvalidInputError
-from app.services.extraction import extract
+from sqlalchemy import Connection
+
+from app.pipeline.wording import checked_name
+from app.services.extraction import extract_again
 from app.services.pose_servers import PoseServers
-from app.services.stored_images import read_frame
 from app.services.task_settings import TaskSettings
-from app.store import episodes, tasks
+from app.store import episodes, jobs, tasks
 from app.store.errors import ConflictError, NotFoundError
-from app.store.records import EpisodeRecord, Extraction, TaskRecord
+from app.store.records import EpisodeRecord, Extraction, JobRecord, TaskRecord
 from app.store.store import Store
 from app.store.values import JsonObject
 
+MAX_AT_ONCE = 200  # some seconds
+
 
 class ConfigureTask:
-    """Creates tasks and changes their settings. Synchronous: call it in a thread."""
+    """Creates tasks and changes their settings. Synchronous: call it in a thread.
 
-    def __init__(self, store: Store, pose_servers: PoseServers) -> None:
+    Args:
+        max_at_once: episodes that a request extracts again itself; more become a job.
+    """
+
+    def __init__(self, store: Store, pose_servers: PoseServers, max_at_once: int = MAX_AT_ONCE) -> None:
         self._store = store
         self._pose_servers = pose_servers
+        self._max_at_once = max_at_once
 
     def __call__(self, name: str, changes: Mapping[str, Any]) -> TaskRecord:
         """Set the named settings and keep the others; a new task has the defaults.
@@ -31,24 +37,46 @@ class ConfigureTask:
             InvalidInputError: if a stored episode cannot be extracted with the new settings; nothing is changed.
             ConflictError: if the task changed meanwhile.
         """
+        before, old, new = self._planned(name, changes)
+        settings = new.model_dump(mode="json")
+        if before is None:
+            return self._create(name, settings)
+        extractions = [self._extract(record, new) for record in self._episodes(name)] if new.reads_unlike(old) else []
+        with self._store.write() as connection:
+            # An episode that came in since would keep what the old settings made of it.
+            tasks.require_version(connection, name, before.version)
+            if extractions:
+                _require_no_job(connection, name)
+                episodes.replace_extractions(connection, name, before.version, extractions)
+            return tasks.update_settings(connection, name, settings)
+
+    def at_once_or_as_job(self, name: str, changes: Mapping[str, Any]) -> TaskRecord | JobRecord:
+        """As the call; but if more than `max_at_once` episodes must be extracted again, a job that does it.
+
+        Raises:
+            as the call; also ConflictError: if the task has such a job already.
+        """
+        before, old, new = self._planned(name, changes)
+        if before is not None and new.reads_unlike(old):
+            with self._store.read() as connection:
+                number = episodes.number_of(connection, name)
+            if number > self._max_at_once:
+                with self._store.write() as connection:
+                    wanted = new.model_dump(mode="json")
+                    return jobs.add(connection, name, {key: wanted[key] for key in changes})
+        return self(name, changes)
+
+    def _planned(self, name: str, changes: Mapping[str, Any]) -> tuple[TaskRecord | None, TaskSettings, TaskSettings]:
+        """The task as it is, and its settings as they are and as they will be."""
         checked_name("task", name)
         before = self._get(name)
         old = TaskSettings() if before is None else TaskSettings.model_validate(before.settings)
         new = TaskSettings.model_validate({**old.model_dump(), **changes})
         new.workspace.workspace()
         self._pose_servers.check(new.object_models)
-        settings = new.model_dump(mode="json")
-        if before is None:
-            return self._create(name, settings)
-        if before.object_names is not None:
+        if before is not None and before.object_names is not None:
             new.check_models(before.object_names)
-        extractions = [self._extract(record, new) for record in self._episodes(name)] if new.reads_unlike(old) else []
-        with self._store.write() as connection:
-            # An episode that came in since would keep what the old settings made of it.
-            tasks.require_version(connection, name, before.version)
-            if extractions:
-                episodes.replace_extractions(connection, name, before.version, extractions)
-            return tasks.update_settings(connection, name, settings)
+        return before, old, new
 
     def _create(self, name: str, settings: JsonObject) -> TaskRecord:
         with self._store.write() as connection:
@@ -69,13 +97,9 @@ class ConfigureTask:
             return episodes.all_of(connection, task)
 
     def _extract(self, record: EpisodeRecord, settings: TaskSettings) -> Extraction:
-        with self._store.read() as connection:
-            trajectory = episodes.get_trajectory(connection, record.id)
-        try:
-            names = [item.name for item in record.objects]
-            queries = tuple(map(ObjectQuery.from_json, record.given_objects))
-            frames = [read_frame(self._store.blobs, item) for item in record.cameras]
-            extracted = extract(trajectory, queries, frames, settings, names)
-        except InvalidInputError as error:
-            raise InvalidInputError(f"episode {record.id}: {error.field}", error.message, error.valid) from error
-        return Extraction(record.id, extracted.keyframes, extracted.objects)
+        return extract_again(self._store, record, settings)
+
+
+def _require_no_job(connection: Connection, name: str) -> None:
+    if jobs.has_open(connection, name):
+        raise ConflictError(f"a job extracts the episodes of {name!r} again: wait for its end, see GET /jobs")

@@ -4,16 +4,20 @@ from dataclasses import dataclass
 
 import anyio.to_thread
 
+from app.llm.base import ModelProfile
 from app.llm.registry import ModelRegistry
 from app.services.api_keys import KeyRing
-from app.services.configure_task import ConfigureTask
+from app.services.configure_task import MAX_AT_ONCE, ConfigureTask
 from app.services.draw_overlay import DrawOverlay
 from app.services.learn_object_models import LearnObjectModels
 from app.services.limits import Limits
 from app.services.metrics import Metrics
 from app.services.pose_servers import PoseServers
 from app.services.predict_actions import PredictActions
+from app.services.prefix_warmer import PrefixWarmer
+from app.services.question import QuestionWriter
 from app.services.repeated_predictions import RepeatedPredictions
+from app.services.run_jobs import RunJobs
 from app.services.upload_episode import UploadEpisode
 from app.store.store import Store
 
@@ -30,10 +34,12 @@ class Services:
     learn_object_models: LearnObjectModels
     draw_overlay: DrawOverlay
     predict_actions: PredictActions
+    prefix_warmer: PrefixWarmer
     metrics: Metrics
     keys: KeyRing
     repeated_predictions: RepeatedPredictions
     limits: Limits
+    run_jobs: RunJobs
 
     @classmethod
     def wire(
@@ -43,12 +49,28 @@ class Services:
         default_model: str,
         limits: Limits | None = None,
         pose_servers: PoseServers | None = None,
+        *,
+        extract_at_once: int = MAX_AT_ONCE,
+        num_warm_tasks: int = 0,
     ) -> "Services":
-        """The use cases over a store and models; limits and pose servers left out are the defaults."""
+        """The use cases over a store and models; limits and pose servers left out are the defaults.
+
+        Args:
+            extract_at_once: how many episodes a change of settings extracts again within the request.
+            num_warm_tasks: how many tasks' prefixes the prefix warmer, where it runs, sends at start-up.
+        """
         limits, pose_servers = limits or Limits(), pose_servers or PoseServers()
+
+        def profile_of(name: str | None) -> ModelProfile:
+            if name is not None and name != default_model:
+                limits.check_model(name)
+            return models.get(name or default_model).profile
+
         metrics = Metrics()
-        predict = PredictActions(store, models, default_model, metrics, limits, pose_servers)
-        configure = ConfigureTask(store, pose_servers)
+        write_question = QuestionWriter(store, profile_of, limits, pose_servers)
+        warmer = PrefixWarmer(store, models, write_question, num_warm_tasks)
+        predict = PredictActions(store, models, write_question, warmer, metrics)
+        configure = ConfigureTask(store, pose_servers, extract_at_once)
         return cls(
             store=store,
             models=models,
@@ -58,10 +80,12 @@ class Services:
             learn_object_models=LearnObjectModels(store, configure),
             draw_overlay=DrawOverlay(store),
             predict_actions=predict,
+            prefix_warmer=warmer,
             metrics=metrics,
             keys=KeyRing(store),
             repeated_predictions=RepeatedPredictions(store),
             limits=limits,
+            run_jobs=RunJobs(store),
         )
 
     async def aclose(self) -> None:

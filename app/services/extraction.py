@@ -8,7 +8,11 @@ from app.perception.registry import estimate_poses
 from app.pipeline.episode import ObjectPose, RgbdFrame, Trajectory
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.keyframes import find_keyframes
+from app.services.stored_images import read_frame
 from app.services.task_settings import TaskSettings
+from app.store import episodes
+from app.store.records import EpisodeRecord, Extraction
+from app.store.store import Store
 from app.store.values import KeyframeRecord, ObjectRecord
 
 
@@ -51,3 +55,22 @@ def extract(
 
 def _ordered(poses: Sequence[ObjectPose], names: Sequence[str]) -> tuple[ObjectPose, ...]:
     return tuple(sorted(poses, key=lambda pose: names.index(pose.name)))
+
+
+def extract_again(store: Store, record: EpisodeRecord, settings: TaskSettings) -> Extraction:
+    """A stored episode's keyframes and poses as `settings` want them.
+
+    Raises:
+        InvalidInputError: naming the episode and why it cannot be extracted so.
+        CorruptDataError: if what is stored of it is damaged.
+    """
+    with store.read() as connection:
+        trajectory = episodes.get_trajectory(connection, record.id)
+    try:
+        names = [item.name for item in record.objects]
+        queries = tuple(map(ObjectQuery.from_json, record.given_objects))
+        frames = [read_frame(store.blobs, item) for item in record.cameras]
+        extracted = extract(trajectory, queries, frames, settings, names)
+    except InvalidInputError as error:
+        raise InvalidInputError(f"episode {record.id}: {error.field}", error.message, error.valid) from error
+    return Extraction(record.id, extracted.keyframes, extracted.objects)

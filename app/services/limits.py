@@ -2,11 +2,12 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
 
 from app.perception.images import MAX_PIXELS
-from app.pipeline.episode import MAX_INSTRUCTION_CHARS, MAX_NAME_CHARS
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.trajectory_npz import MAX_FRAMES, MAX_UNPACKED_BYTES
+from app.pipeline.wording import MAX_INSTRUCTION_CHARS, MAX_NAME_CHARS
 
 
 @dataclass(frozen=True)
@@ -18,6 +19,7 @@ class Limits:
         max_frames: of a trajectory.
         max_prompt_chars: system prompt and demonstrations together.
         max_page_size: items of a list.
+        allowed_models: patterns of models' names that requests may use besides the default; none: any.
         model_files: whether requests may name an embedded model by the path of its file.
     """
 
@@ -30,6 +32,7 @@ class Limits:
     max_instruction_chars: int = MAX_INSTRUCTION_CHARS
     max_prompt_chars: int = 400_000
     max_page_size: int = 200
+    allowed_models: tuple[str, ...] = ()
     model_files: bool = True
 
     def check_scene(self, task: str, instruction: str, objects: Sequence[str], cameras: Sequence[str]) -> None:
@@ -62,7 +65,9 @@ class Limits:
         _check("limit", limit, self.max_page_size, "items")
 
     def check_model(self, name: str) -> None:
-        """Refuse to open whatever file of this machine a request names."""
+        """Refuse models that the operator does not want to be used, and files of this machine."""
+        if self.allowed_models and not any(fnmatchcase(name, pattern) for pattern in self.allowed_models):
+            raise InvalidInputError("model", f"is {name!r}, which is not offered here", ", ".join(self.allowed_models))
         model = name.partition("embedded/")[2]
         if not self.model_files and ("/" in model or model.endswith(".gguf")):
             raise InvalidInputError("model", f"is {name!r}, a file of the service's machine", "a name from GET /models")

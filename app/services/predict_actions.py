@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, replace
 
 import anyio.to_thread
 
-from app.llm.base import Completion, LanguageModelError, ModelProfile, TextDelta
+from app.llm.base import Completion, LanguageModelError, TextDelta
 from app.llm.registry import ModelRegistry
 from app.pipeline.episode import EndEffectorAction
 from app.pipeline.errors import ReplyParseError, UnsafeActionError
@@ -16,9 +16,8 @@ from app.pipeline.prompt import Prompt
 from app.pipeline.workspace import DiscreteAction, discretize_actions
 from app.services.dialogue import Dialogue
 from app.services.errors import UnparsableReplyError, UnsafeReplyError
-from app.services.limits import Limits
 from app.services.metrics import Metrics
-from app.services.pose_servers import PoseServers
+from app.services.prefix_warmer import PrefixWarmer
 from app.services.question import PredictRequest, Question, QuestionWriter
 from app.services.sampled_dialogue import SampledDialogue
 from app.services.stored_images import put_images
@@ -73,22 +72,15 @@ class PredictActions:
         self,
         store: Store,
         models: ModelRegistry,
-        default_model: str,
+        write_question: QuestionWriter,
+        warmer: PrefixWarmer,
         metrics: Metrics,
-        limits: Limits,
-        pose_servers: PoseServers,
     ) -> None:
         self._store = store
         self._models = models
+        self._write_question = write_question
+        self._warmer = warmer
         self._metrics = metrics
-        self._default_model = default_model
-        self._limits = limits
-        self._write_question = QuestionWriter(store, self._profile, limits, pose_servers)
-
-    def _profile(self, name: str | None) -> ModelProfile:
-        if name is not None and name != self._default_model:
-            self._limits.check_model(name)
-        return self._models.get(name or self._default_model).profile
 
     async def prepare(self, request: PredictRequest, timings_ms: dict[str, float]) -> Question:
         """The question as it would be put to the LLM, which is not called.
@@ -134,21 +126,22 @@ class PredictActions:
         limits = question.settings.limits_of_motion()
         guard = MotionGuard(limits, question.request.max_actions, question.end_effector)
         try:
-            async with (
-                watched(self._store.under_way, question),
-                aclosing(dialogue.actions(piecewise=piecewise)) as arriving,
-            ):
-                async for arrived in arriving:
-                    if isinstance(arrived, TextDelta):
-                        yield arrived
-                        continue
-                    for action in arrived:
-                        guard.check(action)
-                    timings_ms.setdefault("first_action", (time.perf_counter() - started_s) * 1000)
-                    new = list(map(PredictedAction, arrived, discretize_actions(arrived, workspace)))
-                    actions += new
-                    for item in new:
-                        yield item
+            with self._warmer.giving_way():
+                async with (
+                    watched(self._store.under_way, question),
+                    aclosing(dialogue.actions(piecewise=piecewise)) as arriving,
+                ):
+                    async for arrived in arriving:
+                        if isinstance(arrived, TextDelta):
+                            yield arrived
+                            continue
+                        for action in arrived:
+                            guard.check(action)
+                        timings_ms.setdefault("first_action", (time.perf_counter() - started_s) * 1000)
+                        new = list(map(PredictedAction, arrived, discretize_actions(arrived, workspace)))
+                        actions += new
+                        for item in new:
+                            yield item
         except ReplyParseError as error:
             id_ = await self._record(question, "parse_error", timings_ms, dialogue, error=error.message)
             self._observe(question, "parse_error", timings_ms, dialogue)

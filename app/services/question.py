@@ -11,12 +11,13 @@ from app.llm.base import ModelProfile
 from app.perception.base import ObjectQuery
 from app.perception.frames import ImageBytes
 from app.perception.registry import estimate_poses
-from app.pipeline.episode import ObjectPose, RgbdFrame, checked_instruction
+from app.pipeline.episode import ObjectPose, RgbdFrame
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.motion_limits import Pose
 from app.pipeline.prompt import Prompt, PromptTemplate, check_object_names, objects_of_task
 from app.pipeline.reply import MAX_ACTIONS
 from app.pipeline.representation import KAT_FORMAT
+from app.pipeline.wording import checked_instruction
 from app.services.cache import Cache
 from app.services.errors import NoDemonstrationsError
 from app.services.limits import Limits
@@ -199,6 +200,20 @@ class QuestionWriter:
             end_effector=request.end_effector or (None if previous is None else previous.end_effector),
         )
         return replace(question, samples=_samples(question, templates)) if request.num_samples > 1 else question
+
+    def usual_template(self, task_name: str) -> Template:
+        """The template of a request that names nothing but the task.
+
+        Raises:
+            as for such a request.
+        """
+        request = PredictRequest(task_name, "", ())
+        with self._store.read() as connection:
+            task = tasks.get(connection, task_name)
+            settings = TaskSettings.model_validate(task.settings)
+            style = _style(request, settings, self._profile_of(None))
+            ids = self._demonstration_ids(connection, request, task, settings, ())
+            return self._template(connection, task, settings, style, ids)
 
     def _look(self, request: PredictRequest, timings_ms: Timings) -> "_Seen":
         """What the images show, found without a transaction open: a server may be asked."""

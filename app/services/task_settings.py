@@ -12,13 +12,14 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInf
 from app.perception.base import ObjectQuery
 from app.perception.models import model_from_json
 from app.perception.registry import pose_estimator
-from app.pipeline.episode import ObjectPose, checked_name
+from app.pipeline.episode import ObjectPose
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.geometry import canonical_pose
 from app.pipeline.keyframes import SIMULATION_DELTA_RAD_S, KeyframeRule, Rule
 from app.pipeline.motion_limits import Box, MotionLimits
 from app.pipeline.prompt import MAX_SYSTEM_PROMPT_CHARS
 from app.pipeline.representation import check_style
+from app.pipeline.wording import checked_name
 from app.pipeline.workspace import RLBENCH_MAX_M, RLBENCH_MIN_M, Workspace
 
 Point = tuple[float, float, float]

@@ -9,9 +9,10 @@ from sqlalchemy import Connection
 
 from app.perception.base import ObjectQuery
 from app.perception.frames import ImageBytes
-from app.pipeline.episode import Episode, checked_name
+from app.pipeline.episode import Episode
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.prompt import check_object_names
+from app.pipeline.wording import checked_name
 from app.services.extraction import Extracted, extract
 from app.services.pose_servers import PoseServers
 from app.services.stored_images import put_images

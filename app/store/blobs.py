@@ -95,9 +95,7 @@ class FileBlobStore:
             return sum(self._remove_if_older(path, limit) for path in leftovers)
 
     def _path(self, digest: str) -> Path:
-        if not _DIGEST.fullmatch(digest):
-            raise CorruptDataError("blob", digest, "not a SHA-256 in hexadecimal")
-        return self._root / digest[:2] / digest[2:4] / digest
+        return self._root / digest_path(digest)
 
     def _sync_entry(self, path: Path) -> None:
         """Make `path`'s name in its folder survive a power cut, and that folder's own up to the root."""
@@ -131,6 +129,17 @@ class FileBlobStore:
         with (self._root / ".lock").open("rb") as file:
             fcntl.flock(file, kind)
             yield
+
+
+def digest_path(digest: str) -> str:
+    """Where a blob lies below its root: in 65,536 folders, so that none grows large.
+
+    Raises:
+        CorruptDataError: if it is no digest.
+    """
+    if not _DIGEST.fullmatch(digest):
+        raise CorruptDataError("blob", digest, "not a SHA-256 in hexadecimal")
+    return f"{digest[:2]}/{digest[2:4]}/{digest}"
 
 
 def _write_durably(path: Path, data: bytes) -> None:

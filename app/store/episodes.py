@@ -16,7 +16,7 @@ from app.store.records import DemonstrationRecord, EpisodeDraft, EpisodeRecord, 
 from app.store.values import CameraRecord, KeyframeRecord, ObjectRecord
 
 _EPISODES = tables.episodes
-_WITHOUT_TRAJECTORY = [column for column in _EPISODES.c if column is not _EPISODES.c.trajectory]
+WITHOUT_TRAJECTORY = [column for column in _EPISODES.c if column is not _EPISODES.c.trajectory]
 _SCENES = (
     select(_EPISODES.c.id, _EPISODES.c.objects)
     .where(_EPISODES.c.task == bindparam("task"))
@@ -41,7 +41,7 @@ def add(connection: Connection, draft: EpisodeDraft) -> EpisodeRecord:
         "prediction_id": draft.prediction_id,
     }
     encoded = {
-        **_extraction_json(draft.keyframes, draft.objects),
+        **extraction_json(draft.keyframes, draft.objects),
         "cameras": [camera.to_json() for camera in draft.cameras],
         "given_objects": list(draft.given_objects),
         "trajectory": trajectories.pack(draft.trajectory),
@@ -66,10 +66,10 @@ def get(connection: Connection, episode_id: str) -> EpisodeRecord:
     Raises:
         NotFoundError: if there is none of that id.
     """
-    row = connection.execute(select(*_WITHOUT_TRAJECTORY).where(_EPISODES.c.id == episode_id)).first()
+    row = connection.execute(select(*WITHOUT_TRAJECTORY).where(_EPISODES.c.id == episode_id)).first()
     if row is None:
         raise NotFoundError("episode", episode_id)
-    return _record(row)
+    return record_of(row)
 
 
 def exist(connection: Connection, episode_id: str) -> bool:
@@ -98,20 +98,20 @@ def list_page(
     instruction_contains: str = "",
 ) -> Page[EpisodeRecord]:
     """Episodes, newest first, of one task or of all, whose instruction contains the text in any case."""
-    query = select(*_WITHOUT_TRAJECTORY)
+    query = select(*WITHOUT_TRAJECTORY)
     if task is not None:
         query = query.where(_EPISODES.c.task == task)
     if instruction_contains:
         query = query.where(_EPISODES.c.instruction.icontains(instruction_contains, autoescape=True))
     rows, next_cursor = fetch_page(connection, _EPISODES, query, limit, cursor)
-    return Page(tuple(_record(row) for row in rows), next_cursor)
+    return Page(tuple(record_of(row) for row in rows), next_cursor)
 
 
 def by_ids(connection: Connection, task: str, ids: Sequence[str]) -> dict[str, EpisodeRecord]:
     """Those of the episodes that the task still has, by id, in the order of `ids`."""
-    query = select(*_WITHOUT_TRAJECTORY).where(_EPISODES.c.id.in_(ids))
+    query = select(*WITHOUT_TRAJECTORY).where(_EPISODES.c.id.in_(ids))
     found = {row.id: row for row in connection.execute(query) if row.task == task}
-    return {id_: _record(found[id_]) for id_ in ids if id_ in found}
+    return {id_: record_of(found[id_]) for id_ in ids if id_ in found}
 
 
 def instructions(connection: Connection, task: str, limit: int = 50) -> tuple[str, ...]:
@@ -123,8 +123,8 @@ def instructions(connection: Connection, task: str, limit: int = 50) -> tuple[st
 def newest_by_task(connection: Connection) -> dict[str, EpisodeRecord]:
     """The newest episode of every task that has one."""
     newest = select(func.max(_EPISODES.c.sequence)).group_by(_EPISODES.c.task)
-    query = select(*_WITHOUT_TRAJECTORY).where(_EPISODES.c.sequence.in_(newest))
-    return {row.task: _record(row) for row in connection.execute(query)}
+    query = select(*WITHOUT_TRAJECTORY).where(_EPISODES.c.sequence.in_(newest))
+    return {row.task: record_of(row) for row in connection.execute(query)}
 
 
 def neighbours(connection: Connection, record: EpisodeRecord) -> tuple[str | None, str | None]:
@@ -137,8 +137,13 @@ def neighbours(connection: Connection, record: EpisodeRecord) -> tuple[str | Non
 
 def all_of(connection: Connection, task: str) -> tuple[EpisodeRecord, ...]:
     """Every episode of a task, oldest first."""
-    query = select(*_WITHOUT_TRAJECTORY).where(_EPISODES.c.task == task).order_by(_EPISODES.c.sequence)
-    return tuple(_record(row) for row in connection.execute(query))
+    query = select(*WITHOUT_TRAJECTORY).where(_EPISODES.c.task == task).order_by(_EPISODES.c.sequence)
+    return tuple(record_of(row) for row in connection.execute(query))
+
+
+def number_of(connection: Connection, task: str) -> int:
+    """How many episodes the task has."""
+    return connection.scalar(select(func.count()).select_from(_EPISODES).where(_EPISODES.c.task == task)) or 0
 
 
 def list_ids(connection: Connection, task: str, instruction: str | None = None) -> tuple[str, ...]:
@@ -230,7 +235,7 @@ def replace_extractions(
     tasks.require_version(connection, task, expected_version)
     query = update(_EPISODES).where(_EPISODES.c.id == bindparam("episode_id"), _EPISODES.c.task == task)
     parameters = [
-        {"episode_id": item.episode_id, **_extraction_json(item.keyframes, item.objects)} for item in extractions
+        {"episode_id": item.episode_id, **extraction_json(item.keyframes, item.objects)} for item in extractions
     ]
     if parameters:
         connection.execute(query, parameters)
@@ -246,9 +251,10 @@ def blob_digests(connection: Connection) -> set[str]:
     return digests
 
 
-def _extraction_json(
+def extraction_json(
     keyframes: Sequence[KeyframeRecord], objects: Sequence[ObjectRecord]
 ) -> dict[str, list[dict[str, Any]]]:
+    """The two columns as they are stored."""
     return {
         "keyframes": [keyframe.to_json() for keyframe in keyframes],
         "objects": [record.to_json() for record in objects],
@@ -266,7 +272,8 @@ def _demonstration(row: Row[Any]) -> DemonstrationRecord:
     return DemonstrationRecord(id=row.id, instruction=row.instruction, **_extraction(row))
 
 
-def _record(row: Row[Any]) -> EpisodeRecord:
+def record_of(row: Row[Any]) -> EpisodeRecord:
+    """The record of a row of `WITHOUT_TRAJECTORY`."""
     decoded = {
         **_extraction(row),
         "cameras": tuple(CameraRecord.from_json(value) for value in row.cameras),

@@ -8,6 +8,7 @@ from app.pipeline.episode import Demonstration, Trajectory
 from app.store.values import CameraRecord, JsonObject, KeyframeRecord, ObjectRecord
 
 PredictionStatus = Literal["ok", "parse_error", "unsafe_action", "model_error"]
+JobStatus = Literal["queued", "running", "done", "failed"]
 
 
 @dataclass(frozen=True)
@@ -181,3 +182,28 @@ class StoredResponse:
 
     status: int
     response: JsonObject
+
+
+@dataclass(frozen=True)
+class JobRecord:
+    """The re-extraction of a task's episodes with changed settings.
+
+    Attributes:
+        changes: of the task's settings; they hold when the job is done.
+        num_episodes: of the task when the job was last at work; `num_extracted` of them are extracted.
+        error: why it failed.
+        claim: of the process that works at it, until `claimed_until` unless it says otherwise.
+    """
+
+    sequence: int
+    id: str
+    task: str
+    changes: JsonObject
+    status: JobStatus
+    num_episodes: int
+    num_extracted: int
+    error: str | None
+    claim: str | None
+    claimed_until: datetime
+    created_at: datetime
+    finished_at: datetime | None

@@ -43,12 +43,18 @@ class Store:
 
     @classmethod
     def open(
-        cls, data_dir: Path, database_url: str | None = None, *, server_connections: int = SERVER_CONNECTIONS
+        cls,
+        data_dir: Path,
+        database_url: str | None = None,
+        blobs_url: str | None = None,
+        *,
+        server_connections: int = SERVER_CONNECTIONS,
     ) -> Self:
         """Open or create the store and bring its database to the newest schema.
 
         Args:
             data_dir: created if it is not there; holds the blobs, and the database unless `database_url` names another.
+            blobs_url: of an object store, e.g. ``s3://bucket/prefix``; None: a folder of the data directory.
             server_connections: at most so many at once to a database server.
 
         Raises:
@@ -63,7 +69,7 @@ class Store:
         database = Database(url, server_connections=server_connections)
         try:
             migrate(database)
-            return cls(database, FileBlobStore(data_dir / "blobs"), data_dir)
+            return cls(database, _open_blobs(blobs_url, data_dir), data_dir)
         except BaseException:
             database.close()
             raise
@@ -110,3 +116,13 @@ class Store:
     def close(self) -> None:
         """Close every connection."""
         self._database.close()
+
+
+def _open_blobs(url: str | None, data_dir: Path) -> BlobStore:
+    if not url:
+        return FileBlobStore(data_dir / "blobs")
+    try:
+        from app.store.object_store import ObjectBlobStore
+    except ModuleNotFoundError as error:
+        raise StoreUnavailableError(f"{error}; {url} needs `pip install roboprompt[s3]`") from error
+    return ObjectBlobStore(url)

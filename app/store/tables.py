@@ -139,3 +139,32 @@ api_keys = Table(
     Column("created_at", UtcDateTime, nullable=False),
     Column("revoked_at", UtcDateTime),
 )
+
+jobs = Table(
+    "jobs",
+    metadata,
+    Column("sequence", SequenceNumber, primary_key=True),
+    Column("id", String(32), nullable=False, unique=True),
+    Column("task", String(64), ForeignKey("tasks.name"), nullable=False),
+    Column("changes", Json, nullable=False),
+    Column("status", String(16), nullable=False),
+    Column("num_episodes", Integer, nullable=False),
+    Column("num_extracted", Integer, nullable=False),
+    Column("error", Text),
+    Column("claim", String(32)),
+    Column("claimed_until", UtcDateTime, nullable=False),
+    Column("created_at", UtcDateTime, nullable=False),
+    Column("finished_at", UtcDateTime),
+    Index(None, "status", "sequence"),
+    sqlite_autoincrement=True,
+)
+
+# What a job has extracted; it takes the place of the old all at once when the job ends.
+staged_extractions = Table(
+    "staged_extractions",
+    metadata,
+    Column("job", String(32), ForeignKey("jobs.id"), primary_key=True),
+    Column("episode", String(32), primary_key=True),
+    Column("keyframes", Json, nullable=False),
+    Column("objects", Json, nullable=False),
+)

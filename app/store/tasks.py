@@ -51,6 +51,14 @@ def list_all(connection: Connection) -> tuple[TaskRecord, ...]:
     return tuple(_record(row) for row in connection.execute(select(_TASKS).order_by(_TASKS.c.name)))
 
 
+def most_recently_used(connection: Connection, limit: int) -> tuple[str, ...]:
+    """The tasks with episodes that were predicted last, then those that changed last."""
+    predicted = select(func.max(tables.predictions.c.sequence)).where(tables.predictions.c.task == _TASKS.c.name)
+    last = func.coalesce(predicted.scalar_subquery(), 0)
+    query = select(_TASKS.c.name).where(_TASKS.c.object_names.is_not(None))
+    return tuple(connection.scalars(query.order_by(last.desc(), _TASKS.c.updated_at.desc()).limit(limit)))
+
+
 def get_or_create(connection: Connection, name: str, settings: JsonObject) -> TaskRecord:
     """The task, locked until the transaction ends; created with `settings` if there is none.
 

@@ -12,6 +12,7 @@ OPERATIONS = {
     "list_models", "healthz", "readyz", "metrics", "find_poses", "learn_object_models", "get_episode_overlay",
     "get_prediction_overlay",
     "get_metadata", "get_task_stats", "get_upload",
+    "get_job", "list_jobs",
 }  # fmt: skip
 
 

@@ -64,7 +64,7 @@ def bearer(token):
 
 REQUESTS = {
     "read": [("GET", path) for path in ("/episodes", "/predictions", "/models", "/metrics", "/docs", "/openapi.json")],
-    "upload": [("POST", "/episodes")],
+    "upload": [("POST", "/episodes"), ("POST", "/tasks/none/object_models/learn")],
     "predict": [("POST", "/predict"), ("POST", "/poses"), ("POST", "/predictions/none/outcome")],
     "admin": [("PUT", "/tasks/other"), ("DELETE", "/episodes/none"), ("POST", "/nothing")],
 }
@@ -205,6 +205,16 @@ def test_a_browser_logs_in(address, tokens):
 def test_the_login_leads_nowhere_else(address, tokens, place):
     answer = httpx.post(f"{address}/ui/login", params={"next": place}, data={"key": tokens["read"]})
     assert answer.headers["location"] == "/ui"
+
+
+def test_nobody_fills_the_memory_by_logging_in(http):
+    def endless():
+        for _ in range(20):
+            yield b"key=" + b"x" * 1000
+
+    form = {"content-type": "application/x-www-form-urlencoded"}
+    assert http.post("/ui/login", content=b"key=" + b"x" * 20_000, headers=form).status_code == 413
+    assert http.post("/ui/login", content=endless(), headers=form).status_code in (400, 413)  # as FastAPI reads forms
 
 
 def test_headers_that_browsers_heed(http, tokens):

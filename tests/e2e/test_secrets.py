@@ -56,10 +56,8 @@ def told(tmp_path_factory):
         urls = {name.replace("API_KEY", "BASE_URL"): address for name in PLANTED}
         settings = {**PLANTED, **urls, "ROBOPROMPT_AUTH": "on", "ROBOPROMPT_RATE_LIMIT_PER_S": "0"}
         settings |= {"ROBOPROMPT_RECORD_LLM": str(data / "recorded")}
-        with (
-            killable_server(data, settings) as (_, url),
-            httpx.Client(base_url=url, headers={"authorization": f"Bearer {token}"}, timeout=60) as http,
-        ):
+        key = {"authorization": f"Bearer {token}"}
+        with killable_server(data, settings) as (_, url), httpx.Client(base_url=url, headers=key, timeout=60) as http:
             assert upload(http, "pick", PLACE_M).status_code == 201
             answers += provoke(http, token)
     files = [path.read_bytes().decode(errors="replace") for path in data.rglob("*") if path.is_file()]

@@ -6,8 +6,8 @@ from app.evaluation.methods import methods_beside, with_models, with_poses
 from app.evaluation.records import Method
 from app.evaluation.sweeps import SWEEPS
 from app.evaluation.teach import suffix_of, variants
-from app.pipeline.episode import NAME_PATTERN
 from app.pipeline.errors import InvalidInputError
+from app.pipeline.wording import NAME_PATTERN
 from app.services.task_settings import TaskSettings
 from app.sim.tasks import TASKS
 

@@ -16,6 +16,11 @@ def test_an_instruction_never_shown_falls_to_the_nearest_of_all():
     assert copied_reply(LIFT + DROP, "cup 25 50; shake it >") == " 1 cup w: +0 +0 -5"
 
 
+def test_clauses_that_were_answered_already_stand_before_the_query():
+    answered = "cup 24 50; drop it > 1 cup w: +0 +0 -5\n"
+    assert copied_reply(LIFT + DROP, f"{answered}cup 24 50; lift it >") == " 1 cup w: +0 +0 +20"
+
+
 def test_the_papers_format():
     prefix = "{'cup': [10, 20], 'lift'}>[[1, 2, 3, 0, 39, 0, 1]], {'cup': [40, 20], 'lift'}>[[4, 2, 3, 0, 39, 0, 1]], "
     assert copied_reply(prefix, "{'cup': [33, 20], 'lift'}>") == "[[4, 2, 3, 0, 39, 0, 1]]"

@@ -32,6 +32,15 @@ def test_what_fits_passes():
         TIGHT.check_model(name)
 
 
+def test_models_that_the_operator_wants():
+    limits = Limits(allowed_models=("openai/gpt-4o*", "regression"))
+    for name in ("openai/gpt-4o", "openai/gpt-4o-mini", "regression"):
+        limits.check_model(name)
+    for name in ("openai/o3", "OpenAI/gpt-4o", "scripted"):
+        with pytest.raises(InvalidInputError, match="not offered here"):
+            limits.check_model(name)
+
+
 def test_a_prompt_that_is_too_long():
     with pytest.raises(InvalidInputError, match="at most 100 characters"):
         TIGHT.check_prompt(101)

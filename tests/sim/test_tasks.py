@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from app.pipeline.episode import checked_instruction, checked_name
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.keyframes import merged
+from app.pipeline.wording import checked_instruction, checked_name
 from app.pipeline.workspace import Workspace, discretize_action, undiscretize_action
 from app.sim.demonstrate import record_demonstration, rollout, view_scene
 from app.sim.tasks import TASKS, make_task

@@ -49,6 +49,7 @@ async def upload_episode(request: Request, services: Wired, idempotency_key: Ide
     """
     body = await read_body(request)
     document = await run_in_threadpool(_upload, services, body, idempotency_key)
+    services.prefix_warmer.changed(document["task"])
     return JSONResponse(document, 201, {"Location": f"/episodes/{document['id']}"})
 
 

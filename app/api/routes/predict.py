@@ -38,14 +38,14 @@ router = APIRouter(tags=["predictions"])
     "/predict",
     operation_id="predict",
     response_model=PredictionOut | DryRunOut,
-    openapi_extra=body_of(PredictBody, PredictBody),
+    openapi_extra=body_of(PredictBody, PredictBody, packed=True),
     responses=STREAMED
     | problems(
         _400="the body cannot be read",
         _404="no such task or episode",
         _409="the task has no demonstrations yet, or the idempotency key came with other content",
         _413="the body is too large",
-        _415="neither multipart nor JSON",
+        _415="neither multipart, JSON nor MessagePack",
         _422="a value is not valid, or the objects are not those of the task",
         _502="the LLM failed, or its reply is not a list of valid actions, or one is unsafe (reply_text has it)",
         _503="the model or the store is not available",
@@ -56,15 +56,16 @@ async def predict(request: Request, services: Wired, idempotency_key: Idempotenc
     """Actions for the observed scene, by an LLM that continues the pattern of the demonstrations.
 
     JSON with the objects' poses; or multipart with the same document as part `metadata`, and the cameras' images as in
-    an upload, for tasks whose pose estimator looks at images. Nothing is invented: a reply that is not a list of valid
-    actions is an error, recorded with the prediction.
+    an upload, for tasks whose pose estimator looks at images; or MessagePack with that document and the images beside
+    it as arrays, `{"__ndarray__": true, "data": bytes, "dtype": "|u1", "shape": [480, 640, 3]}`. Nothing is invented: a
+    reply that is not a list of valid actions is an error, recorded with the prediction.
 
     With `Accept: text/event-stream` each action comes as an event `action` as soon as its row is complete, then `done`
     with the whole document; an event `error` with a problem document ends a reply that goes wrong in the middle. With
     `stream_text` the reply's pieces come as well, as events `text`, before it is known whether they are valid.
     """
     started_s = time.perf_counter()
-    body = await read_body(request)
+    body = await read_body(request, packed=True)
     # Images take long to decode; a JSON body does not repay the change of thread.
     limits = services.limits
     wish, asked = await run_in_threadpool(read_question, body, limits) if body.parts else read_question(body, limits)

@@ -6,18 +6,19 @@ from fastapi import APIRouter, Body, Response
 from fastapi.openapi.models import Example
 from fastapi.responses import JSONResponse
 
-from app.api.documents import stats_document, task_document
+from app.api.documents import job_document, stats_document, task_document
 from app.api.routes import Wired, problems
 from app.api.schemas import examples
 from app.api.schemas.poses import LearnBody, LearnedOut
-from app.api.schemas.responses import TaskList, TaskOut, TaskStatsOut
+from app.api.schemas.responses import JobOut, TaskList, TaskOut, TaskStatsOut
 from app.services.container import Services
 from app.services.task_settings import TaskSettings
 from app.services.task_stats import task_stats
 from app.store import tasks
-from app.store.records import TaskRecord
+from app.store.records import JobRecord, TaskRecord
 
 _EXAMPLES: dict[str, Example] = {"press": {"value": examples.TASK}}
+_ACCEPTED: dict[int | str, dict[str, object]] = {202: {"model": JobOut, "description": "a job extracts the episodes"}}
 _EVERYTHING = LearnBody()
 router = APIRouter(tags=["tasks"])
 
@@ -43,8 +44,9 @@ def get_task(services: Wired, name: str) -> Response:
     "/tasks/{name}",
     operation_id="configure_task",
     response_model=TaskOut,
-    responses=problems(
-        _409="the task changed meanwhile",
+    responses=_ACCEPTED
+    | problems(
+        _409="the task changed meanwhile, or a job extracts its episodes again",
         _422="a setting is not valid, or a stored episode cannot be extracted with it",
     ),
 )
@@ -53,10 +55,13 @@ def configure_task(
 ) -> Response:
     """Set what the body names and keep the rest; creates the task if it is new.
 
-    A change of the keyframe rule, the pose estimator or the object models extracts every stored episode again.
+    A change of the keyframe rule, the pose estimator or the object models extracts every stored episode again. Where
+    there are many, a job does it (202, see `Location`): until it is done the task stays as it is.
     """
-    record = services.configure_task(name, changes.model_dump(exclude_unset=True))
-    return JSONResponse(_document(services, record))
+    outcome = services.configure_task.at_once_or_as_job(name, changes.model_dump(exclude_unset=True))
+    if isinstance(outcome, JobRecord):
+        return JSONResponse(job_document(outcome), 202, {"Location": f"/jobs/{outcome.id}"})
+    return JSONResponse(_document(services, outcome))
 
 
 @router.get(

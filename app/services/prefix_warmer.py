@@ -1,0 +1,110 @@
+"""Prefixes that an embedded model has read before the first prediction needs them."""
+
+import asyncio
+import logging
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import anyio.to_thread
+
+from app.llm.base import CompletionRequest, LanguageModelError
+from app.llm.registry import ModelRegistry
+from app.pipeline.errors import RoboPromptError
+from app.pipeline.prompt import Prompt
+from app.services.question import QuestionWriter
+from app.store import tasks
+from app.store.store import Store
+
+DEBOUNCE_S = 1.0  # episodes are uploaded one after the other, and each changes the prefix
+TIMEOUT_S = 120.0
+logger = logging.getLogger(__name__)
+
+
+class PrefixWarmer:
+    """Sends the default model the prefixes of tasks: the most recently used at start-up, each anew after an upload.
+
+    One at a time, and only while no prediction is under way: one that begins ends the request, which is sent again
+    later and then finds in the model's cache what had been read. All of it happens on one event loop.
+
+    Args:
+        num_tasks: so many of the most recently used tasks; the model keeps as many prefixes.
+    """
+
+    def __init__(self, store: Store, models: ModelRegistry, write: QuestionWriter, num_tasks: int) -> None:
+        self._store = store
+        self._models = models
+        self._write = write
+        self._num_tasks = num_tasks
+        self._due_s: dict[str, float] = {}  # by task, by time.monotonic
+        self._work = asyncio.Event()
+        self._idle = asyncio.Event()
+        self._idle.set()
+        self._num_predictions = 0
+        self._reading: asyncio.Task[None] | None = None
+
+    def changed(self, task: str) -> None:
+        """The task's prefix is another one now."""
+        self._due_s[task] = time.monotonic() + DEBOUNCE_S
+        self._work.set()
+
+    @contextmanager
+    def giving_way(self) -> Iterator[None]:
+        """Nothing is warmed inside the block."""
+        self._num_predictions += 1
+        self._idle.clear()
+        if self._reading is not None:
+            self._reading.cancel()
+        try:
+            yield
+        finally:
+            self._num_predictions -= 1
+            if self._num_predictions == 0:
+                self._idle.set()
+
+    async def run(self) -> None:
+        """Start the default model and keep it warm, until cancelled; gives up if the model is not available."""
+        try:
+            if not await self._models.warm_up():
+                return
+        except LanguageModelError as error:
+            logger.warning("the default model is not available: %s", error)
+            return
+        for name in await anyio.to_thread.run_sync(self._recent):
+            self._due_s.setdefault(name, time.monotonic())
+        while True:
+            await self._warm_next()
+
+    def _recent(self) -> tuple[str, ...]:
+        with self._store.read() as connection:
+            return tasks.most_recently_used(connection, self._num_tasks)
+
+    async def _warm_next(self) -> None:
+        """Wait for what is due, and for the robots; then warm it."""
+        if not self._due_s:
+            self._work.clear()
+            await self._work.wait()
+        task, due_s = min(self._due_s.items(), key=lambda item: item[1])
+        if (wait_s := due_s - time.monotonic()) > 0:
+            await asyncio.sleep(wait_s)  # an upload meanwhile puts it off
+            return
+        await self._idle.wait()
+        self._reading = asyncio.create_task(self._read(task))
+        try:
+            await asyncio.wait([self._reading])
+        finally:  # also when this is cancelled: nothing is left behind
+            self._reading.cancel()
+            await asyncio.gather(self._reading, return_exceptions=True)
+        interrupted, self._reading = self._reading.cancelled(), None
+        if not interrupted and self._due_s.get(task) == due_s:
+            del self._due_s[task]
+
+    async def _read(self, task: str) -> None:
+        """Let the model read the task's prefix; what goes wrong will go wrong, and be told, when a robot asks."""
+        try:
+            template = await anyio.to_thread.run_sync(self._write.usual_template, task)
+            prompt = Prompt(template.prompt.system, template.prompt.prefix, "")
+            request = CompletionRequest(prompt, max_tokens=1, timeout_s=TIMEOUT_S, cache_key=template.cache_key)
+            await self._models.get().complete(request)
+        except RoboPromptError as error:
+            logger.info("the prefix of task %s is not warm: %s", task, error)

@@ -1,0 +1,101 @@
+"""Works at durable jobs: re-extractions of tasks too large for one request."""
+
+import asyncio
+import logging
+import threading
+import time
+from datetime import timedelta
+
+from app.pipeline.errors import InvalidInputError
+from app.services.extraction import extract_again
+from app.services.task_settings import TaskSettings
+from app.store import jobs, tasks
+from app.store.errors import CorruptDataError
+from app.store.records import JobRecord
+from app.store.store import Store
+
+BATCH = 20  # episodes between two renewals of the claim
+# A batch takes seconds, a pose server's perhaps a minute. After a crash the next process waits for it.
+LEASE = timedelta(seconds=60)
+POLL_S = 0.1
+logger = logging.getLogger(__name__)
+
+
+class RunJobs:
+    """Runs one job after the other. Synchronous: call it in a thread."""
+
+    def __init__(self, store: Store, lease: timedelta = LEASE) -> None:
+        self._store = store
+        self._lease = lease
+        self._stopping = threading.Event()
+
+    def stop(self) -> None:
+        """Let `run_next` return after the batch that it is at; the job goes on in another process or later."""
+        self._stopping.set()
+
+    @property
+    def stopping(self) -> bool:
+        """Whether `stop` was called."""
+        return self._stopping.is_set()
+
+    async def wait(self, seconds: float) -> None:
+        """Sleep, but not beyond `stop` by more than a moment."""
+        deadline = time.monotonic() + seconds
+        while not self.stopping and time.monotonic() < deadline:
+            await asyncio.sleep(POLL_S)
+
+    def run_next(self) -> bool:
+        """Take a job, also one that a dead process left, and work at it to its end; whether there was one.
+
+        Raises:
+            StoreError: if the store fails; the job is taken up again when its claim has run out.
+        """
+        with self._store.write() as connection:
+            job = jobs.claim(connection, self._lease)
+        if job is None:
+            return False
+        try:
+            self._run(job)
+        except jobs.LostClaimError:
+            logger.warning("job %s was taken over", job.id)
+        return True
+
+    def _run(self, job: JobRecord) -> None:
+        logger.info("job %s extracts the episodes of %r again", job.id, job.task)
+        try:
+            while not self._stopping.is_set():
+                if not self._extract_batch(job) and self._finish(job):
+                    return
+        except (InvalidInputError, CorruptDataError) as error:
+            with self._store.write() as connection:
+                jobs.fail(connection, job, str(error))
+            return
+        with self._store.write() as connection:
+            jobs.release(connection, job)
+
+    def _settings(self, job: JobRecord, current: dict[str, object]) -> TaskSettings:
+        """As they will be: what else has been set meanwhile stays."""
+        old = TaskSettings.model_validate(current)
+        return TaskSettings.model_validate({**old.model_dump(), **job.changes})
+
+    def _extract_batch(self, job: JobRecord) -> bool:
+        """Whether there was anything left to extract."""
+        with self._store.read() as connection:
+            settings = self._settings(job, tasks.get(connection, job.task).settings)
+            batch = jobs.pending(connection, job, BATCH)
+        if not batch:
+            return False
+        extractions = [extract_again(self._store, record, settings) for record in batch]
+        with self._store.write() as connection:
+            jobs.stage(connection, job, extractions, self._lease)
+        return True
+
+    def _finish(self, job: JobRecord) -> bool:
+        """Switch over, unless an episode came in meanwhile."""
+        with self._store.write() as connection:
+            task = tasks.lock(connection, job.task)
+            if jobs.pending(connection, job, 1):
+                return False
+            jobs.finish(connection, job, self._settings(job, task.settings).model_dump(mode="json"))
+        logger.info("job %s is done", job.id)
+        return True

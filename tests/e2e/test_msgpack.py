@@ -1,0 +1,92 @@
+"""Observations as MessagePack: the same answers as multipart, and nothing hostile gets in."""
+
+import msgpack
+import numpy as np
+import pytest
+
+from app.client.client import RoboPromptClient
+from app.client.encoding import camera_json, packed_request
+from app.client.robot import Observation
+from app.pipeline.packed_array import packed_array
+from tests.e2e.vision import INSTRUCTION, MODELS, NAMES, assert_found, frames, seen, teach
+from tests.perception.solid_scene import cube
+
+SCENE = (cube("red", 0.02, 0.05, 0.2), cube("blue", 0.12, -0.10, -0.4))
+HEADERS = {"content-type": "application/msgpack"}
+
+
+@pytest.fixture(scope="module")
+def task(http):
+    teach(http, "packed")
+    return "packed"
+
+
+def document(task):
+    cameras = [camera_json(frame.camera) for frame in frames(SCENE)]
+    asked = {"task": task, "instruction": INSTRUCTION, "objects": NAMES, "cameras": cameras}
+    return {**asked, "model": "regression"}
+
+
+def send(http, body):
+    return http.post("/predict", content=body, headers=HEADERS)
+
+
+def test_same_answer_as_multipart(http, task):
+    packed = send(http, packed_request(document(task), frames(SCENE)))
+    assert packed.status_code == 200, packed.text
+    assert_found(packed.json()["objects"], SCENE)
+    parts = http.post("/predict", files=seen(task, frames(SCENE), model="regression")).json()
+    assert [action["bins"] for action in packed.json()["actions"]] == [action["bins"] for action in parts["actions"]]
+    stored = http.get(f"/predictions/{packed.json()['id']}").json()
+    assert stored["cameras"] == ["front", "left"]
+    assert stored["request"]["objects"] == NAMES
+
+
+def test_client_sends_it(url, task):
+    with RoboPromptClient(url, compress=False) as client:
+        predicted = client.predict(task, INSTRUCTION, Observation((), frames(SCENE), tuple(MODELS)), model="regression")
+    assert_found(predicted.response["objects"], SCENE)
+
+
+ARRAY = {"__ndarray__": True, "data": bytes(12), "dtype": "|u1", "shape": [2, 2, 3]}
+
+
+def image(**fault):
+    return msgpack.packb({"rgb_front": {**ARRAY, **fault}})
+
+
+FAULTS = {
+    "no msgpack": (b"\xc1", 400, None),
+    "cut off": (msgpack.packb({"task": "packed"})[:-3], 400, None),
+    "more than one": (msgpack.packb({}) * 2, 400, None),
+    "no map": (msgpack.packb([1, 2]), 400, None),
+    "a list that claims to be long": (b"\x81\xa4task\xdd\xff\xff\xff\xff", 400, None),
+    "deep": (b"\x81\xa4task" + b"\x91" * 100_000 + b"\x01", 400, None),
+    "an extension type": (msgpack.packb({"task": msgpack.ExtType(5, b"x")}), 400, None),
+    "a number as key": (b"\x81\x01\x02", 400, None),
+    "bytes in the document": (msgpack.packb({"task": b"packed"}), 422, "task"),
+    "a claim of more than there is": (image(shape=[2**20, 2**20, 3]), 422, "rgb_front"),
+    "objects": (image(dtype="|O"), 422, "rgb_front"),
+    "an image that is text": (msgpack.packb({"rgb_front": "file.png"}), 422, "rgb_front"),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_faults_are_named(http, fault):
+    body, status, field = FAULTS[fault]
+    response = send(http, body)
+    assert (response.status_code, response.headers["content-type"]) == (status, "application/problem+json")
+    if field:
+        assert response.json()["errors"][0]["field"] == field
+
+
+def test_an_array_of_another_kind_is_refused_by_what_reads_it(http, task):
+    whole_numbers = packed_array(np.zeros((4, 4), np.int64))
+    response = send(http, msgpack.packb({**document(task), "depth_front": whole_numbers}))
+    assert response.status_code == 422
+    assert response.json()["errors"][0]["field"] == "depth_front"
+
+
+def test_uploads_do_not_take_it(http):
+    response = http.post("/episodes", content=msgpack.packb({}), headers=HEADERS)
+    assert response.status_code == 415

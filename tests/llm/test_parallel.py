@@ -1,0 +1,43 @@
+"""Many requests on few slots: all are answered, each as if it were alone.
+
+Replies copy the prompt's rows, so that every slot drafts as much as it may: with a batch smaller than the next token
+and the draft of every slot, llama.cpp ends its process here.
+"""
+
+import asyncio
+
+import pytest
+
+from app.llm.embedded import EmbeddedModel, EmbeddedOptions
+from app.llm.weights import find_weights
+from tests.llm.test_embedded import PROFILE
+from tests.llm.texts import asking, object_frame_prompt
+
+NUM_REQUESTS, NUM_TASKS, SLOTS = 12, 6, 4
+
+
+@pytest.fixture(scope="module")
+def model(settings, run):
+    options = EmbeddedOptions(threads=2, slots=SLOTS, context_tokens=512)
+    made = EmbeddedModel(PROFILE, find_weights("gemma-3-270m", settings), options)
+    yield made
+    run(made.aclose())
+
+
+def prompt(k):
+    """One of several tasks' prefixes, with a query of its own."""
+    return object_frame_prompt(seed=k % NUM_TASKS, query_seed=k)
+
+
+def test_replies_at_once_are_those_in_turn(model, run):
+    requests = [asking(prompt(k), timeout_s=300) for k in range(NUM_REQUESTS)]
+
+    async def at_once():
+        return await asyncio.gather(*(model.complete(request) for request in requests))
+
+    async def in_turn():
+        return [await model.complete(request) for request in requests]
+
+    together, alone = run(at_once()), run(in_turn())
+    assert [reply.text for reply in together] == [reply.text for reply in alone]
+    assert all(reply.finish_reason == "stop" for reply in together)

@@ -1,0 +1,56 @@
+"""The embedded llama.cpp as a server of its own, asked as any lab's: `openai_compatible`, chat and completion."""
+
+import pytest
+
+from app.llm.backends import BUILT_IN
+from app.llm.base import Completion, TextDelta
+from app.llm.registry import ModelRegistry
+from app.llm.settings import LlmSettings
+from tests.llm.texts import REPLY, asking, object_frame_prompt
+
+NAME = "openai_compatible/gemma"
+
+
+@pytest.fixture(scope="module")
+def peer(llama_server, run):
+    """A registry whose compatible server is the llama.cpp, by style of asking."""
+    made = []
+
+    def registry(style):
+        settings = LlmSettings(
+            compatible_base_url=llama_server.base_url,
+            compatible_api_key=llama_server.api_key,
+            compatible_style=style,
+            compatible_server="llama_cpp",
+        )
+        made.append(ModelRegistry(settings, BUILT_IN))
+        return made[-1]
+
+    yield registry
+    for item in made:
+        run(item.aclose())
+
+
+def test_completion_within_the_grammar_streamed_and_cached(peer, run):
+    model = peer("completion").get(NAME)
+    assert (model.profile.representation, model.profile.grammar) == ("object_frame", True)
+
+    async def ask(query_seed):
+        return [piece async for piece in model.stream(asking(object_frame_prompt(query_seed=query_seed)))]
+
+    *deltas, completion = run(ask(1))
+    assert isinstance(completion, Completion)
+    assert all(isinstance(delta, TextDelta) for delta in deltas)
+    assert len(deltas) > 3
+    assert completion.text.rstrip() == REPLY
+    usage = run(ask(2))[-1].usage
+    assert usage.cached_tokens > 0.5 * usage.prompt_tokens
+
+
+def test_chat(peer, run):
+    model = peer("chat").get(NAME)
+    assert (model.profile.representation, model.profile.system_prompt) == ("absolute", "a")
+    completion = run(model.complete(asking(object_frame_prompt(), max_tokens=60)))
+    assert completion.text.rstrip() == completion.text.rstrip().splitlines()[0]
+    assert completion.text.startswith((" 1 red cube w: ", " 1 blue cube w: "))
+    assert completion.usage.completion_tokens > 5
