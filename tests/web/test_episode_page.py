@@ -116,6 +116,7 @@ def test_an_image_that_cannot_be_read_says_why(page, http, data_folder):
     max((data_folder / "blobs").rglob("*"), key=lambda path: path.stat().st_mtime_ns * path.is_file()).write_bytes(b"")
     page.goto(f"/ui/episodes/{id_}")
     expect(page.get_by_role("alert")).to_contain_text("Stored data is damaged")
+    http.delete(f"/episodes/{id_}")
 
 
 def test_older_and_newer_ones_are_a_click_away(page, seeded):

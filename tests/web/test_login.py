@@ -1,5 +1,6 @@
 """Pages where keys are required."""
 
+import json
 import time
 
 import httpx
@@ -66,12 +67,14 @@ def test_what_a_key_may_not_do_is_told(page, guarded):
     expect(page.get_by_role("alert")).to_contain_text("this needs admin")
 
 
-def test_who_was_logged_out_meanwhile_logs_in_again(page, guarded):
+def test_who_was_logged_out_meanwhile_logs_in_again(page, guarded, tmp_path):
     page.expected_refusals = [401]
-    page.goto("/ui/episodes")
+    (tmp_path / "episode.json").write_text(
+        json.dumps({"metadata": {"task": "pick"}, "trajectory": {"gripper_open": []}})
+    )
+    page.goto("/ui/upload")
     log_in(page, guarded[1])
-    page.get_by_role("button", name="Log out").wait_for()
+    page.wait_for_url("**/ui/upload")
     page.context.clear_cookies()
-    page.get_by_role("button", name="Delete episode").first.click()
-    page.get_by_role("dialog").get_by_role("button", name="Delete").click()
-    page.wait_for_url("**/ui/login?next=%2Fui%2Fepisodes")
+    page.get_by_label("Choose files").set_input_files(tmp_path / "episode.json")
+    page.wait_for_url("**/ui/login?next=%2Fui%2Fupload")
