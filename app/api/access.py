@@ -11,7 +11,7 @@ from fastapi.responses import RedirectResponse
 from starlette.responses import Response
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from app.api.access_rules import HEALTH, LOGIN, SAFE_METHODS, accepted_scopes
+from app.api.access_rules import HEALTH, LOGIN, PAGES, SAFE_METHODS, accepted_scopes
 from app.api.problems import Kind, problem, store_problem
 from app.api.rate_limit import RateLimit
 from app.services.addresses import is_loopback
@@ -81,7 +81,9 @@ class AccessControl:
         except StoreError as error:
             return store_problem(error)
         address = scope["client"][0] if scope["client"] else ""
-        if wait_s := self._rate.wait_s(address if caller is None else caller.key_id):
+        welcome = caller is not None or not self._access.key_required
+        is_page = welcome and method in SAFE_METHODS and path.startswith(PAGES)
+        if not is_page and (wait_s := self._rate.wait_s(address if caller is None else caller.key_id)):
             seconds = str(math.ceil(wait_s))
             return problem(_TOO_MANY, f"try again in {seconds} s", headers={"Retry-After": seconds})
         return self._unwelcome(method, path, headers, caller) if self._access.key_required else None

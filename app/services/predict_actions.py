@@ -23,6 +23,7 @@ from app.services.question import PredictRequest, Question, QuestionWriter
 from app.services.sampled_dialogue import SampledDialogue
 from app.services.stored_images import put_images
 from app.services.timing import timed
+from app.services.watch_predictions import watched
 from app.store import predictions
 from app.store.records import PredictionDraft, PredictionStatus
 from app.store.store import Store
@@ -128,7 +129,10 @@ class PredictActions:
         guard = MotionGuard(limits, question.request.max_actions, question.end_effector)
         try:
             with self._warmer.giving_way():
-                async with aclosing(dialogue.actions(piecewise=piecewise)) as arriving:
+                async with (
+                    watched(self._store.under_way, question),
+                    aclosing(dialogue.actions(piecewise=piecewise)) as arriving,
+                ):
                     async for arrived in arriving:
                         if isinstance(arrived, TextDelta):
                             yield arrived

@@ -109,11 +109,32 @@ def list_page(
     return Page(tuple(record_of(row) for row in rows), next_cursor)
 
 
+def by_ids(connection: Connection, task: str, ids: Sequence[str]) -> dict[str, EpisodeRecord]:
+    """Those of the episodes that the task still has, by id, in the order of `ids`."""
+    query = select(*WITHOUT_TRAJECTORY).where(_EPISODES.c.id.in_(ids))
+    found = {row.id: row for row in connection.execute(query) if row.task == task}
+    return {id_: record_of(found[id_]) for id_ in ids if id_ in found}
+
+
+def instructions(connection: Connection, task: str, limit: int = 50) -> tuple[str, ...]:
+    """At most `limit` different instructions of a task's episodes."""
+    query = select(_EPISODES.c.instruction).where(_EPISODES.c.task == task).distinct().limit(limit)
+    return tuple(sorted(connection.scalars(query)))
+
+
 def newest_by_task(connection: Connection) -> dict[str, EpisodeRecord]:
     """The newest episode of every task that has one."""
     newest = select(func.max(_EPISODES.c.sequence)).group_by(_EPISODES.c.task)
     query = select(*WITHOUT_TRAJECTORY).where(_EPISODES.c.sequence.in_(newest))
     return {row.task: record_of(row) for row in connection.execute(query)}
+
+
+def neighbours(connection: Connection, record: EpisodeRecord) -> tuple[str | None, str | None]:
+    """The ids of the next older and the next newer episode of the same task."""
+    ids = select(_EPISODES.c.id).where(_EPISODES.c.task == record.task).limit(1)
+    number = _EPISODES.c.sequence
+    older = connection.scalar(ids.where(number < record.sequence).order_by(number.desc()))
+    return older, connection.scalar(ids.where(number > record.sequence).order_by(number))
 
 
 def all_of(connection: Connection, task: str) -> tuple[EpisodeRecord, ...]:

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
+from statistics import median
 from typing import Any, Literal, get_args
 
 from sqlalchemy import ColumnElement, Connection, Row, Select, and_, func, or_, select
@@ -147,6 +148,13 @@ def configurations(connection: Connection, task: str | None = None) -> tuple[Con
     grouped = PredictionFilter(task=task).narrow(query).group_by(*_CONFIGURATION)
     rows = connection.execute(grouped.order_by(func.count().desc(), *_CONFIGURATION))
     return tuple(ConfigurationCounts(*row) for row in rows)
+
+
+def usual_llm_ms(connection: Connection, model: str, number: int = 20) -> float | None:
+    """How long the model took for the median of its latest answers; None without any."""
+    query = select(_P.c.timings_ms).where(_P.c.model == model, _P.c.status == "ok")
+    latest = connection.scalars(query.order_by(_P.c.sequence.desc()).limit(number))
+    return median(found) if (found := [timings["llm"] for timings in latest if "llm" in timings]) else None
 
 
 def ids_of(connection: Connection, sequences: Sequence[int]) -> dict[int, str]:

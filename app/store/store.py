@@ -14,6 +14,7 @@ from app.store.blobs import BlobStore, FileBlobStore
 from app.store.database import SERVER_CONNECTIONS, Database
 from app.store.errors import StoreUnavailableError
 from app.store.migration import migrate
+from app.store.under_way import UnderWayNotes
 
 # An upload commits its row within seconds of putting its blobs.
 SWEEP_GRACE = timedelta(hours=1)
@@ -31,12 +32,14 @@ class Store:
 
     Attributes:
         blobs: images; put them before the row that refers to them is committed.
+        under_way: predictions that are not finished, for people who watch.
     """
 
     def __init__(self, database: Database, blobs: BlobStore, data_dir: Path) -> None:
         self._database = database
         self._data_dir = data_dir
         self.blobs = blobs
+        self.under_way = UnderWayNotes(data_dir / "under_way")
 
     @classmethod
     def open(

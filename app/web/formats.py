@@ -2,6 +2,8 @@
 
 from collections.abc import Mapping
 from datetime import UTC, datetime
+from math import sqrt
+from statistics import NormalDist
 from typing import Any
 
 from app.store.records import TaskCounts
@@ -35,6 +37,21 @@ def success_rate(counts: TaskCounts) -> float | None:
     return counts.successes / recorded if recorded else None
 
 
+def interval_text(successes: int, failures: int) -> str:
+    """Wilson's 95 % interval of the rate of success, in whole percent; a dash without any trial."""
+    trials = successes + failures
+    if not trials:
+        return NOTHING
+    z2 = NormalDist().inv_cdf(0.975) ** 2
+    centre = (successes + z2 / 2) / (trials + z2)
+    half = sqrt(z2 * (successes * failures / trials + z2 / 4)) / (trials + z2)
+    low, high = (100 * max(0.0, centre - half), 100 * min(1.0, centre + half))
+    return f"{low:.0f}{NOTHING}{high:.0f}\N{NO-BREAK SPACE}%"
+
+
+FATE_TEXTS = {"failure": "failed", "refused": "no actions", "unknown": "no outcome", "success": "succeeded"}
+
+
 def plural(number: int, one: str, many: str = "") -> str:
     """``1 episode``, ``2 episodes``."""
     return f"{number_text(number)} {one if number == 1 else many or one + 's'}"
@@ -47,4 +64,5 @@ FILTERS: Mapping[str, Any] = {
     "share": share_text,
     "success_rate": success_rate,
     "plural": plural,
+    "fate": FATE_TEXTS.__getitem__,
 }

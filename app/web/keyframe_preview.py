@@ -10,6 +10,8 @@ from app.services.task_settings import KeyframeSettings, TaskSettings
 from app.store.values import JsonObject
 from app.web.scene import frame
 
+MAX_SHOWN = 300  # a rule that takes every frame of a long episode would bring a browser to its knees
+
 
 @dataclass(frozen=True)
 class PreviewedKeyframe:
@@ -45,6 +47,11 @@ class Preview:
     dropped: tuple[tuple[int, float], ...]
 
     @property
+    def shown(self) -> tuple[PreviewedKeyframe, ...]:
+        """Those that tables and plots show."""
+        return self.keyframes[:MAX_SHOWN]
+
+    @property
     def summary(self) -> str:
         """For example ``4 keyframes: 1 new, 2 of the stored ones gone``."""
         number = len(self.keyframes)
@@ -57,9 +64,9 @@ class Preview:
         """As the page's scripts draw it."""
         frames = [
             frame(str(item.number), item.position_m, item.quaternion_xyzw, gripper_open=item.gripper_open)
-            for item in self.keyframes
+            for item in self.shown
         ]
-        shown = [{"number": item.number, "time_s": item.time_s, "new": item.new} for item in self.keyframes]
+        shown = [{"number": item.number, "time_s": item.time_s, "new": item.new} for item in self.shown]
         return {"keyframes": shown, "dropped_s": [time_s for _, time_s in self.dropped], "frames": frames}
 
 

@@ -13,10 +13,12 @@ from pydantic import ValidationError
 from starlette.exceptions import HTTPException
 from starlette.responses import Response
 
+from app.api.access import COOKIE
 from app.api.problems import problem_of
 from app.pipeline.errors import RoboPromptError
 from app.web.assets import PLOTLY_ADDRESS, STATIC_ADDRESS
-from app.web.formats import FILTERS
+from app.web.formats import FILTERS, interval_text
+from app.web.thumbnails import pictured
 
 # plotly.js sets style attributes and draws pictures of its own; scripts come from this server only, none is inline.
 CONTENT_SECURITY_POLICY = "; ".join((
@@ -39,6 +41,9 @@ NAVIGATION = (
     ("Tasks", "/ui/tasks"),
     ("Episodes", "/ui/episodes"),
     ("Upload", "/ui/upload"),
+    ("Predict", "/ui/predict"),
+    ("Predictions", "/ui/predictions"),
+    ("Now", "/ui/live"),
     ("API", "/docs"),
 )
 
@@ -53,7 +58,7 @@ def _environment() -> Environment:
         lstrip_blocks=True,
     )
     environment.filters.update(FILTERS)
-    environment.globals.update(navigation=NAVIGATION)
+    environment.globals.update(navigation=NAVIGATION, interval=interval_text, pictured=pictured)
     return environment
 
 
@@ -65,7 +70,8 @@ def render(request: Request, template: str, status_code: int = 200, **shown: obj
     # Behind a proxy the service may live below a path of its host.
     root = request.scope.get("root_path", "")
     places = {"root": root, "static": root + STATIC_ADDRESS, "plotly": root + PLOTLY_ADDRESS, "here": request.url.path}
-    return HTMLResponse(_ENVIRONMENT.get_template(template).render(**places, **shown), status_code, HEADERS)
+    html = _ENVIRONMENT.get_template(template).render(**places, may_log_out=COOKIE in request.cookies, **shown)
+    return HTMLResponse(html, status_code, HEADERS)
 
 
 def render_part(template: str, **shown: object) -> str:

@@ -26,12 +26,14 @@ def scene(
     objects: Iterable[ObjectRecord],
     frames: Sequence[JsonObject],
     path_m: npt.NDArray[np.float64] | None = None,
+    shown: Iterable[ObjectRecord] = (),
 ) -> JsonObject:
     """The document that `drawScene` takes.
 
     Args:
         frames: each made by `frame`, in their order.
         path_m: (T, 3) of the end effector; without one the frames are joined.
+        shown: objects as demonstrations have them, drawn faintly.
     """
     points = [item["position"] for item in frames] if path_m is None else _thinned(path_m).tolist()
     return {
@@ -39,6 +41,7 @@ def scene(
         "path": points,
         "frames": list(frames),
         "objects": [_object(item) for item in objects],
+        "shown": [_object(item) for item in shown],
     }
 
 

@@ -7,7 +7,7 @@ from starlette.responses import Response
 
 from app.web.assets import serve_assets
 from app.web.page import PageRoute
-from app.web.routes import episode, episodes, pictures, tasks, upload
+from app.web.routes import episode, episodes, live, pictures, predict, predictions, tasks, upload
 
 HOME = "/ui/tasks"
 _entrances = APIRouter(route_class=PageRoute)
@@ -18,6 +18,12 @@ _ROUTERS = (
     episode.router,
     episode.documents,
     upload.router,
+    predict.router,
+    predict.documents,
+    predictions.router,
+    predictions.documents,
+    live.router,
+    live.documents,
     pictures.router,
 )
 

@@ -74,6 +74,25 @@ def test_task_forgets_its_object_names_with_its_last_episode(store: Store) -> No
         assert [episode.id for episode in episodes.list_page(connection).items] == [other.id]
 
 
+def test_the_newest_of_each_task_and_the_neighbours_of_one(store: Store) -> None:
+    first, other, second, third = (upload(store, episode_draft(task=task)) for task in (TASK, "other", TASK, TASK))
+    with store.read() as connection:
+        assert episodes.newest_by_task(connection) == {TASK: third, "other": other}
+        assert episodes.neighbours(connection, first) == (None, second.id)
+        assert episodes.neighbours(connection, second) == (first.id, third.id)
+        assert episodes.neighbours(connection, other) == (None, None)
+
+
+def test_instructions_are_searched_as_they_are_written(store: Store) -> None:
+    wanted = upload(store, episode_draft(instruction="Fill it to 100%"))
+    upload(store, episode_draft(instruction="fill it to 1000"))
+    with store.read() as connection:
+        for text in ("100%", "FILL IT TO 100%"):
+            found = episodes.list_page(connection, instruction_contains=text)
+            assert [episode.id for episode in found.items] == [wanted.id]
+        assert not episodes.list_page(connection, "other", instruction_contains="fill").items
+
+
 def pages_of(store: Store, limit: int, task: str | None) -> list[list[str]]:
     pages, cursor = [], None
     while True:

@@ -2,6 +2,7 @@
 
 import json
 import time
+from contextlib import contextmanager
 
 import cv2
 import httpx
@@ -22,10 +23,14 @@ SCRIPTED_REPLY = "I would rather not move today."
 
 def until(page, expression, argument=None):
     """Wait until JavaScript says yes; Playwright's own way needs an `eval` in the page, which its policy forbids."""
+    wait_until(lambda: page.evaluate(expression, argument), expression)
+
+
+def wait_until(condition, what=""):
     deadline = time.monotonic() + PATIENCE_S
-    while not page.evaluate(expression, argument):
-        assert time.monotonic() < deadline, f"still not so: {expression}"
-        page.wait_for_timeout(50)
+    while not condition():
+        assert time.monotonic() < deadline, f"still not so: {what}"
+        time.sleep(0.05)
 
 
 def picture(hue):
@@ -45,13 +50,18 @@ def teach(http, task, place_m, hue=0, **more):
 
 
 @pytest.fixture(scope="session")
-def url(tmp_path_factory):
+def data_folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("web")
+
+
+@pytest.fixture(scope="session")
+def url(data_folder):
     environment = {
         "ROBOPROMPT_SCRIPTED_REPLIES": json.dumps([SCRIPTED_REPLY]),
         "ROBOPROMPT_DEFAULT_MODEL": "regression",
         "ROBOPROMPT_WARM_UP": "false",
     }
-    with running_server(tmp_path_factory.mktemp("web"), environment) as address:
+    with running_server(data_folder, environment) as address:
         yield address
 
 
@@ -93,12 +103,20 @@ def context(browser, url):
 
 @pytest.fixture
 def page(context, url, seeded):
+    """See `watched_page`."""
+    with watched_page(context, url) as page:
+        yield page
+
+
+@contextmanager
+def watched_page(context, url):
     """A page whose console must stay free of errors, and which must talk to no other host.
 
     A test that makes the service refuse something on purpose lists the status in `page.expected_refusals`.
     """
     page = context.new_page()
     page.set_viewport_size({"width": 1280, "height": 900})
+    page.set_default_timeout(PATIENCE_S * 1000)
     page.expected_refusals = []
     said, asked, refused = [], [], []
     page.on("console", lambda message: said.append(message.text) if message.type == "error" else None)

@@ -1,10 +1,14 @@
 """One episode: what was recorded, what was made of it, what another rule would make."""
 
+import cv2
+import numpy as np
 import pytest
 from playwright.sync_api import expect
 
-from tests.web.conftest import PLACES_M, teach, until
+from tests.episodes import arrays, metadata, multipart, npz, pick_trajectory
+from tests.web.conftest import PLACES_M, teach, until, wait_until
 
+PATH_BGR = (173, 92, 11)  # --curve of the style sheet
 DRAWN = "document.getElementById('speed').layout?.shapes?.length > 0"
 
 
@@ -16,7 +20,6 @@ def see_the_plot(page):
 @pytest.fixture
 def episode(page, seeded):
     page.goto(f"/ui/episodes/{seeded[0]['id']}")
-    see_the_plot(page)
     return seeded[0]
 
 
@@ -28,8 +31,10 @@ def set_slider(page, exponent):
     )
 
 
-def threshold(page):
-    return page.evaluate("document.getElementById('speed').layout.shapes[0].y0")
+def path_pixels(page):
+    """How many pixels the blue path covers: plotly.js may know of a new view and not have drawn it."""
+    image = cv2.imdecode(np.frombuffer(page.locator("#space-view").screenshot(), np.uint8), cv2.IMREAD_COLOR)
+    return int((np.abs(image.astype(int) - PATH_BGR).max(axis=2) < 12).sum())
 
 
 def frames(page):
@@ -42,16 +47,21 @@ def test_the_camera_s_image_is_shown_with_the_poses(page, episode):
     expect(page.get_by_role("row", name="cube")).to_contain_text("0.100, 0.000, 0.785")
 
 
-def test_the_plot_has_speed_threshold_gripper_and_keyframes(page, episode):
+def test_the_plot_has_speed_threshold_gripper_and_keyframes_in_both_modes(page, episode):
+    see_the_plot(page)
     shapes = page.evaluate("document.getElementById('speed').layout.shapes")
-    assert threshold(page) == 0.1
+    assert shapes[0]["y0"] == 0.1
     assert [shape["type"] for shape in shapes].count("rect") == 2
     marked = [shape["x0"] for shape in shapes if shape["type"] == "line" and shape["xref"] == "x"]
     assert marked == [keyframe["index"] / 20 for keyframe in episode["keyframes"]]
     assert page.evaluate("document.getElementById('speed').data[0].y.length") == episode["num_frames"]
+    light = page.evaluate("document.getElementById('speed').data[0].line.color")
+    page.emulate_media(color_scheme="dark")
+    until(page, "light => document.getElementById('speed').data[0].line.color !== light", light)
 
 
 def test_the_slider_shows_at_once_what_would_be_found(page, episode, http):
+    see_the_plot(page)
     assert frames(page) == [6, 11, 20]
     set_slider(page, 0)
     expect(page.locator("#table [role=status]")).to_contain_text("gone")
@@ -72,7 +82,50 @@ def test_another_rule_shows_its_own_fields(page, episode):
     expect(page.locator("#table [role=status]")).to_have_text("3 keyframes: 2 new, 2 of the stored ones gone")
     assert frames(page) == [7, 14, 20, 6, 11]
     expect(page.locator("#delta")).to_be_hidden()
-    until(page, "document.getElementById('speed').layout.shapes.every((shape) => shape.xref !== 'paper')")
+    see_the_plot(page)
+    assert page.evaluate("document.getElementById('speed').layout.shapes.every((shape) => shape.xref !== 'paper')")
+
+
+def test_the_slider_moves_by_keyboard(page, episode):
+    page.locator("#delta-slider").focus()
+    page.keyboard.press("ArrowRight")
+    page.keyboard.press("ArrowRight")
+    assert page.get_by_label("rad/s").input_value() == "0.11"
+    page.get_by_label("rad/s").fill("0.5")
+    assert page.locator("#delta-slider").input_value() == "-0.3"
+    page.get_by_label("rad/s").fill("-1")
+    assert page.get_by_label("rad/s").evaluate("field => field.validity.rangeUnderflow")
+    assert page.locator("#delta-slider").input_value() == "-0.3"
+    page.get_by_label("Rule").select_option("uniform")
+    expect(page.locator("#table [role=status]")).to_contain_text("new")
+
+
+def test_long_lists_are_cut_short(http):
+    trajectory = {name: np.repeat(array, 20, axis=0) for name, array in arrays(pick_trajectory(PLACES_M[0])).items()}
+    files = multipart(metadata("long", {"cube": PLACES_M[0]}), npz(**trajectory))
+    id_ = http.post("/episodes", files=files).json()["id"]
+    answer = http.get(f"/ui/episodes/{id_}/keyframes", params={"rule": "uniform", "interval": 1}).json()
+    assert len(answer["keyframes"]) == len(answer["frames"]) == answer["html"].count('<tr class="new">') + 2 == 300
+    assert "419 keyframes" in answer["html"]
+    assert "Only the first 300" in answer["html"]
+
+
+def test_an_image_that_cannot_be_read_says_why(page, http, data_folder):
+    page.expected_refusals = [500, 500]
+    id_ = teach(http, "damaged", PLACES_M[0], hue=77)["id"]
+    max((data_folder / "blobs").rglob("*"), key=lambda path: path.stat().st_mtime_ns * path.is_file()).write_bytes(b"")
+    page.goto(f"/ui/episodes/{id_}")
+    expect(page.get_by_role("alert")).to_contain_text("Stored data is damaged")
+    http.delete(f"/episodes/{id_}")
+
+
+def test_older_and_newer_ones_are_a_click_away(page, seeded):
+    page.goto(f"/ui/episodes/{seeded[1]['id']}")
+    page.get_by_role("link", name="Older").click()
+    page.wait_for_url(f"**/{seeded[0]['id']}")
+    expect(page.get_by_role("link", name="Older")).to_have_count(0)
+    page.get_by_role("link", name="Newer").click()
+    page.wait_for_url(f"**/{seeded[1]['id']}")
 
 
 def test_a_rule_is_applied_to_the_whole_task(page, http):
@@ -100,6 +153,10 @@ def test_the_scene_is_drawn_in_space(page, episode):
     assert counted["objects"] == 1
     points = page.evaluate("document.getElementById('space-view').data.filter(({ mode }) => mode.includes('text'))")
     assert [len(trace["text"]) for trace in points] == [len(episode["keyframes"]), 1]
+    whole = path_pixels(page)
+    page.get_by_role("button", name="Close to the motion").click()
+    assert page.get_by_role("button", name="Close to the motion").get_attribute("aria-pressed") == "true"
+    wait_until(lambda: path_pixels(page) > 1.3 * whole > 0)
 
 
 def test_the_text_is_that_of_the_prompt(page, episode, http):
@@ -122,12 +179,6 @@ def test_it_is_deleted_from_its_page(page, http):
     page.get_by_role("dialog").get_by_role("button", name="Delete").click()
     page.wait_for_url("**/ui/episodes?task=deleted%20alone")
     assert http.get(f"/episodes/{id_}").status_code == 404
-
-
-def test_plots_follow_a_change_of_mode(page, episode):
-    light = page.evaluate("document.getElementById('speed').data[0].line.color")
-    page.emulate_media(color_scheme="dark")
-    until(page, "light => document.getElementById('speed').data[0].line.color !== light", light)
 
 
 def test_it_is_useful_without_scripts(browser, url, seeded):

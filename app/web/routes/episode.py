@@ -74,6 +74,7 @@ def episode_page(
     texts, about_texts = _texts(services, recording)
     with services.store.read() as connection:
         num_episodes = tasks.counts(connection)[recording.task.name].episodes
+        older, newer = episodes.neighbours(connection, recording.record)
     return render(
         request,
         "episode.html",
@@ -84,6 +85,8 @@ def episode_page(
         preview=shown,
         rules=RULES,
         num_episodes=num_episodes,
+        older=older,
+        newer=newer,
         texts=texts,
         about_texts=about_texts,
         applied=applied,

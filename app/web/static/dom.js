@@ -39,15 +39,18 @@ export function sayProblem(place, error) {
   place.replaceChildren(box);
 }
 
-/** Ask in a dialog; whether the answer is yes. Escape and Cancel say no, and the focus goes back. */
-export function confirmed(title, text, yes) {
+/**
+ * Ask in a dialog; whether the answer is yes. Escape and Cancel say no, and the focus goes back.
+ * @param look class of the button that says yes, e.g. "danger"
+ */
+export function confirmed(title, text, yes, look = "") {
   const cancel = element("button", { className: "plain", value: "no", autofocus: true }, "Cancel");
   const form = element(
     "form",
     { method: "dialog" },
     element("h2", { id: "question" }, title),
     element("p", {}, text),
-    element("div", { className: "row" }, element("button", { value: "yes" }, yes), cancel),
+    element("div", { className: "row" }, element("button", { value: "yes", className: look }, yes), cancel),
   );
   const dialog = element("dialog", {}, form);
   dialog.setAttribute("aria-labelledby", "question");

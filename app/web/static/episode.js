@@ -1,7 +1,7 @@
 // One episode: plots, the keyframe rule tried out and applied, deletion.
 
-import { call, root } from "./api.js";
-import { confirmed, data, debounced, say, sayProblem } from "./dom.js";
+import { call, root, send } from "./api.js";
+import { confirmed, data, debounced, element, say, sayProblem } from "./dom.js";
 import { drawMotion } from "./motion_plot.js";
 import { inBothModes, whenNear } from "./plot.js";
 import { drawScene } from "./scene3d.js";
@@ -10,6 +10,7 @@ const PAUSE_MS = 60;
 const byId = (id) => document.getElementById(id);
 const section = byId("keyframes");
 const form = byId("rule");
+const slider = byId("delta-slider");
 const { episode, task, episodes } = section.dataset;
 const stored = data("stored");
 const motion = call(`/ui/episodes/${episode}/motion`);
@@ -27,13 +28,22 @@ function isChanged() {
   return Object.entries(wish()).some(([name, value]) => stored[name] !== value);
 }
 
-/** Show the fields of the chosen rule, the slider where the number is, the buttons that make sense. */
+/** Show the fields of the chosen rule and the buttons that make sense; nothing hidden may be wrong. */
 function arrange() {
   const { rule, delta_rad_s } = wish();
-  for (const field of form.querySelectorAll("[data-for]")) field.hidden = !field.dataset.for.split(" ").includes(rule);
-  byId("delta-slider").value = Math.log10(delta_rad_s);
-  byId("delta-slider").setAttribute("aria-valuetext", `${delta_rad_s} rad/s`);
+  for (const field of form.querySelectorAll("[data-for]")) {
+    field.hidden = !field.dataset.for.split(" ").includes(rule);
+    const input = field.querySelector("input[name]");
+    if (field.hidden && input && !input.checkValidity()) input.value = stored[input.name];
+  }
+  slider.setAttribute("aria-valuetext", `${delta_rad_s} rad/s`);
   byId("apply").disabled = byId("reset").disabled = !isChanged();
+}
+
+/** Put the slider where the number is. */
+function followNumber() {
+  const { delta_rad_s } = wish();
+  if (delta_rad_s > 0) slider.value = Math.log10(delta_rad_s);
 }
 
 async function drawSpeed() {
@@ -59,6 +69,7 @@ async function drawSpace() {
 
 /** Ask what the rule would find; the service's own rule, so that it is what applying it gives. */
 const look = debounced(async () => {
+  if (!form.checkValidity()) return;
   asked.abort();
   asked = new AbortController();
   const query = new URLSearchParams(wish());
@@ -76,19 +87,23 @@ const look = debounced(async () => {
 }, PAUSE_MS);
 
 function changed() {
-  if (!form.checkValidity()) return;
   arrange();
+  if (!form.checkValidity()) return;
   drawSpeed();
   look();
 }
 
 form.addEventListener("submit", (event) => event.preventDefault());
+form.addEventListener("change", () => form.reportValidity());
 form.addEventListener("input", (event) => {
-  if (event.target.id === "delta-slider") form.elements.delta_rad_s.value = Number((10 ** event.target.value).toPrecision(2));
+  // The number is rounded, so it must not move the slider back: one could never leave a step.
+  if (event.target === slider) form.elements.delta_rad_s.value = Number((10 ** slider.value).toPrecision(3));
+  else followNumber();
   changed();
 });
 byId("reset").addEventListener("click", () => {
   for (const [name, value] of Object.entries(stored)) form.elements[name].value = value;
+  followNumber();
   changed();
 });
 byId("apply").addEventListener("click", async () => {
@@ -106,7 +121,7 @@ byId("apply").addEventListener("click", async () => {
 });
 byId("delete").addEventListener("click", async () => {
   const text = "It will no longer be shown to the LLM. Its recording cannot be brought back.";
-  if (!(await confirmed("Delete this episode?", text, "Delete"))) return;
+  if (!(await confirmed("Delete this episode?", text, "Delete", "danger"))) return;
   say(byId("message"), "busy", "Deleting…");
   try {
     await call(`/episodes/${episode}`, { method: "DELETE" });
@@ -116,6 +131,22 @@ byId("delete").addEventListener("click", async () => {
   }
 });
 
+/** Say why an image cannot be shown. */
+async function explain(image) {
+  try {
+    await send(new URL(image.src).pathname.slice(root.length));
+  } catch (error) {
+    const place = element("div");
+    image.replaceWith(place);
+    sayProblem(place, error);
+  }
+}
+
+for (const image of document.querySelectorAll(".cameras img")) {
+  if (image.complete && !image.naturalWidth) explain(image);
+  else image.addEventListener("error", () => explain(image));
+}
+followNumber();
 arrange();
 whenNear(byId("speed"), () => inBothModes(drawSpeed));
 whenNear(byId("space-view"), () => {

@@ -10,7 +10,7 @@ document.getElementById("episodes")?.addEventListener("click", async (event) => 
   if (!button) return;
   const { delete: id, name } = button.dataset;
   const text = `${name} will no longer be shown to the LLM. Its recording cannot be brought back.`;
-  if (!(await confirmed("Delete this episode?", text, "Delete"))) return;
+  if (!(await confirmed("Delete this episode?", text, "Delete", "danger"))) return;
   button.disabled = true;
   say(message, "busy", "Deleting…");
   try {

@@ -1,0 +1,65 @@
+"""What runs now, in every process of the service."""
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from fastapi import APIRouter, Request
+from fastapi.responses import HTMLResponse
+from sqlalchemy import Connection
+from starlette.responses import Response
+
+from app.api.routes import Wired
+from app.services.container import Services
+from app.store import prediction_lists
+from app.store.under_way import UnderWay
+from app.web.page import HEADERS, PageRoute, render, render_part
+
+router = APIRouter(route_class=PageRoute)
+documents = APIRouter()
+
+
+@dataclass(frozen=True)
+class Running:
+    """A prediction that an LLM is working at.
+
+    Attributes:
+        usual_s: how long its model takes for the median of its latest answers; None if nobody knows.
+    """
+
+    note: UnderWay
+    elapsed_s: float
+    usual_s: float | None
+
+    @property
+    def left_s(self) -> float | None:
+        """Seconds that it will still take if it takes as long as usual; None where nobody knows, or it is overdue."""
+        left_s = None if self.usual_s is None else self.usual_s - self.elapsed_s
+        return left_s if left_s is not None and left_s > 0 else None
+
+
+@router.get("/ui/live")
+def live_page(request: Request, services: Wired) -> Response:
+    """What runs; its script asks again and again."""
+    return render(request, "live.html", running=_running(services))
+
+
+@documents.get("/ui/live/now")
+def live_part(request: Request, services: Wired) -> Response:
+    """The part of the page that changes."""
+    root = request.scope.get("root_path", "")
+    return HTMLResponse(render_part("live_now.html", running=_running(services), root=root), headers=HEADERS)
+
+
+def _running(services: Services) -> tuple[Running, ...]:
+    notes = services.store.under_way.all()
+    with services.store.read() as connection:
+        return tuple(_timed(connection, notes))
+
+
+def _timed(connection: Connection, notes: tuple[UnderWay, ...]) -> Iterator[Running]:
+    now_s = time.time()
+    usual_ms = {model: prediction_lists.usual_llm_ms(connection, model) for model in {note.model for note in notes}}
+    for note in notes:
+        milliseconds = usual_ms[note.model]
+        yield Running(note, now_s - note.started_s, None if milliseconds is None else milliseconds / 1000)

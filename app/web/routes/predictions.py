@@ -1,0 +1,110 @@
+"""What was predicted and how it went: the list, one prediction, two side by side."""
+
+import re
+from typing import Annotated, Literal
+
+from fastapi import APIRouter, Query, Request
+from fastapi.responses import JSONResponse
+from starlette.responses import Response
+
+from app.api.routes import Wired
+from app.pipeline.errors import InvalidInputError
+from app.store import prediction_lists, tasks
+from app.store.prediction_lists import FATES, Fate, ListCursor, Order, PredictionFilter
+from app.web.comparison_view import compare
+from app.web.page import HEADERS, PageRoute, render, render_part
+from app.web.prediction_view import view_prediction
+
+PAGE_SIZE = 50
+NUM_OTHERS = 20  # to compare with
+_CURSOR = re.compile(r"(\d{1,2})\.(\d{1,18})", re.ASCII)
+Text = Annotated[str, Query(max_length=200)]
+router = APIRouter(route_class=PageRoute)
+documents = APIRouter()
+
+
+@router.get("/ui/predictions")
+def predictions_page(
+    request: Request,
+    services: Wired,
+    task: Text = "",
+    model: Text = "",
+    representation: Text = "",
+    prompt_format: Text = "",
+    demonstrations: Annotated[str, Query(pattern=r"^\d{0,3}$")] = "",
+    outcome: Fate | Literal[""] = "",
+    order: Order = "failures",
+    cursor: Annotated[str, Query(max_length=32)] = "",
+) -> Response:
+    """Predictions, those that failed first, and how each configuration fares."""
+    chosen = PredictionFilter(
+        task=task or None,
+        model=model or None,
+        representation=representation or None,
+        prompt_format=prompt_format or None,
+        num_demonstrations=int(demonstrations) if demonstrations else None,
+        fate=outcome or None,
+    )
+    with services.store.read() as connection:
+        page = prediction_lists.list_page(connection, chosen, order, PAGE_SIZE, _cursor(cursor))
+        names = list(tasks.counts(connection))
+        models = prediction_lists.models(connection)
+        configurations = prediction_lists.configurations(connection, task or None)
+        wanted = [n for item in configurations for n in (item.newest, item.newest_failure) if n is not None]
+        ids = prediction_lists.ids_of(connection, wanted)
+    query = {k: v for k, v in request.query_params.items() if v and k != "cursor"}
+    return render(
+        request,
+        "predictions.html",
+        page=page,
+        chosen=chosen,
+        order=order,
+        first=not cursor,
+        query=query,
+        names=names,
+        models=models,
+        configurations=configurations,
+        ids=ids,
+        fates=FATES,
+    )
+
+
+def _cursor(text: str) -> ListCursor | None:
+    if not text:
+        return None
+    if not (match := _CURSOR.fullmatch(text)):
+        raise InvalidInputError("cursor", f"is {text!r}", "that of the page before")
+    return ListCursor(int(match[1]), int(match[2]))
+
+
+@router.get("/ui/predictions/compare")
+def compare_page(
+    request: Request, services: Wired, ids: Annotated[list[str] | None, Query(alias="id")] = None
+) -> Response:
+    """Two predictions and their configurations side by side."""
+    if ids is None or len(ids) != 2:
+        raise InvalidInputError("id", f"{len(ids or ())} predictions were chosen", "two")
+    with services.store.read() as connection:
+        one, other = (view_prediction(connection, id_) for id_ in ids)
+        counts = [prediction_lists.configurations(connection, view.record.task) for view in (one, other)]
+    return render(request, "compare.html", compared=compare(one, other, counts[0], counts[1]))
+
+
+@router.get("/ui/predictions/{prediction_id}")
+def prediction_page(request: Request, services: Wired, prediction_id: str) -> Response:
+    """One prediction: what was asked, what came, what deserves a look."""
+    with services.store.read() as connection:
+        view = view_prediction(connection, prediction_id)
+        of_task = PredictionFilter(task=view.record.task)
+        others = prediction_lists.list_page(connection, of_task, "newest", NUM_OTHERS).items
+    return render(request, "prediction.html", view=view, others=[item for item in others if item.id != prediction_id])
+
+
+@documents.get("/ui/predictions/{prediction_id}/result")
+def prediction_result(request: Request, services: Wired, prediction_id: str) -> Response:
+    """The part of the page that tells the result, and the scene."""
+    with services.store.read() as connection:
+        view = view_prediction(connection, prediction_id)
+    root = request.scope.get("root_path", "")
+    html = render_part("prediction_result.html", view=view, root=root)
+    return JSONResponse({"html": html, "scene": view.scene}, headers=HEADERS)

@@ -1,0 +1,29 @@
+// How the robot fared: the form of prediction_result.html.
+
+import { call } from "./api.js";
+import { sayProblem } from "./dom.js";
+
+/** Let the outcome form in `place` record; `told` is called afterwards. */
+export function listenForOutcome(place, told) {
+  const form = place.querySelector("form.outcome");
+  form.addEventListener("submit", async (event) => {
+    event.preventDefault();
+    const success = event.submitter?.value === "true";
+    const note = form.elements.note.value.trim();
+    const buttons = form.querySelectorAll("button");
+    for (const button of buttons) button.disabled = true;
+    try {
+      const json = { success, note: note || null };
+      await call(`/predictions/${form.dataset.prediction}/outcome`, { method: "POST", json });
+      await told(success);
+    } catch (error) {
+      sayProblem(form.querySelector(".told"), error);
+    } finally {
+      for (const button of buttons) button.disabled = false;
+    }
+  });
+  // Enter in the note must not record an outcome that nobody chose.
+  form.elements.note.addEventListener("keydown", (event) => {
+    if (event.key === "Enter") event.preventDefault();
+  });
+}

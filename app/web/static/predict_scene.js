@@ -1,0 +1,132 @@
+// The scene of a question: typed poses, or images with their cameras.
+
+import { ProblemError, call, send } from "./api.js";
+
+const PART = /^((?:rgb|depth|mask)_.+)\.(?:png|jpe?g|npy)$/i;
+const SETTINGS = ["model", "representation", "prompt_format", "system_prompt", "selection"];
+const NUMBERS = ["num_demonstrations", "seed", "max_actions", "timeout_s"];
+const taken = new Map(); // images taken from an episode, by the name of their part
+
+const byId = (id) => document.getElementById(id);
+const fromImages = (form) => form.elements.scene.value === "images";
+const words = (text) => text.split(/[\s,]+/).filter(Boolean);
+
+function wrong(field, message, valid) {
+  return new ProblemError({ title: "The request is not valid", errors: [{ field, message, valid }] });
+}
+
+function numbers(text, field, count) {
+  const values = words(text).map(Number);
+  if (values.some((value) => !Number.isFinite(value)) || (count && values.length !== count)) {
+    throw wrong(field, `is “${text}”`, `${count ?? "any number of"} numbers with blanks between them`);
+  }
+  return values;
+}
+
+/** Show the fields of the chosen kind of scene; those not shown are not required. */
+export function showKind(form) {
+  const looks = fromImages(form);
+  for (const place of form.querySelectorAll(".given")) {
+    place.hidden = looks;
+    for (const input of place.querySelectorAll("input")) input.disabled = looks;
+  }
+  for (const place of form.querySelectorAll(".looked")) place.hidden = !looks;
+}
+
+/** Take over the objects, instruction, cameras and images of a stored episode. */
+export async function fillFrom(form, id) {
+  const episode = await call(`/episodes/${id}`);
+  form.elements.instruction.value = episode.instruction;
+  for (const object of episode.objects) {
+    const group = [...form.querySelectorAll("[data-object]")].find((each) => each.dataset.object === object.name);
+    if (!group) continue;
+    const field = (name) => group.querySelector(`[name="${name}"]`);
+    ["x", "y", "z"].forEach((axis, k) => (field(axis).value = object.position[k].toFixed(4)));
+    field("quaternion").value = (object.quaternion_xyzw ?? []).map((value) => +value.toPrecision(9)).join(" ");
+  }
+  const { cameras, images, mask_ids } = await call(`/ui/predict/scenes/${id}`);
+  for (const [name, ids] of Object.entries(mask_ids)) {
+    const group = [...form.querySelectorAll("[data-object]")].find((each) => each.dataset.object === name);
+    if (group) group.querySelector('[name="mask_ids"]').value = ids.join(" ");
+  }
+  byId("cameras").value = JSON.stringify(cameras, null, 1);
+  taken.clear();
+  for (const [part, address] of Object.entries(images)) taken.set(part, address);
+  byId("files").value = "";
+  chosenImages();
+}
+
+/** Say which images would be sent; returns the chosen files by the name of their part. */
+export function chosenImages() {
+  const parts = new Map();
+  const unused = [];
+  for (const file of byId("files").files) {
+    const [, part] = PART.exec(file.name) ?? [];
+    if (part) parts.set(part, file);
+    else unused.push(file.name);
+  }
+  const listed = [...(parts.size ? parts.keys() : taken.keys())].join(", ");
+  const whose = parts.size ? "Images" : "Images of the episode";
+  const ignored = unused.length ? ` Not named as an image of a camera: ${unused.join(", ")}.` : "";
+  byId("chosen-images").textContent = (listed ? `${whose}: ${listed}.` : "No image is chosen yet.") + ignored;
+  return parts;
+}
+
+/** `more => options of fetch`: the request that the form describes. Throws ProblemError for what cannot be read. */
+export async function requestOf(form) {
+  const document = wish(form);
+  if (!fromImages(form)) return (more) => ({ json: { ...document, ...more } });
+  const parts = await images();
+  return (more) => ({ body: bodyOf({ ...document, ...more }, parts) });
+}
+
+/** The chosen files, else the images taken from an episode, by the name of their part. */
+async function images() {
+  const parts = chosenImages();
+  if (parts.size) return parts;
+  if (!taken.size) throw wrong("images", "there are none", "files named rgb_CAMERA, depth_CAMERA, mask_CAMERA");
+  const fetched = [...taken].map(async ([part, address]) => [part, await (await send(address)).blob()]);
+  return new Map(await Promise.all(fetched));
+}
+
+function bodyOf(document, parts) {
+  const body = new FormData();
+  body.append("metadata", new Blob([JSON.stringify(document)], { type: "application/json" }), "metadata.json");
+  for (const [name, file] of parts) body.append(name, file, name);
+  return body;
+}
+
+function wish(form) {
+  const found = {
+    task: form.dataset.task,
+    instruction: form.elements.instruction.value,
+    objects: [...form.querySelectorAll("[data-object]")].map((group) => objectOf(group, fromImages(form))),
+  };
+  for (const name of SETTINGS) if (form.elements[name].value) found[name] = form.elements[name].value;
+  for (const name of NUMBERS) if (form.elements[name].value) found[name] = form.elements[name].valueAsNumber;
+  const ids = words(form.elements.episode_ids.value);
+  if (ids.length) found.episode_ids = ids;
+  if (fromImages(form)) found.cameras = cameras();
+  return found;
+}
+
+function objectOf(group, looks) {
+  const name = group.dataset.object;
+  const value = (field) => group.querySelector(`[name="${field}"]`).value.trim();
+  if (looks) {
+    const ids = value("mask_ids");
+    return ids ? { name, mask_ids: numbers(ids, `objects[${name}].mask_ids`) } : { name };
+  }
+  const position = ["x", "y", "z"].map((axis) => Number(value(axis)));
+  const quaternion = value("quaternion");
+  const turn = quaternion ? { quaternion_xyzw: numbers(quaternion, `objects[${name}].quaternion_xyzw`, 4) } : {};
+  return { name, position, ...turn };
+}
+
+function cameras() {
+  try {
+    return JSON.parse(byId("cameras").value);
+  } catch (error) {
+    throw wrong("cameras", `is not JSON: ${error.message}`, "a list of cameras");
+  }
+}

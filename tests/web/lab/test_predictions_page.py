@@ -1,0 +1,135 @@
+"""The list of predictions, one of them, and two side by side."""
+
+import pytest
+
+from tests.web.conftest import until
+from tests.web.lab.conftest import ask
+
+
+def fates(page):
+    return page.locator("table.list").first.locator("tbody tr .badge").all_inner_texts()
+
+
+def test_failures_come_first(page):
+    page.goto("/ui/predictions?task=pick&model=regression&demonstrations=4")
+    assert fates(page)[0] == "failed"
+    page.get_by_label("Order").select_option("newest first")
+    page.get_by_role("button", name="Filter").click()
+    page.wait_for_url("**order=newest**")
+    assert fates(page)[-1] == "failed"
+
+
+def test_a_filter_narrows_the_list(page):
+    page.goto("/ui/predictions")
+    page.get_by_label("Outcome").select_option("no actions")
+    page.get_by_role("button", name="Filter").click()
+    page.wait_for_url("**outcome=refused**")
+    assert set(fates(page)) == {"no actions"}
+    assert "the reply has 0 lists of actions" in page.locator("tbody").first.inner_text()
+    page.goto("/ui/predictions?task=pick&model=scripted&outcome=success")
+    assert "No prediction fits the filter" in page.locator("main").inner_text()
+
+
+def test_pages_go_on_where_the_last_ended(page, http, seeded):
+    for _ in range(51):
+        ask(http, model="regression", num_demonstrations=2)
+    page.goto("/ui/predictions?demonstrations=2")
+    first = page.locator("tbody").first.locator("th a").evaluate_all("links => links.map(link => link.href)")
+    page.get_by_role("link", name="Further on").click()
+    page.wait_for_url("**cursor=**")
+    rest = page.locator("tbody").first.locator("th a").evaluate_all("links => links.map(link => link.href)")
+    assert (len(first), len(rest), len({*first, *rest})) == (50, 1, 51)
+
+
+def test_why_a_prediction_failed_in_three_clicks(page, seeded):
+    page.goto("/")
+    page.get_by_role("row", name="pick").get_by_role("link", name="1 failure").click()
+    page.get_by_role("link", name="pick up the cube").click()
+    page.wait_for_url(f"**/ui/predictions/{seeded['failure']}")
+    found = page.get_by_role("region", name="What deserves a look")
+    assert "cube lies outside of what was shown" in found.inner_text()
+    assert "from 0.100 to 0.250 m" in found.inner_text()
+    found.get_by_role("link").first.click()
+    row = page.get_by_role("region", name="Object poses").get_by_role("row", name="cube")
+    assert "30.0 cm" in row.inner_text()
+
+
+def test_a_prediction_shows_what_was_asked_and_what_came(page, seeded):
+    page.goto(f"/ui/predictions/{seeded['failure']}")
+    prompt = page.locator("pre.long")
+    assert prompt.locator(".object").count() == 5
+    assert prompt.locator(".instruction").count() == 5
+    assert prompt.locator(".action").count() == 4
+    assert page.locator("#part-reply .action").count() == 1
+    assert "went beside the cube" in page.locator("main").inner_text()
+    view = page.locator("#space-view")
+    view.scroll_into_view_if_needed()
+    until(page, "document.querySelector('#space-view').data?.length > 5")
+    assert view.evaluate("place => place.data.find(trace => trace.name === 'shown').x.length") == 4
+    page.locator("ol.demonstrations a").first.click()
+    page.wait_for_url("**/ui/episodes/*")
+
+
+def test_a_reply_that_is_no_list_of_actions_is_shown_with_its_error(page, seeded):
+    page.goto(f"/ui/predictions/{seeded['refused']}")
+    assert "I would rather not move today." in page.locator("#part-reply pre").inner_text()
+    assert "The reply is not a list of valid actions" in page.get_by_role("region", name="What deserves").inner_text()
+
+
+def test_an_outcome_is_told_with_a_note(page, http):
+    id_ = ask(http, model="regression")
+    page.goto(f"/ui/predictions/{id_}")
+    page.get_by_label("Note").fill("dropped it")
+    page.get_by_label("Note").press("Enter")  # chooses no outcome
+    page.get_by_role("button", name="Failure").click()
+    page.locator("h1 .badge.failure").wait_for()
+    assert http.get(f"/predictions/{id_}").json()["outcome"]["note"] == "dropped it"
+
+
+def test_two_are_compared(page, seeded):
+    page.goto("/ui/predictions?task=pick&demonstrations=4")
+    for fate in ("failure", "success"):
+        page.locator(f"input[value='{seeded[fate]}']").first.check()
+    page.get_by_role("button", name="Compare the two chosen").first.click()
+    page.wait_for_url("**/compare?**")
+    differing = page.locator("tr.differs th").all_inner_texts()
+    assert [name.split()[0] for name in differing] == ["representation", "place"]
+    assert "40.8 cm apart" in page.locator("tr.differs").last.inner_text()
+    cards = page.locator(".pair > .card")
+    assert "went beside the cube" in cards.nth(0).inner_text()
+    assert page.get_by_role("region", name="Table of actions of both").get_by_role("row").count() == 4
+
+
+def test_one_alone_is_not_compared(page, seeded):
+    page.expected_refusals = [422]
+    page.goto(f"/ui/predictions/compare?id={seeded['failure']}")
+    assert "1 predictions were chosen" in page.get_by_role("alert").inner_text()
+
+
+def test_configurations_are_counted(page):
+    page.goto("/ui/predictions?task=pick")
+    table = page.get_by_role("table", name="Success by configuration")
+    row = table.get_by_role("row").filter(has_text="object_frame")
+    assert "100" in row.locator("td[data-label=Success]").inner_text()
+    assert row.locator("td[data-label=Interval]").inner_text() == "21\N{EN DASH}100\N{NO-BREAK SPACE}%"
+    row.get_by_role("link").click()
+    page.wait_for_url("**representation=object_frame**")
+    assert fates(page) == ["succeeded"]
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("width", [375, 1280])
+def test_all_can_be_read_by_everyone(page, seeded, check_accessibility, scheme, width):
+    page.emulate_media(color_scheme=scheme)
+    page.set_viewport_size({"width": width, "height": 800})
+    pair = f"id={seeded['failure']}&id={seeded['success']}"
+    for address in ("", "?outcome=success&model=scripted", f"/{seeded['failure']}", f"/compare?{pair}"):
+        page.goto(f"/ui/predictions{address}")
+        check_accessibility(page)
+        assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), address
+
+
+def test_an_unknown_prediction_says_so(page):
+    page.expected_refusals = [404]
+    page.goto("/ui/predictions/nope")
+    assert "there is no prediction 'nope'" in page.get_by_role("alert").inner_text()
