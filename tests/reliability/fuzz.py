@@ -3,6 +3,7 @@
 `make fuzz` asks thousands of questions; tests/reliability/test_fuzz.py a few hundred.
 """
 
+import os
 import subprocess
 import sys
 import tempfile
@@ -18,6 +19,7 @@ CONFIGURATION = """
 [checks]
 not_a_server_error.expected-statuses = ["2xx", "3xx", "4xx", 502]
 """
+ROOT = Path(__file__).parents[2]
 CHECKS = "not_a_server_error,status_code_conformance,content_type_conformance,response_schema_conformance"
 
 
@@ -32,7 +34,14 @@ def fuzz(data, max_examples, phases, seed=1):
         command = [*program, "run", f"{service.url}/openapi.json", "--no-color"]
         options = ["--checks", CHECKS, "--phases", phases, "--max-examples", str(max_examples), "--seed", str(seed)]
         database = ["--generation-database", "none"]
-        run = subprocess.run([*command, *options, *database], capture_output=True, text=True, check=False, cwd=data)
+        run = subprocess.run(
+            [*command, *options, *database],
+            capture_output=True,
+            text=True,
+            check=False,
+            cwd=data,
+            env={**os.environ, "PYTHONPATH": str(ROOT), "SCHEMATHESIS_HOOKS": "tests.reliability.schemathesis_hooks"},
+        )
         return run.returncode, run.stdout + run.stderr, service.log()
 
 

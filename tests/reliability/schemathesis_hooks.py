@@ -1,0 +1,9 @@
+"""What Schemathesis does not know by itself."""
+
+import msgpack
+import schemathesis
+
+
+@schemathesis.serializer("application/msgpack")
+def msgpack_body(_, value):
+    return msgpack.packb(value)
