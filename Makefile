@@ -1,9 +1,10 @@
-# make setup | demo | serve | test | check | audit | torture | fuzz | soak | growth | bench | format | openapi | lock
+# make setup | dev | demo | serve | test | check | audit | torture | fuzz | soak | growth | bench | format | openapi | lock
 PYTHON ?= python3
 BIN := .venv/bin
 STAMP := .venv/.installed
+DEV_STAMP := .venv/.installed-dev
 
-.PHONY: setup demo serve test check audit torture fuzz soak growth bench lint format openapi lock clean
+.PHONY: setup dev demo serve test check audit torture fuzz soak growth bench lint format openapi lock clean
 
 setup: $(STAMP)
 
@@ -13,13 +14,19 @@ $(STAMP): requirements.lock pyproject.toml
 	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable .
 	touch $(STAMP)
 
+dev: $(DEV_STAMP)
+
+$(DEV_STAMP): requirements-dev.lock $(STAMP)
+	$(BIN)/python -m pip install --quiet --require-hashes --requirement requirements-dev.lock
+	touch $(DEV_STAMP)
+
 demo: setup
 	$(BIN)/roboprompt demo
 
 serve: setup
 	$(BIN)/roboprompt serve
 
-lint: setup
+lint: dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
@@ -28,26 +35,26 @@ test: lint
 	$(BIN)/python -m pytest
 
 # Says so where the database of vulnerabilities cannot be reached, and fails where a package has one.
-audit: setup
+audit: dev
 	$(BIN)/python .ci/audit
 
 check: test audit
 
 # Half an hour; what mounts file systems needs root.
-torture: setup
+torture: dev
 	$(BIN)/python -m tests.reliability.torture
 
-fuzz: setup
+fuzz: dev
 	ROBOPROMPT_FUZZ_EXAMPLES=20000 $(BIN)/python -m pytest -q tests/reliability/test_binary_fuzz.py
 	$(BIN)/python -m tests.reliability.fuzz
 
-soak: setup
+soak: dev
 	$(BIN)/python -m benchmarks.soak --minutes 30
 
-growth: setup
+growth: dev
 	$(BIN)/python -m benchmarks.growth
 
-format: setup
+format: dev
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
@@ -55,11 +62,14 @@ openapi: setup
 	$(BIN)/python -m app.api.export_openapi > openapi/openapi.json
 
 # Versions and hashes only: the lock names no package registry.
-lock:
-	$(BIN)/uv pip compile pyproject.toml --extra server --extra sim --extra datasets --extra dev --universal --python-version 3.11 \
-		--generate-hashes --no-annotate --no-header --no-emit-index-url --quiet --output-file requirements.lock
+LOCK := $(BIN)/uv pip compile pyproject.toml --universal --python-version 3.11 --generate-hashes --no-annotate --no-header \
+	--no-emit-index-url --quiet --extra server --extra sim --extra datasets --extra editable
 
-bench: setup
+lock:
+	$(LOCK) --extra dev --output-file requirements-dev.lock
+	$(LOCK) --constraint requirements-dev.lock --output-file requirements.lock
+
+bench: dev
 	$(BIN)/python -m benchmarks.bench
 
 clean:

@@ -5,6 +5,7 @@ import contextlib
 import logging
 from collections.abc import AsyncIterator
 from importlib.metadata import version
+from typing import TYPE_CHECKING
 
 from fastapi import FastAPI
 
@@ -25,6 +26,9 @@ from app.web.site import install_pages
 
 DEFAULT_RATE_PER_S = 20.0
 JOB_POLL_S = 1.0
+if TYPE_CHECKING:
+    from app.telemetry import Tracing
+
 logger = logging.getLogger(__name__)
 
 
@@ -156,6 +160,30 @@ def build_app(settings: Settings) -> FastAPI:
     hide_keys_in_access_log()
     max_body_bytes = int(settings.max_body_mb * MEGABYTE)
     access = access_for(settings)
-    app = create_app(lambda: open_services(settings), version("roboprompt"), max_body_bytes, access)
+    tracing = _tracing(settings.otel_endpoint)
+    app = create_app(lambda: _traced(tracing, settings), version("roboprompt"), max_body_bytes, access)
     install_pages(app)
+    if tracing:
+        tracing.install(app)
     return app
+
+
+def _tracing(endpoint: str | None) -> "Tracing | None":
+    if not endpoint:
+        return None
+    try:
+        from app.telemetry import Tracing
+    except ModuleNotFoundError as error:
+        raise SystemExit(f"{error}; ROBOPROMPT_OTEL_ENDPOINT needs `pip install roboprompt[otel]`") from error
+    return Tracing(endpoint)
+
+
+@contextlib.asynccontextmanager
+async def _traced(tracing: "Tracing | None", settings: Settings) -> AsyncIterator[Services]:
+    """`open_services`, and at its end the last traces are sent."""
+    try:
+        async with open_services(settings) as services:
+            yield services
+    finally:
+        if tracing:
+            await asyncio.to_thread(tracing.close)

@@ -60,6 +60,13 @@ class Settings(BaseSettings):
         bool, Field(description="start the embedded LLM at start-up and let it read prefixes before they are asked for")
     ] = True
 
+    log_format: Annotated[
+        Literal["text", "json"], Field(description="of the log; json: with ids of requests, tasks and predictions")
+    ] = "text"
+    otel_endpoint: Annotated[
+        str | None, Field(description="OpenTelemetry collector that gets traces, e.g. http://127.0.0.1:4318")
+    ] = None
+
     # The fields of app.llm.settings.LlmSettings, which says what they mean.
     default_model: Annotated[str, Field(description="asked when a request names no model")] = "embedded/gemma-3-270m"
     openai_api_key: Annotated[SecretStr, Field(description="for openai/MODEL")] = SecretStr("")

@@ -87,6 +87,10 @@ class Client(threading.Thread):
                     self.late.append((kind, code, round(elapsed, 2)))
                 time.sleep(self.rng.uniform(0, 0.4))
 
+    def ask_once(self):
+        with httpx.Client(base_url=self.url, timeout=60) as http:
+            self._predict(http)
+
     def _predict(self, http, **headers):
         body = {**metadata(TASK, {"cube": (0.2, 0.1, 0.8)}), "timeout_s": TIMEOUT_S}
         return http.post("/predict", json=body, headers=headers)
@@ -169,6 +173,7 @@ def _run(service, minutes, stop):
     for worker in (watcher, *clients):
         worker.join()
     time.sleep(8)  # keep-alive connections end after 5 s
+    clients[0].ask_once()  # and those to the LLM, which it has closed, are noticed by the next request
     after_load = state_of(service.process.pid)
     service.stop()
     return _figures(minutes, clients, health, samples, before, after_load)

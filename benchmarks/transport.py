@@ -13,8 +13,9 @@ import msgpack
 import numpy as np
 from websockets.sync.client import connect
 
-from app.client.encoding import camera_json, packed_request, request_parts
+from app.client.encoding import packed_request, request_parts
 from app.pipeline.episode import Camera, RgbdFrame
+from app.pipeline.metadata import camera_json
 from benchmarks.peers import pack_array
 from benchmarks.processes import Cost, cost, running, service
 from benchmarks.service_time import REPLY, asked, teach

@@ -45,7 +45,7 @@ def episode_document(record: EpisodeRecord, task: TaskRecord) -> JsonObject:
 
 
 def metadata_document(record: EpisodeRecord) -> JsonObject:
-    """An `EpisodeMetadata`: what was uploaded, to be uploaded elsewhere; without a link to a prediction of here."""
+    """An `EpisodeMetadata`: what was uploaded, to be uploaded elsewhere; no link to a prediction of here."""
     objects = [
         {
             "name": item["name"],

@@ -1,16 +1,26 @@
-"""How long requests take."""
+"""How long requests take, told to the metrics and to the log."""
 
+import logging
+import re
 import time
 from http import HTTPMethod
+from uuid import uuid4
 
 from fastapi import FastAPI
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from app.services.log_fields import request_fields
+
+logger = logging.getLogger(__name__)
+REQUEST_ID = b"x-request-id"
+_PLAIN_ID = re.compile(rb"[\w.-]{1,64}")
 METHODS = frozenset(HTTPMethod)
 
 
 class ObserveRequests:
-    """ASGI middleware that tells the services' metrics of every answer.
+    """ASGI middleware that tells the services' metrics and the log of every answer.
+
+    A request keeps the `X-Request-ID` that it came with, or gets one; the answer carries it.
 
     Args:
         owner: whose `state.services` has them.
@@ -24,6 +34,11 @@ class ObserveRequests:
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
+        request_id = _request_id(scope)
+        with request_fields(request_id):
+            await self._observed(scope, receive, send, request_id)
+
+    async def _observed(self, scope: Scope, receive: Receive, send: Send, request_id: str) -> None:
         started = time.perf_counter()
         status = 500
 
@@ -31,6 +46,7 @@ class ObserveRequests:
             nonlocal status
             if message["type"] == "http.response.start":
                 status = message["status"]
+                message["headers"] = [*message["headers"], (REQUEST_ID, request_id.encode())]
             await send(message)
 
         try:
@@ -40,4 +56,13 @@ class ObserveRequests:
             method = scope["method"] if scope["method"] in METHODS else "other"
             route = getattr(scope.get("route"), "path", "none")
             metrics = self._owner.state.services.metrics
-            metrics.observe_request(method, route, status, time.perf_counter() - started)
+            seconds = time.perf_counter() - started
+            metrics.observe_request(method, route, status, seconds)
+            figures = {"method": method, "route": route, "status": status, "duration_ms": round(1000 * seconds, 2)}
+            logger.info("%s %s %d", method, route, status, extra=figures)
+
+
+def _request_id(scope: Scope) -> str:
+    """The caller's if it is plain: it goes into the log and back into a header."""
+    sent: bytes = dict(scope["headers"]).get(REQUEST_ID, b"")
+    return sent.decode() if _PLAIN_ID.fullmatch(sent) else uuid4().hex

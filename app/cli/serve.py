@@ -2,7 +2,7 @@
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -28,11 +28,16 @@ def serve(
 
     from app.api.bounded_head import BoundedHeadProtocol
     from app.bootstrap import build_app
+    from app.logs import log_as_json
     from app.settings import Settings
 
     given = {"data": data, "host": host, "auth": "off" if no_auth else None}
     settings = Settings().model_copy(update={name: value for name, value in given.items() if value is not None})
     application = build_app(settings) if workers == 1 else _for_workers(settings)
+    logging: dict[str, Any] = {"log_level": "info"}
+    if settings.log_format == "json":
+        log_as_json()
+        logging = {"log_config": None, "access_log": False}
     uvicorn.run(
         application,
         host=host,
@@ -41,8 +46,8 @@ def serve(
         http=BoundedHeadProtocol,
         ws="none",
         server_header=False,
-        log_level="info",
         timeout_graceful_shutdown=GRACE_S,
+        **logging,
     )
 
 

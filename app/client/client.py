@@ -4,6 +4,7 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from json import JSONDecodeError
 from types import TracebackType
 from typing import Any, Self
 from uuid import uuid4
@@ -191,7 +192,7 @@ class RoboPromptClient:
                     yield _predicted(document)
                     return
                 else:
-                    raise ServiceProblemError(document["status"], document)
+                    raise ServiceProblemError(document.get("status", 502), document)
         raise ServiceUnreachableError("POST /predict: the stream ended before it was complete")
 
     def learn_object_models(
@@ -257,7 +258,7 @@ class RoboPromptClient:
     def _transport_errors(self, method: str, path: str) -> Iterator[None]:
         try:
             yield
-        except (httpx.TransportError, SSEError) as error:
+        except (httpx.TransportError, SSEError, JSONDecodeError) as error:
             where = f"{self._http.base_url}{path.lstrip('/')}"
             raise ServiceUnreachableError(f"{method} {where}: {error or type(error).__name__}") from error
 

@@ -9,12 +9,13 @@ from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
+from app.datasets.columns import Columns, trajectory_of
 from app.datasets.errors import DamagedError
 from app.datasets.lerobot_files import INFO, Info, Place, numbers_of, read_info, read_places, read_table
 from app.datasets.lerobot_images import first_image
 from app.datasets.lerobot_scenes import Scene, read_scene
 from app.datasets.mapped import recording_of
-from app.datasets.mapping import Columns, FeatureMap, trajectory_of
+from app.datasets.mapping import FeatureMap
 from app.datasets.options import ImportOptions, as_name
 from app.datasets.recording import Dataset, Entry, Parcel
 from app.pipeline.trajectory_npz import npz_from_trajectory

@@ -2,7 +2,8 @@
 
 from collections.abc import Callable, Sequence
 
-from app.datasets.mapping import Columns, FeatureMap, objects_of, trajectory_of
+from app.datasets.columns import Columns, objects_of, trajectory_of
+from app.datasets.mapping import FeatureMap
 from app.datasets.options import ImportOptions
 from app.datasets.recording import Recording
 from app.pipeline.episode import Camera

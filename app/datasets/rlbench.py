@@ -20,9 +20,10 @@ import numpy as np
 from app.datasets.errors import DamagedError
 from app.datasets.options import ImportOptions, as_name
 from app.datasets.recording import Dataset, Entry, ObjectEntry, Parcel, Recording
-from app.datasets.rlbench_images import calibrated_cameras, read_images
+from app.datasets.rlbench_images import calibrated_cameras, read_images, visible_ids
 from app.datasets.rlbench_pickle import Record, load_demo, load_descriptions, load_number
 from app.pipeline.episode import Array, Camera, Trajectory
+from app.pipeline.errors import InvalidInputError
 
 LOW_DIM = "low_dim_obs.pkl"
 DESCRIPTIONS = "variation_descriptions.pkl"
@@ -70,6 +71,9 @@ def _read(folder: Path, name: str, options: ImportOptions) -> Parcel:
     wanted = options.objects.of(name, variation)
     states = _object_states(folder / LOW_DIM, observations, wanted)
     cameras, images, notes = _cameras(folder, misc, options)
+    if not wanted:
+        message = f"the dataset names none; its masks show the ids {_listed(visible_ids(images))}"
+        raise InvalidInputError("objects", message, "poses, mask ids or names with --objects FILE")
     recording = Recording(
         task=options.task or as_name(_task(folder)),
         instruction=instruction,
@@ -123,6 +127,10 @@ def _stacked(path: Path, observations: list[Record], name: str) -> Array:
         return np.stack([np.asarray(item.get(name), dtype=np.float64) for item in observations])
     except (TypeError, ValueError) as error:
         raise DamagedError(path, f"{name} is missing in a frame or differs in shape") from error
+
+
+def _listed(ids: list[int]) -> str:
+    return ", ".join(map(str, ids)) or "of nothing"
 
 
 def _variation(folder: Path, misc: dict[str, Any]) -> int | None:

@@ -88,6 +88,13 @@ def ids_of(pixels: npt.NDArray[np.uint8]) -> npt.NDArray[np.int64]:
     return _number(pixels, (1, 256, 65536)) if pixels.ndim == 3 else pixels.astype(np.int64)
 
 
+def visible_ids(images: Mapping[str, bytes]) -> list[int]:
+    """The ids that the encoded masks of an episode show."""
+    masks = [data for part, data in images.items() if part.startswith("mask_")]
+    shown = [np.asarray(cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)) for data in masks]
+    return np.unique(np.concatenate([mask.ravel() for mask in shown])).tolist() if shown else []
+
+
 def _number(pixels: npt.NDArray[np.uint8], weights: tuple[int, int, int]) -> npt.NDArray[np.int64]:
     numbers: npt.NDArray[np.int64] = pixels.astype(np.int64) @ np.array(weights)
     return numbers

@@ -16,6 +16,7 @@ from app.pipeline.prompt import Prompt
 from app.pipeline.workspace import DiscreteAction, discretize_actions
 from app.services.dialogue import Dialogue
 from app.services.errors import UnparsableReplyError, UnsafeReplyError
+from app.services.log_fields import note
 from app.services.metrics import Metrics
 from app.services.prefix_warmer import PrefixWarmer
 from app.services.question import PredictRequest, Question, QuestionWriter
@@ -88,6 +89,7 @@ class PredictActions:
         Raises:
             as QuestionWriter.
         """
+        note(task=request.task)
         return await anyio.to_thread.run_sync(self._write_question, request, timings_ms)
 
     async def __call__(self, request: PredictRequest) -> Prediction:
@@ -197,7 +199,9 @@ class PredictActions:
             with self._store.write() as connection:
                 return predictions.add(connection, replace(draft, cameras=cameras) if cameras else draft).id
 
-        return await anyio.to_thread.run_sync(write)
+        id_ = await anyio.to_thread.run_sync(write)
+        note(prediction_id=id_)
+        return id_
 
     def _observe(
         self,

@@ -14,6 +14,7 @@ from app.pipeline.errors import InvalidInputError
 from app.pipeline.prompt import check_object_names
 from app.pipeline.wording import checked_name
 from app.services.extraction import Extracted, extract
+from app.services.log_fields import note
 from app.services.pose_servers import PoseServers
 from app.services.stored_images import put_images
 from app.services.task_settings import TaskSettings
@@ -77,6 +78,7 @@ class UploadEpisode:
             InvalidInputError, ObjectSetError: if the episode does not fit.
             ConflictError: if the idempotency key came with other content.
         """
+        note(task=upload.task)
         if (answer := self._answered(upload)) is not None:
             return answer
         for _ in range(MAX_ATTEMPTS):

@@ -1,12 +1,13 @@
 """Queries on episodes. Each runs on the caller's transaction."""
 
+import re
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from functools import cache
 from typing import Any, Literal
 from uuid import uuid4
 
-from sqlalchemy import Connection, Row, Select, bindparam, delete, exists, func, insert, select, update
+from sqlalchemy import Connection, Row, Select, Text, bindparam, cast, delete, exists, func, insert, select, update
 
 from app.pipeline.episode import Trajectory
 from app.store import tables, tasks, trajectories
@@ -16,6 +17,7 @@ from app.store.records import DemonstrationRecord, EpisodeDraft, EpisodeRecord, 
 from app.store.values import CameraRecord, KeyframeRecord, ObjectRecord
 
 _EPISODES = tables.episodes
+_DIGEST = re.compile(r'"([0-9a-f]{64})"')
 WITHOUT_TRAJECTORY = [column for column in _EPISODES.c if column is not _EPISODES.c.trajectory]
 _SCENES = (
     select(_EPISODES.c.id, _EPISODES.c.objects)
@@ -243,11 +245,15 @@ def replace_extractions(
 
 
 def blob_digests(connection: Connection) -> set[str]:
-    """The digests of every image that an episode or a prediction refers to."""
+    """The digests of every image that an episode or a prediction refers to.
+
+    Found in the text of the JSON: to decode that of 100,000 episodes takes ten seconds in which other threads starve.
+    """
     digests: set[str] = set()
     for column in (_EPISODES.c.cameras, tables.predictions.c.cameras):
-        for cameras in connection.scalars(select(column).where(column.is_not(None))):
-            digests.update(camera[image] for camera in cameras for image in ("rgb", "depth", "mask") if camera[image])
+        query = select(cast(column, Text)).where(column.is_not(None)).execution_options(yield_per=1000)
+        for cameras in connection.scalars(query):
+            digests.update(_DIGEST.findall(cameras))
     return digests
 
 

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from app.datasets.columns import objects_of, quaternions_xyzw, selected, trajectory_of
 from app.datasets.errors import DatasetError
-from app.datasets.mapping import FeatureMap, objects_of, quaternions_xyzw, read_wishes, selected, trajectory_of
+from app.datasets.mapping import FeatureMap, read_wishes
 from app.pipeline.errors import InvalidInputError
 
 NUM_FRAMES, FREQUENCY_HZ = 12, 10.0

@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 
 from app.client.client import RoboPromptClient
-from app.client.encoding import camera_json, packed_request
+from app.client.encoding import packed_request
 from app.client.robot import Observation
+from app.pipeline.metadata import camera_json
 from app.pipeline.packed_array import packed_array
 from tests.e2e.vision import INSTRUCTION, MODELS, NAMES, assert_found, frames, seen, teach
 from tests.perception.solid_scene import cube

@@ -5,8 +5,10 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from dataclasses import replace
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import numpy as np
 import pytest
@@ -233,3 +235,51 @@ def test_the_script_keeps_to_a_workspace_of_its_own(scripted, tmp_path):
     _, said = process.communicate(timeout=30)
     assert (process.returncode, log.read_text().splitlines()) == (1, ["stop"])
     assert "action 2: position.z is 0.825 m (allowed: 0 to 0.82 m, the workspace)" in said
+
+
+class _Babbling(BaseHTTPRequestHandler):
+    """Gives one action, then what the test says."""
+
+    def do_GET(self):
+        document = {
+            "workspace": {"min": [-1, -1, 0], "max": [1, 1, 2]},
+            "motion_limits": {"keep_out": [], "max_step_m": None, "max_step_rotation_deg": None},
+        }
+        self._answer("application/json", json.dumps(document))
+
+    def do_POST(self):
+        action = {"position": [0.1, 0.1, 0.8], "quaternion_xyzw": [1, 0, 0, 0], "gripper_open": True}
+        self._answer("text/event-stream", f"event: action\ndata: {json.dumps(action)}\n\n{self.server.then}\n\n")
+
+    def _answer(self, kind, text):
+        self.send_response(200)
+        self.send_header("Content-Type", kind)
+        self.end_headers()
+        self.wfile.write(text.encode())
+
+    def log_message(self, *arguments):
+        pass
+
+
+@pytest.mark.parametrize(
+    ("then", "error"),
+    [
+        ("event: action\ndata: {not json", ServiceUnreachableError),
+        ('event: action\ndata: {"position": [NaN, 0, 1]}', UnsafeActionError),
+        (
+            'event: action\ndata: {"position": [5, 0, 1], "quaternion_xyzw": [1, 0, 0, 0], "gripper_open": true}',
+            UnsafeActionError,
+        ),
+        ("event: error\ndata: {}", ServiceProblemError),
+        ("", ServiceUnreachableError),
+    ],
+)
+def test_a_service_that_babbles_stops_the_robot(then, error):
+    with ThreadingHTTPServer(("127.0.0.1", 0), _Babbling) as server:
+        server.then = then
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        arm = Arm()
+        with RoboPromptClient(f"http://127.0.0.1:{server.server_port}") as client, pytest.raises(error):
+            run_task(client, arm, "pick", PICK, stream=True)
+        server.shutdown()
+    assert [entry == "stop" for entry in arm.log] == [False, True]

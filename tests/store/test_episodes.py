@@ -232,8 +232,8 @@ def test_extractions_of_a_task_that_changed_meanwhile_are_refused(store: Store) 
 
 
 def test_digests_that_episodes_refer_to(store: Store) -> None:
-    upload(store, episode_draft(cameras=(camera_record(rgb_digest="a", depth_digest="b"), camera_record())))
-    upload(store, episode_draft(cameras=(camera_record(rgb_digest="a", mask_digest="c"),)))
+    upload(store, episode_draft(cameras=(camera_record(rgb_digest="a" * 64, depth_digest="b" * 64), camera_record())))
+    upload(store, episode_draft(cameras=(camera_record(rgb_digest="a" * 64, mask_digest="c" * 64),)))
     upload(store, episode_draft())
     with store.read() as connection:
-        assert episodes.blob_digests(connection) == {"a", "b", "c"}
+        assert episodes.blob_digests(connection) == {"a" * 64, "b" * 64, "c" * 64}

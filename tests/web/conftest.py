@@ -116,6 +116,7 @@ def watched_page(context, url):
     """
     page = context.new_page()
     page.set_viewport_size({"width": 1280, "height": 900})
+    page.set_default_timeout(PATIENCE_S * 1000)
     page.expected_refusals = []
     said, asked, refused = [], [], []
     page.on("console", lambda message: said.append(message.text) if message.type == "error" else None)

@@ -172,7 +172,7 @@ def get_trajectory(services: Wired, episode_id: str) -> Response:
             "description": "the image as uploaded; depth and mask arrays as a 16-bit PNG",
             "content": {"image/png": {}, "image/jpeg": {}, "application/octet-stream": {}},
         },
-        **problems(_404="no such episode, camera or image"),
+        **problems(_404="no such episode, camera or image", _422="no such kind of image"),
     },
 )
 def get_image(

@@ -14,7 +14,7 @@ from app.api.schemas.responses import JobOut, TaskList, TaskOut, TaskStatsOut
 from app.services.container import Services
 from app.services.task_settings import TaskSettings
 from app.services.task_stats import task_stats
-from app.store import tasks
+from app.store import episodes, tasks
 from app.store.records import JobRecord, TaskRecord
 
 _EXAMPLES: dict[str, Example] = {"press": {"value": examples.TASK}}
@@ -105,5 +105,4 @@ def learn_object_models(services: Wired, name: str, wish: Annotated[LearnBody, B
 
 def _document(services: Services, record: TaskRecord) -> dict[str, object]:
     with services.store.read() as connection:
-        counts = tasks.counts(connection)
-    return task_document(record, counts[record.name].episodes)
+        return task_document(record, episodes.number_of(connection, record.name))

@@ -1,7 +1,7 @@
 """What was predicted and how it went: the list, one prediction, two side by side."""
 
 import re
-from typing import Annotated
+from typing import Annotated, Literal
 
 from fastapi import APIRouter, Query, Request
 from fastapi.responses import JSONResponse
@@ -32,7 +32,7 @@ def predictions_page(
     representation: Text = "",
     prompt_format: Text = "",
     demonstrations: Annotated[str, Query(pattern=r"^\d{0,3}$")] = "",
-    outcome: Fate | None = None,
+    outcome: Fate | Literal[""] = "",
     order: Order = "failures",
     cursor: Annotated[str, Query(max_length=32)] = "",
 ) -> Response:
@@ -43,7 +43,7 @@ def predictions_page(
         representation=representation or None,
         prompt_format=prompt_format or None,
         num_demonstrations=int(demonstrations) if demonstrations else None,
-        fate=outcome,
+        fate=outcome or None,
     )
     with services.store.read() as connection:
         page = prediction_lists.list_page(connection, chosen, order, PAGE_SIZE, _cursor(cursor))

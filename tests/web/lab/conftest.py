@@ -12,13 +12,18 @@ from app.evaluation.server import running_server
 from tests.web.conftest import INSTRUCTION, PLACES_M, SCRIPTED_REPLY, teach, watched_page
 
 SLOW_REPLY = "[[50, 50, 28, 0, 36, 36, 1], [50, 50, 18, 0, 36, 36, 0], [50, 50, 33, 0, 36, 36, 0]]"
-PIECE_S = 0.15
+PIECE_S = 0.05
+FIRST_ROW = 7  # words
 FAR_M = (0.55, 0.3, 0.785)
 
 
 class _SlowProvider(BaseHTTPRequestHandler):
-    """An OpenAI-compatible server that says a word now and then; `hung_up` counts clients that did not wait."""
+    """An OpenAI-compatible server that stops after its first row until `go_on` is set.
 
+    `hung_up` counts the clients that did not wait.
+    """
+
+    go_on = threading.Event()
     hung_up = threading.Semaphore(0)
 
     def do_POST(self):
@@ -27,7 +32,9 @@ class _SlowProvider(BaseHTTPRequestHandler):
         self.send_header("Content-Type", "text/event-stream")
         self.end_headers()
         try:
-            for word in SLOW_REPLY.split(" "):
+            for number, word in enumerate(SLOW_REPLY.split(" ")):
+                if number == FIRST_ROW:
+                    self.go_on.wait()
                 time.sleep(PIECE_S)
                 self._say({"choices": [{"delta": {"content": f"{word} "}, "finish_reason": None}]})
             self._say({"choices": [{"delta": {}, "finish_reason": "stop"}]})
@@ -44,20 +51,29 @@ class _SlowProvider(BaseHTTPRequestHandler):
 
 
 @pytest.fixture(scope="session")
-def slow_provider():
+def provider_address():
     with ThreadingHTTPServer(("127.0.0.1", 0), _SlowProvider) as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()
-        yield server
+        yield f"http://127.0.0.1:{server.server_port}/v1"
+        _SlowProvider.go_on.set()
         server.shutdown()
 
 
+@pytest.fixture
+def slow_provider():
+    """The provider, whose replies stop after their first row."""
+    _SlowProvider.go_on.clear()
+    yield _SlowProvider
+    _SlowProvider.go_on.set()
+
+
 @pytest.fixture(scope="session")
-def url(tmp_path_factory, slow_provider):
+def url(tmp_path_factory, provider_address):
     environment = {
         "ROBOPROMPT_SCRIPTED_REPLIES": json.dumps([SCRIPTED_REPLY]),
         "ROBOPROMPT_DEFAULT_MODEL": "embedded/gemma-3-270m",
         "ROBOPROMPT_WARM_UP": "false",
-        "ROBOPROMPT_COMPATIBLE_BASE_URL": f"http://127.0.0.1:{slow_provider.server_port}/v1",
+        "ROBOPROMPT_COMPATIBLE_BASE_URL": f"{provider_address}",
     }
     with running_server(tmp_path_factory.mktemp("lab"), environment, ["--workers", "2"]) as address:
         yield address

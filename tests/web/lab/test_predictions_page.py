@@ -11,7 +11,7 @@ def fates(page):
 
 
 def test_failures_come_first(page):
-    page.goto("/ui/predictions?task=pick&model=regression")
+    page.goto("/ui/predictions?task=pick&model=regression&demonstrations=4")
     assert fates(page)[0] == "failed"
     page.get_by_label("Order").select_option("newest first")
     page.get_by_role("button", name="Filter").click()
@@ -22,7 +22,6 @@ def test_failures_come_first(page):
 def test_a_filter_narrows_the_list(page):
     page.goto("/ui/predictions")
     page.get_by_label("Outcome").select_option("no actions")
-    page.keyboard.press("Enter")
     page.get_by_role("button", name="Filter").click()
     page.wait_for_url("**outcome=refused**")
     assert set(fates(page)) == {"no actions"}
@@ -88,7 +87,7 @@ def test_an_outcome_is_told_with_a_note(page, http):
 
 
 def test_two_are_compared(page, seeded):
-    page.goto("/ui/predictions?task=pick&model=regression")
+    page.goto("/ui/predictions?task=pick&demonstrations=4")
     for fate in ("failure", "success"):
         page.locator(f"input[value='{seeded[fate]}']").first.check()
     page.get_by_role("button", name="Compare the two chosen").first.click()
