@@ -1,7 +1,7 @@
 """What runs now, in every process of the service."""
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
@@ -65,21 +65,23 @@ class JobProgress:
 @router.get("/ui/live")
 def live_page(request: Request, services: Wired) -> Response:
     """What runs; its script asks again and again."""
-    return render(request, "live.html", **_now(services))
+    running, listed = _now(services)
+    return render(request, "live.html", running=running, jobs=listed)
 
 
 @documents.get("/ui/live/now")
 def live_part(request: Request, services: Wired) -> Response:
     """The part of the page that changes."""
     root = request.scope.get("root_path", "")
-    return HTMLResponse(render_part("live_now.html", **_now(services), root=root), headers=HEADERS)
+    running, listed = _now(services)
+    return HTMLResponse(render_part("live_now.html", running=running, jobs=listed, root=root), headers=HEADERS)
 
 
-def _now(services: Services) -> dict[str, Sequence[object]]:
+def _now(services: Services) -> tuple[list[Running], list[JobProgress]]:
     notes = services.store.under_way.all()
     with services.store.read() as connection:
         latest = jobs.list_page(connection, limit=NUM_JOBS).items
-        return {"running": list(_timed(connection, notes)), "jobs": [JobProgress.of(record) for record in latest]}
+        return list(_timed(connection, notes)), [JobProgress.of(record) for record in latest]
 
 
 def _timed(connection: Connection, notes: tuple[UnderWay, ...]) -> Iterator[Running]:
