@@ -24,6 +24,8 @@ _RULES = tuple(
         # whoever can upload can teach
         ("POST", f"/tasks/{_NAME}/object_models/learn", "upload"),
         ("POST", "/predict", "predict"),
+        # the page's dry run
+        ("POST", "/ui/predict/prompt", "predict"),
         ("POST", "/poses", "predict"),
         ("POST", f"/predictions/{_NAME}/outcome", "predict"),
     )

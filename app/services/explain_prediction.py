@@ -150,7 +150,7 @@ def _missing(missing: Sequence[str], record: PredictionRecord) -> Iterator[Findi
 
 def configuration(record: PredictionRecord) -> dict[str, Any]:
     """The settings that a prediction was made with, as a request names them."""
-    asked = ("selection", "seed", "max_actions", "closed_loop")
+    asked = ("selection", "seed", "max_actions", "closed_loop", "num_samples", "temperature", "permute_demonstrations")
     return {
         "model": record.model,
         "representation": record.representation,

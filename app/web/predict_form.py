@@ -23,6 +23,8 @@ SETTINGS = (
     "episode_ids",
     "max_actions",
     "timeout_s",
+    "num_samples",
+    "temperature",
 )
 ImageKind = Literal["rgb", "depth", "mask"]
 

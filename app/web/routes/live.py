@@ -3,6 +3,7 @@
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
+from datetime import UTC, datetime
 
 from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse
@@ -11,10 +12,12 @@ from starlette.responses import Response
 
 from app.api.routes import Wired
 from app.services.container import Services
-from app.store import prediction_lists
+from app.store import jobs, prediction_lists
+from app.store.records import JobRecord
 from app.store.under_way import UnderWay
 from app.web.page import HEADERS, PageRoute, render, render_part
 
+NUM_JOBS = 10  # the newest
 router = APIRouter(route_class=PageRoute)
 documents = APIRouter()
 
@@ -38,23 +41,47 @@ class Running:
         return left_s if left_s is not None and left_s > 0 else None
 
 
+@dataclass(frozen=True)
+class JobProgress:
+    """A re-extraction of a task's episodes.
+
+    Attributes:
+        left_s: seconds that it will still take at its pace so far; None where that is not known yet.
+    """
+
+    record: JobRecord
+    left_s: float | None
+
+    @classmethod
+    def of(cls, record: JobRecord) -> "JobProgress":
+        """The job's progress now."""
+        if record.status != "running" or not record.num_extracted:
+            return cls(record, None)
+        elapsed_s = (datetime.now(UTC) - record.created_at).total_seconds()
+        remaining = max(record.num_episodes - record.num_extracted, 0)
+        return cls(record, elapsed_s * remaining / record.num_extracted)
+
+
 @router.get("/ui/live")
 def live_page(request: Request, services: Wired) -> Response:
     """What runs; its script asks again and again."""
-    return render(request, "live.html", running=_running(services))
+    running, listed = _now(services)
+    return render(request, "live.html", running=running, jobs=listed)
 
 
 @documents.get("/ui/live/now")
 def live_part(request: Request, services: Wired) -> Response:
     """The part of the page that changes."""
     root = request.scope.get("root_path", "")
-    return HTMLResponse(render_part("live_now.html", running=_running(services), root=root), headers=HEADERS)
+    running, listed = _now(services)
+    return HTMLResponse(render_part("live_now.html", running=running, jobs=listed, root=root), headers=HEADERS)
 
 
-def _running(services: Services) -> tuple[Running, ...]:
+def _now(services: Services) -> tuple[list[Running], list[JobProgress]]:
     notes = services.store.under_way.all()
     with services.store.read() as connection:
-        return tuple(_timed(connection, notes))
+        latest = jobs.list_page(connection, limit=NUM_JOBS).items
+        return list(_timed(connection, notes)), [JobProgress.of(record) for record in latest]
 
 
 def _timed(connection: Connection, notes: tuple[UnderWay, ...]) -> Iterator[Running]:

@@ -14,7 +14,7 @@ async function look() {
       place.innerHTML = await (await send("/ui/live/now")).text(); // made by our own templates, which escape what they show
       problem.replaceChildren();
       // Screen readers are told the number when it changes, not every tick of the clock.
-      const said = `${place.querySelectorAll("tbody tr").length} under way`;
+      const said = `${place.querySelectorAll("section:first-of-type tbody tr").length} under way`;
       if (count.textContent !== said) count.textContent = said;
     } catch (error) {
       sayProblem(problem, error);

@@ -56,7 +56,7 @@ def test_the_reply_is_seen_while_it_comes_and_on_the_page_now(page, context, slo
     until(page, "document.querySelector('#space-view').data?.find(trace => trace.name === 'frames').x.length === 1")
     assert page.locator("#reply").text_content() == "[[50, 50, 28, 0, 36, 36, 1], "
     assert page.get_by_role("button", name="Cancel").is_visible()
-    row = watching.get_by_role("table").get_by_role("row", name="pick up the cube")
+    row = watching.get_by_role("table", name="Predictions under way").get_by_role("row", name="pick up the cube")
     row.wait_for()
     assert SLOW in row.inner_text()
     assert "s so far" in row.inner_text()
