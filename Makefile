@@ -32,7 +32,7 @@ lint: dev
 	$(BIN)/mypy
 
 test: lint
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest --numprocesses 2 --dist loadfile
 
 # Says so where the database of vulnerabilities cannot be reached, and fails where a package has one.
 audit: dev
