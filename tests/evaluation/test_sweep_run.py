@@ -114,7 +114,11 @@ def test_the_record_of_the_run(folder):
     interrupted, killed, finished = record["sessions"]
     assert killed["ended"] is None
     assert interrupted["ended"] < finished["ended"]
-    assert (record["sweep"], record["test_seeds"], record["models"]) == ("main", [100_000, 100_001], ["regression"])
+    assert (record["sweep"], record["test_seeds"], record["models"]) == (
+        "main",
+        [100_000, 100_001],
+        ["nearest", "regression"],
+    )
     assert record["times"]["clock_s"] == pytest.approx(interrupted["duration_s"] + finished["duration_s"], abs=0.01)
     assert 0 < record["times"]["llm_s"] < record["times"]["execution_s"]
     assert finished["versions"]["python"] == sys.version.split()[0]

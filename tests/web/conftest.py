@@ -83,7 +83,8 @@ def seeded(http):
     return taught
 
 
-@pytest.fixture(scope="session")
+# Playwright keeps an event loop running in this thread: it must end before other tests run their own.
+@pytest.fixture(scope="package")
 def browser():
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(
@@ -93,7 +94,7 @@ def browser():
         browser.close()
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def context(browser, url):
     """Shared, so that plotly.js comes from the browser's cache after its first use."""
     context = browser.new_context(base_url=url)

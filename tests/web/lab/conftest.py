@@ -108,7 +108,7 @@ def seeded(http):
     }
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def context(browser, url):
     context = browser.new_context(base_url=url)
     yield context
