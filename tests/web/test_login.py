@@ -62,6 +62,8 @@ def test_what_a_key_may_not_do_is_told(page, guarded):
     page.expected_refusals = [403]
     page.goto("/ui/episodes")
     log_in(page, guarded[1])
+    page.wait_for_url("**/ui/episodes")
+    page.wait_for_load_state("networkidle")  # scripts and pictures
     page.get_by_role("button", name="Delete episode").first.click()
     page.get_by_role("dialog").get_by_role("button", name="Delete").click()
     expect(page.get_by_role("alert")).to_contain_text("this needs admin")
