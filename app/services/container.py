@@ -85,7 +85,7 @@ class Services:
             keys=KeyRing(store),
             repeated_predictions=RepeatedPredictions(store),
             limits=limits,
-            run_jobs=RunJobs(store),
+            run_jobs=RunJobs(store, on_done=warmer.changed),
         )
 
     async def aclose(self) -> None:

@@ -22,10 +22,11 @@ logger = logging.getLogger(__name__)
 
 
 class PrefixWarmer:
-    """Sends the default model the prefixes of tasks: the most recently used at start-up, each anew after an upload.
+    """Sends the default model the prefixes of tasks: the most recently used at start-up, each anew when it changes.
 
     One at a time, and only while no prediction is under way: one that begins ends the request, which is sent again
-    later and then finds in the model's cache what had been read. All of it happens on one event loop.
+    later and then finds in the model's cache what had been read. All of it happens on the event loop of `run`, but
+    `changed` may be called in any thread.
 
     Args:
         num_tasks: so many of the most recently used tasks; the model keeps as many prefixes.
@@ -42,9 +43,14 @@ class PrefixWarmer:
         self._idle.set()
         self._num_predictions = 0
         self._reading: asyncio.Task[None] | None = None
+        self._loop: asyncio.AbstractEventLoop | None = None  # while `run` runs
 
     def changed(self, task: str) -> None:
-        """The task's prefix is another one now."""
+        """The task's demonstrations or settings are others now; nothing happens where `run` does not run."""
+        if (loop := self._loop) is not None:
+            loop.call_soon_threadsafe(self._put_off, task)
+
+    def _put_off(self, task: str) -> None:
         self._due_s[task] = time.monotonic() + DEBOUNCE_S
         self._work.set()
 
@@ -64,6 +70,13 @@ class PrefixWarmer:
 
     async def run(self) -> None:
         """Start the default model and keep it warm, until cancelled; gives up if the model is not available."""
+        self._loop = asyncio.get_running_loop()
+        try:
+            await self._run()
+        finally:
+            self._loop = None
+
+    async def _run(self) -> None:
         try:
             if not await self._models.warm_up():
                 return

@@ -4,6 +4,7 @@ import asyncio
 import logging
 import threading
 import time
+from collections.abc import Callable
 from datetime import timedelta
 
 from app.pipeline.errors import InvalidInputError
@@ -22,11 +23,19 @@ logger = logging.getLogger(__name__)
 
 
 class RunJobs:
-    """Runs one job after the other. Synchronous: call it in a thread."""
+    """Runs one job after the other. Synchronous: call it in a thread.
 
-    def __init__(self, store: Store, lease: timedelta = LEASE) -> None:
+    Args:
+        lease: how long a claim holds unless it is renewed.
+        on_done: told the task of each job that succeeded.
+    """
+
+    def __init__(
+        self, store: Store, lease: timedelta = LEASE, on_done: Callable[[str], None] = lambda task: None
+    ) -> None:
         self._store = store
         self._lease = lease
+        self._on_done = on_done
         self._stopping = threading.Event()
 
     def stop(self) -> None:
@@ -98,4 +107,5 @@ class RunJobs:
                 return False
             jobs.finish(connection, job, self._settings(job, task.settings).model_dump(mode="json"))
         logger.info("job %s is done", job.id)
+        self._on_done(job.task)
         return True

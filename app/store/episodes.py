@@ -156,8 +156,11 @@ def list_ids(connection: Connection, task: str, instruction: str | None = None) 
     return tuple(connection.scalars(query))
 
 
-def remove(connection: Connection, episode_id: str) -> None:
+def remove(connection: Connection, episode_id: str) -> str:
     """Delete the episode: its task's version grows, and with its last episode the task forgets its object names.
+
+    Returns:
+        The task.
 
     Raises:
         NotFoundError: if there is none of that id.
@@ -170,6 +173,7 @@ def remove(connection: Connection, episode_id: str) -> None:
         raise NotFoundError("episode", episode_id)
     others_left = connection.scalar(select(exists().where(_EPISODES.c.task == task)))
     tasks.change(connection, task, {} if others_left else {"object_names": None})
+    return task
 
 
 def demonstrations(

@@ -1,5 +1,7 @@
 """Upload demonstrations and predict with the real embedded LLM, over HTTP."""
 
+import time
+
 import numpy as np
 import pytest
 
@@ -29,6 +31,14 @@ def test_embedded_llm_carries_the_pattern_to_a_new_place(http, task):
     assert answer["model"] == "embedded/gemma-3-270m"
     assert answer["representation"] == "object_frame"
     assert len(answer["demonstration_ids"]) == 10
+
+
+def test_a_change_of_settings_is_warmed_before_anyone_asks(http, task):
+    http.put(f"/tasks/{task}", json={"representation": "absolute"}).raise_for_status()
+    time.sleep(10.0)  # reading ten short demonstrations takes about one
+    usage = ask(http, task).json()["usage"]
+    http.put(f"/tasks/{task}", json={"representation": None}).raise_for_status()
+    assert usage["cached_tokens"] > 0.9 * usage["prompt_tokens"], usage
 
 
 def test_second_prediction_evaluates_only_the_query(http, task):

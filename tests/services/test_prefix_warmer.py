@@ -52,6 +52,7 @@ def store(tmp_path):
 async def running(store, model, num_tasks=4):
     warmer = PrefixWarmer(store, model, QuestionWriter(store, lambda name: PROFILE), num_tasks)
     task = asyncio.create_task(warmer.run())
+    await asyncio.sleep(0)  # it runs
     try:
         yield warmer
     finally:
@@ -139,3 +140,17 @@ def test_what_has_no_prefix_is_no_failure(store):
             await until(lambda: model.finished)
 
     asyncio.run(scenario())
+
+
+def test_changes_are_told_from_any_thread_also_before_the_model_is_there(store):
+    upload(store, episode_draft(seed=0, task="first"))
+
+    async def scenario():
+        model = SlowModel()
+        async with running(store, model, num_tasks=0) as warmer:
+            await asyncio.to_thread(warmer.changed, "first")
+            await until(lambda: model.finished)
+        warmer.changed("first")  # nobody is there any more
+        return model.begun
+
+    assert len(asyncio.run(scenario())) == 1

@@ -142,7 +142,8 @@ def get_metadata(services: Wired, episode_id: str) -> Response:
 def delete_episode(services: Wired, episode_id: str) -> Response:
     """Delete an episode; its images go with the next sweep."""
     with services.store.write() as connection:
-        episodes.remove(connection, episode_id)
+        task = episodes.remove(connection, episode_id)
+    services.prefix_warmer.changed(task)
     return Response(status_code=204)
 
 

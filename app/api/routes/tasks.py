@@ -61,6 +61,7 @@ def configure_task(
     outcome = services.configure_task.at_once_or_as_job(name, changes.model_dump(exclude_unset=True))
     if isinstance(outcome, JobRecord):
         return JSONResponse(job_document(outcome), 202, {"Location": f"/jobs/{outcome.id}"})
+    services.prefix_warmer.changed(name)
     return JSONResponse(_document(services, outcome))
 
 
@@ -95,6 +96,7 @@ def learn_object_models(services: Wired, name: str, wish: Annotated[LearnBody, B
     only. Every stored episode is extracted again; if one cannot be, nothing changes.
     """
     learned = services.learn_object_models(name, wish.objects, wish.episodes)
+    services.prefix_warmer.changed(name)
     document = {
         "object_models": dict(learned.object_models),
         "refused": {name: str(error).removeprefix(f"{error.field}: ") for name, error in learned.refused.items()},
