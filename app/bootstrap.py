@@ -115,8 +115,8 @@ async def open_services(settings: Settings) -> AsyncIterator[Services]:
         extract_at_once=settings.extract_at_once,
         num_warm_tasks=settings.embedded_slots,
     )
-    jobs = asyncio.create_task(_run_jobs(services))
     background: list[asyncio.Task[object]] = [asyncio.create_task(asyncio.to_thread(store.sweep_once))]
+    jobs = [asyncio.create_task(_run_jobs(services))] if settings.work_at_jobs else []
     if settings.warm_up:
         background.append(asyncio.create_task(services.prefix_warmer.run()))
     try:
@@ -125,7 +125,7 @@ async def open_services(settings: Settings) -> AsyncIterator[Services]:
         for task in background:
             task.cancel()
         services.run_jobs.stop()
-        await asyncio.gather(jobs, *background, return_exceptions=True)
+        await asyncio.gather(*jobs, *background, return_exceptions=True)
         await services.aclose()
 
 

@@ -25,6 +25,9 @@ class Settings(BaseSettings):
     extract_at_once: Annotated[
         int, Field(ge=0, description="episodes that PUT /tasks extracts again itself; more become a job")
     ] = 200
+    work_at_jobs: Annotated[
+        bool, Field(description="whether the service works at such jobs itself; false: `roboprompt jobs` does")
+    ] = True
     max_body_mb: Annotated[float, Field(gt=0, description="larger requests are refused with 413")] = 200
     host: Annotated[
         str | None, Field(description="address that the service is bound to, as `serve --host` says; empty: unknown")
@@ -84,7 +87,11 @@ class Settings(BaseSettings):
     compatible_model: Annotated[str, Field(description="the server's name of its model")] = "default"
     compatible_style: Annotated[Literal["chat", "completion"], Field(description="messages or raw text")] = "chat"
     compatible_server: Annotated[
-        CompatibleServer, Field(description="what the server is, if it takes grammars: llama_cpp, vllm, sglang")
+        CompatibleServer,
+        Field(
+            description="what the server is, if it can hold replies to a form: llama_cpp, vllm, old_vllm (up to 0.11), "
+            "sglang, ollama, lm_studio"
+        ),
     ] = "other"
     cache_folder: Annotated[Path, Field(description="where GGUF weights are assembled")] = default_cache_folder()
     packages_folder: Annotated[Path | None, Field(description="where pip --target put packages of weights")] = None

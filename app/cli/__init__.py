@@ -2,13 +2,14 @@
 
 import typer
 
-from app.cli import backup, calibrate, demo, evaluate, export_data, films, import_data, keys, serve, teach_objects
+from app.cli import backup, calibrate, demo, evaluate, export_data, films, import_data, jobs, keys, serve, teach_objects
 
 application = typer.Typer(no_args_is_help=True, add_completion=False, help=__doc__, pretty_exceptions_enable=False)
 application.command("serve")(serve.serve)
 application.add_typer(keys.application, name="keys")
 application.command("backup")(backup.back_up)
 application.command("restore")(backup.restore)
+application.command("jobs")(jobs.jobs)
 application.command("demo")(demo.demo)
 application.command("eval")(evaluate.evaluate)
 application.command("films")(films.films)

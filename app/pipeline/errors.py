@@ -32,6 +32,10 @@ class InvalidInputError(RoboPromptError, ValueError):
         self.message = message
         self.valid = valid
 
+    def __reduce__(self) -> tuple[type["InvalidInputError"], tuple[str, str, str | None]]:
+        """Exceptions are rebuilt from their text only, which processes that raise them for others cannot use."""
+        return type(self), (self.field, self.message, self.valid)
+
 
 class ObjectSetError(InvalidInputError):
     """The objects of an episode or observation are not those of the task."""

@@ -1,6 +1,6 @@
 """Demonstrations + observation + instruction -> the text that the LLM continues (paper, section III-D, appendix B)."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from app.pipeline.episode import Demonstration, ObjectPose
@@ -47,6 +47,7 @@ class Prompt:
         query: the new observation; `prefix + query` is the user message.
         stop: strings that end the reply (not part of it).
         grammar: GBNF of valid replies for backends that can force one, or None.
+        schema: JSON Schema of valid replies for backends that can force one, or None.
     """
 
     system: str
@@ -54,6 +55,7 @@ class Prompt:
     query: str
     stop: tuple[str, ...] = ()
     grammar: str | None = None
+    schema: Mapping[str, object] | None = None
 
     @property
     def user(self) -> str:
@@ -103,7 +105,8 @@ class PromptTemplate:
         """
         query = so_far + self.codec.observation_text(objects, instruction)
         grammar = self.codec.grammar(instruction, max_actions)
-        return Prompt(self.system, self.prefix, query, self.codec.stop, grammar)
+        schema = self.codec.schema(instruction, max_actions)
+        return Prompt(self.system, self.prefix, query, self.codec.stop, grammar, schema)
 
 
 def system_prompt_text(choice: str) -> str:

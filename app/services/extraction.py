@@ -74,3 +74,8 @@ def extract_again(store: Store, record: EpisodeRecord, settings: TaskSettings) -
     except InvalidInputError as error:
         raise InvalidInputError(f"episode {record.id}: {error.field}", error.message, error.valid) from error
     return Extraction(record.id, extracted.keyframes, extracted.objects)
+
+
+def extract_all_again(store: Store, records: Sequence[EpisodeRecord], settings: TaskSettings) -> list[Extraction]:
+    """Several stored episodes, each as by `extract_again`."""
+    return [extract_again(store, record, settings) for record in records]

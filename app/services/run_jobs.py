@@ -4,18 +4,20 @@ import asyncio
 import logging
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from datetime import timedelta
+from functools import partial
 
 from app.pipeline.errors import InvalidInputError
-from app.services.extraction import extract_again
+from app.services.extraction import extract_all_again
 from app.services.task_settings import TaskSettings
 from app.store import jobs, tasks
 from app.store.errors import CorruptDataError
-from app.store.records import JobRecord
+from app.store.records import EpisodeRecord, Extraction, JobRecord
 from app.store.store import Store
 
-BATCH = 20  # episodes between two renewals of the claim
+ExtractBatch = Callable[[Sequence[EpisodeRecord], TaskSettings], list[Extraction]]
+BATCH = 20
 # A batch takes seconds, a pose server's perhaps a minute. After a crash the next process waits for it.
 LEASE = timedelta(seconds=60)
 POLL_S = 0.1
@@ -28,14 +30,23 @@ class RunJobs:
     Args:
         lease: how long a claim holds unless it is renewed.
         on_done: told the task of each job that succeeded.
+        extract: extracts a batch of episodes again, perhaps elsewhere; None: here, one after the other.
+        batch: episodes between two renewals of the claim.
     """
 
     def __init__(
-        self, store: Store, lease: timedelta = LEASE, on_done: Callable[[str], None] = lambda task: None
+        self,
+        store: Store,
+        lease: timedelta = LEASE,
+        on_done: Callable[[str], None] = lambda task: None,
+        extract: ExtractBatch | None = None,
+        batch: int | None = None,
     ) -> None:
         self._store = store
         self._lease = lease
         self._on_done = on_done
+        self._extract = extract or partial(extract_all_again, store)
+        self._batch = batch or BATCH
         self._stopping = threading.Event()
 
     def stop(self) -> None:
@@ -91,10 +102,10 @@ class RunJobs:
         """Whether there was anything left to extract."""
         with self._store.read() as connection:
             settings = self._settings(job, tasks.get(connection, job.task).settings)
-            batch = jobs.pending(connection, job, BATCH)
+            batch = jobs.pending(connection, job, self._batch)
         if not batch:
             return False
-        extractions = [extract_again(self._store, record, settings) for record in batch]
+        extractions = self._extract(batch, settings)
         with self._store.write() as connection:
             jobs.stage(connection, job, extractions, self._lease)
         return True

@@ -165,7 +165,7 @@ def remove(connection: Connection, episode_id: str) -> str:
     Raises:
         NotFoundError: if there is none of that id.
     """
-    task = connection.scalar(select(_EPISODES.c.task).where(_EPISODES.c.id == episode_id))
+    task: str | None = connection.scalar(select(_EPISODES.c.task).where(_EPISODES.c.id == episode_id))
     if task is None:
         raise NotFoundError("episode", episode_id)
     tasks.lock(connection, task)  # an upload under way would not be seen below

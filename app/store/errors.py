@@ -54,3 +54,7 @@ class CorruptDataError(StoreError):
         self.kind = kind
         self.id = id
         self.reason = reason
+
+    def __reduce__(self) -> tuple[type["CorruptDataError"], tuple[str, str, str]]:
+        """See `InvalidInputError`."""
+        return type(self), (self.kind, self.id, self.reason)

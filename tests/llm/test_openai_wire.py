@@ -66,6 +66,7 @@ def test_a_model_that_thinks_has_room_for_it():
     [
         ("llama_cpp", "grammar", 'root ::= "1"'),
         ("vllm", "structured_outputs", {"grammar": 'root ::= "1"'}),
+        ("old_vllm", "guided_grammar", 'root ::= "1"'),
         ("sglang", "ebnf", 'root ::= "1"'),
     ],
 )
@@ -74,6 +75,16 @@ def test_a_server_gets_the_grammar_where_it_takes_one(server, field, value, styl
     body = request_body(asking(PROMPT), "little", style, SERVERS[server])
     assert body[field] == value
     assert field not in request_body(asking(Prompt("", "", "b>")), "little", style, SERVERS[server])
+
+
+@pytest.mark.parametrize("server", ["ollama", "lm_studio"])
+def test_a_chat_server_gets_the_schema_where_it_takes_one(server):
+    asked, schema = Prompt("", "a>1, ", "b>", (), 'root ::= "1"', {"type": "array"}), {"type": "array"}
+    body = request_body(asking(asked), "little", "chat", SERVERS[server])
+    assert body["response_format"]["json_schema"]["schema"] == schema
+    assert "grammar" not in body
+    for prompt, style in ((asked, "completion"), (PROMPT, "chat")):
+        assert "response_format" not in request_body(asking(prompt), "little", style, SERVERS[server])
 
 
 def test_a_prompt_without_demonstrations_is_one_string_everywhere():

@@ -1,11 +1,15 @@
 """The embedded llama.cpp as a server of its own, asked as any lab's: `openai_compatible`, chat and completion."""
 
+import json
+
 import pytest
 
 from app.llm.backends import BUILT_IN
 from app.llm.base import Completion, TextDelta
 from app.llm.registry import ModelRegistry
 from app.llm.settings import LlmSettings
+from app.pipeline.prompt import Prompt
+from app.pipeline.representation.lists import Column, list_schema
 from tests.llm.texts import REPLY, asking, object_frame_prompt
 
 NAME = "openai_compatible/gemma"
@@ -16,12 +20,12 @@ def peer(llama_server, run):
     """A registry whose compatible server is the llama.cpp, by style of asking."""
     made = []
 
-    def registry(style):
+    def registry(style, server="llama_cpp"):
         settings = LlmSettings(
             compatible_base_url=llama_server.base_url,
             compatible_api_key=llama_server.api_key,
             compatible_style=style,
-            compatible_server="llama_cpp",
+            compatible_server=server,
         )
         made.append(ModelRegistry(settings, BUILT_IN))
         return made[-1]
@@ -54,3 +58,13 @@ def test_chat(peer, run):
     assert completion.text.rstrip() == completion.text.rstrip().splitlines()[0]
     assert completion.text.startswith((" 1 red cube w: ", " 1 blue cube w: "))
     assert completion.usage.completion_tokens > 5
+
+
+def test_chat_within_a_schema(peer, run):
+    """llama.cpp takes `response_format` just as Ollama does."""
+    schema = list_schema([Column("number", 3, 9)] * 4, fewest=2, most=3)
+    prompt = Prompt("", "", "Tell me about lists in Python.", (), None, schema)
+    text = run(peer("chat", "ollama").get(NAME).complete(asking(prompt))).text
+    rows = json.loads(text)
+    assert 2 <= len(rows) <= 3, text
+    assert all(len(row) == 4 and all(3 <= number <= 9 for number in row) for row in rows), text

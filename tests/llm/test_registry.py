@@ -117,7 +117,7 @@ def test_a_llama_cpp_server_that_continues_text_is_asked_like_an_embedded_model(
     assert (profile.grammar, profile.representation, profile.system_prompt) == (False, "absolute", "none")
 
 
-@pytest.mark.parametrize("server", ["llama_cpp", "vllm", "sglang"])
+@pytest.mark.parametrize("server", ["llama_cpp", "vllm", "old_vllm", "sglang"])
 def test_a_server_that_takes_grammars_is_asked_like_an_embedded_model(make_registry, server):
     address = {"compatible_base_url": "http://127.0.0.1:9/v1", "compatible_style": "completion"}
     profile = make_registry(**address, compatible_server=server).get("openai_compatible/x").profile

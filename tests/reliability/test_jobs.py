@@ -1,6 +1,9 @@
 """A job outlives the process that works at it."""
 
+import json
 import sqlite3
+import subprocess
+import sys
 import time
 
 import httpx
@@ -29,6 +32,40 @@ def test_killed_in_the_middle_of_a_job(tmp_path):
         listed = httpx.get(f"{service.url}/episodes").json()["episodes"]
         assert [[k["index"] for k in item["keyframes"]] for item in listed] == [[10, 20]] * NUM_EPISODES
         assert httpx.get(f"{service.url}/tasks/{TASK}").json()["keyframes"]["rule"] == "uniform"
+
+
+def test_a_command_works_at_jobs_that_the_service_leaves(tmp_path):
+    data = tmp_path / "data"
+    with serving(data, {"ROBOPROMPT_EXTRACT_AT_ONCE": "5", "ROBOPROMPT_WORK_AT_JOBS": "false"}) as service:
+        for number in range(NUM_EPISODES):
+            httpx.post(f"{service.url}/episodes", files=upload_files(number)).raise_for_status()
+        change = {"keyframes": {"rule": "uniform", "interval": 10}}
+        job = httpx.put(f"{service.url}/tasks/{TASK}", json=change).json()
+        time.sleep(2.0)
+        assert httpx.get(f"{service.url}/jobs/{job['id']}").json()["status"] == "queued"
+        done = work_at_jobs(data)
+        assert (done["jobs"], done["episodes"]) == (1, NUM_EPISODES)
+        job = httpx.get(f"{service.url}/jobs/{job['id']}").json()
+        assert (job["status"], job["num_extracted"]) == ("done", NUM_EPISODES)
+        listed = httpx.get(f"{service.url}/episodes").json()["episodes"]
+        assert [[k["index"] for k in item["keyframes"]] for item in listed] == [[10, 20]] * NUM_EPISODES
+
+
+def test_what_fails_in_a_worker_is_the_jobs_error(tmp_path):
+    data = tmp_path / "data"
+    with serving(data, {"ROBOPROMPT_EXTRACT_AT_ONCE": "0", "ROBOPROMPT_WORK_AT_JOBS": "false"}) as service:
+        httpx.post(f"{service.url}/episodes", files=upload_files(0)).raise_for_status()
+        change = {"pose_estimator": "masks"}  # there are no images
+        job = httpx.put(f"{service.url}/tasks/{TASK}", json=change).json()
+        work_at_jobs(data)
+        job = httpx.get(f"{service.url}/jobs/{job['id']}").json()
+    assert job["status"] == "failed"
+    assert job["error"].startswith("episode "), job
+
+
+def work_at_jobs(data):
+    command = [sys.executable, "-m", "app.cli", "jobs", "--data", str(data)]
+    return json.loads(subprocess.run(command, check=True, capture_output=True, text=True, timeout=120).stdout)
 
 
 def release_claims(data):

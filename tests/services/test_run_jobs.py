@@ -7,7 +7,7 @@ from datetime import timedelta
 import pytest
 
 from app.pipeline.errors import InvalidInputError
-from app.services import run_jobs
+from app.services import extraction, run_jobs
 from app.services.run_jobs import RunJobs
 from app.store import episodes, jobs, tasks
 from app.store.errors import ConflictError, NotFoundError
@@ -104,7 +104,7 @@ def test_one_job_of_a_task_at_a_time(services):
 
 
 def test_what_comes_in_and_goes_meanwhile(services, monkeypatch):
-    extract, seen = run_jobs.extract_again, []
+    extract, seen = extraction.extract_again, []
 
     def extract_while_others_work(store, record, settings):
         if not seen:
@@ -119,7 +119,7 @@ def test_what_comes_in_and_goes_meanwhile(services, monkeypatch):
             other = episodes.all_of(connection, "pick")[0]
         return replace(extract(services.store, other, settings_of(services)), episode_id=record.id)
 
-    monkeypatch.setattr(run_jobs, "extract_again", extract_while_others_work)
+    monkeypatch.setattr(extraction, "extract_again", extract_while_others_work)
     begin(services)
     services.run_jobs.run_next()
     assert indices(services) == [[10, 20]] * 5
@@ -131,7 +131,7 @@ def settings_of(services):
 
 def test_a_job_that_a_dead_process_left_is_taken_up_where_it_was(services, monkeypatch):
     job = begin(services)
-    extract, extracted = run_jobs.extract_again, []
+    extract, extracted = extraction.extract_again, []
 
     def die_after_three(store, record, settings):
         if len(extracted) == 3:
@@ -139,13 +139,13 @@ def test_a_job_that_a_dead_process_left_is_taken_up_where_it_was(services, monke
         extracted.append(record.id)
         return extract(store, record, settings)
 
-    monkeypatch.setattr(run_jobs, "extract_again", die_after_three)
+    monkeypatch.setattr(extraction, "extract_again", die_after_three)
     dying = RunJobs(services.store, lease=timedelta(0))
     with pytest.raises(MemoryError):
         dying.run_next()
     assert (job_of(services, job).status, job_of(services, job).num_extracted) == ("running", 2)
     again = []
-    monkeypatch.setattr(run_jobs, "extract_again", lambda *args: again.append(args[1].id) or extract(*args))
+    monkeypatch.setattr(extraction, "extract_again", lambda *args: again.append(args[1].id) or extract(*args))
     assert services.run_jobs.run_next()
     assert len(again) == 3
     assert indices(services) == [[10, 20]] * 5

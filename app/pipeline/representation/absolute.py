@@ -1,12 +1,12 @@
 """The paper's representation: each action is seven bins in the world frame (section III-C and III-D)."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Self
 
 from app.pipeline.episode import Demonstration, EndEffectorAction, ObjectPose
 from app.pipeline.representation.base import row_count_bounds
-from app.pipeline.representation.lists import Column, list_grammar, list_rows, row_integers
+from app.pipeline.representation.lists import Column, list_grammar, list_rows, list_schema, row_integers
 from app.pipeline.workspace import (
     POSITION_BINS,
     ROTATION_BINS,
@@ -64,6 +64,9 @@ class AbsoluteCodec:
 
     def grammar(self, instruction: str, max_actions: int) -> str:
         return list_grammar(_ROW_RULES, *row_count_bounds(self.demonstrations, instruction, max_actions))
+
+    def schema(self, instruction: str, max_actions: int) -> Mapping[str, object]:
+        return list_schema(_COLUMNS, *row_count_bounds(self.demonstrations, instruction, max_actions))
 
     def rows(self, reply_text: str, complete: bool) -> list[str]:
         return list_rows(reply_text, complete)

@@ -6,7 +6,7 @@ prediction").
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +17,7 @@ from app.pipeline.episode import Array, Demonstration, EndEffectorAction, Object
 from app.pipeline.errors import ReplyParseError
 from app.pipeline.representation.absolute import AbsoluteCodec
 from app.pipeline.representation.base import row_count_bounds
-from app.pipeline.representation.lists import Column, list_grammar, row_integers
+from app.pipeline.representation.lists import Column, list_grammar, list_schema, row_integers
 
 MM_PER_M = 1000
 LEVER_MM = 100
@@ -51,6 +51,9 @@ class ActionTokensCodec(AbsoluteCodec):
 
     def grammar(self, instruction: str, max_actions: int) -> str:
         return list_grammar(_ROW_RULES, *row_count_bounds(self.demonstrations, instruction, max_actions))
+
+    def schema(self, instruction: str, max_actions: int) -> Mapping[str, object]:
+        return list_schema(_COLUMNS, *row_count_bounds(self.demonstrations, instruction, max_actions))
 
     def decode_rows(
         self, first: int, rows: Sequence[str], objects: Sequence[ObjectPose], instruction: str

@@ -1,6 +1,6 @@
 """What every representation offers: text for observations and actions, a grammar for replies, and the way back."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 from app.pipeline.episode import Demonstration, EndEffectorAction, ObjectPose
@@ -39,6 +39,10 @@ class Codec(Protocol):
 
     def grammar(self, instruction: str, max_actions: int) -> str:
         """The GBNF grammar of valid replies."""
+        ...
+
+    def schema(self, instruction: str, max_actions: int) -> Mapping[str, object] | None:
+        """The JSON Schema of valid replies; None where they are not JSON."""
         ...
 
     def rows(self, reply_text: str, complete: bool) -> list[str]:

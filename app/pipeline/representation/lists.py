@@ -2,7 +2,7 @@
 
 import json
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from app.pipeline.errors import ReplyParseError
@@ -24,6 +24,17 @@ class Column(NamedTuple):
 def list_grammar(row_rules: str, fewest: int, most: int) -> str:
     """The GBNF grammar of a list of `fewest` to `most` rows, given the rules that make up `row`."""
     return f'root ::= "[" row (", " row){{{fewest - 1},{most - 1}}} "]"\n{row_rules}'
+
+
+def list_schema(columns: Sequence[Column], fewest: int, most: int) -> Mapping[str, object]:
+    """The JSON Schema of the same lists."""
+    row = {
+        "type": "array",
+        "prefixItems": [{"type": "integer", "minimum": low, "maximum": high} for _, low, high in columns],
+        "minItems": len(columns),
+        "maxItems": len(columns),
+    }
+    return {"type": "array", "items": row, "minItems": fewest, "maxItems": most}
 
 
 def list_rows(reply_text: str, complete: bool) -> list[str]:

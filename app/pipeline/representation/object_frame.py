@@ -127,6 +127,9 @@ class ObjectFrameCodec:
         observation = self.observation_text(demonstration.objects, demonstration.instruction)
         return f"{observation} {self.actions_text(demonstration)}{self.separator}"
 
+    def schema(self, instruction: str, max_actions: int) -> None:
+        """Its rows are no JSON."""
+
     def grammar(self, instruction: str, max_actions: int) -> str:
         fewest, most = row_count_bounds(self.demonstrations, instruction, max_actions)
         rows = [f'"{number} " a ": " b' for number in range(self.first_row, self.first_row + most)]

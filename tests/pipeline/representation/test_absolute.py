@@ -1,7 +1,10 @@
+import json
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from jsonschema import Draft202012Validator
 
 from app.pipeline.errors import ReplyParseError
 from app.pipeline.reply import ReplyReader, parse_reply
@@ -196,7 +199,31 @@ def test_every_row_of_bins_is_written_and_read(rows):
 )
 def test_the_grammar_knows_rows_and_their_number(text, expected):
     longer = demonstration("open the drawer", [DRAWER], [*ACTIONS, ACTIONS[0]])
-    assert matches(fitted(OPEN, longer).grammar("open the drawer", 25), text) is expected
+    codec = fitted(OPEN, longer)
+    assert matches(codec.grammar("open the drawer", 25), text) is expected
+    if expected:
+        Draft202012Validator(codec.schema("open the drawer", 25)).validate(json.loads(text))
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [
+        [],
+        [json.loads(ROW)],
+        [json.loads(ROW)] * 4,
+        [json.loads(ROW), [*json.loads(ROW_2)[:-1], 2]],
+        [json.loads(ROW), [0.5, *json.loads(ROW_2)[1:]]],
+        [json.loads(ROW), [-100_000, *json.loads(ROW_2)[1:]]],
+        [json.loads(ROW), json.loads(ROW_2)[1:]],
+        [json.loads(ROW), [*json.loads(ROW_2), 1]],
+        {"actions": [json.loads(ROW), json.loads(ROW_2)]},
+    ],
+)
+def test_the_schema_knows_rows_and_their_number(rows):
+    longer = demonstration("open the drawer", [DRAWER], [*ACTIONS, ACTIONS[0]])
+    validator = Draft202012Validator(fitted(OPEN, longer).schema("open the drawer", 25))
+    assert validator.is_valid([json.loads(ROW), json.loads(ROW_2)])
+    assert not validator.is_valid(rows)
 
 
 def test_the_grammar_asks_for_more_where_the_instruction_has_more_clauses():

@@ -2,6 +2,7 @@ import json
 
 import numpy as np
 import pytest
+from jsonschema import Draft202012Validator
 from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import EndEffectorAction
@@ -221,7 +222,31 @@ def test_actions_come_while_the_reply_arrives():
 )
 def test_the_grammar_knows_rows_and_their_number(text, expected):
     longer = demonstration("open the drawer", [DRAWER], [*ACTIONS, ACTIONS[0]])
-    assert matches(fitted("paper", OPEN, longer).grammar("open the drawer", 25), text) is expected
+    codec = fitted("paper", OPEN, longer)
+    assert matches(codec.grammar("open the drawer", 25), text) is expected
+    if expected:
+        Draft202012Validator(codec.schema("open the drawer", 25)).validate(json.loads(text))
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [
+        [],
+        [json.loads(ROW)],
+        [json.loads(ROW)] * 4,
+        [json.loads(ROW), [*json.loads(ROW_2)[:-1], 2]],
+        [json.loads(ROW), [0.5, *json.loads(ROW_2)[1:]]],
+        [json.loads(ROW), [-100_000, *json.loads(ROW_2)[1:]]],
+        [json.loads(ROW), json.loads(ROW_2)[1:]],
+        [json.loads(ROW), [*json.loads(ROW_2), 1]],
+        {"actions": [json.loads(ROW), json.loads(ROW_2)]},
+    ],
+)
+def test_the_schema_knows_rows_and_their_number(rows):
+    longer = demonstration("open the drawer", [DRAWER], [*ACTIONS, ACTIONS[0]])
+    validator = Draft202012Validator(fitted("paper", OPEN, longer).schema("open the drawer", 25))
+    assert validator.is_valid([json.loads(ROW), json.loads(ROW_2)])
+    assert not validator.is_valid(rows)
 
 
 def test_each_format_has_its_codec():

@@ -1,0 +1,117 @@
+"""`roboprompt jobs`: work at re-extractions beside the service, on this machine's cores or a Ray cluster."""
+
+import json
+import time
+from collections.abc import Callable, Sequence
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+
+from app.pipeline.errors import RoboPromptError
+
+if TYPE_CHECKING:
+    from app.evaluation.executors import Executor
+    from app.services.task_settings import TaskSettings
+    from app.settings import Settings
+    from app.store.records import EpisodeRecord, Extraction
+    from app.store.store import Store
+
+CHUNK = 20  # episodes that a worker extracts in one go, some seconds
+
+
+def jobs(
+    data: Annotated[Path | None, typer.Option(help="folder of the database and images")] = None,
+    ray: Annotated[
+        str | None, typer.Option(help="work on the Ray cluster at this address, 'auto', or 'local' to start one")
+    ] = None,
+) -> None:
+    """Work at all queued re-extractions of tasks, and end when none is left.
+
+    The database and the images are those of the settings, as for the service, which may go on meanwhile: with
+    ROBOPROMPT_WORK_AT_JOBS=false it leaves jobs to this command. Every machine of a Ray cluster must reach both: a
+    PostgreSQL and an object store by URL, or a shared folder.
+    """
+    from app.evaluation.errors import EvaluationError
+    from app.evaluation.executors import LocalExecutor
+    from app.evaluation.ray_executor import RayExecutor
+    from app.settings import Settings
+
+    settings = Settings() if data is None else Settings(data=data)
+    settings = settings.model_copy(update={"data": settings.data.resolve()})
+    try:
+        executor = LocalExecutor() if ray is None else RayExecutor(ray)
+        try:
+            done = _work(settings, executor)
+        finally:
+            executor.close()
+    except (RoboPromptError, EvaluationError, ConnectionError) as error:
+        Console(stderr=True).print(str(error), markup=False, soft_wrap=True)
+        raise typer.Exit(1) from error
+    print(json.dumps({**done, "where": executor.description}))  # noqa: T201
+
+
+def _work(settings: "Settings", executor: "Executor") -> dict[str, float]:
+    """Jobs and episodes worked at, and the seconds it took."""
+    from app.bootstrap import open_store
+    from app.services.run_jobs import RunJobs
+
+    store = open_store(settings)
+    num_jobs, num_episodes, begun_s = 0, 0, time.perf_counter()
+    extract = _spread(settings, executor)
+
+    def counted(records: "Sequence[EpisodeRecord]", wanted: "TaskSettings") -> "list[Extraction]":
+        nonlocal num_episodes
+        num_episodes += len(records)
+        return extract(records, wanted)
+
+    try:
+        worker = RunJobs(store, extract=counted, batch=CHUNK * executor.workers)
+        while worker.run_next():
+            num_jobs += 1
+    finally:
+        store.close()
+    return {"jobs": num_jobs, "episodes": num_episodes, "seconds": round(time.perf_counter() - begun_s, 2)}
+
+
+def _spread(
+    settings: "Settings", executor: "Executor"
+) -> "Callable[[Sequence[EpisodeRecord], TaskSettings], list[Extraction]]":
+    """Extracts a batch in chunks, each by a worker that opens the store itself."""
+    address = (str(settings.data), settings.database_url, settings.blobs_url)
+
+    def extract(records: "Sequence[EpisodeRecord]", wanted: "TaskSettings") -> "list[Extraction]":
+        chunks = [records[k : k + CHUNK] for k in range(0, len(records), CHUNK)]
+        futures = [executor.submit(_extract_chunk, address, chunk, wanted) for chunk in chunks]
+        extractions: list[Extraction] = []
+        for future in futures:
+            outcome = future.result()
+            if isinstance(outcome, RoboPromptError):
+                raise outcome
+            extractions += outcome
+        return extractions
+
+    return extract
+
+
+def _extract_chunk(
+    address: tuple[str, str | None, str | None], records: "Sequence[EpisodeRecord]", wanted: "TaskSettings"
+) -> "list[Extraction] | RoboPromptError":
+    """In a worker. Errors are returned: Ray would raise them with its own text."""
+    from app.services.extraction import extract_all_again
+
+    try:
+        return extract_all_again(_opened(*address), records, wanted)
+    except RoboPromptError as error:
+        return error
+
+
+@cache
+def _opened(data: str, database_url: str | None, blobs_url: str | None) -> "Store":
+    """The worker's own; it ends with its process."""
+    from app.bootstrap import open_store
+    from app.settings import Settings
+
+    return open_store(Settings(data=Path(data), database_url=database_url, blobs_url=blobs_url))
