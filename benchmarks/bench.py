@@ -49,7 +49,7 @@ def report(service: Mapping[str, Cost], sent: Mapping[str, Cost], llm: Measured,
                 "## A prediction outside the LLM",
                 f"`POST /predict` with given poses, {service_time.NUM_DEMONSTRATIONS} demonstrations of six actions, a "
                 "scripted LLM; the reply parsed, the prediction stored (one fsync). CPU is that of the whole server "
-                "process, the scripted LLM's and the access log's included.",
+                "process, the access log's and the scripted LLM's included; the last row has the latter alone.",
                 _table(("", "server CPU, ms", "wall, ms"), [(name, *_cost(item)) for name, item in service.items()]),
                 "## Cached prefixes",
                 _prefixes(llm),
@@ -59,11 +59,8 @@ def report(service: Mapping[str, Cost], sent: Mapping[str, Cost], llm: Measured,
                 f"({llm.streaming.first_action_s / llm.streaming.whole_s:.0%}).",
                 "## Several robots",
                 "Each asks for another scene of one task as soon as it is answered, "
-                f"{embedded.ROBOTS_S:.0f} s; the embedded model has four slots.",
-                _table(
-                    ("robots at once", "predictions a minute", "failed"),
-                    [(str(r.robots), f"{r.predictions_per_minute:.0f}", str(r.failures)) for r in llm.robots],
-                ),
+                f"{embedded.ROBOTS_S:.0f} s; the embedded model has four slots, one of which knows the task at first.",
+                _robots(llm),
                 "## Tokens of a prediction",
                 "The same ten demonstrations and the same scene, no system prompt, tokens of the embedded model.",
                 _tokens(llm),
@@ -92,6 +89,12 @@ def _prefixes(llm: Measured) -> str:
         f"of ten episodes takes {after.prefix_warmed_s:.2f} s where the prefix was warmed in the background, "
         f"{after.prefix_cold_s:.2f} s where it was not."
     )
+
+
+def _robots(llm: Measured) -> str:
+    head = ("robots at once", "until each had its first answer, s", "then predictions a minute", "failed")
+    rows = ((r.robots, f"{r.first_s:.1f}", f"{r.predictions_per_minute:.0f}", r.failures) for r in llm.robots)
+    return _table(head, (tuple(map(str, row)) for row in rows))
 
 
 def _tokens(llm: Measured) -> str:

@@ -1,7 +1,10 @@
 """What a prediction costs the service outside the LLM, with few and with 100,000 stored episodes."""
 
+import asyncio
 import json
 import tempfile
+import time
+from contextlib import aclosing
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +12,9 @@ import httpx
 from sqlalchemy import insert, select
 
 from app.client.client import RoboPromptClient
+from app.llm.base import CompletionRequest
+from app.llm.scripted import ScriptedModel
+from app.pipeline.prompt import Prompt
 from app.store import tables
 from app.store.store import Store
 from benchmarks import scenes
@@ -32,7 +38,19 @@ def measure() -> dict[str, Cost]:
         costs[f"{NUM_DEMONSTRATIONS} episodes stored"] = _predictions(data)
         fill(data)
         costs[f"{NUM_STORED:,} episodes stored"] = _predictions(data)
-    return costs
+    return {**costs, "of it the scripted LLM": asyncio.run(_scripted())}
+
+
+async def _scripted() -> Cost:
+    """What the stand-in for an LLM takes of a prediction: its words, one by one."""
+    model = ScriptedModel([REPLY])
+    started_s, cpu_s = time.perf_counter(), time.process_time()
+    for _ in range(NUM_REQUESTS):
+        async with aclosing(model.stream(CompletionRequest(Prompt("", "", "")))) as pieces:
+            async for _ in pieces:
+                pass
+    spent_s = time.process_time() - cpu_s, time.perf_counter() - started_s
+    return Cost(*(1000 * seconds / NUM_REQUESTS for seconds in spent_s))
 
 
 def teach(data: Path) -> None:

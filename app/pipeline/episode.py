@@ -6,7 +6,7 @@ down, z forward) to the world frame; positions are in metres in the world frame;
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -296,6 +296,21 @@ class EndEffectorAction:
         _settle(self, position_m=finite_array("action.position", self.position_m, (3,)))
         unit = unit_quaternions("action.quaternion_xyzw", self.quaternion_xyzw, (4,))
         _settle(self, quaternion_xyzw=unit)
+
+    @classmethod
+    def many(
+        cls, positions_m: npt.ArrayLike, quaternions_xyzw: npt.ArrayLike, gripper_open: Sequence[bool]
+    ) -> list[Self]:
+        """N actions from (N, 3) and (N, 4), checked together: numpy takes as long for one as for all."""
+        positions = finite_array("actions.position", positions_m, (None, 3))
+        quaternions = unit_quaternions("actions.quaternion_xyzw", quaternions_xyzw, (None, 4))
+        return [cls._checked(*fields) for fields in zip(positions, quaternions, gripper_open, strict=True)]
+
+    @classmethod
+    def _checked(cls, position_m: Array, quaternion_xyzw: Array, gripper_open: bool) -> Self:
+        action = object.__new__(cls)
+        _settle(action, position_m=position_m, quaternion_xyzw=quaternion_xyzw, gripper_open=gripper_open)
+        return action
 
 
 @dataclass(frozen=True, eq=False)

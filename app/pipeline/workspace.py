@@ -140,7 +140,7 @@ def undiscretize_actions(bins: Sequence[Sequence[int]], workspace: Workspace) ->
     numbers = np.array(bins)
     positions_m = bin_centre(numbers[:, :3], workspace)
     quaternions_xyzw = rotation_from_bins(numbers[:, 3:6]).as_quat(canonical=True)
-    return list(map(EndEffectorAction, positions_m, quaternions_xyzw, numbers[:, 6].astype(bool).tolist()))
+    return EndEffectorAction.many(positions_m, quaternions_xyzw, numbers[:, 6].astype(bool).tolist())
 
 
 def object_bins(pose: ObjectPose, workspace: Workspace) -> tuple[int, ...]:

@@ -69,31 +69,51 @@ class Dialogue:
         self, reader: ReplyReader, max_actions: int, *, piecewise: bool
     ) -> AsyncGenerator[Sequence[EndEffectorAction] | TextDelta, None]:
         """The actions of the reply to the prompt."""
-        before, text, num_early = self.reply_text, "", 0
-        completion: Completion | None = None
-        async with aclosing(self._pieces(max_actions)) as pieces:
-            async for piece in pieces:
-                if isinstance(piece, Completion):
-                    completion = piece
-                    break
-                text += piece.text
-                said = len(self.reply_text or "")
-                self.reply_text = _joined(before, text)
-                if piecewise and self._question.request.stream_text:
-                    yield TextDelta(self.reply_text[said:])
-                if piecewise:
-                    with timed(self._timings_ms, "parse"):
-                        new = reader.feed(piece.text)
-                    if new:
-                        num_early += len(new)
-                        yield new
-        assert completion is not None, "a backend's stream ends with the completion"
-        self.reply_text = _joined(before, completion.text)
+        num_early = 0
+        if piecewise:
+            async with aclosing(self._arriving(reader, max_actions)) as arriving:
+                async for item in arriving:
+                    if isinstance(item, Completion):
+                        completion = item
+                        break
+                    if not isinstance(item, TextDelta):
+                        num_early += len(item)
+                    yield item
+        else:
+            completion = await self._whole(max_actions)
         self.usage = usage_sum(self.usage, completion.usage)
         with timed(self._timings_ms, "parse"):
             actions = self._finished(reader, completion)
         if len(actions) > num_early:
             yield actions[num_early:]
+
+    async def _whole(self, max_actions: int) -> Completion:
+        """The reply at its end; what came of it is kept should it break off."""
+        with timed(self._timings_ms, "llm"):
+            async with aclosing(self._pieces(max_actions)) as pieces:
+                async for piece in pieces:
+                    if isinstance(piece, Completion):
+                        return piece
+        raise AssertionError("a backend's stream ends with the completion")
+
+    async def _arriving(
+        self, reader: ReplyReader, max_actions: int
+    ) -> AsyncGenerator[Sequence[EndEffectorAction] | TextDelta | Completion, None]:
+        """The actions as their rows become complete, and the text, if it is wished; last the completion."""
+        async with aclosing(self._pieces(max_actions)) as pieces:
+            while True:
+                said = len(self.reply_text or "")
+                with timed(self._timings_ms, "llm"):
+                    piece = await anext(pieces)
+                if isinstance(piece, Completion):
+                    yield piece
+                    return
+                if self._question.request.stream_text:
+                    yield TextDelta((self.reply_text or "")[said:])
+                with timed(self._timings_ms, "parse"):
+                    new = reader.feed(piece.text)
+                if new:
+                    yield new
 
     def _finished(self, reader: ReplyReader, completion: Completion) -> tuple[EndEffectorAction, ...]:
         if completion.finish_reason == "length":
@@ -106,7 +126,7 @@ class Dialogue:
         return actions
 
     async def _pieces(self, max_actions: int) -> AsyncGenerator[TextDelta | Completion, None]:
-        """The reply as the LLM writes it; the time that it takes is the LLM's."""
+        """The reply as the LLM writes it; `reply_text` grows with it."""
         request = self._question.request
         timeout_s = self._deadline_s - time.monotonic()
         if timeout_s <= 0:
@@ -119,16 +139,12 @@ class Dialogue:
             seed=request.seed,
             cache_key=self._question.template.cache_key,
         )
-        stream = self._model.stream(asked)
-        try:
-            while True:
-                with timed(self._timings_ms, "llm"):
-                    piece = await anext(stream, None)
-                if piece is None:
-                    return
+        before, text = self.reply_text, ""
+        async with aclosing(self._model.stream(asked)) as stream:
+            async for piece in stream:
+                text = piece.text if isinstance(piece, Completion) else text + piece.text
+                self.reply_text = _joined(before, text)
                 yield piece
-        finally:
-            await stream.aclose()
 
 
 def _joined(before: str | None, text: str) -> str:

@@ -26,23 +26,24 @@ async def watched(notes: UnderWayNotes, question: Question) -> AsyncIterator[Non
     deadline_s = now_s + request.timeout_s + GRACE_S
     note = UnderWay(uuid4().hex, request.task, request.instruction, question.profile.name, now_s, deadline_s)
     ended = asyncio.Event()
-    showing = asyncio.create_task(_show(notes, note, ended))
-    _showing.add(showing)
-    showing.add_done_callback(_showing.discard)
+
+    def show() -> None:
+        showing = asyncio.create_task(_show(notes, note, ended))
+        _showing.add(showing)
+        showing.add_done_callback(_showing.discard)
+
+    timer = asyncio.get_running_loop().call_later(SHOWN_AFTER_S, show)
     try:
         yield
     finally:
+        timer.cancel()
         ended.set()
 
 
 async def _show(notes: UnderWayNotes, note: UnderWay, ended: asyncio.Event) -> None:
     try:
-        async with asyncio.timeout(SHOWN_AFTER_S):
-            await ended.wait()
-    except TimeoutError:
-        try:
-            await anyio.to_thread.run_sync(notes.begin, note)
-        except StoreUnavailableError as error:
-            logger.warning("%s", error)  # nobody sees it, but it goes on
-        await ended.wait()
-        await anyio.to_thread.run_sync(notes.end, note.id)
+        await anyio.to_thread.run_sync(notes.begin, note)
+    except StoreUnavailableError as error:
+        logger.warning("%s", error)  # nobody sees it, but it goes on
+    await ended.wait()
+    await anyio.to_thread.run_sync(notes.end, note.id)

@@ -167,7 +167,7 @@ class ObjectFrameCodec:
         numbers = np.array([numbers for _, _, numbers in read])
         positions_m = origins_m + axes.apply(numbers[:, :3] * OFFSET_UNIT_M)
         quaternions_xyzw = (axes * rotation_from_bins(numbers[:, 3:6])).as_quat(canonical=True)
-        return list(map(EndEffectorAction, positions_m, quaternions_xyzw, (numbers[:, 6] == 1).tolist()))
+        return EndEffectorAction.many(positions_m, quaternions_xyzw, (numbers[:, 6] == 1).tolist())
 
     def _read_row(
         self, index: int, row: str, poses: Mapping[str, ObjectPose]
