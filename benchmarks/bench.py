@@ -13,7 +13,7 @@ from pathlib import Path
 from app.evaluation.provenance import commit, machine, versions
 from benchmarks import embedded, service_time, transport
 from benchmarks.embedded import Measured
-from benchmarks.processes import Cost
+from benchmarks.processes import ROUNDS, Cost
 
 REPORT = Path(__file__).parents[1] / "docs" / "results" / "bench.md"
 COMMAND = "make bench"
@@ -77,7 +77,7 @@ def _where(seconds: float) -> str:
     known, here = versions(), machine()
     packages = ", ".join(f"{name} {known[name]}" for name in ("python", "fastapi", "numpy", "xllamacpp"))
     made = f"{datetime.now(UTC):%Y-%m-%d}, commit {commit()}, {here['processor']}, {here['cores']} cores; {packages}"
-    return f"`{COMMAND}`, {seconds / 60:.1f} minutes. {made}. Medians; the ratios count, not the absolute times."
+    return f"`{COMMAND}`, {seconds / 60:.1f} minutes. {made}. Medians, CPU of the best of {ROUNDS} rounds; the ratios count, not the absolute times."
 
 
 def _prefixes(llm: Measured) -> str:

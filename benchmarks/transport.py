@@ -21,7 +21,7 @@ from benchmarks.processes import Cost, cost, running, service
 from benchmarks.service_time import REPLY, asked, teach
 
 WIDTH, HEIGHT = 640, 480
-NUM_REQUESTS = 60
+NUM_REQUESTS = 240
 
 
 def frame() -> RgbdFrame:

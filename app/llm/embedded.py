@@ -16,6 +16,7 @@ from app.llm.openai_compatible import OpenAiCompatibleModel
 from app.llm.openai_wire import LLAMA_CPP
 from app.llm.shared_llama import SharedLlama
 from app.llm.streaming import Pieces, whole, within_deadline
+from app.llm.warm_slots import WarmSlots
 from app.llm.weights import Weights
 
 DYING_S = 1.0  # frees some hundred MB
@@ -51,6 +52,7 @@ class EmbeddedModel:
         self._profile = profile
         self._weights = weights
         self._options = options
+        self._slots = WarmSlots(options.slots)
         self._start: asyncio.Task[_Running] | None = None
         self._closed = False
 
@@ -80,7 +82,7 @@ class EmbeddedModel:
     async def _pieces(self, request: CompletionRequest) -> Pieces:
         running = await self._running()
         try:
-            async with aclosing(running.client.stream(request)) as pieces:
+            async with self._slots.turn(request.cache_key), aclosing(running.client.stream(request)) as pieces:
                 async for piece in pieces:
                     yield piece
         except LanguageModelError as error:

@@ -1,0 +1,128 @@
+"""Who waits for whom. Nothing here takes longer than the patience that is set."""
+
+import asyncio
+
+import pytest
+
+from app.llm import warm_slots
+from app.llm.warm_slots import WarmSlots
+
+
+class Requests:
+    """Requests that go on until they are told to end."""
+
+    def __init__(self, slots=4):
+        self.slots = WarmSlots(slots)
+        self.inside = []
+        self._ends = {}
+        self._tasks = {}
+
+    async def begin(self, name, prefix="a"):
+        self._ends[name] = asyncio.Event()
+        self._tasks[name] = asyncio.create_task(self._run(name, prefix))
+        await settled()
+
+    async def _run(self, name, prefix):
+        async with self.slots.turn(prefix):
+            self.inside.append(name)
+            await self._ends[name].wait()
+        self.inside.remove(name)
+
+    async def end(self, name):
+        self._ends[name].set()
+        await settled()
+
+    async def cancel(self, name):
+        self._tasks[name].cancel()
+        await asyncio.gather(self._tasks[name], return_exceptions=True)
+        await settled()
+
+
+async def settled():
+    for _ in range(5):
+        await asyncio.sleep(0)
+
+
+@pytest.fixture
+def patience(monkeypatch):
+    monkeypatch.setattr(warm_slots, "PATIENCE_S", 0.1)
+
+
+def test_one_after_the_other_in_the_order_of_coming():
+    async def scenario():
+        requests = Requests()
+        for name in "123":
+            await requests.begin(name)
+        assert requests.inside == ["1"]
+        await requests.end("1")
+        assert requests.inside == ["2"]
+        await requests.end("2")
+        assert requests.inside == ["3"]
+        await requests.end("3")
+        await requests.begin("4")
+        assert requests.inside == ["4"]
+
+    asyncio.run(scenario())
+
+
+def test_other_prefixes_and_requests_without_one_do_not_wait():
+    async def scenario():
+        requests = Requests()
+        for name, prefix in zip("12345", ["a", "b", "", "", "a"], strict=True):
+            await requests.begin(name, prefix)
+        assert requests.inside == ["1", "2", "3", "4"]
+
+    asyncio.run(scenario())
+
+
+def test_who_waited_long_takes_a_further_slot_while_there_is_one(patience):
+    async def scenario():
+        requests = Requests(slots=2)
+        for name in "123":
+            await requests.begin(name)
+        assert requests.inside == ["1"]
+        await asyncio.sleep(0.2)
+        assert requests.inside == ["1", "2"]
+        await requests.end("2")
+        assert requests.inside == ["1", "3"]
+        await requests.end("3")
+        await requests.begin("4")
+        assert requests.inside == ["1", "4"]  # two slots know the prefix by now
+
+    asyncio.run(scenario())
+
+
+def test_who_gives_up_is_passed_over():
+    async def scenario():
+        requests = Requests()
+        for name in "123":
+            await requests.begin(name)
+        await requests.cancel("2")
+        await requests.cancel("1")
+        assert "3" in requests.inside
+
+    asyncio.run(scenario())
+
+
+def test_a_turn_that_comes_as_its_request_is_cancelled_goes_to_the_next():
+    async def scenario():
+        requests = Requests()
+        for name in "123":
+            await requests.begin(name)
+        requests._ends["1"].set()
+        await asyncio.sleep(0)  # the first leaves and hands over
+        await requests.cancel("2")
+        assert requests.inside == ["3"]
+
+    asyncio.run(scenario())
+
+
+def test_only_as_many_prefixes_as_slots_are_remembered():
+    async def scenario():
+        slots = WarmSlots(2)
+        for prefix in "abcd":
+            async with slots.turn(prefix):
+                pass
+        return list(slots._lanes)
+
+    assert asyncio.run(scenario()) == ["c", "d"]
