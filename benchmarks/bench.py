@@ -77,7 +77,8 @@ def _where(seconds: float) -> str:
     known, here = versions(), machine()
     packages = ", ".join(f"{name} {known[name]}" for name in ("python", "fastapi", "numpy", "xllamacpp"))
     made = f"{datetime.now(UTC):%Y-%m-%d}, commit {commit()}, {here['processor']}, {here['cores']} cores; {packages}"
-    return f"`{COMMAND}`, {seconds / 60:.1f} minutes. {made}. Medians, CPU of the best of {ROUNDS} rounds; the ratios count, not the absolute times."
+    how = f"Medians, CPU of the best of {ROUNDS} rounds; the ratios count, not the absolute times."
+    return f"`{COMMAND}`, {seconds / 60:.1f} minutes. {made}. {how}"
 
 
 def _prefixes(llm: Measured) -> str:
