@@ -47,10 +47,11 @@ def calibrate(
     from app.perception.calibrate import calibrate as find_pose
     from app.perception.charuco import CharucoBoard
     from app.perception.images import decode_rgb
-    from app.perception.poses_wire import camera_document
     from app.perception.rigid import rigid
-    from app.pipeline.episode import Camera, unit_quaternions
+    from app.pipeline.arrays import unit_quaternions
+    from app.pipeline.episode import Camera
     from app.pipeline.errors import InvalidInputError
+    from app.pipeline.metadata import camera_json
 
     console = Console(stderr=True)
     try:
@@ -65,7 +66,7 @@ def calibrate(
     precise = f"{1000 * found.position_sigma_m:.1f} mm and {math.degrees(found.rotation_sigma_rad):.2f} degrees"
     fit = f"{found.rms_px:.2f} px off (rms), {found.max_px:.2f} px at most"
     console.print(f"{found.corners} corners in {len(images)} picture(s): {fit}; precise to {precise}", soft_wrap=True)
-    print(json.dumps(camera_document(found.camera)))  # noqa: T201
+    print(json.dumps(camera_json(found.camera)))  # noqa: T201
 
 
 def calibration_board(

@@ -9,7 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from app.datasets.mapping import FeatureMap, RotationFormat
 from app.datasets.recording import ObjectEntry
-from app.pipeline.episode import Array, Trajectory
+from app.pipeline.arrays import Array
+from app.pipeline.episode import Trajectory
 from app.pipeline.errors import InvalidInputError
 
 Columns = Mapping[str, np.ndarray[Any, Any]]

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from app.datasets.errors import DamagedError
-from app.pipeline.episode import Array
+from app.pipeline.arrays import Array
 
 FINE_M, COARSE_M = 0.0001, 0.001  # metres a unit: 16 bits reach 6.5 m or 65 m
 _MAX_UNITS = np.iinfo(np.uint16).max

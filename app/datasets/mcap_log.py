@@ -19,7 +19,8 @@ from app.datasets.mapped import recording_of
 from app.datasets.mapping import FeatureMap
 from app.datasets.options import ImportOptions, as_name
 from app.datasets.recording import Dataset, Entry, Parcel
-from app.pipeline.episode import NUM_JOINTS, Array
+from app.pipeline.arrays import Array
+from app.pipeline.episode import NUM_JOINTS
 from app.pipeline.errors import InvalidInputError
 
 SUFFIX = ".mcap"

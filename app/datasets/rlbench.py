@@ -22,7 +22,8 @@ from app.datasets.options import ImportOptions, as_name
 from app.datasets.recording import Dataset, Entry, ObjectEntry, Parcel, Recording
 from app.datasets.rlbench_images import calibrated_cameras, read_images, visible_ids
 from app.datasets.rlbench_pickle import Record, load_demo, load_descriptions, load_number
-from app.pipeline.episode import Array, Camera, Trajectory
+from app.pipeline.arrays import Array
+from app.pipeline.episode import Camera, Trajectory
 from app.pipeline.errors import InvalidInputError
 
 LOW_DIM = "low_dim_obs.pkl"

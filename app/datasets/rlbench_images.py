@@ -15,7 +15,8 @@ import numpy.typing as npt
 
 from app.datasets.errors import DamagedError
 from app.datasets.images import depth_png, mask_png, read_file
-from app.pipeline.episode import Array, Camera, finite_array
+from app.pipeline.arrays import Array, finite_array
+from app.pipeline.episode import Camera
 
 DEPTH_SCALE = 2**24 - 1  # rlbench/backend/const.py
 _KINDS = ("rgb", "depth", "mask")

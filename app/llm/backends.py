@@ -8,6 +8,7 @@ from importlib.metadata import entry_points
 from app.llm import nearest, regression, scripted
 from app.llm.anthropic import AnthropicModel
 from app.llm.base import LanguageModel, ModelProfile, ModelUnavailableError, UnknownModelError
+from app.llm.computed import ComputedModel
 from app.llm.embedded import EmbeddedModel, EmbeddedOptions
 from app.llm.guard import Limits
 from app.llm.openai_compatible import OpenAiCompatibleModel
@@ -174,12 +175,12 @@ def _compatible_profile(model: str, settings: LlmSettings) -> ModelProfile:
 
 def _regression(model: str, settings: LlmSettings) -> LanguageModel:
     _refuse_model_name("regression", model)
-    return regression.RegressionModel()
+    return ComputedModel(regression.PROFILE, regression.regressed_reply)
 
 
 def _nearest(model: str, settings: LlmSettings) -> LanguageModel:
     _refuse_model_name("nearest", model)
-    return nearest.NearestModel()
+    return ComputedModel(nearest.PROFILE, nearest.copied_reply)
 
 
 def _scripted(model: str, settings: LlmSettings) -> LanguageModel:

@@ -6,9 +6,8 @@ another scene as far as they are relative to the right objects.
 
 import numpy as np
 
-from app.llm.base import Completion, CompletionRequest, ModelProfile, ModelResponseError
+from app.llm.base import ModelProfile, ModelResponseError
 from app.llm.prompt_text import Pair, alike, taken_apart
-from app.llm.streaming import Pieces, spoken, whole, within_deadline
 
 PROFILE = ModelProfile(
     name="nearest",
@@ -18,28 +17,6 @@ PROFILE = ModelProfile(
     system_prompt="none",
     description="No LLM: copies the actions of the nearest demonstration, a yardstick",
 )
-
-
-class NearestModel:
-    """Looks anew for each request: a millisecond."""
-
-    @property
-    def profile(self) -> ModelProfile:
-        return PROFILE
-
-    def stream(self, request: CompletionRequest) -> Pieces:
-        return within_deadline(self._pieces(request), request.timeout_s, PROFILE.name)
-
-    async def complete(self, request: CompletionRequest) -> Completion:
-        return await whole(self.stream(request))
-
-    async def aclose(self) -> None:
-        """Nothing is held."""
-
-    async def _pieces(self, request: CompletionRequest) -> Pieces:
-        reply = copied_reply(request.prompt.prefix, request.prompt.query)
-        async for piece in spoken(reply, request):
-            yield piece
 
 
 def copied_reply(prefix: str, query: str) -> str:

@@ -11,9 +11,8 @@ from collections.abc import Collection, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from app.llm.base import Completion, CompletionRequest, ModelProfile, ModelResponseError
+from app.llm.base import ModelProfile, ModelResponseError
 from app.llm.prompt_text import Pair, Pattern, alike, taken_apart
-from app.llm.streaming import Pieces, spoken, whole, within_deadline
 
 PROFILE = ModelProfile(
     name="regression",
@@ -29,28 +28,6 @@ MIN_DEMONSTRATIONS = 2
 RIDGE = 1.0
 
 Numbers = npt.NDArray[np.float64]
-
-
-class RegressionModel:
-    """Fits anew for each request: a few milliseconds."""
-
-    @property
-    def profile(self) -> ModelProfile:
-        return PROFILE
-
-    def stream(self, request: CompletionRequest) -> Pieces:
-        return within_deadline(self._pieces(request), request.timeout_s, PROFILE.name)
-
-    async def complete(self, request: CompletionRequest) -> Completion:
-        return await whole(self.stream(request))
-
-    async def aclose(self) -> None:
-        """Nothing is held."""
-
-    async def _pieces(self, request: CompletionRequest) -> Pieces:
-        reply = regressed_reply(request.prompt.prefix, request.prompt.query)
-        async for piece in spoken(reply, request):
-            yield piece
 
 
 def regressed_reply(prefix: str, query: str) -> str:

@@ -7,7 +7,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from app.pipeline.episode import Array, Camera
+from app.pipeline.arrays import Array
+from app.pipeline.episode import Camera
 
 RgbImage = npt.NDArray[np.uint8]
 Color = tuple[int, int, int]

@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from app.perception.marker_model import DICTIONARIES, marker_dictionary
 from app.perception.object_model import number, one_of
-from app.pipeline.episode import Array
+from app.pipeline.arrays import Array
 from app.pipeline.errors import InvalidInputError
 
 MAX_SQUARES = 100  # a side

@@ -17,7 +17,8 @@ from app.perception.instances import chosen, instances
 from app.perception.level_check import check_level
 from app.perception.pieces import Piece, find_pieces
 from app.perception.sightings import Miss, Sighting, fused
-from app.pipeline.episode import Array, ObjectPose, RgbdFrame
+from app.pipeline.arrays import Array
+from app.pipeline.episode import ObjectPose, RgbdFrame
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.geometry import yaw_rad
 

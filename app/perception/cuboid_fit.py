@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from app.perception.upright_shape import SX, SY, SZ, YAW, Shape, X, Y, Z, ray_distances_m, surface_distances_m
-from app.pipeline.episode import Array
+from app.pipeline.arrays import Array
 
 OUTLINE_SIGMA_PX = 0.6  # an edge between two pixels, from rounding to whole pixels and from blur
 GROUND_SIGMA_M = 0.001

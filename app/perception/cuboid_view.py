@@ -5,7 +5,8 @@ import numpy.typing as npt
 
 from app.perception.cuboid_fit import View
 from app.perception.pieces import Piece, full_mask, inner
-from app.pipeline.episode import Array, Camera, RgbdFrame
+from app.pipeline.arrays import Array
+from app.pipeline.episode import Camera, RgbdFrame
 from app.pipeline.geometry import pixels_to_world
 
 Bools = npt.NDArray[np.bool_]

@@ -7,7 +7,7 @@ import numpy as np
 
 from app.perception.cuboid_model import CuboidModel
 from app.perception.sightings import Sighting
-from app.pipeline.episode import Array
+from app.pipeline.arrays import Array
 from app.pipeline.errors import UncertainPoseError
 
 SAME_SHARE = 0.6  # of its smaller side: two cameras that differ by less see one thing

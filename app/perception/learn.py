@@ -14,7 +14,7 @@ from app.perception.learn_color import learn_color, object_pixels
 from app.perception.learn_relation import learn_away_from, learn_rank, with_shared_looks
 from app.perception.learn_shape import Measured, measure
 from app.perception.upright_shape import SHAPES, Shape
-from app.pipeline.episode import Array
+from app.pipeline.arrays import Array
 from app.pipeline.errors import InvalidInputError, ObjectNotVisibleError, UncertainPoseError
 
 ROUND_TO_M = 1e-4

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from app.perception.cuboid import likenesses
 from app.perception.cuboid_model import CuboidModel, Rank
 from app.perception.labelled_scene import LabelledScene
-from app.pipeline.episode import Array
+from app.pipeline.arrays import Array
 from app.pipeline.errors import InvalidInputError
 
 MAX_MEAN_ANGLE_DEG = 20.0

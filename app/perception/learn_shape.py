@@ -13,7 +13,8 @@ from app.perception.cuboid_model import ColorModel
 from app.perception.cuboid_view import view_of
 from app.perception.pieces import Piece, find_parts, full_mask
 from app.perception.upright_shape import SX, YAW, Shape
-from app.pipeline.episode import Array, RgbdFrame
+from app.pipeline.arrays import Array
+from app.pipeline.episode import RgbdFrame
 from app.pipeline.geometry import yaw_rad
 
 

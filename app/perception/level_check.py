@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from app.pipeline.episode import Array, RgbdFrame
+from app.pipeline.arrays import Array
+from app.pipeline.episode import RgbdFrame
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.geometry import pixels_to_world
 

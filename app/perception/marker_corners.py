@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from app.pipeline.episode import Array
+from app.pipeline.arrays import Array
 
 ROUNDS = 2
 SAMPLES = 16  # a side

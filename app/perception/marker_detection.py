@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from app.perception.marker_corners import refined_corners, sides_px
 from app.perception.marker_model import marker_dictionary
-from app.pipeline.episode import Array
+from app.pipeline.arrays import Array
 
 GreyImage = npt.NDArray[np.uint8]
 

@@ -12,7 +12,8 @@ import numpy as np
 from app.perception.marker_errors import MarkerData, cross_matrices, marker_errors
 from app.perception.marker_view import MarkerView
 from app.perception.rigid import inverse
-from app.pipeline.episode import Array, Camera
+from app.pipeline.arrays import Array
+from app.pipeline.episode import Camera
 
 RIVAL_RAD = np.radians(5.0)  # poses that differ by less are one
 MAX_ROUNDS = 12

@@ -13,7 +13,8 @@ from app.perception.masks_model import MasksModel
 from app.perception.pieces import Piece, piece_points_m, trimmed
 from app.perception.sightings import Miss, Sighting, fused
 from app.perception.upright_shape import SHAPES, SX, YAW
-from app.pipeline.episode import Array, ObjectPose, RgbdFrame
+from app.pipeline.arrays import Array
+from app.pipeline.episode import ObjectPose, RgbdFrame
 
 MIN_POINTS = 40
 LONGER_BY = 1.15  # a longer side gives a heading from this ratio on

@@ -9,7 +9,8 @@ import numpy.typing as npt
 from app.perception.base import ObjectQuery
 from app.perception.masked_rotation import box_around
 from app.perception.masks_model import MasksModel
-from app.pipeline.episode import Array, ObjectPose, RgbdFrame
+from app.pipeline.arrays import Array
+from app.pipeline.episode import ObjectPose, RgbdFrame
 from app.pipeline.errors import InvalidInputError, ObjectNotVisibleError
 from app.pipeline.geometry import backproject
 

@@ -7,7 +7,7 @@ import numpy as np
 from app.perception.cuboid_model import CuboidModel
 from app.perception.marker_model import Marker, MarkersModel
 from app.perception.object_model import ObjectModel
-from app.pipeline.episode import Array
+from app.pipeline.arrays import Array
 from app.pipeline.geometry import transform_points
 
 CIRCLE_POINTS = 24

@@ -8,7 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from app.perception.upright_shape import Shape
-from app.pipeline.episode import Array, Camera, RgbdFrame
+from app.pipeline.arrays import Array
+from app.pipeline.episode import Camera, RgbdFrame
 from app.pipeline.geometry import pixels_to_world
 
 Bytes = npt.NDArray[np.uint8]

@@ -14,8 +14,10 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from app.pipeline.episode import Camera, ObjectPose, RgbdFrame, finite_array, unit_quaternions
+from app.pipeline.arrays import finite_array, unit_quaternions
+from app.pipeline.episode import ObjectPose, RgbdFrame
 from app.pipeline.errors import InvalidInputError
+from app.pipeline.metadata import camera_json
 
 Part = tuple[str, bytes, str]
 _MAX_UINT16 = np.iinfo(np.uint16).max
@@ -66,7 +68,7 @@ def request_parts(questions: Sequence[PoseQuestion], frames: Sequence[RgbdFrame]
     """A request's parts as (file name, content, media type). Images lose nothing but depth below `depth_scale`."""
     metadata = {
         "objects": [item.as_json() for item in questions],
-        "cameras": [camera_document(f.camera) for f in frames],
+        "cameras": [camera_json(f.camera) for f in frames],
     }
     parts: dict[str, Part] = {"metadata": ("metadata.json", json.dumps(metadata).encode(), "application/json")}
     for frame in frames:
@@ -105,19 +107,6 @@ def answers_from_json(document: object, names: Sequence[str], cameras: Sequence[
             "poses", f"has no {unanswered[0]!r}", "an entry for every object, position null if lost"
         )
     return answers
-
-
-def camera_document(camera: Camera) -> dict[str, Any]:
-    """A camera's calibration, as requests describe it."""
-    intrinsics = {"fx": camera.fx_px, "fy": camera.fy_px, "cx": camera.cx_px, "cy": camera.cy_px}
-    if camera.image_size_px is not None:
-        intrinsics["width"], intrinsics["height"] = camera.image_size_px
-    return {
-        "name": camera.name,
-        "intrinsics": intrinsics,
-        "camera_to_world": camera.camera_to_world.tolist(),
-        "depth_scale": camera.depth_scale,
-    }
 
 
 def _png(name: str, image: npt.NDArray[Any]) -> Part:

@@ -4,7 +4,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.episode import Array
+from app.pipeline.arrays import Array
 
 
 def rigid(position_m: npt.ArrayLike, quaternion_xyzw: npt.ArrayLike) -> Array:

@@ -9,7 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from app.perception.base import ObjectQuery
 from app.perception.object_model import MIN_CONFIDENCE
-from app.pipeline.episode import Array, ObjectPose
+from app.pipeline.arrays import Array
+from app.pipeline.episode import ObjectPose
 from app.pipeline.errors import ObjectNotVisibleError, UncertainPoseError
 from app.pipeline.geometry import canonical_pose
 

@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from app.pipeline.episode import Array
+from app.pipeline.arrays import Array
 
 Shape = Literal["box", "cylinder"]
 SHAPES: tuple[Shape, ...] = ("box", "cylinder")

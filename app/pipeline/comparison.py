@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.episode import Array, Demonstration, ObjectPose
+from app.pipeline.arrays import Array
+from app.pipeline.episode import Demonstration, ObjectPose
 from app.pipeline.language import template
 from app.pipeline.representation.anchors import Anchor, choose_anchors, in_order, relative_action, tilted_objects
 

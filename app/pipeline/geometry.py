@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.episode import Array, Camera, ObjectPose, RgbdFrame
+from app.pipeline.arrays import Array
+from app.pipeline.episode import Camera, ObjectPose, RgbdFrame
 from app.pipeline.errors import InvalidInputError
 
 

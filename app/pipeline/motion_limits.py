@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from app.pipeline.episode import QUATERNION_NORM_TOLERANCE, EndEffectorAction
+from app.pipeline.arrays import QUATERNION_NORM_TOLERANCE
+from app.pipeline.episode import EndEffectorAction
 from app.pipeline.errors import UnsafeActionError
 from app.pipeline.reply import MAX_ACTIONS
 

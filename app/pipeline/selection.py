@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from app.pipeline.episode import Array
+from app.pipeline.arrays import Array
 
 
 def nearest_last(scenes_m: Array, observed_m: Array, number: int) -> list[int]:

@@ -5,7 +5,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from app.pipeline.episode import Array, Trajectory
+from app.pipeline.arrays import Array
+from app.pipeline.episode import Trajectory
 
 
 def frame_times_s(trajectory: Trajectory, control_frequency_hz: float) -> Array:

@@ -12,7 +12,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.episode import Array, EndEffectorAction, ObjectPose, finite_array
+from app.pipeline.arrays import Array, finite_array
+from app.pipeline.episode import EndEffectorAction, ObjectPose
 from app.pipeline.errors import InvalidInputError
 
 POSITION_BINS = 100

@@ -15,10 +15,10 @@ from app.services.metrics import Metrics
 from app.services.pose_servers import PoseServers
 from app.services.predict_actions import PredictActions
 from app.services.prefix_warmer import PrefixWarmer
-from app.services.question import QuestionWriter
 from app.services.repeated_predictions import RepeatedPredictions
 from app.services.run_jobs import RunJobs
 from app.services.upload_episode import UploadEpisode
+from app.services.write_question import QuestionWriter
 from app.store.store import Store
 
 

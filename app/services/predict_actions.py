@@ -19,11 +19,12 @@ from app.services.errors import UnparsableReplyError, UnsafeReplyError
 from app.services.log_fields import note
 from app.services.metrics import Metrics
 from app.services.prefix_warmer import PrefixWarmer
-from app.services.question import PredictRequest, Question, QuestionWriter
+from app.services.question import PredictRequest, Question
 from app.services.sampled_dialogue import SampledDialogue
 from app.services.stored_images import put_images
 from app.services.timing import timed
 from app.services.watch_predictions import watched
+from app.services.write_question import QuestionWriter
 from app.store import predictions
 from app.store.records import PredictionDraft, PredictionStatus
 from app.store.store import Store

@@ -12,7 +12,7 @@ from app.llm.base import CompletionRequest, LanguageModelError
 from app.llm.registry import ModelRegistry
 from app.pipeline.errors import RoboPromptError
 from app.pipeline.prompt import Prompt
-from app.services.question import QuestionWriter
+from app.services.write_question import QuestionWriter
 from app.store import tasks
 from app.store.store import Store
 

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from sqlalchemy import Connection
 
-from app.pipeline.episode import Array, ObjectPose
+from app.pipeline.arrays import Array
+from app.pipeline.episode import ObjectPose
 from app.store import episodes
 
 

@@ -7,7 +7,7 @@ import numpy.typing as npt
 import ruckig
 from scipy.interpolate import CubicSpline
 
-from app.pipeline.episode import Array
+from app.pipeline.arrays import Array
 from app.sim import panda
 from app.sim.kinematics import Kinematics
 from app.sim.planner import Path

@@ -7,7 +7,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.episode import Array, EndEffectorAction
+from app.pipeline.arrays import Array
+from app.pipeline.episode import EndEffectorAction
 
 UP = np.array([0.0, 0.0, 1.0])
 

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from app.client.robot import MotionError
-from app.pipeline.episode import Array
+from app.pipeline.arrays import Array
 from app.sim import panda
 from app.sim.kinematics import Kinematics
 from app.sim.moves import Move, Pose

@@ -7,7 +7,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from app.client.robot import MotionError, Observation
-from app.pipeline.episode import Array, EndEffectorAction
+from app.pipeline.arrays import Array
+from app.pipeline.episode import EndEffectorAction
 from app.sim import panda
 from app.sim.cameras import CAMERA_NAMES
 from app.sim.kinematics import Kinematics

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.episode import Array
+from app.pipeline.arrays import Array
 from app.sim.world import OBJECT_CONTACT
 
 COLOURS = {

@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from app.pipeline.episode import NUM_JOINTS, Array, Trajectory
+from app.pipeline.arrays import Array
+from app.pipeline.episode import NUM_JOINTS, Trajectory
 from app.store.errors import CorruptDataError
 
 _MAGIC = b"RPT1"

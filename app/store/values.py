@@ -10,7 +10,8 @@ from typing import Any, Self
 
 import numpy as np
 
-from app.pipeline.episode import Array, Camera, EndEffectorAction, ObjectPose
+from app.pipeline.arrays import Array
+from app.pipeline.episode import Camera, EndEffectorAction, ObjectPose
 
 JsonObject = dict[str, Any]
 

@@ -3,7 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from app.pipeline.episode import Array, Trajectory
+from app.pipeline.arrays import Array
+from app.pipeline.episode import Trajectory
 from app.pipeline.keyframes import find_keyframes
 from app.pipeline.workspace import discretize_action
 from app.services.task_settings import KeyframeSettings, TaskSettings

@@ -6,11 +6,11 @@ from contextlib import aclosing
 
 import pytest
 
+from app.llm import nearest, regression
 from app.llm.base import Completion, ModelProfile, ModelTimeoutError, ModelUnavailableError, TextDelta
-from app.llm.nearest import NearestModel
+from app.llm.computed import ComputedModel
 from app.llm.openai_compatible import OpenAiCompatibleModel
 from app.llm.openai_wire import LLAMA_CPP
-from app.llm.regression import RegressionModel
 from app.llm.scripted import ScriptedModel
 from tests.llm.texts import ENDLESS, REPLY, absolute_prompt, asking, object_frame_prompt
 
@@ -28,8 +28,8 @@ def models(gemma, llama_server, run):
     }
     made |= {
         "embedded": gemma,
-        "nearest": NearestModel(),
-        "regression": RegressionModel(),
+        "nearest": ComputedModel(nearest.PROFILE, nearest.copied_reply),
+        "regression": ComputedModel(regression.PROFILE, regression.regressed_reply),
         "scripted": ScriptedModel([REPLY + "\nand more"]),
     }
     yield made

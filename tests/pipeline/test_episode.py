@@ -3,6 +3,7 @@ import math
 import numpy as np
 import pytest
 
+from app.pipeline.arrays import finite_array, unit_quaternions
 from app.pipeline.episode import (
     Camera,
     EndEffectorAction,
@@ -12,8 +13,6 @@ from app.pipeline.episode import (
     Trajectory,
     checked_instruction,
     checked_name,
-    finite_array,
-    unit_quaternions,
 )
 from app.pipeline.errors import InvalidInputError, RoboPromptError
 

@@ -8,7 +8,7 @@ import pytest
 from app.llm.base import Completion, ModelProfile
 from app.services import prefix_warmer
 from app.services.prefix_warmer import PrefixWarmer
-from app.services.question import QuestionWriter
+from app.services.write_question import QuestionWriter
 from app.store import predictions
 from app.store.store import Store
 from tests.store.drafts import episode_draft, prediction_draft, upload

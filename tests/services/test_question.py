@@ -6,7 +6,7 @@ import pytest
 
 from app.perception.base import ObjectQuery
 from app.pipeline.episode import Camera, RgbdFrame
-from app.services import question
+from app.services import write_question
 from app.services.question import PredictRequest
 from app.store.errors import ConflictError
 from tests.services.test_upload_episode import respond, upload
@@ -24,13 +24,13 @@ def services(scripted):
 
 def looking(monkeypatch, meanwhile):
     """Let something happen whenever poses are estimated."""
-    estimate = question.estimate_poses
+    estimate = write_question.estimate_poses
 
     def estimate_slowly(*arguments):
         meanwhile()
         return estimate(*arguments)
 
-    monkeypatch.setattr(question, "estimate_poses", estimate_slowly)
+    monkeypatch.setattr(write_question, "estimate_poses", estimate_slowly)
 
 
 def prepare(services, request):

@@ -8,7 +8,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from app.evaluation.report.labels import Colour, Label, draw_labels
-from app.pipeline.episode import Array, Camera, EndEffectorAction, ObjectPose
+from app.pipeline.arrays import Array
+from app.pipeline.episode import Camera, EndEffectorAction, ObjectPose
 from app.pipeline.geometry import transform_points
 from app.sim.rendering import RgbImage
 

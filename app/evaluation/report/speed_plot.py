@@ -7,7 +7,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from app.evaluation.report.theme import FONT_SIZE, Theme, new_figure, style_axes
-from app.pipeline.episode import Array, Trajectory
+from app.pipeline.arrays import Array
+from app.pipeline.episode import Trajectory
 from app.pipeline.keyframes import SIMULATION_DELTA_RAD_S
 from app.pipeline.timeline import frame_times_s, gripper_stretches
 

@@ -13,7 +13,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.episode import Array, Demonstration, EndEffectorAction, ObjectPose
+from app.pipeline.arrays import Array
+from app.pipeline.episode import Demonstration, EndEffectorAction, ObjectPose
 from app.pipeline.errors import ReplyParseError
 from app.pipeline.representation.absolute import AbsoluteCodec
 from app.pipeline.representation.base import row_count_bounds

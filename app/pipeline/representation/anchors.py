@@ -7,7 +7,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.episode import Array, Demonstration, ObjectPose
+from app.pipeline.arrays import Array
+from app.pipeline.episode import Demonstration, ObjectPose
 from app.pipeline.geometry import tilt_rad, yaw_rad
 from app.pipeline.language import mention_order
 

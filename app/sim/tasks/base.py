@@ -12,7 +12,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.episode import Array, ObjectPose
+from app.pipeline.arrays import Array
+from app.pipeline.episode import ObjectPose
 from app.sim import panda
 from app.sim.moves import Move
 from app.sim.scene import NO_TURN, Part

@@ -4,7 +4,7 @@ from abc import abstractmethod
 
 import numpy as np
 
-from app.pipeline.episode import Array
+from app.pipeline.arrays import Array
 from app.sim.moves import UP, Move, move_to, tool_down
 from app.sim.scene import scatter
 from app.sim.tasks.base import SimTask

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from app.pipeline.episode import Array
+from app.pipeline.arrays import Array
 from app.sim.moves import Move, move_to, tool_down
 from app.sim.scene import about_z
 from app.sim.tasks.base import SimTask

@@ -1,6 +1,6 @@
 """What the cube tasks share: a blue and a yellow cube, of which the instruction names one as the upper."""
 
-from app.pipeline.episode import Array
+from app.pipeline.arrays import Array
 from app.sim.scene import about_z
 from app.sim.tasks.base import SimTask
 from app.sim.world import TABLE_TOP_M

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.episode import Array
+from app.pipeline.arrays import Array
 from app.sim.moves import UP, Move, move_to, nearest_yaw_rad, pick, tool_down
 from app.sim.scene import Part, about_z, scatter
 from app.sim.tasks.base import SimTask

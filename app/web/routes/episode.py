@@ -11,7 +11,8 @@ from starlette.responses import Response
 from app.api.documents import episode_document
 from app.api.routes import Wired
 from app.llm.base import LanguageModelError
-from app.pipeline.episode import Array, Trajectory
+from app.pipeline.arrays import Array
+from app.pipeline.episode import Trajectory
 from app.pipeline.keyframes import RULES
 from app.pipeline.timeline import frame_times_s, gripper_stretches
 from app.services.container import Services

@@ -66,7 +66,7 @@ function sceneLayout(scene, view) {
       xaxis: axis("x, m", 0),
       yaxis: axis("y, m", 1),
       zaxis: axis("z, m", 2),
-      camera: { eye: { x: 1.3, y: -1.4, z: 0.75 }, center: { x: 0, y: 0, z: -0.15 } },
+      camera: { eye: { x: 1.5, y: -1.6, z: 0.85 }, center: { x: 0, y: 0, z: -0.15 } },
     },
   });
 }
