@@ -16,7 +16,7 @@ from app.services.cache import Cache
 from app.services.errors import NoDemonstrationsError
 from app.services.limits import Limits
 from app.services.pose_servers import PoseServers
-from app.services.previous_step import previous_step
+from app.services.previous_step import PreviousStep, previous_step
 from app.services.question import PredictRequest, Question
 from app.services.select_demonstrations import DemonstrationSelector
 from app.services.task_settings import TaskSettings
@@ -75,15 +75,8 @@ class QuestionWriter:
             else:
                 objects = seen.objects_of(task)
             with timed(timings_ms, "prompt"):
-                profile = self._profile_of(request.model if previous is None else previous.model)
-                style = _style(request, settings, profile) if previous is None else previous.style
-                if previous is None:
-                    ids = self._demonstration_ids(connection, request, task, settings, objects)
-                else:
-                    ids = previous.demonstration_ids
-                orders = _orders(ids, request)
-                templates = [self._template(connection, task, settings, style, order) for order in orders]
-        template = templates[0]
+                told = self._told(connection, request, task, settings, objects, previous)
+        template, style = told.templates[0], told.style
         step = None if not style.closed_loop else 0 if previous is None else previous.step + 1
         written = template.at_step(step or 0)
         so_far = "" if previous is None else previous.so_far(template)
@@ -96,13 +89,13 @@ class QuestionWriter:
             written=written,
             so_far=so_far,
             step=step,
-            profile=profile,
+            profile=told.profile,
             style=style,
             settings=settings,
             observed=objects,
             end_effector=request.end_effector or (None if previous is None else previous.end_effector),
         )
-        return replace(question, samples=_samples(question, templates)) if request.num_samples > 1 else question
+        return replace(question, samples=_samples(question, told.templates)) if request.num_samples > 1 else question
 
     def usual_template(self, task_name: str) -> Template:
         """The template of a request that names nothing but the task.
@@ -126,6 +119,25 @@ class QuestionWriter:
         self._pose_servers.check(settings.object_models)
         with timed(timings_ms, "poses"):
             return _Seen(task, _observed(request, task, settings))
+
+    def _told(
+        self,
+        connection: Connection,
+        request: PredictRequest,
+        task: TaskRecord,
+        settings: TaskSettings,
+        objects: Sequence[ObjectPose],
+        previous: PreviousStep | None,
+    ) -> "_Told":
+        """As the request wishes; a closed loop goes on as it began."""
+        profile = self._profile_of(request.model if previous is None else previous.model)
+        if previous is None:
+            style = _style(request, settings, profile)
+            ids = self._demonstration_ids(connection, request, task, settings, objects)
+        else:
+            style, ids = previous.style, previous.demonstration_ids
+        orders = _orders(ids, request)
+        return _Told(profile, style, [self._template(connection, task, settings, style, order) for order in orders])
 
     def _demonstration_ids(
         self,
@@ -184,6 +196,19 @@ def _samples(question: Question, templates: Sequence[Template]) -> tuple[Questio
         )
         for k, template in enumerate(own)
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Told:
+    """Whom to ask, and the demonstrations that it is told.
+
+    Attributes:
+        templates: one for all samples, or one for each.
+    """
+
+    profile: ModelProfile
+    style: PromptStyle
+    templates: Sequence[Template]
 
 
 @dataclass(frozen=True, eq=False)
