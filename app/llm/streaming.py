@@ -8,6 +8,8 @@ from contextlib import aclosing
 from dataclasses import dataclass
 from typing import Literal
 
+import anyio
+
 from app.llm.base import Completion, CompletionRequest, ModelResponseError, ModelTimeoutError, TextDelta, Usage
 
 MAX_REPLY_CHARACTERS = 256 * 1024  # 25 actions take 1 kB; the rest is room for prose
@@ -21,15 +23,16 @@ async def within_deadline(pieces: Pieces, timeout_s: float, model: str) -> Piece
     Raises:
         ModelTimeoutError: at the deadline; `pieces` is closed by then.
     """
-    # The timeout surrounds each wait but no `yield`: there it would interrupt the consumer instead (PEP 789).
-    deadline = asyncio.get_running_loop().time() + timeout_s
+    # The deadline surrounds each wait but no `yield`: there it would interrupt the consumer instead (PEP 789). It is
+    # anyio's and not asyncio's: httpx shields the closing of a connection from the former only, and where deadlines are
+    # nested a second one would interrupt what the first began, and the connection would stay open for good.
+    deadline = anyio.current_time() + timeout_s
     async with aclosing(pieces):
         while True:
-            try:
-                async with asyncio.timeout_at(deadline):
-                    piece = await anext(pieces, None)
-            except TimeoutError:
-                raise ModelTimeoutError(f"{model} did not answer within {timeout_s:g} s") from None
+            with anyio.CancelScope(deadline=deadline) as scope:
+                piece = await anext(pieces, None)
+            if scope.cancelled_caught:
+                raise ModelTimeoutError(f"{model} did not answer within {timeout_s:g} s")
             if piece is None:
                 return
             yield piece

@@ -1,10 +1,11 @@
 """Several replies to one question at once, of which the prediction is a statistic."""
 
-import asyncio
 from collections.abc import AsyncGenerator, Sequence
 from contextlib import aclosing
 from dataclasses import dataclass
 from functools import reduce
+
+import anyio
 
 from app.llm.base import LanguageModel, TextDelta, Usage
 from app.pipeline.consensus import consensus
@@ -83,12 +84,18 @@ class SampledDialogue:
 
     async def _ask_all(self) -> list[_Reply]:
         """Every reply; the first failure of the LLM ends the others."""
+        replies: dict[int, _Reply] = {}
+
+        async def ask(k: int, question: Question, dialogue: Dialogue) -> None:
+            replies[k] = await _ask(question, dialogue)
+
         try:
-            async with asyncio.TaskGroup() as group:
-                asking = [group.create_task(_ask(*item)) for item in self._dialogues]
+            async with anyio.create_task_group() as group:
+                for k, item in enumerate(self._dialogues):
+                    group.start_soon(ask, k, *item)
         except ExceptionGroup as errors:
             raise errors.exceptions[0] from None
-        return [task.result() for task in asking]
+        return [replies[k] for k in range(len(replies))]
 
 
 async def _ask(question: Question, dialogue: Dialogue) -> _Reply:

@@ -14,6 +14,7 @@ class Loopback:
         requests: (head, body) of each request so far.
         num_connections: opened so far.
         gone: set when a client closes the connection before its answer is complete.
+        num_gone: of such clients.
     """
 
     def __init__(self, answer):
@@ -21,6 +22,7 @@ class Loopback:
         self.requests = []
         self.num_connections = 0
         self.gone = asyncio.Event()
+        self.num_gone = 0
 
     async def _serve(self, reader, writer):
         self.num_connections += 1
@@ -49,8 +51,11 @@ class Loopback:
         self.requests.append((head, json.loads(await reader.readexactly(length))))
 
     async def _notice_leaving(self, reader):
-        if not await reader.read(1):
-            self.gone.set()
+        with suppress(ConnectionError):
+            if await reader.read(1):
+                return
+        self.num_gone += 1
+        self.gone.set()
 
 
 @asynccontextmanager

@@ -140,6 +140,24 @@ def test_a_wait_beyond_the_deadline_is_not_begun():
     assert (num_asked, waits_s) == (1, [])
 
 
+def test_a_deadline_leaves_no_connection_open():
+    """The deadlines of the wrapper and of the model come at once: the one must not interrupt the other's tidying up."""
+    asked, patience_s = 60, 1.0
+
+    async def run():
+        limits = Limits(concurrent=asked, queued=0)
+        async with provider_at(after(100.0, OK), limits) as (provider, server):
+            asking_all = (provider.ask(timeout_s=patience_s) for _ in range(asked))
+            outcomes = await asyncio.gather(*asking_all, return_exceptions=True)
+            assert {type(outcome) for outcome in outcomes} == {ModelTimeoutError}
+            assert len(server.requests) > asked / 2
+            async with asyncio.timeout(10):
+                while server.num_gone < len(server.requests):
+                    await asyncio.sleep(0.01)
+
+    asyncio.run(run())
+
+
 def test_waits_grow_to_a_limit():
     _, _, waits_s = ask(status(500), Limits(1, 0, retries=12, backoff_s=0.5), timeout_s=600.0)
     assert [wait_s > 4.0 for wait_s in waits_s] == [False] * 4 + [True] * 8
