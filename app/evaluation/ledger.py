@@ -26,6 +26,7 @@ def digest_of(method: Method, taught: Mapping[str, Any]) -> str:
         taught: how the demonstrations are made.
     """
     everything = {**asdict(method), **taught}
+    del everything["stored"]  # `taught` tells how many were recorded
     if method.poses == "given":  # results that do not say stay valid
         del everything["poses"]
     return hashlib.sha256(json.dumps(everything, sort_keys=True).encode()).hexdigest()[:DIGEST_CHARS]
