@@ -8,7 +8,7 @@ from importlib.metadata import entry_points
 from app.llm import nearest, regression, scripted
 from app.llm.anthropic import AnthropicModel
 from app.llm.base import LanguageModel, ModelProfile, ModelUnavailableError, UnknownModelError
-from app.llm.computed import ComputedModel
+from app.llm.computed import ComputedModel, from_text
 from app.llm.embedded import EmbeddedModel, EmbeddedOptions
 from app.llm.guard import Limits
 from app.llm.openai_compatible import OpenAiCompatibleModel
@@ -175,12 +175,12 @@ def _compatible_profile(model: str, settings: LlmSettings) -> ModelProfile:
 
 def _regression(model: str, settings: LlmSettings) -> LanguageModel:
     _refuse_model_name("regression", model)
-    return ComputedModel(regression.PROFILE, regression.regressed_reply)
+    return ComputedModel(regression.PROFILE, from_text(regression.regressed_reply))
 
 
 def _nearest(model: str, settings: LlmSettings) -> LanguageModel:
     _refuse_model_name("nearest", model)
-    return ComputedModel(nearest.PROFILE, nearest.copied_reply)
+    return ComputedModel(nearest.PROFILE, from_text(nearest.copied_reply))
 
 
 def _scripted(model: str, settings: LlmSettings) -> LanguageModel:

@@ -1,4 +1,4 @@
-"""Backends without an LLM: the reply is computed from the prompt's text, in milliseconds."""
+"""Backends without an LLM: the reply is computed from the request, in milliseconds."""
 
 from collections.abc import Callable
 
@@ -10,12 +10,16 @@ class ComputedModel:
     """Computes each reply anew.
 
     Args:
-        reply_to: demonstrations and query -> reply; may raise ModelResponseError.
+        reply_to: may raise a LanguageModelError.
+        delay_s: before each word.
     """
 
-    def __init__(self, profile: ModelProfile, reply_to: Callable[[str, str], str]) -> None:
+    def __init__(
+        self, profile: ModelProfile, reply_to: Callable[[CompletionRequest], str], *, delay_s: float = 0.0
+    ) -> None:
         self._profile = profile
         self._reply_to = reply_to
+        self._delay_s = delay_s
 
     @property
     def profile(self) -> ModelProfile:
@@ -31,6 +35,10 @@ class ComputedModel:
         """Nothing is held."""
 
     async def _pieces(self, request: CompletionRequest) -> Pieces:
-        reply = self._reply_to(request.prompt.prefix, request.prompt.query)
-        async for piece in spoken(reply, request):
+        async for piece in spoken(self._reply_to(request), request, self._delay_s):
             yield piece
+
+
+def from_text(reply_to: Callable[[str, str], str]) -> Callable[[CompletionRequest], str]:
+    """For a reply that follows from the texts of demonstrations and query alone."""
+    return lambda request: reply_to(request.prompt.prefix, request.prompt.query)

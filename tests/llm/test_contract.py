@@ -8,7 +8,7 @@ import pytest
 
 from app.llm import nearest, regression
 from app.llm.base import Completion, ModelProfile, ModelTimeoutError, ModelUnavailableError, TextDelta
-from app.llm.computed import ComputedModel
+from app.llm.computed import ComputedModel, from_text
 from app.llm.openai_compatible import OpenAiCompatibleModel
 from app.llm.openai_wire import LLAMA_CPP
 from app.llm.scripted import ScriptedModel
@@ -28,8 +28,8 @@ def models(gemma, llama_server, run):
     }
     made |= {
         "embedded": gemma,
-        "nearest": ComputedModel(nearest.PROFILE, nearest.copied_reply),
-        "regression": ComputedModel(regression.PROFILE, regression.regressed_reply),
+        "nearest": ComputedModel(nearest.PROFILE, from_text(nearest.copied_reply)),
+        "regression": ComputedModel(regression.PROFILE, from_text(regression.regressed_reply)),
         "scripted": ScriptedModel([REPLY + "\nand more"]),
     }
     yield made

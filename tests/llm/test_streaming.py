@@ -75,7 +75,17 @@ def test_a_script_replies_in_turn_and_raises_its_errors():
         with pytest.raises(ModelResponseError, match="no"):
             await model.complete(request)
         assert (await model.complete(request)).text == "one two"
-        assert model.requests == [request] * 3
+
+    asyncio.run(run())
+
+
+def test_a_script_may_be_a_function_of_the_request():
+    async def run():
+        seen = []
+        request = asking(Prompt("s", "p ", "q"))
+        model = ScriptedModel(lambda asked: seen.append(asked) or asked.prompt.query)
+        assert [(await model.complete(request)).text for _ in range(3)] == ["q"] * 3
+        assert seen == [request] * 3
 
     asyncio.run(run())
 

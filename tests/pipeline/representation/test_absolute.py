@@ -13,6 +13,7 @@ from app.pipeline.workspace import discretize_action
 
 from ..gbnf import matches
 from ..scenes import WORKSPACE, action, demonstration, pose
+from .wrong_lists import wrong_lists
 
 DRAWER = pose("drawer", (0.125, 0.155, 0.895))
 LID, JAR = pose("lid", (0.0, 0.0, 1.0), 45), pose("jar", (0.4, -0.2, 0.8), -90)
@@ -205,20 +206,7 @@ def test_the_grammar_knows_rows_and_their_number(text, expected):
         Draft202012Validator(codec.schema("open the drawer", 25)).validate(json.loads(text))
 
 
-@pytest.mark.parametrize(
-    "rows",
-    [
-        [],
-        [json.loads(ROW)],
-        [json.loads(ROW)] * 4,
-        [json.loads(ROW), [*json.loads(ROW_2)[:-1], 2]],
-        [json.loads(ROW), [0.5, *json.loads(ROW_2)[1:]]],
-        [json.loads(ROW), [-100_000, *json.loads(ROW_2)[1:]]],
-        [json.loads(ROW), json.loads(ROW_2)[1:]],
-        [json.loads(ROW), [*json.loads(ROW_2), 1]],
-        {"actions": [json.loads(ROW), json.loads(ROW_2)]},
-    ],
-)
+@pytest.mark.parametrize("rows", wrong_lists(ROW, ROW_2))
 def test_the_schema_knows_rows_and_their_number(rows):
     longer = demonstration("open the drawer", [DRAWER], [*ACTIONS, ACTIONS[0]])
     validator = Draft202012Validator(fitted(OPEN, longer).schema("open the drawer", 25))
