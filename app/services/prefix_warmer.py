@@ -6,6 +6,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+import anyio
 import anyio.to_thread
 
 from app.llm.base import CompletionRequest, LanguageModelError
@@ -42,7 +43,8 @@ class PrefixWarmer:
         self._idle = asyncio.Event()
         self._idle.set()
         self._num_predictions = 0
-        self._reading: asyncio.Task[None] | None = None
+        # Anyio's, which may be cancelled twice: a second cancellation of a task would interrupt httpx's tidying up.
+        self._reading = anyio.CancelScope()
         self._loop: asyncio.AbstractEventLoop | None = None  # while `run` runs
 
     def changed(self, task: str) -> None:
@@ -59,8 +61,7 @@ class PrefixWarmer:
         """Nothing is warmed inside the block."""
         self._num_predictions += 1
         self._idle.clear()
-        if self._reading is not None:
-            self._reading.cancel()
+        self._reading.cancel()
         try:
             yield
         finally:
@@ -102,14 +103,9 @@ class PrefixWarmer:
             await asyncio.sleep(wait_s)  # an upload meanwhile puts it off
             return
         await self._idle.wait()
-        self._reading = asyncio.create_task(self._read(task))
-        try:
-            await asyncio.wait([self._reading])
-        finally:  # also when this is cancelled: nothing is left behind
-            self._reading.cancel()
-            await asyncio.gather(self._reading, return_exceptions=True)
-        interrupted, self._reading = self._reading.cancelled(), None
-        if not interrupted and self._due_s.get(task) == due_s:
+        with anyio.CancelScope() as self._reading:
+            await self._read(task)
+        if not self._reading.cancelled_caught and self._due_s.get(task) == due_s:
             del self._due_s[task]
 
     async def _read(self, task: str) -> None:

@@ -3,6 +3,7 @@
 import asyncio
 from contextlib import asynccontextmanager, suppress
 
+import anyio
 import pytest
 
 from app.llm.base import Completion, ModelProfile
@@ -125,6 +126,34 @@ def test_a_prediction_interrupts_and_the_rest_is_made_up_for(store):
                 assert (len(model.begun), model.finished, model.at_once) == (1, [], 0)
             await until(lambda: model.finished)
         assert len(model.begun) == 2
+
+    asyncio.run(scenario())
+
+
+def test_a_second_prediction_does_not_interrupt_the_tidying_up(store):
+    upload(store, episode_draft(seed=0, task="first"))
+
+    class TidyModel(SlowModel):
+        tidy = False
+
+        async def complete(self, request):
+            self.begun.append(request.prompt.prefix)
+            try:
+                await asyncio.sleep(10)
+            finally:
+                with anyio.CancelScope(shield=True):  # as httpx closes a connection
+                    await asyncio.sleep(0.1)
+                    self.tidy = True
+
+    async def scenario():
+        model = TidyModel()
+        async with running(store, model) as warmer:
+            await until(lambda: model.begun)
+            with warmer.giving_way():
+                await asyncio.sleep(0.02)
+                with warmer.giving_way():
+                    await asyncio.sleep(0.3)
+            assert model.tidy
 
     asyncio.run(scenario())
 
