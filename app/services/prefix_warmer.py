@@ -44,7 +44,7 @@ class PrefixWarmer:
         self._idle.set()
         self._num_predictions = 0
         # Anyio's, which may be cancelled twice: a second cancellation of a task would interrupt httpx's tidying up.
-        self._reading = anyio.CancelScope()
+        self._reading: anyio.CancelScope | None = None  # the last request's; made on an event loop only
         self._loop: asyncio.AbstractEventLoop | None = None  # while `run` runs
 
     def changed(self, task: str) -> None:
@@ -61,7 +61,8 @@ class PrefixWarmer:
         """Nothing is warmed inside the block."""
         self._num_predictions += 1
         self._idle.clear()
-        self._reading.cancel()
+        if self._reading is not None:
+            self._reading.cancel()
         try:
             yield
         finally:
@@ -103,9 +104,10 @@ class PrefixWarmer:
             await asyncio.sleep(wait_s)  # an upload meanwhile puts it off
             return
         await self._idle.wait()
-        with anyio.CancelScope() as self._reading:
+        with anyio.CancelScope() as reading:
+            self._reading = reading
             await self._read(task)
-        if not self._reading.cancelled_caught and self._due_s.get(task) == due_s:
+        if not reading.cancelled_caught and self._due_s.get(task) == due_s:
             del self._due_s[task]
 
     async def _read(self, task: str) -> None:
