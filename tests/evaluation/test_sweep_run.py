@@ -32,12 +32,7 @@ def arguments(folder):
 def start(folder):
     command = arguments(folder)
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-    return subprocess.Popen(command, **pipes, start_new_session=True, preexec_fn=heed_ctrl_c)
-
-
-def heed_ctrl_c():
-    """Children of a shell's background job ignore it."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    return subprocess.Popen(command, **pipes, start_new_session=True)
 
 
 def results(folder):
