@@ -3,7 +3,7 @@
 from app.llm.anthropic_wire import EventParser, request_body, request_headers
 from app.llm.base import Completion, CompletionRequest, ModelProfile
 from app.llm.sse import SseEndpoint
-from app.llm.streaming import Pieces, assembled, whole, within_deadline
+from app.llm.streaming import Pieces, assembled, whole_within_deadline, within_deadline
 
 
 class AnthropicModel:
@@ -41,12 +41,14 @@ class AnthropicModel:
         return self._profile
 
     def stream(self, request: CompletionRequest) -> Pieces:
-        chunks = self._endpoint.chunks(request_body(request, self._model), EventParser())
-        pieces = assembled(chunks, request.prompt.stop, self._profile.name)
-        return within_deadline(pieces, request.timeout_s, self._profile.name)
+        return within_deadline(self._pieces(request), request.timeout_s, self._profile.name)
 
     async def complete(self, request: CompletionRequest) -> Completion:
-        return await whole(self.stream(request))
+        return await whole_within_deadline(self._pieces(request), request.timeout_s, self._profile.name)
 
     async def aclose(self) -> None:
         await self._endpoint.aclose()
+
+    def _pieces(self, request: CompletionRequest) -> Pieces:
+        chunks = self._endpoint.chunks(request_body(request, self._model), EventParser())
+        return assembled(chunks, request.prompt.stop, self._profile.name)

@@ -1,9 +1,10 @@
 """Backends without an LLM: the reply is computed from the request, in milliseconds."""
 
+import asyncio
 from collections.abc import Callable
 
 from app.llm.base import Completion, CompletionRequest, ModelProfile
-from app.llm.streaming import Pieces, spoken, whole, within_deadline
+from app.llm.streaming import Pieces, cut, spoken, whole_within_deadline, within_deadline
 
 
 class ComputedModel:
@@ -29,14 +30,19 @@ class ComputedModel:
         return within_deadline(self._pieces(request), request.timeout_s, self._profile.name)
 
     async def complete(self, request: CompletionRequest) -> Completion:
-        return await whole(self.stream(request))
+        return await whole_within_deadline(self._in_one_piece(request), request.timeout_s, self._profile.name)
 
     async def aclose(self) -> None:
         """Nothing is held."""
 
     async def _pieces(self, request: CompletionRequest) -> Pieces:
-        async for piece in spoken(self._reply_to(request), request, self._delay_s):
+        async for piece in spoken(cut(self._reply_to(request), request), self._delay_s):
             yield piece
+
+    async def _in_one_piece(self, request: CompletionRequest) -> Pieces:
+        completion = cut(self._reply_to(request), request)
+        await asyncio.sleep(self._delay_s * completion.usage.completion_tokens)
+        yield completion
 
 
 def from_text(reply_to: Callable[[str, str], str]) -> Callable[[CompletionRequest], str]:

@@ -15,7 +15,7 @@ from app.llm.llama_process import LlamaOptions, LlamaProcess
 from app.llm.openai_compatible import OpenAiCompatibleModel
 from app.llm.openai_wire import LLAMA_CPP
 from app.llm.shared_llama import SharedLlama
-from app.llm.streaming import Pieces, whole, within_deadline
+from app.llm.streaming import Pieces, in_one_piece, whole_within_deadline, within_deadline
 from app.llm.warm_slots import WarmSlots
 from app.llm.weights import Weights
 
@@ -61,10 +61,11 @@ class EmbeddedModel:
         return self._profile
 
     def stream(self, request: CompletionRequest) -> Pieces:
-        return within_deadline(self._pieces(request), request.timeout_s, self._profile.name)
+        return within_deadline(self._pieces(request, streamed=True), request.timeout_s, self._profile.name)
 
     async def complete(self, request: CompletionRequest) -> Completion:
-        return await whole(self.stream(request))
+        pieces = self._pieces(request, streamed=False)
+        return await whole_within_deadline(pieces, request.timeout_s, self._profile.name)
 
     async def warm_up(self) -> None:
         """Start the model unless it runs; the event loop goes on meanwhile.
@@ -79,10 +80,11 @@ class EmbeddedModel:
         if self._start:
             await _stop(self._start)
 
-    async def _pieces(self, request: CompletionRequest) -> Pieces:
-        running = await self._running()
+    async def _pieces(self, request: CompletionRequest, *, streamed: bool) -> Pieces:
+        client = (running := await self._running()).client
+        answer = client.stream(request) if streamed else in_one_piece(client, request)
         try:
-            async with self._slots.turn(request.cache_key), aclosing(running.client.stream(request)) as pieces:
+            async with self._slots.turn(request.cache_key), aclosing(answer) as pieces:
                 async for piece in pieces:
                     yield piece
         except LanguageModelError as error:

@@ -5,7 +5,7 @@ from functools import partial
 from app.llm.base import Completion, CompletionRequest, ModelProfile
 from app.llm.openai_wire import Quirks, parse_event, quirks_of, request_body, request_path
 from app.llm.sse import SseEndpoint
-from app.llm.streaming import Pieces, assembled, whole, within_deadline
+from app.llm.streaming import Pieces, assembled, whole_within_deadline, within_deadline
 
 
 class OpenAiCompatibleModel:
@@ -54,12 +54,14 @@ class OpenAiCompatibleModel:
         return self._profile
 
     def stream(self, request: CompletionRequest) -> Pieces:
-        chunks = self._endpoint.chunks(self._write(request), parse_event)
-        pieces = assembled(chunks, request.prompt.stop, self._profile.name)
-        return within_deadline(pieces, request.timeout_s, self._profile.name)
+        return within_deadline(self._pieces(request), request.timeout_s, self._profile.name)
 
     async def complete(self, request: CompletionRequest) -> Completion:
-        return await whole(self.stream(request))
+        return await whole_within_deadline(self._pieces(request), request.timeout_s, self._profile.name)
 
     async def aclose(self) -> None:
         await self._endpoint.aclose()
+
+    def _pieces(self, request: CompletionRequest) -> Pieces:
+        chunks = self._endpoint.chunks(self._write(request), parse_event)
+        return assembled(chunks, request.prompt.stop, self._profile.name)

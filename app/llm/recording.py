@@ -26,7 +26,7 @@ from app.llm.base import (
     TextDelta,
 )
 from app.llm.settings import variable
-from app.llm.streaming import Pieces, whole
+from app.llm.streaming import Pieces, in_one_piece, whole
 
 
 @dataclass(frozen=True)
@@ -83,15 +83,24 @@ class RecordingModel:
     def profile(self) -> ModelProfile:
         return self._model.profile
 
-    async def stream(self, request: CompletionRequest) -> Pieces:
+    def stream(self, request: CompletionRequest) -> Pieces:
+        return self._recorded(request, self._model.stream(request))
+
+    async def complete(self, request: CompletionRequest) -> Completion:
+        return await whole(self._recorded(request, in_one_piece(self._model, request)))
+
+    async def aclose(self) -> None:
+        await self._model.aclose()
+
+    async def _recorded(self, request: CompletionRequest, answer: Pieces) -> Pieces:
         texts: list[str] = []
         completion: Completion | None = None
         try:
-            async with aclosing(self._model.stream(request)) as pieces:
+            async with aclosing(answer) as pieces:
                 async for piece in pieces:
                     if isinstance(piece, Completion):
                         completion = piece
-                        await self._keep(request, texts, completion)
+                        await self._keep(request, texts or [completion.text], completion)
                     else:
                         texts.append(piece.text)
                     yield piece
@@ -99,12 +108,6 @@ class RecordingModel:
             if completion is None and texts:
                 await self._keep(request, texts, None)
             raise
-
-    async def complete(self, request: CompletionRequest) -> Completion:
-        return await whole(self.stream(request))
-
-    async def aclose(self) -> None:
-        await self._model.aclose()
 
     async def _keep(self, request: CompletionRequest, texts: list[str], completion: Completion | None) -> None:
         question = question_of(self.profile.name, request)

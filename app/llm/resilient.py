@@ -4,6 +4,7 @@ import asyncio
 import random
 from collections.abc import Awaitable, Callable
 from contextlib import aclosing
+from functools import partial
 from itertools import count
 
 from app.llm.base import (
@@ -16,8 +17,9 @@ from app.llm.base import (
     ModelTimeoutError,
 )
 from app.llm.guard import Guard
-from app.llm.streaming import Pieces, whole, within_deadline
+from app.llm.streaming import Pieces, in_one_piece, whole_within_deadline, within_deadline
 
+_Ask = Callable[[CompletionRequest], Pieces]
 MAX_BACKOFF_S = 8.0
 PATIENCE_S = 10.0  # a request that gave its provider less says nothing about the provider when it runs out of time
 
@@ -51,21 +53,22 @@ class ResilientModel:
         return self._model.profile
 
     def stream(self, request: CompletionRequest) -> Pieces:
-        return within_deadline(self._pieces(request), request.timeout_s, self.profile.name)
+        return within_deadline(self._pieces(request, self._model.stream), request.timeout_s, self.profile.name)
 
     async def complete(self, request: CompletionRequest) -> Completion:
-        return await whole(self.stream(request))
+        pieces = self._pieces(request, partial(in_one_piece, self._model))
+        return await whole_within_deadline(pieces, request.timeout_s, self.profile.name)
 
     async def aclose(self) -> None:
         await self._model.aclose()
 
-    async def _pieces(self, request: CompletionRequest) -> Pieces:
+    async def _pieces(self, request: CompletionRequest, ask: _Ask) -> Pieces:
         deadline_s = _now_s() + request.timeout_s
         async with self._guard.places.one():
             for num_retries in count():
                 started = False
                 try:
-                    async with aclosing(self._attempt(request)) as pieces:
+                    async with aclosing(self._attempt(request, ask)) as pieces:
                         async for piece in pieces:
                             started = True
                             yield piece
@@ -76,12 +79,12 @@ class ResilientModel:
                         raise
                 await self._sleep(wait_s)
 
-    async def _attempt(self, request: CompletionRequest) -> Pieces:
+    async def _attempt(self, request: CompletionRequest, ask: _Ask) -> Pieces:
         """The reply to one try; the circuit learns how it went."""
         circuit, asked_s, silent = self._guard.circuit, _now_s(), True
         with circuit.passage():
             try:
-                async with aclosing(self._model.stream(request)) as pieces:
+                async with aclosing(ask(request)) as pieces:
                     async for piece in pieces:
                         if silent:
                             circuit.answered()

@@ -10,7 +10,15 @@ from typing import Literal
 
 import anyio
 
-from app.llm.base import Completion, CompletionRequest, ModelResponseError, ModelTimeoutError, TextDelta, Usage
+from app.llm.base import (
+    Completion,
+    CompletionRequest,
+    LanguageModel,
+    ModelResponseError,
+    ModelTimeoutError,
+    TextDelta,
+    Usage,
+)
 
 MAX_REPLY_CHARACTERS = 256 * 1024  # 25 actions take 1 kB; the rest is room for prose
 Pieces = AsyncGenerator[TextDelta | Completion, None]
@@ -32,10 +40,30 @@ async def within_deadline(pieces: Pieces, timeout_s: float, model: str) -> Piece
             with anyio.CancelScope(deadline=deadline) as scope:
                 piece = await anext(pieces, None)
             if scope.cancelled_caught:
-                raise ModelTimeoutError(f"{model} did not answer within {timeout_s:g} s")
+                raise _late(model, timeout_s)
             if piece is None:
                 return
             yield piece
+
+
+async def whole_within_deadline(pieces: Pieces, timeout_s: float, model: str) -> Completion:
+    """The Completion that ends a stream; of `whole(within_deadline(...))` the costly part is a deadline a piece.
+
+    Raises:
+        ModelTimeoutError: at the deadline; `pieces` is closed by then.
+    """
+    with anyio.move_on_after(timeout_s):
+        return await whole(pieces)
+    raise _late(model, timeout_s)
+
+
+def _late(model: str, timeout_s: float) -> ModelTimeoutError:
+    return ModelTimeoutError(f"{model} did not answer within {timeout_s:g} s")
+
+
+async def in_one_piece(model: LanguageModel, request: CompletionRequest) -> Pieces:
+    """The whole reply as a stream, for wrappers that do the same about a stream and about a whole reply."""
+    yield await model.complete(request)
 
 
 async def whole(pieces: Pieces) -> Completion:
@@ -109,30 +137,28 @@ def error_message(body: str) -> str:
         return " ".join(body[:300].split()) or "no message"
 
 
-async def spoken(reply: str, request: CompletionRequest, delay_s: float = 0.0) -> Pieces:
-    """A reply known beforehand as a stream that honours `stop` and `max_tokens`; a word counts as a token.
+def cut(reply: str, request: CompletionRequest) -> Completion:
+    """A reply known beforehand, as far as `stop` and `max_tokens` let it come; a word counts as a token."""
+    stops = StopStrings(request.prompt.stop)
+    said = stops.feed(reply) + stops.flush()
+    words = _WORD.findall(said)
+    text = "".join(words[: request.max_tokens])
+    num_prompt_tokens = len(f"{request.prompt.system} {request.prompt.user}".split())
+    usage = Usage(num_prompt_tokens, 0, min(len(words), request.max_tokens))
+    return Completion(text, usage, "length" if len(words) > request.max_tokens else "stop")
+
+
+async def spoken(completion: Completion, delay_s: float) -> Pieces:
+    """A reply known beforehand as a stream, word by word.
 
     Args:
         delay_s: before each word.
     """
-    stops = StopStrings(request.prompt.stop)
-    words = _WORD.findall(reply)
-    num_tokens, text = 0, ""
-    for word in words[: request.max_tokens]:
+    for word in _WORD.findall(completion.text):
         if delay_s > 0:
             await asyncio.sleep(delay_s)
-        num_tokens += 1
-        if piece := stops.feed(word):
-            text += piece
-            yield TextDelta(piece)
-        if stops.stopped:
-            break
-    if held := stops.flush():
-        text += held
-        yield TextDelta(held)
-    num_prompt_tokens = len(f"{request.prompt.system} {request.prompt.user}".split())
-    cut = len(words) > request.max_tokens and not stops.stopped
-    yield Completion(text, Usage(num_prompt_tokens, 0, num_tokens), "length" if cut else "stop")
+        yield TextDelta(word)
+    yield completion
 
 
 class StopStrings:

@@ -23,7 +23,7 @@ class Dialogue:
     Attributes:
         samples: None: there is one reply.
         prompt: the last that was asked.
-        reply_text: every reply so far, also one that broke off; None while there is none.
+        reply_text: every reply so far, read piecewise also one that broke off; None while there is none.
         usage: the replies' together.
     """
 
@@ -88,13 +88,11 @@ class Dialogue:
             yield actions[num_early:]
 
     async def _whole(self, max_actions: int) -> Completion:
-        """The reply at its end; what came of it is kept should it break off."""
+        """The reply at its end."""
         with timed(self._timings_ms, "llm"):
-            async with aclosing(self._pieces(max_actions)) as pieces:
-                async for piece in pieces:
-                    if isinstance(piece, Completion):
-                        return piece
-        raise AssertionError("a backend's stream ends with the completion")
+            completion = await self._model.complete(self._asked(max_actions))
+        self.reply_text = _joined(self.reply_text, completion.text)
+        return completion
 
     async def _arriving(
         self, reader: ReplyReader, max_actions: int
@@ -127,11 +125,24 @@ class Dialogue:
 
     async def _pieces(self, max_actions: int) -> AsyncGenerator[TextDelta | Completion, None]:
         """The reply as the LLM writes it; `reply_text` grows with it."""
+        before, text = self.reply_text, ""
+        async with aclosing(self._model.stream(self._asked(max_actions))) as stream:
+            async for piece in stream:
+                text = piece.text if isinstance(piece, Completion) else text + piece.text
+                self.reply_text = _joined(before, text)
+                yield piece
+
+    def _asked(self, max_actions: int) -> CompletionRequest:
+        """The prompt as it is put to the LLM.
+
+        Raises:
+            ModelTimeoutError: if no time is left.
+        """
         request = self._question.request
         timeout_s = self._deadline_s - time.monotonic()
         if timeout_s <= 0:
             raise ModelTimeoutError(f"{self._question.profile.name} did not answer within {request.timeout_s:g} s")
-        asked = CompletionRequest(
+        return CompletionRequest(
             self.prompt,
             max_tokens=max_actions * MAX_TOKENS_PER_ACTION,
             timeout_s=timeout_s,
@@ -139,12 +150,6 @@ class Dialogue:
             seed=request.seed,
             cache_key=self._question.template.cache_key,
         )
-        before, text = self.reply_text, ""
-        async with aclosing(self._model.stream(asked)) as stream:
-            async for piece in stream:
-                text = piece.text if isinstance(piece, Completion) else text + piece.text
-                self.reply_text = _joined(before, text)
-                yield piece
 
 
 def _joined(before: str | None, text: str) -> str:
