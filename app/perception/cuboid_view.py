@@ -4,7 +4,7 @@ import numpy as np
 import numpy.typing as npt
 
 from app.perception.cuboid_fit import View
-from app.perception.pieces import Piece, full_mask, inner
+from app.perception.pieces import CROSS, Piece, eroded, inner, mask_in
 from app.pipeline.arrays import Array
 from app.pipeline.episode import Camera, RgbdFrame
 from app.pipeline.geometry import pixels_to_world
@@ -31,9 +31,9 @@ def view_of(frame: RgbdFrame, piece: Piece) -> View:
     right = piece.left_px + piece.mask.shape[1] + MARGIN_PX
     bottom = piece.top_px + piece.mask.shape[0] + MARGIN_PX
     depth_m = frame.depth_m[top:bottom, left:right]
-    mask = full_mask(piece, frame.depth_m.shape)[top:bottom, left:right]
-    rows, columns = np.mgrid[top : top + mask.shape[0], left : left + mask.shape[1]]
-    points_m = pixels_to_world(camera, rows.ravel(), columns.ravel(), depth_m.ravel()).reshape(*mask.shape, 3)
+    mask = mask_in(piece, left, top, depth_m.shape)
+    rows, columns = np.indices(mask.shape).reshape(2, -1)
+    points_m = pixels_to_world(camera, rows + top, columns + left, depth_m.ravel()).reshape(*mask.shape, 3)
     surface_m = points_m[inner(mask) & (depth_m > 0)]
     ground_m = _ground_m(points_m[~mask & (depth_m > 0)][:, 2], surface_m[:, 2])
     edges = _outline(mask, depth_m, points_m[..., 2], ground_m)
@@ -71,14 +71,14 @@ def _outline(mask: Bools, depth_m: npt.NDArray[np.float32], height_m: Array, gro
     """
     found = [np.zeros((0, 2))]
     object_depth_m = float(np.median(depth_m[mask & (depth_m > 0)]))
-    whole = np.nonzero(mask)
+    rim = np.nonzero(mask & ~eroded(mask, CROSS))
     for down, right in ((0, 1), (0, -1), (1, 0), (-1, 0)):
-        rows, columns = whole
+        rows, columns = rim
         inside = (rows + down >= 0) & (rows + down < mask.shape[0])
         inside &= (columns + right >= 0) & (columns + right < mask.shape[1])
         rows, columns = rows[inside], columns[inside]
-        rim = ~mask[rows + down, columns + right]
-        rows, columns = rows[rim], columns[rim]
+        edge = ~mask[rows + down, columns + right]
+        rows, columns = rows[edge], columns[edge]
         probe_rows = np.clip(rows + PROBE_PX * down, 0, mask.shape[0] - 1)
         probe_columns = np.clip(columns + PROBE_PX * right, 0, mask.shape[1] - 1)
         depth = depth_m[rows, columns]

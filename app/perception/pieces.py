@@ -14,7 +14,8 @@ from app.pipeline.geometry import pixels_to_world
 
 Bytes = npt.NDArray[np.uint8]
 MIN_PIXELS = 20
-SPECK = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
+CROSS: Bytes = np.asarray(cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3)), np.uint8)
+SQUARE: Bytes = np.ones((3, 3), np.uint8)
 MIN_SHARE = 0.06  # of the pixels that the whole object would have: what is smaller is no sight of it
 STEP_PIXELS = 8.0  # a step in depth by more pixel widths than this, within 3x3 pixels, parts two things
 MAX_PIECES = 12
@@ -73,7 +74,7 @@ def find_parts(frame: RgbdFrame, color_mask: Bytes) -> list[Piece]:
     cropped = color_mask[top_px : top_px + height, left_px : left_px + width]
     if not cropped.size:
         return []
-    faces = cv2.morphologyEx(cropped, cv2.MORPH_OPEN, SPECK)  # single pixels and strips are none
+    faces = cv2.morphologyEx(cropped, cv2.MORPH_OPEN, CROSS)  # single pixels and strips are none
     _, labels, boxes, _ = cv2.connectedComponentsWithStats(faces, connectivity=4)
     largest = 1 + np.argsort(-boxes[1:, cv2.CC_STAT_AREA])[: 2 * MAX_PIECES]
     pieces: list[Piece] = []
@@ -99,9 +100,8 @@ def _parted(
     if np.count_nonzero(known) < MIN_PIXELS // 2:
         return []
     distance_m = float(np.median(depth_m[known]))
-    kernel = np.ones((3, 3), np.uint8)
-    farthest = cv2.dilate(np.where(known, depth_m, np.float32(0)), kernel)
-    nearest = cv2.erode(np.where(known, depth_m, np.float32(np.inf)), kernel)
+    farthest = cv2.dilate(np.where(known, depth_m, np.float32(0)), SQUARE)
+    nearest = cv2.erode(np.where(known, depth_m, np.float32(np.inf)), SQUARE)
     smooth = known & (farthest - nearest < STEP_PIXELS * distance_m / camera.fx_px)
     count, labels, boxes, _ = cv2.connectedComponentsWithStats(smooth.astype(np.uint8), connectivity=4)
     parts = [k for k in range(1, count) if boxes[k, cv2.CC_STAT_AREA] >= MIN_PIXELS]
@@ -155,16 +155,30 @@ def _union(frame: RgbdFrame, piece: Piece, other: Piece) -> Piece:
 
 def full_mask(piece: Piece, shape: tuple[int, ...]) -> npt.NDArray[np.bool_]:
     """The piece's pixels in the whole image."""
+    return mask_in(piece, 0, 0, shape)
+
+
+def mask_in(piece: Piece, left_px: int, top_px: int, shape: tuple[int, ...]) -> npt.NDArray[np.bool_]:
+    """The piece's pixels in a window of the image that holds all of them."""
     mask = np.zeros(shape, np.bool_)
     height, width = piece.mask.shape
-    mask[piece.top_px : piece.top_px + height, piece.left_px : piece.left_px + width] = piece.mask
+    top, left = piece.top_px - top_px, piece.left_px - left_px
+    mask[top : top + height, left : left + width] = piece.mask
     return mask
 
 
 def inner(mask: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
     """The mask without its rim, where depths mix; the whole where little would be left."""
-    core = cv2.erode(np.pad(mask, 1).astype(np.uint8), np.ones((3, 3), np.uint8))[1:-1, 1:-1] > 0
+    core = eroded(mask, SQUARE)
     return core if np.count_nonzero(core) > 0.3 * np.count_nonzero(mask) else mask
+
+
+def eroded(mask: npt.NDArray[np.bool_], kernel: Bytes) -> npt.NDArray[np.bool_]:
+    """The mask without the pixels that have others within the kernel; nothing lies beyond its border."""
+    core: npt.NDArray[np.bool_] = cv2.erode(
+        mask.view(np.uint8), kernel, borderType=cv2.BORDER_CONSTANT, borderValue=(0,)
+    ).view(np.bool_)
+    return core
 
 
 def piece_points_m(frame: RgbdFrame, piece: Piece) -> Array:

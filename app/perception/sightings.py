@@ -152,6 +152,8 @@ def _mean_rotation(name: str, good: Sequence[Sighting], weights: Array, yaw_symm
     quaternions = [s.quaternion_xyzw for s in good if s.quaternion_xyzw is not None]
     if len(quaternions) < len(good):
         return None
+    if len(quaternions) == 1:
+        return quaternions[0]
     best = Rotation.from_quat(quaternions[0])
     turned = [_nearest(name, best.inv() * Rotation.from_quat(item), yaw_symmetry_deg) for item in quaternions]
     mean: Array = (best * Rotation.concatenate(turned).mean(weights)).as_quat(canonical=True)
