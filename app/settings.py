@@ -104,7 +104,9 @@ class Settings(BaseSettings):
     scripted_replies: Annotated[tuple[str, ...], Field(description="what the backend `scripted` replies, in turn")] = ()
     llm_concurrent_requests: Annotated[int, Field(ge=1, description="requests that one provider is asked at once")] = 8
     llm_queued_requests: Annotated[int, Field(ge=0, description="further requests that wait; more are refused")] = 32
-    llm_retries: Annotated[int, Field(ge=0, description="after 429, 5xx and connection errors, before any reply")] = 2
+    llm_retries: Annotated[
+        int, Field(ge=0, description="after 429, 5xx and lost connections, before an action is out")
+    ] = 2
     llm_backoff_s: Annotated[float, Field(ge=0, description="wait before the first retry; doubles, up to 8 s")] = 0.5
     llm_failures: Annotated[int, Field(ge=1, description="so many in a row, and a provider is left alone")] = 5
     llm_pause_s: Annotated[float, Field(ge=0, description="how long; then one request tries it")] = 15

@@ -176,6 +176,12 @@ def test_nothing_is_tried_again_once_a_piece_has_come():
     asyncio.run(run())
 
 
+def test_a_whole_reply_that_breaks_off_is_asked_for_anew():
+    broken = streamed(text("4"), end=b"400\r\ndata: {")
+    outcome, num_asked, _ = ask(in_turn(broken, OK))
+    assert (outcome, num_asked) == (Completion("42"), 2)
+
+
 def test_claude_is_tried_again_as_well():
     async def run():
         async with loopback(in_turn(status(529), OVERLOADED, CLAUDE_OK)) as (base_url, server):
