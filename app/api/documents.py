@@ -9,7 +9,7 @@ from app.pipeline.metadata import camera_json
 from app.pipeline.prompt import Prompt
 from app.pipeline.representation import fit_codec
 from app.pipeline.workspace import Workspace, discretize_action, object_bins
-from app.services.predict_actions import Prediction
+from app.services.prediction import Prediction
 from app.services.question import Question
 from app.services.task_settings import TaskSettings
 from app.services.task_stats import Standing, TaskStats

@@ -14,6 +14,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 if TYPE_CHECKING:
     from app.evaluation.records import Method
+    from app.evaluation.sweep_run import SweepResult
 
 SWEEP_NAMES = "main, formats, keyframes, demonstrations, selection, system_prompts, noise, poses, experts, loop, models"
 PACE_S = 600.0  # the time left follows from the pace of the last ten minutes: methods differ in theirs
@@ -49,10 +50,8 @@ def evaluate(
     from app.client.errors import ServiceProblemError, ServiceUnreachableError
     from app.evaluation.errors import EvaluationError
     from app.evaluation.plan import Plan
-    from app.evaluation.scores import errors_of
     from app.evaluation.sweep_run import SweepRun
     from app.evaluation.sweeps import SWEEPS
-    from app.evaluation.tables import sweep_summary, terminal_table
     from app.sim.tasks import TASKS
 
     _check("--sweep", [sweep], SWEEPS)
@@ -70,13 +69,9 @@ def evaluate(
     except (EvaluationError, ServiceUnreachableError, ServiceProblemError, ConnectionError) as error:
         _say(console, [str(error)])
         raise typer.Exit(1) from error
-    console.print(terminal_table(result.evaluation))
-    errors = [f"error in {number} trials: {message}" for message, number in errors_of(result.evaluation)]
-    rest = [f"{result.stopped or 'errors'}: {result.remaining} trials remain; go on with:", command]
-    _say(console, [f"results: {folder}", *errors[:MAX_ERRORS], *(rest if result.remaining else [])])
+    _tell(console, result, folder, command)
     if as_json:
-        summary = {"sweep": sweep, "out": str(folder), **sweep_summary(result.evaluation)}
-        print(json.dumps({**summary, "remaining": result.remaining, "stopped": result.stopped}))  # noqa: T201
+        print(json.dumps({"sweep": sweep, "out": str(folder), **result.summary()}))  # noqa: T201
     if result.remaining:
         raise typer.Exit(INTERRUPTED if result.stopped == "interrupted" else 1)
 
@@ -95,6 +90,16 @@ def _looking(methods: Sequence["Method"]) -> tuple["Method", ...]:
         return with_poses(methods, "vision")
     except InvalidInputError as error:
         raise typer.BadParameter(str(error), param_hint="--poses") from error
+
+
+def _tell(console: Console, result: "SweepResult", folder: Path, command: str) -> None:
+    from app.evaluation.scores import errors_of
+    from app.evaluation.tables import terminal_table
+
+    console.print(terminal_table(result.evaluation))
+    errors = [f"error in {number} trials: {message}" for message, number in errors_of(result.evaluation)]
+    rest = [f"{result.stopped or 'errors'}: {result.remaining} trials remain; go on with:", command]
+    _say(console, [f"results: {folder}", *errors[:MAX_ERRORS], *(rest if result.remaining else [])])
 
 
 def _say(console: Console, lines: Sequence[str]) -> None:

@@ -3,6 +3,7 @@
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from rich.progress import Progress
 
@@ -20,7 +21,7 @@ from app.evaluation.run import Run
 from app.evaluation.run_record import RunRecord, Session
 from app.evaluation.server import service
 from app.evaluation.sweeps import SWEEPS
-from app.evaluation.tables import markdown
+from app.evaluation.tables import markdown, sweep_summary
 from app.evaluation.timing import Timing
 
 
@@ -36,6 +37,10 @@ class SweepResult:
     evaluation: Evaluation
     stopped: str
     remaining: int
+
+    def summary(self) -> dict[str, Any]:
+        """For programs."""
+        return {**sweep_summary(self.evaluation), "remaining": self.remaining, "stopped": self.stopped}
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from app.services.metrics import Metrics
 from app.services.pose_servers import PoseServers
 from app.services.predict_actions import PredictActions
 from app.services.prefix_warmer import PrefixWarmer
+from app.services.record_prediction import PredictionRecorder
 from app.services.repeated_predictions import RepeatedPredictions
 from app.services.run_jobs import RunJobs
 from app.services.upload_episode import UploadEpisode
@@ -69,7 +70,7 @@ class Services:
         metrics = Metrics()
         write_question = QuestionWriter(store, profile_of, limits, pose_servers)
         warmer = PrefixWarmer(store, models, write_question, num_warm_tasks)
-        predict = PredictActions(store, models, write_question, warmer, metrics)
+        predict = PredictActions(models, write_question, warmer, PredictionRecorder(store, metrics), store.under_way)
         configure = ConfigureTask(store, pose_servers, extract_at_once)
         return cls(
             store=store,

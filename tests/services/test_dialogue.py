@@ -12,7 +12,7 @@ from app.llm.base import ModelResponseError, TextDelta
 from app.perception.base import ObjectQuery
 from app.pipeline.errors import InvalidInputError
 from app.services.errors import UnparsableReplyError
-from app.services.predict_actions import PredictedAction, Prediction
+from app.services.prediction import PredictedAction, Prediction
 from app.services.question import PredictRequest
 from app.store import predictions
 from app.store.errors import ConflictError

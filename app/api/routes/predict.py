@@ -22,7 +22,7 @@ from app.api.schemas.responses import DryRunOut, PredictionOut
 from app.llm.base import TextDelta
 from app.pipeline.errors import RoboPromptError
 from app.services.limits import Limits
-from app.services.predict_actions import PredictedAction, Prediction
+from app.services.prediction import PredictedAction, Prediction
 from app.services.question import PredictRequest
 from app.services.upload_episode import content_digest
 from app.store.values import JsonObject

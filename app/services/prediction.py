@@ -1,0 +1,46 @@
+"""What a prediction gives."""
+
+from dataclasses import dataclass
+
+from app.llm.base import Completion
+from app.pipeline.episode import EndEffectorAction
+from app.pipeline.prompt import Prompt
+from app.pipeline.workspace import DiscreteAction
+from app.services.question import Question
+from app.store.values import JsonObject
+
+
+@dataclass(frozen=True)
+class PredictedAction:
+    """An action with its bins."""
+
+    action: EndEffectorAction
+    discrete: DiscreteAction
+
+    def to_json(self) -> JsonObject:
+        """As clients get it."""
+        return {
+            "position": self.action.position_m.tolist(),
+            "quaternion_xyzw": self.action.quaternion_xyzw.tolist(),
+            "gripper_open": self.action.gripper_open,
+            "bins": list(self.discrete.bins),
+            "clamped": self.discrete.clamped,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """A recorded answer.
+
+    Attributes:
+        prompt: the last that the LLM was asked: with several instructions it holds the replies to those before.
+        samples: where several replies were asked for, each of them.
+    """
+
+    id: str
+    question: Question
+    prompt: Prompt
+    actions: tuple[PredictedAction, ...]
+    completion: Completion
+    timings_ms: dict[str, float]
+    samples: tuple[JsonObject, ...] | None = None
