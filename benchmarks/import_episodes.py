@@ -23,7 +23,8 @@ from app.datasets.archive import open_archive, write_archive
 from app.datasets.options import ImportOptions
 from app.datasets.recording import ObjectEntry, Parcel, Recording, canonical_json
 from app.evaluation.server import running_server
-from app.pipeline.episode import Camera, Trajectory
+from app.pipeline.camera import Camera
+from app.pipeline.episode import Trajectory
 from app.pipeline.trajectory_npz import trajectory_from_npz
 
 FRAMES, WIDTH_PX, HEIGHT_PX = 200, 640, 480

@@ -21,7 +21,8 @@ from app.perception.cuboid import CuboidPoses
 from app.perception.cuboid_model import CuboidModel
 from app.perception.labelled_scene import LabelledScene
 from app.perception.learn import learn_models
-from app.pipeline.episode import ObjectPose, RgbdFrame
+from app.pipeline.camera import RgbdFrame
+from app.pipeline.episode import ObjectPose
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.geometry import canonical_pose
 from app.sim.demonstrate import SceneView, view_scene

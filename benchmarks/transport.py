@@ -14,7 +14,7 @@ import numpy as np
 from websockets.sync.client import connect
 
 from app.client.encoding import packed_request, request_parts
-from app.pipeline.episode import Camera, RgbdFrame
+from app.pipeline.camera import Camera, RgbdFrame
 from app.pipeline.metadata import camera_json
 from benchmarks.peers import pack_array
 from benchmarks.processes import Cost, cost, running, service

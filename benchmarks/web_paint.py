@@ -15,7 +15,8 @@ from rich.console import Console
 from rich.table import Table
 
 from app.evaluation.server import running_server
-from app.pipeline.episode import Camera, ObjectPose, Trajectory
+from app.pipeline.camera import Camera
+from app.pipeline.episode import ObjectPose, Trajectory
 from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks
 from app.store.records import EpisodeDraft

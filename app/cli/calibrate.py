@@ -49,7 +49,7 @@ def calibrate(
     from app.perception.images import decode_rgb
     from app.perception.rigid import rigid
     from app.pipeline.arrays import unit_quaternions
-    from app.pipeline.episode import Camera
+    from app.pipeline.camera import Camera
     from app.pipeline.errors import InvalidInputError
     from app.pipeline.metadata import camera_json
 

@@ -8,7 +8,7 @@ import cv2
 import msgpack
 import numpy as np
 
-from app.pipeline.episode import RgbdFrame
+from app.pipeline.camera import RgbdFrame
 from app.pipeline.packed_array import packed_array
 
 Part = tuple[str, bytes, str]

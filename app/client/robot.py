@@ -3,7 +3,8 @@
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from app.pipeline.episode import EndEffectorAction, ObjectPose, RgbdFrame
+from app.pipeline.camera import RgbdFrame
+from app.pipeline.episode import EndEffectorAction, ObjectPose
 from app.pipeline.motion_limits import Pose
 
 

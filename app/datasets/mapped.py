@@ -6,7 +6,7 @@ from app.datasets.columns import Columns, objects_of, trajectory_of
 from app.datasets.mapping import FeatureMap
 from app.datasets.options import ImportOptions
 from app.datasets.recording import Recording
-from app.pipeline.episode import Camera
+from app.pipeline.camera import Camera
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.metadata import camera_from_json
 

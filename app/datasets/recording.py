@@ -6,7 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from app.pipeline.episode import Camera, Trajectory
+from app.pipeline.camera import Camera
+from app.pipeline.episode import Trajectory
 from app.pipeline.metadata import camera_json
 from app.pipeline.trajectory_npz import npz_from_trajectory
 from app.pipeline.wording import checked_instruction, checked_name

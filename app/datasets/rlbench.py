@@ -23,7 +23,8 @@ from app.datasets.recording import Dataset, Entry, ObjectEntry, Parcel, Recordin
 from app.datasets.rlbench_images import calibrated_cameras, read_images, visible_ids
 from app.datasets.rlbench_pickle import Record, load_demo, load_descriptions, load_number
 from app.pipeline.arrays import Array
-from app.pipeline.episode import Camera, Trajectory
+from app.pipeline.camera import Camera
+from app.pipeline.episode import Trajectory
 from app.pipeline.errors import InvalidInputError
 
 LOW_DIM = "low_dim_obs.pkl"

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from app.datasets.errors import DamagedError
 from app.datasets.images import depth_png, mask_png, read_file
 from app.pipeline.arrays import Array, finite_array
-from app.pipeline.episode import Camera
+from app.pipeline.camera import Camera
 
 DEPTH_SCALE = 2**24 - 1  # rlbench/backend/const.py
 _KINDS = ("rgb", "depth", "mask")

@@ -17,7 +17,8 @@ from app.evaluation.noise import disturbed
 from app.evaluation.records import Method, Source, Trial
 from app.evaluation.teach import Lesson
 from app.evaluation.vision import UNSEEN, images_only
-from app.pipeline.episode import EndEffectorAction, RgbdFrame
+from app.pipeline.camera import RgbdFrame
+from app.pipeline.episode import EndEffectorAction
 from app.pipeline.keyframes import merged
 from app.pipeline.workspace import Workspace, discretize_action, undiscretize_action
 from app.sim.demonstrate import (

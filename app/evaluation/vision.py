@@ -7,7 +7,8 @@ from typing import Any
 from app.client.client import RoboPromptClient
 from app.client.robot import Observation
 from app.evaluation.errors import NotLearnedError
-from app.pipeline.episode import ObjectPose, RgbdFrame
+from app.pipeline.camera import RgbdFrame
+from app.pipeline.episode import ObjectPose
 from app.sim.demonstrate import RecordedDemonstration
 
 FIRST_LABELLED_SEED = 50_000  # neither demonstrations nor tests are drawn from these

@@ -1,7 +1,6 @@
 """What every backend does with a stream of pieces: one deadline, stop strings, the whole from the pieces."""
 
 import asyncio
-import json
 import re
 from collections.abc import AsyncGenerator, Sequence
 from contextlib import aclosing
@@ -9,6 +8,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import anyio
+from pydantic_core import from_json
 
 from app.llm.base import (
     Completion,
@@ -131,7 +131,9 @@ def _finish_reason(reason: str, stopped: bool) -> Literal["stop", "length"]:
 def error_message(body: str) -> str:
     """The message in an error's body (`{"error": {"message": ...}}` or `{"error": "..."}`), else its beginning."""
     try:
-        error = json.loads(body)["error"]
+        error = from_json(body)[
+            "error"
+        ]  # unlike json.loads it takes no half of a surrogate pair, which nobody can send on
         return str(error["message"] if isinstance(error, dict) else error)
     except (ValueError, LookupError, TypeError):
         return " ".join(body[:300].split()) or "no message"

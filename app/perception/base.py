@@ -6,7 +6,8 @@ from typing import Any, Protocol, Self
 
 from app.perception.models import model_from_json
 from app.perception.object_model import ObjectModel
-from app.pipeline.episode import ObjectPose, RgbdFrame
+from app.pipeline.camera import RgbdFrame
+from app.pipeline.episode import ObjectPose
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.wording import checked_name
 

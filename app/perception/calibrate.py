@@ -10,7 +10,7 @@ import numpy.typing as npt
 from app.perception.charuco import CharucoBoard
 from app.perception.rigid import inverse
 from app.pipeline.arrays import Array
-from app.pipeline.episode import Camera
+from app.pipeline.camera import Camera
 from app.pipeline.errors import InvalidInputError
 
 MIN_CORNERS = 8

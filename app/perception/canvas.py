@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from app.pipeline.arrays import Array
-from app.pipeline.episode import Camera
+from app.pipeline.camera import Camera
 
 RgbImage = npt.NDArray[np.uint8]
 Color = tuple[int, int, int]

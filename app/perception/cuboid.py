@@ -18,7 +18,8 @@ from app.perception.level_check import check_level
 from app.perception.pieces import Piece, find_pieces
 from app.perception.sightings import Miss, Sighting, fused
 from app.pipeline.arrays import Array
-from app.pipeline.episode import ObjectPose, RgbdFrame
+from app.pipeline.camera import RgbdFrame
+from app.pipeline.episode import ObjectPose
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.geometry import yaw_rad
 

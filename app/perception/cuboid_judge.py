@@ -10,7 +10,7 @@ from app.perception.cuboid_fit import Fit, View
 from app.perception.pieces import Piece, full_mask
 from app.perception.upright_shape import Shape, outline_points_m, surface_distances_m
 from app.pipeline.arrays import Array
-from app.pipeline.episode import Camera, RgbdFrame
+from app.pipeline.camera import Camera, RgbdFrame
 from app.pipeline.geometry import pixels_to_world
 
 Bools = npt.NDArray[np.bool_]

@@ -6,7 +6,7 @@ import numpy.typing as npt
 from app.perception.cuboid_fit import View
 from app.perception.pieces import CROSS, Piece, eroded, inner, mask_in
 from app.pipeline.arrays import Array
-from app.pipeline.episode import Camera, RgbdFrame
+from app.pipeline.camera import Camera, RgbdFrame
 from app.pipeline.geometry import pixels_to_world
 
 Bools = npt.NDArray[np.bool_]

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from app.pipeline.episode import RgbdFrame
+from app.pipeline.camera import RgbdFrame
 from app.pipeline.errors import InvalidInputError
 
 NEAREST_M, FARTHEST_M = 0.05, 20.0  # the middle depth of a robot's workspace lies between

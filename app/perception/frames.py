@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from app.perception.images import MAX_PIXELS, decode_depth, decode_mask, decode_rgb
-from app.pipeline.episode import Camera, RgbdFrame
+from app.pipeline.camera import Camera, RgbdFrame
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from app.perception.base import ObjectQuery
-from app.pipeline.episode import ObjectPose, RgbdFrame
+from app.pipeline.camera import RgbdFrame
+from app.pipeline.episode import ObjectPose
 from app.pipeline.errors import InvalidInputError
 
 

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from app.perception.base import ObjectQuery
-from app.pipeline.episode import RgbdFrame
+from app.pipeline.camera import RgbdFrame
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,7 @@ import numpy.typing as npt
 from app.perception.base import ObjectQuery
 from app.perception.color import to_hsv
 from app.perception.cuboid_model import ColorModel
-from app.pipeline.episode import RgbdFrame
+from app.pipeline.camera import RgbdFrame
 from app.pipeline.errors import InvalidInputError
 
 Bools = npt.NDArray[np.bool_]

@@ -14,7 +14,7 @@ from app.perception.cuboid_view import view_of
 from app.perception.pieces import Piece, find_parts, full_mask
 from app.perception.upright_shape import SX, YAW, Shape
 from app.pipeline.arrays import Array
-from app.pipeline.episode import RgbdFrame
+from app.pipeline.camera import RgbdFrame
 from app.pipeline.geometry import yaw_rad
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from app.pipeline.arrays import Array
-from app.pipeline.episode import RgbdFrame
+from app.pipeline.camera import RgbdFrame
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.geometry import pixels_to_world
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from app.perception.marker_fit import MarkerFit
 from app.perception.marker_view import MarkerView
-from app.pipeline.episode import Camera
+from app.pipeline.camera import Camera
 
 # From the first value, which takes nothing away, to the second, which takes everything. Chosen by what a 5 cm cube's
 # grasp forgives; on renderings with a D400's noise a marker of 20 px has 0.04 px, 0.7 mm and 0.6 degrees.

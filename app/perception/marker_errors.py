@@ -8,7 +8,7 @@ import numpy as np
 
 from app.perception.marker_view import MarkerView
 from app.pipeline.arrays import Array
-from app.pipeline.episode import Camera
+from app.pipeline.camera import Camera
 
 DEPTH_SIGMA_M = 0.002  # at 1 m; it grows with the square of the range, as a stereo camera's does
 DEPTH_PATCH_PX = 25  # neighbouring pixels err alike: so many count as one measurement

@@ -13,7 +13,7 @@ from app.perception.marker_errors import MarkerData, cross_matrices, marker_erro
 from app.perception.marker_view import MarkerView
 from app.perception.rigid import inverse
 from app.pipeline.arrays import Array
-from app.pipeline.episode import Camera
+from app.pipeline.camera import Camera
 
 RIVAL_RAD = np.radians(5.0)  # poses that differ by less are one
 MAX_ROUNDS = 12

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from app.perception.object_model import MIN_CONFIDENCE, ObjectModel, checked_fields, number, numbers, one_of, within
-from app.pipeline.episode import ROTATION_MATRIX_TOLERANCE
+from app.pipeline.camera import ROTATION_MATRIX_TOLERANCE
 from app.pipeline.errors import InvalidInputError
 
 Row = tuple[float, ...]

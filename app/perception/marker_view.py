@@ -9,7 +9,7 @@ import numpy as np
 from app.perception.marker_detection import SeenMarker
 from app.perception.marker_model import Marker
 from app.pipeline.arrays import Array
-from app.pipeline.episode import Camera, RgbdFrame
+from app.pipeline.camera import Camera, RgbdFrame
 
 FACE_SHARE = 0.75  # of a face's side, around its middle: depth at its edge mixes with what lies behind
 _CORNERS = np.array([[-0.5, 0.5, 0.0], [0.5, 0.5, 0.0], [0.5, -0.5, 0.0], [-0.5, -0.5, 0.0]])

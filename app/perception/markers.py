@@ -14,7 +14,8 @@ from app.perception.marker_fit import fit_markers
 from app.perception.marker_model import MarkersModel
 from app.perception.marker_view import MarkerView
 from app.perception.sightings import Miss, Sighting, fused
-from app.pipeline.episode import ObjectPose, RgbdFrame
+from app.pipeline.camera import RgbdFrame
+from app.pipeline.episode import ObjectPose
 from app.pipeline.errors import InvalidInputError
 
 MIN_FACE_POINTS = 8

@@ -14,7 +14,8 @@ from app.perception.pieces import Piece, piece_points_m, trimmed
 from app.perception.sightings import Miss, Sighting, fused
 from app.perception.upright_shape import SHAPES, SX, YAW
 from app.pipeline.arrays import Array
-from app.pipeline.episode import ObjectPose, RgbdFrame
+from app.pipeline.camera import RgbdFrame
+from app.pipeline.episode import ObjectPose
 
 MIN_POINTS = 40
 LONGER_BY = 1.15  # a longer side gives a heading from this ratio on

@@ -10,7 +10,8 @@ from app.perception.base import ObjectQuery
 from app.perception.masked_rotation import box_around
 from app.perception.masks_model import MasksModel
 from app.pipeline.arrays import Array
-from app.pipeline.episode import ObjectPose, RgbdFrame
+from app.pipeline.camera import RgbdFrame
+from app.pipeline.episode import ObjectPose
 from app.pipeline.errors import InvalidInputError, ObjectNotVisibleError
 from app.pipeline.geometry import backproject
 

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from app.perception.base import ObjectQuery, PoseEstimator
-from app.pipeline.episode import ObjectPose, RgbdFrame
+from app.pipeline.camera import RgbdFrame
+from app.pipeline.episode import ObjectPose
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.noise import MEAN_ERROR_M, MEAN_ERROR_RAD, disturbed
 

@@ -11,7 +11,8 @@ from app.perception.color import color_mask, to_hsv
 from app.perception.cuboid_model import CuboidModel
 from app.perception.outlines import outlines
 from app.perception.rigid import rigid
-from app.pipeline.episode import ObjectPose, RgbdFrame
+from app.pipeline.camera import RgbdFrame
+from app.pipeline.episode import ObjectPose
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.geometry import transform_points
 

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from app.perception.upright_shape import Shape
 from app.pipeline.arrays import Array
-from app.pipeline.episode import Camera, RgbdFrame
+from app.pipeline.camera import Camera, RgbdFrame
 from app.pipeline.geometry import pixels_to_world
 
 Bytes = npt.NDArray[np.uint8]

@@ -15,7 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from app.pipeline.arrays import finite_array, unit_quaternions
-from app.pipeline.episode import ObjectPose, RgbdFrame
+from app.pipeline.camera import RgbdFrame
+from app.pipeline.episode import ObjectPose
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.metadata import camera_json
 

@@ -8,7 +8,8 @@ from app.perception.given import GivenPoses
 from app.perception.markers import MarkerPoses
 from app.perception.masks import MaskedPoints
 from app.perception.remote import RemotePoses
-from app.pipeline.episode import ObjectPose, RgbdFrame
+from app.pipeline.camera import RgbdFrame
+from app.pipeline.episode import ObjectPose
 from app.pipeline.errors import InvalidInputError
 
 ESTIMATORS: dict[str, PoseEstimator] = {

@@ -10,7 +10,8 @@ from app.perception.pose_server import PoseServer
 from app.perception.poses_wire import PoseAnswer, PoseQuestion, answers_from_json, request_parts
 from app.perception.remote_model import RemoteModel
 from app.perception.sightings import Miss, Sighting, fused
-from app.pipeline.episode import ObjectPose, RgbdFrame
+from app.pipeline.camera import RgbdFrame
+from app.pipeline.episode import ObjectPose
 from app.pipeline.errors import InvalidInputError
 
 Asked = tuple[ObjectQuery, RemoteModel]

@@ -1,4 +1,4 @@
-"""Arrays of numbers, checked."""
+"""Arrays of numbers, checked, and values that are checked when they are constructed."""
 
 import numpy as np
 import numpy.typing as npt
@@ -47,3 +47,9 @@ def unit_quaternions(name: str, value: npt.ArrayLike, shape: tuple[int | None, .
     unit: Array = np.where(deviations <= UNIT_NORM_ROUNDING, quaternions, quaternions / norms)
     unit.flags.writeable = False
     return unit
+
+
+def settle(instance: object, **checked: object) -> None:
+    """Put checked values into a frozen dataclass while it is constructed."""
+    for name, value in checked.items():
+        object.__setattr__(instance, name, value)

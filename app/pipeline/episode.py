@@ -1,7 +1,6 @@
 """What a robot records and what the method makes of it (paper, section III-A).
 
-Every value is checked when it is constructed. Frames: `camera_to_world` takes OpenCV camera coordinates (x right, y
-down, z forward) to the world frame; positions are in metres in the world frame; quaternions are xyzw.
+Every value is checked when it is constructed. Positions are in metres in the world frame; quaternions are xyzw.
 """
 
 from collections.abc import Mapping, Sequence
@@ -11,19 +10,12 @@ from typing import Any, Self
 import numpy as np
 import numpy.typing as npt
 
-from app.pipeline.arrays import Array, finite_array, unit_quaternions
+from app.pipeline.arrays import Array, finite_array, settle, unit_quaternions
+from app.pipeline.camera import RgbdFrame
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.wording import checked_instruction, checked_name
 
 NUM_JOINTS = 7
-ROTATION_MATRIX_TOLERANCE = 1e-3
-OPTICAL_CENTRE_TOLERANCE = 0.25  # of the image's size: no lens is that far off-centre, other image sizes are
-
-
-def _settle(instance: object, **checked: object) -> None:
-    """Put checked values into a frozen dataclass while it is constructed."""
-    for name, value in checked.items():
-        object.__setattr__(instance, name, value)
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +49,7 @@ class Trajectory:
             raise InvalidInputError("trajectory.joint_velocities", "has no frames (T = 0)", "at least one frame")
         joints, poses = (num_frames, NUM_JOINTS), (num_frames, 4)
         quaternions = unit_quaternions("trajectory.end_effector_quaternions_xyzw", self.quaternions_xyzw, poses)
-        _settle(
+        settle(
             self,
             joint_velocities_rad_s=velocities,
             positions_m=finite_array("trajectory.end_effector_positions", self.positions_m, (num_frames, 3)),
@@ -65,22 +57,22 @@ class Trajectory:
             gripper_open=_booleans("trajectory.gripper_open", self.gripper_open, num_frames),
         )
         if self.timestamps_s is not None:
-            _settle(self, timestamps_s=_increasing("trajectory.timestamps", self.timestamps_s, num_frames))
+            settle(self, timestamps_s=_increasing("trajectory.timestamps", self.timestamps_s, num_frames))
         if self.joint_positions_rad is not None:
             positions = finite_array("trajectory.joint_positions", self.joint_positions_rad, joints)
-            _settle(self, joint_positions_rad=positions)
+            settle(self, joint_positions_rad=positions)
         self._check_objects(num_frames)
 
     def _check_objects(self, num_frames: int) -> None:
         name = "trajectory.object_quaternions_xyzw"
         if self.object_positions_m is not None:
             positions = finite_array("trajectory.object_positions", self.object_positions_m, (num_frames, None, 3))
-            _settle(self, object_positions_m=positions)
+            settle(self, object_positions_m=positions)
         elif self.object_quaternions_xyzw is not None:
             raise InvalidInputError(name, "has no object_positions beside it", "both, or only object_positions")
         if self.object_positions_m is not None and self.object_quaternions_xyzw is not None:
             shape = (*self.object_positions_m.shape[:2], 4)
-            _settle(self, object_quaternions_xyzw=unit_quaternions(name, self.object_quaternions_xyzw, shape))
+            settle(self, object_quaternions_xyzw=unit_quaternions(name, self.object_quaternions_xyzw, shape))
 
     @property
     def num_objects(self) -> int:
@@ -128,91 +120,6 @@ def _increasing(name: str, value: npt.ArrayLike, length: int) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Camera:
-    """A calibrated pinhole camera. Pixel centres are whole numbers: u = column, v = row.
-
-    Attributes:
-        fx_px, fy_px, cx_px, cy_px: intrinsics; both focal lengths positive (OpenCV's convention).
-        camera_to_world: (4, 4) rigid transform from OpenCV camera axes (x right, y down, z forward) to the world.
-        depth_scale: metres per unit of a 16-bit depth image.
-        image_size_px: (width, height) that the intrinsics were calibrated for, or None where unknown.
-    """
-
-    name: str
-    fx_px: float
-    fy_px: float
-    cx_px: float
-    cy_px: float
-    camera_to_world: Array
-    depth_scale: float = 0.001
-    image_size_px: tuple[int, int] | None = None
-
-    def __post_init__(self) -> None:
-        where = f"cameras[{checked_name('cameras.name', self.name)}]"
-        values = (self.fx_px, self.fy_px, self.cx_px, self.cy_px)
-        fx, fy, _, _ = finite_array(f"{where}.intrinsics", values, (4,))
-        if fx <= 0 or fy <= 0:
-            remedy = "positive focal lengths: OpenCV axes, x right, y down, z forward (RLBench's are negative)"
-            raise InvalidInputError(f"{where}.intrinsics", f"fx = {fx:g}, fy = {fy:g}", remedy)
-        if not (np.isfinite(self.depth_scale) and self.depth_scale > 0):
-            raise InvalidInputError(f"{where}.depth_scale", f"is {self.depth_scale}", "a positive number of metres")
-        transform = finite_array(f"{where}.camera_to_world", self.camera_to_world, (4, 4))
-        if not _is_rigid(transform):
-            remedy = "a rigid transform: rotation matrix, translation in metres, last row 0 0 0 1"
-            raise InvalidInputError(f"{where}.camera_to_world", "is not a rigid transform", remedy)
-        _settle(self, camera_to_world=transform)
-
-
-def _is_rigid(transform: Array) -> bool:
-    rotation = transform[:3, :3]
-    if np.abs(rotation).max() > 1 + ROTATION_MATRIX_TOLERANCE:  # huge elements would make what follows infinite
-        return False
-    off = np.abs(rotation.T @ rotation - np.eye(3)).max()
-    last_row = (transform[3] == (0, 0, 0, 1)).all()
-    return bool(off <= ROTATION_MATRIX_TOLERANCE and np.linalg.det(rotation) > 0 and last_row)
-
-
-@dataclass(frozen=True, eq=False)
-class RgbdFrame:
-    """One camera's images of the first frame.
-
-    Attributes:
-        rgb: (H, W, 3) uint8, or None.
-        depth_m: (H, W) float32 metres along the optical axis, 0 where unknown, or None.
-        mask: (H, W) int32 object ids, or None.
-    """
-
-    camera: Camera
-    rgb: npt.NDArray[np.uint8] | None = None
-    depth_m: npt.NDArray[np.float32] | None = None
-    mask: npt.NDArray[np.int32] | None = None
-
-    def __post_init__(self) -> None:
-        name = self.camera.name
-        images = {f"rgb_{name}": self.rgb, f"depth_{name}": self.depth_m, f"mask_{name}": self.mask}
-        sizes = {part: image.shape[:2] for part, image in images.items() if image is not None}
-        if len(set(sizes.values())) > 1:
-            listed = ", ".join(f"{part} {w}x{h}" for part, (h, w) in sizes.items())
-            raise InvalidInputError(next(iter(sizes)), f"image sizes differ: {listed}", "one size per camera")
-        for part, (height, width) in sizes.items():
-            _check_image_size(self.camera, part, width, height)
-
-
-def _check_image_size(camera: Camera, part: str, width: int, height: int) -> None:
-    remedy = "images of the size that the intrinsics were calibrated for"
-    if camera.image_size_px is not None:
-        if camera.image_size_px != (width, height):
-            expected = "{}x{}".format(*camera.image_size_px)
-            raise InvalidInputError(part, f"is {width}x{height}, but the camera's images are {expected}", remedy)
-        return
-    off = max(abs(camera.cx_px / width - 0.5), abs(camera.cy_px / height - 0.5))
-    if off > OPTICAL_CENTRE_TOLERANCE:
-        centre = f"({camera.cx_px:g}, {camera.cy_px:g})"
-        message = f"is {width}x{height}, but the intrinsics put the optical centre at {centre}"
-        raise InvalidInputError(part, message, f"{remedy}; for a cropped image give the camera's width and height")
-
-
-@dataclass(frozen=True, eq=False)
 class ObjectPose:
     """An object's estimated pose in the world frame.
 
@@ -235,10 +142,10 @@ class ObjectPose:
 
     def __post_init__(self) -> None:
         where = f"objects[{checked_name('objects.name', self.name)}]"
-        _settle(self, position_m=finite_array(f"{where}.position", self.position_m, (3,)))
+        settle(self, position_m=finite_array(f"{where}.position", self.position_m, (3,)))
         if self.quaternion_xyzw is not None:
             unit = unit_quaternions(f"{where}.quaternion_xyzw", self.quaternion_xyzw, (4,))
-            _settle(self, quaternion_xyzw=unit)
+            settle(self, quaternion_xyzw=unit)
         if not 0 <= self.confidence <= 1:
             raise InvalidInputError(f"{where}.confidence", f"is {self.confidence}", "a number in 0..1")
 
@@ -252,9 +159,9 @@ class EndEffectorAction:
     gripper_open: bool
 
     def __post_init__(self) -> None:
-        _settle(self, position_m=finite_array("action.position", self.position_m, (3,)))
+        settle(self, position_m=finite_array("action.position", self.position_m, (3,)))
         unit = unit_quaternions("action.quaternion_xyzw", self.quaternion_xyzw, (4,))
-        _settle(self, quaternion_xyzw=unit)
+        settle(self, quaternion_xyzw=unit)
 
     @classmethod
     def many(
@@ -268,7 +175,7 @@ class EndEffectorAction:
     @classmethod
     def _checked(cls, position_m: Array, quaternion_xyzw: Array, gripper_open: bool) -> Self:
         action = object.__new__(cls)
-        _settle(action, position_m=position_m, quaternion_xyzw=quaternion_xyzw, gripper_open=gripper_open)
+        settle(action, position_m=position_m, quaternion_xyzw=quaternion_xyzw, gripper_open=gripper_open)
         return action
 
 
@@ -283,7 +190,7 @@ class Episode:
     extra: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        _settle(self, instruction=checked_instruction("instruction", self.instruction))
+        settle(self, instruction=checked_instruction("instruction", self.instruction))
         if not (np.isfinite(self.control_frequency_hz) and self.control_frequency_hz > 0):
             raise InvalidInputError("control_frequency_hz", f"is {self.control_frequency_hz}", "a positive number")
 

@@ -7,7 +7,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from app.pipeline.arrays import Array
-from app.pipeline.episode import Camera, ObjectPose, RgbdFrame
+from app.pipeline.camera import Camera, RgbdFrame
+from app.pipeline.episode import ObjectPose
 from app.pipeline.errors import InvalidInputError
 
 

@@ -5,7 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from app.pipeline.episode import Camera, ObjectPose
+from app.pipeline.camera import Camera
+from app.pipeline.episode import ObjectPose
 
 
 def object_json(pose: ObjectPose) -> dict[str, Any]:

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 from app.perception.base import ObjectQuery
 from app.perception.registry import estimate_poses
-from app.pipeline.episode import ObjectPose, RgbdFrame, Trajectory
+from app.pipeline.camera import RgbdFrame
+from app.pipeline.episode import ObjectPose, Trajectory
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.keyframes import find_keyframes
 from app.services.stored_images import read_frame

@@ -8,7 +8,8 @@ from app.perception.object_model import ObjectModel
 from app.perception.poses_wire import PoseQuestion
 from app.perception.registry import estimate_poses
 from app.perception.remote_model import RemoteModel
-from app.pipeline.episode import ObjectPose, RgbdFrame
+from app.pipeline.camera import RgbdFrame
+from app.pipeline.episode import ObjectPose
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.prompt import check_object_names
 

@@ -7,7 +7,8 @@ from functools import cached_property
 from app.llm.base import ModelProfile
 from app.perception.base import ObjectQuery
 from app.perception.frames import ImageBytes
-from app.pipeline.episode import ObjectPose, RgbdFrame
+from app.pipeline.camera import RgbdFrame
+from app.pipeline.episode import ObjectPose
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.motion_limits import Pose
 from app.pipeline.prompt import Prompt, PromptTemplate

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 
 from app.perception.frames import ImageBytes, decode_frame
 from app.perception.images import STORED_PIXELS
-from app.pipeline.episode import RgbdFrame
+from app.pipeline.camera import RgbdFrame
 from app.store.blobs import BlobStore
 from app.store.values import CameraRecord
 

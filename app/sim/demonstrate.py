@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from app.client.robot import MotionError
-from app.pipeline.episode import EndEffectorAction, ObjectPose, RgbdFrame, Trajectory
+from app.pipeline.camera import RgbdFrame
+from app.pipeline.episode import EndEffectorAction, ObjectPose, Trajectory
 from app.sim.cameras import CAMERA_NAMES
 from app.sim.film import FilmStrip
 from app.sim.moves import Move, moves_from_actions

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from app.pipeline.arrays import Array
-from app.pipeline.episode import Camera, RgbdFrame
+from app.pipeline.camera import Camera, RgbdFrame
 from app.sim.cameras import HEIGHT_PX, WIDTH_PX, calibrated
 from app.sim.world import MAIN_LIGHT_DIRECTION, SKY_RGB
 

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from app.pipeline.episode import RgbdFrame
+from app.pipeline.camera import RgbdFrame
 from app.sim.cameras import HEIGHT_PX, WIDTH_PX, calibrated
 from app.sim.opengl import NO_OPENGL
 from app.sim.raycast import RayCaster

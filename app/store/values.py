@@ -11,7 +11,8 @@ from typing import Any, Self
 import numpy as np
 
 from app.pipeline.arrays import Array
-from app.pipeline.episode import Camera, EndEffectorAction, ObjectPose
+from app.pipeline.camera import Camera
+from app.pipeline.episode import EndEffectorAction, ObjectPose
 
 JsonObject = dict[str, Any]
 

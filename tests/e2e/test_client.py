@@ -11,7 +11,8 @@ from app.client.client import RoboPromptClient
 from app.client.errors import ServiceProblemError, ServiceUnreachableError
 from app.client.robot import Observation
 from app.evaluation.server import free_port
-from app.pipeline.episode import Camera, ObjectPose, RgbdFrame
+from app.pipeline.camera import Camera, RgbdFrame
+from app.pipeline.episode import ObjectPose
 from tests.episodes import arrays, npz, pick_trajectory
 
 PLACES_M = [(0.11, 0.02, 0.78), (0.21, -0.13, 0.78), (0.3, 0.2, 0.78), (0.05, -0.2, 0.78)]

@@ -4,7 +4,8 @@ from scipy.spatial.transform import Rotation
 
 from app.evaluation.report.labels import Label, draw_labels
 from app.evaluation.report.overlay import ACTION_COLOUR, AXIS_COLOURS, AXIS_LENGTH_M, draw_scene, project
-from app.pipeline.episode import Camera, EndEffectorAction, ObjectPose, RgbdFrame
+from app.pipeline.camera import Camera, RgbdFrame
+from app.pipeline.episode import EndEffectorAction, ObjectPose
 from app.pipeline.geometry import backproject
 from app.sim.cameras import calibrated
 

@@ -119,6 +119,11 @@ def test_an_unknown_model_is_named_with_the_url():
     ("code", "body", "said"),
     [
         (500, b"<html>\n  oh no</html>", "HTTP 500: <html> oh no</html>"),
+        (
+            500,
+            b'{"error": {"message": "half a pair: \\ud800"}}',
+            'HTTP 500: {"error": {"message": "half a pair: \\ud800"}}',
+        ),
         (503, b"", "HTTP 503: no message"),
         (302, b"", "HTTP 302"),
     ],

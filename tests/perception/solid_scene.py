@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from app.perception.base import ObjectQuery
-from app.pipeline.episode import RgbdFrame
+from app.pipeline.camera import RgbdFrame
 from benchmarks.camera_noise import as_a_camera_sees_it
 from tests.perception.flat_scene import HEIGHT_PX, WIDTH_PX, camera
 

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from app.perception.calibrate import calibrate
 from app.perception.charuco import CharucoBoard
 from app.perception.rigid import rigid
-from app.pipeline.episode import Camera
+from app.pipeline.camera import Camera
 from app.pipeline.errors import InvalidInputError
 from tests.perception.flat_scene import Quad, camera, noisy, render
 

@@ -14,7 +14,7 @@ from app.perception.base import ObjectQuery
 from app.perception.models import model_from_json
 from app.perception.remote import RemotePoses
 from app.perception.rigid import inverse, rigid
-from app.pipeline.episode import RgbdFrame
+from app.pipeline.camera import RgbdFrame
 from app.pipeline.errors import ObjectNotVisibleError
 from tests.perception.flat_scene import camera, render
 

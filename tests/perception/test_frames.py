@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from app.perception.frames import ImageBytes, decode_frame
-from app.pipeline.episode import Camera
+from app.pipeline.camera import Camera
 from app.pipeline.errors import InvalidInputError
 
 CAMERA = Camera("front", 60, 60, 2.5, 1.5, np.eye(4), depth_scale=0.002)

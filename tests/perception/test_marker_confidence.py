@@ -7,7 +7,7 @@ from app.perception.marker_confidence import confidence, depth_contradiction
 from app.perception.marker_fit import MarkerFit
 from app.perception.marker_model import Marker
 from app.perception.marker_view import MarkerView
-from app.pipeline.episode import Camera
+from app.pipeline.camera import Camera
 
 CAMERA = Camera("front", 600, 600, 320, 240, np.eye(4))
 GOOD = MarkerFit(np.eye(4), 5.0, 0.1, 0.001, np.radians(1))

@@ -8,7 +8,7 @@ from app.perception.marker_detection import find_markers
 from app.perception.marker_model import Marker, MarkersModel
 from app.perception.markers import MarkerPoses
 from app.perception.rigid import inverse
-from app.pipeline.episode import RgbdFrame
+from app.pipeline.camera import RgbdFrame
 from app.pipeline.errors import InvalidInputError, ObjectNotVisibleError, UncertainPoseError
 from tests.perception.flat_scene import camera, marker_quad, noisy, render
 

@@ -3,7 +3,7 @@ import pytest
 
 from app.perception.base import ObjectQuery
 from app.perception.masks import MaskedPoints
-from app.pipeline.episode import Camera, RgbdFrame
+from app.pipeline.camera import Camera, RgbdFrame
 from app.pipeline.errors import InvalidInputError, ObjectNotVisibleError
 
 HEIGHT, WIDTH, F_PX = 4, 6, 100

@@ -7,7 +7,8 @@ from app.perception.marker_model import Marker, MarkersModel
 from app.perception.outlines import outlines
 from app.perception.overlay import AXIS_COLORS, PALETTE, draw_overlay
 from app.perception.remote_model import RemoteModel
-from app.pipeline.episode import Camera, ObjectPose, RgbdFrame
+from app.pipeline.camera import Camera, RgbdFrame
+from app.pipeline.episode import ObjectPose
 from app.pipeline.errors import InvalidInputError
 
 HEIGHT, WIDTH = 240, 320

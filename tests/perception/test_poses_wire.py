@@ -5,7 +5,8 @@ import pytest
 
 from app.perception.frames import ImageBytes, decode_frame
 from app.perception.poses_wire import PoseQuestion, answers_from_json, poses_document, request_parts
-from app.pipeline.episode import Camera, ObjectPose, RgbdFrame
+from app.pipeline.camera import Camera, RgbdFrame
+from app.pipeline.episode import ObjectPose
 from app.pipeline.errors import InvalidInputError
 
 RANDOM = np.random.default_rng(0)

@@ -11,7 +11,7 @@ from app.perception.errors import PoseServerReplyError, PoseServerTimeoutError, 
 from app.perception.pose_server import MAX_REPLY_BYTES
 from app.perception.remote import RemotePoses
 from app.perception.remote_model import RemoteModel
-from app.pipeline.episode import Camera, RgbdFrame
+from app.pipeline.camera import Camera, RgbdFrame
 from app.pipeline.errors import InvalidInputError, ObjectNotVisibleError, UncertainPoseError
 from tests.perception.pose_server_loopback import send, serving
 

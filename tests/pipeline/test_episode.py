@@ -4,16 +4,8 @@ import numpy as np
 import pytest
 
 from app.pipeline.arrays import finite_array, unit_quaternions
-from app.pipeline.episode import (
-    Camera,
-    EndEffectorAction,
-    Episode,
-    ObjectPose,
-    RgbdFrame,
-    Trajectory,
-    checked_instruction,
-    checked_name,
-)
+from app.pipeline.camera import Camera, RgbdFrame
+from app.pipeline.episode import EndEffectorAction, Episode, ObjectPose, Trajectory, checked_instruction, checked_name
 from app.pipeline.errors import InvalidInputError, RoboPromptError
 
 from .scenes import rotated

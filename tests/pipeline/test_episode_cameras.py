@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from app.pipeline.episode import Camera, RgbdFrame
+from app.pipeline.camera import Camera, RgbdFrame
 from app.pipeline.errors import InvalidInputError
 
 WIDTH, HEIGHT = 64, 48

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.episode import Camera, RgbdFrame
+from app.pipeline.camera import Camera, RgbdFrame
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.geometry import backproject, canonical_pose, tilt_rad, transform_points, yaw_rad
 

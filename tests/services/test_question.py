@@ -5,7 +5,7 @@ import asyncio
 import pytest
 
 from app.perception.base import ObjectQuery
-from app.pipeline.episode import Camera, RgbdFrame
+from app.pipeline.camera import Camera, RgbdFrame
 from app.services import write_question
 from app.services.question import PredictRequest
 from app.store.errors import ConflictError

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from app.pipeline.episode import Camera, ObjectPose, Trajectory
+from app.pipeline.camera import Camera
+from app.pipeline.episode import ObjectPose, Trajectory
 from app.store import episodes, predictions, tasks
 from app.store.records import EpisodeDraft, EpisodeRecord, PredictionDraft, PredictionRecord
 from app.store.store import Store

@@ -9,7 +9,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 from app.api.schemas import examples
 from app.perception.base import ObjectQuery
 from app.pipeline.arrays import unit_quaternions
-from app.pipeline.episode import Camera
+from app.pipeline.camera import Camera
 from app.pipeline.motion_limits import Pose
 from app.pipeline.reply import MAX_ACTIONS
 from app.services.select_demonstrations import Selection

@@ -9,7 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from app.evaluation.report.labels import Colour, Label, draw_labels
 from app.pipeline.arrays import Array
-from app.pipeline.episode import Camera, EndEffectorAction, ObjectPose
+from app.pipeline.camera import Camera
+from app.pipeline.episode import EndEffectorAction, ObjectPose
 from app.pipeline.geometry import transform_points
 from app.sim.rendering import RgbImage
 
