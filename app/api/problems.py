@@ -94,6 +94,7 @@ def install_problem_handlers(app: FastAPI) -> None:
     app.add_exception_handler(RoboPromptError, _on_own_error)
     app.add_exception_handler(RequestValidationError, _on_validation_error)
     app.add_exception_handler(ValidationError, _on_validation_error)
+    app.add_exception_handler(UnicodeEncodeError, _on_half_character)
     app.add_exception_handler(HTTPException, _on_http_error)
     app.add_exception_handler(Exception, _on_unexpected_error)
 
@@ -172,6 +173,13 @@ def _on_validation_error(request: Request, error: Exception) -> JSONResponse:
     entries = [_field_error(item) for item in error.errors()]
     detail = "; ".join(f"{entry['field']}: {entry['message']}" for entry in entries)
     return problem(KINDS[InvalidInputError], detail, entries)
+
+
+def _on_half_character(request: Request, error: Exception) -> JSONResponse:
+    """JSON can write half of a surrogate pair; nothing can store it or send it back."""
+    assert isinstance(error, UnicodeEncodeError)
+    around = error.object[max(error.start - MAX_SHOWN // 4, 0) : error.end]
+    return problem(KINDS[InvalidInputError], f"the text {around!a} ends in half of a surrogate pair, expected Unicode")
 
 
 def _field_error(item: Mapping[str, Any]) -> dict[str, Any]:

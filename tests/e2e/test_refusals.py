@@ -172,6 +172,24 @@ def test_bodies_that_cannot_be_read(http, path, content, content_type, status):
     assert response.headers["content-type"] == "application/problem+json"
 
 
+HALF = r'"\ud800"'  # of a surrogate pair: JSON can write it, UTF-8 cannot
+
+
+def test_half_characters(http, task):
+    def send(method, path, content):
+        return http.request(method, path, content=content, headers={"content-type": "application/json"})
+
+    asked = json.dumps(PREDICT)[:-1]
+    for field in ("episode_ids", "model", "no_such_field"):
+        response = send("POST", "/predict", f'{asked}, "{field}": [{HALF}]}}')
+        assert (response.status_code, response.json()["detail"][:16]) == (400, "body is not JSON")
+    predicted = http.post("/predict", json={**PREDICT, "model": "nearest"}).json()["id"]
+    before = http.get(f"/predictions/{predicted}").json()
+    response = send("POST", f"/predictions/{predicted}/outcome", f'{{"success": true, "note": {HALF}}}')
+    assert (response.status_code, "surrogate" in response.json()["detail"]) == (422, True)
+    assert http.get(f"/predictions/{predicted}").json() == before
+
+
 def test_body_without_length_is_limited_too(http):
     def chunks():
         for _ in range(30):
