@@ -122,6 +122,8 @@ PREDICT = {"task": "refusals", "instruction": "pick up the cube", "objects": [{"
         ({"model": "nobody/knows"}, 422, "embedded/gemma-3-270m"),
         ({"objects": [{"name": "ball", "position": [0, 0, 1]}]}, 422, "missing: cube"),
         ({"objects": []}, 422, "objects"),
+        ({"objects": [{"name": "cube", "position": [True, 0, 1]}]}, 422, "objects[0].position[0]"),
+        ({"objects": [{"name": "cube", "position": ["0.1", 0, 1]}]}, 422, "objects[0].position[0]"),
         ({"representation": "poetry"}, 422, "absolute"),
         ({"num_demonstrations": 0}, 422, "num_demonstrations"),
         ({"episode_ids": ["nothing"]}, 404, "nothing"),

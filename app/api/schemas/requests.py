@@ -4,7 +4,7 @@ import json
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Strict
 
 from app.api.schemas import examples
 from app.perception.base import ObjectQuery
@@ -15,9 +15,10 @@ from app.pipeline.reply import MAX_ACTIONS
 from app.services.select_demonstrations import Selection
 from app.services.task_settings import PromptFormat, Representation, SystemPrompt, plain_text
 
-Position = tuple[float, float, float]
-Quaternion = tuple[float, float, float, float]
-Row4 = tuple[float, float, float, float]
+Number = Annotated[float, Strict()]  # neither true nor "0.1"
+Position = tuple[Number, Number, Number]
+Quaternion = tuple[Number, Number, Number, Number]
+Row4 = tuple[Number, Number, Number, Number]
 Name = Annotated[str, Field(min_length=1, max_length=64)]
 Instruction = Annotated[str, Field(min_length=1, max_length=500)]
 
@@ -49,10 +50,10 @@ class ObjectIn(RequestModel):
 class Intrinsics(RequestModel):
     """Pinhole intrinsics in pixels; pixel centres are whole numbers."""
 
-    fx: float
-    fy: float
-    cx: float
-    cy: float
+    fx: Number
+    fy: Number
+    cx: Number
+    cy: Number
     width: Annotated[int | None, Field(gt=0, description="of the images; checked where given")] = None
     height: Annotated[int | None, Field(gt=0)] = None
 
@@ -68,7 +69,7 @@ class CameraIn(RequestModel):
             description="4x4 rigid transform from OpenCV camera axes (x right, y down, z forward) to the world, metres"
         ),
     ]
-    depth_scale: Annotated[float, Field(gt=0, description="metres per unit of a 16-bit depth image")] = 0.001
+    depth_scale: Annotated[Number, Field(gt=0, description="metres per unit of a 16-bit depth image")] = 0.001
 
     def camera(self) -> Camera:
         """As the pipeline wants it."""
@@ -84,7 +85,7 @@ class EpisodeMetadata(RequestModel):
     instruction: Instruction
     objects: Annotated[list[ObjectIn], Field(min_length=1, max_length=64)]
     cameras: Annotated[list[CameraIn], Field(max_length=16)] = []
-    control_frequency_hz: Annotated[float, Field(gt=0)] = 20.0
+    control_frequency_hz: Annotated[Number, Field(gt=0)] = 20.0
     prediction_id: Annotated[
         str | None, Field(max_length=64, description="of the prediction of this task that the robot carried out here")
     ] = None
@@ -96,17 +97,17 @@ class EpisodeMetadata(RequestModel):
 class TrajectoryIn(RequestModel):
     """The trajectory of a JSON upload; in multipart it is the .npz part `trajectory` with the same arrays."""
 
-    joint_velocities: Annotated[list[list[float]], Field(description="(T, 7) rad/s")]
-    end_effector_positions: Annotated[list[list[float]], Field(description="(T, 3) m, world frame")]
-    end_effector_quaternions_xyzw: Annotated[list[list[float]], Field(description="(T, 4), world frame")]
+    joint_velocities: Annotated[list[list[Number]], Field(description="(T, 7) rad/s")]
+    end_effector_positions: Annotated[list[list[Number]], Field(description="(T, 3) m, world frame")]
+    end_effector_quaternions_xyzw: Annotated[list[list[Number]], Field(description="(T, 4), world frame")]
     gripper_open: Annotated[list[float], Field(description="(T,) commanded: 1 open, 0 closed")]
-    timestamps: Annotated[list[float] | None, Field(description="(T,) s")] = None
-    joint_positions: Annotated[list[list[float]] | None, Field(description="(T, 7) rad")] = None
+    timestamps: Annotated[list[Number] | None, Field(description="(T,) s")] = None
+    joint_positions: Annotated[list[list[Number]] | None, Field(description="(T, 7) rad")] = None
     object_positions: Annotated[
-        list[list[list[float]]] | None,
+        list[list[list[Number]]] | None,
         Field(description="(T, N, 3) m, of the objects in their order: for closed-loop predictions"),
     ] = None
-    object_quaternions_xyzw: Annotated[list[list[list[float]]] | None, Field(description="(T, N, 4)")] = None
+    object_quaternions_xyzw: Annotated[list[list[list[Number]]] | None, Field(description="(T, N, 4)")] = None
 
 
 class EpisodeJson(BaseModel):
