@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from app.pipeline.arrays import finite_array
 from app.pipeline.episode import Trajectory
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.npy import array_from_npy
@@ -74,8 +75,9 @@ def trajectory_from_arrays(arrays: Mapping[str, Any], max_frames: int = MAX_FRAM
         raise InvalidInputError(f"trajectory.{missing[0]}", "is missing", _VALID)
     if unknown := [name for name in arrays if name not in REQUIRED + OPTIONAL]:
         raise InvalidInputError(f"trajectory.{unknown[0]}", "is not known", _VALID)
-    if (num_frames := np.shape(arrays["gripper_open"])[:1]) > (max_frames,):
-        raise InvalidInputError("trajectory", f"has {num_frames[0]} frames", f"at most {max_frames}")
+    num_frames = len(finite_array("trajectory.gripper_open", arrays["gripper_open"], (None,)))
+    if num_frames > max_frames:
+        raise InvalidInputError("trajectory", f"has {num_frames} frames", f"at most {max_frames}")
     return Trajectory(
         joint_velocities_rad_s=arrays["joint_velocities"],
         positions_m=arrays["end_effector_positions"],

@@ -122,3 +122,14 @@ def test_hostile_arrays_are_refused_by_name(data, message):
         trajectory_from_npz(zipped({**members, "gripper_open.npy": data}))
     assert caught.value.field == "trajectory.gripper_open"
     assert message in caught.value.message
+
+
+@pytest.mark.parametrize("name", [*ARRAYS, *OPTIONAL])
+@pytest.mark.parametrize(
+    "spoilt", [[], {}, [[]], "text", 10**400, [10**400], [1, [2]], [[1], [2, 3]], [None], ["1"], [[[[1.0]]]]]
+)
+def test_what_is_no_list_of_numbers_is_refused_by_name(name, spoilt):
+    lists = {key: array.tolist() for key, array in (ARRAYS | OPTIONAL).items()}
+    for whole in (spoilt, [spoilt, *lists[name][1:]]):
+        with pytest.raises(InvalidInputError, match=r"^trajectory\."):
+            trajectory_from_arrays({**lists, name: whole})
