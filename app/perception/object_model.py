@@ -1,6 +1,7 @@
 """What every kind of object model shares: a tag that names its estimator, its JSON, and checks that name a field."""
 
 import math
+import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import MISSING, asdict, dataclass, field, fields
 from typing import Any, Self
@@ -60,14 +61,14 @@ def numbers(name: str, value: object, count: int, *, valid: str, low: float = -m
     """
     items = tuple(value) if isinstance(value, Sequence) and not isinstance(value, str) else ()
     if len(items) != count or not all(_is_number(item) and item > low for item in items):
-        raise InvalidInputError(name, f"is {value!r}", valid)
+        raise InvalidInputError(name, f"is {value!r:.80}", valid)
     return tuple(float(item) for item in items)
 
 
 def number(name: str, value: object, *, valid: str, low: float = -math.inf, high: float = math.inf) -> float:
     """`value` as a finite number from `low` to `high`, both included; raises InvalidInputError like `numbers`."""
     if not (_is_number(value) and low <= value <= high):  # type: ignore[operator]
-        raise InvalidInputError(name, f"is {value!r}", valid)
+        raise InvalidInputError(name, f"is {value!r:.80}", valid)
     return float(value)  # type: ignore[arg-type]
 
 
@@ -84,7 +85,8 @@ def within(where: str, error: InvalidInputError) -> InvalidInputError:
 
 
 def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    # A comparison, unlike math.isfinite, bears integers that are beyond any float.
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
 
 
 def _listed(kind: type[Any]) -> str:

@@ -26,6 +26,7 @@ Point = tuple[float, float, float]
 Representation = Literal["absolute", "object_frame", "action_tokens"]
 PromptFormat = Literal["paper", "authors", "kat"]
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f]")
+MIN_SYMMETRY_DEG = 1.0  # what is rounder is round
 
 
 def plain_text(value: str) -> str:
@@ -102,7 +103,7 @@ def _known_models(models: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]
 
 
 def _symmetry(degrees: float) -> float:
-    if degrees != 0 and not (0 < degrees <= 360 and abs(360 / degrees - round(360 / degrees)) < 1e-9):
+    if degrees != 0 and not (MIN_SYMMETRY_DEG <= degrees <= 360 and abs(360 / degrees - round(360 / degrees)) < 1e-9):
         raise ValueError("must be 0 (round) or divide 360, e.g. 90 for a cube")
     return degrees
 

@@ -39,6 +39,7 @@ def test_a_colour_can_be_a_name():
         ({"size_m": [0.05, 0.05]}, "size_m"),
         ({"size_m": [0.05, 0.05, 0]}, "size_m"),
         ({"size_m": [0.05, float("nan"), 1]}, "size_m"),
+        ({"size_m": [0.05, 0.05, 10**400]}, "size_m"),
         ({"size_m": "big"}, "size_m"),
         ({"color": "reddish"}, "color"),
         ({"color": {"hue_deg": [350, 370]}}, "color.hue_deg"),
@@ -53,6 +54,7 @@ def test_a_colour_can_be_a_name():
         ({"rank": {"number": 1, "of": 2}}, "rank.nearest_to"),
         ({"away_from": "]"}, "away_from"),
         ({"min_confidence": 1.5}, "min_confidence"),
+        ({"min_confidence": -(10**400)}, "min_confidence"),
         ({"weight_kg": 1}, "weight_kg"),
     ],
 )
