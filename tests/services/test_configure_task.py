@@ -49,10 +49,8 @@ def test_refused_settings_change_nothing(services):
     before = keyframes(services, id_)
     with pytest.raises(InvalidInputError, match=id_):
         services.configure_task("pick", {"pose_estimator": "masks", "keyframes": {"rule": "uniform"}})
-    for wrong in (
-        {"num_demonstrations": 0},
-        *({"yaw_symmetry_deg": {"cube": deg}} for deg in (77, -90, 1e-320, 1e308)),
-    ):
+    symmetries = ({"yaw_symmetry_deg": {"cube": degrees}} for degrees in (77, -90, 1e-320, 1e308))
+    for wrong in ({"num_demonstrations": 0}, *symmetries):
         with pytest.raises(ValidationError):
             services.configure_task("pick", wrong)
     assert keyframes(services, id_) == before
