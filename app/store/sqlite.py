@@ -14,6 +14,8 @@ from app.store.errors import CorruptDataError, StoreUnavailableError
 
 # Execution option of a connection whose transaction will write.
 WRITE_OPTION = "roboprompt_write"
+# Of each connection, of which there are up to 40; the operating system caches the file for all of them together.
+CACHE_KIB = 256
 _WAL_RETRY_INTERVAL_S = 0.02
 
 
@@ -23,7 +25,12 @@ def configure(engine: Engine, busy_timeout_s: float) -> None:
     Durability: synchronous=FULL syncs the log at every commit, so that an acknowledged commit survives a power cut;
     NORMAL would lose those since the last checkpoint (https://sqlite.org/pragma.html#pragma_synchronous).
     """
-    pragmas = (f"busy_timeout={round(busy_timeout_s * 1000)}", "synchronous=FULL", "foreign_keys=ON")
+    pragmas = (
+        f"busy_timeout={round(busy_timeout_s * 1000)}",
+        "synchronous=FULL",
+        "foreign_keys=ON",
+        f"cache_size=-{CACHE_KIB}",
+    )
 
     @event.listens_for(engine, "connect")
     def on_connect(connection: sqlite3.Connection, _: ConnectionPoolEntry) -> None:
