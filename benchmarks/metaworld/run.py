@@ -59,6 +59,7 @@ def run(arguments: argparse.Namespace) -> str:
         found = results(ledger, arguments.tasks, plan.models)
     text = markdown(found, facts(plan, versions))
     if arguments.markdown:
+        arguments.markdown.parent.mkdir(parents=True, exist_ok=True)
         arguments.markdown.write_text(f"# Meta-World\n\n{text}")
     _report(f"results: {out}")
     return f"{text}{json.dumps(summary(found))}" if arguments.json else text

@@ -1,7 +1,7 @@
 """The results as a table and as one JSON object."""
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import mean, median
 from typing import Any
@@ -138,8 +138,7 @@ def markdown(found: Sequence[TaskResult], facts: Mapping[str, str]) -> str:
     llm = (
         f"A prediction of the LLM took {taken['median']:.1f} s (median), at most {taken['max']:.1f} s." if taken else ""
     )
-    problems = Counter(problem for task in found for problem in task.problems)
-    errors = "\n".join(f"- {number} x {problem}" for problem, number in problems.most_common())
+    errors = "\n".join(_kinds(problem for task in found for problem in task.problems))
     parts = [
         table(found),
         llm,
@@ -159,6 +158,18 @@ def table(found: Sequence[TaskResult]) -> str:
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     rows.insert(1, ["-" * widths[0], *("-" * (width - 1) + ":" for width in widths[1:])])
     return "\n".join(_line(row, widths) for row in rows)
+
+
+def _kinds(problems: Iterable[str]) -> Iterator[str]:
+    """A line for each status and title, the most frequent first, with one of the details as an example."""
+    examples: dict[str, str] = {}
+    numbers: Counter[str] = Counter()
+    for problem in problems:
+        kind, _, detail = problem.partition("; ")
+        numbers[kind] += 1
+        examples.setdefault(kind, detail)
+    for kind, number in numbers.most_common():
+        yield f"- {number} x {kind}" + (f", for example: {examples[kind]}" if examples[kind] else "")
 
 
 def _cells(task: TaskResult) -> Iterator[str]:
