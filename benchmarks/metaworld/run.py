@@ -23,10 +23,13 @@ import numpy as np
 
 from benchmarks.metaworld.demonstrate import RATES_HZ, DemonstrationCache
 from benchmarks.metaworld.ledger import Ledger, LedgerError
-from benchmarks.metaworld.service import Service, ServiceError, own_service
-from benchmarks.metaworld.table import markdown, results, summary
+from benchmarks.metaworld.plan import Plan
+from benchmarks.metaworld.scores import results, summary
+from benchmarks.metaworld.server import own_service
+from benchmarks.metaworld.service import Service, ServiceError
+from benchmarks.metaworld.table import markdown
 from benchmarks.metaworld.tasks import TASKS
-from benchmarks.metaworld.trials import Benchmark, Plan
+from benchmarks.metaworld.trials import Benchmark
 
 ROOT = Path(__file__).parents[2]
 REPORTS = ROOT / "reports" / "metaworld"

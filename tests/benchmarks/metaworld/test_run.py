@@ -4,9 +4,10 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.metaworld.plan import Plan
 from benchmarks.metaworld.run import facts, parser, plan_of
-from benchmarks.metaworld.service import ServiceError, own_service
-from benchmarks.metaworld.trials import Plan
+from benchmarks.metaworld.server import own_service
+from benchmarks.metaworld.service import ServiceError
 
 FOLDER = Path(__file__).parents[3] / "benchmarks" / "metaworld"
 

@@ -9,9 +9,10 @@ import pytest
 from app.evaluation.server import running_server
 from benchmarks.metaworld.demonstrate import DemonstrationCache
 from benchmarks.metaworld.ledger import REPLAY, Ledger
+from benchmarks.metaworld.plan import Plan, is_llm
+from benchmarks.metaworld.scores import results, summary
 from benchmarks.metaworld.service import Service, ServiceError
-from benchmarks.metaworld.table import results, summary
-from benchmarks.metaworld.trials import Benchmark, Plan, is_llm
+from benchmarks.metaworld.trials import Benchmark
 from tests.benchmarks.metaworld.button_world import ButtonWorld
 
 WORKSPACE = {"min": [-0.6, 0.2, -0.1], "max": [0.6, 1.0, 0.6]}
