@@ -96,9 +96,10 @@ class Trajectory:
     def __len__(self) -> int:
         return len(self.joint_velocities_rad_s)
 
-    def action_at(self, frame: int) -> "EndEffectorAction":
-        """The end effector's pose and gripper command at `frame`."""
-        return EndEffectorAction(self.positions_m[frame], self.quaternions_xyzw[frame], bool(self.gripper_open[frame]))
+    def action_at(self, frame: int, *, gripper_open: bool | None = None) -> "EndEffectorAction":
+        """The end effector's pose at `frame`, and the gripper's state there unless another is given."""
+        is_open = bool(self.gripper_open[frame]) if gripper_open is None else gripper_open
+        return EndEffectorAction(self.positions_m[frame], self.quaternions_xyzw[frame], is_open)
 
 
 def _booleans(name: str, value: npt.ArrayLike, length: int) -> npt.NDArray[np.bool_]:
@@ -201,6 +202,8 @@ class Demonstration:
 
     Attributes:
         later_objects: the objects' poses after each action, where the episode tracked them; otherwise empty.
+        start: where the end effector was at first, where that is known.
+        plan: demonstrations of equal plans and like instructions have the same rows; see `app.pipeline.plans`.
     """
 
     instruction: str
@@ -208,3 +211,5 @@ class Demonstration:
     actions: tuple[EndEffectorAction, ...]
     id: str = ""
     later_objects: tuple[tuple[ObjectPose, ...], ...] = ()
+    start: EndEffectorAction | None = None
+    plan: int = 0

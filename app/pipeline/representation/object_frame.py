@@ -24,7 +24,7 @@ from app.pipeline.errors import ReplyParseError
 from app.pipeline.geometry import yaw_rad
 from app.pipeline.language import clauses, template
 from app.pipeline.representation.anchors import (
-    FRAMES,
+    OBJECT_FRAMES,
     Anchor,
     choose_anchors,
     in_order,
@@ -145,7 +145,10 @@ class ObjectFrameCodec:
         rotated = {pose.name for d in self.demonstrations for pose in d.objects if _has_rotation(pose)}
         ordered = enumerate(in_order(self.demonstrations[0].objects, instruction))
         return [
-            f"{_letter(k)} {frame}" for k, pose in ordered for frame in FRAMES if frame == "w" or pose.name in rotated
+            f"{_letter(k)} {frame}"
+            for k, pose in ordered
+            for frame in OBJECT_FRAMES
+            if frame == "w" or pose.name in rotated
         ]
 
     def rows(self, reply_text: str, complete: bool) -> list[str]:
