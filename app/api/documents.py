@@ -143,6 +143,7 @@ def prediction_document(prediction: Prediction) -> JsonObject:
         "timings_ms": prediction.timings_ms,
         "step": prediction.question.step,
         "samples": _samples(prediction.samples),
+        "findings": [finding.to_json() for finding in prediction.findings],
     }
 
 

@@ -203,7 +203,8 @@ class Demonstration:
     Attributes:
         later_objects: the objects' poses after each action, where the episode tracked them; otherwise empty.
         start: where the end effector was at first, where that is known.
-        plan: demonstrations of equal plans and like instructions have the same rows; see `app.pipeline.plans`.
+        plan: demonstrations of equal plans and like instructions have the same rows, see
+            `app.pipeline.plans`; None: the keyframes are as they were found.
     """
 
     instruction: str
@@ -212,4 +213,4 @@ class Demonstration:
     id: str = ""
     later_objects: tuple[tuple[ObjectPose, ...], ...] = ()
     start: EndEffectorAction | None = None
-    plan: int = 0
+    plan: int | None = None

@@ -31,25 +31,32 @@ def extract(
     frames: Sequence[RgbdFrame],
     settings: TaskSettings,
     names: Sequence[str],
+    control_frequency_hz: float,
 ) -> Extracted:
     """Find the keyframes and estimate the objects' poses.
 
     Args:
         objects: as sent, which is also the order of the objects that the trajectory tracks.
         names: of the objects, in the task's order.
+        control_frequency_hz: of the recording, for a trajectory without timestamps.
 
     Raises:
         InvalidInputError: if there is no keyframe, an object cannot be found, or a model is of none of them.
     """
-    indices = find_keyframes(trajectory, settings.keyframes.keyframe_rule())
-    if not indices:
+    found = find_keyframes(trajectory, settings.keyframes.keyframe_rule(), control_frequency_hz)
+    if not found:
         message = f"no keyframe in {len(trajectory)} frames by rule {settings.keyframes.rule!r}"
         raise InvalidInputError("trajectory", message, "an episode in which the robot moves and then rests")
     settings.check_models(names)
     poses = estimate_poses(settings.pose_estimator, settings.with_models(objects), frames)
     sent = [query.name for query in objects]
     keyframes = tuple(
-        KeyframeRecord.of(k, trajectory.action_at(k), _ordered(trajectory.objects_at(k, sent), names)) for k in indices
+        KeyframeRecord.of(
+            frame,
+            trajectory.action_at(frame, gripper_open=gripper_open),
+            _ordered(trajectory.objects_at(frame, sent), names),
+        )
+        for frame, gripper_open in found
     )
     return Extracted(keyframes, tuple(ObjectRecord.of(pose) for pose in _ordered(poses, names)))
 
@@ -71,7 +78,7 @@ def extract_again(store: Store, record: EpisodeRecord, settings: TaskSettings) -
         names = [item.name for item in record.objects]
         queries = tuple(map(ObjectQuery.from_json, record.given_objects))
         frames = [read_frame(store.blobs, item) for item in record.cameras]
-        extracted = extract(trajectory, queries, frames, settings, names)
+        extracted = extract(trajectory, queries, frames, settings, names, record.control_frequency_hz)
     except InvalidInputError as error:
         raise InvalidInputError(f"episode {record.id}: {error.field}", error.message, error.valid) from error
     return Extraction(record.id, extracted.keyframes, extracted.objects)

@@ -9,11 +9,11 @@ import anyio.to_thread
 
 from app.llm.base import Completion, LanguageModelError, TextDelta
 from app.llm.registry import ModelRegistry
-from app.pipeline.errors import ReplyParseError, UnsafeActionError
+from app.pipeline.errors import ReplyParseError, UnsafeActionError, UnsupportedActionError
 from app.pipeline.motion_limits import MotionGuard
 from app.pipeline.workspace import discretize_actions
 from app.services.dialogue import Dialogue
-from app.services.errors import UnparsableReplyError, UnsafeReplyError
+from app.services.errors import UnparsableReplyError, UnsafeReplyError, UnsupportedReplyError
 from app.services.log_fields import note
 from app.services.prediction import PredictedAction, Prediction
 from app.services.prefix_warmer import PrefixWarmer
@@ -78,6 +78,7 @@ class PredictActions:
         Raises:
             LanguageModelError: if the LLM did not answer; recorded.
             UnparsableReplyError: if its reply is not a list of valid actions; recorded, carries the reply.
+            UnsupportedReplyError: if the demonstrations do not support an action; recorded, carries the reply.
             UnsafeReplyError: if an action is beyond a bound of motion; recorded, carries the reply.
         """
         kind = SampledDialogue if question.samples else Dialogue
@@ -97,12 +98,18 @@ class PredictActions:
         except UnsafeActionError as error:
             id_ = await record("unsafe_action", error=str(error))
             raise UnsafeReplyError(error, dialogue.reply_text or "", id_) from error
+        except UnsupportedActionError as error:
+            id_ = await record("unsupported", error=str(error))
+            raise UnsupportedReplyError(error, dialogue.reply_text or "", id_) from error
         except LanguageModelError as error:
             await record("model_error", error=str(error))
             raise
         id_ = await record("ok", actions)
+        findings = tuple(dialogue.findings)
         completion = Completion(dialogue.reply_text or "", dialogue.usage)
-        yield Prediction(id_, question, dialogue.prompt, tuple(actions), completion, timings_ms, dialogue.samples)
+        yield Prediction(
+            id_, question, dialogue.prompt, tuple(actions), completion, timings_ms, dialogue.samples, findings
+        )
 
     async def _checked(
         self, question: Question, dialogue: Dialogue | SampledDialogue, *, piecewise: bool

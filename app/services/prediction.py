@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from app.llm.base import Completion
 from app.pipeline.episode import EndEffectorAction
+from app.pipeline.findings import Finding
 from app.pipeline.prompt import Prompt
 from app.pipeline.workspace import DiscreteAction
 from app.services.question import Question
@@ -35,6 +36,7 @@ class Prediction:
     Attributes:
         prompt: the last that the LLM was asked: with several instructions it holds the replies to those before.
         samples: where several replies were asked for, each of them.
+        findings: what deserves a look.
     """
 
     id: str
@@ -44,3 +46,4 @@ class Prediction:
     completion: Completion
     timings_ms: dict[str, float]
     samples: tuple[JsonObject, ...] | None = None
+    findings: tuple[Finding, ...] = ()

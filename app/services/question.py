@@ -3,12 +3,15 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Literal
+
+import numpy as np
 
 from app.llm.base import ModelProfile
 from app.perception.base import ObjectQuery
 from app.perception.frames import ImageBytes
 from app.pipeline.camera import RgbdFrame
-from app.pipeline.episode import ObjectPose
+from app.pipeline.episode import EndEffectorAction, ObjectPose
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.motion_limits import Pose
 from app.pipeline.prompt import Prompt, PromptTemplate
@@ -19,6 +22,7 @@ from app.services.templates import PromptStyle, Template
 from app.store.values import JsonObject
 
 SAMPLES_TEMPERATURE = 0.5
+Unsupported = Literal["refuse", "allow"]
 
 
 @dataclass(frozen=True)
@@ -37,6 +41,7 @@ class PredictRequest:
         closed_loop: ask for the next action only.
         after: the id of the prediction that a closed loop goes on from; its model, demonstrations and style go on, too.
         end_effector: where the robot's end effector is, where the robot tells.
+        unsupported: whether an action unlike what was demonstrated is refused, or only found.
         stream_text: hand out the reply's text, too, where it is read while it arrives.
         as_sent: the request as it came, to be stored with the prediction.
     """
@@ -62,6 +67,7 @@ class PredictRequest:
     max_actions: int = MAX_ACTIONS
     timeout_s: float = 60.0
     end_effector: Pose | None = None
+    unsupported: Unsupported = "refuse"
     stream_text: bool = False
     as_sent: JsonObject = field(default_factory=dict)
 
@@ -104,6 +110,14 @@ class Question:
     observed: tuple[ObjectPose, ...]
     end_effector: Pose | None
     samples: tuple["Question", ...] = ()
+
+    @property
+    def start(self) -> EndEffectorAction | None:
+        """Where the end effector is at first, if the robot says so and rows may be relative to it."""
+        pose = self.end_effector
+        if pose is None or not self.style.from_start:
+            return None
+        return EndEffectorAction(np.array(pose.position_m), np.array(pose.quaternion_xyzw), gripper_open=True)
 
     @cached_property
     def prompt(self) -> Prompt:

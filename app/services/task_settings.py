@@ -16,6 +16,7 @@ from app.pipeline.episode import ObjectPose
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.geometry import canonical_pose
 from app.pipeline.keyframes import SIMULATION_DELTA_RAD_S, KeyframeRule, Rule
+from app.pipeline.keyframes.rule import TOLERANCE_DEG, TOLERANCE_M
 from app.pipeline.motion_limits import Box, MotionLimits
 from app.pipeline.prompt import MAX_SYSTEM_PROMPT_CHARS
 from app.pipeline.representation import check_style
@@ -55,17 +56,26 @@ class WorkspaceSettings(_Settings):
 
 
 class KeyframeSettings(_Settings):
-    """How keyframes are found: the paper's rule with runs merged, the authors' code, or every interval-th frame."""
+    """How keyframes are found.
 
-    rule: Rule = "merged"
+    `auto`: `merged` where a recording rests at its keyframes, else `waypoints`. `merged` is the paper's rule with runs
+    merged, `authors` their published code, `uniform` every interval-th frame.
+    """
+
+    rule: Rule = "auto"
     delta_rad_s: Annotated[float, Field(gt=0, description="0.1 in simulation, 0.01 on a real robot")] = (
         SIMULATION_DELTA_RAD_S
     )
     interval: Annotated[int, Field(ge=1, le=10_000)] = 5
+    tolerance_m: Annotated[
+        float,
+        Field(gt=0, le=1, description="waypoints: how far the hand may stray from straight motion"),
+    ] = TOLERANCE_M
+    tolerance_deg: Annotated[float, Field(gt=0, le=180, description="the same of its rotation")] = TOLERANCE_DEG
 
     def keyframe_rule(self) -> KeyframeRule:
         """As the pipeline wants it."""
-        return KeyframeRule(self.rule, self.delta_rad_s, self.interval)
+        return KeyframeRule(self.rule, self.delta_rad_s, self.interval, self.tolerance_m, self.tolerance_deg)
 
 
 class KeepOutBox(_Settings):

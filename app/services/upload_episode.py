@@ -107,7 +107,10 @@ class UploadEpisode:
         if task is not None and task.object_names is not None:
             names = list(task.object_names)
             check_object_names(sent, names)
-        return extract(upload.episode.trajectory, upload.objects, upload.episode.frames, settings, names)
+        episode = upload.episode
+        return extract(
+            episode.trajectory, upload.objects, episode.frames, settings, names, episode.control_frequency_hz
+        )
 
     def _commit(
         self,

@@ -155,6 +155,7 @@ def read_question(body: Body, limits: Limits) -> tuple[PredictRequest, PredictBo
         after=asked.after,
         max_actions=asked.max_actions,
         timeout_s=asked.timeout_s,
+        unsupported=asked.unsupported,
         stream_text=asked.stream_text,
         end_effector=None if asked.end_effector is None else asked.end_effector.pose(),
         as_sent=asked.model_dump(mode="json", exclude_unset=True),

@@ -12,6 +12,7 @@ from app.pipeline.arrays import unit_quaternions
 from app.pipeline.camera import Camera
 from app.pipeline.motion_limits import Pose
 from app.pipeline.reply import MAX_ACTIONS
+from app.services.question import Unsupported
 from app.services.select_demonstrations import Selection
 from app.services.task_settings import PromptFormat, Representation, SystemPrompt, plain_text
 
@@ -185,6 +186,10 @@ class PredictBody(RequestModel):
     ] = None
     max_actions: Annotated[int, Field(ge=1, le=100)] = MAX_ACTIONS
     timeout_s: Annotated[float, Field(ge=0.1, le=600)] = 60.0
+    unsupported: Annotated[
+        Unsupported,
+        Field(description="allow: actions unlike what was demonstrated are answered with a finding instead of refused"),
+    ] = "refuse"
     stream_text: Annotated[
         bool, Field(description="with `Accept: text/event-stream`: the reply's text, too, in events `text`")
     ] = False

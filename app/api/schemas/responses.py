@@ -234,7 +234,7 @@ class StoredPrediction(BaseModel):
     id: str
     task: str
     instruction: str
-    status: Literal["ok", "parse_error", "unsafe_action", "model_error"]
+    status: Literal["ok", "parse_error", "unsafe_action", "unsupported", "model_error"]
     error: str | None
     model: str
     representation: str

@@ -23,9 +23,10 @@ __all__ = [
     "PlanRow",
     "Recording",
     "agreed",
+    "agreeing",
+    "aligned_by_plan",
     "by_plan",
     "plan_rows",
-    "planned",
     "shown_together",
 ]
 
@@ -38,11 +39,17 @@ RARE = (
 TOLD_APART = 0.8  # the share of demonstrations whose plan the nearest other scene has: the scene decides
 
 
-def planned(recordings: Sequence[Recording]) -> Group:
-    """The recordings' demonstrations, aligned and told apart by plan, each row as its demonstrations agree on it."""
+def aligned_by_plan(recordings: Sequence[Recording]) -> Group:
+    """The recordings' demonstrations, those of one plan with equally many actions; ways of doing a thing are plans."""
     result = [recording.demonstration for recording in recordings]
     for places in _grouped((asks_for(demonstration), k) for k, demonstration in enumerate(result)).values():
         _put(result, places, _by_way(aligned([recordings[k] for k in places])))
+    return tuple(result)
+
+
+def agreeing(demonstrations: Sequence[Demonstration]) -> Group:
+    """The demonstrations with each row as those of its plan agree on it."""
+    result = list(demonstrations)
     for places in _grouped((_plan_key(demonstration), k) for k, demonstration in enumerate(result)).values():
         _put(result, places, agreed([result[k] for k in places]))
     return tuple(result)
@@ -79,7 +86,7 @@ def shown_together(demonstrations: Sequence[Demonstration]) -> Group:
     return tuple(demonstrations[k] for k in sorted(kept))
 
 
-def _plan_key(demonstration: Demonstration) -> tuple[str, int, int]:
+def _plan_key(demonstration: Demonstration) -> tuple[str, int | None, int]:
     return asks_for(demonstration), demonstration.plan, len(demonstration.actions)
 
 
@@ -87,7 +94,7 @@ def _by_way(demonstrations: Sequence[Demonstration]) -> list[Demonstration]:
     """The demonstrations with plans that are carried out in two ways told apart."""
     result = list(demonstrations)
     pending = list(_grouped((_plan_key(d), k) for k, d in enumerate(result)).values())
-    next_plan = 1 + max(demonstration.plan for demonstration in result)
+    next_plan = 1 + max(demonstration.plan or 0 for demonstration in result)
     while pending:
         members = pending.pop()
         group = [result[k] for k in members]

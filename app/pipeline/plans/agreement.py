@@ -4,6 +4,7 @@ A row that depends on something else in the scene, or that is done in several wa
 never averaged.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -15,8 +16,9 @@ from app.pipeline.plans.rows import PlanRow, plan_rows
 from app.pipeline.representation.anchors import M_PER_RAD, Anchor, anchor_frame, in_order, tilted_objects
 
 TWO_WAYS_M = 0.03  # ways that differ by less are one
-GAP = 2.5  # between two ways, in standard deviations within them
+GAP = 3.0  # between two ways, in standard deviations within them
 FEWEST_OF_A_WAY = 2
+SHARE_OF_A_WAY = 0.25
 EXPLAINED = 0.5  # the share of the scatter that must remain when the scene does not decide a row
 NEGLIGIBLE_M = 0.02  # scatter within which it does not matter
 FAR_APART_M = 0.03  # two demonstrations cannot tell scatter from two ways
@@ -69,14 +71,15 @@ def two_ways(row: PlanRow) -> np.ndarray | None:
     """
     turns_m = M_PER_RAD * (row.mean_rotation.inv() * row.rotations).as_rotvec()
     poses_m = np.concatenate([row.offsets_m - row.centre_m, turns_m], axis=1)
-    if len(poses_m) < 2 * FEWEST_OF_A_WAY:
+    fewest = max(FEWEST_OF_A_WAY, math.ceil(SHARE_OF_A_WAY * len(poses_m)))
+    if len(poses_m) < 2 * fewest:
         return None
     _, _, directions = np.linalg.svd(poses_m - poses_m.mean(axis=0), full_matrices=False)
     places_m = poses_m @ directions[0]
     order = np.argsort(places_m, kind="stable")
     sorted_m = places_m[order]
-    gaps_m = np.diff(sorted_m)[FEWEST_OF_A_WAY - 1 : len(sorted_m) - FEWEST_OF_A_WAY]
-    cut = int(np.argmax(gaps_m)) + FEWEST_OF_A_WAY
+    gaps_m = np.diff(sorted_m)[fewest - 1 : len(sorted_m) - fewest]
+    cut = int(np.argmax(gaps_m)) + fewest
     low, high = sorted_m[:cut], sorted_m[cut:]
     within_m = float(np.sqrt((low.var() * len(low) + high.var() * len(high)) / len(sorted_m)))
     if gaps_m.max() < max(TWO_WAYS_M, GAP * within_m):

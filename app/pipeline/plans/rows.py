@@ -26,7 +26,8 @@ class PlanRow:
         rotations: N, from the anchors' axes.
         centre_m: (3,) the robust centre of the offsets.
         mean_rotation: of the rotations.
-        gripper_open: what the gripper does there.
+        gripper_open: what the gripper does there in most.
+        grippers: everything that it does there.
     """
 
     anchors: tuple[Anchor, ...]
@@ -35,6 +36,7 @@ class PlanRow:
     centre_m: Array
     mean_rotation: Rotation
     gripper_open: bool
+    grippers: frozenset[bool]
 
     @property
     def off_m(self) -> Array:
@@ -61,8 +63,9 @@ def _row(group: Sequence[Demonstration], k: int, anchors: Sequence[Anchor], tilt
     offsets_m = np.array([offset_m for offset_m, _ in relative])
     rotations = Rotation.concatenate([rotation for _, rotation in relative])
     centre_m, mean = robust_centre(offsets_m, rotations)
-    is_open = 2 * sum(d.actions[k].gripper_open for d in group) >= len(group)
-    return PlanRow(tuple(anchors), offsets_m, rotations, centre_m, mean, is_open)
+    states = [demonstration.actions[k].gripper_open for demonstration in group]
+    is_open = 2 * sum(states) >= len(states)
+    return PlanRow(tuple(anchors), offsets_m, rotations, centre_m, mean, is_open, frozenset(states))
 
 
 def robust_centre(offsets_m: Array, rotations: Rotation) -> tuple[Array, Rotation]:

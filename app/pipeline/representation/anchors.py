@@ -18,6 +18,7 @@ TILT_RAD = math.radians(5)  # an object that leans more than this in any demonst
 M_PER_RAD = 0.06  # 10 degrees of rotation weigh as much as 1 cm of position
 EQUAL_SPREAD_M = 0.002  # pairs this close to the best count as equal: then the previous row's pair goes on
 CLEARLY_LESS = 0.6  # the share of an object's spread below which the world or the start describe a row better
+WORLD_REACH_M = 4.9  # farther from the world's origin a row has no digits for it
 MANY = 5  # demonstrations from which on a single odd one does not decide
 MOST = 0.8  # the share of many demonstrations that decides
 
@@ -149,8 +150,10 @@ def _beyond_objects(group: Sequence[Demonstration]) -> list[list[Anchor]]:
     """The world, and the start where every demonstration knows it; one demonstration cannot tell them from objects."""
     if len(group) == 1:
         return []
-    known = all(demonstration.start is not None for demonstration in group)
-    return [[anchor] * len(group) for anchor in (WORLD, START) if anchor is WORLD or known]
+    started = all(demonstration.start is not None for demonstration in group)
+    near = all(np.abs(action.position_m).max() < WORLD_REACH_M for d in group for action in d.actions)
+    usable = ((WORLD, near), (START, started))
+    return [[anchor] * len(group) for anchor, can in usable if can]
 
 
 def _spread_m(group: Sequence[Demonstration], k: int, anchors: Sequence[Anchor], tilted: frozenset[str]) -> float:
