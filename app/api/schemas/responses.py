@@ -186,6 +186,17 @@ class SamplesOut(BaseModel):
 Samples = Annotated[SamplesOut | None, Field(description="null where one reply was asked for")]
 
 
+class FindingOut(BaseModel):
+    """A doubt: what deserves a look, and the numbers behind it as further members."""
+
+    model_config = ConfigDict(extra="allow")
+
+    code: str
+    severity: Literal["info", "warning", "danger"]
+    message: str
+    where: Annotated[str, Field(description="path of what it is about; empty for the whole")]
+
+
 class PredictionOut(BaseModel):
     """Actions for the robot, and where they come from."""
 
@@ -203,6 +214,7 @@ class PredictionOut(BaseModel):
     timings_ms: dict[str, float]
     step: Step = None
     samples: Samples = None
+    findings: Annotated[list[FindingOut], Field(description="what deserves a look before the robot moves")] = []
 
 
 class DryRunOut(BaseModel):

@@ -130,10 +130,16 @@ def _texts(services: Services, recording: _Recording) -> tuple[tuple[EpisodeText
         where = f"Demonstration {ids.index(record.id) + 1} of the first {len(ids)}, {usually}."
     else:
         where = f"Not among the first {len(ids)} demonstrations, {usually}; so it would be read after them."
-        prompted += (DemonstrationRecord(record.id, record.instruction, record.objects, record.keyframes),)
+        prompted += (
+            DemonstrationRecord(
+                record.id, record.instruction, record.objects, record.keyframes, record.control_frequency_hz
+            ),
+        )
         ids.append(record.id)
     representation, prompt_format, whose = _usual_style(services, settings)
-    demonstrations = [item.demonstration() for item in prompted]
+    with services.store.read() as connection:
+        read = partial(episodes.get_trajectories, connection, ids)
+        demonstrations = demonstrations_of(prompted, read, settings, all_of_them=True).shown
     texts = episode_texts(demonstrations, ids.index(record.id), settings, representation, prompt_format)
     return texts, f"{where} {whose}"
 
