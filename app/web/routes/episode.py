@@ -1,6 +1,7 @@
 """One episode: what was recorded, what was made of it, and what another keyframe rule would make."""
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Annotated
 
 import numpy as np
@@ -16,6 +17,7 @@ from app.pipeline.episode import Trajectory
 from app.pipeline.keyframes import RULES
 from app.pipeline.timeline import frame_times_s, gripper_stretches
 from app.services.container import Services
+from app.services.demonstrations import demonstrations_of
 from app.services.task_settings import KeyframeSettings, TaskSettings
 from app.store import episodes, tasks
 from app.store.records import DemonstrationRecord, EpisodeRecord, TaskRecord
