@@ -3,7 +3,7 @@
 import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 
 from sqlalchemy import Connection
 
@@ -18,6 +18,7 @@ from app.services.log_fields import note
 from app.services.pose_servers import PoseServers
 from app.services.stored_images import put_images
 from app.services.task_settings import TaskSettings
+from app.services.workspaces import with_room_for
 from app.store import episodes, idempotency, predictions, tasks
 from app.store.errors import ConflictError, NotFoundError
 from app.store.records import EpisodeDraft, EpisodeRecord, StoredResponse, TaskRecord
@@ -127,18 +128,25 @@ class UploadEpisode:
             task = tasks.get_or_create(
                 connection, upload.task, _settings_of(seen, upload.objects).model_dump(mode="json")
             )
-            expected = None if seen is None else (seen.settings, seen.object_names)
-            if expected is not None and (task.settings, task.object_names) != expected:
+            expected = None if seen is None else _what_is_extracted(seen)
+            if expected is not None and _what_is_extracted(task) != expected:
                 return None
             if expected is None and task.object_names is not None:
                 return None
             _check_link(connection, upload)
             record = episodes.add(connection, _draft(upload, extracted, cameras))
-            answer = respond(record, replace(task, object_names=tuple(o.name for o in record.objects)))
+            settings = with_room_for(TaskSettings.model_validate(task.settings), [extracted])
+            task = tasks.update_settings(connection, upload.task, settings.model_dump(mode="json"))
+            answer = respond(record, task)
             if (key := upload.idempotency_key) is not None:
                 idempotency.forget(connection, SCOPE, key)
                 idempotency.save(connection, SCOPE, key, upload.digest, StoredResponse(201, answer))
         return answer
+
+
+def _what_is_extracted(task: TaskRecord) -> tuple[JsonObject, tuple[str, ...] | None]:
+    """What an extraction depends on: not the workspace, which grows with every episode that needs it."""
+    return {name: value for name, value in task.settings.items() if name != "workspace"}, task.object_names
 
 
 def _check_link(connection: Connection, upload: Upload) -> None:
