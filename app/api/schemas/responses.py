@@ -3,8 +3,9 @@
 from datetime import datetime
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 
+from app.api.schemas.findings import FindingOut
 from app.services.task_settings import TaskSettings
 
 Bins = Annotated[list[int], Field(description="x y z (0..99), roll pitch yaw (0..71), gripper (1 = open)")]
@@ -55,6 +56,12 @@ class EpisodeOut(BaseModel):
     observation_text: str
     actions_text: str
     created_at: datetime
+
+
+class UploadedEpisodeOut(EpisodeOut):
+    """An episode that was just uploaded."""
+
+    findings: Annotated[list[FindingOut], Field(description="what in the recording deserves a look")]
 
 
 class UploadOut(BaseModel):
@@ -184,17 +191,6 @@ class SamplesOut(BaseModel):
 
 
 Samples = Annotated[SamplesOut | None, Field(description="null where one reply was asked for")]
-
-
-class FindingOut(BaseModel):
-    """A doubt: what deserves a look, and the numbers behind it as further members."""
-
-    model_config = ConfigDict(extra="allow")
-
-    code: str
-    severity: Literal["info", "warning", "danger"]
-    message: str
-    where: Annotated[str, Field(description="path of what it is about; empty for the whole")]
 
 
 class PredictionOut(BaseModel):
