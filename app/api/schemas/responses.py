@@ -142,6 +142,23 @@ class JobPage(BaseModel):
     next_cursor: int | None
 
 
+class AnchorOut(BaseModel):
+    """What an action hangs on: the robot that sees the object move can move the action with it."""
+
+    object: Annotated[str | None, Field(description="null for the frames world and start")]
+    frame: Annotated[
+        Literal["w", "o", "world", "start"],
+        Field(
+            description="w: world axes at the object; o: the object's axes (only its yaw where it stands upright); "
+            "world: the world frame; start: world axes where the end effector was at first"
+        ),
+    ]
+    offset_m: Annotated[list[float], Field(description="(3) from the origin, along these axes")]
+    rotation_xyzw: Annotated[list[float], Field(description="(4) from these axes")]
+    tolerance_m: Annotated[float, Field(description="within which most demonstrations lie")]
+    tolerance_deg: float
+
+
 class ActionOut(BaseModel):
     """An end-effector target in the world frame."""
 
@@ -150,6 +167,7 @@ class ActionOut(BaseModel):
     gripper_open: bool
     bins: Bins
     clamped: bool
+    anchor: Annotated[AnchorOut | None, Field(description="null where no demonstrated row is known")] = None
 
 
 class PromptOut(BaseModel):
@@ -225,6 +243,7 @@ class DryRunOut(BaseModel):
     prompt: PromptOut
     prefix_hash: Annotated[str, Field(description="equal for equal prompts up to the query: what an LLM's cache keeps")]
     grammar: str | None
+    findings: list[FindingOut] = []
     timings_ms: dict[str, float]
 
 
