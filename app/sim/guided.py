@@ -1,6 +1,7 @@
 """The simulated arm as if a person guided it: it passes the poses of a plan and stops only where something happens."""
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 
 from app.client.robot import MotionError
 from app.sim import panda
@@ -16,9 +17,8 @@ from app.sim.world import TIMESTEP_S
 
 FINGER_SPEED_M_S = 0.1  # the Franka Hand's (data sheet)
 FINGERS_AT_REST_M_S = 0.002
-GRIP_M = (
-    panda.GRIP_FORCE_N / panda.GRIP_STIFFNESS
-)  # commanded so far beyond where they are, fingers grip with full force
+# Fingers that are told to be this much further grip with their full force
+GRIP_M = panda.GRIP_FORCE_N / panda.GRIP_STIFFNESS
 WATCH_S = 0.02  # how often the person looks whether the fingers have done it
 
 _Event = tuple[int, Callable[[], None]]
@@ -36,6 +36,7 @@ class GuidedPanda(SimulatedPanda):
         super().__init__(task, cameras)
         self._person = person
         self._finger_goal_m: float = task.data.ctrl[panda.GRIPPER_CTRL]
+        self._fingers_move = False
         self._finger_address = task.model.joint(panda.FINGER_NAMES[0]).qposadr[0]
         self._finger_speed_address = task.model.joint(panda.FINGER_NAMES[0]).dofadr[0]
         self.after_step.append(self._move_fingers)
@@ -74,9 +75,9 @@ class GuidedPanda(SimulatedPanda):
         *passed, reached = steps
         lead_s = self._person.grasp_lead_s(opens=reached.move.gripper_open)
         lead_row = max(0, len(pace.motion.positions_rad) - round(lead_s / TIMESTEP_S))
-        events = [*self._on_the_way(passed, route.ends_m, pace, on_done), (lead_row, lambda: self._command(reached))]
+        at_the_end: _Event = (lead_row, partial(self._command, reached))
         self._target_rad = paths[-1].end_rad
-        self._run_with(pace.motion, events)
+        self._run_with(pace.motion, [*self._on_the_way(passed, route.ends_m, pace, on_done), at_the_end])
         self._wait_for_fingers()
         assert reached.number is not None  # an overshoot is passed
         self._check_arrival(reached.move.pose, reached.number, total)
@@ -89,9 +90,9 @@ class GuidedPanda(SimulatedPanda):
         begin_m = 0.0
         for step, end_m in zip(steps, ends_m, strict=False):
             set_at_m = begin_m + self._person.on_the_way() * (end_m - begin_m)
-            yield pace.row_at(set_at_m), lambda step=step: self._command(step)
+            yield pace.row_at(set_at_m), partial(self._command, step)
             if on_done is not None and step.number is not None:
-                yield pace.row_at(end_m), lambda number=step.number: on_done(number)
+                yield pace.row_at(end_m), partial(on_done, step.number)
             begin_m = end_m
 
     def _run_with(self, motion: JointMotion, events: Sequence[_Event]) -> None:
@@ -104,7 +105,9 @@ class GuidedPanda(SimulatedPanda):
         self._run(targets_rad[done:])
 
     def _command(self, step: Step) -> None:
-        self._finger_goal_m = panda.FINGER_TRAVEL_M if step.move.gripper_open else 0.0
+        goal_m = panda.FINGER_TRAVEL_M if step.move.gripper_open else 0.0
+        self._fingers_move |= goal_m != self._finger_goal_m
+        self._finger_goal_m = goal_m
 
     def _move_fingers(self) -> None:
         """One simulation step's worth of the way to where the fingers are told to be."""
@@ -114,11 +117,13 @@ class GuidedPanda(SimulatedPanda):
             ctrl[panda.GRIPPER_CTRL] += max(-most_m, min(most_m, way_m))
 
     def _wait_for_fingers(self) -> None:
-        """Until they are where they were told to be, or hold something."""
+        """If they were told to move: until they are where they were told to be, or hold something."""
         waited_s = 0.0
-        while not self._fingers_are_done() and waited_s < GRIPPER_S:
+        while self._fingers_move and waited_s < GRIPPER_S:
             self.hold(WATCH_S)
             waited_s += WATCH_S
+            self._fingers_move = not self._fingers_are_done()
+        self._fingers_move = False
 
     def _fingers_are_done(self) -> bool:
         data = self.task.data

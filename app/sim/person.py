@@ -1,4 +1,4 @@
-"""How a person guides an arm: never twice alike, seldom at rest. Drawn from a seed, so that a scene has one recording."""
+"""How a person guides an arm: never twice alike, seldom at rest. Drawn from a seed: a scene has one recording."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
