@@ -54,7 +54,8 @@ def evaluate(
         ),
     ] = 100_000,
     noise: Annotated[
-        float | None, typer.Option(min=0, help="on given poses, in multiples of 1.68 cm and 4.61 degrees")
+        float | None,
+        typer.Option(min=0, help="on given poses, in multiples of 1.68 cm and 4.61 degrees; default: the sweep's own"),
     ] = None,
     noise_on: Annotated[
         Literal["both", "test"], typer.Option(help="noise on demonstrations and tests, or on tests alone")

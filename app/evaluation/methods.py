@@ -1,5 +1,6 @@
 """The methods that evaluations compare, apart from those that only one sweep knows."""
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -53,8 +54,11 @@ def with_noise(methods: Iterable[Method], scale: float | None, on: NoiseOn) -> t
         scale: in multiples of the paper's errors; None: each method's own.
 
     Raises:
-        InvalidInputError: if a method that sets its noise itself is given another, or one finds poses in images.
+        InvalidInputError: if the scale is no size, if a method that sets its noise itself is given another, or if one
+            finds poses in images.
     """
+    if scale is not None and not (math.isfinite(scale) and scale >= 0):
+        raise InvalidInputError("noise", f"is {scale}", "a finite number, 0 or above")
     noisy: list[Method] = []
     for method in methods:
         if scale is not None and method.noise:

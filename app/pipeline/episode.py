@@ -26,7 +26,8 @@ class Trajectory:
         joint_velocities_rad_s: (T, 7).
         positions_m: (T, 3) end effector in the world frame.
         quaternions_xyzw: (T, 4) end effector in the world frame.
-        gripper_open: (T,) bool, the COMMANDED state.
+        gripper_open: (T,) bool, what the fingers have DONE (closed once they hold something or have come to rest), not
+            what they were commanded, which comes earlier.
         timestamps_s: (T,) increasing, or None.
         joint_positions_rad: (T, 7), or None.
         object_positions_m: (T, N, 3) of the scene's N objects in the world frame, or None: for closed-loop prompts.
@@ -97,7 +98,7 @@ class Trajectory:
         return len(self.joint_velocities_rad_s)
 
     def action_at(self, frame: int) -> "EndEffectorAction":
-        """The end effector's pose and gripper command at `frame`."""
+        """The end effector's pose and the gripper's state at `frame`."""
         return EndEffectorAction(self.positions_m[frame], self.quaternions_xyzw[frame], bool(self.gripper_open[frame]))
 
 
@@ -105,7 +106,7 @@ def _booleans(name: str, value: npt.ArrayLike, length: int) -> npt.NDArray[np.bo
     numbers = finite_array(name, value, (length,))
     if (bad := ~np.isin(numbers, (0.0, 1.0))).any():
         index = int(np.flatnonzero(bad)[0])
-        raise InvalidInputError(name, f"element {index} is {numbers[index]:g}", "0 (closed) or 1 (open), as commanded")
+        raise InvalidInputError(name, f"element {index} is {numbers[index]:g}", "0 (closed) or 1 (open), as measured")
     booleans = numbers.astype(np.bool_)
     booleans.flags.writeable = False
     return booleans

@@ -17,7 +17,7 @@ from app.sim.world import TIMESTEP_S
 
 FINGER_SPEED_M_S = 0.1  # the Franka Hand's (data sheet)
 FINGERS_AT_REST_M_S = 0.002
-# Fingers that are told to be this much further grip with their full force
+# Fingers that are commanded this much further grip with their full force
 GRIP_M = panda.GRIP_FORCE_N / panda.GRIP_STIFFNESS
 WATCH_S = 0.02  # how often the person looks whether the fingers have done it
 
@@ -106,18 +106,20 @@ class GuidedPanda(SimulatedPanda):
 
     def _command(self, step: Step) -> None:
         goal_m = panda.FINGER_TRAVEL_M if step.move.gripper_open else 0.0
-        self._fingers_move |= goal_m != self._finger_goal_m
-        self._finger_goal_m = goal_m
+        if goal_m != self._finger_goal_m:
+            self._finger_goal_m, self._fingers_move = goal_m, True
+            # Fingers that hold something are commanded further than they are; they turn back from where they are.
+            self.task.data.ctrl[panda.GRIPPER_CTRL] = self.task.data.qpos[self._finger_address]
 
     def _move_fingers(self) -> None:
-        """One simulation step's worth of the way to where the fingers are told to be."""
+        """One simulation step's worth of the way to where the fingers are commanded."""
         ctrl, most_m = self.task.data.ctrl, FINGER_SPEED_M_S * TIMESTEP_S
         way_m = self._finger_goal_m - ctrl[panda.GRIPPER_CTRL]
         if way_m:
             ctrl[panda.GRIPPER_CTRL] += max(-most_m, min(most_m, way_m))
 
     def _wait_for_fingers(self) -> None:
-        """If they were told to move: until they are where they were told to be, or hold something."""
+        """If they were commanded to move: until they have done so, or hold something."""
         waited_s = 0.0
         while self._fingers_move and waited_s < GRIPPER_S:
             self.hold(WATCH_S)
@@ -129,6 +131,6 @@ class GuidedPanda(SimulatedPanda):
         data = self.task.data
         if abs(data.qvel[self._finger_speed_address]) > FINGERS_AT_REST_M_S:
             return False
-        at_goal = data.ctrl[panda.GRIPPER_CTRL] == self._finger_goal_m
-        grips = data.qpos[self._finger_address] - data.ctrl[panda.GRIPPER_CTRL] >= GRIP_M
-        return bool(at_goal or grips)
+        asked_m = data.ctrl[panda.GRIPPER_CTRL]
+        grips = not self.gripper_commanded_open and data.qpos[self._finger_address] - asked_m >= GRIP_M
+        return bool(asked_m == self._finger_goal_m or grips)

@@ -23,7 +23,7 @@ class Pace:
     """The motion along a route, from rest to rest.
 
     Args:
-        asked_m_s: (K,) the speed wished for at each of the route's points.
+        asked_m_s: (K,) the speed asked for at each of the route's points.
 
     Attributes:
         motion: one row a control step; begins with the route's first point and ends at its last.

@@ -11,7 +11,8 @@ from app.sim.route import Route
 
 STREAM = 3  # keeps the draw of habits apart from that of the same seed's scene
 
-ROUNDING_M = (0.01, 0.03)  # how far corners are passed where it does not matter
+# How far corners may be passed where it does not matter: right angles are passed at 0.7 times as much, 1 to 3 cm
+ROUNDING_M = (0.015, 0.04)
 TOOL_SPEED_M_S = 0.32
 PACE = (0.7, 1.1)  # of a whole demonstration
 PHASE_M, PHASE_PACE = (0.06, 0.18), (0.5, 1.3)  # quick and slow phases
@@ -21,7 +22,7 @@ HESITATION_M, HESITATION_SPEED_M_S = (0.003, 0.006), 0.012
 CLEAR_M = 0.05  # a hesitation is at least as far from where something happens
 OVERSHOOT_SHARE, OVERSHOOT_M = 0.7, (0.006, 0.02)
 OVERSHOOT_WITHIN_M = 0.003
-GRASP_LEAD_S = (0.05, 0.2)  # the command to close comes before the hand is there
+GRASP_LEAD_S = (0.05, 0.3)  # the command to close comes while the hand is still moving
 RELEASE_LEAD_S = 0.0
 ON_THE_WAY = (0.1, 0.5)  # where on a leg a gripper is set that touches nothing
 
@@ -103,7 +104,7 @@ class Person:
             speeds_m_s[np.abs(route.along_m - at_m) < length_m / 2] = HESITATION_SPEED_M_S
 
     def grasp_lead_s(self, *, opens: bool) -> float:
-        """How long before the hand arrives the gripper is told to close, or to open."""
+        """How long before the hand arrives the gripper is commanded to close, or to open."""
         return RELEASE_LEAD_S if opens else self._random.uniform(*GRASP_LEAD_S)
 
     def on_the_way(self) -> float:

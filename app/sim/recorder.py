@@ -24,7 +24,7 @@ class Recorder:
     Args:
         model, data: the scene (mujoco.MjModel, mujoco.MjData).
         objects: the scene's objects as they are now, to be tracked; None tracks none.
-        commanded_open: what the gripper was last told to be; None: what its actuator is asked for.
+        commanded_open: what the gripper was last commanded; None: what its actuator is asked for.
     """
 
     def __init__(
@@ -85,7 +85,7 @@ class Recorder:
         """Everything sampled so far.
 
         Args:
-            gripper: whether its state is what the fingers have done, or what they were told; see `measured_open`.
+            gripper: whether its state is what the fingers have done, or what they were commanded; see `measured_open`.
         """
         columns = {key: np.array([row[key] for row in self._rows]) for key in self._rows[0]}
         rotations = Rotation.from_matrix(columns.pop("rotations"))

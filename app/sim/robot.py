@@ -52,7 +52,7 @@ class SimulatedPanda:
 
     @property
     def gripper_commanded_open(self) -> bool:
-        """What the gripper was last told to be."""
+        """Whether the gripper was last commanded open."""
         return bool(self.task.data.ctrl[panda.GRIPPER_CTRL] > panda.FINGER_TRAVEL_M / 2)
 
     def observe(self) -> Observation:
