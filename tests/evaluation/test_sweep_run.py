@@ -150,7 +150,7 @@ def test_the_page_of_failures(tmp_path):
         (["--recordings", "shaky"], "'continuous'"),
         (["--noise-on", "demonstrations"], "'test'"),
         (["--noise", "-1"], "or equal to 0"),
-        (["--noise", "nan"], "a finite number"),
+        (["--noise", "inf"], "a finite number"),
         (["--noise", "1", "--sweep", "noise"], "noise of 0.5 of its own"),
         (["--noise", "1", "--poses", "vision"], "noise is added to given poses"),
         (["--seed", "-1"], "or equal to 0"),
