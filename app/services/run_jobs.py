@@ -10,6 +10,7 @@ from functools import partial
 
 from app.pipeline.errors import InvalidInputError
 from app.services.extraction import extract_all_again
+from app.services.limits_log import record_limits
 from app.services.task_settings import TaskSettings
 from app.store import jobs, tasks
 from app.store.errors import CorruptDataError
@@ -116,7 +117,10 @@ class RunJobs:
             task = tasks.lock(connection, job.task)
             if jobs.pending(connection, job, 1):
                 return False
-            jobs.finish(connection, job, self._settings(job, task.settings).model_dump(mode="json"))
+            settings = self._settings(job, task.settings).model_dump(mode="json")
+            jobs.finish(connection, job, settings)
+            before = TaskSettings.model_validate(task.settings).model_dump(mode="json")
+            record_limits(connection, job.task, before, settings, actor=f"job {job.id}")
         logger.info("job %s is done", job.id)
         self._on_done(job.task)
         return True
