@@ -14,7 +14,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 from app.api.access_rules import HEALTH, LOGIN, PAGES, SAFE_METHODS, accepted_scopes
 from app.api.problems import Kind, problem, store_problem
 from app.api.rate_limit import RateLimit
-from app.services.addresses import is_loopback
+from app.pipeline.addresses import is_loopback
 from app.services.api_keys import Caller, audit_name
 from app.services.container import Services
 from app.store.audit import acting

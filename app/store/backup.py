@@ -144,8 +144,10 @@ def _snapshot(store: Store, path: Path) -> tuple[dict[str, int], set[str]]:
 
 
 def _copy(source: Connection, target: Connection, left_out: Set[str] = frozenset()) -> dict[str, int]:
-    chosen = [table for table in metadata.sorted_tables if table.name not in left_out]
-    return {table.name: _copy_table(source, target, table) for table in chosen}
+    return {
+        table.name: 0 if table.name in left_out else _copy_table(source, target, table)
+        for table in metadata.sorted_tables
+    }
 
 
 def _copy_table(source: Connection, target: Connection, table: Table) -> int:
