@@ -11,6 +11,7 @@ from app.pipeline.errors import RoboPromptError
 from app.settings import Settings, load_env_file
 from app.store.store import Store
 
+DOT_ENV = Path(".env")
 EnvFile = Annotated[
     Path | None,
     typer.Option(
@@ -27,6 +28,8 @@ def settings_of(data: Path | None, env_file: Path | None) -> Settings:
     """
     if env_file is not None:
         load_env_file(env_file)
+    elif DOT_ENV.is_file():  # whoever relies on it must learn that it has no effect
+        typer.echo("the file .env in this folder is not read: if it is yours, say --env-file .env", err=True)
     return Settings() if data is None else Settings(data=data)
 
 

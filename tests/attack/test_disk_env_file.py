@@ -41,6 +41,13 @@ def test_a_file_that_is_named_is_read_and_the_environment_goes_first(planted, mo
     assert "planted" not in os.environ["PATH"] + os.environ.get("LD_PRELOAD", "")
 
 
+def test_who_relies_on_such_a_file_is_told(planted, monkeypatch):
+    monkeypatch.chdir(planted)
+    done = CliRunner().invoke(application, ["keys", "list", "--data", str(planted / "data")])
+    assert (done.exit_code, done.stdout) == (0, "")
+    assert ".env in this folder is not read" in done.stderr
+
+
 @pytest.mark.parametrize("command", ["serve", "jobs", "backup", "restore", "audit", "keys list"])
 def test_every_command_with_settings_takes_one(command):
     words = command.split()
