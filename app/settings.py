@@ -1,20 +1,23 @@
-"""The service's settings, read once from the environment (`ROBOPROMPT_...`) or a `.env` file."""
+"""The service's settings, read once from the environment: `ROBOPROMPT_...`."""
 
+import os
 from pathlib import Path
 from typing import Annotated, Literal
 
+from dotenv import dotenv_values
 from pydantic import Field, SecretStr
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
 from app.llm.settings import CompatibleServer, default_cache_folder
 
 MEGABYTE = 1_000_000
+PREFIX = "ROBOPROMPT_"
 
 
 class Settings(BaseSettings):
     """Everything that can be set from outside; each has a default that works offline."""
 
-    model_config = SettingsConfigDict(env_prefix="ROBOPROMPT_", env_file=".env", extra="ignore", frozen=True)
+    model_config = SettingsConfigDict(env_prefix=PREFIX, extra="ignore", frozen=True)
 
     data: Annotated[Path, Field(description="folder of the database and the images")] = Path("data")
     database_url: Annotated[str | None, Field(description="SQLAlchemy URL; empty: SQLite in the data folder")] = None
@@ -112,3 +115,14 @@ class Settings(BaseSettings):
     llm_pause_s: Annotated[float, Field(ge=0, description="how long; then one request tries it")] = 15
     record_llm: Annotated[Path | None, Field(description="folder where LLMs' requests and replies are written")] = None
     replay_llm: Annotated[Path | None, Field(description="folder of such recordings, asked instead of the LLMs")] = None
+
+
+def load_env_file(path: Path) -> None:
+    """Put a file's settings into the environment, for this process and those that it starts; what is there stays.
+
+    Only a file that somebody names is read: one that lies in the working directory may be anybody's, and could switch
+    keys off or send a provider's key elsewhere.
+    """
+    for name, value in dotenv_values(path).items():
+        if name.upper().startswith(PREFIX) and value is not None:
+            os.environ.setdefault(name.upper(), value)

@@ -14,9 +14,10 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 from app.api.access_rules import HEALTH, LOGIN, PAGES, SAFE_METHODS, accepted_scopes
 from app.api.problems import Kind, problem, store_problem
 from app.api.rate_limit import RateLimit
-from app.services.addresses import is_loopback
-from app.services.api_keys import Caller
+from app.pipeline.addresses import is_loopback
+from app.services.api_keys import Caller, audit_name
 from app.services.container import Services
+from app.store.audit import acting
 from app.store.errors import StoreError
 
 COOKIE = "roboprompt_key"
@@ -62,31 +63,37 @@ class AccessControl:
         self._rate = RateLimit(access.requests_per_s, access.burst)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] != "http" or (refusal := await self._refusal(scope)) is None:
+        if scope["type"] != "http":
             await self._app(scope, receive, send)
-        else:
+            return
+        refusal, caller = await self._admitted(scope)
+        if refusal is not None:
             await refusal(scope, receive, send)
+            return
+        with acting(audit_name(caller)):
+            await self._app(scope, receive, send)
 
-    async def _refusal(self, scope: Scope) -> Response | None:
+    async def _admitted(self, scope: Scope) -> tuple[Response | None, Caller | None]:
+        """Why the request is refused, or None; and who sent it, or None where no keys are required."""
         method, path = scope["method"], scope["path"].removeprefix(scope.get("root_path", ""))
         if path in HEALTH:
-            return None
+            return None, None
         headers = dict(scope["headers"])
         if len(scope["query_string"]) > self._access.max_query_chars:
-            return problem(_TOO_LONG, f"its query may have at most {self._access.max_query_chars} characters")
+            return problem(_TOO_LONG, f"its query may have at most {self._access.max_query_chars} characters"), None
         if (refusal := self._foreign(method, headers)) is not None:
-            return refusal
+            return refusal, None
         try:
             caller = await self._caller(headers) if self._access.key_required else None
         except StoreError as error:
-            return store_problem(error)
+            return store_problem(error), None
         address = scope["client"][0] if scope["client"] else ""
         welcome = caller is not None or not self._access.key_required
         is_page = welcome and method in SAFE_METHODS and path.startswith(PAGES)
         if not is_page and (wait_s := self._rate.wait_s(address if caller is None else caller.key_id)):
             seconds = str(math.ceil(wait_s))
-            return problem(_TOO_MANY, f"try again in {seconds} s", headers={"Retry-After": seconds})
-        return self._unwelcome(method, path, headers, caller) if self._access.key_required else None
+            return problem(_TOO_MANY, f"try again in {seconds} s", headers={"Retry-After": seconds}), None
+        return self._unwelcome(method, path, headers, caller) if self._access.key_required else None, caller
 
     def _foreign(self, method: str, headers: Headers) -> Response | None:
         """Refuse what another website's scripts send, with the user's cookie or from the user's own machine."""

@@ -17,6 +17,7 @@ from typing import Protocol
 from uuid import uuid4
 
 from app.store.errors import CorruptDataError, StoreUnavailableError
+from app.store.private import FILE_MODE, FOLDER_MODE, private_opener
 
 _TEMPORARY_PREFIX = ".tmp-"
 _DIGEST = re.compile(r"[0-9a-f]{64}")
@@ -62,15 +63,16 @@ class FileBlobStore:
         self._root = root
         self._synced_folders: set[Path] = set()
         with _disk_errors():
-            root.mkdir(parents=True, exist_ok=True)
-            (root / ".lock").touch()
+            root.mkdir(FOLDER_MODE, parents=True, exist_ok=True)
+            (root / ".lock").touch(FILE_MODE)
 
     def put(self, data: bytes) -> str:
         digest = hashlib.sha256(data).hexdigest()
         path = self._path(digest)
         with _disk_errors():
             if not self._renew(path):
-                path.parent.mkdir(parents=True, exist_ok=True)
+                for folder in (path.parent.parent, path.parent):
+                    folder.mkdir(FOLDER_MODE, exist_ok=True)
                 _write_durably(path, data)
             # Also for a blob that was there: whoever wrote it may not have come this far yet.
             self._sync_entry(path)
@@ -145,7 +147,7 @@ def digest_path(digest: str) -> str:
 def _write_durably(path: Path, data: bytes) -> None:
     temporary = path.with_name(f"{_TEMPORARY_PREFIX}{uuid4().hex}")
     try:
-        with temporary.open("xb") as file:
+        with open(temporary, "xb", opener=private_opener) as file:
             file.write(data)
             file.flush()
             os.fsync(file.fileno())

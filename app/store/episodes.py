@@ -10,7 +10,7 @@ from uuid import uuid4
 from sqlalchemy import Connection, Row, Select, Text, bindparam, cast, delete, exists, func, insert, select, update
 
 from app.pipeline.episode import Trajectory
-from app.store import tables, tasks, trajectories
+from app.store import audit, tables, tasks, trajectories
 from app.store.errors import NotFoundError
 from app.store.pages import Page, fetch_page
 from app.store.records import DemonstrationRecord, EpisodeDraft, EpisodeRecord, Extraction, SceneRecord
@@ -189,6 +189,7 @@ def remove(connection: Connection, episode_id: str) -> str:
         raise NotFoundError("episode", episode_id)
     others_left = connection.scalar(select(exists().where(_EPISODES.c.task == task)))
     tasks.change(connection, task, {} if others_left else {"object_names": None})
+    audit.record(connection, "episode.deleted", episode_id, {"task": task})
     return task
 
 

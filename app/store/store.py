@@ -14,6 +14,7 @@ from app.store.blobs import BlobStore, FileBlobStore
 from app.store.database import SERVER_CONNECTIONS, Database
 from app.store.errors import StoreUnavailableError
 from app.store.migration import migrate
+from app.store.private import private_folder, private_opener
 from app.store.under_way import UnderWayNotes
 
 # An upload commits its row within seconds of putting its blobs.
@@ -53,18 +54,16 @@ class Store:
         """Open or create the store and bring its database to the newest schema.
 
         Args:
-            data_dir: created if it is not there; holds the blobs, and the database unless `database_url` names another.
+            data_dir: created if it is not there, and closed to other users; holds the blobs, and the database unless
+                `database_url` names another.
             blobs_url: of an object store, e.g. ``s3://bucket/prefix``; None: a folder of the data directory.
             server_connections: at most so many at once to a database server.
 
         Raises:
-            StoreUnavailableError: if directory or database cannot be opened, created or locked.
+            StoreUnavailableError: if directory or database cannot be opened, created, locked or closed to others.
             SchemaVersionError: if the database was written by newer code.
         """
-        try:
-            data_dir.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise StoreUnavailableError(f"data directory: {error}") from error
+        private_folder(data_dir)
         url = database_url or f"sqlite:///{data_dir / 'roboprompt.db'}"
         database = Database(url, server_connections=server_connections)
         try:
@@ -100,7 +99,7 @@ class Store:
     def sweep_once(self) -> int:
         """`sweep`, unless another process of this data directory does it or has done it within the hour."""
         path = self._data_dir / ".swept"
-        with path.open("a+") as note:
+        with open(path, "a+", opener=private_opener) as note:
             try:
                 fcntl.flock(note, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
