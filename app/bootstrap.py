@@ -11,6 +11,7 @@ from fastapi import FastAPI
 
 from app.api.access import Access
 from app.api.app import create_app
+from app.api.limits import BodyLimits
 from app.api.redaction import hide_keys_in_access_log
 from app.llm.registry import ModelRegistry
 from app.llm.settings import LlmSettings
@@ -67,6 +68,7 @@ def limits_of(settings: Settings) -> Limits:
     """How much a request may ask for."""
     return Limits(
         max_image_pixels=int(settings.max_image_megapixels * MEGABYTE),
+        max_request_pixels=int(settings.max_request_megapixels * MEGABYTE),
         max_unpacked_bytes=int(settings.max_unpacked_mb * MEGABYTE),
         max_frames=settings.max_frames,
         max_objects=settings.max_objects,
@@ -78,6 +80,12 @@ def limits_of(settings: Settings) -> Limits:
         allowed_models=settings.allowed_models,
         model_files=settings.host is not None and is_loopback(settings.host) and settings.auth != "on",
     )
+
+
+def body_limits_of(settings: Settings) -> BodyLimits:
+    """How large requests may be."""
+    megabytes = (settings.max_body_mb, settings.max_inline_mb, settings.max_document_mb, settings.max_held_mb)
+    return BodyLimits(*(int(size * MEGABYTE) for size in megabytes))
 
 
 def open_store(settings: Settings) -> Store:
@@ -158,10 +166,9 @@ def access_for(settings: Settings) -> Access:
 def build_app(settings: Settings) -> FastAPI:
     """The ASGI application for these settings: the API and the pages."""
     hide_keys_in_access_log()
-    max_body_bytes = int(settings.max_body_mb * MEGABYTE)
     access = access_for(settings)
     tracing = _tracing(settings.otel_endpoint)
-    app = create_app(lambda: _traced(tracing, settings), version("roboprompt"), max_body_bytes, access)
+    app = create_app(lambda: _traced(tracing, settings), version("roboprompt"), body_limits_of(settings), access)
     install_pages(app)
     if tracing:
         tracing.install(app)

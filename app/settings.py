@@ -28,7 +28,18 @@ class Settings(BaseSettings):
     work_at_jobs: Annotated[
         bool, Field(description="whether the service works at such jobs itself; false: `roboprompt jobs` does")
     ] = True
-    max_body_mb: Annotated[float, Field(gt=0, description="larger requests are refused with 413")] = 200
+    max_body_mb: Annotated[
+        float, Field(gt=0, description="of a request with images as multipart or MessagePack; larger ones get 413")
+    ] = 200
+    max_inline_mb: Annotated[
+        float, Field(gt=0, description="of one with images in base64, or an upload's trajectory as lists, in JSON")
+    ] = 32
+    max_document_mb: Annotated[
+        float, Field(gt=0, description="of any other, and of a request's part that is neither image nor trajectory")
+    ] = 1
+    max_held_mb: Annotated[
+        float, Field(gt=0, description="of the bodies of all requests that a worker has under way; more get 503")
+    ] = 1000
     host: Annotated[
         str | None, Field(description="address that the service is bound to, as `serve --host` says; empty: unknown")
     ] = None
@@ -47,6 +58,7 @@ class Settings(BaseSettings):
         Field(description="JSON list of URL prefixes that `remote` may send images to; empty: this machine only"),
     ] = ()
     max_image_megapixels: Annotated[float, Field(gt=0, description="of one image; read before it is decoded")] = 16
+    max_request_megapixels: Annotated[float, Field(gt=0, description="of all images of a request together")] = 64
     max_unpacked_mb: Annotated[float, Field(gt=0, description="of a trajectory's .npz, before it is unpacked")] = 100
     max_frames: Annotated[int, Field(ge=1, description="of a trajectory")] = 100_000
     max_objects: Annotated[int, Field(ge=1, le=64, description="of a scene")] = 64

@@ -49,7 +49,8 @@ class PredictActions:
             as QuestionWriter.
         """
         note(task=request.task)
-        return await anyio.to_thread.run_sync(self._write_question, request, timings_ms)
+        question = await anyio.to_thread.run_sync(self._write_question, request, timings_ms)
+        return question.without_frames()
 
     async def __call__(self, request: PredictRequest) -> Prediction:
         """Predict and record.
@@ -58,9 +59,16 @@ class PredictActions:
             as `prepare` and `stream`.
         """
         timings_ms: dict[str, float] = {}
-        started = time.perf_counter()
-        question = await self.prepare(request, timings_ms)
-        async with aclosing(self.answer(question, timings_ms, started, piecewise=False)) as answer:
+        started_s = time.perf_counter()
+        return await self.complete(await self.prepare(request, timings_ms), timings_ms, started_s)
+
+    async def complete(self, question: Question, timings_ms: dict[str, float], started_s: float) -> Prediction:
+        """The whole prediction, recorded.
+
+        Args, raises:
+            as `answer`.
+        """
+        async with aclosing(self.answer(question, timings_ms, started_s, piecewise=False)) as answer:
             async for item in answer:
                 if isinstance(item, Prediction):
                     return item

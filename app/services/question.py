@@ -1,13 +1,13 @@
 """What a robot asks, and the question for the LLM that is made of it by `write_question`."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from app.llm.base import ModelProfile
 from app.perception.base import ObjectQuery
 from app.perception.frames import ImageBytes
-from app.pipeline.camera import RgbdFrame
+from app.pipeline.camera import Camera, RgbdFrame
 from app.pipeline.episode import ObjectPose
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.motion_limits import Pose
@@ -28,6 +28,7 @@ class PredictRequest:
     Attributes:
         objects: the observed objects, in any order.
         frames: calibrated images, for estimators that look.
+        cameras: those of the frames, where these are no longer kept.
         images: the same as they came, by camera, to be stored with the prediction.
         model, representation, prompt_format, system_prompt, num_demonstrations: None follows the task, then the model.
         num_samples: so many replies are asked for; the prediction is their median.
@@ -45,6 +46,7 @@ class PredictRequest:
     instruction: str
     objects: tuple[ObjectQuery, ...]
     frames: tuple[RgbdFrame, ...] = ()
+    cameras: tuple[Camera, ...] = ()
     images: Mapping[str, ImageBytes] = field(default_factory=dict)
     model: str | None = None
     representation: str | None = None
@@ -64,6 +66,10 @@ class PredictRequest:
     end_effector: Pose | None = None
     stream_text: bool = False
     as_sent: JsonObject = field(default_factory=dict)
+
+    def without_frames(self) -> "PredictRequest":
+        """The same with the cameras, but without what was decoded."""
+        return replace(self, cameras=tuple(frame.camera for frame in self.frames), frames=())
 
     def __post_init__(self) -> None:
         if self.num_samples > 1 and (self.closed_loop or self.after is not None):
@@ -104,6 +110,13 @@ class Question:
     observed: tuple[ObjectPose, ...]
     end_effector: Pose | None
     samples: tuple["Question", ...] = ()
+
+    def without_frames(self) -> "Question":
+        """The same once the images have been looked at: decoded, they would fill the memory while the LLM is asked."""
+        if not self.request.frames:
+            return self
+        samples = tuple(sample.without_frames() for sample in self.samples)
+        return replace(self, request=self.request.without_frames(), samples=samples)
 
     @cached_property
     def prompt(self) -> Prompt:

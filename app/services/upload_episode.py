@@ -84,7 +84,8 @@ class UploadEpisode:
         for _ in range(MAX_ATTEMPTS):
             task = self._task(upload)
             extracted = self._extract(upload, task)
-            cameras = put_images(self._store.blobs, upload.episode.frames, upload.images)
+            calibrated = [frame.camera for frame in upload.episode.frames]
+            cameras = put_images(self._store.blobs, calibrated, upload.images)
             if (answer := self._commit(upload, task, extracted, cameras, respond)) is not None:
                 return answer
         raise ConflictError(f"task {upload.task!r} kept changing during the upload: send the episode again")
