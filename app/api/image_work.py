@@ -53,7 +53,7 @@ class ImageWork:
             ClientDisconnect: if the client leaves.
         """
         if not (images := images_of(body)):
-            yield run_in_threadpool
+            yield _in_thread
             return
         pixels = sum(map(num_pixels, images))
         limits.check_pixels(pixels)
@@ -84,6 +84,10 @@ def stop_if_unwanted() -> None:
     """End the work of this thread if its client has left, or it takes too long; nothing outside of `ImageWork.run`."""
     with suppress(RuntimeError):  # no thread of anyio's
         anyio.from_thread.check_cancelled()
+
+
+async def _in_thread(function: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> T:
+    return await run_in_threadpool(function, *args, **kwargs)
 
 
 async def _while_wanted(request: Request, call: Callable[[], Awaitable[T]]) -> T:

@@ -59,9 +59,12 @@ class JsonBudget:
 
     def _count(self, outside: bytes) -> None:
         opened = outside.count(b"[") + outside.count(b"{")
+        self._measure(outside, opened)
         self._values += outside.count(b",") + outside.count(b":") + opened
         if self._values > self._max_values:
             raise JsonBudgetError(f"a JSON document may have at most {self._max_values} values here")
+
+    def _measure(self, outside: bytes, opened: int) -> None:
         self._opened += opened
         if self._opened <= self._max_depth:  # too few to lie too deep
             self._depth += opened - outside.count(b"]") - outside.count(b"}")
@@ -70,4 +73,4 @@ class JsonBudget:
         depths = list(accumulate(map(_STEP.__getitem__, brackets), initial=self._depth))
         self._depth = depths[-1]
         if max(depths) > self._max_depth:
-            raise JsonBudgetError(f"a JSON document may have at most {self._max_depth} levels")
+            raise JsonBudgetError(f"a JSON document may have at most {self._max_depth} levels", status=400)

@@ -1,4 +1,4 @@
-"""No request larger than the operator allows, whether it tells its length or not, nor more at once than memory holds."""
+"""No request larger than the operator allows, whether it tells its length or not, nor too much at once."""
 
 from dataclasses import dataclass
 
