@@ -52,6 +52,9 @@ class Settings(BaseSettings):
         Field(ge=0, description="requests of one key or address; 0: any number; empty: 20 where keys are required"),
     ] = None
     rate_limit_burst: Annotated[int, Field(ge=1, description="so many of them at once")] = 40
+    max_connections: Annotated[
+        int, Field(ge=10, description="open at once to a worker of `roboprompt serve`; on more, requests get 503")
+    ] = 500
     max_query_chars: Annotated[int, Field(ge=100, description="of an address's query; longer ones get 414")] = 2000
     pose_servers: Annotated[
         tuple[str, ...],

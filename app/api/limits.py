@@ -69,6 +69,7 @@ class BodyLimit:
             return
         headers = dict(scope["headers"])
         most, budget = self._limits.of(scope["method"], scope["path"], content_type_of(headers))
+        declared = int(headers.get(b"content-length", b"0"))
         received = 0
 
         async def limited_receive() -> Message:
@@ -77,12 +78,12 @@ class BodyLimit:
             if piece := message.get("body", b""):
                 received += len(piece)
                 self._held += len(piece)
-                self._check(received, most)
+                self._check(max(received, declared), most)
                 if budget is not None:
                     _count(budget, piece)
             return message
 
-        if int(headers.get(b"content-length", b"0")) > most:
+        if declared > self._limits.largest:  # also where no route would read it
             await http_problem(_too_large(most))(scope, receive, send)
             return
         try:

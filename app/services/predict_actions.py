@@ -88,8 +88,24 @@ class PredictActions:
             UnparsableReplyError: if its reply is not a list of valid actions; recorded, carries the reply.
             UnsafeReplyError: if an action is beyond a bound of motion; recorded, carries the reply.
         """
-        kind = SampledDialogue if question.samples else Dialogue
-        dialogue = kind(question, self._models.get(question.profile.name), timings_ms)
+        async with self._models.using(question.profile.name) as model:
+            kind = SampledDialogue if question.samples else Dialogue
+            dialogue = kind(question, model, timings_ms)
+            answer = self._recorded(question, dialogue, timings_ms, started_s, piecewise=piecewise)
+            async with aclosing(answer) as arriving:
+                async for item in arriving:
+                    yield item
+
+    async def _recorded(
+        self,
+        question: Question,
+        dialogue: Dialogue | SampledDialogue,
+        timings_ms: dict[str, float],
+        started_s: float,
+        *,
+        piecewise: bool,
+    ) -> AsyncGenerator[PredictedAction | TextDelta | Prediction, None]:
+        """As `answer`."""
         record = partial(self._record, question, dialogue, timings_ms, started_s)
         actions: list[PredictedAction] = []
         try:
