@@ -1,6 +1,7 @@
 """Who is let in: API keys, scopes, rate limit, and no other website's scripts. Before anything of a body is read."""
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from http.cookies import CookieError, SimpleCookie
@@ -26,6 +27,7 @@ _FORBIDDEN = Kind(403, "forbidden", "This is not allowed")
 _TOO_MANY = Kind(429, "too-many-requests", "Too many requests")
 _MALFORMED = Kind(400, "http", "The request cannot be read")
 _TOO_LONG = Kind(414, "address-too-long", "The address is too long")
+_HOST = re.compile(r"(\[[\da-f:.]+\]|[\w.~-]+)(:\d*)?", re.ASCII | re.IGNORECASE)
 _CHALLENGE = 'Bearer realm="roboprompt"'
 HOW = "send `Authorization: Bearer KEY` or `X-API-Key: KEY`; `roboprompt keys create` makes one"
 
@@ -143,11 +145,9 @@ class AccessControl:
 
 def _host_of(authority: str) -> str | None:
     """The name or address in a header Host, empty if the header is; None if there is none in it."""
-    try:
-        host = urlsplit(f"//{authority}").hostname
-    except ValueError:  # a bracket without its other half, or letters that look like others
-        return None
-    return host if host or authority else ""
+    if not authority:
+        return ""
+    return match[1].strip("[]").lower() if (match := _HOST.fullmatch(authority)) else None
 
 
 def _authority_of(origin: bytes) -> bytes:

@@ -1,7 +1,7 @@
 """uvicorn's fast HTTP protocol, with bounds on what a connection may cost, of which it has none.
 
-100 MB of headers would stay in memory before a line of ours runs; connections that never finish a request, or never read
-their answer, would stay open for good; and so many of them could be opened that no file can be.
+100 MB of headers would stay in memory before a line of ours runs; connections that never finish a request, or never
+read their answer, would stay open for good; and so many of them could be opened that no file can be.
 """
 
 import asyncio
@@ -21,6 +21,9 @@ REFUSED_CONNECTIONS = 100
 class BoundedProtocol(HttpToolsProtocol):
     """Closes connections whose requests are too long in their heads or take too long, or whose answers nobody reads."""
 
+    head_timeout_s = HEAD_TIMEOUT_S
+    body_timeout_s = BODY_TIMEOUT_S
+    reader_timeout_s = READER_TIMEOUT_S
     _in_head = False
     _head_bytes = 0
     _body_bytes = 0
@@ -34,7 +37,7 @@ class BoundedProtocol(HttpToolsProtocol):
         if self.limit_concurrency is not None and len(self.connections) > self.limit_concurrency + REFUSED_CONNECTIONS:
             transport.abort()
             return
-        self._deadline = self.loop.call_later(HEAD_TIMEOUT_S, transport.abort)
+        self._deadline = self.loop.call_later(self.head_timeout_s, transport.abort)
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Nothing is waited for."""
@@ -52,12 +55,12 @@ class BoundedProtocol(HttpToolsProtocol):
                 self.send_400_response(f"The request's headers are longer than {MAX_HEAD_BYTES} bytes.")
         if self._deadline is None and self.cycle is not None and self.cycle.response_complete:
             # uvicorn waits no longer as soon as anything comes, be it a line break before a request that never begins
-            self._deadline = self.loop.call_later(HEAD_TIMEOUT_S, self.transport.abort)
+            self._deadline = self.loop.call_later(self.head_timeout_s, self.transport.abort)
 
     def on_message_begin(self) -> None:
         """A head begins."""
         self._wait_no_longer()
-        self._deadline = self.loop.call_later(HEAD_TIMEOUT_S, self.transport.abort)
+        self._deadline = self.loop.call_later(self.head_timeout_s, self.transport.abort)
         self._in_head, self._head_bytes = True, 0
         super().on_message_begin()
 
@@ -65,7 +68,7 @@ class BoundedProtocol(HttpToolsProtocol):
         """The head is complete, and a body may begin."""
         self._wait_no_longer()
         self._in_head, self._body_bytes, self._body_since_s = False, 0, self.loop.time()
-        self._deadline = self.loop.call_later(BODY_TIMEOUT_S, self._check_body)
+        self._deadline = self.loop.call_later(self.body_timeout_s, self._check_body)
         super().on_headers_complete()
 
     def on_body(self, body: bytes) -> None:
@@ -81,7 +84,7 @@ class BoundedProtocol(HttpToolsProtocol):
     def pause_writing(self) -> None:
         """The client does not read as fast as the answer is written."""
         self._reader_is_awake()
-        self._reader_deadline = self.loop.call_later(READER_TIMEOUT_S, self.transport.abort)
+        self._reader_deadline = self.loop.call_later(self.reader_timeout_s, self.transport.abort)
         super().pause_writing()
 
     def resume_writing(self) -> None:
@@ -93,12 +96,12 @@ class BoundedProtocol(HttpToolsProtocol):
         """Nothing more came: what is left of the answer must be read."""
         if not self.transport.is_closing():
             self._reader_is_awake()
-            self._reader_deadline = self.loop.call_later(READER_TIMEOUT_S, self.transport.abort)
+            self._reader_deadline = self.loop.call_later(self.reader_timeout_s, self.transport.abort)
         super().timeout_keep_alive_handler()
 
     def _check_body(self) -> None:
         """Close the connection, unless the body comes fast enough to be worth waiting for."""
-        allowed_s = BODY_TIMEOUT_S + self._body_bytes / SLOWEST_BYTES_PER_S
+        allowed_s = self.body_timeout_s + self._body_bytes / SLOWEST_BYTES_PER_S
         left_s = self._body_since_s + allowed_s - self.loop.time()
         if left_s <= 0:
             self.transport.abort()

@@ -1,4 +1,4 @@
-"""A real service in its own process that attacks are tried on. `make attack` tries larger ones than the ordinary run."""
+"""A real service in its own process that attacks are tried on; `make attack` tries larger ones than usual."""
 
 import os
 from dataclasses import dataclass
@@ -35,12 +35,3 @@ def http(service):
     with httpx.Client(base_url=service.url, timeout=120) as client:
         assert upload(client, "pick", (0.1, 0.1, 0.78)).status_code == 201
         yield client
-
-
-@pytest.fixture(scope="session")
-def big_answer(http):
-    """The address of an answer of a megabyte."""
-    place = [0.1, 0.1, 0.78]
-    for number in range(10):
-        assert upload(http, "big", place, extra={"note": f"{number}" * 50_000}).status_code == 201
-    return "/openapi.json"
