@@ -4,6 +4,7 @@ import asyncio
 import contextlib
 import logging
 from collections.abc import AsyncIterator
+from datetime import timedelta
 from importlib.metadata import version
 from typing import TYPE_CHECKING
 
@@ -19,14 +20,16 @@ from app.pipeline.errors import RoboPromptError
 from app.services.addresses import is_loopback
 from app.services.api_keys import has_keys
 from app.services.container import Services
+from app.services.keep_house import KeepHouse, Retention
 from app.services.limits import Limits
 from app.services.pose_servers import PoseServers
 from app.settings import MEGABYTE, Settings
-from app.store.store import Store
+from app.store.store import SWEEP_GRACE, Store
 from app.web.site import install_pages
 
 DEFAULT_RATE_PER_S = 20.0
 JOB_POLL_S = 1.0
+HOUSEKEEPING_S = SWEEP_GRACE.total_seconds() + 60
 if TYPE_CHECKING:
     from app.telemetry import Tracing
 
@@ -88,6 +91,14 @@ def body_limits_of(settings: Settings) -> BodyLimits:
     return BodyLimits(*(int(size * MEGABYTE) for size in megabytes))
 
 
+def retention_of(settings: Settings) -> Retention:
+    """How long predictions are kept."""
+    days, gigabytes = settings.keep_predictions_days, settings.keep_predictions_gb
+    return Retention(
+        None if days is None else timedelta(days=days), None if gigabytes is None else int(gigabytes * 1000 * MEGABYTE)
+    )
+
+
 def open_store(settings: Settings) -> Store:
     """The store of these settings, at the newest schema. Blocking.
 
@@ -123,7 +134,9 @@ async def open_services(settings: Settings) -> AsyncIterator[Services]:
         extract_at_once=settings.extract_at_once,
         num_warm_tasks=settings.embedded_slots,
     )
-    background: list[asyncio.Task[object]] = [asyncio.create_task(asyncio.to_thread(store.sweep_once))]
+    background: list[asyncio.Task[object]] = [
+        asyncio.create_task(_keep_house(KeepHouse(store, retention_of(settings))))
+    ]
     jobs = [asyncio.create_task(_run_jobs(services))] if settings.work_at_jobs else []
     if settings.warm_up:
         background.append(asyncio.create_task(services.prefix_warmer.run()))
@@ -135,6 +148,16 @@ async def open_services(settings: Settings) -> AsyncIterator[Services]:
         services.run_jobs.stop()
         await asyncio.gather(*jobs, *background, return_exceptions=True)
         await services.aclose()
+
+
+async def _keep_house(keep_house: KeepHouse) -> None:
+    """Now and every hour, until cancelled."""
+    while True:
+        try:
+            await asyncio.to_thread(keep_house)
+        except RoboPromptError as error:
+            logger.warning("housekeeping: %s", error)
+        await asyncio.sleep(HOUSEKEEPING_S)
 
 
 async def _run_jobs(services: Services) -> None:

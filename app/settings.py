@@ -74,6 +74,12 @@ class Settings(BaseSettings):
         Field(description='JSON list of models that requests may use besides the default, e.g. `["openai/gpt-4o*"]`'),
     ] = ()
     max_page_size: Annotated[int, Field(ge=50, le=200, description="items that a list answers at once")] = 200
+    keep_predictions_days: Annotated[
+        float | None, Field(gt=0, description="then predictions are deleted, with their images; empty: for ever")
+    ] = None
+    keep_predictions_gb: Annotated[
+        float | None, Field(gt=0, description="of predictions with their images; the oldest are deleted; empty: any")
+    ] = None
     warm_up: Annotated[
         bool, Field(description="start the embedded LLM at start-up and let it read prefixes before they are asked for")
     ] = True

@@ -1,7 +1,6 @@
 """Request bodies -> metadata and named parts, whether multipart, JSON or MessagePack; nothing is interpreted yet."""
 
 import base64
-import binascii
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -135,8 +134,8 @@ def _base64(name: str, value: object) -> bytes:
         raise InvalidInputError(name, f"is a {type(value).__name__}", "the image file in base64")
     try:
         if value.find("=", 0, -2) >= 0:  # a piece of it could end there
-            raise binascii.Error("padding before its end")
+            raise ValueError("padding before its end")
         pieces = (value[at : at + _BASE64_PIECE] for at in range(0, len(value), _BASE64_PIECE))
         return b"".join(base64.b64decode(piece, validate=True) for piece in pieces)
-    except binascii.Error as error:
+    except ValueError as error:  # binascii.Error is one; so is what is said of letters beyond ASCII
         raise InvalidInputError(name, f"is not base64: {error}", "the image file in base64") from None

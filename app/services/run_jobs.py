@@ -12,7 +12,7 @@ from app.pipeline.errors import InvalidInputError
 from app.services.extraction import extract_all_again
 from app.services.task_settings import TaskSettings
 from app.store import jobs, tasks
-from app.store.errors import CorruptDataError
+from app.store.errors import CorruptDataError, NotFoundError
 from app.store.records import EpisodeRecord, Extraction, JobRecord
 from app.store.store import Store
 
@@ -76,8 +76,8 @@ class RunJobs:
             return False
         try:
             self._run(job)
-        except jobs.LostClaimError:
-            logger.warning("job %s was taken over", job.id)
+        except (jobs.LostClaimError, NotFoundError):
+            logger.warning("job %s was taken over, or its task deleted", job.id)
         return True
 
     def _run(self, job: JobRecord) -> None:

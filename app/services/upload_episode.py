@@ -25,7 +25,7 @@ from app.store.store import Store
 from app.store.values import CameraRecord, JsonObject
 
 MAX_ATTEMPTS = 3  # a task's settings may change while an episode is being extracted
-SCOPE = "POST /episodes"
+SCOPE = idempotency.UPLOAD
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,10 +118,12 @@ class UploadEpisode:
         cameras: tuple[CameraRecord, ...],
         respond: Respond,
     ) -> JsonObject | None:
-        """The answer, or None if the task changed in what matters since it was `seen`."""
+        """The answer, or None if the task changed in what matters since it was `seen`, or was deleted."""
         with self._store.write() as connection:
             if (before := _answer_before(connection, upload)) is not None:
                 return before
+            if seen is not None and not tasks.exists(connection, upload.task):
+                return None
             task = tasks.get_or_create(
                 connection, upload.task, _settings_of(seen, upload.objects).model_dump(mode="json")
             )

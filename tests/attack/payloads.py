@@ -1,8 +1,12 @@
 """Small requests that mean much work, each as an attacker would write it."""
 
+import base64
+import copy
 import functools
+import io
 import json
 import struct
+import zipfile
 import zlib
 
 import cv2
@@ -34,6 +38,16 @@ def json_lists(number):
 def json_keys(number):
     """JSON with so many keys that nobody knows: each is an error of its own."""
     return json.dumps({**QUESTION, **{f"unknown{k}": 1 for k in range(number)}}).encode()
+
+
+def json_in_utf16(number):
+    """Lists after a letter whose bytes look like a quotation mark."""
+    return json.dumps({"\u2222": [[]] * number}, ensure_ascii=False).encode("utf-16")
+
+
+def json_number(digits):
+    """JSON with a number that no computer counts to."""
+    return json.dumps({**QUESTION, "seed": 0})[:-2].encode() + b"9" * digits + b"}"
 
 
 def json_depth(depth):
@@ -78,3 +92,36 @@ def png_with(chunk, number, width=64, height=48):
 def text_bomb(unpacked_bytes):
     """A chunk of compressed text."""
     return png_chunk(b"zTXt", b"Comment\0\0" + zlib.compress(b"a" * unpacked_bytes, 9))
+
+
+def jpeg(image):
+    """As a camera would send it."""
+    return cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, 95])[1].tobytes()
+
+
+def in_base64(document, images):
+    """One JSON document with the images in it."""
+    return json.dumps({**document, **{name: base64.b64encode(data).decode() for name, data in images.items()}}).encode()
+
+
+def zip_of_many(number):
+    """An archive with a directory of so many entries."""
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w") as archive:
+        for index in range(number):
+            archive.writestr(str(index), b"")
+    return stream.getvalue()
+
+
+def zip_of_one_many_times(number, unpacked_bytes):
+    """An archive whose directory names one large member again and again, all but one of them as empty."""
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("gripper_open.npy", bytes(unpacked_bytes))
+        large = archive.infolist()[0]
+        small = copy.copy(large)
+        small.file_size = 0
+        archive.filelist[:0] = [small] * number
+        archive.filelist[-1] = large
+        archive._didModify = True
+    return stream.getvalue()
