@@ -1,7 +1,7 @@
 """Observation and instruction -> actions, by an LLM that continues the demonstrations' pattern."""
 
 import time
-from collections.abc import AsyncGenerator
+from collections.abc import AsyncGenerator, Awaitable, Callable
 from contextlib import aclosing
 from functools import partial
 
@@ -91,39 +91,18 @@ class PredictActions:
         async with self._models.using(question.profile.name) as model:
             kind = SampledDialogue if question.samples else Dialogue
             dialogue = kind(question, model, timings_ms)
-            answer = self._recorded(question, dialogue, timings_ms, started_s, piecewise=piecewise)
-            async with aclosing(answer) as arriving:
-                async for item in arriving:
-                    yield item
-
-    async def _recorded(
-        self,
-        question: Question,
-        dialogue: Dialogue | SampledDialogue,
-        timings_ms: dict[str, float],
-        started_s: float,
-        *,
-        piecewise: bool,
-    ) -> AsyncGenerator[PredictedAction | TextDelta | Prediction, None]:
-        """As `answer`."""
-        record = partial(self._record, question, dialogue, timings_ms, started_s)
-        actions: list[PredictedAction] = []
-        try:
-            async with aclosing(self._checked(question, dialogue, piecewise=piecewise)) as arriving:
-                async for item in arriving:
-                    if isinstance(item, PredictedAction):
-                        timings_ms.setdefault("first_action", (time.perf_counter() - started_s) * 1000)
-                        actions.append(item)
-                    yield item
-        except ReplyParseError as error:
-            id_ = await record("parse_error", error=error.message)
-            raise UnparsableReplyError(error.message, dialogue.reply_text or "", id_) from error
-        except UnsafeActionError as error:
-            id_ = await record("unsafe_action", error=str(error))
-            raise UnsafeReplyError(error, dialogue.reply_text or "", id_) from error
-        except LanguageModelError as error:
-            await record("model_error", error=str(error))
-            raise
+            record = partial(self._record, question, dialogue, timings_ms, started_s)
+            actions: list[PredictedAction] = []
+            try:
+                async with aclosing(self._checked(question, dialogue, piecewise=piecewise)) as arriving:
+                    async for item in arriving:
+                        if isinstance(item, PredictedAction):
+                            timings_ms.setdefault("first_action", (time.perf_counter() - started_s) * 1000)
+                            actions.append(item)
+                        yield item
+            except (ReplyParseError, UnsafeActionError, LanguageModelError) as error:
+                await _record_failure(error, dialogue, record)
+                raise
         id_ = await record("ok", actions)
         completion = Completion(dialogue.reply_text or "", dialogue.usage)
         yield Prediction(id_, question, dialogue.prompt, tuple(actions), completion, timings_ms, dialogue.samples)
@@ -147,3 +126,22 @@ class PredictActions:
                         guard.check(action)
                     for item in map(PredictedAction, arrived, discretize_actions(arrived, workspace)):
                         yield item
+
+
+async def _record_failure(
+    error: ReplyParseError | UnsafeActionError | LanguageModelError,
+    dialogue: Dialogue | SampledDialogue,
+    record: Callable[..., Awaitable[str]],
+) -> None:
+    """Keep what became of the question.
+
+    Raises:
+        UnparsableReplyError, UnsafeReplyError: in the place of an error that does not carry the reply.
+    """
+    if isinstance(error, ReplyParseError):
+        id_ = await record("parse_error", error=error.message)
+        raise UnparsableReplyError(error.message, dialogue.reply_text or "", id_) from error
+    if isinstance(error, UnsafeActionError):
+        id_ = await record("unsafe_action", error=str(error))
+        raise UnsafeReplyError(error, dialogue.reply_text or "", id_) from error
+    await record("model_error", error=str(error))

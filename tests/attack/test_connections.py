@@ -45,12 +45,14 @@ def ended_after_s(connection, trickle=b"", every_s=0.5):
     return time.monotonic() - begun
 
 
+@pytest.mark.long
 def test_a_login_that_comes_by_the_byte(service):
     with connect(service.url) as connection:
         connection.sendall(head("POST /ui/login HTTP/1.1", FORM, "Content-Length: 9000"))
         assert BODY_TIMEOUT_S - 1 < ended_after_s(connection, b"x") < BODY_TIMEOUT_S + LATE_S
 
 
+@pytest.mark.long
 def test_line_breaks_instead_of_a_second_request(service):
     with connect(service.url) as connection:
         connection.sendall(head("GET /healthz HTTP/1.1"))
@@ -71,6 +73,7 @@ def test_a_slow_body_that_is_fast_enough_passes(service):
     assert httpx.post(f"{service.url}/predict", content=slowly(), headers=headers).status_code == 422
 
 
+@pytest.mark.long
 def test_more_connections_than_there_is_room_for(tmp_path):
     most = 200 if FULL else 40
     environment = {"ROBOPROMPT_MAX_CONNECTIONS": str(most), "ROBOPROMPT_DEFAULT_MODEL": "nearest"}
@@ -81,7 +84,7 @@ def test_more_connections_than_there_is_room_for(tmp_path):
         assert (refused.status_code, refused.headers["connection"]) == (503, "close")
         with ExitStack() as beyond:
             aborted = [beyond.enter_context(connect(url)) for _ in range(150)]
-            ended = [ended_after_s(connection) < 1 for connection in aborted[-30:]]
+            ended = [ended_after_s(connection) < 1 for connection in aborted[-10:]]
             assert all(ended)
         open_ones.close()
         assert _answers(url)
