@@ -1,10 +1,10 @@
-# make setup | dev | demo | serve | test | check | audit | sbom | torture | fuzz | soak | growth | bench | metaworld | format | openapi | lock
+# make setup | dev | demo | serve | test | check | audit | sbom | torture | attack | fuzz | soak | growth | bench | metaworld | format | openapi | lock
 PYTHON ?= python3
 BIN := .venv/bin
 STAMP := .venv/.installed
 DEV_STAMP := .venv/.installed-dev
 
-.PHONY: setup dev demo serve test check audit sbom torture fuzz soak growth bench metaworld lint format openapi lock clean
+.PHONY: setup dev demo serve test check audit sbom torture attack fuzz soak growth bench metaworld lint format openapi lock clean
 
 setup: $(STAMP)
 
@@ -47,6 +47,10 @@ check: test audit
 # Half an hour; what mounts file systems needs root.
 torture: dev
 	$(BIN)/python -m tests.reliability.torture
+
+# Minutes; on loopback only.
+attack: dev
+	ROBOPROMPT_ATTACK=full $(BIN)/python -m pytest -q tests/attack
 
 fuzz: dev
 	ROBOPROMPT_FUZZ_EXAMPLES=20000 $(BIN)/python -m pytest -q tests/reliability/test_binary_fuzz.py

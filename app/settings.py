@@ -31,7 +31,18 @@ class Settings(BaseSettings):
     work_at_jobs: Annotated[
         bool, Field(description="whether the service works at such jobs itself; false: `roboprompt jobs` does")
     ] = True
-    max_body_mb: Annotated[float, Field(gt=0, description="larger requests are refused with 413")] = 200
+    max_body_mb: Annotated[
+        float, Field(gt=0, description="of a request with images as multipart or MessagePack; larger ones get 413")
+    ] = 200
+    max_inline_mb: Annotated[
+        float, Field(gt=0, description="of one with images in base64, or an upload's trajectory as lists, in JSON")
+    ] = 32
+    max_document_mb: Annotated[
+        float, Field(gt=0, description="of any other, and of a request's part that is neither image nor trajectory")
+    ] = 1
+    max_held_mb: Annotated[
+        float, Field(gt=0, description="of the bodies of all requests that a worker has under way; more get 503")
+    ] = 1000
     host: Annotated[
         str | None, Field(description="address that the service is bound to, as `serve --host` says; empty: unknown")
     ] = None
@@ -44,12 +55,16 @@ class Settings(BaseSettings):
         Field(ge=0, description="requests of one key or address; 0: any number; empty: 20 where keys are required"),
     ] = None
     rate_limit_burst: Annotated[int, Field(ge=1, description="so many of them at once")] = 40
+    max_connections: Annotated[
+        int, Field(ge=10, description="open at once to a worker of `roboprompt serve`; on more, requests get 503")
+    ] = 500
     max_query_chars: Annotated[int, Field(ge=100, description="of an address's query; longer ones get 414")] = 2000
     pose_servers: Annotated[
         tuple[str, ...],
         Field(description="JSON list of URL prefixes that `remote` may send images to; empty: this machine only"),
     ] = ()
     max_image_megapixels: Annotated[float, Field(gt=0, description="of one image; read before it is decoded")] = 16
+    max_request_megapixels: Annotated[float, Field(gt=0, description="of all images of a request together")] = 64
     max_unpacked_mb: Annotated[float, Field(gt=0, description="of a trajectory's .npz, before it is unpacked")] = 100
     max_frames: Annotated[int, Field(ge=1, description="of a trajectory")] = 100_000
     max_objects: Annotated[int, Field(ge=1, le=64, description="of a scene")] = 64
@@ -62,6 +77,12 @@ class Settings(BaseSettings):
         Field(description='JSON list of models that requests may use besides the default, e.g. `["openai/gpt-4o*"]`'),
     ] = ()
     max_page_size: Annotated[int, Field(ge=50, le=200, description="items that a list answers at once")] = 200
+    keep_predictions_days: Annotated[
+        float | None, Field(gt=0, description="then predictions are deleted, with their images; empty: for ever")
+    ] = None
+    keep_predictions_gb: Annotated[
+        float | None, Field(gt=0, description="of predictions with their images; the oldest are deleted; empty: any")
+    ] = None
     warm_up: Annotated[
         bool, Field(description="start the embedded LLM at start-up and let it read prefixes before they are asked for")
     ] = True

@@ -29,7 +29,7 @@ def serve(
     """
     import uvicorn
 
-    from app.api.bounded_head import BoundedHeadProtocol
+    from app.api.bounded_protocol import BoundedProtocol
     from app.bootstrap import build_app
     from app.logs import log_as_json
 
@@ -47,7 +47,8 @@ def serve(
         host=host,
         port=port,
         workers=workers,
-        http=BoundedHeadProtocol,
+        http=BoundedProtocol,
+        limit_concurrency=settings.max_connections,
         ws="none",
         server_header=False,
         timeout_graceful_shutdown=GRACE_S,

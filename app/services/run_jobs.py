@@ -14,7 +14,7 @@ from app.services.limits_log import record_limits
 from app.services.task_settings import TaskSettings
 from app.services.workspaces import with_room_for
 from app.store import episodes, jobs, tasks
-from app.store.errors import CorruptDataError
+from app.store.errors import CorruptDataError, NotFoundError
 from app.store.records import EpisodeRecord, Extraction, JobRecord
 from app.store.store import Store
 
@@ -78,8 +78,8 @@ class RunJobs:
             return False
         try:
             self._run(job)
-        except jobs.LostClaimError:
-            logger.warning("job %s was taken over", job.id)
+        except (jobs.LostClaimError, NotFoundError):
+            logger.warning("job %s was taken over, or its task deleted", job.id)
         return True
 
     def _run(self, job: JobRecord) -> None:

@@ -10,7 +10,7 @@ import os
 import re
 import time
 from collections.abc import Iterator, Set
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from datetime import timedelta
 from pathlib import Path
 from typing import Protocol
@@ -41,6 +41,10 @@ class BlobStore(Protocol):
             CorruptDataError: if they are gone or no longer match the digest.
             StoreUnavailableError: if they cannot be read.
         """
+        ...
+
+    def sizes(self) -> dict[str, int]:
+        """The number of bytes of every blob, by digest."""
         ...
 
     def sweep(self, referenced: Set[str], older_than: timedelta) -> int:
@@ -89,6 +93,14 @@ class FileBlobStore:
         if hashlib.sha256(data).hexdigest() != digest:
             raise CorruptDataError("blob", digest, "its bytes do not match the digest")
         return data
+
+    def sizes(self) -> dict[str, int]:
+        found: dict[str, int] = {}
+        with _disk_errors():
+            for path in self._root.glob("??/??/*"):
+                with suppress(FileNotFoundError):  # renamed to its digest, or swept
+                    found[path.name] = path.stat().st_size
+        return found
 
     def sweep(self, referenced: Set[str], older_than: timedelta) -> int:
         limit = time.time() - older_than.total_seconds()

@@ -2,6 +2,7 @@
 
 import fcntl
 import time
+from collections.abc import Callable
 from contextlib import AbstractContextManager
 from datetime import timedelta
 from pathlib import Path
@@ -96,8 +97,12 @@ class Store:
             referenced = episodes.blob_digests(connection)
         return self.blobs.sweep(referenced, older_than)
 
-    def sweep_once(self) -> int:
-        """`sweep`, unless another process of this data directory does it or has done it within the hour."""
+    def sweep_once(self, first: Callable[[], None] = lambda: None) -> int:
+        """`sweep`, unless another process of this data directory does it or has done it within the hour.
+
+        Args:
+            first: called before, by the process that sweeps.
+        """
         path = self._data_dir / ".swept"
         with open(path, "a+", opener=private_opener) as note:
             try:
@@ -107,6 +112,7 @@ class Store:
             note.seek(0)
             if time.time() - float(note.read() or 0) < SWEEP_GRACE.total_seconds():
                 return 0
+            first()
             removed = self.sweep()
             note.truncate(0)
             note.write(str(time.time()))
