@@ -1,0 +1,112 @@
+"""What a noun phrase says of an object, and the objects of which it is true."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+from app.pipeline.language.colours import look_alike
+from app.pipeline.language.lexicon import Lexicon
+from app.pipeline.language.space import Layout, Pick, extreme, farthest_from, nearest_to
+
+# How an object was found, the least certain last: that is what is told of a phrase that used several.
+MEANS = ("name", "alias", "taught", "spelling", "colour", "relation")
+
+
+@dataclass(frozen=True)
+class Description:
+    """What was said so far.
+
+    Attributes:
+        exact: the object whose whole name or alias was said.
+        words: of names and aliases; `kinds` nouns that may stand for one, `colours` colour words that no name has.
+        picks: relations, in the order in which they were said.
+        place: an ordinal that waits for a side to count from.
+        reach: "near" or "far", which waits for what it is near to or far from.
+        generic: whether "one" or "thing" was said.
+    """
+
+    exact: str | None = None
+    words: tuple[str, ...] = ()
+    kinds: tuple[str, ...] = ()
+    colours: tuple[str, ...] = ()
+    picks: tuple[Pick, ...] = ()
+    place: int | None = None
+    reach: str | None = None
+    generic: bool = False
+    means: frozenset[str] = frozenset({"name"})
+
+    @property
+    def says_something(self) -> bool:
+        """Whether it can stand for an object."""
+        return bool(self.exact or self.words or self.kinds or self.colours or self.picks or self.generic or self.reach)
+
+    def by(self) -> str:
+        """The least certain of the means."""
+        return max(self.means, key=MEANS.index)
+
+    def with_pick(self, pick: Pick) -> "Description":
+        """With a further relation."""
+        return replace(self, picks=(*self.picks, pick), means=self.means | {"relation"})
+
+    def reaching(self, other: str | None) -> "Description":
+        """The pending nearest or farthest is measured from an object, or from the robot."""
+        pick = (nearest_to if self.reach == "near" else farthest_from)(other, self.place or 1)
+        return replace(self, reach=None, place=None).with_pick(pick)
+
+    def counted_from(self, side: str) -> "Description":
+        """The pending ordinal counts from a side."""
+        return replace(self, place=None).with_pick(extreme(side, self.place or 1))
+
+    def candidates(self, lexicon: Lexicon, layout: Layout | None) -> tuple[str, ...]:
+        """The objects that it may mean, in the task's order; several if it does not tell them apart."""
+        complete = self.reaching(None) if self.reach else self
+        named = complete._named(lexicon)
+        if not complete.picks:
+            return () if complete.place else named
+        if layout is None or complete.place:
+            return ()
+        pool = named if len(named) > 1 else complete._of_its_kind(lexicon)
+        found = set(named)
+        for pick in complete.picks:
+            pool = pick(layout, pool)
+            found &= set(pool)
+        return _in_order(lexicon.names, found)
+
+    def _named(self, lexicon: Lexicon) -> tuple[str, ...]:
+        """Those that the words allow."""
+        sets = [lexicon.objects_of[word] for word in self.words]
+        sets += [_of_colour(lexicon, colour) for colour in self.colours]
+        if self.exact:
+            sets.append(frozenset({self.exact}))
+        if self.words and (heads := _with_last_word(lexicon, self.words[-1])):
+            sets.append(heads)
+        told = _common(lexicon.names, sets)
+        return self._of_kinds(lexicon, told) if self.kinds else told
+
+    def _of_kinds(self, lexicon: Lexicon, told: tuple[str, ...]) -> tuple[str, ...]:
+        """Nouns of the same kind confirm what else was said; alone they tell nothing apart."""
+        kinds = [lexicon.kind_of(noun) for noun in self.kinds]
+        confirmed = _common(told, kinds)
+        return confirmed if len(told) == 1 or all(len(kind) > 1 for kind in kinds) else ()
+
+    def _of_its_kind(self, lexicon: Lexicon) -> tuple[str, ...]:
+        """What a relation compares: the objects of the same noun, all where none was said."""
+        last = lexicon.phrases[self.exact][0][-1] if self.exact else self.words[-1] if self.words else None
+        return _in_order(lexicon.names, lexicon.objects_of[last]) if last else lexicon.names
+
+
+def _with_last_word(lexicon: Lexicon, word: str) -> frozenset[str]:
+    return frozenset(name for name, phrases in lexicon.phrases.items() if any(p[-1] == word for p in phrases))
+
+
+def _of_colour(lexicon: Lexicon, colour: str) -> frozenset[str]:
+    names = lexicon.names
+    return frozenset(name for name in names if any(look_alike(colour, own) for own in lexicon.colours_of(name)))
+
+
+def _common(names: Sequence[str], sets: Iterable[frozenset[str]]) -> tuple[str, ...]:
+    return _in_order(names, frozenset(names).intersection(*sets))
+
+
+def _in_order(names: Sequence[str], wanted: Iterable[str]) -> tuple[str, ...]:
+    chosen = frozenset(wanted)
+    return tuple(name for name in names if name in chosen)

@@ -1,0 +1,288 @@
+"""Sentences: what is to be done with which objects, clause by clause; what is forbidden is left out.
+
+Everything in an instruction must find its place here. Where a word does not, there is no reading, and the instruction
+is refused: an unknown word may change what the others mean.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from app.pipeline.language import grammar, verbs
+from app.pipeline.language.phrases import NounPhrase, NounPhrases
+from app.pipeline.language.tables import PhraseTable
+from app.pipeline.language.words import NUMBERS, Word
+
+DIRECT = ""  # the role of a direct object; the others are named after prepositions
+MAX_OBJECTS = 8  # of one role
+Mood = Literal["do", "not", "skip", "rather"]
+_PICKING = frozenset("pick,pick up,grasp,grab,grip,take,lift,lift up,get,take hold of,grab hold of".split(","))
+_NEVER_FIXED = frozenset("and but or nor not never then it".split())
+
+
+@dataclass(frozen=True)
+class Clause:
+    """One thing to do.
+
+    Attributes:
+        verb: in its base form, with its particle; None where a noun phrase stands alone.
+        roles: by preposition (see `grammar.PREPOSITIONS`) or `DIRECT` the objects, in their order.
+        fixed: words of taught instructions that are no objects, as "the dirt" in "sweep the dirt to the dustpan".
+    """
+
+    verb: str | None
+    roles: tuple[tuple[str, tuple[NounPhrase, ...]], ...] = ()
+    fixed: tuple[str, ...] = ()
+
+    def objects_in(self, role: str) -> tuple[NounPhrase, ...]:
+        """Those of a role; none if it is not filled."""
+        return dict(self.roles).get(role, ())
+
+    @property
+    def phrases(self) -> tuple[NounPhrase, ...]:
+        """All of its objects."""
+        return tuple(phrase for _, phrases in self.roles for phrase in phrases)
+
+    def about(self, phrase: NounPhrase) -> "Clause":
+        """With a direct object instead of "it" or none."""
+        others = tuple((role, phrases) for role, phrases in self.roles if role != DIRECT)
+        return replace(self, roles=((DIRECT, (phrase,)), *others))
+
+
+@dataclass(frozen=True)
+class _Unit:
+    clause: Clause
+    mood: Mood
+
+
+class Sentences:
+    """The readings of one instruction.
+
+    Args:
+        fixed: words that a clause may have besides verb and objects; None: any (for taught instructions).
+        taught_verbs: verbs of taught instructions that no table has.
+    """
+
+    def __init__(
+        self, words: Sequence[Word], phrases: NounPhrases, fixed: frozenset[str] | None, taught_verbs: frozenset[str]
+    ) -> None:
+        self._words = words
+        self._texts = [word.text for word in words]
+        self._phrases = phrases
+        self._fixed = fixed
+        self._verbs = verbs.FIRST_WORDS | taught_verbs
+
+    def readings(self) -> Iterator[tuple[Clause, ...]]:
+        """The things to do, in their order, in every way that the whole text can be read.
+
+        Raises:
+            TooInvolvedError: if that takes too many steps.
+        """
+        for units in self._units(0, (), frozenset()):
+            done = tuple(unit.clause for unit in units if unit.mood == "do")
+            forbidden = {phrase.name for unit in units if unit.mood != "do" for phrase in unit.clause.phrases}
+            wanted = {phrase.name for clause in done for phrase in clause.objects_in(DIRECT)}
+            if done and forbidden.isdisjoint(wanted):
+                yield from _without_pronouns(done)
+
+    def _at_end(self, at: int) -> bool:
+        return at >= len(self._words)
+
+    def _text(self, at: int) -> str:
+        return "" if self._at_end(at) else self._texts[at]
+
+    def _end(self, at: int, table: PhraseTable) -> int | None:
+        return table.end_at(self._texts, at)
+
+    def _skip(self, at: int, *tables: PhraseTable) -> int:
+        """Where what says nothing ends."""
+        while self._end(at, grammar.RATHER) is None:
+            ends = [end for table in tables if (end := self._end(at, table)) is not None]
+            if not ends:
+                break
+            at = max(ends)
+            if self._text(at) == "," and not self._at_end(at + 1):
+                at += 1
+        return at
+
+    def _units(self, at: int, units: tuple[_Unit, ...], joined: frozenset[str]) -> Iterator[tuple[_Unit, ...]]:
+        """The text from here on.
+
+        Args:
+            joined: by what the unit that begins here is joined to the one before.
+        """
+        self._phrases.count_step()
+        start = self._skip(at, grammar.FILLERS, grammar.INSTEAD, *((grammar.FIRST,) if not units else ()))
+        if units and all(self._text(k) in ".?," for k in range(start, len(self._words))):
+            yield units
+            return
+        forbidding: tuple[tuple[Mood, PhraseTable], ...] = (
+            ("not", grammar.NOT), ("skip", grammar.SKIP), ("rather", grammar.RATHER),
+        )  # fmt: skip
+        for mood, table in forbidding:
+            if (end := self._end(start, table)) is not None:
+                for clause, after in self._clauses(end, forbidden=True):
+                    yield from self._after(after, (*units, _Unit(_inherited(clause, units), mood)))
+        for begin in {at, start}:
+            for clause, after in self._clauses(begin, forbidden=False):
+                if _may_follow(clause, units, joined):
+                    yield from self._after(after, (*units, _Unit(_inherited(clause, units), "do")))
+
+    def _after(self, at: int, units: tuple[_Unit, ...]) -> Iterator[tuple[_Unit, ...]]:
+        """What follows a unit: the end, a separator, or what is not meant."""
+        end, joined = self._separator(at)
+        if self._at_end(end):
+            yield units
+        elif end > at or units[-1].mood == "rather" or self._forbids(at):
+            yield from self._units(end, units, joined)
+
+    def _forbids(self, at: int) -> bool:
+        return any(self._end(at, table) is not None for table in (grammar.RATHER, grammar.NOT))
+
+    def _separator(self, at: int) -> tuple[int, frozenset[str]]:
+        """Where the marks and conjunctions end that stand here, and of which sorts they are."""
+        sorts: set[str] = set()
+        while not self._at_end(at):
+            text = self._text(at)
+            if (end := self._end(at, grammar.THEN)) is not None:
+                sorts.add("then")
+                at = end
+            elif text in ("and", "but", ",", ".", ";", "?"):
+                sorts.add(text if text in ("and", "but") else "mark")
+                at += 1
+            else:
+                break
+        return at, frozenset(sorts)
+
+    def _clauses(self, at: int, *, forbidden: bool) -> Iterator[tuple[Clause, int]]:
+        """The clauses that begin here, and where each ends."""
+        for verb, end in self._verb(at):
+            yield from self._arguments(end, Clause(verb), forbidden)
+        yield from self._arguments(at, Clause(None), forbidden)
+        role, start = self._preposition(at)
+        for phrases, end in self._objects(start, forbidden) if role else ():
+            begin = end + 1 if self._text(end) == "," else end
+            for verb, after in self._verb(self._skip(begin, grammar.FILLERS)):
+                yield from self._arguments(after, Clause(verb, ((role, phrases),)), forbidden)
+
+    def _verb(self, at: int) -> Iterator[tuple[str, int]]:
+        for phrase in verbs.TABLE.all_at(self._texts, at):
+            yield " ".join(phrase), at + len(phrase)
+        if (text := self._text(at)) in self._verbs and text not in verbs.PHRASES:
+            yield text, at + 1
+
+    def _arguments(self, at: int, clause: Clause, forbidden: bool) -> Iterator[tuple[Clause, int]]:
+        """With everything that may follow the verb, wherever the clause may end."""
+        self._phrases.count_step()
+        start = self._skip(at, grammar.FILLERS, grammar.INSTEAD)
+        role, after = self._preposition(start)
+        for phrases, end in self._objects(after, forbidden) if role else ():
+            if not clause.objects_in(role):
+                yield from self._arguments(end, replace(clause, roles=(*clause.roles, (role, phrases))), forbidden)
+        if not clause.objects_in(DIRECT):
+            for phrases, end in self._objects(start, forbidden):
+                yield from self._arguments(end, replace(clause, roles=(*clause.roles, (DIRECT, phrases))), forbidden)
+        if f"{clause.verb} {self._text(start)}" in verbs.PHRASES:
+            verb = f"{clause.verb} {self._text(start)}"
+            yield from self._arguments(start + 1, replace(clause, verb=verb), forbidden)
+        yield from self._with_fixed(start, clause, forbidden)
+        if (clause.verb or clause.roles) and self._may_end(start):
+            yield clause, self._without_first(start)
+
+    def _with_fixed(self, at: int, clause: Clause, forbidden: bool) -> Iterator[tuple[Clause, int]]:
+        """With a word that is no object, and the preposition and article before it."""
+        role, start = self._preposition(at)
+        while self._text(start) in grammar.DETERMINERS:
+            start += 1
+        if self._at_end(start):
+            return
+        word = self._fixed_word(start)
+        wanted = (*((f"{role}:",) if role else ()), word)
+        if word and (self._fixed is None or self._fixed.issuperset(wanted)):
+            yield from self._arguments(start + 1, replace(clause, fixed=(*clause.fixed, *wanted)), forbidden)
+
+    def _fixed_word(self, at: int) -> str:
+        """The word as clauses keep it: in the form in which it stands, for "blocks" are more than a block."""
+        word = self._words[at]
+        if word.text in _NEVER_FIXED or not word.text[0].isalnum():
+            return ""
+        return word.text if word.corrected or word.text in NUMBERS.values() else word.token.text
+
+    def _may_end(self, at: int) -> bool:
+        return self._at_end(at) or self._separator(self._without_first(at))[0] > at or self._forbids_or_does(at)
+
+    def _forbids_or_does(self, at: int) -> bool:
+        return self._forbids(at) or next(self._verb(at), None) is not None
+
+    def _without_first(self, at: int) -> int:
+        """Past a "first" that something follows: "push the red button first, then the blue one"."""
+        end = self._end(at, grammar.FIRST)
+        return end if end is not None and self._separator(end)[1] & {"then", "and"} else at
+
+    def _preposition(self, at: int) -> tuple[str, int]:
+        end = self._end(at, grammar.PREPOSITIONS)
+        if end is None:
+            return "", at
+        return grammar.ROLES[tuple(self._texts[at:end])], end
+
+    def _objects(self, at: int, forbidden: bool) -> Iterator[tuple[tuple[NounPhrase, ...], int]]:
+        """One object or several: "the red, the blue and the green button"."""
+        for phrase in self._object(at, forbidden):
+            yield (phrase,), phrase.end
+            joints = (",", "and", "or", "nor") if forbidden else (",", "and")
+            start = phrase.end
+            while self._text(start) in joints:
+                start += 1
+                for others, end in self._objects(start, forbidden):
+                    self._phrases.count_step()
+                    if len(others) < MAX_OBJECTS:
+                        yield (phrase, *others), end
+
+    def _object(self, at: int, forbidden: bool) -> tuple[NounPhrase, ...]:
+        """What stands for one object; in a clause that forbids something also what stands for none."""
+        found = self._phrases.at(at)
+        if not forbidden:
+            return found
+        none = (miss for miss in self._phrases.misses if miss.start == at and not miss.candidates)
+        return (*found, *(NounPhrase(at, miss.end, None, "name") for miss in sorted(none)))
+
+
+def _inherited(clause: Clause, units: Sequence[_Unit]) -> Clause:
+    """With the verb of the unit before where it has none."""
+    before = next((unit.clause.verb for unit in reversed(units) if unit.clause.verb), None)
+    return clause if clause.verb else replace(clause, verb=before)
+
+
+def _may_follow(clause: Clause, units: Sequence[_Unit], joined: frozenset[str]) -> bool:
+    """Whether a clause after what is forbidden is wanted: "do not push the red one and the blue one" wants nothing."""
+    before = units[-1] if units else None
+    if before is None or before.mood == "do":
+        return True
+    if before.mood == "rather":
+        return True
+    if before.mood == "skip":
+        return clause.verb is not None
+    if "but" in joined or clause.verb:
+        return "but" in joined or "mark" in joined
+    return "mark" in joined and len(units) == 1 and before.clause.verb is None
+
+
+def _without_pronouns(clauses: tuple[Clause, ...]) -> Iterator[tuple[Clause, ...]]:
+    """The clauses with "it" replaced; "pick up X and put it on Y" also as the single clause "put X on Y"."""
+    resolved: list[Clause] = []
+    merged: list[Clause] = []
+    for clause in clauses:
+        direct = clause.objects_in(DIRECT)
+        missing = not direct or direct[0].name is None
+        antecedent = resolved[-1].objects_in(DIRECT) if resolved else ()
+        if missing and len(antecedent) == 1 and antecedent[0].name and clause.verb:
+            whole = clause.about(antecedent[0])
+            picked = merged[-1].verb in _PICKING and len(merged[-1].roles) == 1
+            merged = [*merged[:-1], whole] if picked else [*merged, whole]
+        else:
+            whole = clause
+            merged.append(whole)
+        resolved.append(whole)
+    yield tuple(resolved)
+    if len(merged) < len(resolved):
+        yield tuple(merged)
