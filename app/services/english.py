@@ -5,13 +5,25 @@ from functools import lru_cache
 from importlib.resources import files
 
 
-@lru_cache(maxsize=4096)
 def is_english(word: str) -> bool:
-    """Whether pyspellchecker's frequency list (from film subtitles, 160,000 words) has the word in lower case."""
-    return f'"{word}":'.encode() in _frequency_list()
+    """Whether pyspellchecker's frequency list (160,000 words, from film subtitles) has the word in lower case."""
+    listed, wanted = _frequency_list(), f'"{word}"'.encode()
+    low, high = 0, len(listed)
+    while low < high:
+        middle = listed.rfind(b"\n", low, (low + high) // 2) + 1 or low
+        end = listed.find(b":", middle, high)
+        found = listed[middle:end]
+        if end < 0 or found == wanted:
+            return end >= 0
+        if found < wanted:
+            low = listed.find(b"\n", end, high) + 1 or high
+        else:
+            high = middle
+    return False
 
 
 @lru_cache(maxsize=1)
 def _frequency_list() -> bytes:
-    """The list as JSON text: 2.5 MB, where as a set of words it would take 20."""
-    return gzip.decompress((files("spellchecker") / "resources" / "en.json.gz").read_bytes())
+    """The list's lines `"word": number`, in the order of their bytes: 3 MB, where a set of words would take 20."""
+    text = gzip.decompress((files("spellchecker") / "resources" / "en.json.gz").read_bytes())
+    return text.strip(b"{}\n")

@@ -4,7 +4,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from app.pipeline.language.colours import look_alike
-from app.pipeline.language.lexicon import Lexicon
+from app.pipeline.language.grammar import ADJECTIVES
+from app.pipeline.language.lexicon import Lexicon, noun_of
 from app.pipeline.language.space import Layout, Pick, extreme, farthest_from, nearest_to
 
 # How an object was found, the least certain last: that is what is told of a phrase that used several.
@@ -22,6 +23,7 @@ class Description:
         place: an ordinal that waits for a side to count from.
         reach: "near" or "far", which waits for what it is near to or far from.
         generic: whether "one" or "thing" was said.
+        plural: whether the noun stands in the plural.
     """
 
     exact: str | None = None
@@ -32,12 +34,18 @@ class Description:
     place: int | None = None
     reach: str | None = None
     generic: bool = False
+    plural: bool = False
     means: frozenset[str] = frozenset({"name"})
 
     @property
     def says_something(self) -> bool:
-        """Whether it can stand for an object."""
-        return bool(self.exact or self.words or self.kinds or self.colours or self.picks or self.generic or self.reach)
+        """Whether it can stand for an object: colours and places only with a noun, for "the lemon" is no yellow cup."""
+        noun = bool(self.exact or self.words or self.kinds or self.generic)
+        return noun and not (self.colours and not self._has_noun)
+
+    @property
+    def _has_noun(self) -> bool:
+        return bool(self.exact or self.kinds or self.generic or not ADJECTIVES.issuperset(self.words))
 
     def by(self) -> str:
         """The least certain of the means."""
@@ -64,12 +72,14 @@ class Description:
             return () if complete.place else named
         if layout is None or complete.place:
             return ()
-        pool = named if len(named) > 1 else complete._of_its_kind(lexicon)
-        found = set(named)
-        for pick in complete.picks:
-            pool = pick(layout, pool)
-            found &= set(pool)
-        return _in_order(lexicon.names, found)
+        if len(named) > 1:
+            for pick in complete.picks:
+                named = pick(layout, named)
+            return _in_order(lexicon.names, named)
+        # What is clear without the relation must agree with it: "the red button on the left" may be on the right.
+        pool = complete._compared(lexicon)
+        agree = len(pool) > 1 and all(set(named) <= set(pick(layout, pool)) for pick in complete.picks)
+        return named if agree else ()
 
     def _named(self, lexicon: Lexicon) -> tuple[str, ...]:
         """Those that the words allow."""
@@ -77,9 +87,11 @@ class Description:
         sets += [_of_colour(lexicon, colour) for colour in self.colours]
         if self.exact:
             sets.append(frozenset({self.exact}))
-        if self.words and (heads := _with_last_word(lexicon, self.words[-1])):
-            sets.append(heads)
+        if self.words and (called_so := lexicon.with_noun(self.words[-1])):
+            sets.append(called_so)
         told = _common(lexicon.names, sets)
+        if self.words and not (self.exact or self.generic or self.kinds):
+            told = tuple(name for name in told if lexicon.is_meant(name, self.words))
         return self._of_kinds(lexicon, told) if self.kinds else told
 
     def _of_kinds(self, lexicon: Lexicon, told: tuple[str, ...]) -> tuple[str, ...]:
@@ -88,14 +100,11 @@ class Description:
         confirmed = _common(told, kinds)
         return confirmed if len(told) == 1 or all(len(kind) > 1 for kind in kinds) else ()
 
-    def _of_its_kind(self, lexicon: Lexicon) -> tuple[str, ...]:
-        """What a relation compares: the objects of the same noun, all where none was said."""
-        last = lexicon.phrases[self.exact][0][-1] if self.exact else self.words[-1] if self.words else None
-        return _in_order(lexicon.names, lexicon.objects_of[last]) if last else lexicon.names
-
-
-def _with_last_word(lexicon: Lexicon, word: str) -> frozenset[str]:
-    return frozenset(name for name, phrases in lexicon.phrases.items() if any(p[-1] == word for p in phrases))
+    def _compared(self, lexicon: Lexicon) -> tuple[str, ...]:
+        """What a relation compares an object with: the others of its noun, or all others where there is none."""
+        noun = noun_of(lexicon.phrases[self.exact][0]) if self.exact else self.words[-1] if self.words else ""
+        kind = lexicon.with_noun(noun)
+        return _in_order(lexicon.names, kind) if len(kind) > 1 else lexicon.names
 
 
 def _of_colour(lexicon: Lexicon, colour: str) -> frozenset[str]:

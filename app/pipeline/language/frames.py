@@ -151,7 +151,7 @@ def _read(text: str, lexicon: Lexicon) -> Clause | None:
     own = frozenset({taught_verb(text, lexicon)} - lexicon.objects_of.keys())
     sentences = Sentences(words, NounPhrases(words, lexicon, None), None, own)
     try:
-        read = [reading[0] for reading in sentences.readings() if len(reading) == 1]
+        read = [form[0] for forms in sentences.readings() for form in forms if len(form) == 1]
     except TooInvolvedError:
         return None
     mentioned = set(mention_order(lexicon.names, text))

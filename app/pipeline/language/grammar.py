@@ -1,8 +1,10 @@
 """The closed classes of English that instructions are made of, and phrases that say nothing about the motion."""
 
+from app.pipeline.language.colours import COLOURS, SHADES_OF
 from app.pipeline.language.space import Pick, extreme, in_the_middle, on_side
 from app.pipeline.language.tables import Phrase, PhraseTable
 from app.pipeline.language.tables import phrases as _phrases
+from app.pipeline.language.words import NUMBERS
 
 DETERMINERS = frozenset("the a an that this your".split())
 GENERIC_NOUNS = frozenset("one thing object item".split())
@@ -10,14 +12,16 @@ GENERIC_NOUNS = frozenset("one thing object item".split())
 NOUN_KINDS = (frozenset({"cube", "block", "brick"}), frozenset({"cup", "mug"}), frozenset({"tap", "faucet"}))
 COLOURED = frozenset("coloured colored colour color".split())
 
-# Politeness, addresses and lead-ins, wherever a clause may begin or end.
+# Politeness, wherever a clause has a place for it; addresses and lead-ins, where a clause begins.
 FILLERS = _phrases(
-    "please,kindly,now,just,robot,hey,hello,hi,dear,ok,okay,so,well,thanks,thank you,thank you very much,"
-    "many thanks,for me,if you please,if possible,if you can,could you,can you,would you,will you,could you please,"
-    "can you please,would you please,i want you to,i would like you to,i need you to,i ask you to,you should,you must,"
-    "you have to,you need to,you can,you may,you will,let us,go ahead and,go and,try to,be so kind as to,"
-    "make sure to,make sure you,make sure that you,would you mind,do me a favor and,do me a favour and,"
-    "your task is to,the task is to,your job is to,i would like to ask you to,i am asking you to,right now,here,there"
+    "please,kindly,now,right now,just,thanks,thank you,thank you very much,many thanks,for me,if you please,if possible,"
+    "if you can"
+)
+LEADS = _phrases(
+    "robot,hey,hello,hi,dear,ok,okay,so,well,could you,can you,would you,will you,i want you to,i would like you to,"
+    "i need you to,i ask you to,you should,you must,you have to,you need to,you can,you may,you will,let us,"
+    "go ahead and,go and,try to,be so kind as to,make sure to,make sure you,make sure that you,would you mind,"
+    "do me a favor and,do me a favour and,your task is to,the task is to,your job is to,i am asking you to"
 )
 INSTEAD = _phrases("instead")
 FIRST = _phrases("first,firstly,first of all,to begin with,start by,begin by,start with")
@@ -51,6 +55,8 @@ ORDINALS = {
     for place, words in enumerate("first 1st,second 2nd,third 3rd,fourth 4th,fifth 5th,sixth 6th".split(","), start=1)
     for word in words.split()
 }
+# Words that say which one rather than what: no noun, wherever a name has them.
+_ADJECTIVES = frozenset("left right top bottom middle center centre upper lower front back rear".split())
 # Words before the noun by which a place picks an object.
 PICKS: dict[Phrase, Pick] = {
     **{
@@ -102,9 +108,11 @@ SIDES_OF: dict[Phrase, str] = {
 }
 RELATIONS = PhraseTable((*SIDES_OF, *BESIDE))
 
+ADJECTIVES = _ADJECTIVES | COLOURS.keys() | SHADES_OF | ORDINALS.keys() | set(NUMBERS) | set(NUMBERS.values()) | {"1"}
+
 _MARKS = frozenset({",", ".", ";", "?"})
-_TABLES = (FILLERS, INSTEAD, FIRST, THEN, NOT, SKIP, RATHER, PREPOSITIONS, PLACES, ROBOT, BEING, EXACTLY, SIDES, RELATIONS)
-_ALONE = frozenset("and but or nor it between middle center centre extreme very to of away all them".split())
+_TABLES = (FILLERS, LEADS, INSTEAD, FIRST, THEN, NOT, SKIP, RATHER, PREPOSITIONS, PLACES, ROBOT, BEING, EXACTLY, SIDES, RELATIONS)
+_ALONE = frozenset("and but or nor it between middle center centre extreme very to of away all them both".split())
 # Words that never tell an object apart by themselves, even where a name has them: "a block" is not `block a`.
 NEVER_LOOSE = DETERMINERS | GENERIC_NOUNS | {word for phrase in PREPOSITIONS for word in phrase} - {
     "left", "right", "top", "front"

@@ -156,8 +156,8 @@ class Taught:
         sentences = Sentences(words, phrases, self._fixed, self._verbs)
         found: dict[str, Grounded] = {}
         try:
-            for reading in islice(sentences.readings(), MAX_READINGS):
-                for plan in self._plans(reading):
+            for forms in islice(sentences.readings(), MAX_READINGS):
+                for plan in next(filter(None, (list(self._plans(form)) for form in forms)), []):
                     if (text := self._canonical(plan)) is not None:
                         told = tuple(_told(instruction, words, plan)) or tuple(self._mentioned(instruction))
                         found[text] = min(found.get(text), Grounded(text, told), key=_certainty)

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 
 from app.pipeline.language import colours, verbs
-from app.pipeline.language.grammar import FUNCTION_WORDS, GENERIC_NOUNS, NEVER_LOOSE, NOUN_KINDS
+from app.pipeline.language.grammar import ADJECTIVES, FUNCTION_WORDS, GENERIC_NOUNS, NEVER_LOOSE, NOUN_KINDS
 from app.pipeline.language.tables import Phrase, PhraseTable
 from app.pipeline.language.words import NUMBERS, IsWord, Speller, Token, Word, is_plural_of, tokens_of
 
@@ -57,13 +57,27 @@ class Lexicon:
         kinds = [kind for kind in NOUN_KINDS if noun in kind]
         return frozenset(name for kind in kinds for other in kind for name in self.objects_of.get(other, ()))
 
+    def is_meant(self, name: str, words: Iterable[str]) -> bool:
+        """Whether words of an object's name or alias suffice for it: its noun, all that no other has, or adjectives.
+
+        "The cup" is no cup holder, and "the wine" no wine bottle.
+        """
+        said = frozenset(words)
+        nouns = {noun_of(phrase) for phrase in self.phrases[name]}
+        own = {word for word in self.phrases[name][0] if self.objects_of[word] == {name}}
+        return bool(said & nouns) or said <= ADJECTIVES or bool(own) and own <= said
+
+    def with_noun(self, noun: str) -> frozenset[str]:
+        """The objects that are called so."""
+        return frozenset(name for name, phrases in self.phrases.items() if any(noun_of(p) == noun for p in phrases))
+
     def colours_of(self, name: str) -> set[str]:
         """The colour words in an object's name and aliases."""
         return {word for phrase in self.phrases[name] for word in phrase if word in colours.COLOURS}
 
     def _word(self, token: Token) -> Word:
         if (known := self._known(token.text)) is not None:
-            return Word(token, known)
+            return Word(token, known, plural=is_plural_of(token.text, known) and known in self._nouns)
         if not token.text[0].isalnum():
             return Word(token, token.text, known=token.text in FUNCTION_WORDS)
         right = self._speller.correct(token.text)
@@ -96,6 +110,11 @@ class Lexicon:
     @cached_property
     def _speller(self) -> Speller:
         return Speller((self.objects_of, self._taught, verbs.FIRST_WORDS, self._exact), self._is_word)
+
+
+def noun_of(phrase: Phrase) -> str:
+    """The last word that is no adjective: the drawer of `drawer_top`."""
+    return next((word for word in reversed(phrase) if word not in ADJECTIVES), phrase[-1])
 
 
 def phrase_of(text: str) -> Phrase:

@@ -24,12 +24,14 @@ class NounPhrase(NamedTuple):
     Attributes:
         name: the object; None for "it", and for what stands for no object in a clause that forbids something.
         by: how it was found, one of `descriptions.MEANS`.
+        plural: whether it stands for several, of which it may name the last: "the red and the blue buttons".
     """
 
     start: int
     end: int
     name: str | None
     by: str
+    plural: bool = False
 
 
 class Miss(NamedTuple):
@@ -98,7 +100,7 @@ class NounPhrases:
         for said in self._described(_Said(Description(), first)):
             candidates = said.description.candidates(self._lexicon, self._layout)
             if len(candidates) == 1:
-                yield NounPhrase(start, said.end, candidates[0], said.description.by())
+                yield NounPhrase(start, said.end, candidates[0], said.description.by(), said.description.plural)
             else:
                 self.misses.add(Miss(start, said.end, candidates))
 
@@ -123,7 +125,7 @@ class NounPhrases:
         if not text:
             return
         means = before.means | ({"spelling"} if self._words[at].corrected else set())
-        description = replace(before, means=means)
+        description = replace(before, means=means, plural=before.plural or self._words[at].plural)
         yield from self._whole_names(at, description)
         loose = self._lexicon.loose
         for word in {text, grammar.PLACES_IN_NAMES.get(text, text)} & loose:
@@ -176,7 +178,7 @@ class NounPhrases:
         for begin in (start,) if exactly is None else (start, exactly):
             yield from self._reaching(begin, said.description)
             yield from self._beside(begin, said.description)
-            yield from self._on_a_side(begin, said.description)
+            yield from self._on_a_side(begin, said.description, ("on", "at", "from", "in", *(("to",) if introduced else ())))
         yield from self._of_several(at, said.description)
 
     def _reaching(self, at: int, description: Description) -> Iterator[_Said]:
@@ -219,10 +221,10 @@ class NounPhrases:
                     for other, after in self._single(middle + 1):
                         yield _Said(description.with_pick(between(one, other)), after)
 
-    def _on_a_side(self, at: int, description: Description) -> Iterator[_Said]:
-        """On the far left, in the middle, third from the right."""
+    def _on_a_side(self, at: int, description: Description, prepositions: Sequence[str]) -> Iterator[_Said]:
+        """On the far left, in the middle, third from the right; "to the left" alone is where something is pushed."""
         preposition, start = self._text(at), at + 1
-        if preposition not in ("on", "at", "to", "from", "in"):
+        if preposition not in prepositions:
             return
         start = start + 1 if self._text(start) in ("the", "your") else start
         very = self._text(start) in ("far", "very", "extreme")

@@ -72,8 +72,10 @@ class Sentences:
         self._fixed = fixed
         self._verbs = verbs.FIRST_WORDS | taught_verbs
 
-    def readings(self) -> Iterator[tuple[Clause, ...]]:
+    def readings(self) -> Iterator[tuple[tuple[Clause, ...], ...]]:
         """The things to do, in their order, in every way that the whole text can be read.
+
+        Where one way has several forms, of which the first that was taught is meant, these stand together.
 
         Raises:
             TooInvolvedError: if that takes too many steps.
@@ -82,8 +84,9 @@ class Sentences:
             done = tuple(unit.clause for unit in units if unit.mood == "do")
             forbidden = {phrase.name for unit in units if unit.mood != "do" for phrase in unit.clause.phrases}
             wanted = {phrase.name for clause in done for phrase in clause.objects_in(DIRECT)}
-            if done and forbidden.isdisjoint(wanted):
-                yield from _without_pronouns(done)
+            says_what = len(units) == 1 or all(unit.clause.roles for unit in units)
+            if done and says_what and forbidden.isdisjoint(wanted):
+                yield _without_pronouns(done)
 
     def _at_end(self, at: int) -> bool:
         return at >= len(self._words)
@@ -112,7 +115,7 @@ class Sentences:
             joined: by what the unit that begins here is joined to the one before.
         """
         self._phrases.count_step()
-        start = self._skip(at, grammar.FILLERS, grammar.INSTEAD, *((grammar.FIRST,) if not units else ()))
+        start = self._skip(at, grammar.FILLERS, grammar.LEADS, *self._leads_after(units))
         if units and all(self._text(k) in ".?," for k in range(start, len(self._words))):
             yield units
             return
@@ -128,8 +131,16 @@ class Sentences:
                 if _may_follow(clause, units, joined):
                     yield from self._after(after, (*units, _Unit(_inherited(clause, units), "do")))
 
+    def _leads_after(self, units: tuple[_Unit, ...]) -> tuple[PhraseTable, ...]:
+        """A later "first" would change the order, and an "instead" after what was wanted takes that back."""
+        if not units:
+            return (grammar.FIRST, grammar.INSTEAD)
+        return () if any(unit.mood == "do" for unit in units) else (grammar.INSTEAD,)
+
     def _after(self, at: int, units: tuple[_Unit, ...]) -> Iterator[tuple[_Unit, ...]]:
         """What follows a unit: the end, a separator, or what is not meant."""
+        if len(units) == 1 and (first := self._end(at, grammar.FIRST)) is not None and self._separator(first)[1]:
+            at = first  # "push the red button first, then the blue one"
         end, joined = self._separator(at)
         if self._at_end(end):
             yield units
@@ -148,7 +159,7 @@ class Sentences:
                 sorts.add("then")
                 at = end
             elif text in ("and", "but", ",", ".", ";", "?"):
-                sorts.add(text if text in ("and", "but") else "mark")
+                sorts.add(text if text in ("and", "but", ",") else "stop")
                 at += 1
             else:
                 break
@@ -174,7 +185,7 @@ class Sentences:
     def _arguments(self, at: int, clause: Clause, forbidden: bool) -> Iterator[tuple[Clause, int]]:
         """With everything that may follow the verb, wherever the clause may end."""
         self._phrases.count_step()
-        start = self._skip(at, grammar.FILLERS, grammar.INSTEAD)
+        start = self._skip(at, grammar.FILLERS)
         role, after = self._preposition(start)
         for phrases, end in self._objects(after, forbidden) if role else ():
             if not clause.objects_in(role):
@@ -187,7 +198,7 @@ class Sentences:
             yield from self._arguments(start + 1, replace(clause, verb=verb), forbidden)
         yield from self._with_fixed(start, clause, forbidden)
         if (clause.verb or clause.roles) and self._may_end(start):
-            yield clause, self._without_first(start)
+            yield clause, start
 
     def _with_fixed(self, at: int, clause: Clause, forbidden: bool) -> Iterator[tuple[Clause, int]]:
         """With a word that is no object, and the preposition and article before it."""
@@ -209,15 +220,8 @@ class Sentences:
         return word.text if word.corrected or word.text in NUMBERS.values() else word.token.text
 
     def _may_end(self, at: int) -> bool:
-        return self._at_end(at) or self._separator(self._without_first(at))[0] > at or self._forbids_or_does(at)
-
-    def _forbids_or_does(self, at: int) -> bool:
-        return self._forbids(at) or next(self._verb(at), None) is not None
-
-    def _without_first(self, at: int) -> int:
-        """Past a "first" that something follows: "push the red button first, then the blue one"."""
-        end = self._end(at, grammar.FIRST)
-        return end if end is not None and self._separator(end)[1] & {"then", "and"} else at
+        separated = self._at_end(at) or self._separator(at)[0] > at or self._end(at, grammar.FIRST) is not None
+        return separated or self._forbids(at) or next(self._verb(at), None) is not None
 
     def _preposition(self, at: int) -> tuple[str, int]:
         end = self._end(at, grammar.PREPOSITIONS)
@@ -227,16 +231,26 @@ class Sentences:
 
     def _objects(self, at: int, forbidden: bool) -> Iterator[tuple[tuple[NounPhrase, ...], int]]:
         """One object or several: "the red, the blue and the green button"."""
+        both = self._text(at) == "both"
+        for phrases, end in self._listed(at + both, forbidden):
+            singular = all(not phrase.plural for phrase in phrases[:-1])
+            if (singular and (len(phrases) > 1 or not phrases[-1].plural)) or forbidden:
+                if not both or len(phrases) == 2:
+                    yield phrases, end
+
+    def _listed(self, at: int, forbidden: bool) -> Iterator[tuple[tuple[NounPhrase, ...], int]]:
+        conjunctions = ("and", "or", "nor") if forbidden else ("and",)
         for phrase in self._object(at, forbidden):
             yield (phrase,), phrase.end
-            joints = (",", "and", "or", "nor") if forbidden else (",", "and")
-            start = phrase.end
-            while self._text(start) in joints:
-                start += 1
-                for others, end in self._objects(start, forbidden):
-                    self._phrases.count_step()
-                    if len(others) < MAX_OBJECTS:
-                        yield (phrase, *others), end
+            comma = self._text(phrase.end) == ","
+            last = self._text(phrase.end + comma) in conjunctions
+            if not comma and not last:
+                continue
+            for others, end in self._listed(phrase.end + comma + last, forbidden):
+                self._phrases.count_step()
+                # only "and" ends a list: what a comma adds may as well be a correction
+                if len(others) < MAX_OBJECTS and (last or len(others) > 1):
+                    yield (phrase, *others), end
 
     def _object(self, at: int, forbidden: bool) -> tuple[NounPhrase, ...]:
         """What stands for one object; in a clause that forbids something also what stands for none."""
@@ -244,7 +258,8 @@ class Sentences:
         if not forbidden:
             return found
         none = (miss for miss in self._phrases.misses if miss.start == at and not miss.candidates)
-        return (*found, *(NounPhrase(at, miss.end, None, "name") for miss in sorted(none)))
+        named = (phrase for phrase in found if phrase.name is not None)
+        return (*named, *(NounPhrase(at, miss.end, None, "name") for miss in sorted(none)))
 
 
 def _inherited(clause: Clause, units: Sequence[_Unit]) -> Clause:
@@ -254,35 +269,40 @@ def _inherited(clause: Clause, units: Sequence[_Unit]) -> Clause:
 
 
 def _may_follow(clause: Clause, units: Sequence[_Unit], joined: frozenset[str]) -> bool:
-    """Whether a clause after what is forbidden is wanted: "do not push the red one and the blue one" wants nothing."""
+    """Whether a clause goes on with what is wanted.
+
+    "Do not push the red one and the blue one" wants nothing, and "push the red one, the blue one" is perhaps a
+    correction; "not the red one, the blue one" is none.
+    """
     before = units[-1] if units else None
-    if before is None or before.mood == "do":
+    if before is None:
         return True
-    if before.mood == "rather":
-        return True
+    if before.mood in ("do", "rather"):
+        fronted = before.mood == "rather" and len(units) == 1
+        return clause.verb is not None or fronted or bool(joined & {"and", "then"})
     if before.mood == "skip":
         return clause.verb is not None
     if "but" in joined or clause.verb:
-        return "but" in joined or "mark" in joined
-    return "mark" in joined and len(units) == 1 and before.clause.verb is None
+        return not joined.isdisjoint({"but", ",", "stop"})
+    return "," in joined and len(units) == 1 and before.clause.verb is None
 
 
-def _without_pronouns(clauses: tuple[Clause, ...]) -> Iterator[tuple[Clause, ...]]:
-    """The clauses with "it" replaced; "pick up X and put it on Y" also as the single clause "put X on Y"."""
+def _without_pronouns(clauses: tuple[Clause, ...]) -> tuple[tuple[Clause, ...], ...]:
+    """The clauses with "it" replaced; first of all "pick up X and put it on Y" as the single clause "put X on Y".
+
+    Demonstrations begin with an empty gripper: one that puts something somewhere picks it up by itself.
+    """
     resolved: list[Clause] = []
     merged: list[Clause] = []
     for clause in clauses:
         direct = clause.objects_in(DIRECT)
-        missing = not direct or direct[0].name is None
         antecedent = resolved[-1].objects_in(DIRECT) if resolved else ()
-        if missing and len(antecedent) == 1 and antecedent[0].name and clause.verb:
-            whole = clause.about(antecedent[0])
-            picked = merged[-1].verb in _PICKING and len(merged[-1].roles) == 1
-            merged = [*merged[:-1], whole] if picked else [*merged, whole]
-        else:
-            whole = clause
-            merged.append(whole)
+        if (direct and direct[0].name) or not clause.verb or len(antecedent) != 1 or not antecedent[0].name:
+            resolved.append(clause)
+            merged.append(clause)
+            continue
+        whole = clause.about(antecedent[0])
+        picked = merged[-1].verb in _PICKING and len(merged[-1].roles) == 1
+        merged = [*merged[:-1], whole] if picked else [*merged, whole]
         resolved.append(whole)
-    yield tuple(resolved)
-    if len(merged) < len(resolved):
-        yield tuple(merged)
+    return (tuple(merged), tuple(resolved)) if len(merged) < len(resolved) else (tuple(resolved),)

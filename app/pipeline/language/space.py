@@ -97,14 +97,14 @@ def between(one: str, other: str) -> Pick:
     """The candidates on the way from one object to another."""
 
     def pick(layout: Layout, names: Names) -> Names:
-        start_m, end_m = layout.positions_m[one][:2], layout.positions_m[other][:2]
+        start_m, end_m = layout.positions_m[one], layout.positions_m[other]
         way_m = end_m - start_m
         length_m = float(np.linalg.norm(way_m))
         if length_m < MARGIN_M:
             return ()
 
         def is_there(name: str) -> bool:
-            offset_m = layout.positions_m[name][:2] - start_m
+            offset_m = layout.positions_m[name] - start_m
             share = float(offset_m @ way_m) / length_m**2
             return 0 < share < 1 and float(np.linalg.norm(offset_m - share * way_m)) < ALONGSIDE * length_m
 
@@ -114,13 +114,13 @@ def between(one: str, other: str) -> Pick:
 
 
 def on_side(side: str) -> Pick:
-    """The one of two candidates on a side; a single candidate only if it does not lie on the other side."""
+    """The one of two candidates on a side; of more those that lie clearly on that side of their middle."""
 
     def pick(layout: Layout, names: Names) -> Names:
-        if len(names) == 2:
+        if len(names) <= 2:
             return extreme(side)(layout, names)
-        middle = float(np.mean([layout.along(name, side) for name in layout.positions_m]))
-        return names if len(names) > 1 else tuple(n for n in names if layout.along(n, side) > middle - MARGIN_M)
+        middle = float(np.mean([layout.along(name, side) for name in names]))
+        return tuple(name for name in names if layout.along(name, side) > middle + MARGIN_M)
 
     return pick
 

@@ -43,12 +43,14 @@ class Word:
         text: the known word that it stands for; the token's own text where nothing is known.
         known: whether the vocabulary has it.
         corrected: whether it was misspelt.
+        plural: whether it is the plural of what it stands for.
     """
 
     token: Token
     text: str
     known: bool = True
     corrected: bool = False
+    plural: bool = False
 
 
 def tokens_of(text: str) -> list[Token]:
