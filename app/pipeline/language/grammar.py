@@ -27,7 +27,8 @@ INSTEAD = _phrases("instead")
 FIRST = _phrases("first,firstly,first of all,to begin with,start by,begin by,start with")
 THEN = _phrases("then,after that,afterwards,afterward,next,finally,lastly,at last,after this,thereafter,subsequently")
 NOT = _phrases("do not,never,not,you must not,you should not,please do not")
-SKIP = _phrases("ignore,skip,avoid,leave out,stay away from,keep away from")
+PASSIVE = _phrases("should be,must be,has to be,have to be,needs to be,need to be,is to be,are to be,shall be")
+SKIP = _phrases("ignore,forget,forget about,skip,avoid,leave out,stay away from,keep away from")
 RATHER = _phrases("instead of,rather than,in place of,as opposed to")
 
 # A role is named after the plainest of the prepositions that mean the same for a robot.
@@ -67,8 +68,8 @@ PICKS: dict[Phrase, Pick] = {
             f"outermost {side},very {side}"
         )
     },
-    **dict.fromkeys(_phrases("topmost,uppermost,highest"), extreme("top")),
-    **dict.fromkeys(_phrases("bottommost,lowest,lowermost"), extreme("bottom")),
+    **dict.fromkeys(_phrases("topmost,top most,uppermost,highest"), extreme("top")),
+    **dict.fromkeys(_phrases("bottommost,bottom most,lowest,lowermost"), extreme("bottom")),
     **{(side,): on_side(side) for side in ("left", "right", "top", "bottom")},
     **{(side, "hand"): on_side(side) for side in ("left", "right")},
     ("upper",): on_side("top"),
@@ -81,6 +82,11 @@ PLACES_IN_NAMES = {
     "upper": "top", "topmost": "top", "uppermost": "top", "highest": "top", "lower": "bottom", "bottommost": "bottom",
     "lowest": "bottom", "lowermost": "bottom", "leftmost": "left", "rightmost": "right", "center": "middle",
     "centre": "middle", "central": "middle",
+}  # fmt: skip
+EDGES = frozenset({"left", "right", "top", "bottom"})
+COUNTED_FROM = {
+    "leftmost": "left", "rightmost": "right", "left": "left", "right": "right", "top": "top", "bottom": "bottom",
+    "above": "top", "below": "bottom", "highest": "top", "lowest": "bottom",
 }  # fmt: skip
 NEAR = frozenset({"closest", "nearest"})
 FAR = frozenset({"farthest", "furthest"})
@@ -111,7 +117,7 @@ RELATIONS = PhraseTable((*SIDES_OF, *BESIDE))
 ADJECTIVES = _ADJECTIVES | COLOURS.keys() | SHADES_OF | ORDINALS.keys() | set(NUMBERS) | set(NUMBERS.values()) | {"1"}
 
 _MARKS = frozenset({",", ".", ";", "?"})
-_TABLES = (FILLERS, LEADS, INSTEAD, FIRST, THEN, NOT, SKIP, RATHER, PREPOSITIONS, PLACES, ROBOT, BEING, EXACTLY, SIDES, RELATIONS)
+_TABLES = (FILLERS, LEADS, INSTEAD, FIRST, THEN, NOT, PASSIVE, SKIP, RATHER, PREPOSITIONS, PLACES, ROBOT, BEING, EXACTLY, SIDES, RELATIONS)
 _ALONE = frozenset("and but or nor it between middle center centre extreme very to of away all them both".split())
 # Words that never tell an object apart by themselves, even where a name has them: "a block" is not `block a`.
 NEVER_LOOSE = DETERMINERS | GENERIC_NOUNS | {word for phrase in PREPOSITIONS for word in phrase} - {

@@ -143,8 +143,12 @@ class NounPhrases:
     def _whole_names(self, at: int, description: Description) -> Iterator[_Said]:
         if description.exact is None:
             for phrase in self._lexicon.table.all_at(self._texts, at):
-                for name, means in self._lexicon.called[phrase]:
-                    yield _Said(replace(description, exact=name, means=description.means | {means}), at + len(phrase))
+                said = self._words[at : at + len(phrase)]
+                plural = description.plural or any(word.plural for word in said)
+                guessed = {"spelling"} if any(word.corrected for word in said) else set()
+                for name, by in self._lexicon.called[phrase]:
+                    means = description.means | guessed | {by}
+                    yield _Said(replace(description, exact=name, plural=plural, means=means), at + len(phrase))
 
     def _coloured(self, at: int, description: Description) -> Iterator[_Said]:
         text, after = self._text(at), self._text(at + 1)
@@ -160,6 +164,8 @@ class NounPhrases:
         text = self._text(at)
         if (end := grammar.PLACES.end_at(self._texts, at)) is not None:
             yield _Said(description.with_pick(grammar.PICKS[tuple(self._texts[at:end])]), end)
+        if description.place and text in grammar.COUNTED_FROM and text.endswith("st"):
+            yield _Said(description.counted_from(grammar.COUNTED_FROM[text]), at + 1)
         if text in grammar.ORDINALS and description.place is None:
             yield _Said(replace(description, place=grammar.ORDINALS[text]), at + 1)
         for words, reach in ((grammar.NEAR, "near"), (grammar.FAR, "far")):
@@ -196,6 +202,9 @@ class NounPhrases:
             yield from self._measured(at + 1, description)
         elif reach == "far":
             yield _Said(description.reaching(None), at)
+            if self._text(at) == "to" and self._text(at + 1) == "the" and (side := self._text(at + 2)) in grammar.EDGES:
+                far = replace(description, reach=None, place=None)
+                yield _Said(far.with_pick(extreme(side, description.place or 1)), at + 3)
 
     def _measured(self, at: int, description: Description) -> Iterator[_Said]:
         start = at + 1 if self._text(at) == "the" else at
@@ -232,11 +241,11 @@ class NounPhrases:
         side = self._text(place)
         end = grammar.SIDES.end_at(self._texts, place + 1) or place + 1
         if preposition == "from":
-            if side in ("left", "right", "top", "bottom") and description.place:
-                yield _Said(description.counted_from(side), end)
+            if side in grammar.COUNTED_FROM and description.place:
+                yield _Said(description.counted_from(grammar.COUNTED_FROM[side]), end)
         elif side in ("middle", "center", "centre"):
             yield _Said(description.with_pick(in_the_middle), place + 1)
-        elif side in ("left", "right", "top", "bottom") and self._text(end) != "of":
+        elif side in grammar.EDGES and self._text(end) != "of":
             pick: Pick = extreme(side) if very else on_side(side)
             yield _Said(description.with_pick(pick), end)
 

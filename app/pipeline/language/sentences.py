@@ -82,10 +82,9 @@ class Sentences:
         """
         for units in self._units(0, (), frozenset()):
             done = tuple(unit.clause for unit in units if unit.mood == "do")
-            forbidden = {phrase.name for unit in units if unit.mood != "do" for phrase in unit.clause.phrases}
-            wanted = {phrase.name for clause in done for phrase in clause.objects_in(DIRECT)}
+            forbidden = [unit.clause for unit in units if unit.mood != "do"]
             says_what = len(units) == 1 or all(unit.clause.roles for unit in units)
-            if done and says_what and forbidden.isdisjoint(wanted):
+            if done and says_what and not any(_contradict(one, other) for one in forbidden for other in done):
                 yield _without_pronouns(done)
 
     def _at_end(self, at: int) -> bool:
@@ -170,11 +169,19 @@ class Sentences:
         for verb, end in self._verb(at):
             yield from self._arguments(end, Clause(verb), forbidden)
         yield from self._arguments(at, Clause(None), forbidden)
+        yield from self._passive(at, forbidden)
         role, start = self._preposition(at)
         for phrases, end in self._objects(start, forbidden) if role else ():
             begin = end + 1 if self._text(end) == "," else end
             for verb, after in self._verb(self._skip(begin, grammar.FILLERS)):
                 yield from self._arguments(after, Clause(verb, ((role, phrases),)), forbidden)
+
+    def _passive(self, at: int, forbidden: bool) -> Iterator[tuple[Clause, int]]:
+        """The red button should be pushed."""
+        for phrases, end in self._objects(at, forbidden):
+            if (begin := self._end(end, grammar.PASSIVE)) is not None:
+                for verb, after in self._verb(begin):
+                    yield from self._arguments(after, Clause(verb, ((DIRECT, phrases),)), forbidden)
 
     def _verb(self, at: int) -> Iterator[tuple[str, int]]:
         for phrase in verbs.TABLE.all_at(self._texts, at):
@@ -260,6 +267,12 @@ class Sentences:
         none = (miss for miss in self._phrases.misses if miss.start == at and not miss.candidates)
         named = (phrase for phrase in found if phrase.name is not None)
         return (*named, *(NounPhrase(at, miss.end, None, "name") for miss in sorted(none)))
+
+
+def _contradict(forbidden: Clause, wanted: Clause) -> bool:
+    """Whether what is wanted has the objects that are forbidden, in the same roles."""
+    names = {role: {phrase.name for phrase in phrases} for role, phrases in wanted.roles}
+    return all({p.name for p in phrases} & names.get(role, set()) for role, phrases in forbidden.roles)
 
 
 def _inherited(clause: Clause, units: Sequence[_Unit]) -> Clause:

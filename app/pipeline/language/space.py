@@ -126,10 +126,10 @@ def on_side(side: str) -> Pick:
 
 
 def in_the_middle(layout: Layout, names: Names) -> Names:
-    """The middle one of an odd number of candidates, from left to right or from near to far, whichever is longer."""
+    """The middle one of an odd number of candidates, along the axis of the robot's frame on which they spread most."""
     if len(names) < 3 or len(names) % 2 == 0:
         return names
-    side = max(("left", "far"), key=lambda side: np.ptp([layout.along(name, side) for name in names]))
+    side = max(("left", "far", "top"), key=lambda side: np.ptp([layout.along(name, side) for name in names]))
     return _nth(names, lambda name: layout.along(name, side), len(names) // 2 + 1)
 
 

@@ -9,7 +9,7 @@ from rapidfuzz.distance import OSA
 
 IsWord = Callable[[str], bool]
 
-_TOKEN = re.compile(r"[^\W_]+(?:['\u2019][^\W_]+)*|[^\w\s]")
+_TOKEN = re.compile(r"[^\W_]+-most\b|[^\W_]+(?:['\u2019][^\W_]+)*|[^\w\s]")
 _DROPPED = frozenset("\"'`\u2018\u2019\u201c\u201d\u00ab\u00bb-\u2010\u2011)")  # "left-hand" reads as "left hand"
 _STOPS = {"(": ",", ":": ",", "\u2013": ",", "\u2014": ",", "!": ".", "\u2026": "."}
 _CONTRACTIONS = {
@@ -57,7 +57,7 @@ def tokens_of(text: str) -> list[Token]:
     """The words and marks of a text; contractions are written out, quotation marks and hyphens left out."""
     found: list[Token] = []
     for match in _TOKEN.finditer(text.lower() if len(text.lower()) == len(text) else text):
-        token = match[0].replace("\u2019", "'")
+        token = match[0].replace("\u2019", "'").replace("-most", "most")
         if token not in _DROPPED:
             written_out = _CONTRACTIONS.get(token) or _STOPS.get(token) or token
             found += [Token(part, *match.span()) for part in written_out.split()]
