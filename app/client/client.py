@@ -191,7 +191,7 @@ class RoboPromptClient:
                 elif event.event == "done":
                     yield _predicted(document)
                     return
-                else:
+                elif event.event == "error":
                     raise ServiceProblemError(document.get("status", 502), document)
         raise ServiceUnreachableError("POST /predict: the stream ended before it was complete")
 

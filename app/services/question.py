@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Literal
 
 from app.llm.base import ModelProfile
 from app.perception.base import ObjectQuery
@@ -10,6 +11,7 @@ from app.perception.frames import ImageBytes
 from app.pipeline.camera import RgbdFrame
 from app.pipeline.episode import ObjectPose
 from app.pipeline.errors import InvalidInputError
+from app.pipeline.language import Grounded
 from app.pipeline.motion_limits import Pose
 from app.pipeline.prompt import Prompt, PromptTemplate
 from app.pipeline.reply import MAX_ACTIONS
@@ -37,6 +39,7 @@ class PredictRequest:
         closed_loop: ask for the next action only.
         after: the id of the prediction that a closed loop goes on from; its model, demonstrations and style go on, too.
         end_effector: where the robot's end effector is, where the robot tells.
+        unfamiliar: whether an instruction unlike every taught one is refused or passed on.
         stream_text: hand out the reply's text, too, where it is read while it arrives.
         as_sent: the request as it came, to be stored with the prediction.
     """
@@ -62,6 +65,7 @@ class PredictRequest:
     max_actions: int = MAX_ACTIONS
     timeout_s: float = 60.0
     end_effector: Pose | None = None
+    unfamiliar: Literal["refuse", "allow"] = "refuse"
     stream_text: bool = False
     as_sent: JsonObject = field(default_factory=dict)
 
@@ -82,6 +86,7 @@ class Question:
     """Everything that is fixed before the LLM is asked.
 
     Attributes:
+        grounded: the instruction as it is understood.
         instructions: to ask for one after the other.
         written: the template at the step that is asked for.
         so_far: the steps of a closed loop that were taken already.
@@ -92,6 +97,7 @@ class Question:
     """
 
     request: PredictRequest
+    grounded: Grounded
     instructions: tuple[str, ...]
     objects: tuple[ObjectPose, ...]
     template: Template

@@ -46,11 +46,13 @@ class Template:
 
     Attributes:
         cache_key: equal for equal prefixes.
+        instructions: of the demonstrations.
     """
 
     prompt: PromptTemplate | ClosedLoopTemplate
     demonstration_ids: tuple[str, ...]
     cache_key: str
+    instructions: tuple[str, ...] = ()
 
     def at_step(self, step: int) -> PromptTemplate:
         """The template for a step of a closed loop; without one there is only step 0."""
@@ -66,7 +68,7 @@ def make_template(demonstrations: Sequence[Demonstration], settings: TaskSetting
     canonical = tuple(canonical_demonstration(demonstration, settings) for demonstration in demonstrations)
     prompt = _prompt_template(canonical, settings.workspace.workspace(), style)
     digest = hashlib.sha256(f"{prompt.system}\0{prompt.prefix}".encode()).hexdigest()[:16]
-    return Template(prompt, tuple(d.id for d in demonstrations), digest)
+    return Template(prompt, tuple(d.id for d in demonstrations), digest, tuple(d.instruction for d in demonstrations))
 
 
 def canonical_demonstration(demonstration: Demonstration, settings: TaskSettings) -> Demonstration:

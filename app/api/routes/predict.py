@@ -12,18 +12,18 @@ from fastapi.sse import EventSourceResponse, format_sse_event
 from starlette.concurrency import run_in_threadpool
 
 from app.api.body import Body, read_body
-from app.api.documents import dry_run_document, prediction_document
+from app.api.documents import dry_run_document, prediction_document, understood_document
 from app.api.frames import decode_frames, split_images
 from app.api.openapi import body_of
 from app.api.problems import own_problem
 from app.api.routes import IdempotencyKey, Wired, problems
 from app.api.schemas.requests import PredictBody
-from app.api.schemas.responses import DryRunOut, PredictionOut
+from app.api.schemas.responses import DryRunOut, PredictionOut, UnderstoodOut
 from app.llm.base import TextDelta
 from app.pipeline.errors import RoboPromptError
 from app.services.limits import Limits
 from app.services.prediction import PredictedAction, Prediction
-from app.services.question import PredictRequest
+from app.services.question import PredictRequest, Question
 from app.services.upload_episode import content_digest
 from app.store.values import JsonObject
 
@@ -60,7 +60,11 @@ async def predict(request: Request, services: Wired, idempotency_key: Idempotenc
     it as arrays, `{"__ndarray__": true, "data": bytes, "dtype": "|u1", "shape": [480, 640, 3]}`. Nothing is invented: a
     reply that is not a list of valid actions is an error, recorded with the prediction.
 
-    With `Accept: text/event-stream` each action comes as an event `action` as soon as its row is complete, then `done`
+    The instruction is taken in the words of the demonstrations: `canonical_instruction` is what the LLM reads, and
+    `grounding` tells for each phrase which object it was taken for. An instruction that stands for no object, for
+    several, or asks for what no demonstration shows is refused.
+
+    With `Accept: text/event-stream` an event `grounding` tells that first. Each action comes as an event `action` as soon as its row is complete, then `done`
     with the whole document; an event `error` with a problem document ends a reply that goes wrong in the middle. With
     `stream_text` the reply's pieces come as well, as events `text`, before it is known whether they are valid.
     """
@@ -84,7 +88,7 @@ async def predict(request: Request, services: Wired, idempotency_key: Idempotenc
         question = await services.predict_actions.prepare(wish, timings_ms)
         answer = services.predict_actions.answer(question, timings_ms, started_s, piecewise=True)
         # What fails before the first action is answered with its own status.
-        return EventSourceResponse(_events(request, await anext(answer), answer, keep))
+        return EventSourceResponse(_events(request, question, await anext(answer), answer, keep))
     return JSONResponse(await keep(prediction_document(await services.predict_actions(wish))))
 
 
@@ -99,11 +103,12 @@ _Item = PredictedAction | TextDelta | Prediction
 
 
 async def _events(
-    request: Request, first: _Item, answer: AsyncGenerator[_Item, None], keep: _Keep
+    request: Request, question: Question, first: _Item, answer: AsyncGenerator[_Item, None], keep: _Keep
 ) -> AsyncIterator[bytes]:
     """The answer as server-sent events."""
     async with aclosing(answer):
         try:
+            yield format_sse_event(event="grounding", data_str=json.dumps(understood_document(question)))
             yield await _event(first, keep)
             async for item in answer:
                 yield await _event(item, keep)
@@ -123,6 +128,9 @@ async def _event(item: _Item, keep: _Keep) -> bytes:
 
 async def _events_again(document: JsonObject) -> AsyncIterator[bytes]:
     """The events of an answer that was given before."""
+    if "grounding" in document:  # answers from before it was kept have none
+        told = {name: document[name] for name in UnderstoodOut.model_fields}
+        yield format_sse_event(event="grounding", data_str=json.dumps(told))
     for action in document["actions"]:
         yield format_sse_event(event="action", data_str=json.dumps(action))
     yield format_sse_event(event="done", data_str=json.dumps(document))
@@ -153,6 +161,7 @@ def read_question(body: Body, limits: Limits) -> tuple[PredictRequest, PredictBo
         episode_ids=None if asked.episode_ids is None else tuple(asked.episode_ids),
         closed_loop=asked.closed_loop,
         after=asked.after,
+        unfamiliar=asked.unfamiliar,
         max_actions=asked.max_actions,
         timeout_s=asked.timeout_s,
         stream_text=asked.stream_text,

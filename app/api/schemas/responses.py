@@ -3,7 +3,7 @@
 from datetime import datetime
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, Field
+from pydantic import BaseModel, ConfigDict, Field
 
 from app.services.task_settings import TaskSettings
 
@@ -186,7 +186,36 @@ class SamplesOut(BaseModel):
 Samples = Annotated[SamplesOut | None, Field(description="null where one reply was asked for")]
 
 
-class PredictionOut(BaseModel):
+class GroundingOut(BaseModel):
+    """What a phrase of the instruction was taken for."""
+
+    phrase: str
+    object: str
+    by: Literal["name", "alias", "spelling", "colour", "relation", "taught"]
+
+
+class FindingOut(BaseModel):
+    """Something that deserves a look; quantities behind it stand beside as further members."""
+
+    model_config = ConfigDict(extra="allow")
+
+    code: str
+    severity: Literal["info", "warning", "danger"]
+    message: str
+    where: str
+
+
+class UnderstoodOut(BaseModel):
+    """How the instruction was understood."""
+
+    canonical_instruction: Annotated[
+        str | None, Field(description="what prompts say: the objects by their names, in the form of a taught one")
+    ]
+    grounding: list[GroundingOut]
+    findings: list[FindingOut]
+
+
+class PredictionOut(UnderstoodOut):
     """Actions for the robot, and where they come from."""
 
     id: str
@@ -205,7 +234,7 @@ class PredictionOut(BaseModel):
     samples: Samples = None
 
 
-class DryRunOut(BaseModel):
+class DryRunOut(UnderstoodOut):
     """The prompt as an LLM would read it."""
 
     id: None = None
@@ -228,7 +257,7 @@ class OutcomeOut(BaseModel):
     recorded_at: datetime
 
 
-class StoredPrediction(BaseModel):
+class StoredPrediction(UnderstoodOut):
     """A prediction as it was recorded, also where it failed."""
 
     id: str

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import islice, product
+from typing import Any
 
 from app.pipeline.errors import UngroundedInstructionError, UnfamiliarInstructionError
 from app.pipeline.language.descriptions import MEANS
@@ -36,6 +37,11 @@ class Grounding:
         """As answers carry it."""
         return {"phrase": self.phrase, "object": self.object_name, "by": self.by}
 
+    @classmethod
+    def from_json(cls, value: Mapping[str, str]) -> "Grounding":
+        """As `to_json` wrote it."""
+        return cls(value["phrase"], value["object"], value["by"])
+
 
 @dataclass(frozen=True)
 class Grounded:
@@ -49,6 +55,17 @@ class Grounded:
     instruction: str
     phrases: tuple[Grounding, ...] = ()
     unfamiliar: str | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        """As it is stored."""
+        phrases = [phrase.to_json() for phrase in self.phrases]
+        return {"instruction": self.instruction, "phrases": phrases, "unfamiliar": self.unfamiliar}
+
+    @classmethod
+    def from_json(cls, value: Mapping[str, Any]) -> "Grounded":
+        """As `to_json` wrote it."""
+        phrases = tuple(map(Grounding.from_json, value["phrases"]))
+        return cls(value["instruction"], phrases, value["unfamiliar"])
 
 
 @dataclass(frozen=True)
