@@ -44,9 +44,7 @@ def ground_instruction(
 
 
 @lru_cache(MAX_TASKS)
-def _words(
-    names: tuple[str, ...], aliases: tuple[tuple[str, tuple[str, ...]], ...], taught: tuple[str, ...]
-) -> Taught:
+def _words(names: tuple[str, ...], aliases: tuple[tuple[str, tuple[str, ...]], ...], taught: tuple[str, ...]) -> Taught:
     return Taught(names, dict(aliases), taught, is_english)
 
 
@@ -54,4 +52,5 @@ def findings_of(grounded: Grounded) -> tuple[Finding, ...]:
     """What deserves a look in how an instruction was understood."""
     if grounded.unfamiliar is None:
         return ()
-    return (Finding("unfamiliar-instruction", "danger", f"{grounded.unfamiliar}; it was passed on to the LLM", "instruction"),)
+    message = f"{grounded.unfamiliar}; it was passed on to the LLM"
+    return (Finding("unfamiliar-instruction", "danger", message, "instruction"),)

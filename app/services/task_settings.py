@@ -135,7 +135,7 @@ class TaskSettings(_Settings):
         Field(description="per object what people call it besides its name; no two objects share one"),
     ] = {}
     robot_base: Annotated[
-        Point, Field(description="where the robot's base stands, metres, world frame; it looks along +x, +y is its left")
+        Point, Field(description="where the robot's base stands, metres, world frame; it looks along +x, left is +y")
     ] = (0.0, 0.0, 0.0)
     yaw_symmetry_deg: Annotated[
         dict[str, Annotated[float, AfterValidator(_symmetry)]],

@@ -64,9 +64,10 @@ async def predict(request: Request, services: Wired, idempotency_key: Idempotenc
     `grounding` tells for each phrase which object it was taken for. An instruction that stands for no object, for
     several, or asks for what no demonstration shows is refused.
 
-    With `Accept: text/event-stream` an event `grounding` tells that first. Each action comes as an event `action` as soon as its row is complete, then `done`
-    with the whole document; an event `error` with a problem document ends a reply that goes wrong in the middle. With
-    `stream_text` the reply's pieces come as well, as events `text`, before it is known whether they are valid.
+    With `Accept: text/event-stream` an event `grounding` tells that first. Then each action comes as an event `action`
+    as soon as its row is complete, then `done` with the whole document; an event `error` with a problem document ends
+    a reply that goes wrong in the middle. With `stream_text` the reply's pieces come as well, as events `text`, before
+    it is known whether they are valid.
     """
     started_s = time.perf_counter()
     body = await read_body(request, packed=True)

@@ -6,7 +6,7 @@ called, by its median colour in the xkcd colour survey (2010, 222,500 people); l
 nearly white. A test holds the list against the survey's hues.
 """
 
-BASIC = frozenset("black white red green yellow blue brown purple pink orange grey".split())
+BASIC = frozenset(["black", "white", "red", "green", "yellow", "blue", "brown", "purple", "pink", "orange", "grey"])
 _SHADES = {
     "red": "crimson scarlet ruby cherry vermilion vermillion carmine maroon burgundy claret tomato rouge",
     "yellow": "lemon canary mustard gold golden dandelion sunflower",
@@ -35,7 +35,10 @@ _SAME = {
     "grayish": "grey", "blackish": "black", "whitish": "white",
 }  # fmt: skip
 # What may stand before a colour word without naming another basic colour: "sky blue", "dark red".
-SHADES_OF = frozenset("light dark bright pale deep vivid intense sky royal baby blood racing bottle pastel neon".split())
+SHADES_OF = frozenset(
+    {"light", "dark", "bright", "pale", "deep", "vivid", "intense", "sky", "royal", "baby", "blood", "racing", "bottle"}
+    | {"pastel", "neon"}
+)
 
 COLOURS: dict[str, frozenset[str]] = {
     **{name: frozenset({name}) for name in BASIC},

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 from app.pipeline.language.lexicon import Lexicon
 from app.pipeline.language.mentions import Mention, clauses, mention_order, mentions
-from app.pipeline.language.phrases import NounPhrases, TooInvolvedError
+from app.pipeline.language.phrases import NounPhrase, NounPhrases, TooInvolvedError
 from app.pipeline.language.sentences import DIRECT, Clause, Sentences
-from app.pipeline.language.verbs import common_families
+from app.pipeline.language.verbs import Family, common_families
 from app.pipeline.language.words import NUMBERS
 
 Signature = tuple[str | None, tuple[tuple[str, int], ...], frozenset[str]]
@@ -51,10 +51,10 @@ class Frame:
             return self._of_the_only(asked, names[0])
         if {role: len(phrases) for role, phrases in taught.items()} != {r: len(p) for r, p in asked.items()}:
             return None
-        pairs = [(mine.name, other.name) for role in taught for mine, other in zip(taught[role], asked[role], strict=True)]
-        return self._checked(pairs)
+        pairs = [pair for role in taught for pair in zip(taught[role], asked[role], strict=True)]
+        return self._checked([(mine.name, other.name) for mine, other in pairs])
 
-    def _of_the_only(self, asked: Mapping[str, Sequence[object]], name: str) -> Mapping[str, str] | None:
+    def _of_the_only(self, asked: Mapping[str, Sequence[NounPhrase]], name: str) -> Mapping[str, str] | None:
         """A task's only object need not be named, neither by what is taught nor by what is asked."""
         return {name: name} if len(asked.get(DIRECT, ())) <= 1 else None
 
@@ -108,16 +108,16 @@ def _alike(one: Clause, other: Clause) -> bool | None:
     return any(family.one_destination for family in families) if families else None
 
 
-def _families(one: Clause, other: Clause) -> list[object]:
+def _families(one: Clause, other: Clause) -> list[Family]:
     roles = {role for role, _ in other.roles if role != DIRECT}
-    return list(common_families(one.verb or "", other.verb or "", roles))
+    return common_families(one.verb or "", other.verb or "", roles)
 
 
 def _plain(role: str, one_destination: bool) -> str:
     return "to" if one_destination and role in ("in", "on") else role
 
 
-def _roles(clause: Clause, one_destination: bool) -> dict[str, Sequence[object]]:
+def _roles(clause: Clause, one_destination: bool) -> dict[str, tuple[NounPhrase, ...]]:
     return {_plain(role, one_destination): phrases for role, phrases in clause.roles}
 
 
@@ -156,4 +156,8 @@ def _read(text: str, lexicon: Lexicon) -> Clause | None:
         return None
     mentioned = set(mention_order(lexicon.names, text))
     fitting = [clause for clause in read if mentioned <= {phrase.name for phrase in clause.phrases}]
-    return min(fitting, key=lambda clause: (clause.verb is None, len(clause.fixed), -len(clause.verb or "")), default=None)
+    return min(fitting, key=_unlikelihood, default=None)
+
+
+def _unlikelihood(clause: Clause) -> tuple[bool, int, int]:
+    return clause.verb is None, len(clause.fixed), -len(clause.verb or "")

@@ -6,16 +6,16 @@ from app.pipeline.language.tables import Phrase, PhraseTable
 from app.pipeline.language.tables import phrases as _phrases
 from app.pipeline.language.words import NUMBERS
 
-DETERMINERS = frozenset("the a an that this your".split())
-GENERIC_NOUNS = frozenset("one thing object item".split())
+DETERMINERS = frozenset(["the", "a", "an", "that", "this", "your"])
+GENERIC_NOUNS = frozenset(["one", "thing", "object", "item"])
 # Nouns that may stand for each other where something else tells the objects apart.
 NOUN_KINDS = (frozenset({"cube", "block", "brick"}), frozenset({"cup", "mug"}), frozenset({"tap", "faucet"}))
-COLOURED = frozenset("coloured colored colour color".split())
+COLOURED = frozenset(["coloured", "colored", "colour", "color"])
 
 # Politeness, wherever a clause has a place for it; addresses and lead-ins, where a clause begins.
 FILLERS = _phrases(
-    "please,kindly,now,right now,just,thanks,thank you,thank you very much,many thanks,for me,if you please,if possible,"
-    "if you can"
+    "please,kindly,now,right now,just,thanks,thank you,thank you very much,many thanks,for me,if you please,"
+    "if possible,if you can"
 )
 LEADS = _phrases(
     "robot,hey,hello,hi,dear,ok,okay,so,well,could you,can you,would you,will you,i want you to,i would like you to,"
@@ -53,11 +53,16 @@ PREPOSITIONS = PhraseTable(ROLES)
 
 ORDINALS = {
     word: place
-    for place, words in enumerate("first 1st,second 2nd,third 3rd,fourth 4th,fifth 5th,sixth 6th".split(","), start=1)
-    for word in words.split()
+    for place, words in enumerate(
+        (("first", "1st"), ("second", "2nd"), ("third", "3rd"), ("fourth", "4th"), ("fifth", "5th"), ("sixth", "6th")),
+        start=1,
+    )
+    for word in words
 }
 # Words that say which one rather than what: no noun, wherever a name has them.
-_ADJECTIVES = frozenset("left right top bottom middle center centre upper lower front back rear".split())
+_ADJECTIVES = frozenset(
+    {"left", "right", "top", "bottom", "middle", "center", "centre", "upper", "lower", "front", "back", "rear"}
+)
 # Words before the noun by which a place picks an object.
 PICKS: dict[Phrase, Pick] = {
     **{
@@ -117,8 +122,14 @@ RELATIONS = PhraseTable((*SIDES_OF, *BESIDE))
 ADJECTIVES = _ADJECTIVES | COLOURS.keys() | SHADES_OF | ORDINALS.keys() | set(NUMBERS) | set(NUMBERS.values()) | {"1"}
 
 _MARKS = frozenset({",", ".", ";", "?"})
-_TABLES = (FILLERS, LEADS, INSTEAD, FIRST, THEN, NOT, PASSIVE, SKIP, RATHER, PREPOSITIONS, PLACES, ROBOT, BEING, EXACTLY, SIDES, RELATIONS)
-_ALONE = frozenset("and but or nor it between middle center centre extreme very to of away all them both".split())
+_TABLES = (
+    *(FILLERS, LEADS, INSTEAD, FIRST, THEN, NOT, PASSIVE, SKIP, RATHER, PREPOSITIONS, PLACES, ROBOT, BEING, EXACTLY),
+    *(SIDES, RELATIONS),
+)
+_ALONE = frozenset(
+    {"and", "but", "or", "nor", "it", "between", "middle", "center", "centre", "extreme", "very", "to", "of", "away"}
+    | {"all", "them", "both"}
+)
 # Words that never tell an object apart by themselves, even where a name has them: "a block" is not `block a`.
 NEVER_LOOSE = DETERMINERS | GENERIC_NOUNS | {word for phrase in PREPOSITIONS for word in phrase} - {
     "left", "right", "top", "front"

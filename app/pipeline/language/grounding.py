@@ -6,7 +6,7 @@ from functools import cached_property
 from itertools import islice, product
 from typing import Any
 
-from app.pipeline.errors import UngroundedInstructionError, UnfamiliarInstructionError
+from app.pipeline.errors import UnfamiliarInstructionError
 from app.pipeline.language.descriptions import MEANS
 from app.pipeline.language.frames import Frame, frames_of, taught_verb
 from app.pipeline.language.lexicon import Lexicon
@@ -177,7 +177,8 @@ class Taught:
                 for plan in next(filter(None, (list(self._plans(form)) for form in forms)), []):
                     if (text := self._canonical(plan)) is not None:
                         told = tuple(_told(instruction, words, plan)) or tuple(self._mentioned(instruction))
-                        found[text] = min(found.get(text), Grounded(text, told), key=_certainty)
+                        grounded = Grounded(text, told)
+                        found[text] = min(found.get(text, grounded), grounded, key=_uncertainty)
         except TooInvolvedError:
             return []
         return list(found.values())
@@ -232,10 +233,8 @@ def _has_words(filled: _Filled) -> bool:
     return set(filled.frame.clause.fixed) == set(filled.clause.fixed)
 
 
-def _certainty(grounded: Grounded | None) -> tuple[int, int]:
+def _uncertainty(grounded: Grounded) -> tuple[int, int]:
     """Less for readings that guess less."""
-    if grounded is None:
-        return len(MEANS), 0
     return max((MEANS.index(each.by) for each in grounded.phrases), default=0), -len(grounded.phrases)
 
 
@@ -246,6 +245,3 @@ def _told(instruction: str, words: Sequence[Word], plan: Sequence[_Filled]) -> I
         if phrase.name is not None:
             text = instruction[words[phrase.start].token.start : words[phrase.end - 1].token.end]
             yield Grounding(text, phrase.name, phrase.by)
-
-
-__all__ = ["Grounded", "Grounding", "Taught", "UngroundedInstructionError"]

@@ -65,7 +65,7 @@ class Lexicon:
         said = frozenset(words)
         nouns = {noun_of(phrase) for phrase in self.phrases[name]}
         own = {word for word in self.phrases[name][0] if self.objects_of[word] == {name}}
-        return bool(said & nouns) or said <= ADJECTIVES or bool(own) and own <= said
+        return bool(said & nouns) or said <= ADJECTIVES or (bool(own) and own <= said)
 
     def with_noun(self, noun: str) -> frozenset[str]:
         """The objects that are called so."""

@@ -181,10 +181,11 @@ class NounPhrases:
                 yield from self._described(more)
         start = at if introduced is None else introduced
         exactly = grammar.EXACTLY.end_at(self._texts, start)
+        on = ("on", "at", "from", "in") if introduced is None else ("on", "at", "from", "in", "to")
         for begin in (start,) if exactly is None else (start, exactly):
             yield from self._reaching(begin, said.description)
             yield from self._beside(begin, said.description)
-            yield from self._on_a_side(begin, said.description, ("on", "at", "from", "in", *(("to",) if introduced else ())))
+            yield from self._on_a_side(begin, said.description, on)
         yield from self._of_several(at, said.description)
 
     def _reaching(self, at: int, description: Description) -> Iterator[_Said]:

@@ -24,9 +24,14 @@ class Known(Protocol):
     @property
     def names_objects(self) -> bool: ...
 
-    names: tuple[str, ...]
-    aliases: Mapping[str, tuple[str, ...]]
-    instructions: tuple[str, ...]
+    @property
+    def names(self) -> Sequence[str]: ...
+
+    @property
+    def aliases(self) -> Mapping[str, Sequence[str]]: ...
+
+    @property
+    def instructions(self) -> Sequence[str]: ...
 
 
 def refusal(

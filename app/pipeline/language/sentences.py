@@ -16,8 +16,10 @@ from app.pipeline.language.words import NUMBERS, Word
 DIRECT = ""  # the role of a direct object; the others are named after prepositions
 MAX_OBJECTS = 8  # of one role
 Mood = Literal["do", "not", "skip", "rather"]
-_PICKING = frozenset("pick,pick up,grasp,grab,grip,take,lift,lift up,get,take hold of,grab hold of".split(","))
-_NEVER_FIXED = frozenset("and but or nor not never then it".split())
+_PICKING = frozenset(
+    {"pick", "pick up", "grasp", "grab", "grip", "take", "lift", "lift up", "get", "take hold of", "grab hold of"}
+)
+_NEVER_FIXED = frozenset(["and", "but", "or", "nor", "not", "never", "then", "it"])
 
 
 @dataclass(frozen=True)
@@ -241,9 +243,9 @@ class Sentences:
         both = self._text(at) == "both"
         for phrases, end in self._listed(at + both, forbidden):
             singular = all(not phrase.plural for phrase in phrases[:-1])
-            if (singular and (len(phrases) > 1 or not phrases[-1].plural)) or forbidden:
-                if not both or len(phrases) == 2:
-                    yield phrases, end
+            right_number = singular and (len(phrases) > 1 or not phrases[-1].plural)
+            if (right_number or forbidden) and (not both or len(phrases) == 2):
+                yield phrases, end
 
     def _listed(self, at: int, forbidden: bool) -> Iterator[tuple[tuple[NounPhrase, ...], int]]:
         conjunctions = ("and", "or", "nor") if forbidden else ("and",)

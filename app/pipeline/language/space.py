@@ -144,6 +144,7 @@ def _nth(names: Names, key: Callable[[str], float], place: int) -> Names:
 
 def _clearly_nearest(layout: Layout, names: Names, other: str) -> Names:
     ordered: Sequence[str] = sorted(names, key=lambda name: layout.distance_m(name, other))
-    if len(ordered) < 2 or layout.distance_m(ordered[1], other) >= CLEARLY_NEARER * layout.distance_m(ordered[0], other):
-        return tuple(ordered[:1])
-    return tuple(ordered)
+    if len(ordered) < 2:
+        return tuple(ordered)
+    first_m, second_m = (layout.distance_m(name, other) for name in ordered[:2])
+    return tuple(ordered[:1] if second_m >= CLEARLY_NEARER * first_m else ordered)

@@ -19,9 +19,10 @@ _CONTRACTIONS = {
     "you'll": "you will", "there's": "there is", "which's": "which is",
 }  # fmt: skip
 NUMBERS = {
-    word: str(number)
-    for number, word in enumerate("two three four five six seven eight nine ten eleven twelve".split(), start=2)
-}  # not "one", which stands for a thing: "the blue one"
+    "two": "2", "three": "3", "four": "4", "five": "5", "six": "6", "seven": "7", "eight": "8", "nine": "9",
+    "ten": "10", "eleven": "11", "twelve": "12",
+}  # fmt: skip
+# Not "one", which stands for a thing: "the blue one"
 MIN_CORRECTED_CHARS = 3  # of three letters only an exchange of neighbours is corrected: "rug" is no misspelt "mug"
 MIN_FREE_CHARS = 4
 MIN_TWO_ERRORS_CHARS = 8
