@@ -12,7 +12,7 @@ _SHADES = {
     "yellow": "lemon canary mustard gold golden dandelion sunflower",
     "green": "lime emerald jade olive grass moss mint forest avocado pistachio",
     "blue": "azure navy cobalt sapphire ultramarine cerulean azul",
-    "purple": "violet lavender lilac mauve plum aubergine eggplant amethyst",
+    "purple": "violet lavender lilac plum aubergine eggplant amethyst",
     "pink": "rose bubblegum",
     "orange": "tangerine pumpkin apricot",
     "brown": "chocolate chestnut sepia",
@@ -27,7 +27,7 @@ _BETWEEN = {
     "periwinkle": "blue purple", "coral": "orange pink red", "salmon": "orange pink red", "peach": "orange pink",
     "rust": "orange brown", "copper": "orange brown", "bronze": "orange brown", "tan": "brown yellow",
     "beige": "white brown", "khaki": "green brown", "cream": "white yellow", "silver": "grey white",
-    "charcoal": "grey black", "wine": "red purple",
+    "charcoal": "grey black", "wine": "red purple", "mauve": "pink purple",
 }  # fmt: skip
 _SAME = {
     "gray": "grey", "reddish": "red", "greenish": "green", "yellowish": "yellow", "bluish": "blue", "blueish": "blue",

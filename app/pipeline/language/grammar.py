@@ -1,6 +1,6 @@
 """The closed classes of English that instructions are made of, and phrases that say nothing about the motion."""
 
-from app.pipeline.language.colours import COLOURS, SHADES_OF
+from app.pipeline.language.colours import BASIC
 from app.pipeline.language.space import Pick, extreme, in_the_middle, on_side
 from app.pipeline.language.tables import Phrase, PhraseTable
 from app.pipeline.language.tables import phrases as _phrases
@@ -119,7 +119,7 @@ SIDES_OF: dict[Phrase, str] = {
 }
 RELATIONS = PhraseTable((*SIDES_OF, *BESIDE))
 
-ADJECTIVES = _ADJECTIVES | COLOURS.keys() | SHADES_OF | ORDINALS.keys() | set(NUMBERS) | set(NUMBERS.values()) | {"1"}
+ADJECTIVES = _ADJECTIVES | BASIC | ORDINALS.keys() | set(NUMBERS) | set(NUMBERS.values()) | {"1"}
 
 _MARKS = frozenset({",", ".", ";", "?"})
 _TABLES = (

@@ -128,7 +128,7 @@ class NounPhrases:
         description = replace(before, means=means, plural=before.plural or self._words[at].plural)
         yield from self._whole_names(at, description)
         loose = self._lexicon.loose
-        for word in {text, grammar.PLACES_IN_NAMES.get(text, text)} & loose:
+        for word in {text, grammar.PLACES_IN_NAMES.get(text, text)} & loose - set(description.words):
             means = description.means if word in self._lexicon.name_words else description.means | {"alias"}
             yield _Said(replace(description, words=(*description.words, word), means=means), at + 1)
         if text in loose:

@@ -49,7 +49,7 @@ def refusal(
     missed = _missed(words, phrases)
     if not _asks_for_taught(known, words):
         return UnfamiliarInstructionError(FIELD, f"{instruction!r} is unlike what the task was taught", valid)
-    if missed is not None:
+    if (missed := missed or _unknown_thing(words)) is not None:
         return _ungrounded(instruction, words, missed, valid)
     if unknown := [repr(word.token.text) for word in words if not word.known and word.text[0].isalnum()]:
         message = f"the words {', '.join(unknown)} of {instruction!r} are not understood"
@@ -70,13 +70,9 @@ def passed_on(known: Known, instruction: str, words: Sequence[Word], phrases: No
     forbidding = (grammar.NOT, grammar.SKIP, grammar.RATHER)
     if any(table.end_at(texts, k) is not None for table in forbidding for k in range(len(texts))):
         raise UngroundedInstructionError(FIELD, f"{instruction!r} says what not to do", valid)
-    if (missed := _missed(words, phrases)) is not None:
+    if (missed := _missed(words, phrases) or _unknown_thing(words)) is not None:
         raise _ungrounded(instruction, words, missed, valid)
     found = _found(words, phrases)
-    covered = {k for phrase in found for k in range(phrase.start, phrase.end)}
-    for k, word in enumerate(words[:-1]):
-        if word.text in ("the", "a", "an") and k not in covered and not words[k + 1].known:
-            raise _ungrounded(instruction, words, Miss(k, k + 2, ()), valid)
     if known.names_objects and not found:
         raise UngroundedInstructionError(FIELD, f"{instruction!r} names no object of the task", valid)
     text = _with_names(instruction, words, found)
@@ -103,14 +99,31 @@ def _found(words: Sequence[Word], phrases: NounPhrases) -> list[NounPhrase]:
 
 
 def _missed(words: Sequence[Word], phrases: NounPhrases) -> Miss | None:
-    """The longest phrase that reads like an object and is none, if nothing longer around it is one."""
+    """The longest phrase that reads like an object and is none, unless it is a part of one that is."""
     found = _found(words, phrases)
-    open_misses = [
-        miss
-        for miss in phrases.misses
-        if not any(phrase.start < miss.end and miss.start < phrase.end for phrase in found)
-    ]
-    return max(open_misses, key=lambda miss: (miss.end - miss.start, -miss.start), default=None)
+
+    def is_part(miss: Miss) -> bool:
+        return any(each.start < miss.end and miss.start < each.end and not _holds(miss, each) for each in found)
+
+    return max(
+        (miss for miss in phrases.misses if not is_part(miss)),
+        key=lambda miss: (miss.end - miss.start, -miss.start),
+        default=None,
+    )
+
+
+def _holds(miss: Miss, phrase: NounPhrase) -> bool:
+    """Whether a phrase without an object goes beyond one with an object: "the bottom drawer" beyond "drawer"."""
+    return miss.start <= phrase.start and phrase.end <= miss.end and miss[:2] != phrase[:2]
+
+
+def _unknown_thing(words: Sequence[Word]) -> Miss | None:
+    """The first unknown word where an object belongs: after an article, a preposition or a verb."""
+    before = grammar.DETERMINERS | verbs.FIRST_WORDS | {phrase[-1] for phrase in grammar.PREPOSITIONS}
+    for k, word in enumerate(words[1:], start=1):
+        if not word.known and words[k - 1].text in before:
+            return Miss(k - 1 if words[k - 1].text in grammar.DETERMINERS else k, k + 1, ())
+    return None
 
 
 def _asks_for_taught(known: Known, words: Sequence[Word]) -> bool:

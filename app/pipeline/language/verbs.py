@@ -57,7 +57,7 @@ FAMILIES: tuple[Family, ...] = (
     Family(_verbs("put, put down, place, set, set down, lay, lay down, position")),
     Family(
         _verbs("stack, stack up, pile, put, put down, place, set, set down, lay, lay down, move"),
-        lambda roles: "on" in roles,
+        lambda roles: not {"on", "in"}.isdisjoint(roles),
     ),
     Family(_verbs("insert, put, place, move"), lambda roles: "in" in roles),
     Family(_verbs("put, place, set, move, bring, transfer, carry"), _somewhere),
