@@ -41,10 +41,11 @@ class Description:
     def says_something(self) -> bool:
         """Whether it can stand for an object: colours and places only with a noun, for "the lemon" is no yellow cup."""
         noun = bool(self.exact or self.words or self.kinds or self.generic)
-        return noun and not (self.colours and not self._has_noun)
+        return noun and not (self.colours and not self.has_noun)
 
     @property
-    def _has_noun(self) -> bool:
+    def has_noun(self) -> bool:
+        """Whether it says what the object is, and not only which one."""
         return bool(self.exact or self.kinds or self.generic or not ADJECTIVES.issuperset(self.words))
 
     def by(self) -> str:

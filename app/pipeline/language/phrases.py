@@ -25,6 +25,7 @@ class NounPhrase(NamedTuple):
         name: the object; None for "it", and for what stands for no object in a clause that forbids something.
         by: how it was found, one of `descriptions.MEANS`.
         plural: whether it stands for several, of which it may name the last: "the red and the blue buttons".
+        with_noun: whether it has a noun, unlike "the red" in that.
     """
 
     start: int
@@ -32,6 +33,7 @@ class NounPhrase(NamedTuple):
     name: str | None
     by: str
     plural: bool = False
+    with_noun: bool = True
 
 
 class Miss(NamedTuple):
@@ -100,7 +102,9 @@ class NounPhrases:
         for said in self._described(_Said(Description(), first)):
             candidates = said.description.candidates(self._lexicon, self._layout)
             if len(candidates) == 1:
-                yield NounPhrase(start, said.end, candidates[0], said.description.by(), said.description.plural)
+                description = said.description
+                by, plural, with_noun = description.by(), description.plural, description.has_noun
+                yield NounPhrase(start, said.end, candidates[0], by, plural, with_noun)
             else:
                 self.misses.add(Miss(start, said.end, candidates))
 

@@ -188,8 +188,10 @@ class Sentences:
     def _verb(self, at: int) -> Iterator[tuple[str, int]]:
         for phrase in verbs.TABLE.all_at(self._texts, at):
             yield " ".join(phrase), at + len(phrase)
-        if (text := self._text(at)) in self._verbs and text not in verbs.PHRASES:
-            yield text, at + 1
+        text = self._text(at)
+        base = text if text in self._verbs else verbs.forms().get(text, "")  # "placed" is a word of places, too
+        if base and (base != text or base not in verbs.PHRASES):
+            yield base, at + 1
 
     def _arguments(self, at: int, clause: Clause, forbidden: bool) -> Iterator[tuple[Clause, int]]:
         """With everything that may follow the verb, wherever the clause may end."""
@@ -243,9 +245,16 @@ class Sentences:
         both = self._text(at) == "both"
         for phrases, end in self._listed(at + both, forbidden):
             singular = all(not phrase.plural for phrase in phrases[:-1])
-            right_number = singular and (len(phrases) > 1 or not phrases[-1].plural)
+            right_number = singular and (len(phrases) > 1 or not phrases[-1].plural) and not self._is_one_thing(phrases)
             if (right_number or forbidden) and (not both or len(phrases) == 2):
                 yield phrases, end
+
+    def _is_one_thing(self, phrases: Sequence[NounPhrase]) -> bool:
+        """Whether a list may describe a single object: "the red and green button" may have two colours."""
+        first, last = phrases[0], phrases[-1]
+        with_article = self._text(first.start) in grammar.DETERMINERS, self._text(last.start) in grammar.DETERMINERS
+        nouns = first.with_noun, last.with_noun
+        return with_article == (True, False) and nouns == (False, True) and not last.plural
 
     def _listed(self, at: int, forbidden: bool) -> Iterator[tuple[tuple[NounPhrase, ...], int]]:
         conjunctions = ("and", "or", "nor") if forbidden else ("and",)

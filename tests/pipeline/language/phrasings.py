@@ -172,6 +172,26 @@ red, blue | red and blue
 | ignore the red button
 | rather push the red button than the blue one
 | push the red button instead
+green | kindly tap the lime button
+blue | could you hit the navy one for me?
+red | I want you to push the scarlet button
+yellow | push the button second from the left
+| push the brown button
+| push the shiny red button
+red | the leftmost button, please push it
+blue | push the button that is farthest away from you
+green, blue | press the green button and then the blue one
+| push the red button and pull the blue one
+| drück auf den roten Knopf
+| please release the red button
+blue | not the red button, the blue button
+| push the white button
+yellow | psuh the yellwo button
+| push the red and green button
+blue | push the cobalt blue button
+| whichever button you like
+| turn on the red button
+blue | push the button to the right of the green one
 """
 
 CUBES = """
@@ -224,6 +244,17 @@ red, blue | don't stack blue on red but red on blue
 | pick up the red cube
 | drop the red cube on the blue cube
 | push the red cube onto the blue cube
+blue, red | stack blue on red
+blue, red | grab the blue cube and put it on top of the red cube
+red, blue | place the ruby cube upon the blue cube
+| stack three cubes
+| balance the red cube on the blue cube
+blue, red | put the sapphire block on the red block
+| lift the red cube
+| stack the red cube on the yellow cube
+red, blue | the red cube should be placed on the blue cube
+| don't put the red cube on the blue cube
+| stack the red cube near the blue cube
 """
 
 DRAWERS = """
@@ -272,6 +303,15 @@ top, bottom | open the top and bottom
 | reopen the top drawer
 | open the top drawer and close it
 | open the other drawer
+bottom | please open the lower-most drawer
+top | open the first drawer from the top
+| lock the top drawer
+| open the drawer on the right
+middle | could you open the central drawer?
+top, bottom | open the top drawer and the bottom drawer
+| open the box
+| apri il cassetto in alto
+top | open the drawer above the middle one
 """
 
 THINGS = """
@@ -337,6 +377,19 @@ mug | pick the coffee cup up
 | lift the mug and shake it
 | pick up the dinner plate
 | put the plate under the mug
+bowl | grasp the bowl
+mug | pick up the coffee cup, please
+plate | lift the plate
+| eat from the bowl
+| pick up the glass
+bowl, plate | set the bowl onto the plate
+| put the bowl beside the plate
+| pick up two bowls
+plate | pick up the object farthest from the robot
+mug | do not pick up the bowl but the mug
+| move the mug
+| ramasse la tasse
+mug | pikc up the mug
 """
 
 # Clear to people, and refused all the same.
