@@ -3,10 +3,11 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from app.pipeline.language.clause_parser import DIRECT, Clause
 from app.pipeline.language.lexicon import Lexicon
 from app.pipeline.language.mentions import Mention, clauses, mention_order, mentions
 from app.pipeline.language.phrases import NounPhrase, NounPhrases, TooInvolvedError
-from app.pipeline.language.sentences import DIRECT, Clause, Sentences
+from app.pipeline.language.sentences import Sentences
 from app.pipeline.language.verbs import Family, common_families
 from app.pipeline.language.words import NUMBERS
 

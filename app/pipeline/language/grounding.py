@@ -7,13 +7,14 @@ from itertools import islice, product
 from typing import Any
 
 from app.pipeline.errors import UnfamiliarInstructionError
+from app.pipeline.language.clause_parser import DIRECT, Clause
 from app.pipeline.language.descriptions import MEANS
 from app.pipeline.language.frames import Frame, frames_of, taught_verb
 from app.pipeline.language.lexicon import Lexicon
 from app.pipeline.language.mentions import clauses, mention_order, mentions, template
 from app.pipeline.language.phrases import NounPhrase, NounPhrases, TooInvolvedError
 from app.pipeline.language.refusals import passed_on, refusal
-from app.pipeline.language.sentences import DIRECT, Clause, Sentences
+from app.pipeline.language.sentences import Sentences
 from app.pipeline.language.space import Layout
 from app.pipeline.language.words import IsWord, Word
 

@@ -5,10 +5,10 @@ from typing import Protocol
 
 from app.pipeline.errors import InvalidInputError, UnfamiliarInstructionError, UngroundedInstructionError
 from app.pipeline.language import grammar, verbs
+from app.pipeline.language.clause_parser import DIRECT
 from app.pipeline.language.frames import Frame
 from app.pipeline.language.mentions import mention_order
 from app.pipeline.language.phrases import Miss, NounPhrase, NounPhrases
-from app.pipeline.language.sentences import DIRECT
 from app.pipeline.language.words import Word
 
 FIELD = "instruction"
