@@ -13,6 +13,7 @@ from app.pipeline.prompt import check_object_names, objects_of_task
 from app.pipeline.representation import KAT_FORMAT
 from app.pipeline.wording import checked_instruction
 from app.services.cache import Cache
+from app.services.english import is_english
 from app.services.errors import NoDemonstrationsError
 from app.services.ground_instruction import ground_instruction
 from app.services.limits import Limits
@@ -51,6 +52,7 @@ class QuestionWriter:
         self._profile_of = profile_of
         self._select = DemonstrationSelector()
         self._templates: Cache[TemplateKey, Template] = Cache(CAPACITY)
+        is_english("")  # reads its list now, so that no request waits for it
 
     def __call__(self, request: PredictRequest, timings_ms: Timings) -> Question:
         """The question that `request` puts to its model.

@@ -121,8 +121,8 @@ class Taught:
         error = refusal(self, instruction, words, phrases, [each.instruction for each in found])
         if not allow_unfamiliar or not isinstance(error, UnfamiliarInstructionError):
             raise error
-        literal_names = passed_on(self, instruction, words, phrases)
-        return Grounded(literal_names, tuple(self._mentioned(literal_names)), error.message)
+        text, named = passed_on(self, instruction, words, phrases)
+        return Grounded(text, tuple(_told(instruction, words, named)), error.message)
 
     @property
     def names_objects(self) -> bool:
@@ -177,7 +177,10 @@ class Taught:
             for forms in islice(sentences.readings(), MAX_READINGS):
                 for plan in next(filter(None, (list(self._plans(form)) for form in forms)), []):
                     if (text := self._canonical(plan)) is not None:
-                        told = tuple(_told(instruction, words, plan)) or tuple(self._mentioned(instruction))
+                        named = {phrase for filled in plan for phrase in filled.clause.phrases}
+                        told = tuple(
+                            _told(instruction, words, sorted(named, key=lambda phrase: phrase.start))
+                        ) or tuple(self._mentioned(instruction))
                         grounded = Grounded(text, told)
                         found[text] = min(found.get(text, grounded), grounded, key=_uncertainty)
         except TooInvolvedError:
@@ -239,10 +242,9 @@ def _uncertainty(grounded: Grounded) -> tuple[int, int]:
     return max((MEANS.index(each.by) for each in grounded.phrases), default=0), -len(grounded.phrases)
 
 
-def _told(instruction: str, words: Sequence[Word], plan: Sequence[_Filled]) -> Iterator[Grounding]:
-    """What each phrase was taken for, in the order of the phrases."""
-    used: set[NounPhrase] = {phrase for filled in plan for phrase in filled.clause.phrases}
-    for phrase in sorted(used):
+def _told(instruction: str, words: Sequence[Word], phrases: Sequence[NounPhrase]) -> Iterator[Grounding]:
+    """What each phrase was taken for."""
+    for phrase in phrases:
         if phrase.name is not None:
             text = instruction[words[phrase.start].token.start : words[phrase.end - 1].token.end]
             yield Grounding(text, phrase.name, phrase.by)

@@ -58,8 +58,10 @@ def refusal(
     return UnfamiliarInstructionError(FIELD, message, valid)
 
 
-def passed_on(known: Known, instruction: str, words: Sequence[Word], phrases: NounPhrases) -> str:
-    """The unfamiliar instruction with its objects by their names.
+def passed_on(
+    known: Known, instruction: str, words: Sequence[Word], phrases: NounPhrases
+) -> tuple[str, Sequence[NounPhrase]]:
+    """The unfamiliar instruction with its objects by their names, and where it names them.
 
     Raises:
         UngroundedInstructionError: if it names something else, names nothing though taught instructions do, or forbids
@@ -78,7 +80,7 @@ def passed_on(known: Known, instruction: str, words: Sequence[Word], phrases: No
     text = _with_names(instruction, words, found)
     if mention_order(known.names, text) != tuple(dict.fromkeys(phrase.name for phrase in found)):
         raise UngroundedInstructionError(FIELD, f"{instruction!r} names its objects in an unclear way", valid)
-    return text
+    return text, found
 
 
 def _with_names(instruction: str, words: Sequence[Word], found: Sequence[NounPhrase]) -> str:

@@ -127,6 +127,7 @@ def test_a_plan_of_several_clauses_is_understood_as_a_whole():
 def test_an_unfamiliar_instruction_may_be_passed_on_with_its_objects_named(said, passed_on):
     grounded = taught(BUTTONS, PUSH).ground(said, allow_unfamiliar=True)
     assert (grounded.instruction, bool(grounded.unfamiliar)) == (passed_on, True)
+    assert [phrase.phrase in said for phrase in grounded.phrases] == [True]
 
 
 @pytest.mark.parametrize(
