@@ -1,10 +1,10 @@
-# make setup | dev | demo | serve | test | check | audit | torture | fuzz | soak | growth | bench | format | openapi | lock
+# make setup | dev | demo | serve | test | check | audit | torture | fuzz | soak | growth | bench | metaworld | format | openapi | lock
 PYTHON ?= python3
 BIN := .venv/bin
 STAMP := .venv/.installed
 DEV_STAMP := .venv/.installed-dev
 
-.PHONY: setup dev demo serve test check audit torture fuzz soak growth bench lint format openapi lock clean
+.PHONY: setup dev demo serve test check audit torture fuzz soak growth bench metaworld lint format openapi lock clean
 
 setup: $(STAMP)
 
@@ -72,5 +72,18 @@ lock:
 bench: dev
 	$(BIN)/python -m benchmarks.bench
 
+# In an environment of its own: metaworld pins another mujoco than the simulated Panda needs.
+# Options: make metaworld METAWORLD="--tasks push --models nearest"
+METAWORLD_BIN := benchmarks/metaworld/.venv/bin
+METAWORLD_STAMP := benchmarks/metaworld/.venv/.installed
+
+$(METAWORLD_STAMP): benchmarks/metaworld/requirements.txt
+	$(PYTHON) -m venv benchmarks/metaworld/.venv
+	$(METAWORLD_BIN)/python -m pip install --quiet --requirement benchmarks/metaworld/requirements.txt
+	touch $(METAWORLD_STAMP)
+
+metaworld: setup $(METAWORLD_STAMP)
+	$(METAWORLD_BIN)/python -m benchmarks.metaworld.run --serve-with $(BIN)/python $(METAWORLD)
+
 clean:
-	rm -rf .venv .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache
+	rm -rf .venv benchmarks/metaworld/.venv .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache

@@ -10,8 +10,8 @@ from app.pipeline.metadata import camera_json
 from app.pipeline.prompt import Prompt
 from app.pipeline.representation import fit_codec
 from app.pipeline.workspace import Workspace, discretize_action, object_bins
-from app.services.ground_instruction import findings_of
 from app.services.prediction import Prediction
+from app.services.prediction_findings import findings_before
 from app.services.question import Question
 from app.services.task_settings import TaskSettings
 from app.services.task_stats import Standing, TaskStats
@@ -131,13 +131,12 @@ def _asked(question: Question, prompt: Prompt) -> JsonObject:
 
 
 def _understood(grounded: Grounded | None) -> JsonObject:
-    """How the instruction was understood, and what deserves a look in that."""
+    """How the instruction was understood."""
     if grounded is None:
-        return {"canonical_instruction": None, "grounding": [], "findings": []}
+        return {"canonical_instruction": None, "grounding": []}
     return {
         "canonical_instruction": grounded.instruction,
         "grounding": [phrase.to_json() for phrase in grounded.phrases],
-        "findings": [finding.to_json() for finding in findings_of(grounded)],
     }
 
 
@@ -162,6 +161,7 @@ def prediction_document(prediction: Prediction) -> JsonObject:
         "timings_ms": prediction.timings_ms,
         "step": prediction.question.step,
         "samples": _samples(prediction.samples),
+        "findings": [finding.to_json() for finding in prediction.findings],
     }
 
 
@@ -175,7 +175,14 @@ def _samples(samples: Sequence[JsonObject] | None) -> JsonObject | None:
 def dry_run_document(question: Question, timings_ms: dict[str, float]) -> JsonObject:
     """A `DryRunOut`."""
     prompt = question.prompt
-    return {"id": None, **_asked(question, prompt), "grammar": prompt.grammar, "timings_ms": timings_ms}
+    findings = [finding.to_json() for finding in findings_before(question)]
+    return {
+        "id": None,
+        **_asked(question, prompt),
+        "grammar": prompt.grammar,
+        "findings": findings,
+        "timings_ms": timings_ms,
+    }
 
 
 def stored_prediction_document(record: PredictionRecord) -> JsonObject:

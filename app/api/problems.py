@@ -35,7 +35,12 @@ from app.pipeline.errors import (
     UnfamiliarInstructionError,
     UngroundedInstructionError,
 )
-from app.services.errors import NoDemonstrationsError, UnparsableReplyError, UnsafeReplyError
+from app.services.errors import (
+    NoDemonstrationsError,
+    UnparsableReplyError,
+    UnsafeReplyError,
+    UnsupportedReplyError,
+)
 from app.store.errors import ConflictError, CorruptDataError, NotFoundError, StoreError, StoreUnavailableError
 
 MEDIA_TYPE = "application/problem+json"
@@ -66,8 +71,9 @@ KINDS: Mapping[type[Exception], Kind] = {
     PoseServerReplyError: Kind(502, "pose-server-error", "The pose server's answer cannot be used"),
     PoseServerError: Kind(502, "pose-server-error", "The pose server's answer cannot be used"),
     NoDemonstrationsError: Kind(409, "no-demonstrations", "The task has no demonstrations"),
-    UnparsableReplyError: Kind(502, "unparsable-reply", "The LLM's reply is not a list of valid actions"),
-    UnsafeReplyError: Kind(502, "unsafe-action", "The LLM's reply breaks a bound of motion"),
+    UnparsableReplyError: Kind(502, "unparsable-reply", "The model's reply is not a list of valid actions"),
+    UnsafeReplyError: Kind(502, "unsafe-action", "The model's reply breaks a bound of motion"),
+    UnsupportedReplyError: Kind(502, "unsupported", "The demonstrations do not support the reply"),
     UnknownModelError: Kind(422, "unknown-model", "There is no such model"),
     ModelUnavailableError: Kind(503, "model-unavailable", "The model cannot be used here"),
     ModelBusyError: Kind(503, "model-busy", "The model has too many requests under way"),
@@ -156,6 +162,9 @@ def own_problem(request: Request, error: RoboPromptError) -> JSONResponse:
     if isinstance(error, UnsafeReplyError):
         breach = {"field": error.action.field, "message": error.action.message, "valid": error.action.bound}
         return problem(kind, str(error), [breach], reply_text=error.reply_text, prediction_id=error.prediction_id)
+    if isinstance(error, UnsupportedReplyError):
+        fault = {"field": error.action.field, "message": error.action.message, "valid": error.action.expected}
+        return problem(kind, str(error), [fault], reply_text=error.reply_text, prediction_id=error.prediction_id)
     wait_s = getattr(error, "retry_after_s", None) or 1.0
     headers = {"Retry-After": str(math.ceil(wait_s))} if kind.status == 503 else None
     return problem(kind, str(error), headers=headers)

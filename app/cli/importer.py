@@ -129,7 +129,7 @@ def _check(entry: Entry, parcel: Parcel) -> Result:
     if not objects:
         return _without_objects(entry, task)
     trajectory = trajectory_from_npz(parcel.files["trajectory"])
-    keyframes = find_keyframes(trajectory, KeyframeRule())
+    keyframes = find_keyframes(trajectory, KeyframeRule(), float(parcel.metadata.get("control_frequency_hz", 20.0)))
     unknown = [item["name"] for item in objects if item.get("position") is None and not item.get("mask_ids")]
     notes = parcel.notes
     if unknown:

@@ -82,13 +82,18 @@ class StepCodec:
         return self.action.reply_text(rows) if self.action and rows else f" {DONE}"
 
     def decode_rows(
-        self, first: int, rows: Sequence[str], objects: Sequence[ObjectPose], instruction: str
+        self,
+        first: int,
+        rows: Sequence[str],
+        objects: Sequence[ObjectPose],
+        instruction: str,
+        start: EndEffectorAction | None = None,
     ) -> list[EndEffectorAction]:
         if self.action is None:
             if rows:
                 raise ReplyParseError(f"no demonstration has an action here, expected {DONE!r}", rows[0])
             return []
-        return self.action.decode_rows(first, rows, objects, instruction)
+        return self.action.decode_rows(first, rows, objects, instruction, start)
 
 
 @dataclass(frozen=True, eq=False)

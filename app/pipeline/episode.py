@@ -16,6 +16,7 @@ from app.pipeline.errors import InvalidInputError
 from app.pipeline.wording import checked_instruction, checked_name
 
 NUM_JOINTS = 7
+MOST_WIDTH_M = 0.2  # that a gripper opens
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +27,7 @@ class Trajectory:
         joint_velocities_rad_s: (T, 7).
         positions_m: (T, 3) end effector in the world frame.
         quaternions_xyzw: (T, 4) end effector in the world frame.
-        gripper_open: (T,) bool, the COMMANDED state.
+        gripper_open: (T,) bool, what the fingers have done.
         timestamps_s: (T,) increasing, or None.
         joint_positions_rad: (T, 7), or None.
         object_positions_m: (T, N, 3) of the scene's N objects in the world frame, or None: for closed-loop prompts.
@@ -96,16 +97,20 @@ class Trajectory:
     def __len__(self) -> int:
         return len(self.joint_velocities_rad_s)
 
-    def action_at(self, frame: int) -> "EndEffectorAction":
-        """The end effector's pose and gripper command at `frame`."""
-        return EndEffectorAction(self.positions_m[frame], self.quaternions_xyzw[frame], bool(self.gripper_open[frame]))
+    def action_at(self, frame: int, *, gripper_open: bool | None = None) -> "EndEffectorAction":
+        """The end effector's pose at `frame`, and the gripper's state there unless another is given."""
+        is_open = bool(self.gripper_open[frame]) if gripper_open is None else gripper_open
+        return EndEffectorAction(self.positions_m[frame], self.quaternions_xyzw[frame], is_open)
 
 
 def _booleans(name: str, value: npt.ArrayLike, length: int) -> npt.NDArray[np.bool_]:
     numbers = finite_array(name, value, (length,))
     if (bad := ~np.isin(numbers, (0.0, 1.0))).any():
         index = int(np.flatnonzero(bad)[0])
-        raise InvalidInputError(name, f"element {index} is {numbers[index]:g}", "0 (closed) or 1 (open), as commanded")
+        remedy = "0 (closed) or 1 (open), what the fingers have done"
+        if numbers.min() >= 0 and numbers.max() <= MOST_WIDTH_M:
+            remedy += "; of widths in metres: 1 above the middle between their extremes"
+        raise InvalidInputError(name, f"element {index} is {numbers[index]:g}", remedy)
     booleans = numbers.astype(np.bool_)
     booleans.flags.writeable = False
     return booleans
@@ -201,6 +206,9 @@ class Demonstration:
 
     Attributes:
         later_objects: the objects' poses after each action, where the episode tracked them; otherwise empty.
+        start: where the end effector was at first, where that is known.
+        plan: demonstrations of equal plans and like instructions have the same rows, see
+            `app.pipeline.plans`; None: the keyframes are as they were found.
     """
 
     instruction: str
@@ -208,3 +216,5 @@ class Demonstration:
     actions: tuple[EndEffectorAction, ...]
     id: str = ""
     later_objects: tuple[tuple[ObjectPose, ...], ...] = ()
+    start: EndEffectorAction | None = None
+    plan: int | None = None

@@ -8,7 +8,8 @@
     │   ├── UngroundedInstructionError  a phrase of the instruction stands for no object, or for several
     │   └── UnfamiliarInstructionError  the instruction is unlike every taught one
     ├── ReplyParseError            the LLM's reply is not a list of valid actions; carries the raw text
-    └── UnsafeActionError          an action is valid but beyond a bound of motion; names action, value and bound
+    ├── UnsafeActionError          an action is valid but beyond a bound of motion; names action, value and bound
+    └── UnsupportedActionError     an action is valid but unlike what was demonstrated; names what was expected
 
 Other packages (llm, store, services) hang their own branches under RoboPromptError; `app.api.problems` maps each to a
 status once.
@@ -88,3 +89,19 @@ class UnsafeActionError(RoboPromptError):
         self.field = f"actions[{index}].{quantity}"
         self.message = message
         self.bound = bound
+
+
+class UnsupportedActionError(RoboPromptError):
+    """An action that the demonstrations do not support. It is reported, never moved to where they have it.
+
+    Args:
+        index: of the action, from 0.
+        message: what is wrong with it.
+        expected: what the demonstrations have there.
+    """
+
+    def __init__(self, index: int, message: str, expected: str) -> None:
+        super().__init__(f"actions[{index}] {message} (expected: {expected})")
+        self.field = f"actions[{index}]"
+        self.message = message
+        self.expected = expected

@@ -19,15 +19,22 @@ class ReplyReader:
         objects: the observed objects that the actions may refer to.
         instruction: that the reply answers.
         max_actions: more than these are an error.
+        start: where the end effector is before the first action, where that is known.
     """
 
     def __init__(
-        self, codec: Codec, objects: Sequence[ObjectPose], instruction: str, max_actions: int = MAX_ACTIONS
+        self,
+        codec: Codec,
+        objects: Sequence[ObjectPose],
+        instruction: str,
+        max_actions: int = MAX_ACTIONS,
+        start: EndEffectorAction | None = None,
     ) -> None:
         self._codec = codec
         self._objects = objects
         self._instruction = instruction
         self._max_actions = max_actions
+        self._start = start
         self._text = ""
         self._actions: list[EndEffectorAction] = []
 
@@ -63,7 +70,7 @@ class ReplyReader:
             rows = self._codec.rows(text, complete)
             if len(rows) > self._max_actions:
                 raise ReplyParseError(f"the reply has {len(rows)} actions, more than {self._max_actions}", text)
-            return self._codec.decode_rows(known, rows[known:], self._objects, self._instruction)
+            return self._codec.decode_rows(known, rows[known:], self._objects, self._instruction, self._start)
         except ReplyParseError as error:
             raise ReplyParseError(error.message, text) from None
 

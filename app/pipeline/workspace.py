@@ -23,6 +23,11 @@ EDGE_TO_LOWER_BIN = 1e-12  # added to the bin size, as in PerAct: an exact edge 
 # RLBench's scene bounds, also used by the authors' code (paper, appendix "Simulation setup")
 RLBENCH_MIN_M = (-0.3, -0.5, 0.6)
 RLBENCH_MAX_M = (0.7, 0.5, 1.6)
+# A workspace that follows from demonstrations: unseen scenes reach somewhat beyond them, and one demonstration says
+# little about how far; a metre is what RLBench's box measures, so that bins are as fine.
+AUTO_MARGIN_M, AUTO_MARGIN_BELOW_M = 0.10, 0.05
+AUTO_LEAST_M = 1.0
+AUTO_GRID_M = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +52,24 @@ class Workspace:
     def rlbench(cls) -> "Workspace":
         """RLBench's scene bounds, the default."""
         return cls(np.array(RLBENCH_MIN_M), np.array(RLBENCH_MAX_M))
+
+    @classmethod
+    def around(cls, positions_m: Array, grown_from: "Workspace | None" = None) -> "Workspace":
+        """The box for demonstrated positions (N, 3): with a margin, rounded outwards, at least a metre wide.
+
+        Args:
+            grown_from: a box that it contains as well.
+        """
+        low_m, high_m = positions_m.min(axis=0), positions_m.max(axis=0)
+        low_m, high_m = low_m - AUTO_MARGIN_M, high_m + AUTO_MARGIN_M
+        low_m[2] += AUTO_MARGIN_M - AUTO_MARGIN_BELOW_M  # what carries the lowest object is right below it
+        missing_m = np.maximum(AUTO_LEAST_M - (high_m - low_m), 0)
+        low_m[:2] -= missing_m[:2] / 2
+        high_m += missing_m * (0.5, 0.5, 1.0)
+        if grown_from is not None:
+            low_m, high_m = np.minimum(low_m, grown_from.min_m), np.maximum(high_m, grown_from.max_m)
+        grid = AUTO_GRID_M
+        return cls(np.round(np.floor(low_m / grid + 1e-9) * grid, 9), np.round(np.ceil(high_m / grid - 1e-9) * grid, 9))
 
     @property
     def bin_size_m(self) -> Array:

@@ -9,6 +9,7 @@ from app.pipeline.wording import checked_name
 from app.services.extraction import extract_again
 from app.services.pose_servers import PoseServers
 from app.services.task_settings import TaskSettings
+from app.services.workspaces import with_room_for
 from app.store import episodes, jobs, tasks
 from app.store.errors import ConflictError, NotFoundError
 from app.store.records import EpisodeRecord, Extraction, JobRecord, TaskRecord
@@ -38,10 +39,12 @@ class ConfigureTask:
             ConflictError: if the task changed meanwhile.
         """
         before, old, new = self._planned(name, changes)
-        settings = new.model_dump(mode="json")
         if before is None:
-            return self._create(name, settings)
-        extractions = [self._extract(record, new) for record in self._episodes(name)] if new.reads_unlike(old) else []
+            return self._create(name, new.model_dump(mode="json"))
+        fits = new.workspace.preset == "auto" and ("workspace" in changes or new.reads_unlike(old))
+        records = self._episodes(name) if fits or new.reads_unlike(old) else ()
+        extractions = [self._extract(record, new) for record in records] if new.reads_unlike(old) else []
+        settings = with_room_for(new, (*records, *extractions)).model_dump(mode="json")
         with self._store.write() as connection:
             # An episode that came in since would keep what the old settings made of it.
             tasks.require_version(connection, name, before.version)
@@ -71,7 +74,7 @@ class ConfigureTask:
         checked_name("task", name)
         before = self._get(name)
         old = TaskSettings() if before is None else TaskSettings.model_validate(before.settings)
-        new = TaskSettings.model_validate({**old.model_dump(), **changes})
+        new = old.changed(changes)
         new.workspace.workspace()
         self._pose_servers.check(new.object_models)
         if before is not None and before.object_names is not None:

@@ -7,13 +7,17 @@ from dataclasses import replace
 
 from app.llm.base import Completion, CompletionRequest, LanguageModel, ModelTimeoutError, TextDelta, Usage
 from app.pipeline.episode import EndEffectorAction
-from app.pipeline.errors import ReplyParseError
+from app.pipeline.errors import ReplyParseError, UnsupportedActionError
+from app.pipeline.findings import Finding
+from app.pipeline.plans.support import PlacedRow
 from app.pipeline.prompt import Prompt
 from app.pipeline.reply import ReplyReader
 from app.services.question import Question
+from app.services.support_check import SupportCheck
 from app.services.timing import Timings, timed
 from app.store.values import JsonObject
 
+AGAIN_TEMPERATURE = 0.3  # of the second try: a greedy one would say the same again
 MAX_TOKENS_PER_ACTION = 80  # more than any representation needs for a row, a token for each digit
 
 
@@ -25,6 +29,8 @@ class Dialogue:
         prompt: the last that was asked.
         reply_text: every reply so far, read piecewise also one that broke off; None while there is none.
         usage: the replies' together.
+        findings: what in the replies deserves a look.
+        rows: the demonstrated row that each action carries out, where it is known.
     """
 
     def __init__(self, question: Question, model: LanguageModel, timings_ms: Timings) -> None:
@@ -33,6 +39,9 @@ class Dialogue:
         self._timings_ms = timings_ms
         self._deadline_s = time.monotonic() + question.request.timeout_s
         self._so_far = question.so_far
+        self._temperature = question.request.sampling_temperature
+        self.findings: list[Finding] = []
+        self.rows: list[PlacedRow | None] = []
         self.prompt: Prompt = question.prompt
         self.reply_text: str | None = None
         self.usage = Usage()
@@ -48,6 +57,7 @@ class Dialogue:
 
         Raises:
             ReplyParseError: if a reply is not a list of valid actions; what was handed out may not be all of it.
+            UnsupportedActionError: if the demonstrations do not support an action.
             LanguageModelError: if the LLM does not answer.
         """
         question = self._question
@@ -58,12 +68,48 @@ class Dialogue:
                 raise ReplyParseError(f"{most} actions do not carry out all {asked} parts", self.reply_text or "")
             if number > 0:
                 self.prompt = question.written.ask(question.objects, instruction, remaining, self._so_far)
-            reader = ReplyReader(question.written.codec, question.objects, instruction, remaining)
-            async with aclosing(self._reply(reader, remaining, piecewise=piecewise)) as arriving:
+            async with aclosing(self._part(instruction, remaining, piecewise=piecewise)) as arriving:
                 async for item in arriving:
                     if not isinstance(item, TextDelta):
                         remaining -= len(item)
                     yield item
+
+    async def _part(
+        self, instruction: str, max_actions: int, *, piecewise: bool
+    ) -> AsyncGenerator[Sequence[EndEffectorAction] | TextDelta, None]:
+        """The actions of one instruction; a whole reply that the demonstrations do not support is asked for again."""
+        try:
+            async with aclosing(self._supported(instruction, max_actions, piecewise=piecewise)) as arriving:
+                async for item in arriving:
+                    yield item
+            return
+        except UnsupportedActionError:
+            if piecewise:
+                raise
+            self._temperature = max(self._temperature, AGAIN_TEMPERATURE)
+        async with aclosing(self._supported(instruction, max_actions, piecewise=piecewise)) as arriving:
+            async for item in arriving:
+                yield item
+
+    async def _supported(
+        self, instruction: str, max_actions: int, *, piecewise: bool
+    ) -> AsyncGenerator[Sequence[EndEffectorAction] | TextDelta, None]:
+        """The actions of the reply to one instruction, as far as the demonstrations support them."""
+        question = self._question
+        reader = ReplyReader(question.written.codec, question.objects, instruction, max_actions, question.start)
+        support = SupportCheck(question, instruction)
+        async with aclosing(self._reply(reader, max_actions, piecewise=piecewise)) as arriving:
+            async for item in arriving:
+                if not isinstance(item, TextDelta):
+                    rows = support.check(item)
+                    if not piecewise:  # it is all of the reply
+                        support.finish()
+                    self.rows += rows
+                yield item
+        if piecewise:
+            support.finish()
+        if support.finding is not None:
+            self.findings.append(support.finding)
 
     async def _reply(
         self, reader: ReplyReader, max_actions: int, *, piecewise: bool
@@ -146,7 +192,7 @@ class Dialogue:
             self.prompt,
             max_tokens=max_actions * MAX_TOKENS_PER_ACTION,
             timeout_s=timeout_s,
-            temperature=request.sampling_temperature,
+            temperature=self._temperature,
             seed=request.seed,
             cache_key=self._question.template.cache_key,
         )

@@ -1,6 +1,6 @@
 """What a use case can refuse beyond the method's and the store's own errors; a branch of `app.pipeline.errors`."""
 
-from app.pipeline.errors import RoboPromptError, UnsafeActionError
+from app.pipeline.errors import RoboPromptError, UnsafeActionError, UnsupportedActionError
 
 
 class ServiceError(RoboPromptError):
@@ -8,7 +8,8 @@ class ServiceError(RoboPromptError):
 
     ├── NoDemonstrationsError   the task has no episode yet
     ├── UnparsableReplyError    the LLM's reply is not a list of valid actions; recorded
-    └── UnsafeReplyError        one of its actions is beyond a bound of motion; recorded
+    ├── UnsafeReplyError        one of its actions is beyond a bound of motion; recorded
+    └── UnsupportedReplyError   one of its actions is unlike what was demonstrated; recorded
     """
 
 
@@ -42,6 +43,21 @@ class UnsafeReplyError(ServiceError):
     """
 
     def __init__(self, action: UnsafeActionError, reply_text: str, prediction_id: str) -> None:
+        super().__init__(str(action))
+        self.action = action
+        self.reply_text = reply_text
+        self.prediction_id = prediction_id
+
+
+class UnsupportedReplyError(ServiceError):
+    """The LLM's reply asks for an action that the demonstrations do not support.
+
+    Args:
+        action: what is wrong with which action.
+        reply_text, prediction_id: as in UnparsableReplyError.
+    """
+
+    def __init__(self, action: UnsupportedActionError, reply_text: str, prediction_id: str) -> None:
         super().__init__(str(action))
         self.action = action
         self.reply_text = reply_text

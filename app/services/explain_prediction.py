@@ -10,15 +10,16 @@ from app.pipeline.comparison import ActionDeviation, ObjectReach, action_deviati
 from app.pipeline.episode import Demonstration, EndEffectorAction
 from app.pipeline.language import clauses
 from app.pipeline.workspace import ROTATION_BIN_DEG
+from app.services.demonstrations import Demonstrations
 from app.services.task_settings import TaskSettings
-from app.services.templates import canonical_demonstration
-from app.store.records import DemonstrationRecord, PredictionRecord
+from app.store.records import PredictionRecord
 
 # What the bins alone may do: half a bin where the demonstration was written and half where the reply is read.
 TOLERATED_TURN_DEG = ROTATION_BIN_DEG
 _STATUS = {
     "parse_error": "The reply is not a list of valid actions",
     "unsafe_action": "An action breaks a bound of motion",
+    "unsupported": "The demonstrations do not support an action",
     "model_error": "The LLM did not answer",
 }
 
@@ -53,17 +54,15 @@ class Explanation:
     missing_ids: tuple[str, ...]
 
 
-def explain_prediction(
-    record: PredictionRecord, demonstrations: Sequence[DemonstrationRecord], settings: TaskSettings
-) -> Explanation:
+def explain_prediction(record: PredictionRecord, demonstrations: Demonstrations, settings: TaskSettings) -> Explanation:
     """Hold a prediction against those of its demonstrations that are still stored."""
-    shown = [canonical_demonstration(item.demonstration(), settings) for item in demonstrations]
+    shown = demonstrations.recorded
     observed = tuple(item.pose() for item in record.objects)
     predicted = Demonstration(_canonical(record), observed, tuple(_actions(record)))
     reaches = {pose.name: object_reach(pose, shown) for pose in observed} if shown else {}
     # A step of a closed loop is one action out of several; its demonstrations are not told apart by step here.
     deviations = action_deviations(predicted, shown) if record.step is None else ()
-    stored = {item.id for item in demonstrations}
+    stored = {item.id for item in shown}
     missing = tuple(id_ for id_ in record.demonstration_ids if id_ not in stored)
     bin_m = float(settings.workspace.workspace().bin_size_m.max())
     findings = (

@@ -8,7 +8,10 @@ from app.perception.registry import estimate_poses
 from app.pipeline.camera import RgbdFrame
 from app.pipeline.episode import ObjectPose, Trajectory
 from app.pipeline.errors import InvalidInputError
+from app.pipeline.findings import Finding
 from app.pipeline.keyframes import find_keyframes
+from app.pipeline.recording_findings import recording_findings
+from app.pipeline.timeline import frame_times_s
 from app.services.stored_images import read_frame
 from app.services.task_settings import TaskSettings
 from app.store import episodes
@@ -19,10 +22,15 @@ from app.store.values import KeyframeRecord, ObjectRecord
 
 @dataclass(frozen=True)
 class Extracted:
-    """What a prompt will say of an episode."""
+    """What a prompt will say of an episode.
+
+    Attributes:
+        findings: what in the recording deserves a look.
+    """
 
     keyframes: tuple[KeyframeRecord, ...]
     objects: tuple[ObjectRecord, ...]
+    findings: tuple[Finding, ...] = ()
 
 
 def extract(
@@ -31,27 +39,36 @@ def extract(
     frames: Sequence[RgbdFrame],
     settings: TaskSettings,
     names: Sequence[str],
+    control_frequency_hz: float,
 ) -> Extracted:
     """Find the keyframes and estimate the objects' poses.
 
     Args:
         objects: as sent, which is also the order of the objects that the trajectory tracks.
         names: of the objects, in the task's order.
+        control_frequency_hz: of the recording, for a trajectory without timestamps.
 
     Raises:
         InvalidInputError: if there is no keyframe, an object cannot be found, or a model is of none of them.
     """
-    indices = find_keyframes(trajectory, settings.keyframes.keyframe_rule())
-    if not indices:
+    found = find_keyframes(trajectory, settings.keyframes.keyframe_rule(), control_frequency_hz)
+    if not found:
         message = f"no keyframe in {len(trajectory)} frames by rule {settings.keyframes.rule!r}"
         raise InvalidInputError("trajectory", message, "an episode in which the robot moves and then rests")
     settings.check_models(names)
     poses = estimate_poses(settings.pose_estimator, settings.with_models(objects), frames)
     sent = [query.name for query in objects]
     keyframes = tuple(
-        KeyframeRecord.of(k, trajectory.action_at(k), _ordered(trajectory.objects_at(k, sent), names)) for k in indices
+        KeyframeRecord.of(
+            frame,
+            trajectory.action_at(frame, gripper_open=gripper_open),
+            _ordered(trajectory.objects_at(frame, sent), names),
+        )
+        for frame, gripper_open in found
     )
-    return Extracted(keyframes, tuple(ObjectRecord.of(pose) for pose in _ordered(poses, names)))
+    times_s = frame_times_s(trajectory, control_frequency_hz)
+    findings = recording_findings(trajectory, times_s, found, settings.keyframes.keyframe_rule())
+    return Extracted(keyframes, tuple(ObjectRecord.of(pose) for pose in _ordered(poses, names)), findings)
 
 
 def _ordered(poses: Sequence[ObjectPose], names: Sequence[str]) -> tuple[ObjectPose, ...]:
@@ -71,7 +88,7 @@ def extract_again(store: Store, record: EpisodeRecord, settings: TaskSettings) -
         names = [item.name for item in record.objects]
         queries = tuple(map(ObjectQuery.from_json, record.given_objects))
         frames = [read_frame(store.blobs, item) for item in record.cameras]
-        extracted = extract(trajectory, queries, frames, settings, names)
+        extracted = extract(trajectory, queries, frames, settings, names, record.control_frequency_hz)
     except InvalidInputError as error:
         raise InvalidInputError(f"episode {record.id}: {error.field}", error.message, error.valid) from error
     return Extraction(record.id, extracted.keyframes, extracted.objects)

@@ -6,7 +6,6 @@ from functools import lru_cache
 import numpy as np
 
 from app.pipeline.episode import ObjectPose
-from app.pipeline.findings import Finding
 from app.pipeline.language import Grounded, Layout, Taught
 from app.services.english import is_english
 from app.services.previous_step import PreviousStep
@@ -46,11 +45,3 @@ def ground_instruction(
 @lru_cache(MAX_TASKS)
 def _words(names: tuple[str, ...], aliases: tuple[tuple[str, tuple[str, ...]], ...], taught: tuple[str, ...]) -> Taught:
     return Taught(names, dict(aliases), taught, is_english)
-
-
-def findings_of(grounded: Grounded) -> tuple[Finding, ...]:
-    """What deserves a look in how an instruction was understood."""
-    if grounded.unfamiliar is None:
-        return ()
-    message = f"{grounded.unfamiliar}; it was passed on to the LLM"
-    return (Finding("unfamiliar-instruction", "danger", message, "instruction"),)

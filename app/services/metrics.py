@@ -31,7 +31,7 @@ class Metrics:
         )
         self._predictions = Counter(
             "roboprompt_predictions",
-            "Predictions by how they ended: ok, parse_error, unsafe_action, model_error",
+            "Predictions by how they ended: ok, parse_error, unsafe_action, unsupported, model_error",
             ("model", "representation", "status"),
             registry=registry,
         )

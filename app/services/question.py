@@ -5,11 +5,13 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal
 
+import numpy as np
+
 from app.llm.base import ModelProfile
 from app.perception.base import ObjectQuery
 from app.perception.frames import ImageBytes
 from app.pipeline.camera import RgbdFrame
-from app.pipeline.episode import ObjectPose
+from app.pipeline.episode import EndEffectorAction, ObjectPose
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.language import Grounded
 from app.pipeline.motion_limits import Pose
@@ -21,6 +23,7 @@ from app.services.templates import PromptStyle, Template
 from app.store.values import JsonObject
 
 SAMPLES_TEMPERATURE = 0.5
+Unsupported = Literal["refuse", "allow"]
 
 
 @dataclass(frozen=True)
@@ -40,6 +43,7 @@ class PredictRequest:
         after: the id of the prediction that a closed loop goes on from; its model, demonstrations and style go on, too.
         end_effector: where the robot's end effector is, where the robot tells.
         unfamiliar: whether an instruction unlike every taught one is refused or passed on.
+        unsupported: whether an action unlike what was demonstrated is refused, or only found.
         stream_text: hand out the reply's text, too, where it is read while it arrives.
         as_sent: the request as it came, to be stored with the prediction.
     """
@@ -66,6 +70,7 @@ class PredictRequest:
     timeout_s: float = 60.0
     end_effector: Pose | None = None
     unfamiliar: Literal["refuse", "allow"] = "refuse"
+    unsupported: Unsupported = "refuse"
     stream_text: bool = False
     as_sent: JsonObject = field(default_factory=dict)
 
@@ -110,6 +115,14 @@ class Question:
     observed: tuple[ObjectPose, ...]
     end_effector: Pose | None
     samples: tuple["Question", ...] = ()
+
+    @property
+    def start(self) -> EndEffectorAction | None:
+        """Where the end effector is at first, if the robot says so and rows may be relative to it."""
+        pose = self.end_effector
+        if pose is None or not self.style.from_start:
+            return None
+        return EndEffectorAction(np.array(pose.position_m), np.array(pose.quaternion_xyzw), gripper_open=True)
 
     @cached_property
     def prompt(self) -> Prompt:

@@ -11,7 +11,8 @@ from functools import partial
 from app.pipeline.errors import InvalidInputError
 from app.services.extraction import extract_all_again
 from app.services.task_settings import TaskSettings
-from app.store import jobs, tasks
+from app.services.workspaces import with_room_for
+from app.store import episodes, jobs, tasks
 from app.store.errors import CorruptDataError
 from app.store.records import EpisodeRecord, Extraction, JobRecord
 from app.store.store import Store
@@ -96,7 +97,7 @@ class RunJobs:
     def _settings(self, job: JobRecord, current: dict[str, object]) -> TaskSettings:
         """As they will be: what else has been set meanwhile stays."""
         old = TaskSettings.model_validate(current)
-        return TaskSettings.model_validate({**old.model_dump(), **job.changes})
+        return old.changed(job.changes)
 
     def _extract_batch(self, job: JobRecord) -> bool:
         """Whether there was anything left to extract."""
@@ -117,6 +118,10 @@ class RunJobs:
             if jobs.pending(connection, job, 1):
                 return False
             jobs.finish(connection, job, self._settings(job, task.settings).model_dump(mode="json"))
+            settings = TaskSettings.model_validate(tasks.get(connection, job.task).settings)
+            if settings.workspace.preset == "auto":
+                fitted = with_room_for(settings, episodes.all_of(connection, job.task))
+                tasks.update_settings(connection, job.task, fitted.model_dump(mode="json"))
         logger.info("job %s is done", job.id)
         self._on_done(job.task)
         return True

@@ -2,7 +2,7 @@
 
 import json
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Annotated, Any, Literal, Self
 
@@ -12,10 +12,12 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInf
 from app.perception.base import ObjectQuery
 from app.perception.models import model_from_json
 from app.perception.registry import pose_estimator
+from app.pipeline.arrays import Array
 from app.pipeline.episode import ObjectPose
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.geometry import canonical_pose
 from app.pipeline.keyframes import SIMULATION_DELTA_RAD_S, KeyframeRule, Rule
+from app.pipeline.keyframes.rule import TOLERANCE_DEG, TOLERANCE_M
 from app.pipeline.motion_limits import Box, MotionLimits
 from app.pipeline.prompt import MAX_SYSTEM_PROMPT_CHARS
 from app.pipeline.representation import check_style
@@ -25,7 +27,9 @@ from app.pipeline.workspace import RLBENCH_MAX_M, RLBENCH_MIN_M, Workspace
 Point = tuple[float, float, float]
 Representation = Literal["absolute", "object_frame", "action_tokens"]
 PromptFormat = Literal["paper", "authors", "kat"]
+Preset = Literal["auto", "rlbench"]
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f]")
+_MERGED = ("workspace", "keyframes", "motion_limits")
 MIN_SYMMETRY_DEG = 1.0  # what is rounder is round
 
 
@@ -44,28 +48,65 @@ class _Settings(BaseModel):
 
 
 class WorkspaceSettings(_Settings):
-    """The box that the position bins divide, in metres in the world frame; RLBench's by default."""
+    """The box that the position bins divide and that actions keep to, in metres in the world frame.
 
+    `auto`: it follows from the demonstrations and grows with them. `rlbench`: RLBench's. A box of one's own has none.
+    """
+
+    preset: Preset | None = None
     min: Point = RLBENCH_MIN_M
     max: Point = RLBENCH_MAX_M
+
+    @model_validator(mode="before")
+    @classmethod
+    def _named(cls, value: object) -> object:
+        """A preset by its name alone."""
+        return {"preset": value} if isinstance(value, str) else value
+
+    @model_validator(mode="after")
+    def _box_of_preset(self) -> Self:
+        if self.preset == "rlbench" and (self.min, self.max) != (RLBENCH_MIN_M, RLBENCH_MAX_M):
+            raise ValueError("the preset rlbench has a box of its own: leave out preset, or min and max")
+        return self
 
     def workspace(self) -> Workspace:
         """As the pipeline wants it; raises InvalidInputError if min is not below max."""
         return Workspace(np.array(self.min), np.array(self.max))
 
+    def grown(self, positions_m: Array) -> "WorkspaceSettings":
+        """With `auto` the box that holds these demonstrated positions (N, 3) as well; otherwise as it is.
+
+        A box that still is RLBench's comes from no demonstration: it is not kept.
+        """
+        if self.preset != "auto":
+            return self
+        untaught = (self.min, self.max) == (RLBENCH_MIN_M, RLBENCH_MAX_M)
+        box = Workspace.around(positions_m, None if untaught else self.workspace())
+        low, high = box.min_m.tolist(), box.max_m.tolist()
+        return WorkspaceSettings(preset="auto", min=tuple(low), max=tuple(high))
+
 
 class KeyframeSettings(_Settings):
-    """How keyframes are found: the paper's rule with runs merged, the authors' code, or every interval-th frame."""
+    """How keyframes are found.
 
-    rule: Rule = "merged"
+    `auto`: `merged` where a recording rests at its keyframes, else `waypoints`. `merged` is the paper's rule with runs
+    merged, `authors` their published code, `uniform` every interval-th frame.
+    """
+
+    rule: Rule = "auto"
     delta_rad_s: Annotated[float, Field(gt=0, description="0.1 in simulation, 0.01 on a real robot")] = (
         SIMULATION_DELTA_RAD_S
     )
     interval: Annotated[int, Field(ge=1, le=10_000)] = 5
+    tolerance_m: Annotated[
+        float,
+        Field(gt=0, le=1, description="waypoints: how far the hand may stray from straight motion"),
+    ] = TOLERANCE_M
+    tolerance_deg: Annotated[float, Field(gt=0, le=180, description="the same of its rotation")] = TOLERANCE_DEG
 
     def keyframe_rule(self) -> KeyframeRule:
         """As the pipeline wants it."""
-        return KeyframeRule(self.rule, self.delta_rad_s, self.interval)
+        return KeyframeRule(self.rule, self.delta_rad_s, self.interval, self.tolerance_m, self.tolerance_deg)
 
 
 class KeepOutBox(_Settings):
@@ -114,7 +155,7 @@ class TaskSettings(_Settings):
     `representation`, `prompt_format` and `system_prompt` left out (null) follow the model: what suits it best.
     """
 
-    workspace: WorkspaceSettings = WorkspaceSettings()
+    workspace: WorkspaceSettings = WorkspaceSettings(preset="auto")
     keyframes: KeyframeSettings = KeyframeSettings()
     pose_estimator: Annotated[str, AfterValidator(_known_estimator)] = "given"
     object_models: Annotated[
@@ -163,6 +204,19 @@ class TaskSettings(_Settings):
         keep_out = tuple(Box(box.min, box.max) for box in limits.keep_out)
         workspace = Box(self.workspace.min, self.workspace.max)
         return MotionLimits(workspace, keep_out, limits.max_step_m, limits.max_step_rotation_deg)
+
+    def changed(self, changes: Mapping[str, Any]) -> "TaskSettings":
+        """With these settings; of workspace, keyframes and motion limits only what the change names.
+
+        Raises:
+            pydantic.ValidationError: if the settings do not go together.
+        """
+        old = self.model_dump()
+        new = {name: {**old[name], **value} if name in _MERGED else value for name, value in changes.items()}
+        if "workspace" in changes:  # a preset has its own box, and a box of one's own is no preset
+            box = changes["workspace"]
+            new["workspace"] = {"preset": box["preset"]} if box.get("preset") else {**new["workspace"], "preset": None}
+        return TaskSettings.model_validate({**old, **new})
 
     def reads_unlike(self, other: "TaskSettings") -> bool:
         """Whether keyframes or poses may come out differently."""

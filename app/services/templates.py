@@ -6,10 +6,13 @@ from dataclasses import dataclass, replace
 
 from app.pipeline.closed_loop import ClosedLoopTemplate
 from app.pipeline.episode import Demonstration
+from app.pipeline.plans import by_plan
+from app.pipeline.plans.support import Support
 from app.pipeline.prompt import PromptTemplate, system_prompt_text
 from app.pipeline.representation import fit_codec, fit_step
 from app.pipeline.representation.base import Codec
 from app.pipeline.workspace import Workspace
+from app.services.demonstrations import Demonstrations
 from app.services.task_settings import TaskSettings
 
 CAPACITY = 256  # templates that are kept
@@ -22,12 +25,14 @@ class PromptStyle:
     Attributes:
         system_prompt: a variant's name or free text.
         closed_loop: whether observations and actions take turns.
+        from_start: whether the robot says where its end effector is, so that rows may be relative to that.
     """
 
     representation: str
     prompt_format: str
     system_prompt: str
     closed_loop: bool = False
+    from_start: bool = False
 
 
 @dataclass(frozen=True)
@@ -38,6 +43,7 @@ class TemplateKey:
     version: int
     style: PromptStyle
     demonstration_ids: tuple[str, ...]
+    all_of_them: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,11 +51,13 @@ class Template:
     """A prompt template with what it was made of.
 
     Attributes:
+        support: what the demonstrations support; None for the steps of a closed loop.
         cache_key: equal for equal prefixes.
         instructions: of the demonstrations.
     """
 
     prompt: PromptTemplate | ClosedLoopTemplate
+    support: Support | None
     demonstration_ids: tuple[str, ...]
     cache_key: str
     instructions: tuple[str, ...] = ()
@@ -59,22 +67,20 @@ class Template:
         return self.prompt.at_step(step) if isinstance(self.prompt, ClosedLoopTemplate) else self.prompt
 
 
-def make_template(demonstrations: Sequence[Demonstration], settings: TaskSettings, style: PromptStyle) -> Template:
+def make_template(demonstrations: Demonstrations, settings: TaskSettings, style: PromptStyle) -> Template:
     """Fit the representation and write the demonstrations.
 
     Raises:
         InvalidInputError: without demonstrations; for a closed loop if they did not track their objects.
     """
-    canonical = tuple(canonical_demonstration(demonstration, settings) for demonstration in demonstrations)
-    prompt = _prompt_template(canonical, settings.workspace.workspace(), style)
+    shown, recorded = demonstrations.shown, demonstrations.recorded
+    if not style.from_start:
+        shown, recorded = (tuple(replace(item, start=None) for item in items) for items in (shown, recorded))
+    prompt = _prompt_template(shown, settings.workspace.workspace(), style)
     digest = hashlib.sha256(f"{prompt.system}\0{prompt.prefix}".encode()).hexdigest()[:16]
-    return Template(prompt, tuple(d.id for d in demonstrations), digest, tuple(d.instruction for d in demonstrations))
-
-
-def canonical_demonstration(demonstration: Demonstration, settings: TaskSettings) -> Demonstration:
-    """The demonstration as prompts show it: symmetric objects at their canonical yaw."""
-    later = tuple(settings.canonical(objects) for objects in demonstration.later_objects)
-    return replace(demonstration, objects=settings.canonical(demonstration.objects), later_objects=later)
+    support = None if style.closed_loop else Support.of(by_plan(recorded))
+    instructions = tuple(d.instruction for d in shown)
+    return Template(prompt, support, tuple(d.id for d in shown), digest, instructions)
 
 
 def _prompt_template(

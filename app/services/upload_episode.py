@@ -3,21 +3,26 @@
 import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 
+import numpy as np
 from sqlalchemy import Connection
 
 from app.perception.base import ObjectQuery
 from app.perception.frames import ImageBytes
-from app.pipeline.episode import Episode
+from app.pipeline.episode import Episode, ObjectPose
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.prompt import check_object_names
+from app.pipeline.recording_findings import check_moves
+from app.pipeline.timeline import frame_times_s
+from app.pipeline.units import check_recording_units
 from app.pipeline.wording import checked_name
 from app.services.extraction import Extracted, extract
 from app.services.log_fields import note
 from app.services.pose_servers import PoseServers
 from app.services.stored_images import put_images
 from app.services.task_settings import TaskSettings
+from app.services.workspaces import with_room_for
 from app.store import episodes, idempotency, predictions, tasks
 from app.store.errors import ConflictError, NotFoundError
 from app.store.records import EpisodeDraft, EpisodeRecord, StoredResponse, TaskRecord
@@ -107,7 +112,11 @@ class UploadEpisode:
         if task is not None and task.object_names is not None:
             names = list(task.object_names)
             check_object_names(sent, names)
-        return extract(upload.episode.trajectory, upload.objects, upload.episode.frames, settings, names)
+        episode = upload.episode
+        _check_recording(upload)
+        return extract(
+            episode.trajectory, upload.objects, episode.frames, settings, names, episode.control_frequency_hz
+        )
 
     def _commit(
         self,
@@ -124,18 +133,45 @@ class UploadEpisode:
             task = tasks.get_or_create(
                 connection, upload.task, _settings_of(seen, upload.objects).model_dump(mode="json")
             )
-            expected = None if seen is None else (seen.settings, seen.object_names)
-            if expected is not None and (task.settings, task.object_names) != expected:
+            expected = None if seen is None else _what_is_extracted(seen)
+            if expected is not None and _what_is_extracted(task) != expected:
                 return None
             if expected is None and task.object_names is not None:
                 return None
             _check_link(connection, upload)
             record = episodes.add(connection, _draft(upload, extracted, cameras))
-            answer = respond(record, replace(task, object_names=tuple(o.name for o in record.objects)))
+            settings = with_room_for(TaskSettings.model_validate(task.settings), [extracted])
+            task = tasks.update_settings(connection, upload.task, settings.model_dump(mode="json"))
+            answer = {**respond(record, task), "findings": [item.to_json() for item in extracted.findings]}
             if (key := upload.idempotency_key) is not None:
                 idempotency.forget(connection, SCOPE, key)
                 idempotency.save(connection, SCOPE, key, upload.digest, StoredResponse(201, answer))
         return answer
+
+
+def _check_recording(upload: Upload) -> None:
+    """Refuse a recording in which nothing happens, or whose numbers are in other units.
+
+    Raises:
+        InvalidInputError: naming the field and the likely cause.
+    """
+    trajectory = upload.episode.trajectory
+    check_moves(trajectory)
+    given = tuple(
+        ObjectPose(
+            query.name,
+            np.array(query.position_m),
+            None if query.quaternion_xyzw is None else np.array(query.quaternion_xyzw),
+        )
+        for query in upload.objects
+        if query.position_m is not None
+    )
+    check_recording_units(trajectory, given, frame_times_s(trajectory, upload.episode.control_frequency_hz))
+
+
+def _what_is_extracted(task: TaskRecord) -> tuple[JsonObject, tuple[str, ...] | None]:
+    """What an extraction depends on: not the workspace, which grows with every episode that needs it."""
+    return {name: value for name, value in task.settings.items() if name != "workspace"}, task.object_names
 
 
 def _check_link(connection: Connection, upload: Upload) -> None:

@@ -11,8 +11,10 @@ from app.perception.registry import estimate_poses
 from app.pipeline.episode import ObjectPose
 from app.pipeline.prompt import check_object_names, objects_of_task
 from app.pipeline.representation import KAT_FORMAT
+from app.pipeline.units import check_scene_units
 from app.pipeline.wording import checked_instruction
 from app.services.cache import Cache
+from app.services.demonstrations import read_demonstrations, stepwise_demonstrations
 from app.services.english import is_english
 from app.services.errors import NoDemonstrationsError
 from app.services.ground_instruction import ground_instruction
@@ -144,7 +146,9 @@ class QuestionWriter:
         else:
             style, ids = previous.style, previous.demonstration_ids
         orders = _orders(ids, request)
-        return _Told(profile, style, [self._template(connection, task, settings, style, order) for order in orders])
+        named = request.episode_ids is not None
+        templates = [self._template(connection, task, settings, style, order, all_of_them=named) for order in orders]
+        return _Told(profile, style, templates)
 
     def _demonstration_ids(
         self,
@@ -167,13 +171,22 @@ class QuestionWriter:
         settings: TaskSettings,
         style: PromptStyle,
         ids: tuple[str, ...],
+        *,
+        all_of_them: bool = False,
     ) -> Template:
-        """The demonstrations of those ids, written down."""
-        key = TemplateKey(task.name, task.version, style, ids)
+        """The demonstrations of those ids, written down.
+
+        Args:
+            all_of_them: also those of a rare plan.
+        """
+        key = TemplateKey(task.name, task.version, style, ids, all_of_them)
 
         def make() -> Template:
-            records = episodes.demonstrations_by_id(connection, task.name, ids)
-            return make_template([record.demonstration() for record in records], settings, style)
+            if style.closed_loop:
+                records = episodes.demonstrations_by_id(connection, task.name, ids)
+                return make_template(stepwise_demonstrations(records, settings), settings, style)
+            read = read_demonstrations(connection, task.name, ids, settings, all_of_them=all_of_them)
+            return make_template(read, settings, style)
 
         return self._templates.get(key, make)
 
@@ -237,7 +250,9 @@ def _observed(request: PredictRequest, task: TaskRecord, settings: TaskSettings)
     if task.object_names is None:
         raise NoDemonstrationsError(request.task)
     check_object_names([query.name for query in request.objects], task.object_names)
-    poses = estimate_poses(settings.pose_estimator, settings.with_models(request.objects), request.frames)
+    queries = settings.with_models(request.objects)
+    poses = estimate_poses(settings.pose_estimator, queries, request.frames, given_first=True)
+    check_scene_units(poses, settings.workspace.workspace())
     return settings.canonical(objects_of_task(poses, task.object_names))
 
 
@@ -248,7 +263,8 @@ def _style(request: PredictRequest, settings: TaskSettings, profile: ModelProfil
     system_prompt = request.system_prompt or settings.system_prompt
     if system_prompt is None:
         system_prompt = _suitable_system_prompt(representation, prompt_format, profile)
-    return PromptStyle(representation, prompt_format, system_prompt, request.closed_loop)
+    started = request.end_effector is not None and not request.closed_loop
+    return PromptStyle(representation, prompt_format, system_prompt, request.closed_loop, started)
 
 
 def _suitable_system_prompt(representation: str, prompt_format: str, profile: ModelProfile) -> str:

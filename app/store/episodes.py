@@ -24,7 +24,9 @@ _SCENES = (
     .where(_EPISODES.c.task == bindparam("task"))
     .order_by(_EPISODES.c.sequence)
 )
-_FOR_PROMPTS = [_EPISODES.c[name] for name in ("id", "task", "instruction", "objects", "keyframes")]
+_FOR_PROMPTS = [
+    _EPISODES.c[name] for name in ("id", "task", "instruction", "objects", "keyframes", "control_frequency_hz")
+]
 
 
 def add(connection: Connection, draft: EpisodeDraft) -> EpisodeRecord:
@@ -77,6 +79,20 @@ def get(connection: Connection, episode_id: str) -> EpisodeRecord:
 def exist(connection: Connection, episode_id: str) -> bool:
     """Whether there is an episode of that id."""
     return bool(connection.scalar(select(exists().where(_EPISODES.c.id == episode_id))))
+
+
+def get_trajectories(connection: Connection, ids: Sequence[str]) -> tuple[Trajectory, ...]:
+    """The trajectories of several episodes, in the order of `ids`.
+
+    Raises:
+        NotFoundError, CorruptDataError: as `get_trajectory`.
+    """
+    query = select(_EPISODES.c.id, _EPISODES.c.trajectory).where(_EPISODES.c.id.in_(ids))
+    found: dict[str, bytes] = {row.id: row.trajectory for row in connection.execute(query)}
+    for episode_id in ids:
+        if episode_id not in found:
+            raise NotFoundError("episode", episode_id)
+    return tuple(trajectories.unpack(found[episode_id], episode_id) for episode_id in ids)
 
 
 def get_trajectory(connection: Connection, episode_id: str) -> Trajectory:
@@ -279,7 +295,8 @@ def _extraction(row: Row[Any]) -> dict[str, Any]:
 
 
 def _demonstration(row: Row[Any]) -> DemonstrationRecord:
-    return DemonstrationRecord(id=row.id, instruction=row.instruction, **_extraction(row))
+    hz = row.control_frequency_hz
+    return DemonstrationRecord(row.id, row.instruction, control_frequency_hz=hz, **_extraction(row))
 
 
 def record_of(row: Row[Any]) -> EpisodeRecord:

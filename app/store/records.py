@@ -5,9 +5,10 @@ from datetime import datetime
 from typing import Literal
 
 from app.pipeline.episode import Demonstration, Trajectory
+from app.pipeline.timeline import CONTROL_FREQUENCY_HZ
 from app.store.values import CameraRecord, JsonObject, KeyframeRecord, ObjectRecord
 
-PredictionStatus = Literal["ok", "parse_error", "unsafe_action", "model_error"]
+PredictionStatus = Literal["ok", "parse_error", "unsafe_action", "unsupported", "model_error"]
 JobStatus = Literal["queued", "running", "done", "failed"]
 
 
@@ -112,6 +113,7 @@ class DemonstrationRecord:
     instruction: str
     objects: tuple[ObjectRecord, ...]
     keyframes: tuple[KeyframeRecord, ...]
+    control_frequency_hz: float = CONTROL_FREQUENCY_HZ
 
     def demonstration(self) -> Demonstration:
         """As the pipeline wants it."""

@@ -8,7 +8,6 @@ from app.pipeline.errors import InvalidInputError
 from app.pipeline.prompt_colours import Span, prompt_spans
 from app.pipeline.representation import KAT_FORMAT, REPRESENTATIONS, fit_codec
 from app.services.task_settings import TaskSettings
-from app.services.templates import canonical_demonstration
 
 
 @dataclass(frozen=True)
@@ -38,16 +37,16 @@ def episode_texts(
     """One of the demonstrations of a prompt in each representation, the usual first.
 
     Args:
+        demonstrations: as the prompt shows them.
         shown: which of the demonstrations, all of which the representations are fitted to.
     """
-    canonical = [canonical_demonstration(item, settings) for item in demonstrations]
     texts = []
     for name in sorted(REPRESENTATIONS, key=lambda name: name != usual_representation):
         usual = name == usual_representation
         prompt_format = usual_format if usual or usual_format != KAT_FORMAT else "paper"
         try:
-            codec = fit_codec(name, prompt_format, canonical, settings.workspace.workspace())
-            text, error = codec.demonstration_text(canonical[shown]), ""
+            codec = fit_codec(name, prompt_format, demonstrations, settings.workspace.workspace())
+            text, error = codec.demonstration_text(demonstrations[shown]), ""
         except InvalidInputError as refused:
             text, error = "", str(refused)
         texts.append(EpisodeText(name, prompt_format, usual, prompt_spans(text, name, prompt_format), error))

@@ -3,9 +3,12 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from app.pipeline.arrays import Array
 from app.pipeline.episode import Trajectory
 from app.pipeline.keyframes import find_keyframes
+from app.pipeline.timeline import CONTROL_FREQUENCY_HZ
 from app.pipeline.workspace import discretize_action
 from app.services.task_settings import KeyframeSettings, TaskSettings
 from app.store.values import JsonObject
@@ -80,11 +83,12 @@ def preview(
         times_s: (T,) of its frames.
         stored: the indices of the stored keyframes.
     """
-    found = find_keyframes(trajectory, rule.keyframe_rule())
+    hz = 1 / float(np.median(np.diff(times_s))) if len(times_s) > 1 else CONTROL_FREQUENCY_HZ
+    found = find_keyframes(trajectory, rule.keyframe_rule(), hz)
     workspace = settings.workspace.workspace()
     keyframes = []
-    for number, index in enumerate(found, start=1):
-        action = trajectory.action_at(index)
+    for number, (index, gripper_open) in enumerate(found, start=1):
+        action = trajectory.action_at(index, gripper_open=gripper_open)
         discrete = discretize_action(action, workspace)
         keyframes.append(
             PreviewedKeyframe(
@@ -99,5 +103,6 @@ def preview(
                 index not in stored,
             )
         )
-    dropped = tuple((index, float(times_s[index])) for index in stored if index not in found)
+    frames = {keyframe.frame for keyframe in found}
+    dropped = tuple((index, float(times_s[index])) for index in stored if index not in frames)
     return Preview(rule, tuple(keyframes), dropped)

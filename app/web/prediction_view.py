@@ -7,6 +7,7 @@ from sqlalchemy import Connection
 
 from app.pipeline.comparison import ActionDeviation
 from app.pipeline.prompt_colours import Span, prompt_spans
+from app.services.demonstrations import demonstrations_of
 from app.services.explain_prediction import Explanation, explain_prediction
 from app.services.task_settings import TaskSettings
 from app.store import episodes, predictions, tasks
@@ -90,5 +91,11 @@ def view_prediction(connection: Connection, prediction_id: str) -> PredictionVie
     record = predictions.get(connection, prediction_id)
     settings = TaskSettings.model_validate(tasks.get(connection, record.task).settings)
     shown = episodes.by_ids(connection, record.task, record.demonstration_ids)
-    demonstrations = [DemonstrationRecord(e.id, e.instruction, e.objects, e.keyframes) for e in shown.values()]
+    records = [
+        DemonstrationRecord(e.id, e.instruction, e.objects, e.keyframes, e.control_frequency_hz) for e in shown.values()
+    ]
+    ids = [item.id for item in records]
+    demonstrations = demonstrations_of(
+        records, lambda: episodes.get_trajectories(connection, ids), settings, all_of_them=True
+    )
     return PredictionView(record, settings, shown, explain_prediction(record, demonstrations, settings))

@@ -11,7 +11,8 @@ from app.perception.base import ObjectQuery
 from app.pipeline.episode import Episode
 from app.pipeline.errors import InvalidInputError, UnfamiliarInstructionError, UngroundedInstructionError
 from app.pipeline.motion_limits import Pose
-from app.services.ground_instruction import findings_of, ground_instruction
+from app.services.ground_instruction import ground_instruction
+from app.services.prediction_findings import findings_before
 from app.services.previous_step import PreviousStep
 from app.services.question import PredictRequest
 from app.services.upload_episode import Upload
@@ -131,9 +132,9 @@ def test_aliases_of_a_task_without_episodes_are_checked_with_the_first(scripted)
 def test_an_unfamiliar_instruction_is_passed_on_with_a_finding(services):
     allowed = question(services, instruction="pull the azure button", unfamiliar="allow")
     assert "pull the blue button" in asked(allowed)
-    (finding,) = findings_of(allowed.grounded)
+    (finding,) = findings_before(allowed)[:1]
     assert (finding.code, finding.severity, finding.where) == ("unfamiliar-instruction", "danger", "instruction")
-    assert findings_of(question(services).grounded) == ()
+    assert "unfamiliar-instruction" not in {item.code for item in findings_before(question(services))}
 
 
 def test_how_the_words_were_understood_is_recorded(services):

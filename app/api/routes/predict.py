@@ -23,6 +23,7 @@ from app.llm.base import TextDelta
 from app.pipeline.errors import RoboPromptError
 from app.services.limits import Limits
 from app.services.prediction import PredictedAction, Prediction
+from app.services.prediction_findings import findings_before
 from app.services.question import PredictRequest, Question
 from app.services.upload_episode import content_digest
 from app.store.values import JsonObject
@@ -64,10 +65,10 @@ async def predict(request: Request, services: Wired, idempotency_key: Idempotenc
     `grounding` tells for each phrase which object it was taken for. An instruction that stands for no object, for
     several, or asks for what no demonstration shows is refused.
 
-    With `Accept: text/event-stream` an event `grounding` tells that first. Then each action comes as an event `action`
-    as soon as its row is complete, then `done` with the whole document; an event `error` with a problem document ends
-    a reply that goes wrong in the middle. With `stream_text` the reply's pieces come as well, as events `text`, before
-    it is known whether they are valid.
+    With `Accept: text/event-stream` a first event `findings` says what is doubtful, and an event `grounding` how the
+    instruction was understood; then each action comes as an event `action` as soon as its row is complete, then `done`
+    with the whole document; an event `error` with a problem document ends a reply that goes wrong in the middle. With
+    `stream_text` the reply's pieces come as well, as events `text`, before it is known whether they are valid.
     """
     started_s = time.perf_counter()
     body = await read_body(request, packed=True)
@@ -89,8 +90,9 @@ async def predict(request: Request, services: Wired, idempotency_key: Idempotenc
         question = await services.predict_actions.prepare(wish, timings_ms)
         answer = services.predict_actions.answer(question, timings_ms, started_s, piecewise=True)
         # What fails before the first action is answered with its own status.
-        return EventSourceResponse(_events(request, question, await anext(answer), answer, keep))
-    return JSONResponse(await keep(prediction_document(await services.predict_actions(wish))))
+        first = await anext(answer)
+        return EventSourceResponse(_events(request, question, first, answer, keep))
+    return JSONResponse(await keep(prediction_document(await services.predict_actions(wish, started_s))))
 
 
 _Keep = Callable[[JsonObject], Awaitable[JsonObject]]
@@ -106,9 +108,11 @@ _Item = PredictedAction | TextDelta | Prediction
 async def _events(
     request: Request, question: Question, first: _Item, answer: AsyncGenerator[_Item, None], keep: _Keep
 ) -> AsyncIterator[bytes]:
-    """The answer as server-sent events."""
+    """The answer as server-sent events; what is doubtful beforehand comes first."""
     async with aclosing(answer):
         try:
+            listed = [finding.to_json() for finding in findings_before(question)]
+            yield format_sse_event(event="findings", data_str=json.dumps({"findings": listed}))
             yield format_sse_event(event="grounding", data_str=json.dumps(understood_document(question)))
             yield await _event(first, keep)
             async for item in answer:
@@ -129,6 +133,8 @@ async def _event(item: _Item, keep: _Keep) -> bytes:
 
 async def _events_again(document: JsonObject) -> AsyncIterator[bytes]:
     """The events of an answer that was given before."""
+    listed = {"findings": document.get("findings", [])}
+    yield format_sse_event(event="findings", data_str=json.dumps(listed))
     if "grounding" in document:  # answers from before it was kept have none
         told = {name: document[name] for name in UnderstoodOut.model_fields}
         yield format_sse_event(event="grounding", data_str=json.dumps(told))
@@ -165,6 +171,7 @@ def read_question(body: Body, limits: Limits) -> tuple[PredictRequest, PredictBo
         unfamiliar=asked.unfamiliar,
         max_actions=asked.max_actions,
         timeout_s=asked.timeout_s,
+        unsupported=asked.unsupported,
         stream_text=asked.stream_text,
         end_effector=None if asked.end_effector is None else asked.end_effector.pose(),
         as_sent=asked.model_dump(mode="json", exclude_unset=True),

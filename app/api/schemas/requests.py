@@ -12,6 +12,7 @@ from app.pipeline.arrays import unit_quaternions
 from app.pipeline.camera import Camera
 from app.pipeline.motion_limits import Pose
 from app.pipeline.reply import MAX_ACTIONS
+from app.services.question import Unsupported
 from app.services.select_demonstrations import Selection
 from app.services.task_settings import PromptFormat, Representation, SystemPrompt, plain_text
 
@@ -100,7 +101,14 @@ class TrajectoryIn(RequestModel):
     joint_velocities: Annotated[list[list[Number]], Field(description="(T, 7) rad/s")]
     end_effector_positions: Annotated[list[list[Number]], Field(description="(T, 3) m, world frame")]
     end_effector_quaternions_xyzw: Annotated[list[list[Number]], Field(description="(T, 4), world frame")]
-    gripper_open: Annotated[list[float], Field(description="(T,) commanded: 1 open, 0 closed")]
+    gripper_open: Annotated[
+        list[float],
+        Field(
+            description="(T,) 1 open, 0 closed: what the fingers have done (closed once they hold something or have"
+            " come to rest), e.g. their width above or below the middle between its extremes. Commands come earlier;"
+            " both are the same where the arm rests while it grasps"
+        ),
+    ]
     timestamps: Annotated[list[Number] | None, Field(description="(T,) s")] = None
     joint_positions: Annotated[list[list[Number]] | None, Field(description="(T, 7) rad")] = None
     object_positions: Annotated[
@@ -192,6 +200,10 @@ class PredictBody(RequestModel):
     ] = "refuse"
     max_actions: Annotated[int, Field(ge=1, le=100)] = MAX_ACTIONS
     timeout_s: Annotated[float, Field(ge=0.1, le=600)] = 60.0
+    unsupported: Annotated[
+        Unsupported,
+        Field(description="allow: actions unlike what was demonstrated are answered with a finding instead of refused"),
+    ] = "refuse"
     stream_text: Annotated[
         bool, Field(description="with `Accept: text/event-stream`: the reply's text, too, in events `text`")
     ] = False

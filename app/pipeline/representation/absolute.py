@@ -75,7 +75,12 @@ class AbsoluteCodec:
         return f"[{', '.join(rows)}]"
 
     def decode_rows(
-        self, first: int, rows: Sequence[str], objects: Sequence[ObjectPose], instruction: str
+        self,
+        first: int,
+        rows: Sequence[str],
+        objects: Sequence[ObjectPose],
+        instruction: str,
+        start: EndEffectorAction | None = None,
     ) -> list[EndEffectorAction]:
         bins = [row_integers(row, index, _COLUMNS) for index, row in enumerate(rows, start=first)]
         return undiscretize_actions(bins, self.workspace)

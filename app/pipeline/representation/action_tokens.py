@@ -57,7 +57,12 @@ class ActionTokensCodec(AbsoluteCodec):
         return list_schema(_COLUMNS, *row_count_bounds(self.demonstrations, instruction, max_actions))
 
     def decode_rows(
-        self, first: int, rows: Sequence[str], objects: Sequence[ObjectPose], instruction: str
+        self,
+        first: int,
+        rows: Sequence[str],
+        objects: Sequence[ObjectPose],
+        instruction: str,
+        start: EndEffectorAction | None = None,
     ) -> list[EndEffectorAction]:
         return [_action(index, row) for index, row in enumerate(rows, start=first)]
 

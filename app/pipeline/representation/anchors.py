@@ -1,4 +1,4 @@
-"""Which object, and which of its frames, each action of the demonstrations is best described in."""
+"""What each action of the demonstrations is best described relative to: an object, the world, or the arm's start."""
 
 import math
 from collections.abc import Sequence
@@ -8,22 +8,36 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from app.pipeline.arrays import Array
-from app.pipeline.episode import Demonstration, ObjectPose
+from app.pipeline.episode import Demonstration, EndEffectorAction, ObjectPose
 from app.pipeline.geometry import tilt_rad, yaw_rad
 from app.pipeline.language import mention_order
 
-Frame = Literal["w", "o"]
-FRAMES: tuple[Frame, ...] = ("w", "o")
+Frame = Literal["w", "o", "world", "start"]
+OBJECT_FRAMES: tuple[Frame, ...] = ("w", "o")
 TILT_RAD = math.radians(5)  # an object that leans more than this in any demonstration turns its frame fully
 M_PER_RAD = 0.06  # 10 degrees of rotation weigh as much as 1 cm of position
 EQUAL_SPREAD_M = 0.002  # pairs this close to the best count as equal: then the previous row's pair goes on
+CLEARLY_LESS = 0.6  # the share of an object's spread below which the world or the start describe a row better
+WORLD_REACH_M = 4.9  # farther from the world's origin a row has no digits for it
+MANY = 5  # demonstrations from which on a single odd one does not decide
+MOST = 0.8  # the share of many demonstrations that decides
 
 
 class Anchor(NamedTuple):
-    """The object and the frame that an action is relative to: `w` world axes, `o` the object's own axes."""
+    """What an action is relative to.
+
+    Attributes:
+        object_name: empty for the frames `world` and `start`.
+        frame: at the object's position `w`, world axes, or `o`, the object's own axes; `world`: the world frame itself;
+            `start`: where the end effector was at first, world axes.
+    """
 
     object_name: str
     frame: Frame
+
+
+WORLD = Anchor("", "world")
+START = Anchor("", "start")
 
 
 def in_order(objects: Sequence[ObjectPose], instruction: str) -> tuple[ObjectPose, ...]:
@@ -51,33 +65,64 @@ def object_rotation(pose: ObjectPose, frame: str, tilted: frozenset[str]) -> Rot
     return rotation if pose.name in tilted else Rotation.from_euler("z", yaw_rad(rotation))
 
 
+def anchor_frame(
+    anchor: Anchor, objects: Sequence[ObjectPose], start: EndEffectorAction | None, tilted: frozenset[str]
+) -> tuple[Array, Rotation]:
+    """An anchor's origin (3,) in metres in the world frame, and its axes there.
+
+    Args:
+        start: where the end effector was at first; needed for the frame `start` only.
+    """
+    if anchor.frame == "world":
+        return np.zeros(3), Rotation.identity()
+    if anchor.frame == "start":
+        assert start is not None
+        return start.position_m, Rotation.identity()
+    pose = next(pose for pose in objects if pose.name == anchor.object_name)
+    return pose.position_m, object_rotation(pose, anchor.frame, tilted)
+
+
+def relative_pose(origin_m: Array, axes: Rotation, action: EndEffectorAction) -> tuple[Array, Rotation]:
+    """An action's offset (3,) in metres from an origin along its axes, and its rotation from these axes."""
+    to_anchor = axes.inv()
+    offset_m: Array = to_anchor.apply(action.position_m - origin_m)
+    return offset_m, to_anchor * Rotation.from_quat(action.quaternion_xyzw)
+
+
 def relative_action(
     demonstration: Demonstration, k: int, anchor: Anchor, tilted: frozenset[str]
 ) -> tuple[Array, Rotation]:
     """Action `k` relative to the anchor: offset (3,) in metres along the anchor's axes, and rotation."""
-    pose = next(pose for pose in demonstration.objects if pose.name == anchor.object_name)
-    action = demonstration.actions[k]
-    to_anchor = object_rotation(pose, anchor.frame, tilted).inv()
-    offset_m: Array = to_anchor.apply(action.position_m - pose.position_m)
-    return offset_m, to_anchor * Rotation.from_quat(action.quaternion_xyzw)
+    frame = anchor_frame(anchor, demonstration.objects, demonstration.start, tilted)
+    return relative_pose(*frame, demonstration.actions[k])
 
 
-def choose_anchors(group: Sequence[Demonstration], tilted: frozenset[str]) -> list[list[Anchor]]:
+def choose_anchors(
+    group: Sequence[Demonstration], tilted: frozenset[str], *, beyond_objects: bool = False
+) -> list[list[Anchor]]:
     """For each action of a group of like demonstrations, every demonstration's anchor.
 
-    The pair chosen is the one whose relative action spreads least over the group.
+    The one chosen is that whose relative action spreads least over the group.
+
+    Args:
+        beyond_objects: whether the world and the start count as well, where they spread clearly less than any object.
 
     Returns:
         [action][demonstration]; demonstrations that name other objects have other anchors, at the same place in the
         order of mention.
     """
     candidates = _candidates(group)
+    others = _beyond_objects(group) if beyond_objects else []
     chosen: list[list[Anchor]] = []
     for k in range(len(group[0].actions)):
         spreads = [_spread_m(group, k, anchors, tilted) for anchors in candidates]
         best = min(spreads)
         equal = [c for c, spread in zip(candidates, spreads, strict=True) if spread <= best + EQUAL_SPREAD_M]
-        chosen.append(chosen[-1] if chosen and chosen[-1] in equal else equal[0])
+        choice = chosen[-1] if chosen and chosen[-1] in equal else equal[0]
+        for anchors in others:
+            if (spread := _spread_m(group, k, anchors, tilted)) + EQUAL_SPREAD_M < CLEARLY_LESS * best:
+                best, choice = spread, anchors
+        chosen.append(choice)
     return chosen
 
 
@@ -96,13 +141,23 @@ def _candidates(group: Sequence[Demonstration]) -> list[list[Anchor]]:
     return [
         [Anchor(name, frame) for name in column]
         for column in columns
-        for frame in FRAMES
+        for frame in OBJECT_FRAMES
         if frame == "w" or without_rotation.isdisjoint(column)
     ]
 
 
+def _beyond_objects(group: Sequence[Demonstration]) -> list[list[Anchor]]:
+    """The world, and the start where every demonstration knows it; one demonstration cannot tell them from objects."""
+    if len(group) == 1:
+        return []
+    started = all(demonstration.start is not None for demonstration in group)
+    near = all(np.abs(action.position_m).max() < WORLD_REACH_M for d in group for action in d.actions)
+    usable = ((WORLD, near), (START, started))
+    return [[anchor] * len(group) for anchor, can in usable if can]
+
+
 def _spread_m(group: Sequence[Demonstration], k: int, anchors: Sequence[Anchor], tilted: frozenset[str]) -> float:
-    """How far action `k` differs over the group when told relative to the anchors; rotations weigh in as metres.
+    """How far action `k` differs over the group relative to the anchors; rotations weigh in as metres.
 
     A single demonstration has no spread: there the nearest object is the likeliest.
     """
@@ -111,6 +166,6 @@ def _spread_m(group: Sequence[Demonstration], k: int, anchors: Sequence[Anchor],
     if len(group) == 1:
         return float(np.linalg.norm(offsets_m[0]))
     rotations = Rotation.concatenate([rotation for _, rotation in relative])
-    position_spread_m = np.abs(offsets_m - np.median(offsets_m, axis=0)).max()
-    rotation_spread_rad = (rotations.mean().inv() * rotations).magnitude().max()
-    return float(position_spread_m + M_PER_RAD * rotation_spread_rad)
+    off_m = np.abs(offsets_m - np.median(offsets_m, axis=0)).max(axis=1)
+    off_m = off_m + M_PER_RAD * (rotations.mean().inv() * rotations).magnitude()
+    return float(np.quantile(off_m, MOST) if len(group) >= MANY else off_m.max())

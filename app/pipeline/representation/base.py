@@ -58,7 +58,12 @@ class Codec(Protocol):
         ...
 
     def decode_rows(
-        self, first: int, rows: Sequence[str], objects: Sequence[ObjectPose], instruction: str
+        self,
+        first: int,
+        rows: Sequence[str],
+        objects: Sequence[ObjectPose],
+        instruction: str,
+        start: EndEffectorAction | None = None,
     ) -> list[EndEffectorAction]:
         """The actions of the rows from index `first` (from 0) on of the reply to `instruction`.
 
@@ -66,6 +71,7 @@ class Codec(Protocol):
 
         Args:
             objects: as they were observed.
+            start: where the end effector is before the first action, where that is known.
 
         Raises:
             ReplyParseError: if one is not a valid row.

@@ -4,7 +4,8 @@
 
 Objects stand in the order in which the instruction mentions them, each with a letter. A row has its number, an object's
 letter, one of two frames at the object's position (`w`: world axes, `o`: axes turned with the object), the offset in
-units of 5 mm, the relative rotation in 72 bins and the gripper. Rows of demonstrations that ask for the same thing of
+units of 5 mm, the relative rotation in 72 bins and the gripper. A row that follows no object has `world` or `start`
+(where the end effector was at first) instead of letter and frame. Rows of demonstrations that ask for the same thing of
 other objects are then the same. A reply is decoded against the CONTINUOUS observed pose, so that the object's own
 binning costs nothing.
 """
@@ -19,20 +20,24 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
+from app.pipeline.arrays import Array
 from app.pipeline.episode import Demonstration, EndEffectorAction, ObjectPose
 from app.pipeline.errors import ReplyParseError
 from app.pipeline.geometry import yaw_rad
-from app.pipeline.language import clauses, template
+from app.pipeline.language import clauses, mention_order, template
 from app.pipeline.representation.anchors import (
-    FRAMES,
+    OBJECT_FRAMES,
+    START,
+    WORLD,
     Anchor,
+    anchor_frame,
     choose_anchors,
     in_order,
-    object_rotation,
     relative_action,
     tilted_objects,
 )
 from app.pipeline.representation.base import row_count_bounds
+from app.pipeline.representation.row_patterns import RowPattern, plans_grammar
 from app.pipeline.workspace import ROTATION_BINS, Workspace, position_bins, rotation_bins, rotation_from_bins, yaw_bin
 
 Integers = npt.NDArray[np.int_]
@@ -42,7 +47,8 @@ OFFSET_UNIT_M = 0.005
 JITTER_UNITS = 1
 LETTERS = string.ascii_uppercase
 _ROW = re.compile(
-    r"(\d{1,3}) ([A-Z]{1,2}) ([wo]): ([+-]\d{1,3}) ([+-]\d{1,3}) ([+-]\d{1,3}) (\d{1,2}) (\d{1,2}) (\d{1,2}) ([01])",
+    r"(\d{1,3}) ([A-Z]{1,2} [wo]|world|start): ([+-]\d{1,3}) ([+-]\d{1,3}) ([+-]\d{1,3})"
+    r" (\d{1,2}) (\d{1,2}) (\d{1,2}) ([01])",
     re.ASCII,
 )
 _FENCE = re.compile(r"^```\w*\n?|```$")
@@ -77,7 +83,7 @@ class ObjectFrameCodec:
     demonstrations: tuple[Demonstration, ...]
     with_instruction: bool
     tilted: frozenset[str]
-    table: dict[int, tuple[_Row, ...]]
+    table: tuple[tuple[_Row, ...], ...]
     first_row: int = 1
     stop: tuple[str, ...] = ("\n",)
     separator: str = "\n"
@@ -88,15 +94,11 @@ class ObjectFrameCodec:
     ) -> "ObjectFrameCodec":
         """Choose each row's anchor and make equal what differs by rounding only."""
         tilted = tilted_objects(demonstrations)
-        groups: dict[tuple[str, int], list[Demonstration]] = defaultdict(list)
-        for demonstration in demonstrations:
-            names = [pose.name for pose in demonstration.objects]
-            groups[template(names, demonstration.instruction), len(demonstration.actions)].append(demonstration)
-        table: dict[int, tuple[_Row, ...]] = {}
-        for group in groups.values():
-            for demonstration, rows in zip(group, _fit_rows(group, tilted), strict=True):
-                table[id(demonstration)] = rows
-        return cls(workspace, tuple(demonstrations), with_instruction, tilted, table)
+        table: list[tuple[_Row, ...]] = [()] * len(demonstrations)
+        for places in _groups(demonstrations).values():
+            for place, rows in zip(places, _fit_rows([demonstrations[k] for k in places], tilted), strict=True):
+                table[place] = rows
+        return cls(workspace, tuple(demonstrations), with_instruction, tilted, tuple(table))
 
     def questions(self, instruction: str) -> tuple[str, ...]:
         """Clause by clause where every demonstration carries out a single one: small models do not compose."""
@@ -118,10 +120,10 @@ class ObjectFrameCodec:
         return " ".join([pose.name, *map(str, numbers)])
 
     def actions_text(self, demonstration: Demonstration) -> str:
-        ordered = in_order(demonstration.objects, demonstration.instruction)
-        letters = {pose.name: _letter(place) for place, pose in enumerate(ordered)}
-        rows = enumerate(self.table[id(demonstration)], start=self.first_row)
-        return "; ".join(_row_text(number, letters[row.anchor.object_name], row) for number, row in rows)
+        rows = self.table[_place(self.demonstrations, demonstration)]
+        anchors = [_anchor_text(row.anchor, demonstration.objects, demonstration.instruction) for row in rows]
+        numbered = enumerate(zip(rows, anchors, strict=True), start=self.first_row)
+        return "; ".join(_row_text(number, anchor, row) for number, (row, anchor) in numbered)
 
     def demonstration_text(self, demonstration: Demonstration) -> str:
         observation = self.observation_text(demonstration.objects, demonstration.instruction)
@@ -131,6 +133,8 @@ class ObjectFrameCodec:
         """Its rows are no JSON."""
 
     def grammar(self, instruction: str, max_actions: int) -> str:
+        if (plans := self._plans(instruction)) is not None:
+            return plans_grammar(plans, self.first_row, max_actions)
         fewest, most = row_count_bounds(self.demonstrations, instruction, max_actions)
         rows = [f'"{number} " a ": " b' for number in range(self.first_row, self.first_row + most)]
         optional = ""
@@ -140,12 +144,45 @@ class ObjectFrameCodec:
         required = ' "; " '.join(rows[:fewest])
         return f'root ::= " " {required}{optional} "\\n"\na ::= {anchors}\n{_GRAMMAR_TAIL}'
 
+    def _plans(self, instruction: str) -> list[list[RowPattern]] | None:
+        """What each plan's rows may say; None where the rows of several demonstrations must be strung together.
+
+        Plans of demonstrations that ask for the same as the instruction, or of all where none does.
+        """
+        asked = len(clauses(instruction))
+        if any(len(clauses(d.instruction)) != asked for d in self.demonstrations):
+            return None
+        groups = _groups(self.demonstrations)
+        wanted = template([pose.name for pose in self.demonstrations[0].objects], instruction)
+        chosen = [places for (asks, *_), places in groups.items() if asks == wanted] or list(groups.values())
+        return [self._patterns(places, instruction) for places in chosen]
+
+    def _patterns(self, places: Sequence[int], instruction: str) -> list[RowPattern]:
+        """Of each row of one plan."""
+        shown = [self.demonstrations[place] for place in places]
+        patterns = []
+        for rows in zip(*(self.table[place] for place in places), strict=True):
+            numbers = np.array([row.numbers for row in rows])
+            anchors = {
+                _asked_anchor(row.anchor, demonstration, instruction)
+                for row, demonstration in zip(rows, shown, strict=True)
+            }
+            columns = [frozenset(column.tolist()) for column in numbers.T]
+            grippers = frozenset(int(row.gripper_open) for row in rows)
+            patterns.append(
+                RowPattern(tuple(anchors), tuple(columns[:3]), tuple(columns[3:]), grippers, single=len(rows) == 1)
+            )
+        return patterns
+
     def _anchors(self, instruction: str) -> list[str]:
         """Every letter and frame that the demonstrations' objects allow."""
         rotated = {pose.name for d in self.demonstrations for pose in d.objects if _has_rotation(pose)}
         ordered = enumerate(in_order(self.demonstrations[0].objects, instruction))
         return [
-            f"{_letter(k)} {frame}" for k, pose in ordered for frame in FRAMES if frame == "w" or pose.name in rotated
+            f"{_letter(k)} {frame}"
+            for k, pose in ordered
+            for frame in OBJECT_FRAMES
+            if frame == "w" or pose.name in rotated
         ]
 
     def rows(self, reply_text: str, complete: bool) -> list[str]:
@@ -156,43 +193,101 @@ class ObjectFrameCodec:
         return f" {'; '.join(rows)}"
 
     def decode_rows(
-        self, first: int, rows: Sequence[str], objects: Sequence[ObjectPose], instruction: str
+        self,
+        first: int,
+        rows: Sequence[str],
+        objects: Sequence[ObjectPose],
+        instruction: str,
+        start: EndEffectorAction | None = None,
     ) -> list[EndEffectorAction]:
         if not rows:
             return []
-        poses = {_letter(place): pose for place, pose in enumerate(in_order(objects, instruction))}
-        read = [self._read_row(index, row, poses) for index, row in enumerate(rows, start=first)]
-        origins_m = np.array([pose.position_m for pose, _, _ in read])
-        axes = Rotation.concatenate([object_rotation(pose, frame, self.tilted) for pose, frame, _ in read])
-        numbers = np.array([numbers for _, _, numbers in read])
+        frames = self._frames(objects, instruction, start)
+        read = [self._read_row(index, row, frames) for index, row in enumerate(rows, start=first)]
+        origins_m = np.array([origin_m for (origin_m, _), _ in read])
+        axes = Rotation.concatenate([axes for (_, axes), _ in read])
+        numbers = np.array([numbers for _, numbers in read])
         positions_m = origins_m + axes.apply(numbers[:, :3] * OFFSET_UNIT_M)
         quaternions_xyzw = (axes * rotation_from_bins(numbers[:, 3:6])).as_quat(canonical=True)
         return EndEffectorAction.many(positions_m, quaternions_xyzw, (numbers[:, 6] == 1).tolist())
 
-    def _read_row(
-        self, index: int, row: str, poses: Mapping[str, ObjectPose]
-    ) -> tuple[ObjectPose, str, tuple[int, ...]]:
-        """The object of a row, its frame, and its seven numbers.
+    def _frames(
+        self, objects: Sequence[ObjectPose], instruction: str, start: EndEffectorAction | None
+    ) -> dict[str, tuple[Array, Rotation]]:
+        """Everything that a row may be relative to, as rows write it: origin and axes."""
+        ordered = enumerate(in_order(objects, instruction))
+        anchors = {
+            f"{_letter(place)} {frame}": Anchor(pose.name, frame)
+            for place, pose in ordered
+            for frame in OBJECT_FRAMES
+            if frame == "w" or _has_rotation(pose)
+        }
+        shown = {row.anchor for rows in self.table for row in rows}
+        for anchor in (WORLD, START):
+            if anchor in shown and (anchor is WORLD or start is not None):
+                anchors[anchor.frame] = anchor
+        return {text: anchor_frame(anchor, objects, start, self.tilted) for text, anchor in anchors.items()}
 
-        Args:
-            poses: the observed objects by their letters.
-        """
+    def _read_row(
+        self, index: int, row: str, frames: Mapping[str, tuple[Array, Rotation]]
+    ) -> tuple[tuple[Array, Rotation], tuple[int, ...]]:
+        """What a row is relative to, and its seven numbers."""
         match = _ROW.fullmatch(row)
         if not match:
             expected = f"'{index + self.first_row} A w: +x +y +z roll pitch yaw gripper'"
             raise ReplyParseError(f"action {index} is {row[:80]!r}, expected {expected}", row)
-        number, letter, frame, *texts = match.groups()
+        number, anchor, *texts = match.groups()
         if int(number) != index + self.first_row:
             raise ReplyParseError(f"action {index} has row number {number}, expected {index + self.first_row}", row)
-        pose = poses.get(letter)
-        if pose is None or (frame == "o" and not _has_rotation(pose)):
-            known = ", ".join(f"{key} w" + (" or o" if _has_rotation(pose) else "") for key, pose in poses.items())
-            raise ReplyParseError(f"action {index} is relative to {letter} {frame}, expected one of {known}", row)
+        if anchor not in frames:
+            known = ", ".join(frames)
+            raise ReplyParseError(f"action {index} is relative to {anchor}, expected one of {known}", row)
         numbers = tuple(map(int, texts))
         if max(numbers[3:6]) >= ROTATION_BINS:
             message = f"action {index} has the rotations {list(numbers[3:6])}, expected 0 to {ROTATION_BINS - 1}"
             raise ReplyParseError(message, row)
-        return pose, frame, numbers
+        return frames[anchor], numbers
+
+
+def _groups(demonstrations: Sequence[Demonstration]) -> dict[tuple[str, int | None, int], list[int]]:
+    """The places of demonstrations with the same rows: what they ask for, their plan and number of actions."""
+    groups: dict[tuple[str, int | None, int], list[int]] = defaultdict(list)
+    for place, demonstration in enumerate(demonstrations):
+        names = [pose.name for pose in demonstration.objects]
+        asks = template(names, demonstration.instruction)
+        groups[asks, demonstration.plan, len(demonstration.actions)].append(place)
+    return groups
+
+
+def _place(demonstrations: Sequence[Demonstration], wanted: Demonstration) -> int:
+    """Where a demonstration, or an equal copy of it, stands among those that the codec was fitted to."""
+    for place, known in enumerate(demonstrations):
+        if known is wanted:
+            return place
+    return next(place for place, known in enumerate(demonstrations) if _content(known) == _content(wanted))
+
+
+def _content(demonstration: Demonstration) -> tuple[object, ...]:
+    poses = [(pose.name, pose.position_m.tobytes()) for pose in demonstration.objects]
+    return demonstration.id, demonstration.instruction, poses, len(demonstration.actions)
+
+
+def _asked_anchor(anchor: Anchor, demonstration: Demonstration, instruction: str) -> str:
+    """An anchor of a demonstration as an answer to `instruction` writes it: the object mentioned in the same place."""
+    if not anchor.object_name:
+        return anchor.frame
+    names = [pose.name for pose in demonstration.objects]
+    shown = mention_order(names, demonstration.instruction)
+    if anchor.object_name in shown:
+        return f"{_letter(shown.index(anchor.object_name))} {anchor.frame}"
+    return _anchor_text(anchor, demonstration.objects, instruction)
+
+
+def _anchor_text(anchor: Anchor, objects: Sequence[ObjectPose], instruction: str) -> str:
+    if not anchor.object_name:
+        return anchor.frame
+    names = [pose.name for pose in in_order(objects, instruction)]
+    return f"{_letter(names.index(anchor.object_name))} {anchor.frame}"
 
 
 def _letter(place: int) -> str:
@@ -208,7 +303,8 @@ def _has_rotation(pose: ObjectPose) -> bool:
 def _fit_rows(group: Sequence[Demonstration], tilted: frozenset[str]) -> list[tuple[_Row, ...]]:
     """The rows of each demonstration of a group that asks for the same thing in the same number of actions."""
     fitted: list[list[_Row]] = [[] for _ in group]
-    for k, anchors in enumerate(choose_anchors(group, tilted)):
+    planned = all(demonstration.plan is not None for demonstration in group)
+    for k, anchors in enumerate(choose_anchors(group, tilted, beyond_objects=planned)):
         numbers = np.array([_integers(d, k, anchor, tilted) for d, anchor in zip(group, anchors, strict=True)])
         for rows, demonstration, anchor, values in zip(fitted, group, anchors, _calmed(numbers), strict=True):
             rows.append(_Row(anchor, tuple(values.tolist()), demonstration.actions[k].gripper_open))
@@ -234,7 +330,7 @@ def _calmed(numbers: Integers) -> Integers:
     return calmed
 
 
-def _row_text(number: int, letter: str, row: _Row) -> str:
+def _row_text(number: int, anchor: str, row: _Row) -> str:
     offset = " ".join(f"{value:+d}" for value in row.numbers[:3])
     rotation = " ".join(map(str, row.numbers[3:]))
-    return f"{number} {letter} {row.anchor.frame}: {offset} {rotation} {int(row.gripper_open)}"
+    return f"{number} {anchor}: {offset} {rotation} {int(row.gripper_open)}"

@@ -1,6 +1,7 @@
 """One episode: what was recorded, what was made of it, and what another keyframe rule would make."""
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Annotated
 
 import numpy as np
@@ -16,6 +17,7 @@ from app.pipeline.episode import Trajectory
 from app.pipeline.keyframes import RULES
 from app.pipeline.timeline import frame_times_s, gripper_stretches
 from app.services.container import Services
+from app.services.demonstrations import demonstrations_of
 from app.services.task_settings import KeyframeSettings, TaskSettings
 from app.store import episodes, tasks
 from app.store.records import DemonstrationRecord, EpisodeRecord, TaskRecord
@@ -130,10 +132,16 @@ def _texts(services: Services, recording: _Recording) -> tuple[tuple[EpisodeText
         where = f"Demonstration {ids.index(record.id) + 1} of the first {len(ids)}, {usually}."
     else:
         where = f"Not among the first {len(ids)} demonstrations, {usually}; so it would be read after them."
-        prompted += (DemonstrationRecord(record.id, record.instruction, record.objects, record.keyframes),)
+        prompted += (
+            DemonstrationRecord(
+                record.id, record.instruction, record.objects, record.keyframes, record.control_frequency_hz
+            ),
+        )
         ids.append(record.id)
     representation, prompt_format, whose = _usual_style(services, settings)
-    demonstrations = [item.demonstration() for item in prompted]
+    with services.store.read() as connection:
+        read = partial(episodes.get_trajectories, connection, ids)
+        demonstrations = demonstrations_of(prompted, read, settings, all_of_them=True).shown
     texts = episode_texts(demonstrations, ids.index(record.id), settings, representation, prompt_format)
     return texts, f"{where} {whose}"
 

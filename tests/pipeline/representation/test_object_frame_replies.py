@@ -56,9 +56,9 @@ def test_offsets_are_told_from_the_observed_pose_itself(reply_text):
         (f"{ROW}; {ROW}", "action 1 has row number 1, expected 2"),
         (f"{'9' * 5000} A o: +10 -2 +20 0 36 54 1", "action 0 is '9999"),
         # letters and frames
-        ("1 C w: +10 -2 +20 0 36 54 1", "relative to C w, expected one of A w or o, B w"),
+        ("1 C w: +10 -2 +20 0 36 54 1", "relative to C w, expected one of A w, A o, B w"),
         ("1 a w: +10 -2 +20 0 36 54 1", "action 0 is"),
-        ("1 B o: +10 -2 +20 0 36 54 1", "relative to B o, expected one of A w or o, B w"),
+        ("1 B o: +10 -2 +20 0 36 54 1", "relative to B o, expected one of A w, A o, B w"),
         ("1 red cup w: +10 -2 +20 0 36 54 1", "action 0 is"),
         ("1 A q: +10 -2 +20 0 36 54 1", "action 0 is"),
         ("1 A: +10 -2 +20 0 36 54 1", "action 0 is"),

@@ -1,0 +1,50 @@
+"""Which frames of a trajectory matter: the robot rests, or the gripper opens or closes (paper, section III-B)."""
+
+from app.pipeline.episode import Trajectory
+from app.pipeline.keyframes.published import authors, merged, uniform
+from app.pipeline.keyframes.resting import Manner, manner_of
+from app.pipeline.keyframes.rule import RULES, SIMULATION_DELTA_RAD_S, Keyframe, KeyframeRule, Rule
+from app.pipeline.keyframes.waypoints import waypoints
+from app.pipeline.timeline import CONTROL_FREQUENCY_HZ, frame_times_s
+
+__all__ = [
+    "RULES",
+    "SIMULATION_DELTA_RAD_S",
+    "Keyframe",
+    "KeyframeRule",
+    "Manner",
+    "Rule",
+    "authors",
+    "find_keyframes",
+    "manner_of",
+    "merged",
+    "uniform",
+    "waypoints",
+]
+
+WAVER = 1.5  # a hand that hesitates strays further from its way than one that flows
+
+
+def find_keyframes(
+    trajectory: Trajectory, rule: KeyframeRule, control_frequency_hz: float = CONTROL_FREQUENCY_HZ
+) -> tuple[Keyframe, ...]:
+    """The keyframes, ascending. Frame 0 is never one: the initial pose is always the same.
+
+    Args:
+        control_frequency_hz: of the recording, for a trajectory without timestamps.
+    """
+    times_s = frame_times_s(trajectory, control_frequency_hz)
+    chosen, waver = rule.rule, 1.0
+    if chosen == "auto":
+        manner = manner_of(trajectory, times_s, rule.delta_rad_s)
+        chosen = "merged" if manner == "rests" else "waypoints"
+        waver = WAVER if manner == "hesitates" else 1.0
+    if chosen == "waypoints":
+        return waypoints(trajectory, times_s, waver * rule.tolerance_m, waver * rule.tolerance_deg)
+    if chosen == "merged":
+        frames = merged(trajectory, rule.delta_rad_s)
+    elif chosen == "authors":
+        frames = authors(trajectory, rule.delta_rad_s)
+    else:
+        frames = uniform(trajectory, rule.interval)
+    return tuple(Keyframe(frame, bool(trajectory.gripper_open[frame])) for frame in frames)

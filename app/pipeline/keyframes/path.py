@@ -1,0 +1,151 @@
+"""The way of the hand as a few poses in space, and how far it bends away from straight motion.
+
+Distances are counted in tolerances: 1 is the tolerance in metres or the one in degrees, whichever is used up first.
+After Automatic Waypoint Extraction (Shi et al. 2023, arXiv 2307.14326): as few waypoints as keep the recorded path
+within a tolerance of straight motion between them.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial.transform import Rotation
+
+from app.pipeline.arrays import Array
+from app.pipeline.episode import Trajectory
+
+SPACING = 0.25  # of the poses that stand for a path, in tolerances
+MAX_POSES = 160  # that stand for a path; a longer one has wider spacing
+FAR = 6.0  # deviations beyond are not told apart
+LOOK_AHEAD = 32
+NO_TURN = 0.05  # in tolerances
+MIN_SEGMENT = 2.0  # in tolerances: on a shorter segment a place on it says little about progress
+
+Frames = npt.NDArray[np.int_]
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """Poses at some frames of a trajectory.
+
+    Attributes:
+        frames: (N,) ascending.
+        positions: (N, 3) in tolerances.
+        rotation_vectors: (N, 3) from the first pose, in tolerances.
+    """
+
+    frames: Frames
+    positions: Array
+    rotation_vectors: Array
+
+    @classmethod
+    def between(cls, trajectory: Trajectory, first: int, last: int, tolerance_m: float, tolerance_deg: float) -> "Path":
+        """The hand's way from frame `first` to frame `last`; where it rests one pose stands for all."""
+        part = slice(first, last + 1)
+        positions: Array = trajectory.positions_m[part] / tolerance_m
+        rotations = Rotation.from_quat(trajectory.quaternions_xyzw[part])
+        vectors: Array = (rotations[0].inv() * rotations).as_rotvec(degrees=True) / tolerance_deg
+        spacing = SPACING
+        while len(kept := _apart(positions, vectors, spacing)) > MAX_POSES:
+            spacing *= 1.5
+        return cls(kept + first, positions[kept], vectors[kept])
+
+    def deviations(self) -> Array:
+        """(N, N): how far the poses between i and j are from straight motion from i to j; 0 for j <= i + 1."""
+        number = len(self.frames)
+        found = np.full((number, number), FAR)
+        np.fill_diagonal(found, 0.0)
+        travelled = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(self._poses, axis=0), axis=1))])
+        for i in range(number - 1):
+            found[i, i + 1] = 0.0
+            for start in range(i + 2, number, LOOK_AHEAD):
+                ends = np.arange(start, min(start + LOOK_AHEAD, number))
+                found[i, ends] = self._deviations_from(i, ends, travelled)
+                if found[i, ends].min() >= FAR:
+                    break
+        return found
+
+    @property
+    def _poses(self) -> Array:
+        return np.concatenate([self.positions, self.rotation_vectors], axis=1)
+
+    def _deviations_from(self, i: int, ends: Frames, travelled: Array) -> Array:
+        """(E,) of the segments from pose `i` to each of `ends`."""
+        between = np.arange(i + 1, ends[-1])
+        way, gone = self.positions[ends] - self.positions[i], self.positions[between] - self.positions[i]
+        length = np.einsum("ek,ek->e", way, way)[:, None]
+        along = (gone @ way.T).T / np.maximum(length, 1e-12)  # (E, B)
+        by_travel = (travelled[between] - travelled[i]) / np.maximum(travelled[ends] - travelled[i], 1e-12)[:, None]
+        progress = np.clip(np.where(length < MIN_SEGMENT**2, by_travel, along), 0, 1)[:, :, None]
+        off = np.linalg.norm(gone[None] - progress * way[:, None], axis=2)
+        if np.abs(self.rotation_vectors).max() > NO_TURN:
+            turn = self.rotation_vectors[ends] - self.rotation_vectors[i]
+            turned = self.rotation_vectors[between] - self.rotation_vectors[i]
+            off = np.maximum(off, np.linalg.norm(turned[None] - progress * turn[:, None], axis=2))
+        off[between[None] >= ends[:, None]] = 0.0
+        farthest: Array = np.minimum(off.max(axis=1), FAR)
+        return farthest
+
+
+def fewest_waypoints(deviations: Array) -> list[int]:
+    """The fewest poses, the last among them, between which every deviation is at most 1; of equals the closest."""
+    number = len(deviations)
+    total = np.concatenate([[0.0], np.full(number - 1, np.inf)])
+    before = np.zeros(number, dtype=int)
+    steps = np.where(deviations <= 1, number * FAR**2 + deviations**2, np.inf)
+    for j in range(1, number):
+        cost = total[:j] + steps[:j, j]
+        before[j] = int(np.argmin(cost))
+        total[j] = cost[before[j]]
+    chosen = [number - 1]
+    while (earlier := int(before[chosen[-1]])) > 0:
+        chosen.append(earlier)
+    return chosen[::-1]
+
+
+def best_waypoints(deviations: Array, number: int, costs: Array | None = None) -> list[int]:
+    """Just `number` poses, the last among them, with the least sum of squared deviations and costs.
+
+    Args:
+        costs: (number, N) of each pose as each waypoint; None for no preference.
+
+    Returns:
+        ascending indices; the last pose repeats where there are fewer poses than `number`.
+    """
+    poses = len(deviations)
+    if poses - 1 <= number:
+        return [*range(1, poses), *[poses - 1] * (number - poses + 1)]
+    preferred = np.zeros((number, poses)) if costs is None else costs
+    squared = np.where(np.tri(poses, dtype=bool), np.inf, deviations**2)
+    total = squared[0] + preferred[0]
+    befores = []
+    for k in range(1, number):
+        reached = total[:, None] + squared
+        befores.append(np.argmin(reached, axis=0))
+        total = reached.min(axis=0) + preferred[k]
+    chosen = [poses - 1]
+    for before in reversed(befores):
+        chosen.append(int(before[chosen[-1]]))
+    return chosen[::-1]
+
+
+def _apart(positions: Array, vectors: Array, spacing: float) -> Frames:
+    """Indices of poses at least `spacing` apart from the one before, the first and the last among them."""
+    kept = [0]
+    last = len(positions) - 1
+    while kept[-1] < last:
+        here = kept[-1]
+        for start in range(here + 1, last + 1, 64):
+            part = slice(start, min(start + 64, last + 1))
+            away = np.maximum(
+                np.linalg.norm(positions[part] - positions[here], axis=1),
+                np.linalg.norm(vectors[part] - vectors[here], axis=1),
+            )
+            if (away >= spacing).any():
+                kept.append(start + int(np.argmax(away >= spacing)))
+                break
+        else:
+            break
+    if kept[-1] != last:
+        kept = [*kept[:-1], last] if len(kept) > 1 else [0, last]
+    return np.array(kept)

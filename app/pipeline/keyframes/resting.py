@@ -1,0 +1,103 @@
+"""Whether a recording rests at its keyframes, as scripted demonstrations do, or hesitates, as people do."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from app.pipeline.arrays import Array
+from app.pipeline.episode import Trajectory
+from app.pipeline.keyframes.gripper import at_start, gripper_switches
+from app.pipeline.keyframes.path import Path
+from app.pipeline.keyframes.published import merged, resting_frames
+from app.pipeline.keyframes.rule import MAX_KEYFRAMES, SIMULATION_DELTA_RAD_S, TOLERANCE_DEG, TOLERANCE_M
+
+Manner = Literal["rests", "hesitates", "flows"]
+
+NEARBY_S = 0.1  # a switch this near to a rest happens in it
+MOST_RESTING = 0.5  # a recording that rests longer than it moves was made by a person who hesitates
+ON_THE_WAY = 0.2  # the share of keyframes that may lie on a straight way; one always may
+MISSED_CORNERS = 0.5  # the share of corners that may be passed without a rest; one always may
+CORNER_DEG = 60.0
+ARM_M, STEP_M = 0.03, 0.005  # a corner is told from the ways of this length before and after it
+MIN_ARM_M = 0.01
+
+
+def manner_of(trajectory: Trajectory, times_s: Array, delta_rad_s: float = SIMULATION_DELTA_RAD_S) -> Manner:
+    """How a recording moves.
+
+    `rests`: the rests are its keyframes, so that `merged` finds these. Every grasp and release happens in a rest, the
+    hand turns corners in rests, and (nearly) every rest is at a corner.
+    `hesitates`: it rests on straight ways or longer than it moves, as people do, whose hand wavers as well.
+    `flows`: anything else.
+
+    Args:
+        times_s: (T,) of the frames.
+    """
+    rests = resting_frames(trajectory, delta_rad_s)
+    if not rests.any() or rests.all():
+        return "flows"
+    started = int(np.argmin(rests))
+    switches = [switch.frame for switch in gripper_switches(trajectory, times_s) if not at_start(switch, trajectory)]
+    keyframes = merged(trajectory, delta_rad_s)
+    on_the_way = _num_on_the_way(trajectory, keyframes, switches, times_s)
+    if float(rests[started:].mean()) > MOST_RESTING or on_the_way > max(1.0, ON_THE_WAY * len(keyframes)):
+        return "hesitates"
+    at_keyframes = (
+        bool(rests[started:].any())
+        and len(keyframes) <= MAX_KEYFRAMES
+        and all(_rests_nearby(frame, rests, times_s) for frame in switches)
+        and _few_missed_corners(trajectory, rests)
+    )
+    return "rests" if at_keyframes else "flows"
+
+
+def _rests_nearby(frame: int, rests: npt.NDArray[np.bool_], times_s: Array) -> bool:
+    return bool(rests[np.abs(times_s - times_s[frame]) <= NEARBY_S].any())
+
+
+def _num_on_the_way(trajectory: Trajectory, keyframes: Sequence[int], switches: Sequence[int], times_s: Array) -> int:
+    """How many keyframes could be left out without the path leaving straight motion."""
+    number = 0
+    for before, (here, after) in zip([0, *keyframes], pairwise(keyframes), strict=False):
+        if any(abs(times_s[here] - times_s[frame]) <= NEARBY_S for frame in switches):
+            continue
+        deviations = Path.between(trajectory, before, after, TOLERANCE_M, TOLERANCE_DEG).deviations()
+        number += bool(deviations[0, -1] <= 1)
+    return number
+
+
+def _few_missed_corners(trajectory: Trajectory, rests: npt.NDArray[np.bool_]) -> bool:
+    """Whether most corners of the path are turned at rest."""
+    way_m = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(trajectory.positions_m, axis=0), axis=1))])
+    corners_m = _corners_m(trajectory.positions_m, way_m)
+    rests_m = way_m[rests]
+    missed = sum(bool(np.abs(rests_m - corner).min() > ARM_M) for corner in corners_m)
+    return missed <= max(1.0, MISSED_CORNERS * len(corners_m))
+
+
+def _corners_m(positions_m: Array, way_m: Array) -> list[float]:
+    """Where the path turns sharply, by the length of way from the start."""
+    steps_m = np.arange(0, way_m[-1], STEP_M)
+    points_m = np.stack([np.interp(steps_m, way_m, axis) for axis in positions_m.T], axis=1)
+    arm = round(ARM_M / STEP_M)
+    if len(points_m) <= 2 * arm:
+        return []
+    middle = points_m[arm:-arm]
+    before, after = middle - points_m[: -2 * arm], points_m[2 * arm :] - middle
+    lengths = np.linalg.norm(before, axis=1), np.linalg.norm(after, axis=1)
+    cosines = np.einsum("nk,nk->n", before, after) / np.maximum(lengths[0] * lengths[1], 1e-12)
+    turns_deg = np.degrees(np.arccos(np.clip(cosines, -1, 1)))
+    turns_deg[np.minimum(*lengths) < MIN_ARM_M] = 180.0  # the way folds back on itself
+    corners: list[float] = []
+    k = 0
+    while k < len(turns_deg):
+        if turns_deg[k] < CORNER_DEG:
+            k += 1
+            continue
+        end = k + int(np.argmax(np.append(turns_deg[k:] < CORNER_DEG, True)))
+        corners.append(float(steps_m[arm + k + int(np.argmax(turns_deg[k:end]))]))
+        k = end + arm
+    return corners

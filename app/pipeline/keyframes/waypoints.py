@@ -1,0 +1,117 @@
+"""Keyframes of recordings that do not rest: gripper switches, and few poses between that keep the path."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from app.pipeline.arrays import Array
+from app.pipeline.episode import Trajectory
+from app.pipeline.keyframes.gripper import at_start, gripper_switches
+from app.pipeline.keyframes.path import Path, fewest_waypoints
+from app.pipeline.keyframes.rule import MAX_KEYFRAMES, TOLERANCE_DEG, TOLERANCE_M, Keyframe
+
+WIDER = 1.25  # by which the tolerance grows while a recording has more
+
+
+@dataclass(frozen=True)
+class Phase:
+    """A stretch of a recording with one state of the gripper: it ends where the gripper switches, or the recording.
+
+    Attributes:
+        first, last: frames; the last of one phase is the first of the next.
+        gripper_open: while the hand is on its way.
+        ends_open: what the gripper does at the end.
+    """
+
+    first: int
+    last: int
+    gripper_open: bool
+    ends_open: bool
+
+
+def phases(trajectory: Trajectory, times_s: Array) -> tuple[Phase, ...]:
+    """The recording cut at its gripper switches; fingers that come to their place at the start are no switch."""
+    switches = gripper_switches(trajectory, times_s)
+    initial = bool(trajectory.gripper_open[0])
+    while switches and at_start(switches[0], trajectory) and _approaches(trajectory, switches):
+        initial, switches = switches[0].opens, switches[1:]
+    final = len(trajectory) - 1
+    cuts = [0, *(switch.frame for switch in switches if 0 < switch.frame < final), final]
+    states = [initial, *(switch.opens for switch in switches), (switches[-1].opens if switches else initial)]
+    stretches = zip(pairwise(cuts), pairwise(states), strict=False)
+    return tuple(Phase(first, last, state, after) for (first, last), (state, after) in stretches)
+
+
+def _approaches(trajectory: Trajectory, switches: Sequence[tuple[int, bool]]) -> bool:
+    """Whether the hand comes to somewhere else before the gripper switches again or the recording ends."""
+    start = switches[0][0]
+    end = switches[1][0] if len(switches) > 1 else len(trajectory) - 1
+    return end > start and not np.allclose(trajectory.positions_m[start], trajectory.positions_m[end], atol=TOLERANCE_M)
+
+
+def waypoints(
+    trajectory: Trajectory, times_s: Array, tolerance_m: float = TOLERANCE_M, tolerance_deg: float = TOLERANCE_DEG
+) -> tuple[Keyframe, ...]:
+    """Gripper switches, the end, and as few poses between as keep the hand within the tolerance of straight motion.
+
+    The tolerance is in metres and degrees and switches are told apart in seconds, so that the rate of the recording
+    does not matter; hesitation on the way and a frozen start leave no keyframe. A recording that needs more than 25
+    keyframes is followed less closely.
+
+    Args:
+        times_s: (T,) of the frames.
+    """
+    parts = phases(trajectory, times_s)
+    scale = 1.0
+    while True:
+        found = [
+            keyframe
+            for phase in parts
+            for keyframe in _of_phase(trajectory, phase, scale * tolerance_m, scale * tolerance_deg)
+        ]
+        if len(found) <= max(MAX_KEYFRAMES, len(parts)):
+            return tuple(found)
+        scale *= WIDER
+
+
+def _of_phase(trajectory: Trajectory, phase: Phase, tolerance_m: float, tolerance_deg: float) -> list[Keyframe]:
+    path = Path.between(trajectory, phase.first, phase.last, tolerance_m, tolerance_deg)
+    chosen = [int(path.frames[k]) for k in fewest_waypoints(path.deviations())]
+    return at_frames(trajectory, phase, at_tips(trajectory, phase.first, chosen, tolerance_m))
+
+
+def at_frames(trajectory: Trajectory, phase: Phase, frames: Sequence[int]) -> list[Keyframe]:
+    """Keyframes of a phase: the last has what the gripper does there."""
+    return [Keyframe(frame, phase.ends_open if frame == phase.last else phase.gripper_open) for frame in frames]
+
+
+def at_tips(trajectory: Trajectory, first: int, frames: Sequence[int], tolerance_m: float) -> list[int]:
+    """The frames, those at which the hand turns back moved to where it turns: what it went there for is there."""
+    moved = [first, *frames]
+    positions_m = trajectory.positions_m
+    for k in range(1, len(moved) - 1):
+        before, here, after = moved[k - 1 : k + 2]
+        if (positions_m[here] - positions_m[before]) @ (positions_m[after] - positions_m[here]) >= 0:
+            continue
+        near = np.arange(before + 1, after)
+        near = near[np.linalg.norm(positions_m[near] - positions_m[here], axis=1) <= tolerance_m]
+        reach_m = sum(np.linalg.norm(positions_m[near] - positions_m[end], axis=1) for end in (before, after))
+        tip = int(near[np.argmax(reach_m)])
+        if _bend_m(positions_m, before, tip, after) <= max(tolerance_m, _bend_m(positions_m, before, here, after)):
+            moved[k] = tip
+    return moved[1:]
+
+
+def _bend_m(positions_m: Array, before: int, here: int, after: int) -> float:
+    """How far the positions between are from the straight lines to and from `here`."""
+    return max(_off_line_m(positions_m[before : here + 1]), _off_line_m(positions_m[here : after + 1]))
+
+
+def _off_line_m(positions_m: Array) -> float:
+    """How far positions (N, 3) are at most from the line between the first and the last."""
+    way_m = positions_m[-1] - positions_m[0]
+    gone_m = positions_m - positions_m[0]
+    progress = np.clip(gone_m @ way_m / max(float(way_m @ way_m), 1e-12), 0, 1)
+    return float(np.linalg.norm(gone_m - progress[:, None] * way_m, axis=1).max())

@@ -1,0 +1,128 @@
+"""Demonstrations of one plan: the same grasps and releases, the same number of rows, and rows that agree.
+
+What people record differs in more than matters: they pass corners sooner or later, hesitate, reach a little farther.
+A language model that continues a pattern needs to see what is the same.
+"""
+
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from typing import TypeVar
+
+import numpy as np
+
+from app.pipeline.episode import Demonstration
+from app.pipeline.language import template
+from app.pipeline.plans.agreement import agreed, two_ways
+from app.pipeline.plans.alignment import Recording, aligned
+from app.pipeline.plans.rows import PlanRow, plan_rows
+
+__all__ = [
+    "Demonstration",
+    "Group",
+    "PlanRow",
+    "Recording",
+    "agreed",
+    "agreeing",
+    "aligned_by_plan",
+    "by_plan",
+    "plan_rows",
+    "shown_together",
+]
+
+Key = TypeVar("Key")
+Item = TypeVar("Item")
+Group = tuple[Demonstration, ...]
+RARE = (
+    1 / 3
+)  # of the demonstrations of an instruction: a plan as rare as this is left out unless the scene calls for it
+TOLD_APART = 0.8  # the share of demonstrations whose plan the nearest other scene has: the scene decides
+
+
+def aligned_by_plan(recordings: Sequence[Recording]) -> Group:
+    """The recordings' demonstrations, those of one plan with equally many actions; ways of doing a thing are plans."""
+    result = [recording.demonstration for recording in recordings]
+    for places in _grouped((asks_for(demonstration), k) for k, demonstration in enumerate(result)).values():
+        _put(result, places, _by_way(aligned([recordings[k] for k in places])))
+    return tuple(result)
+
+
+def agreeing(demonstrations: Sequence[Demonstration]) -> Group:
+    """The demonstrations with each row as those of its plan agree on it."""
+    result = list(demonstrations)
+    for places in _grouped((_plan_key(demonstration), k) for k, demonstration in enumerate(result)).values():
+        _put(result, places, agreed([result[k] for k in places]))
+    return tuple(result)
+
+
+def _put(result: list[Demonstration], places: Sequence[int], demonstrations: Sequence[Demonstration]) -> None:
+    for k, demonstration in zip(places, demonstrations, strict=True):
+        result[k] = demonstration
+
+
+def asks_for(demonstration: Demonstration) -> str:
+    """The instruction up to the objects that it names."""
+    return template([pose.name for pose in demonstration.objects], demonstration.instruction)
+
+
+def by_plan(demonstrations: Sequence[Demonstration]) -> list[Group]:
+    """The demonstrations of each instruction and plan."""
+    return [tuple(group) for group in _grouped((_plan_key(d), d) for d in demonstrations).values()]
+
+
+def shown_together(demonstrations: Sequence[Demonstration]) -> Group:
+    """Those that a prompt shows: of each instruction the usual plan, and others that are not rare.
+
+    A rare plan (a second try after a slip) would only be copied by mistake, unless the scene calls for it: then scenes
+    near to each other have the same plan.
+    """
+    kept: set[int] = set()
+    for places in _grouped((asks_for(d), k) for k, d in enumerate(demonstrations)).values():
+        keys = {k: _plan_key(demonstrations[k]) for k in places}
+        counts = Counter(keys.values())
+        usual = counts.most_common(1)[0][0]
+        decides = len(counts) > 1 and _scene_decides([demonstrations[k] for k in places])
+        kept |= {k for k, key in keys.items() if key == usual or decides or counts[key] > RARE * len(places)}
+    return tuple(demonstrations[k] for k in sorted(kept))
+
+
+def _plan_key(demonstration: Demonstration) -> tuple[str, int | None, int]:
+    return asks_for(demonstration), demonstration.plan, len(demonstration.actions)
+
+
+def _by_way(demonstrations: Sequence[Demonstration]) -> list[Demonstration]:
+    """The demonstrations with plans that are carried out in two ways told apart."""
+    result = list(demonstrations)
+    pending = list(_grouped((_plan_key(d), k) for k, d in enumerate(result)).values())
+    next_plan = 1 + max(demonstration.plan or 0 for demonstration in result)
+    while pending:
+        members = pending.pop()
+        group = [result[k] for k in members]
+        ways = next((ways for row in plan_rows(group) if (ways := two_ways(row)) is not None), None)
+        if ways is None:
+            continue
+        other = [k for k, differs in zip(members, ways, strict=True) if differs]
+        for k in other:
+            result[k] = replace(result[k], plan=next_plan)
+        next_plan += 1
+        pending += [other, [k for k in members if k not in other]]
+    return result
+
+
+def _scene_decides(group: Sequence[Demonstration]) -> bool:
+    """Whether the nearest other scene of most demonstrations has the same plan."""
+    scenes_m = np.array([[pose.position_m for pose in demonstration.objects] for demonstration in group])
+    between_m = np.linalg.norm(scenes_m[:, None] - scenes_m[None], axis=3).sum(axis=2)
+    np.fill_diagonal(between_m, np.inf)
+    keys = [_plan_key(demonstration) for demonstration in group]
+    same = [keys[k] == keys[int(nearest)] for k, nearest in enumerate(between_m.argmin(axis=1))]
+    rare = Counter(keys).most_common()[-1][0]
+    rarely = [hit for key, hit in zip(keys, same, strict=True) if key == rare]
+    return bool(np.mean(same) >= TOLD_APART and np.mean(rarely) >= TOLD_APART)
+
+
+def _grouped(pairs: Iterable[tuple[Key, Item]]) -> dict[Key, list[Item]]:
+    groups: dict[Key, list[Item]] = defaultdict(list)
+    for key, item in pairs:
+        groups[key].append(item)
+    return groups

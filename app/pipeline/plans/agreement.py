@@ -1,0 +1,121 @@
+"""Demonstrations of one plan agree on a row where they scatter around one value: then all show its centre.
+
+A row that depends on something else in the scene, or that is done in several ways, stays as it was shown: two ways are
+never averaged.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from app.pipeline.arrays import Array
+from app.pipeline.episode import Demonstration, EndEffectorAction
+from app.pipeline.plans.rows import PlanRow, plan_rows
+from app.pipeline.representation.anchors import M_PER_RAD, Anchor, anchor_frame, in_order, tilted_objects
+
+TWO_WAYS_M = 0.03  # ways that differ by less are one
+GAP = 3.0  # between two ways, in standard deviations within them
+FEWEST_OF_A_WAY = 2
+SHARE_OF_A_WAY = 0.25
+EXPLAINED = 0.5  # the share of the scatter that must remain when the scene does not decide a row
+NEGLIGIBLE_M = 0.02  # scatter within which it does not matter
+FAR_APART_M = 0.03  # two demonstrations cannot tell scatter from two ways
+
+
+def agreed(group: Sequence[Demonstration]) -> tuple[Demonstration, ...]:
+    """The demonstrations of one plan with each row that they agree on at its centre.
+
+    Args:
+        group: demonstrations with equally many actions that ask for the same.
+    """
+    if len(group) == 1 or not group[0].actions:
+        return tuple(group)
+    tilted = tilted_objects(group)
+    columns = []
+    for k, row in enumerate(plan_rows(group)):
+        shown = [demonstration.actions[k] for demonstration in group]
+        columns.append(_centred(group, row, tilted) if agrees(group, row) else shown)
+    return tuple(
+        replace(demonstration, actions=tuple(actions))
+        for demonstration, actions in zip(group, zip(*columns, strict=True), strict=True)
+    )
+
+
+def _centred(group: Sequence[Demonstration], row: PlanRow, tilted: frozenset[str]) -> list[EndEffectorAction]:
+    """The centre of a row as each demonstration's scene has it."""
+    actions = []
+    for demonstration, anchor in zip(group, row.anchors, strict=True):
+        origin_m, axes = anchor_frame(anchor, demonstration.objects, demonstration.start, tilted)
+        rotation = axes * row.mean_rotation
+        position_m = origin_m + axes.apply(row.centre_m)
+        actions.append(EndEffectorAction(position_m, rotation.as_quat(canonical=True), row.gripper_open))
+    return actions
+
+
+def agrees(group: Sequence[Demonstration], row: PlanRow) -> bool:
+    """Whether the row's scatter is around one value."""
+    if len(group) == 2:
+        off_m = float(np.linalg.norm(row.offsets_m[0] - row.offsets_m[1]))
+        turn_m = M_PER_RAD * float((row.rotations[0].inv() * row.rotations[1]).magnitude())
+        return off_m + turn_m <= FAR_APART_M
+    return two_ways(row) is None and not _depends_on_scene(group, row)
+
+
+def two_ways(row: PlanRow) -> np.ndarray | None:
+    """(N,) bool: which demonstrations do the row the one way and which the other; None if there is one way.
+
+    Along the direction in which the row varies most, two ways leave a gap that is wide compared with the scatter on
+    either side of it.
+    """
+    turns_m = M_PER_RAD * (row.mean_rotation.inv() * row.rotations).as_rotvec()
+    poses_m = np.concatenate([row.offsets_m - row.centre_m, turns_m], axis=1)
+    fewest = max(FEWEST_OF_A_WAY, math.ceil(SHARE_OF_A_WAY * len(poses_m)))
+    if len(poses_m) < 2 * fewest:
+        return None
+    _, _, directions = np.linalg.svd(poses_m - poses_m.mean(axis=0), full_matrices=False)
+    places_m = poses_m @ directions[0]
+    order = np.argsort(places_m, kind="stable")
+    sorted_m = places_m[order]
+    gaps_m = np.diff(sorted_m)[fewest - 1 : len(sorted_m) - fewest]
+    cut = int(np.argmax(gaps_m)) + fewest
+    low, high = sorted_m[:cut], sorted_m[cut:]
+    within_m = float(np.sqrt((low.var() * len(low) + high.var() * len(high)) / len(sorted_m)))
+    if gaps_m.max() < max(TWO_WAYS_M, GAP * within_m):
+        return None
+    other = np.zeros(len(places_m), dtype=bool)
+    other[order[cut:]] = True
+    return other
+
+
+def _depends_on_scene(group: Sequence[Demonstration], row: PlanRow) -> bool:
+    """Whether a row's offset follows from where other things are: left out, a demonstration is told by the others.
+
+    A row of this kind has no anchor that explains it, e.g. half-way between two objects.
+    """
+    if float(np.median(row.off_m)) < NEGLIGIBLE_M or len(group) < 6:
+        return False
+    constant_m = _left_out_m(np.zeros((len(group), 0)), row.offsets_m)
+    for place in range(len(group[0].objects)):
+        seen_m = np.array([_seen_m(d, anchor, place) for d, anchor in zip(group, row.anchors, strict=True)])
+        if seen_m.std(axis=0).max() > NEGLIGIBLE_M and _left_out_m(seen_m, row.offsets_m) < EXPLAINED * constant_m:
+            return True
+    return False
+
+
+def _seen_m(demonstration: Demonstration, anchor: Anchor, place: int) -> Array:
+    """(3,) where an object (by its place in the order of mention) is, seen from an anchor."""
+    ordered = in_order(demonstration.objects, demonstration.instruction)
+    origin_m, axes = anchor_frame(anchor, demonstration.objects, demonstration.start, tilted_objects([demonstration]))
+    seen_m: Array = axes.inv().apply(ordered[place].position_m - origin_m)
+    return seen_m
+
+
+def _left_out_m(inputs: Array, offsets_m: Array) -> float:
+    """The median error of each offset by a linear map that was fitted to the others."""
+    number = len(offsets_m)
+    design = np.concatenate([np.ones((number, 1)), inputs], axis=1)
+    hat = design @ np.linalg.pinv(design)
+    errors_m = (offsets_m - hat @ offsets_m) / np.maximum(1 - np.diag(hat), 1e-6)[:, None]
+    return float(np.median(np.linalg.norm(errors_m, axis=1)))

@@ -1,0 +1,173 @@
+"""The same number of keyframes in every demonstration of one plan, each at the place that it has in the others.
+
+Demonstrations with the same sequence of grasps and releases are cut into phases at these; a phase has as many keyframes
+in all of them, chosen so that the path stays close to straight motion and rows of different demonstrations lie close
+together relative to what they follow.
+"""
+
+import math
+from collections import Counter, defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from app.pipeline.arrays import Array
+from app.pipeline.episode import Demonstration, Trajectory
+from app.pipeline.keyframes import Keyframe, KeyframeRule, Manner, find_keyframes, manner_of
+from app.pipeline.keyframes.path import Path, best_waypoints
+from app.pipeline.keyframes.waypoints import Phase, at_frames, at_tips, phases
+from app.pipeline.plans.rows import PlanRow, plan_rows
+from app.pipeline.representation.anchors import M_PER_RAD, anchor_frame, tilted_objects
+
+MOST = 0.8  # the share of demonstrations whose paths need no more keyframes than a phase gets
+ROUNDS = 2  # of choosing keyframes where the other demonstrations have them
+TOGETHER = 0.3  # the weight of rows lying together, beside that of paths being kept, in squared tolerances
+ODD = 3.0  # in tolerances: what is farther from the others does not count more
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """A demonstration with the trajectory that it was made from.
+
+    Attributes:
+        times_s: (T,) of the trajectory's frames.
+    """
+
+    demonstration: Demonstration
+    trajectory: Trajectory
+    times_s: Array
+    rule: KeyframeRule
+
+    @cached_property
+    def manner(self) -> Manner:
+        """How the recording moves."""
+        if self.rule.rule == "waypoints":
+            return "flows"
+        return manner_of(self.trajectory, self.times_s, self.rule.delta_rad_s)
+
+    @cached_property
+    def keyframes(self) -> tuple[Keyframe, ...]:
+        """Its own, whatever the others have."""
+        period_s = float(np.median(np.diff(self.times_s))) if len(self.times_s) > 1 else 1.0
+        return find_keyframes(self.trajectory, self.rule, 1 / period_s)
+
+    @cached_property
+    def phases(self) -> tuple[Phase, ...]:
+        """Cut at its gripper switches."""
+        return phases(self.trajectory, self.times_s)
+
+    @cached_property
+    def paths(self) -> tuple[tuple[Path, Array], ...]:
+        """Of each phase the path and its deviations from straight motion."""
+        scale = (self.rule.tolerance_m, self.rule.tolerance_deg)
+        paths = [Path.between(self.trajectory, phase.first, phase.last, *scale) for phase in self.phases]
+        return tuple((path, path.deviations()) for path in paths)
+
+    @property
+    def counts(self) -> tuple[int, ...]:
+        """Its own keyframes in each phase: the last of a phase is where the gripper switches."""
+        counts, state = [0], bool(self.phases[0].gripper_open)
+        for keyframe in self.keyframes:
+            counts[-1] += 1
+            if keyframe.gripper_open != state:
+                counts.append(0)
+                state = keyframe.gripper_open
+        return tuple(counts if counts[-1] else counts[:-1])
+
+    @property
+    def signature(self) -> tuple[bool, ...]:
+        """What the gripper does, in order."""
+        return (self.phases[0].gripper_open, *(phase.ends_open for phase in self.phases))
+
+    def with_keyframes(self, keyframes: Sequence[Keyframe]) -> Demonstration:
+        """The demonstration with the actions of these keyframes."""
+        actions = tuple(self.trajectory.action_at(k.frame, gripper_open=k.gripper_open) for k in keyframes)
+        return replace(self.demonstration, actions=actions, later_objects=())
+
+
+def aligned(group: Sequence[Recording]) -> tuple[Demonstration, ...]:
+    """The demonstrations, those of one plan with equally many actions; `plan` tells which are of one plan.
+
+    Args:
+        group: recordings that ask for the same.
+    """
+    by_signature: dict[tuple[bool, ...], list[int]] = defaultdict(list)
+    for place, recording in enumerate(group):
+        by_signature[recording.signature].append(place)
+    found: dict[int, Demonstration] = {}
+    for plan, places in enumerate(by_signature.values()):
+        members = [group[place] for place in places]
+        for place, demonstration in zip(places, _of_one_signature(members), strict=True):
+            found[place] = replace(demonstration, plan=plan)
+    return tuple(found[place] for place in range(len(group)))
+
+
+def _of_one_signature(members: Sequence[Recording]) -> list[Demonstration]:
+    resting = 2 * sum(member.manner == "rests" for member in members) > len(members)
+    numbers = _numbers([member.counts for member in members], most_frequent=resting)
+    if numbers is None:
+        return [member.with_keyframes(member.keyframes) for member in members]
+    own = [member.manner == "rests" and resting and member.counts == numbers for member in members]
+    chosen = [
+        list(member.keyframes) if keeps else _chosen(member, numbers, None)
+        for member, keeps in zip(members, own, strict=True)
+    ]
+    for _ in range(ROUNDS if len(members) > 1 and not all(own) else 0):
+        demonstrations = [member.with_keyframes(item) for member, item in zip(members, chosen, strict=True)]
+        rows = plan_rows(demonstrations)
+        chosen = [
+            item if keeps else _chosen(member, numbers, (rows, place))
+            for place, (member, keeps, item) in enumerate(zip(members, own, chosen, strict=True))
+        ]
+    return [member.with_keyframes(item) for member, item in zip(members, chosen, strict=True)]
+
+
+def _numbers(counts: Sequence[tuple[int, ...]], *, most_frequent: bool) -> tuple[int, ...] | None:
+    """How many keyframes each phase gets; None if the demonstrations' keyframes do not show the same phases."""
+    lengths = Counter(map(len, counts))
+    if len(lengths) > 1:
+        return None
+    if most_frequent:
+        return Counter(counts).most_common(1)[0][0]
+    return tuple(math.ceil(np.quantile(column, MOST)) for column in zip(*counts, strict=True))
+
+
+def _chosen(
+    recording: Recording, numbers: Sequence[int], others: tuple[Sequence[PlanRow], int] | None
+) -> list[Keyframe]:
+    """Keyframes as many as wanted in each phase.
+
+    Args:
+        others: the rows of all demonstrations and the recording's place among them, to lie near to; None: its own path
+            alone decides.
+    """
+    found: list[Keyframe] = []
+    for phase, (path, deviations), number in zip(recording.phases, recording.paths, numbers, strict=True):
+        costs = None
+        if others is not None:
+            rows, place = others
+            costs = np.array(
+                [_distances(recording, path, row, place) for row in rows[len(found) : len(found) + number]]
+            )
+            costs = TOGETHER * np.minimum(costs, ODD) ** 2
+        frames = [int(path.frames[k]) for k in best_waypoints(deviations, number, costs)]
+        if others is None:
+            frames = at_tips(recording.trajectory, phase.first, frames, recording.rule.tolerance_m)
+        found += at_frames(recording.trajectory, phase, frames)
+    return found
+
+
+def _distances(recording: Recording, path: Path, row: PlanRow, place: int) -> Array:
+    """(N,) how far each pose of the path is from where the other demonstrations have the row, in tolerances."""
+    demonstration = recording.demonstration
+    tilted = tilted_objects([demonstration])
+    origin_m, axes = anchor_frame(row.anchors[place], demonstration.objects, demonstration.start, tilted)
+    offsets_m = axes.inv().apply(recording.trajectory.positions_m[path.frames] - origin_m)
+    rotations = axes.inv() * Rotation.from_quat(recording.trajectory.quaternions_xyzw[path.frames])
+    off_m = np.linalg.norm(offsets_m - row.centre_m, axis=1)
+    off_m += M_PER_RAD * (row.mean_rotation.inv() * rotations).magnitude()
+    distances: Array = off_m / recording.rule.tolerance_m
+    return distances

@@ -1,0 +1,87 @@
+"""Rows of one plan over its demonstrations: what each follows, where it lies around, and how far it scatters."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from app.pipeline.arrays import Array
+from app.pipeline.episode import Demonstration
+from app.pipeline.representation.anchors import M_PER_RAD, Anchor, choose_anchors, relative_action, tilted_objects
+
+HUBER = 1.5  # in robust standard deviations: what is farther from the centre counts less
+ITERATIONS = 5
+MAD_TO_SIGMA = 1.4826  # of a normal distribution
+PRECISE_M = 0.002
+
+
+@dataclass(frozen=True, eq=False)
+class PlanRow:
+    """One action of a plan.
+
+    Attributes:
+        anchors: what it is relative to, in each demonstration.
+        offsets_m: (N, 3) relative to the anchors, along their axes.
+        rotations: N, from the anchors' axes.
+        centre_m: (3,) the robust centre of the offsets.
+        mean_rotation: of the rotations.
+        gripper_open: what the gripper does there in most.
+        grippers: everything that it does there.
+    """
+
+    anchors: tuple[Anchor, ...]
+    offsets_m: Array
+    rotations: Rotation
+    centre_m: Array
+    mean_rotation: Rotation
+    gripper_open: bool
+    grippers: frozenset[bool]
+
+    @property
+    def off_m(self) -> Array:
+        """(N,) distances of the demonstrations' offsets from the centre."""
+        off: Array = np.linalg.norm(self.offsets_m - self.centre_m, axis=1)
+        return off
+
+    @property
+    def off_deg(self) -> Array:
+        """(N,) angles of the demonstrations' rotations from their mean."""
+        off: Array = np.degrees((self.mean_rotation.inv() * self.rotations).magnitude())
+        return off
+
+
+def plan_rows(group: Sequence[Demonstration], *, beyond_objects: bool = True) -> tuple[PlanRow, ...]:
+    """The rows of demonstrations that have equally many actions and do the same."""
+    tilted = tilted_objects(group)
+    chosen = choose_anchors(group, tilted, beyond_objects=beyond_objects)
+    return tuple(_row(group, k, anchors, tilted) for k, anchors in enumerate(chosen))
+
+
+def _row(group: Sequence[Demonstration], k: int, anchors: Sequence[Anchor], tilted: frozenset[str]) -> PlanRow:
+    relative = [relative_action(d, k, anchor, tilted) for d, anchor in zip(group, anchors, strict=True)]
+    offsets_m = np.array([offset_m for offset_m, _ in relative])
+    rotations = Rotation.concatenate([rotation for _, rotation in relative])
+    centre_m, mean = robust_centre(offsets_m, rotations)
+    states = [demonstration.actions[k].gripper_open for demonstration in group]
+    is_open = 2 * sum(states) >= len(states)
+    return PlanRow(tuple(anchors), offsets_m, rotations, centre_m, mean, is_open, frozenset(states))
+
+
+def robust_centre(offsets_m: Array, rotations: Rotation) -> tuple[Array, Rotation]:
+    """The centre of poses with normal scatter and a few odd ones: Huber's estimate from the median.
+
+    Args:
+        offsets_m: (N, 3).
+        rotations: N.
+    """
+    centre_m: Array = np.median(offsets_m, axis=0)
+    medoid = int(np.argmin([(r.inv() * rotations).magnitude().sum() for r in rotations]))
+    mean = rotations[medoid]
+    for _ in range(ITERATIONS):
+        off_m = np.linalg.norm(offsets_m - centre_m, axis=1) + M_PER_RAD * (mean.inv() * rotations).magnitude()
+        sigma_m = max(MAD_TO_SIGMA * float(np.median(off_m)), PRECISE_M)
+        weights = np.minimum(1.0, HUBER * sigma_m / np.maximum(off_m, 1e-12))
+        centre_m = weights @ offsets_m / weights.sum()
+        mean = rotations.mean(weights)
+    return centre_m, mean

@@ -1,0 +1,186 @@
+"""Whether the demonstrations support an action: it lies where they have it, seen from what the row follows."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from app.pipeline.arrays import Array
+from app.pipeline.episode import Demonstration, EndEffectorAction, ObjectPose
+from app.pipeline.errors import UnsupportedActionError
+from app.pipeline.language import clauses, mention_order, template
+from app.pipeline.plans.rows import PlanRow, plan_rows
+from app.pipeline.representation.anchors import Anchor, anchor_frame, tilted_objects
+
+MARGIN_M = 0.03
+MARGIN_DEG = 20.0
+MOST = 0.9  # the share of the demonstrations that lie within a row's tolerance
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedRow:
+    """A row of a plan in an observed scene.
+
+    Attributes:
+        anchor: what it is relative to.
+        offset_m, rotation: its centre, along the anchor's axes.
+        action: the centre in the world frame.
+        origin_m, axes: of the anchor, in the world frame.
+        tolerance_m, tolerance_deg: within which most demonstrations lie.
+        reach_m, reach_deg: within which an action is supported.
+        grippers: what demonstrations do with the gripper there.
+    """
+
+    anchor: Anchor
+    offset_m: Array
+    rotation: Rotation
+    action: EndEffectorAction
+    origin_m: Array
+    axes: Rotation
+    tolerance_m: float
+    tolerance_deg: float
+    reach_m: float
+    reach_deg: float
+    grippers: frozenset[bool]
+
+    def away(self, action: EndEffectorAction) -> tuple[float, float]:
+        """How far an action is from the row's centre, in metres and degrees."""
+        turn = Rotation.from_quat(self.action.quaternion_xyzw).inv() * Rotation.from_quat(action.quaternion_xyzw)
+        off_m = float(np.linalg.norm(action.position_m - self.action.position_m))
+        return off_m, float(np.degrees(turn.magnitude()))
+
+    def supports(self, action: EndEffectorAction) -> bool:
+        """Whether demonstrations support the action."""
+        off_m, off_deg = self.away(action)
+        return off_m <= self.reach_m and off_deg <= self.reach_deg and action.gripper_open in self.grippers
+
+
+PlacedPlan = tuple[PlacedRow, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Support:
+    """The plans of one prompt's demonstrations, as they were recorded.
+
+    Attributes:
+        plans: demonstrations of one instruction and plan each, with their rows.
+        tilted: as the representation has them.
+    """
+
+    plans: tuple[tuple[tuple[Demonstration, ...], tuple[PlanRow, ...]], ...]
+    tilted: frozenset[str]
+
+    @classmethod
+    def of(cls, groups: Sequence[Sequence[Demonstration]]) -> "Support":
+        """What groups of demonstrations with the same rows support."""
+        everything = [demonstration for group in groups for demonstration in group]
+        plans = tuple((tuple(group), plan_rows(group)) for group in groups if group[0].actions)
+        return cls(plans, tilted_objects(everything))
+
+    def placed(
+        self, objects: Sequence[ObjectPose], instruction: str, start: EndEffectorAction | None
+    ) -> tuple[PlacedPlan, ...] | None:
+        """The plans in an observed scene: those that ask for the same, or all where none does.
+
+        None where the instruction strings more or fewer clauses together than demonstrations do: then nobody knows
+        which rows follow each other.
+        """
+        asked = len(clauses(instruction))
+        if any(len(clauses(group[0].instruction)) != asked for group, _ in self.plans):
+            return None
+        names = [pose.name for pose in objects]
+        wanted = template(names, instruction)
+        alike = [plan for plan in self.plans if template(names, plan[0][0].instruction) == wanted]
+        return tuple(
+            tuple(self._placed(group[0], row, objects, instruction, start) for row in rows)
+            for group, rows in alike or self.plans
+        )
+
+    def _placed(
+        self,
+        shown: Demonstration,
+        row: PlanRow,
+        objects: Sequence[ObjectPose],
+        instruction: str,
+        start: EndEffectorAction | None,
+    ) -> PlacedRow:
+        anchor = asked_anchor(row.anchors[0], shown, instruction)
+        origin_m, axes = anchor_frame(anchor, objects, start, self.tilted)
+        quaternion_xyzw = (axes * row.mean_rotation).as_quat(canonical=True)
+        action = EndEffectorAction(origin_m + axes.apply(row.centre_m), quaternion_xyzw, row.gripper_open)
+        return PlacedRow(
+            anchor,
+            row.centre_m,
+            row.mean_rotation,
+            action,
+            origin_m,
+            axes,
+            float(np.quantile(row.off_m, MOST)),
+            float(np.quantile(row.off_deg, MOST)),
+            float(row.off_m.max()) + MARGIN_M,
+            float(row.off_deg.max()) + MARGIN_DEG,
+            row.grippers,
+        )
+
+
+def asked_anchor(anchor: Anchor, demonstration: Demonstration, instruction: str) -> Anchor:
+    """The anchor of a demonstration in a scene with another instruction: the object mentioned in the same place."""
+    names = [pose.name for pose in demonstration.objects]
+    shown, asked = mention_order(names, demonstration.instruction), mention_order(names, instruction)
+    if anchor.object_name in shown and (place := shown.index(anchor.object_name)) < len(asked):
+        return Anchor(asked[place], anchor.frame)
+    return anchor
+
+
+class SupportGuard:
+    """Checks the actions of one reply in their order against the plans that they may carry out.
+
+    Args:
+        plans: placed in the observed scene.
+    """
+
+    def __init__(self, plans: Sequence[PlacedPlan]) -> None:
+        self._plans = list(plans)
+        self._index = 0
+
+    def check(self, action: EndEffectorAction) -> PlacedRow:
+        """Let the next action pass; the row that it carries out.
+
+        Raises:
+            UnsupportedActionError: naming its index, and what was expected.
+        """
+        index = self._index
+        going_on = [plan for plan in self._plans if index < len(plan)]
+        if not going_on:
+            most = max(map(len, self._plans), default=0)
+            raise UnsupportedActionError(index, "is one more than demonstrated", f"at most {most} actions")
+        supporting = [plan for plan in going_on if plan[index].supports(action)]
+        if not supporting:
+            raise _unsupported(index, action, min((plan[index] for plan in going_on), key=lambda row: row.away(action)))
+        self._plans, self._index = supporting, index + 1
+        return min((plan[index] for plan in supporting), key=lambda row: row.away(action))
+
+    def finish(self) -> None:
+        """Let the reply end here.
+
+        Raises:
+            UnsupportedActionError: if no demonstration ends so early.
+        """
+        if all(len(plan) != self._index for plan in self._plans):
+            fewest = min(map(len, self._plans))
+            raise UnsupportedActionError(self._index, "is missing: the reply ends too early", f"{fewest} actions")
+
+
+def _unsupported(index: int, action: EndEffectorAction, nearest: PlacedRow) -> UnsupportedActionError:
+    off_m, off_deg = nearest.away(action)
+    of = nearest.anchor.object_name or f"the {nearest.anchor.frame}"
+    expected = f"{nearest.action.position_m.round(3).tolist()} m"
+    if off_m > nearest.reach_m:
+        bound = f"within {100 * nearest.reach_m:.1f} cm of {expected}, seen from {of}"
+        return UnsupportedActionError(index, f"is {100 * off_m:.1f} cm from where demonstrations go", bound)
+    if off_deg > nearest.reach_deg:
+        bound = f"within {nearest.reach_deg:.0f} degrees, seen from {of}"
+        return UnsupportedActionError(index, f"is turned by {off_deg:.0f} degrees from the demonstrations", bound)
+    state = "open" if action.gripper_open else "closed"
+    return UnsupportedActionError(index, f"has the gripper {state}", "the gripper as demonstrations have it there")
