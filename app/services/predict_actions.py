@@ -143,7 +143,7 @@ async def _record_failure(
     """Keep what became of the question.
 
     Raises:
-        UnparsableReplyError, UnsafeReplyError, UnsupportedReplyError: instead of an error that does not carry the reply.
+        UnparsableReplyError, UnsafeReplyError, UnsupportedReplyError: for an error that does not carry the reply.
     """
     if isinstance(error, ReplyParseError):
         id_ = await record("parse_error", error=error.message)

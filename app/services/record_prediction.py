@@ -87,4 +87,5 @@ def _draft(
         step=question.step,
         objects=tuple(map(ObjectRecord.of, question.observed)),
         samples=dialogue.samples,
+        grounding=question.grounded.to_json(),
     )
