@@ -25,8 +25,8 @@ class Motion:
         turns: (time in s, angle about the vertical in degrees); the hand stops turning at each.
         switches: times at which the gripper opens or closes.
         starts_open: the gripper at first.
-        blend_s: the hand moves steadily from knot to knot and passes each in a curve that takes so long; 0: it slows down
-            and comes to rest where it turns.
+        blend_s: the hand moves steadily from knot to knot and passes each in a curve that takes so long; 0: it slows
+            down and comes to rest where it turns.
         tremor_m: of the hand.
         rest_s: the length of rests.
     """
@@ -59,7 +59,7 @@ class Motion:
             return Rotation.concatenate([DOWN] * len(times_s))
         turn_times_s, angles_deg = zip(*self.turns, strict=True)
         angles_deg = PchipInterpolator(turn_times_s, angles_deg)(np.clip(times_s, turn_times_s[0], turn_times_s[-1]))
-        return Rotation.from_euler("z", angles_deg, degrees=True) * DOWN
+        return Rotation.from_euler("z", angles_deg[:, None], degrees=True) * DOWN
 
     def grippers(self, times_s):
         switched = np.searchsorted(np.array(self.switches), times_s + 1e-9, side="right")
@@ -81,6 +81,14 @@ class Motion:
             self.grippers(times_s),
             timestamps_s=times_s,
         )
+
+    def held(self, at_s, for_s):
+        """With a pause."""
+        here_m = tuple(self.positions_m(np.array([at_s]))[0])
+        before = [knot for knot in self.knots if knot[0] < at_s]
+        after = [(time_s + for_s, place_m) for time_s, place_m in self.knots if time_s > at_s]
+        switches = tuple(time_s if time_s <= at_s else time_s + for_s for time_s in self.switches)
+        return replace(self, knots=(*before, (at_s, here_m), (at_s + for_s, here_m), *after), switches=switches)
 
     def at(self, hz):
         """Recorded at a steady rate, the last moment included."""

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from app.pipeline.arrays import Array
 from app.pipeline.episode import Trajectory
 from app.pipeline.keyframes.gripper import at_start, gripper_switches
-from app.pipeline.keyframes.path import Path
+from app.pipeline.keyframes.path import Path, off_line_m
 from app.pipeline.keyframes.published import merged, resting_frames
 from app.pipeline.keyframes.rule import MAX_KEYFRAMES, SIMULATION_DELTA_RAD_S, TOLERANCE_DEG, TOLERANCE_M
 
@@ -20,6 +20,8 @@ NEARBY_S = 0.1  # a switch this near to a rest happens in it
 MOST_RESTING = 0.5  # a recording that rests longer than it moves was made by a person who hesitates
 ON_THE_WAY = 0.2  # the share of keyframes that may lie on a straight way; one always may
 MISSED_CORNERS = 0.5  # the share of corners that may be passed without a rest; one always may
+BENT_APPROACHES = 1 / 3  # the share of grasps and releases that may not be approached straight; one always may
+APPROACH_M = 0.03  # how far a straight approach strays from its line
 CORNER_DEG = 60.0
 ARM_M, STEP_M = 0.03, 0.005  # a corner is told from the ways of this length before and after it
 MIN_ARM_M = 0.01
@@ -28,8 +30,8 @@ MIN_ARM_M = 0.01
 def manner_of(trajectory: Trajectory, times_s: Array, delta_rad_s: float = SIMULATION_DELTA_RAD_S) -> Manner:
     """How a recording moves.
 
-    `rests`: the rests are its keyframes, so that `merged` finds these. Every grasp and release happens in a rest, the
-    hand turns corners in rests, and (nearly) every rest is at a corner.
+    `rests`: the rests are its keyframes, so that `merged` finds these. Every grasp and release happens in a rest and
+    is approached from one, the hand turns corners in rests, and (nearly) every rest is at a corner.
     `hesitates`: it rests on straight ways or longer than it moves, as people do, whose hand wavers as well.
     `flows`: anything else.
 
@@ -49,6 +51,7 @@ def manner_of(trajectory: Trajectory, times_s: Array, delta_rad_s: float = SIMUL
         bool(rests[started:].any())
         and len(keyframes) <= MAX_KEYFRAMES
         and all(_rests_nearby(frame, rests, times_s) for frame in switches)
+        and _few_bent_approaches(trajectory, keyframes, switches, times_s)
         and _few_missed_corners(trajectory, rests)
     )
     return "rests" if at_keyframes else "flows"
@@ -56,6 +59,18 @@ def manner_of(trajectory: Trajectory, times_s: Array, delta_rad_s: float = SIMUL
 
 def _rests_nearby(frame: int, rests: npt.NDArray[np.bool_], times_s: Array) -> bool:
     return bool(rests[np.abs(times_s - times_s[frame]) <= NEARBY_S].any())
+
+
+def _few_bent_approaches(
+    trajectory: Trajectory, keyframes: Sequence[int], switches: Sequence[int], times_s: Array
+) -> bool:
+    """Whether the hand goes straight to most grasps and releases from the keyframe before."""
+    ways = [
+        trajectory.positions_m[before : here + 1]
+        for before, here in pairwise([0, *keyframes])
+        if any(abs(times_s[here] - times_s[frame]) <= NEARBY_S for frame in switches)
+    ]
+    return sum(off_line_m(way_m) > APPROACH_M for way_m in ways) <= max(1.0, BENT_APPROACHES * len(ways))
 
 
 def _num_on_the_way(trajectory: Trajectory, keyframes: Sequence[int], switches: Sequence[int], times_s: Array) -> int:

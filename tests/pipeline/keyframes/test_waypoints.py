@@ -1,15 +1,18 @@
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation
 
 from app.pipeline.keyframes import waypoints
 from app.pipeline.keyframes.rule import MAX_KEYFRAMES, TOLERANCE_M
 from app.pipeline.timeline import frame_times_s
-from tests.pipeline.recordings import DOWN, Motion, arrival_s, flowing, pick_and_place
+
+from ..recordings import DOWN, Motion, arrival_s, flowing, pick_and_place, resting
 
 HOME_M = (0.1, 0.0, 1.1)
 PICK_M, PLACE_M = (0.3, 0.1, 0.8), (0.0, -0.2, 0.82)
@@ -65,9 +68,7 @@ def test_the_path_is_kept_within_the_tolerance(seed, tolerance_m):
     keyframes = waypoints(recorded, frame_times_s(recorded), tolerance_m=tolerance_m)
     assert 1 <= len(keyframes) <= MAX_KEYFRAMES
     frames = [0, *(keyframe.frame for keyframe in keyframes)]
-    strayed_m = [
-        off_the_way_m(recorded.positions_m[a : b + 1]) for a, b in zip(frames, frames[1:], strict=False)
-    ]
+    strayed_m = [off_the_way_m(recorded.positions_m[a : b + 1]) for a, b in pairwise(frames)]
     assert max(strayed_m) <= 1.05 * tolerance_m  # poses stand for those a quarter of a tolerance around
 
 
@@ -94,18 +95,10 @@ def test_a_blip_of_the_gripper_is_no_keyframe(at_s, lasts_s):
     np.testing.assert_array_equal(places_m(blinking.at(100)), places_m(motion.at(100)))
 
 
-def held(motion, at_s, for_s):
-    """The motion with a pause."""
-    here_m = tuple(motion.positions_m(np.array([at_s]))[0])
-    before = [knot for knot in motion.knots if knot[0] < at_s]
-    after = [(time_s + for_s, place_m) for time_s, place_m in motion.knots if time_s > at_s]
-    return replace(motion, knots=(*before, (at_s, here_m), (at_s + for_s, here_m), *after))
-
-
 @pytest.mark.parametrize("at_s", [0.0, 0.6])
 def test_a_frozen_start_and_hesitation_on_a_straight_way_leave_no_keyframe(at_s):
     motion = flowing(ONE_WAY)
-    np.testing.assert_allclose(places_m(held(motion, at_s, 3.0).at(20)), places_m(motion.at(20)), atol=0.01)
+    np.testing.assert_allclose(places_m(motion.held(at_s, 3.0).at(20)), places_m(motion.at(20)), atol=0.01)
     assert len(places_m(motion.at(20))) == 2
 
 
@@ -133,7 +126,7 @@ def test_turning_in_place_is_kept():
     recorded = there_and_back.at(20)
     keyframes = waypoints(recorded, frame_times_s(recorded))
     turns_deg = [
-        np.degrees((DOWN.inv() * there_and_back.rotations(np.array([frame / 20]))[0]).magnitude())
+        np.degrees((DOWN.inv() * Rotation.from_quat(recorded.quaternions_xyzw[frame])).magnitude())
         for frame, _ in keyframes
     ]
     assert max(turns_deg) == pytest.approx(90, abs=5)
@@ -149,7 +142,7 @@ def test_a_recording_of_too_many_corners_is_followed_less_closely():
     assert len(places_m(zigzag(20).at(30))) == 21
     many_m = places_m(zigzag(40).at(30))
     assert 1 <= len(many_m) <= MAX_KEYFRAMES
-    np.testing.assert_allclose(many_m[-1], zigzag(40).knots[-1][1])
+    np.testing.assert_allclose(many_m[-1], zigzag(40).knots[-1][1], atol=1e-6)
 
 
 def test_grasps_and_releases_are_never_left_out_for_being_many():
@@ -176,13 +169,13 @@ def test_a_gripper_that_opens_at_the_start_only_to_close_there_grasps():
     recorded = Motion(knots, switches=(0.3, 1.0), starts_open=False).at(20)
     keyframes = found(recorded)
     assert [gripper_open for _, _, gripper_open in keyframes] == [True, False, False]
-    np.testing.assert_allclose([at_m for _, at_m, _ in keyframes], [PICK_M, PICK_M, HOME_M])
+    np.testing.assert_allclose([at_m for _, at_m, _ in keyframes], [PICK_M, PICK_M, HOME_M], atol=1e-9)
 
 
 @pytest.mark.parametrize("early_s", [0.3, 0.2, 0.1, 0.0])
 def test_a_switch_while_the_hand_still_moves_settles_where_it_is_slowest(early_s):
     """Commanded before the hand has come down: there the fingers would close on nothing."""
-    motion = flowing([HOME_M, (0.3, 0.1, 0.92), PICK_M, PICK_M, (0.3, 0.1, 0.92)], blend_s=0.0, speed_m_s=0.1)
+    motion = resting([HOME_M, (0.3, 0.1, 0.92), PICK_M, (0.3, 0.1, 0.92)], speed_m_s=0.1)
     arrives_s = arrival_s(motion, PICK_M)
     recorded = replace(motion, switches=(arrives_s - early_s,)).at(40)
     (at_m, *_) = [at_m for _, at_m, gripper_open in found(recorded) if not gripper_open]
