@@ -10,7 +10,6 @@ from app.pipeline.prompt import Prompt
 from app.pipeline.representation import fit_codec
 from app.pipeline.workspace import Workspace, discretize_action, object_bins
 from app.services.prediction import Prediction
-from app.services.prediction_findings import findings_before
 from app.services.question import Question
 from app.services.task_settings import TaskSettings
 from app.services.task_stats import Standing, TaskStats
@@ -19,7 +18,7 @@ from app.store.values import JsonObject, KeyframeRecord, ObjectRecord
 
 
 def episode_document(record: EpisodeRecord, task: TaskRecord) -> JsonObject:
-    """An `EpisodeOut`."""
+    """An `EpisodeOut`, or a `ListedEpisode` of a record without `extra`."""
     settings = TaskSettings.model_validate(task.settings)
     workspace = settings.workspace.workspace()
     poses = settings.canonical(tuple(item.pose() for item in record.objects))
@@ -37,7 +36,7 @@ def episode_document(record: EpisodeRecord, task: TaskRecord) -> JsonObject:
         "keyframes": [_keyframe(item, workspace) for item in record.keyframes],
         "objects": [_object(item, workspace) for item in record.objects],
         "cameras": [camera.name for camera in record.cameras],
-        "extra": record.extra,
+        **({} if record.extra is None else {"extra": record.extra}),
         "prediction_id": record.prediction_id,
         "observation_text": codec.observation_text(poses, record.instruction),
         "actions_text": codec.actions_text(demonstration),
@@ -62,7 +61,7 @@ def metadata_document(record: EpisodeRecord) -> JsonObject:
         "objects": objects,
         "cameras": [camera_json(item.camera()) for item in record.cameras],
         "control_frequency_hz": record.control_frequency_hz,
-        "extra": record.extra,
+        "extra": record.extra or {},
     }
 
 
@@ -158,7 +157,7 @@ def _samples(samples: Sequence[JsonObject] | None) -> JsonObject | None:
 def dry_run_document(question: Question, timings_ms: dict[str, float]) -> JsonObject:
     """A `DryRunOut`."""
     prompt = question.prompt
-    findings = [finding.to_json() for finding in findings_before(question)]
+    findings = [finding.to_json() for finding in question.findings]
     return {
         "id": None,
         **_asked(question, prompt),

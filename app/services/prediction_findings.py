@@ -27,11 +27,7 @@ def findings_before(question: Question) -> tuple[Finding, ...]:
     if support is None:
         return tuple(_poses(question.observed))
     shown = [demonstration for group, _ in support.plans for demonstration in group]
-    plans = [
-        plan
-        for instruction in question.instructions
-        for plan in support.placed(question.objects, instruction, question.start) or ()
-    ]
+    plans = [plan for placed in question.plans.values() for plan in placed or ()]
     return (
         *_poses(question.observed),
         *(finding for pose in question.observed for finding in _place(pose, shown)),

@@ -46,7 +46,7 @@ class PredictionRecorder:
         draft = _draft(question, dialogue, timings_ms, status, actions, error)
 
         def write() -> str:
-            cameras = put_images(self._store.blobs, question.request.frames, question.request.images)
+            cameras = put_images(self._store.blobs, question.request.cameras, question.request.images)
             with self._store.write() as connection:
                 return predictions.add(connection, replace(draft, cameras=cameras) if cameras else draft).id
 

@@ -9,6 +9,7 @@ from sqlalchemy import Connection
 from app.llm.base import ModelProfile
 from app.perception.registry import estimate_poses
 from app.pipeline.episode import ObjectPose
+from app.pipeline.plans.support import PlacedPlan
 from app.pipeline.prompt import check_object_names, objects_of_task
 from app.pipeline.representation import KAT_FORMAT
 from app.pipeline.units import check_scene_units
@@ -18,6 +19,7 @@ from app.services.demonstrations import read_demonstrations, stepwise_demonstrat
 from app.services.errors import NoDemonstrationsError
 from app.services.limits import Limits
 from app.services.pose_servers import PoseServers
+from app.services.prediction_findings import findings_before
 from app.services.previous_step import PreviousStep, previous_step
 from app.services.question import PredictRequest, Question
 from app.services.select_demonstrations import DemonstrationSelector
@@ -97,6 +99,8 @@ class QuestionWriter:
             observed=objects,
             end_effector=request.end_effector or (None if previous is None else previous.end_effector),
         )
+        question = replace(question, plans=_placed(question))
+        question = replace(question, findings=findings_before(question))
         return replace(question, samples=_samples(question, told.templates)) if request.num_samples > 1 else question
 
     def usual_template(self, task_name: str) -> Template:
@@ -182,6 +186,13 @@ class QuestionWriter:
             return make_template(read, settings, style)
 
         return self._templates.get(key, make)
+
+
+def _placed(question: Question) -> dict[str, tuple[PlacedPlan, ...] | None]:
+    """The demonstrated rows in the observed scene, for each part of the instruction."""
+    if (support := question.template.support) is None:
+        return {}
+    return {part: support.placed(question.objects, part, question.start) for part in question.instructions}
 
 
 def _orders(ids: tuple[str, ...], request: PredictRequest) -> list[tuple[str, ...]]:

@@ -76,7 +76,6 @@ class EpisodeFields:
     objects: tuple[ObjectRecord, ...]
     given_objects: tuple[JsonObject, ...]
     cameras: tuple[CameraRecord, ...]
-    extra: JsonObject
     prediction_id: str | None = None
 
 
@@ -84,13 +83,19 @@ class EpisodeFields:
 class EpisodeDraft(EpisodeFields):
     """A new episode."""
 
+    extra: JsonObject
     trajectory: Trajectory
 
 
 @dataclass(frozen=True, kw_only=True)
 class EpisodeRecord(EpisodeFields):
-    """A stored episode; its trajectory is read on its own."""
+    """A stored episode; its trajectory is read on its own.
 
+    Attributes:
+        extra: what else was uploaded; None in lists, which do not read it.
+    """
+
+    extra: JsonObject | None = None
     id: str
     sequence: int
     num_frames: int

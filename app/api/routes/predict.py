@@ -9,11 +9,11 @@ from functools import partial
 from fastapi import APIRouter, Request, Response
 from fastapi.responses import JSONResponse
 from fastapi.sse import EventSourceResponse, format_sse_event
-from starlette.concurrency import run_in_threadpool
 
 from app.api.body import Body, read_body
 from app.api.documents import dry_run_document, prediction_document
 from app.api.frames import decode_frames, split_images
+from app.api.image_work import Decode, image_work
 from app.api.openapi import body_of
 from app.api.problems import own_problem
 from app.api.routes import IdempotencyKey, Wired, problems
@@ -24,7 +24,6 @@ from app.pipeline.errors import RoboPromptError
 from app.pipeline.findings import Finding
 from app.services.limits import Limits
 from app.services.prediction import PredictedAction, Prediction
-from app.services.prediction_findings import findings_before
 from app.services.question import PredictRequest
 from app.services.upload_episode import content_digest
 from app.store.values import JsonObject
@@ -69,27 +68,32 @@ async def predict(request: Request, services: Wired, idempotency_key: Idempotenc
     """
     started_s = time.perf_counter()
     body = await read_body(request, packed=True)
-    # Images take long to decode; a JSON body does not repay the change of thread.
-    limits = services.limits
-    wish, asked = await run_in_threadpool(read_question, body, limits) if body.parts else read_question(body, limits)
-    timings_ms: dict[str, float] = {}
-    if asked.dry_run:
-        question = await services.predict_actions.prepare(wish, timings_ms)
-        return JSONResponse(dry_run_document(question, timings_ms))
     streamed = EVENT_STREAM in request.headers.get("accept", "")
     keep = _not_kept
-    if idempotency_key is not None:
-        digest = content_digest(body.document, body.parts)
-        if (known := await services.repeated_predictions.answer_to(idempotency_key, digest)) is not None:
-            return EventSourceResponse(_events_again(known)) if streamed else JSONResponse(known)
-        keep = partial(services.repeated_predictions.remember, idempotency_key, digest)
-    if streamed:
+    timings_ms: dict[str, float] = {}
+    async with image_work(request).room(request, body, services.limits) as decode:
+        wish, asked = await questioned(decode, body, services.limits)
+        if idempotency_key is not None and not asked.dry_run:
+            digest = await decode(content_digest, body.document, body.parts)
+            if (known := await services.repeated_predictions.answer_to(idempotency_key, digest)) is not None:
+                return EventSourceResponse(_events_again(known)) if streamed else JSONResponse(known)
+            keep = partial(services.repeated_predictions.remember, idempotency_key, digest)
         question = await services.predict_actions.prepare(wish, timings_ms)
+        del wish  # the room is given back, and with it what was decoded
+    if asked.dry_run:
+        return JSONResponse(dry_run_document(question, timings_ms))
+    if streamed:
         answer = services.predict_actions.answer(question, timings_ms, started_s, piecewise=True)
         # What fails before the first action is answered with its own status.
         first = await anext(answer)
-        return EventSourceResponse(_events(request, findings_before(question), first, answer, keep))
-    return JSONResponse(await keep(prediction_document(await services.predict_actions(wish, started_s))))
+        return EventSourceResponse(_events(request, question.findings, first, answer, keep))
+    prediction = await services.predict_actions.complete(question, timings_ms, started_s)
+    return JSONResponse(await keep(prediction_document(prediction)))
+
+
+async def questioned(decode: Decode, body: Body, limits: Limits) -> tuple[PredictRequest, PredictBody]:
+    """What is asked; images are decoded in a thread, for which a small JSON body does not repay the change."""
+    return await decode(read_question, body, limits) if body.parts else read_question(body, limits)
 
 
 _Keep = Callable[[JsonObject], Awaitable[JsonObject]]

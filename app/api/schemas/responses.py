@@ -40,7 +40,7 @@ class ObjectOut(ObservedObjectOut):
     bins: Annotated[list[int], Field(description="three, or six where the rotation is known")]
 
 
-class EpisodeOut(BaseModel):
+class ListedEpisode(BaseModel):
     """A stored episode and what was extracted from it; the texts are in the paper's representation."""
 
     id: str
@@ -51,11 +51,16 @@ class EpisodeOut(BaseModel):
     keyframes: list[KeyframeOut]
     objects: list[ObjectOut]
     cameras: list[str]
-    extra: dict[str, Any]
     prediction_id: Annotated[str | None, Field(description="of the prediction that the robot carried out here")]
     observation_text: str
     actions_text: str
     created_at: datetime
+
+
+class EpisodeOut(ListedEpisode):
+    """An episode with what else was uploaded."""
+
+    extra: dict[str, Any]
 
 
 class UploadedEpisodeOut(EpisodeOut):
@@ -71,9 +76,9 @@ class UploadOut(BaseModel):
 
 
 class EpisodePage(BaseModel):
-    """Episodes, newest first; `next_cursor` continues the list, null at its end."""
+    """Episodes, newest first, without their `extra`; `next_cursor` continues the list, null at its end."""
 
-    episodes: list[EpisodeOut]
+    episodes: list[ListedEpisode]
     next_cursor: int | None
 
 
