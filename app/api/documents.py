@@ -10,6 +10,7 @@ from app.pipeline.prompt import Prompt
 from app.pipeline.representation import fit_codec
 from app.pipeline.workspace import Workspace, discretize_action, object_bins
 from app.services.prediction import Prediction
+from app.services.prediction_findings import findings_before
 from app.services.question import Question
 from app.services.task_settings import TaskSettings
 from app.services.task_stats import Standing, TaskStats
@@ -157,7 +158,14 @@ def _samples(samples: Sequence[JsonObject] | None) -> JsonObject | None:
 def dry_run_document(question: Question, timings_ms: dict[str, float]) -> JsonObject:
     """A `DryRunOut`."""
     prompt = question.prompt
-    return {"id": None, **_asked(question, prompt), "grammar": prompt.grammar, "timings_ms": timings_ms}
+    findings = [finding.to_json() for finding in findings_before(question)]
+    return {
+        "id": None,
+        **_asked(question, prompt),
+        "grammar": prompt.grammar,
+        "findings": findings,
+        "timings_ms": timings_ms,
+    }
 
 
 def stored_prediction_document(record: PredictionRecord) -> JsonObject:

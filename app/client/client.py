@@ -184,14 +184,16 @@ class RoboPromptClient:
             if source.response.is_error:
                 source.response.read()
                 raise ServiceProblemError(source.response.status_code, _problem(source.response))
-            for index, event in enumerate(source.iter_sse()):
+            index = 0
+            for event in source.iter_sse():
                 document = event.json()
                 if event.event == "action":
                     yield action_from_json(index, document)
+                    index += 1
                 elif event.event == "done":
                     yield _predicted(document)
                     return
-                else:
+                elif event.event == "error":
                     raise ServiceProblemError(document.get("status", 502), document)
         raise ServiceUnreachableError("POST /predict: the stream ended before it was complete")
 

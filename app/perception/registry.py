@@ -32,14 +32,20 @@ def pose_estimator(name: str) -> PoseEstimator:
     return ESTIMATORS[name]
 
 
-def estimate_poses(default: str, objects: Sequence[ObjectQuery], frames: Sequence[RgbdFrame]) -> tuple[ObjectPose, ...]:
+def estimate_poses(
+    default: str, objects: Sequence[ObjectQuery], frames: Sequence[RgbdFrame], *, given_first: bool = False
+) -> tuple[ObjectPose, ...]:
     """One pose per object, in the given order: found by its model's estimator, without a model by that named `default`.
+
+    Args:
+        given_first: a position that the caller gives is used whatever would find the object.
 
     Raises:
         as PoseEstimator.estimate; InvalidInputError for an unknown `default`.
     """
     groups: dict[str, list[ObjectQuery]] = {}
     for query in objects:
-        groups.setdefault(default if query.model is None else query.model.estimator, []).append(query)
+        name = default if query.model is None else query.model.estimator
+        groups.setdefault("given" if given_first and query.position_m is not None else name, []).append(query)
     found = {pose.name: pose for name, group in groups.items() for pose in pose_estimator(name).estimate(group, frames)}
     return tuple(found[query.name] for query in objects)

@@ -16,6 +16,7 @@ from app.pipeline.errors import InvalidInputError
 from app.pipeline.wording import checked_instruction, checked_name
 
 NUM_JOINTS = 7
+MOST_WIDTH_M = 0.2  # that a gripper opens
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +27,7 @@ class Trajectory:
         joint_velocities_rad_s: (T, 7).
         positions_m: (T, 3) end effector in the world frame.
         quaternions_xyzw: (T, 4) end effector in the world frame.
-        gripper_open: (T,) bool, the COMMANDED state.
+        gripper_open: (T,) bool, what the fingers have done.
         timestamps_s: (T,) increasing, or None.
         joint_positions_rad: (T, 7), or None.
         object_positions_m: (T, N, 3) of the scene's N objects in the world frame, or None: for closed-loop prompts.
@@ -106,7 +107,10 @@ def _booleans(name: str, value: npt.ArrayLike, length: int) -> npt.NDArray[np.bo
     numbers = finite_array(name, value, (length,))
     if (bad := ~np.isin(numbers, (0.0, 1.0))).any():
         index = int(np.flatnonzero(bad)[0])
-        raise InvalidInputError(name, f"element {index} is {numbers[index]:g}", "0 (closed) or 1 (open), as commanded")
+        remedy = "0 (closed) or 1 (open), what the fingers have done"
+        if numbers.min() >= 0 and numbers.max() <= MOST_WIDTH_M:
+            remedy += "; of widths in metres: 1 above the middle between their extremes"
+        raise InvalidInputError(name, f"element {index} is {numbers[index]:g}", remedy)
     booleans = numbers.astype(np.bool_)
     booleans.flags.writeable = False
     return booleans

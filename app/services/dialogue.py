@@ -9,6 +9,7 @@ from app.llm.base import Completion, CompletionRequest, LanguageModel, ModelTime
 from app.pipeline.episode import EndEffectorAction
 from app.pipeline.errors import ReplyParseError, UnsupportedActionError
 from app.pipeline.findings import Finding
+from app.pipeline.plans.support import PlacedRow
 from app.pipeline.prompt import Prompt
 from app.pipeline.reply import ReplyReader
 from app.services.question import Question
@@ -29,6 +30,7 @@ class Dialogue:
         reply_text: every reply so far, read piecewise also one that broke off; None while there is none.
         usage: the replies' together.
         findings: what in the replies deserves a look.
+        rows: the demonstrated row that each action carries out, where it is known.
     """
 
     def __init__(self, question: Question, model: LanguageModel, timings_ms: Timings) -> None:
@@ -39,6 +41,7 @@ class Dialogue:
         self._so_far = question.so_far
         self._temperature = question.request.sampling_temperature
         self.findings: list[Finding] = []
+        self.rows: list[PlacedRow | None] = []
         self.prompt: Prompt = question.prompt
         self.reply_text: str | None = None
         self.usage = Usage()
@@ -98,9 +101,10 @@ class Dialogue:
         async with aclosing(self._reply(reader, max_actions, piecewise=piecewise)) as arriving:
             async for item in arriving:
                 if not isinstance(item, TextDelta):
-                    support.check(item)
+                    rows = support.check(item)
                     if not piecewise:  # it is all of the reply
                         support.finish()
+                    self.rows += rows
                 yield item
         if piecewise:
             support.finish()

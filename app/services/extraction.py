@@ -8,7 +8,10 @@ from app.perception.registry import estimate_poses
 from app.pipeline.camera import RgbdFrame
 from app.pipeline.episode import ObjectPose, Trajectory
 from app.pipeline.errors import InvalidInputError
+from app.pipeline.findings import Finding
 from app.pipeline.keyframes import find_keyframes
+from app.pipeline.recording_findings import recording_findings
+from app.pipeline.timeline import frame_times_s
 from app.services.stored_images import read_frame
 from app.services.task_settings import TaskSettings
 from app.store import episodes
@@ -19,10 +22,15 @@ from app.store.values import KeyframeRecord, ObjectRecord
 
 @dataclass(frozen=True)
 class Extracted:
-    """What a prompt will say of an episode."""
+    """What a prompt will say of an episode.
+
+    Attributes:
+        findings: what in the recording deserves a look.
+    """
 
     keyframes: tuple[KeyframeRecord, ...]
     objects: tuple[ObjectRecord, ...]
+    findings: tuple[Finding, ...] = ()
 
 
 def extract(
@@ -58,7 +66,9 @@ def extract(
         )
         for frame, gripper_open in found
     )
-    return Extracted(keyframes, tuple(ObjectRecord.of(pose) for pose in _ordered(poses, names)))
+    times_s = frame_times_s(trajectory, control_frequency_hz)
+    findings = recording_findings(trajectory, times_s, found, settings.keyframes.keyframe_rule())
+    return Extracted(keyframes, tuple(ObjectRecord.of(pose) for pose in _ordered(poses, names)), findings)
 
 
 def _ordered(poses: Sequence[ObjectPose], names: Sequence[str]) -> tuple[ObjectPose, ...]:

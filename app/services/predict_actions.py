@@ -16,6 +16,7 @@ from app.services.dialogue import Dialogue
 from app.services.errors import UnparsableReplyError, UnsafeReplyError, UnsupportedReplyError
 from app.services.log_fields import note
 from app.services.prediction import PredictedAction, Prediction
+from app.services.prediction_findings import findings_before
 from app.services.prefix_warmer import PrefixWarmer
 from app.services.question import PredictRequest, Question
 from app.services.record_prediction import PredictionRecorder
@@ -51,16 +52,19 @@ class PredictActions:
         note(task=request.task)
         return await anyio.to_thread.run_sync(self._write_question, request, timings_ms)
 
-    async def __call__(self, request: PredictRequest) -> Prediction:
+    async def __call__(self, request: PredictRequest, started_s: float | None = None) -> Prediction:
         """Predict and record.
+
+        Args:
+            started_s: when the request came, by `time.perf_counter`; None: now.
 
         Raises:
             as `prepare` and `stream`.
         """
         timings_ms: dict[str, float] = {}
-        started = time.perf_counter()
+        started_s = time.perf_counter() if started_s is None else started_s
         question = await self.prepare(request, timings_ms)
-        async with aclosing(self.answer(question, timings_ms, started, piecewise=False)) as answer:
+        async with aclosing(self.answer(question, timings_ms, started_s, piecewise=False)) as answer:
             async for item in answer:
                 if isinstance(item, Prediction):
                     return item
@@ -105,7 +109,7 @@ class PredictActions:
             await record("model_error", error=str(error))
             raise
         id_ = await record("ok", actions)
-        findings = tuple(dialogue.findings)
+        findings = (*findings_before(question), *dialogue.findings)
         completion = Completion(dialogue.reply_text or "", dialogue.usage)
         yield Prediction(
             id_, question, dialogue.prompt, tuple(actions), completion, timings_ms, dialogue.samples, findings
@@ -116,6 +120,7 @@ class PredictActions:
     ) -> AsyncGenerator[PredictedAction | TextDelta, None]:
         """The dialogue's actions, each within the bounds of motion; meanwhile people see that it is under way."""
         workspace, limits = question.settings.workspace.workspace(), question.settings.limits_of_motion()
+        done = 0
         guard = MotionGuard(limits, question.request.max_actions, question.end_effector)
         with self._warmer.giving_way():
             async with (
@@ -128,5 +133,7 @@ class PredictActions:
                         continue
                     for action in arrived:
                         guard.check(action)
-                    for item in map(PredictedAction, arrived, discretize_actions(arrived, workspace)):
+                    rows = dialogue.rows[done : done + len(arrived)] or [None] * len(arrived)
+                    done += len(arrived)
+                    for item in map(PredictedAction, arrived, discretize_actions(arrived, workspace), rows):
                         yield item

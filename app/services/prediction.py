@@ -5,7 +5,9 @@ from dataclasses import dataclass
 from app.llm.base import Completion
 from app.pipeline.episode import EndEffectorAction
 from app.pipeline.findings import Finding
+from app.pipeline.plans.support import PlacedRow
 from app.pipeline.prompt import Prompt
+from app.pipeline.representation.anchors import relative_pose
 from app.pipeline.workspace import DiscreteAction
 from app.services.question import Question
 from app.store.values import JsonObject
@@ -13,10 +15,15 @@ from app.store.values import JsonObject
 
 @dataclass(frozen=True)
 class PredictedAction:
-    """An action with its bins."""
+    """An action with its bins.
+
+    Attributes:
+        row: the demonstrated row that it carries out; None where none is known.
+    """
 
     action: EndEffectorAction
     discrete: DiscreteAction
+    row: PlacedRow | None = None
 
     def to_json(self) -> JsonObject:
         """As clients get it."""
@@ -26,6 +33,21 @@ class PredictedAction:
             "gripper_open": self.action.gripper_open,
             "bins": list(self.discrete.bins),
             "clamped": self.discrete.clamped,
+            "anchor": self._anchor(),
+        }
+
+    def _anchor(self) -> JsonObject | None:
+        """What the action hangs on, so that a robot that looks again can follow it."""
+        if (row := self.row) is None:
+            return None
+        offset_m, rotation = relative_pose(row.origin_m, row.axes, self.action)
+        return {
+            "object": row.anchor.object_name or None,
+            "frame": row.anchor.frame,
+            "offset_m": offset_m.tolist(),
+            "rotation_xyzw": rotation.as_quat(canonical=True).tolist(),
+            "tolerance_m": row.tolerance_m,
+            "tolerance_deg": row.tolerance_deg,
         }
 
 

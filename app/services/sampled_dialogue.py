@@ -12,6 +12,7 @@ from app.pipeline.consensus import consensus
 from app.pipeline.episode import EndEffectorAction
 from app.pipeline.errors import ReplyParseError, UnsupportedActionError
 from app.pipeline.findings import Finding
+from app.pipeline.plans.support import PlacedRow
 from app.pipeline.prompt import Prompt
 from app.services.dialogue import Dialogue, usage_sum
 from app.services.question import Question
@@ -73,6 +74,12 @@ class SampledDialogue:
         """What in the replies that entered deserves a look."""
         used = [sample["used"] for sample in self.samples or ()]
         return [f for uses, (_, d) in zip(used, self._dialogues, strict=False) if uses for f in d.findings]
+
+    @property
+    def rows(self) -> list[PlacedRow | None]:
+        """The demonstrated row that each action carries out: those of the first reply that entered."""
+        used = [sample["used"] for sample in self.samples or ()]
+        return next((d.rows for uses, (_, d) in zip(used, self._dialogues, strict=False) if uses), [])
 
     async def actions(self, *, piecewise: bool) -> AsyncGenerator[Sequence[EndEffectorAction], None]:
         """The actions that most samples agree on, all together: `piecewise` cannot be.

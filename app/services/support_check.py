@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from app.pipeline.episode import EndEffectorAction
 from app.pipeline.errors import UnsupportedActionError
 from app.pipeline.findings import Finding
-from app.pipeline.plans.support import SupportGuard
+from app.pipeline.plans.support import PlacedRow, SupportGuard
 from app.services.question import Question
 
 
@@ -23,18 +23,20 @@ class SupportCheck:
         self._allows = question.request.unsupported == "allow"
         self.finding: Finding | None = None
 
-    def check(self, actions: Sequence[EndEffectorAction]) -> None:
-        """Let the next actions pass.
+    def check(self, actions: Sequence[EndEffectorAction]) -> list[PlacedRow | None]:
+        """Let the next actions pass; the demonstrated row that each carries out, None where none is known.
 
         Raises:
             UnsupportedActionError: unless the request lets it pass.
         """
+        return [self._row(action) for action in actions]
+
+    def _row(self, action: EndEffectorAction) -> PlacedRow | None:
         try:
-            for action in actions:
-                if self._guard is not None:
-                    self._guard.check(action)
+            return None if self._guard is None else self._guard.check(action)
         except UnsupportedActionError as error:
             self._let_pass(error)
+            return None
 
     def finish(self) -> None:
         """Let the reply end; raises as `check`."""

@@ -5,13 +5,17 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 
+import numpy as np
 from sqlalchemy import Connection
 
 from app.perception.base import ObjectQuery
 from app.perception.frames import ImageBytes
-from app.pipeline.episode import Episode
+from app.pipeline.episode import Episode, ObjectPose
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.prompt import check_object_names
+from app.pipeline.recording_findings import check_moves
+from app.pipeline.timeline import frame_times_s
+from app.pipeline.units import check_recording_units
 from app.pipeline.wording import checked_name
 from app.services.extraction import Extracted, extract
 from app.services.log_fields import note
@@ -109,6 +113,7 @@ class UploadEpisode:
             names = list(task.object_names)
             check_object_names(sent, names)
         episode = upload.episode
+        _check_recording(upload)
         return extract(
             episode.trajectory, upload.objects, episode.frames, settings, names, episode.control_frequency_hz
         )
@@ -137,11 +142,31 @@ class UploadEpisode:
             record = episodes.add(connection, _draft(upload, extracted, cameras))
             settings = with_room_for(TaskSettings.model_validate(task.settings), [extracted])
             task = tasks.update_settings(connection, upload.task, settings.model_dump(mode="json"))
-            answer = respond(record, task)
+            answer = {**respond(record, task), "findings": [item.to_json() for item in extracted.findings]}
             if (key := upload.idempotency_key) is not None:
                 idempotency.forget(connection, SCOPE, key)
                 idempotency.save(connection, SCOPE, key, upload.digest, StoredResponse(201, answer))
         return answer
+
+
+def _check_recording(upload: Upload) -> None:
+    """Refuse a recording in which nothing happens, or whose numbers are in other units.
+
+    Raises:
+        InvalidInputError: naming the field and the likely cause.
+    """
+    trajectory = upload.episode.trajectory
+    check_moves(trajectory)
+    given = tuple(
+        ObjectPose(
+            query.name,
+            np.array(query.position_m),
+            None if query.quaternion_xyzw is None else np.array(query.quaternion_xyzw),
+        )
+        for query in upload.objects
+        if query.position_m is not None
+    )
+    check_recording_units(trajectory, given, frame_times_s(trajectory, upload.episode.control_frequency_hz))
 
 
 def _what_is_extracted(task: TaskRecord) -> tuple[JsonObject, tuple[str, ...] | None]:

@@ -11,6 +11,7 @@ from app.perception.registry import estimate_poses
 from app.pipeline.episode import ObjectPose
 from app.pipeline.prompt import check_object_names, objects_of_task
 from app.pipeline.representation import KAT_FORMAT
+from app.pipeline.units import check_scene_units
 from app.pipeline.wording import checked_instruction
 from app.services.cache import Cache
 from app.services.demonstrations import read_demonstrations, stepwise_demonstrations
@@ -242,7 +243,9 @@ def _observed(request: PredictRequest, task: TaskRecord, settings: TaskSettings)
     if task.object_names is None:
         raise NoDemonstrationsError(request.task)
     check_object_names([query.name for query in request.objects], task.object_names)
-    poses = estimate_poses(settings.pose_estimator, settings.with_models(request.objects), request.frames)
+    queries = settings.with_models(request.objects)
+    poses = estimate_poses(settings.pose_estimator, queries, request.frames, given_first=True)
+    check_scene_units(poses, settings.workspace.workspace())
     return settings.canonical(objects_of_task(poses, task.object_names))
 
 

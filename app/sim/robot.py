@@ -50,6 +50,11 @@ class SimulatedPanda:
         self._joint_addresses = [task.model.joint(name).qposadr[0] for name in panda.JOINT_NAMES]
         self._target_rad: Array = task.data.ctrl[: panda.NUM_JOINTS].copy()
 
+    @property
+    def gripper_commanded_open(self) -> bool:
+        """Whether the gripper was last commanded open."""
+        return bool(self.task.data.ctrl[panda.GRIPPER_CTRL] > panda.FINGER_TRAVEL_M / 2)
+
     def observe(self) -> Observation:
         task = self.task
         if not self.cameras:

@@ -12,7 +12,7 @@ from app.api.frames import decode_frames, split_images
 from app.api.openapi import body_of
 from app.api.routes import Cursor, IdempotencyKey, Limit, Wired, problems
 from app.api.schemas.requests import EpisodeJson, EpisodeMetadata
-from app.api.schemas.responses import EpisodeOut, EpisodePage
+from app.api.schemas.responses import EpisodeOut, EpisodePage, UploadedEpisodeOut
 from app.perception.images import as_image
 from app.pipeline.episode import Episode, Trajectory
 from app.pipeline.errors import InvalidInputError
@@ -30,7 +30,7 @@ router = APIRouter(tags=["episodes"])
     "/episodes",
     status_code=201,
     operation_id="upload_episode",
-    response_model=EpisodeOut,
+    response_model=UploadedEpisodeOut,
     openapi_extra=body_of(EpisodeJson, EpisodeMetadata, "trajectory"),
     responses=problems(
         _400="the body cannot be read",

@@ -2,7 +2,7 @@
 
 import json
 import time
-from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable, Sequence
 from contextlib import aclosing
 from functools import partial
 
@@ -21,8 +21,10 @@ from app.api.schemas.requests import PredictBody
 from app.api.schemas.responses import DryRunOut, PredictionOut
 from app.llm.base import TextDelta
 from app.pipeline.errors import RoboPromptError
+from app.pipeline.findings import Finding
 from app.services.limits import Limits
 from app.services.prediction import PredictedAction, Prediction
+from app.services.prediction_findings import findings_before
 from app.services.question import PredictRequest
 from app.services.upload_episode import content_digest
 from app.store.values import JsonObject
@@ -60,9 +62,10 @@ async def predict(request: Request, services: Wired, idempotency_key: Idempotenc
     it as arrays, `{"__ndarray__": true, "data": bytes, "dtype": "|u1", "shape": [480, 640, 3]}`. Nothing is invented: a
     reply that is not a list of valid actions is an error, recorded with the prediction.
 
-    With `Accept: text/event-stream` each action comes as an event `action` as soon as its row is complete, then `done`
-    with the whole document; an event `error` with a problem document ends a reply that goes wrong in the middle. With
-    `stream_text` the reply's pieces come as well, as events `text`, before it is known whether they are valid.
+    With `Accept: text/event-stream` a first event `findings` says what is doubtful; then each action comes as an event
+    `action` as soon as its row is complete, then `done` with the whole document; an event `error` with a problem
+    document ends a reply that goes wrong in the middle. With `stream_text` the reply's pieces come as well, as events
+    `text`, before it is known whether they are valid.
     """
     started_s = time.perf_counter()
     body = await read_body(request, packed=True)
@@ -84,8 +87,9 @@ async def predict(request: Request, services: Wired, idempotency_key: Idempotenc
         question = await services.predict_actions.prepare(wish, timings_ms)
         answer = services.predict_actions.answer(question, timings_ms, started_s, piecewise=True)
         # What fails before the first action is answered with its own status.
-        return EventSourceResponse(_events(request, await anext(answer), answer, keep))
-    return JSONResponse(await keep(prediction_document(await services.predict_actions(wish))))
+        first = await anext(answer)
+        return EventSourceResponse(_events(request, findings_before(question), first, answer, keep))
+    return JSONResponse(await keep(prediction_document(await services.predict_actions(wish, started_s))))
 
 
 _Keep = Callable[[JsonObject], Awaitable[JsonObject]]
@@ -99,11 +103,17 @@ _Item = PredictedAction | TextDelta | Prediction
 
 
 async def _events(
-    request: Request, first: _Item, answer: AsyncGenerator[_Item, None], keep: _Keep
+    request: Request,
+    findings: Sequence[Finding],
+    first: _Item,
+    answer: AsyncGenerator[_Item, None],
+    keep: _Keep,
 ) -> AsyncIterator[bytes]:
-    """The answer as server-sent events."""
+    """The answer as server-sent events; what is doubtful beforehand comes first."""
     async with aclosing(answer):
         try:
+            listed = [finding.to_json() for finding in findings]
+            yield format_sse_event(event="findings", data_str=json.dumps({"findings": listed}))
             yield await _event(first, keep)
             async for item in answer:
                 yield await _event(item, keep)
@@ -123,6 +133,8 @@ async def _event(item: _Item, keep: _Keep) -> bytes:
 
 async def _events_again(document: JsonObject) -> AsyncIterator[bytes]:
     """The events of an answer that was given before."""
+    listed = {"findings": document.get("findings", [])}
+    yield format_sse_event(event="findings", data_str=json.dumps(listed))
     for action in document["actions"]:
         yield format_sse_event(event="action", data_str=json.dumps(action))
     yield format_sse_event(event="done", data_str=json.dumps(document))

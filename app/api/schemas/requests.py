@@ -101,7 +101,14 @@ class TrajectoryIn(RequestModel):
     joint_velocities: Annotated[list[list[Number]], Field(description="(T, 7) rad/s")]
     end_effector_positions: Annotated[list[list[Number]], Field(description="(T, 3) m, world frame")]
     end_effector_quaternions_xyzw: Annotated[list[list[Number]], Field(description="(T, 4), world frame")]
-    gripper_open: Annotated[list[float], Field(description="(T,) commanded: 1 open, 0 closed")]
+    gripper_open: Annotated[
+        list[float],
+        Field(
+            description="(T,) 1 open, 0 closed: what the fingers have done (closed once they hold something or have"
+            " come to rest), e.g. their width above or below the middle between its extremes. Commands come earlier;"
+            " both are the same where the arm rests while it grasps"
+        ),
+    ]
     timestamps: Annotated[list[Number] | None, Field(description="(T,) s")] = None
     joint_positions: Annotated[list[list[Number]] | None, Field(description="(T, 7) rad")] = None
     object_positions: Annotated[

@@ -3,8 +3,9 @@
 from datetime import datetime
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 
+from app.api.schemas.findings import FindingOut
 from app.services.task_settings import TaskSettings
 
 Bins = Annotated[list[int], Field(description="x y z (0..99), roll pitch yaw (0..71), gripper (1 = open)")]
@@ -55,6 +56,12 @@ class EpisodeOut(BaseModel):
     observation_text: str
     actions_text: str
     created_at: datetime
+
+
+class UploadedEpisodeOut(EpisodeOut):
+    """An episode that was just uploaded."""
+
+    findings: Annotated[list[FindingOut], Field(description="what in the recording deserves a look")]
 
 
 class UploadOut(BaseModel):
@@ -135,6 +142,23 @@ class JobPage(BaseModel):
     next_cursor: int | None
 
 
+class AnchorOut(BaseModel):
+    """What an action hangs on: the robot that sees the object move can move the action with it."""
+
+    object: Annotated[str | None, Field(description="null for the frames world and start")]
+    frame: Annotated[
+        Literal["w", "o", "world", "start"],
+        Field(
+            description="w: world axes at the object; o: the object's axes (only its yaw where it stands upright); "
+            "world: the world frame; start: world axes where the end effector was at first"
+        ),
+    ]
+    offset_m: Annotated[list[float], Field(description="(3) from the origin, along these axes")]
+    rotation_xyzw: Annotated[list[float], Field(description="(4) from these axes")]
+    tolerance_m: Annotated[float, Field(description="within which most demonstrations lie")]
+    tolerance_deg: float
+
+
 class ActionOut(BaseModel):
     """An end-effector target in the world frame."""
 
@@ -143,6 +167,7 @@ class ActionOut(BaseModel):
     gripper_open: bool
     bins: Bins
     clamped: bool
+    anchor: Annotated[AnchorOut | None, Field(description="null where no demonstrated row is known")] = None
 
 
 class PromptOut(BaseModel):
@@ -186,17 +211,6 @@ class SamplesOut(BaseModel):
 Samples = Annotated[SamplesOut | None, Field(description="null where one reply was asked for")]
 
 
-class FindingOut(BaseModel):
-    """A doubt: what deserves a look, and the numbers behind it as further members."""
-
-    model_config = ConfigDict(extra="allow")
-
-    code: str
-    severity: Literal["info", "warning", "danger"]
-    message: str
-    where: Annotated[str, Field(description="path of what it is about; empty for the whole")]
-
-
 class PredictionOut(BaseModel):
     """Actions for the robot, and where they come from."""
 
@@ -229,6 +243,7 @@ class DryRunOut(BaseModel):
     prompt: PromptOut
     prefix_hash: Annotated[str, Field(description="equal for equal prompts up to the query: what an LLM's cache keeps")]
     grammar: str | None
+    findings: list[FindingOut] = []
     timings_ms: dict[str, float]
 
 

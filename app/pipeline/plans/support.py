@@ -26,6 +26,7 @@ class PlacedRow:
         anchor: what it is relative to.
         offset_m, rotation: its centre, along the anchor's axes.
         action: the centre in the world frame.
+        origin_m, axes: of the anchor, in the world frame.
         tolerance_m, tolerance_deg: within which most demonstrations lie.
         reach_m, reach_deg: within which an action is supported.
         grippers: what demonstrations do with the gripper there.
@@ -35,6 +36,8 @@ class PlacedRow:
     offset_m: Array
     rotation: Rotation
     action: EndEffectorAction
+    origin_m: Array
+    axes: Rotation
     tolerance_m: float
     tolerance_deg: float
     reach_m: float
@@ -111,6 +114,8 @@ class Support:
             row.centre_m,
             row.mean_rotation,
             action,
+            origin_m,
+            axes,
             float(np.quantile(row.off_m, MOST)),
             float(np.quantile(row.off_deg, MOST)),
             float(row.off_m.max()) + MARGIN_M,
@@ -139,8 +144,8 @@ class SupportGuard:
         self._plans = list(plans)
         self._index = 0
 
-    def check(self, action: EndEffectorAction) -> None:
-        """Let the next action pass.
+    def check(self, action: EndEffectorAction) -> PlacedRow:
+        """Let the next action pass; the row that it carries out.
 
         Raises:
             UnsupportedActionError: naming its index, and what was expected.
@@ -154,6 +159,7 @@ class SupportGuard:
         if not supporting:
             raise _unsupported(index, action, min((plan[index] for plan in going_on), key=lambda row: row.away(action)))
         self._plans, self._index = supporting, index + 1
+        return min((plan[index] for plan in supporting), key=lambda row: row.away(action))
 
     def finish(self) -> None:
         """Let the reply end here.
