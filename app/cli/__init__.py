@@ -2,7 +2,20 @@
 
 import typer
 
-from app.cli import backup, calibrate, demo, evaluate, export_data, films, import_data, jobs, keys, serve, teach_objects
+from app.cli import (
+    backup,
+    calibrate,
+    check,
+    demo,
+    evaluate,
+    export_data,
+    films,
+    import_data,
+    jobs,
+    keys,
+    serve,
+    teach_objects,
+)
 
 application = typer.Typer(no_args_is_help=True, add_completion=False, help=__doc__, pretty_exceptions_enable=False)
 application.command("serve")(serve.serve)
@@ -14,6 +27,7 @@ application.command("demo")(demo.demo)
 application.command("eval")(evaluate.evaluate)
 application.command("films")(films.films)
 application.command("teach-objects")(teach_objects.teach_objects)
+application.command("check")(check.check)
 application.command("calibrate")(calibrate.calibrate)
 application.command("calibration-board")(calibrate.calibration_board)
 application.command("import")(import_data.import_data)

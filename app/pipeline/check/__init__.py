@@ -8,8 +8,16 @@ from app.pipeline.check.left_out import left_out, median_off, variation
 from app.pipeline.check.path import path_off_m
 from app.pipeline.check.report import EpisodeCheck, Off, PlanCheck, RowCheck, TaskCheck
 from app.pipeline.keyframes import manner_of
-from app.pipeline.plans import Demonstration, PlanRow, Recording, aligned_by_plan, by_plan, plan_rows, shown_together
-from app.pipeline.plans import asks_for
+from app.pipeline.plans import (
+    Demonstration,
+    PlanRow,
+    Recording,
+    aligned_by_plan,
+    asks_for,
+    by_plan,
+    plan_rows,
+    shown_together,
+)
 
 __all__ = ["EpisodeCheck", "Off", "PlanCheck", "RowCheck", "TaskCheck", "check_demonstrations", "demonstrated"]
 
@@ -67,4 +75,5 @@ def _episode_check(recording: Recording, demonstration: Demonstration, errors: S
     if recording.rule.rule == "waypoints":  # which takes every recording for one that flows
         manner = manner_of(recording.trajectory, recording.times_s, recording.rule.delta_rad_s)
     path_m = path_off_m(recording.trajectory, demonstration.actions)
-    return EpisodeCheck(demonstration.id, demonstration.instruction, manner, tuple(errors), path_m)
+    actions = demonstration.actions
+    return EpisodeCheck(demonstration.id, demonstration.instruction, actions, manner, tuple(errors), path_m)

@@ -39,9 +39,7 @@ def variation(actions: list[EndEffectorAction]) -> Off:
     positions_m = np.array([action.position_m for action in actions])
     rotations = Rotation.from_quat([action.quaternion_xyzw for action in actions])
     centre_m, mean = robust_centre(positions_m, rotations)
-    return median_off(
-        [_off(m, turn) for m, turn in zip(positions_m - centre_m, mean.inv() * rotations, strict=True)]
-    )
+    return median_off([_off(m, turn) for m, turn in zip(positions_m - centre_m, mean.inv() * rotations, strict=True)])
 
 
 def off_between(predicted: EndEffectorAction, shown: EndEffectorAction) -> Off:

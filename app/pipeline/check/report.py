@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass
 
+from app.pipeline.episode import EndEffectorAction
 from app.pipeline.findings import Finding
 from app.pipeline.keyframes import Manner, Rule
 from app.pipeline.representation.anchors import M_PER_RAD
@@ -46,11 +47,12 @@ class RowCheck:
     worst_id: str | None = None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class EpisodeCheck:
     """One demonstration, predicted from the others of its plan.
 
     Attributes:
+        actions: as prompts write them, before rows are made to agree.
         manner: how the recording moves.
         errors: of each row; empty without others.
         path_m: how far the recorded hand is at most from straight motion between the keyframes.
@@ -58,12 +60,13 @@ class EpisodeCheck:
 
     id: str
     instruction: str
+    actions: tuple[EndEffectorAction, ...]
     manner: Manner
     errors: tuple[Off, ...]
     path_m: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PlanCheck:
     """Demonstrations that ask for the same and do it in the same rows.
 
@@ -78,12 +81,17 @@ class PlanCheck:
     episodes: tuple[EpisodeCheck, ...]
 
     @property
+    def instructions(self) -> tuple[str, ...]:
+        """Of its demonstrations, each once."""
+        return tuple(dict.fromkeys(episode.instruction for episode in self.episodes))
+
+    @property
     def gripper(self) -> tuple[bool, ...]:
         """What the gripper does, row by row."""
         return tuple(row.gripper_open for row in self.rows)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class TaskCheck:
     """A task's demonstrations, each predicted from the others.
 
@@ -98,3 +106,8 @@ class TaskCheck:
     plans: tuple[PlanCheck, ...]
     findings: tuple[Finding, ...] = ()
     unlike_ids: tuple[str, ...] = ()
+
+    @property
+    def num_episodes(self) -> int:
+        """How many demonstrations were checked."""
+        return sum(len(plan.episodes) for plan in self.plans)

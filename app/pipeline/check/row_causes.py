@@ -20,19 +20,20 @@ def row_cause(plan: PlanCheck, number: int) -> Finding | None:
     """
     if len(plan.episodes) < FEWEST:
         return None
-    unexplained = [row for row in _judged(plan) if _follows_nothing(row)]
-    explained = [row for row in plan.rows if row not in unexplained]
+    unexplained = [k for k in _judged(plan) if _follows_nothing(plan.rows[k])]
+    explained = [row for k, row in enumerate(plan.rows) if k not in unexplained]
     noisy = {name: row for name, row in _closest(explained).items() if row.error is not None and row.error.m >= NOISY_M}
     if noisy and len(explained) > len(unexplained):
         return _noisy_poses(noisy, number)
     return _follows_no_object(plan, unexplained, number) if unexplained else None
 
 
-def _judged(plan: PlanCheck) -> Sequence[RowCheck]:
+def _judged(plan: PlanCheck) -> Sequence[int]:
     """The rows whose place matters: people come from anywhere, and leave to anywhere."""
+    everything = range(len(plan.rows))
     if all(episode.manner == "rests" for episode in plan.episodes):
-        return plan.rows
-    return [row for row in plan.rows if row.switches] or plan.rows[-1:]
+        return everything
+    return [k for k in everything if plan.rows[k].switches] or everything[-1:]
 
 
 def _follows_nothing(row: RowCheck) -> bool:
@@ -67,17 +68,17 @@ def _noisy_poses(noisy: dict[str, RowCheck], number: int) -> Finding:
     return Finding("noisy-poses", "warning", message, f"plans[{number}]", numbers)
 
 
-def _follows_no_object(plan: PlanCheck, rows: Sequence[RowCheck], number: int) -> Finding:
-    places = [plan.rows.index(row) for row in rows]
-    worst = max(rows, key=_error_m)
+def _follows_no_object(plan: PlanCheck, places: Sequence[int], number: int) -> Finding:
+    worst = max((plan.rows[k] for k in places), key=_error_m)
     assert worst.error is not None
     known = ", ".join(dict.fromkeys(name for row in plan.rows for name in row.objects)) or "none"
-    which = f"Row {places[0] + 1}" if len(rows) == 1 else f"Rows {', '.join(str(place + 1) for place in places)}"
+    which = f"Row {places[0] + 1}" if len(places) == 1 else f"Rows {', '.join(str(k + 1) for k in places)}"
     message = (
         f"{which} of {plan.episodes[0].instruction!r} vary by {100 * worst.varies.m:.1f} cm and"
         f" {worst.varies.deg:.0f} degrees and follow no known object: {100 * worst.error.m:.1f} cm and"
         f" {worst.error.deg:.0f} degrees off where the others predict them. Is an object missing that decides where the"
         f" hand goes? Other rows follow: {known}."
     )
-    numbers = {"error_cm": round(100 * worst.error.m, 2), "varies_cm": round(100 * worst.varies.m, 2), "rows": len(rows)}
+    error_cm, varies_cm = round(100 * worst.error.m, 2), round(100 * worst.varies.m, 2)
+    numbers = {"error_cm": error_cm, "varies_cm": varies_cm, "rows": len(places)}
     return Finding("row-follows-no-object", "danger", message, f"plans[{number}].rows[{places[0]}]", numbers)

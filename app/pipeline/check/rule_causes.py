@@ -25,9 +25,9 @@ def missed_path(plans: Sequence[PlanCheck], rule: KeyframeRule) -> list[Finding]
         return []
     rows = int(np.median([len(plan.rows) for plan in plans for _ in plan.episodes]))
     message = (
-        f"The rule {rule.rule!r} looks for rests, and {len(moving)} recordings do not rest where the hand turns: it finds"
-        f" {rows} keyframes, and the way between them is {100 * left_m:.1f} cm from the recorded one. Set keyframes.rule"
-        " to `auto` or `waypoints`."
+        f"The rule {rule.rule!r} looks for rests, and {len(moving)} recordings do not rest where the hand turns: it"
+        f" finds {rows} keyframes, and the way between them is up to {100 * left_m:.1f} cm from the recorded one. Set"
+        " keyframes.rule to `auto` or `waypoints`."
     )
     numbers = {"path_cm": round(100 * left_m, 2), "recordings": len(moving), "keyframes": rows}
     return [Finding("keyframes-miss-the-path", "danger", message, "keyframes.rule", numbers)]
@@ -40,7 +40,9 @@ def path_left(plan: PlanCheck, number: int, rule: KeyframeRule) -> list[Finding]
     if not plan.shown or len(left) <= OFTEN * len(moving):
         return []
     worst = max(left, key=lambda episode: episode.path_m)
-    remedy = f"lower keyframes.tolerance_m (it is {rule.tolerance_m:g})" if rule.aligned else "take the rule `waypoints`"
+    remedy = (
+        f"lower keyframes.tolerance_m (it is {rule.tolerance_m:g})" if rule.aligned else "take the rule `waypoints`"
+    )
     message = (
         f"In {len(left)} of {len(moving)} recordings that do not rest the way between keyframes leaves the recorded one"
         f" by more than {100 * LEFT_M:.0f} cm, in {worst.id} by {100 * worst.path_m:.1f} cm: {remedy}."
@@ -54,8 +56,8 @@ def many_rows(plan: PlanCheck, number: int) -> list[Finding]:
     if not plan.shown or len(plan.rows) <= MANY_ROWS:
         return []
     message = (
-        f"{plan.episodes[0].instruction!r} takes {len(plan.rows)} rows; a reply may have {MAX_ACTIONS}, and the longer it"
-        " is the more goes wrong: demonstrate the parts as tasks of their own, or raise keyframes.tolerance_m."
+        f"{plan.episodes[0].instruction!r} takes {len(plan.rows)} rows; a reply may have {MAX_ACTIONS}, and the longer"
+        " it is the more goes wrong: demonstrate the parts as tasks of their own, or raise keyframes.tolerance_m."
     )
     return [Finding("many-rows", "warning", message, f"plans[{number}]", {"rows": len(plan.rows)})]
 
@@ -67,8 +69,8 @@ def mixed_recordings(plan: PlanCheck, number: int) -> list[Finding]:
     if not (moving and resting):
         return []
     message = (
-        f"{resting} recordings of {plan.episodes[0].instruction!r} rest at their keyframes and {moving} do not: their rows"
-        " lie closer together if all are recorded in one manner."
+        f"{resting} recordings of {plan.episodes[0].instruction!r} rest at their keyframes and {moving} do not: their"
+        " rows lie closer together if all are recorded in one manner."
     )
     return [Finding("mixed-recordings", "info", message, f"plans[{number}]", {"resting": resting, "moving": moving})]
 
