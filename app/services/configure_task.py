@@ -8,7 +8,7 @@ from sqlalchemy import Connection
 from app.pipeline.wording import checked_name
 from app.services.extraction import extract_again
 from app.services.pose_servers import PoseServers
-from app.services.task_settings import TaskSettings
+from app.services.task_settings import MERGED, TaskSettings
 from app.services.workspaces import with_room_for
 from app.store import episodes, jobs, tasks
 from app.store.errors import ConflictError, NotFoundError
@@ -66,7 +66,9 @@ class ConfigureTask:
             if number > self._max_at_once:
                 with self._store.write() as connection:
                     wanted = new.model_dump(mode="json")
-                    return jobs.add(connection, name, {key: wanted[key] for key in changes})
+                    # Only what was asked for: limits that are tightened before the job ends must stay.
+                    kept = {key: _named(wanted[key], changes[key]) if key in MERGED else wanted[key] for key in changes}
+                    return jobs.add(connection, name, kept)
         return self(name, changes)
 
     def _planned(self, name: str, changes: Mapping[str, Any]) -> tuple[TaskRecord | None, TaskSettings, TaskSettings]:
@@ -101,6 +103,11 @@ class ConfigureTask:
 
     def _extract(self, record: EpisodeRecord, settings: TaskSettings) -> Extraction:
         return extract_again(self._store, record, settings)
+
+
+def _named(settings: JsonObject, change: Mapping[str, Any]) -> JsonObject:
+    """The members that a change names."""
+    return {key: settings[key] for key in change}
 
 
 def _require_no_job(connection: Connection, name: str) -> None:

@@ -71,6 +71,8 @@ class QuestionWriter:
                 task = tasks.get(connection, request.task)
                 settings = TaskSettings.model_validate(task.settings)
                 previous = None if request.after is None else previous_step(connection, request.after, request.task)
+            end_effector = request.end_effector or (None if previous is None else previous.end_effector)
+            settings.limits_of_motion().require_start(end_effector)
             if seen is None:
                 with timed(timings_ms, "poses"):
                     objects = _observed(request, task, settings)
@@ -95,7 +97,7 @@ class QuestionWriter:
             style=style,
             settings=settings,
             observed=objects,
-            end_effector=request.end_effector or (None if previous is None else previous.end_effector),
+            end_effector=end_effector,
         )
         return replace(question, samples=_samples(question, told.templates)) if request.num_samples > 1 else question
 

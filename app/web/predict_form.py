@@ -25,6 +25,7 @@ SETTINGS = (
     "timeout_s",
     "num_samples",
     "temperature",
+    "end_effector",
 )
 ImageKind = Literal["rgb", "depth", "mask"]
 

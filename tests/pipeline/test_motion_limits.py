@@ -10,7 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import EndEffectorAction
 from app.pipeline.errors import UnsafeActionError
-from app.pipeline.motion_limits import Box, MotionGuard, MotionLimits, Pose, action_from_json, angle_deg
+from app.pipeline.motion_guard import MotionGuard, action_from_json, angle_deg
+from app.pipeline.motion_limits import Box, MotionLimits, Pose
 
 WORKSPACE = Box((-0.3, -0.5, 0.6), (0.7, 0.5, 1.6))
 DOWN = (1.0, 0.0, 0.0, 0.0)

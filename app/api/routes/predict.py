@@ -80,9 +80,9 @@ async def predict(request: Request, services: Wired, idempotency_key: Idempotenc
     keep = _not_kept
     if idempotency_key is not None:
         digest = content_digest(body.document, body.parts)
-        if (known := await services.repeated_predictions.answer_to(idempotency_key, digest)) is not None:
+        if (known := await services.repeated_predictions.answer_to(idempotency_key, digest, wish)) is not None:
             return EventSourceResponse(_events_again(known)) if streamed else JSONResponse(known)
-        keep = partial(services.repeated_predictions.remember, idempotency_key, digest)
+        keep = partial(services.repeated_predictions.remember, idempotency_key, digest, wish)
     if streamed:
         question = await services.predict_actions.prepare(wish, timings_ms)
         answer = services.predict_actions.answer(question, timings_ms, started_s, piecewise=True)
