@@ -79,8 +79,8 @@ def _parser() -> argparse.ArgumentParser:
         "--limits",
         type=Path,
         metavar="FILE",
-        help='JSON: {"workspace": ..., "motion_limits": ...} as in GET /tasks/{name}, both and each bound optional: hold '
-        "these bounds, too, whatever the service says",
+        help='JSON: {"workspace": ..., "motion_limits": ...} as in GET /tasks/{name}, any bound may be left out: hold '
+        "these, too, whatever the service says",
     )
     how = run.add_mutually_exclusive_group()
     how.add_argument("--stream", action="store_true", help="begin to move while the LLM still writes")

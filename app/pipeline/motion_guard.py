@@ -127,7 +127,7 @@ def _far(start_m: Sequence[float], end_m: Sequence[float], box: Box, radius_m: f
 
 def _enters(start_m: Sequence[float], end_m: Sequence[float], box: Box, radius_m: float) -> bool:
     """Whether a sphere enters the box on its way, by more than rounding does."""
-    if clearance_m(start_m, end_m, *box) < radius_m - ROUNDING_M:
+    if not clearance_m(start_m, end_m, *box) >= radius_m - ROUNDING_M:  # nor does NaN pass, of a way beyond all measure
         return True
     smaller = [low + ROUNDING_M for low in box.min_m], [high - ROUNDING_M for high in box.max_m]
     return passes_through(start_m, end_m, *smaller)
