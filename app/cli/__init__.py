@@ -2,11 +2,25 @@
 
 import typer
 
-from app.cli import backup, calibrate, demo, evaluate, export_data, films, import_data, jobs, keys, serve, teach_objects
+from app.cli import (
+    audit,
+    backup,
+    calibrate,
+    demo,
+    evaluate,
+    export_data,
+    films,
+    import_data,
+    jobs,
+    keys,
+    serve,
+    teach_objects,
+)
 
 application = typer.Typer(no_args_is_help=True, add_completion=False, help=__doc__, pretty_exceptions_enable=False)
 application.command("serve")(serve.serve)
 application.add_typer(keys.application, name="keys")
+application.command("audit")(audit.audit)
 application.command("backup")(backup.back_up)
 application.command("restore")(backup.restore)
 application.command("jobs")(jobs.jobs)

@@ -3,7 +3,7 @@
 import json
 import shlex
 import sys
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -13,10 +13,12 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 if TYPE_CHECKING:
+    from app.evaluation.plan import Plan
     from app.evaluation.records import Method
     from app.evaluation.sweep_run import SweepResult
 
 SWEEP_NAMES = "main, formats, keyframes, demonstrations, selection, system_prompts, noise, poses, experts, loop, models"
+METHOD_NAMES = "default, nearest, regression, replay, expert"
 PACE_S = 600.0  # the time left follows from the pace of the last ten minutes: methods differ in theirs
 MAX_ERRORS = 5  # kinds of errors that the terminal shows; table.md has all
 INTERRUPTED = 130  # the exit status of a program that Ctrl-C ended
@@ -33,6 +35,31 @@ def evaluate(
     poses: Annotated[
         Literal["given", "vision"], typer.Option(help="vision: images only, by object models learned beforehand")
     ] = "given",
+    method: Annotated[
+        list[str] | None,
+        typer.Option(
+            help=f"a label of the sweep, or one of {METHOD_NAMES}; may be repeated; default: all of the sweep"
+        ),
+    ] = None,
+    recordings: Annotated[
+        Literal["rests", "continuous"],
+        typer.Option(help="demonstrations that rest at every pose, or pass them as a person does"),
+    ] = "rests",
+    seed: Annotated[
+        int,
+        typer.Option(
+            min=0,
+            help="of the first unseen scene, others follow: other than 100000 gives other scenes than the published"
+            " ones. Demonstrations keep their seeds, 0, 1, 2, ..., but for those that are tested",
+        ),
+    ] = 100_000,
+    noise: Annotated[
+        float | None,
+        typer.Option(min=0, help="on given poses, in multiples of 1.68 cm and 4.61 degrees; default: the sweep's own"),
+    ] = None,
+    noise_on: Annotated[
+        Literal["both", "test"], typer.Option(help="noise on demonstrations and tests, or on tests alone")
+    ] = "both",
     out: Annotated[Path | None, typer.Option(help="folder of the results (default: reports/eval-SWEEP-TIME)")] = None,
     ray: Annotated[
         str | None, typer.Option(help="run on the Ray cluster at this address, 'auto', or 'local' to start one")
@@ -49,6 +76,7 @@ def evaluate(
     # The simulator is an extra that `roboprompt serve` does without.
     from app.client.errors import ServiceProblemError, ServiceUnreachableError
     from app.evaluation.errors import EvaluationError
+    from app.evaluation.methods import chosen, with_noise, with_poses
     from app.evaluation.plan import Plan
     from app.evaluation.sweep_run import SweepRun
     from app.evaluation.sweeps import SWEEPS
@@ -58,10 +86,21 @@ def evaluate(
     _check("--task", task or (), TASKS)
     folder = out or Path("reports") / f"eval-{sweep}-{datetime.now():%Y%m%d-%H%M%S}"
     command = shlex.join(["roboprompt", *sys.argv[1:], *([] if out else ["--out", str(folder)])])
-    methods = SWEEPS[sweep].with_models(model or ())
+    given = SWEEPS[sweep].with_models(model or ())
+    methods = _refusing(lambda: chosen(given, method or (), model or ()), "--method")
+    methods = _refusing(lambda: with_noise(methods, noise, noise_on), "--noise")
     if poses == "vision":
-        methods = _looking(methods)
-    plan = Plan(tuple(dict.fromkeys(task or TASKS)), methods, episodes, demos, command, predictions_at_once=at_once)
+        methods = _refusing(lambda: with_poses(methods, "vision"), "--poses")
+    plan = Plan(
+        tuple(dict.fromkeys(task or TASKS)),
+        methods,
+        episodes,
+        demos,
+        command,
+        predictions_at_once=at_once,
+        recordings=recordings,
+        first_test_seed=seed,
+    )
     console = Console(stderr=as_json)
     try:
         with _progress(console) as progress:
@@ -71,9 +110,14 @@ def evaluate(
         raise typer.Exit(1) from error
     _tell(console, result, folder, command)
     if as_json:
-        print(json.dumps({"sweep": sweep, "out": str(folder), **result.summary()}))  # noqa: T201
+        print(json.dumps({"sweep": sweep, "out": str(folder), **_scenes(plan), **result.summary()}))  # noqa: T201
     if result.remaining:
         raise typer.Exit(INTERRUPTED if result.stopped == "interrupted" else 1)
+
+
+def _scenes(plan: "Plan") -> dict[str, object]:
+    """How demonstrations were recorded, and which scenes were tested, for programs."""
+    return {"recordings": plan.recordings, "seed": plan.first_test_seed, "episodes": plan.episodes}
 
 
 def _check(option: str, given: Sequence[str], known: Collection[str]) -> None:
@@ -82,14 +126,13 @@ def _check(option: str, given: Sequence[str], known: Collection[str]) -> None:
             raise typer.BadParameter(f"{name!r} is none of {', '.join(known)}", param_hint=option)
 
 
-def _looking(methods: Sequence["Method"]) -> tuple["Method", ...]:
-    from app.evaluation.methods import with_poses
+def _refusing(choose: Callable[[], tuple["Method", ...]], option: str) -> tuple["Method", ...]:
     from app.pipeline.errors import InvalidInputError
 
     try:
-        return with_poses(methods, "vision")
+        return choose()
     except InvalidInputError as error:
-        raise typer.BadParameter(str(error), param_hint="--poses") from error
+        raise typer.BadParameter(str(error), param_hint=option) from error
 
 
 def _tell(console: Console, result: "SweepResult", folder: Path, command: str) -> None:

@@ -15,6 +15,7 @@ from httpx_sse import SSEError, connect_sse
 from app.client.encoding import Part, packed_request, request_parts
 from app.client.errors import ServiceProblemError, ServiceUnreachableError
 from app.client.robot import Observation
+from app.pipeline.addresses import without_proxy
 from app.pipeline.episode import EndEffectorAction, Trajectory
 from app.pipeline.metadata import camera_json, object_json
 from app.pipeline.motion_guard import action_from_json
@@ -45,7 +46,7 @@ class RoboPromptClient:
     """Uploads demonstrations and asks for actions. Use it as a context manager, or call `close`.
 
     Args:
-        url: where the service listens.
+        url: where the service listens; proxies of the environment are used unless that is this machine.
         connection: an httpx client to use instead of an own one.
         api_key: where the service requires one; None: the environment's ROBOPROMPT_API_KEY.
         compress: send images as JPEG and PNG, for a slow network; otherwise as they are, which saves both sides the
@@ -62,7 +63,7 @@ class RoboPromptClient:
     ) -> None:
         key = os.environ.get(KEY_VARIABLE, "") if api_key is None else api_key
         headers = {"Authorization": f"Bearer {key}"} if key else {}
-        self._http = connection or httpx.Client(base_url=url, timeout=60, headers=headers)
+        self._http = connection or httpx.Client(base_url=url, timeout=60, headers=headers, mounts=without_proxy(url))
         self._compress = compress
 
     def __enter__(self) -> Self:

@@ -5,7 +5,7 @@ As JSON, e.g. for DROID in LeRobot's format; a column may be cut, `observation.s
     {"joint_positions": "observation.state.joint_position",
      "end_effector_positions": "observation.state.cartesian_position[0:3]",
      "end_effector_rotations": "observation.state.cartesian_position[3:6]", "rotation_format": "euler_xyz",
-     "gripper": "action.gripper_position", "gripper_open_below": 0.5,
+     "gripper": "observation.state.gripper_position", "gripper_open_below": 0.25,
      "objects": [{"name": "cube", "position": "observation.cube_pos", "rotation": "observation.cube_quat"}],
      "cameras": [{"name": "front", "rgb": "observation.images.front", "depth": "observation.depth.front",
                   "intrinsics": {"fx": 600, "fy": 600, "cx": 320, "cy": 240}, "camera_to_world": [[1, 0, 0, 0], ...]}]}
@@ -58,6 +58,7 @@ class FeatureMap:
 
     Attributes:
         rotation_format: of every rotation; Euler angles in radians, extrinsic.
+        gripper: the measured width rather than the command, which comes before the fingers have done it.
         gripper_open_above, gripper_open_below: the gripper is open where its column is above, or below; one of them.
     """
 

@@ -10,14 +10,7 @@ from app.evaluation.executors import Executor
 from app.evaluation.records import Evaluation, TaskEvaluation, TaughtEpisode, Trial
 from app.evaluation.report.selection import detailed_failures, detailed_successes
 from app.pipeline.episode import EndEffectorAction
-from app.sim.demonstrate import (
-    RecordedDemonstration,
-    RolloutResult,
-    SceneView,
-    record_demonstration,
-    rollout,
-    view_scene,
-)
+from app.sim.demonstrate import RolloutResult, SceneView, rollout, view_scene
 from app.sim.tasks import TASKS
 
 
@@ -35,7 +28,7 @@ def illustrated(evaluation: Evaluation, executor: Executor, progress: Progress) 
     shown = [_shown(task, evaluation) for task in evaluation.tasks]
     bar = progress.add_task("pictures", total=sum(map(len, shown)))
     for task, trials in zip(evaluation.tasks, shown, strict=True):
-        first = _record_first(executor, task.taught)
+        first = _view_first(executor, task.taught)
         pictures = {trial: _submit(executor, trial) for trial in trials}
         for future in pictures.values():
             future.add_done_callback(lambda _: progress.advance(bar))
@@ -47,13 +40,11 @@ def _shown(task: TaskEvaluation, evaluation: Evaluation) -> list[Trial]:
     return [*detailed_failures(task.trials, methods), *detailed_successes(task.trials, methods)]
 
 
-def _record_first(executor: Executor, taught: Sequence[TaughtEpisode]) -> Future[RecordedDemonstration] | None:
+def _view_first(executor: Executor, taught: Sequence[TaughtEpisode]) -> Future[SceneView] | None:
     if not taught or taught[0].recorded.scene.frames:
         return None
-    recorded = taught[0].recorded
-    return executor.submit(
-        record_demonstration, recorded.scene.task, recorded.scene.seed, recorded.control_frequency_hz
-    )
+    scene = taught[0].recorded.scene
+    return executor.submit(view_scene, scene.task, scene.seed)
 
 
 def _submit(executor: Executor, trial: Trial) -> Future[_Pictures]:
@@ -71,11 +62,12 @@ def _take_pictures(task: str, seed: int, actions: Sequence[EndEffectorAction] | 
 
 
 def _with_pictures(
-    task: TaskEvaluation, recorded: Future[RecordedDemonstration] | None, futures: dict[Trial, Future[_Pictures]]
+    task: TaskEvaluation, first: Future[SceneView] | None, futures: dict[Trial, Future[_Pictures]]
 ) -> TaskEvaluation:
     taught = task.taught
-    if recorded is not None:
-        taught = (replace(taught[0], recorded=recorded.result()), *taught[1:])
+    if first is not None:
+        seen = replace(taught[0].recorded, scene=first.result())
+        taught = (replace(taught[0], recorded=seen), *taught[1:])
     trials = (_illustrate(trial, futures[trial].result()) if trial in futures else trial for trial in task.trials)
     return replace(task, taught=taught, trials=tuple(trials))
 

@@ -29,6 +29,8 @@ def digest_of(method: Method, taught: Mapping[str, Any]) -> str:
     del everything["stored"]  # `taught` tells how many were recorded
     if method.poses == "given":  # results that do not say stay valid
         del everything["poses"]
+    if method.taught_noise == method.noise:  # the same holds of noise on both
+        del everything["noise_on"]
     return hashlib.sha256(json.dumps(everything, sort_keys=True).encode()).hexdigest()[:DIGEST_CHARS]
 
 

@@ -1,16 +1,72 @@
 """The methods that evaluations compare, apart from those that only one sweep knows."""
 
-from collections.abc import Iterable, Sequence
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from app.evaluation.records import REPLAY, Method, Poses
+from app.evaluation.records import EXPERT, REPLAY, Method, NoiseOn, Poses
+from app.pipeline.errors import InvalidInputError
 
 PAPER = {"representation": "absolute", "prompt_format": "paper", "system_prompt": "a"}
 KAT = {"representation": "action_tokens", "prompt_format": "kat"}
 REGRESSION = Method("regression, no LLM", {"model": "regression"})
 COPY = Method("nearest demonstration's rows, no LLM", {"model": "nearest"})
 NEAREST = Method("nearest demonstration", source="nearest demonstration")
+
+
+# What a method can be called beside the labels of a sweep
+SIMPLE_NAMES: Mapping[str, Method] = {
+    "default": Method("default"),
+    "nearest": COPY,
+    "regression": REGRESSION,
+    "replay": REPLAY,
+    "expert": EXPERT,
+}
+
+
+def chosen(methods: Sequence[Method], names: Sequence[str], models: Sequence[str]) -> tuple[Method, ...]:
+    """The methods that are asked for by name, in that order; all if none are.
+
+    Args:
+        methods: of a sweep, with its models.
+        names: labels of `methods`, or simple ones.
+        models: for those that a simple name stands for; see `with_models`.
+
+    Raises:
+        InvalidInputError: naming the names that there are.
+    """
+    by_label = {method.label: method for method in methods}
+    found: dict[str, Method] = {} if names else by_label
+    for name in names:
+        if name not in by_label and name not in SIMPLE_NAMES:
+            valid = ", ".join(map(repr, dict.fromkeys([*by_label, *SIMPLE_NAMES])))
+            raise InvalidInputError("method", f"{name!r} is neither a label of the sweep nor a simple name", valid)
+        named = (by_label[name],) if name in by_label else with_models((SIMPLE_NAMES[name],), models)
+        found.update((method.label, method) for method in named)
+    return tuple(found.values())
+
+
+def with_noise(methods: Iterable[Method], scale: float | None, on: NoiseOn) -> tuple[Method, ...]:
+    """The methods with noise on the poses that they see; those that see none stay as they are.
+
+    Args:
+        scale: in multiples of the paper's errors; None: each method's own.
+
+    Raises:
+        InvalidInputError: if the scale is no size, if a method that sets its noise itself is given another, or if one
+            finds poses in images.
+    """
+    if scale is not None and not (math.isfinite(scale) and scale >= 0):
+        raise InvalidInputError("noise", f"is {scale}", "a finite number, 0 or above")
+    noisy: list[Method] = []
+    for method in methods:
+        if scale is not None and method.noise:
+            why = f"is {scale:g}, but {method.label!r} has a noise of {method.noise:g} of its own"
+            raise InvalidInputError("noise", why, "another sweep, or --method with methods that set none")
+        size = method.noise if scale is None else scale
+        noisy.append(replace(method, noise=size, noise_on=on) if method.sees_poses and size else method)
+    return tuple(noisy)
 
 
 def methods_beside(model: str | None, representation: str | None) -> tuple[Method, ...]:

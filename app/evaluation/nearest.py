@@ -8,7 +8,6 @@ from scipy.spatial.transform import Rotation
 from app.evaluation.records import TaughtEpisode
 from app.pipeline.episode import EndEffectorAction, ObjectPose
 from app.pipeline.geometry import canonical_pose
-from app.pipeline.keyframes import merged
 
 LEVER_M = 0.1  # a turn counts as far as it moves a point at this distance; the length of KAT's triplets
 
@@ -19,7 +18,7 @@ def replayed(
     objects: Sequence[ObjectPose],
     yaw_symmetry_deg: Mapping[str, float],
 ) -> tuple[EndEffectorAction, ...]:
-    """The keyframes, as they were recorded, of the demonstration whose object poses are nearest to `objects`.
+    """The keyframes that the service found in the demonstration whose object poses are nearest to `objects`.
 
     Only demonstrations of the same instruction are considered, where there are any. The distance is the sum over the
     objects of their shifts in metres and of their turns times 10 cm, up to their symmetry.
@@ -31,8 +30,8 @@ def replayed(
         poses = [ObjectPose(o["name"], o["position"], o["quaternion_xyzw"]) for o in item.document["objects"]]
         return sum(_distance_m(canonical_pose(p, yaw_symmetry_deg.get(p.name)), observed[p.name]) for p in poses)
 
-    trajectory = min(alike, key=distance_m).recorded.trajectory
-    return tuple(trajectory.action_at(index) for index in merged(trajectory))
+    nearest = min(alike, key=distance_m)
+    return tuple(nearest.recorded.trajectory.action_at(item["index"]) for item in nearest.document["keyframes"])
 
 
 def _distance_m(a: ObjectPose, b: ObjectPose) -> float:

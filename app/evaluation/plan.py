@@ -2,10 +2,13 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 from app.evaluation.ledger import Ledger, digest_of
 from app.evaluation.records import FIRST_TEST_SEED, Crash, Method, Trial
+from app.evaluation.teach import Recording
 from app.evaluation.trials import Cell
+from app.sim.demonstrate import Recordings
 
 CONTROL_FREQUENCY_HZ = 20.0  # of RLBench's demonstrations
 
@@ -20,6 +23,8 @@ class Plan:
         command: for the report.
         images: whether demonstrations are uploaded with their images; recording takes a few times longer.
         predictions_at_once: requests that the service is asked at a time.
+        recordings: whether the expert rests at its poses while it demonstrates.
+        first_test_seed: unseen scenes are drawn from this seed on.
     """
 
     tasks: tuple[str, ...]
@@ -30,6 +35,8 @@ class Plan:
     images: bool = False
     predictions_at_once: int = 1
     control_frequency_hz: float = CONTROL_FREQUENCY_HZ
+    recordings: Recordings = "rests"
+    first_test_seed: int = FIRST_TEST_SEED
 
     @property
     def recorded(self) -> int:
@@ -45,7 +52,12 @@ class Plan:
     @property
     def seeds(self) -> range:
         """Of the unseen scenes."""
-        return range(FIRST_TEST_SEED, FIRST_TEST_SEED + self.episodes)
+        return range(self.first_test_seed, self.first_test_seed + self.episodes)
+
+    @property
+    def recording(self) -> Recording:
+        """How demonstrations are recorded; they are drawn from the seeds from 0 on, but for those of unseen scenes."""
+        return Recording(self.control_frequency_hz, self.recordings, self.seeds)
 
     def cells(self) -> Iterator[Cell]:
         """Every trial. A method's trials on a task follow each other, so that the LLM keeps their common prefix."""
@@ -56,7 +68,17 @@ class Plan:
 
     def digest(self, method: Method) -> str:
         """See `app.evaluation.ledger`."""
-        taught = {"demonstrations": self.demonstrations, "recorded": self.recorded, "hz": self.control_frequency_hz}
+        taught: dict[str, Any] = {
+            "demonstrations": self.demonstrations,
+            "recorded": self.recorded,
+            "hz": self.control_frequency_hz,
+        }
+        if self.recordings != "rests":  # results that do not say stay valid
+            taught["recordings"] = self.recordings
+        if self.first_test_seed != FIRST_TEST_SEED:
+            taught["first_test_seed"] = self.first_test_seed
+        if self.first_test_seed < FIRST_TEST_SEED:  # their number decides which scenes are left to demonstrate
+            taught["episodes"] = self.episodes
         return digest_of(method, taught)
 
     def outcome(self, ledger: Ledger, cell: Cell) -> Trial | Crash | None:

@@ -12,6 +12,7 @@ FIRST_TEST_SEED = 100_000  # demonstrations are drawn from the seeds below
 
 # Where a method's actions come from; `app.evaluation.trials` has the function for each.
 Poses = Literal["given", "vision"]
+NoiseOn = Literal["both", "test"]
 Source = Literal["service", "closed loop", "nearest demonstration", "expert replay", "expert"]
 
 
@@ -24,7 +25,8 @@ class Method:
         options: for `POST /predict`.
         settings: for `PUT /tasks/{name}`, beside those of every evaluation; methods that differ here are taught under
             different task names.
-        noise: added to the poses of demonstrations and tests, as a multiple of the error in `app.evaluation.noise`.
+        noise: added to poses, as a multiple of the error in `app.evaluation.noise`.
+        noise_on: whether it is added to the poses of demonstrations and tests, or of tests alone.
         poses: whether the service is given the objects' poses, or finds them in images (`app.evaluation.vision`).
         stored: episodes that the task must have for the service to choose from, if more than it shows.
         source: where the actions come from; `closed loop` asks the service for one at a time, others do not ask it.
@@ -37,6 +39,7 @@ class Method:
     source: Source = "service"
     poses: Poses = "given"
     stored: int = 0
+    noise_on: NoiseOn = "both"
 
     def __post_init__(self) -> None:
         if self.poses == "vision" and (self.noise or self.source != "service"):
@@ -47,6 +50,16 @@ class Method:
     def asks_service(self) -> bool:
         """Whether an LLM is asked."""
         return self.source in ("service", "closed loop")
+
+    @property
+    def sees_poses(self) -> bool:
+        """Whether the actions depend on where objects are seen."""
+        return self.asks_service or self.source == "nearest demonstration"
+
+    @property
+    def taught_noise(self) -> float:
+        """The noise on the poses of demonstrations."""
+        return self.noise if self.noise_on == "both" else 0.0
 
 
 REPLAY = Method("expert replay", source="expert replay")

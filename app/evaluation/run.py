@@ -83,7 +83,7 @@ class Run:
     def _teach_task(self, task: str, suffixes: set[str], on_done: Callable[[], None]) -> Lessons:
         plan, ways = self.plan, variants(self.plan.methods)
         looks = any(ways[suffix].poses == "vision" for suffix in suffixes)
-        recording = partial(record, self.executor, task, control_frequency_hz=plan.control_frequency_hz)
+        recording = partial(record, self.executor, task, how=plan.recording)
         try:
             recorded = recording(plan.recorded, images=plan.images or looks, on_done=on_done)
             labelled = recording(LABELLED_SCENES, images=True, first_seed=FIRST_LABELLED_SEED) if looks else ()
@@ -110,7 +110,8 @@ class Run:
         cells = self.plan.remaining(self.ledger)
         total = sum(1 for _ in self.plan.cells())
         bar = self.progress.add_task("trials", total=total, completed=total - len(cells))
-        laboratory = Laboratory(self.client, self.executor, threading.Semaphore(self.plan.predictions_at_once))
+        asking = threading.Semaphore(self.plan.predictions_at_once)
+        laboratory = Laboratory(self.client, self.executor, asking, self.plan.recordings)
         unreachable = 0
 
         def run(cell: Cell) -> None:

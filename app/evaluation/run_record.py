@@ -59,6 +59,7 @@ class RunRecord:
             "episodes": plan.episodes,
             "demonstrations": plan.demonstrations,
             "control_frequency_hz": plan.control_frequency_hz,
+            "recordings": plan.recordings,
             "test_seeds": [plan.seeds[0], plan.seeds[-1]],
         }
         self._here = {"versions": versions(), "machine": machine(), "commit": commit()}

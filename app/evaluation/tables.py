@@ -55,10 +55,10 @@ def terminal_table(evaluation: Evaluation) -> Table:
 
 
 def sweep_summary(evaluation: Evaluation) -> dict[str, Any]:
-    """Figures by task and method, means, and the paper's."""
+    """Figures by task, of the first method and beside them of each, means, and the paper's."""
     names = [task.task for task in evaluation.tasks]
     return {
-        "tasks": {task.task: {m.label: _figures(task, m) for m in evaluation.methods} for task in evaluation.tasks},
+        "tasks": {task.task: _task_summary(task, evaluation.methods) for task in evaluation.tasks},
         "mean_success_rate": {method.label: mean_rate(evaluation, method) for method in evaluation.methods},
         "paper_mean_percent": {name: paper.mean_percent(name, names) for name in paper.METHODS},
         "trials": sum(len(task.trials) for task in evaluation.tasks),
@@ -84,6 +84,15 @@ def _error_section(evaluation: Evaluation) -> list[str]:
     return ["## Errors", "\n".join(errors)] if errors else []
 
 
+def _task_summary(task: TaskEvaluation, methods: Sequence[Method]) -> dict[str, Any]:
+    first = methods[0]
+    return {
+        **_figures(task, first),
+        "method": first.label,
+        "methods": {method.label: _figures(task, method) for method in methods},
+    }
+
+
 def _figures(task: TaskEvaluation, method: Method) -> dict[str, Any]:
     scored = task_score(task, method)
     figures = method_summary(of_method(task.trials, method))
@@ -101,9 +110,16 @@ def _method_rows(evaluation: Evaluation) -> Iterator[list[str]]:
 def _asked(trials: Sequence[Trial], method: Method) -> str:
     answers = [trial.answer for trial in trials if trial.answer is not None]
     asked = dict.fromkeys(f"{a['model']}, {a['representation']}, {a['prompt_format']}" for a in answers)
-    own = {**method.options, **method.settings, **({"pose noise": method.noise} if method.noise else {})}
+    own = {**method.options, **method.settings, **_noise_of(method)}
     told = {name: value for name, value in own.items() if name not in ("model", "representation", "prompt_format")}
     return "; ".join([*asked, *(f"{name} {json.dumps(value)}" for name, value in told.items())]) or NOTHING
+
+
+def _noise_of(method: Method) -> dict[str, Any]:
+    if not method.noise:
+        return {}
+    where = "pose noise" if method.noise_on == "both" else "pose noise of tests alone"
+    return {where: method.noise}
 
 
 def _markdown_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:

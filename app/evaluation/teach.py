@@ -3,22 +3,37 @@
 import json
 import re
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, replace
+from itertools import count
 
 from app.client.client import RoboPromptClient
 from app.client.robot import Observation
 from app.evaluation.errors import ExpertFailedError
 from app.evaluation.executors import Executor
 from app.evaluation.noise import disturbed
-from app.evaluation.records import FIRST_TEST_SEED, Method, TaughtEpisode
+from app.evaluation.records import Method, TaughtEpisode
 from app.evaluation.vision import images_only, learned_models
-from app.sim.demonstrate import RecordedDemonstration, record_demonstration
+from app.sim.demonstrate import RecordedDemonstration, Recordings, record_demonstration
 from app.sim.tasks import TASKS
 
 MAX_FAILED_SHARE = 0.5
 MAX_SLUG_CHARS = 20
+
+
+@dataclass(frozen=True)
+class Recording:
+    """How demonstrations are recorded.
+
+    Attributes:
+        recordings: whether the expert rests at its poses.
+        unseen: seeds of scenes that no demonstration may show.
+    """
+
+    control_frequency_hz: float
+    recordings: Recordings = "rests"
+    unseen: Collection[int] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,14 +77,15 @@ def suffix_of(method: Method, methods: Sequence[Method]) -> str:
 
 
 def _variant(method: Method) -> str:
-    return json.dumps([method.settings, method.noise, method.source == "closed loop", method.poses], sort_keys=True)
+    taught = [method.settings, method.taught_noise, method.source == "closed loop", method.poses]
+    return json.dumps(taught, sort_keys=True)
 
 
 def record(
     executor: Executor,
     task: str,
     number: int,
-    control_frequency_hz: float,
+    how: Recording,
     *,
     images: bool,
     on_done: Callable[[], None] = lambda: None,
@@ -78,14 +94,14 @@ def record(
     """`number` successful demonstrations, in the order of their seeds.
 
     Args:
-        first_seed: further ones follow.
+        first_seed: further ones follow, but for those that `how` leaves out.
         on_done: called after each.
 
     Raises:
         ExpertFailedError: if more than half of the expert's attempts fail.
     """
     recorded = []
-    for demonstration in _successful(executor, task, number, control_frequency_hz, images, first_seed):
+    for demonstration in _successful(executor, task, number, how, images, first_seed):
         recorded.append(demonstration)
         on_done()
     return tuple(recorded)
@@ -123,13 +139,13 @@ def _settings(task: str, num_demonstrations: int, method: Method) -> Mapping[str
 
 
 def _successful(
-    executor: Executor, task: str, number: int, control_frequency_hz: float, images: bool, first_seed: int
+    executor: Executor, task: str, number: int, how: Recording, images: bool, first_seed: int
 ) -> Iterator[RecordedDemonstration]:
     """Demonstrations that solve their scenes; a failed one is replaced by that of a further seed."""
-    seeds = iter(range(first_seed, FIRST_TEST_SEED))
+    seeds = (seed for seed in count(first_seed) if seed not in how.unseen)
 
     def submit() -> Future[RecordedDemonstration]:
-        return executor.submit(_record, task, next(seeds), control_frequency_hz, images)
+        return executor.submit(_record, task, next(seeds), how.control_frequency_hz, how.recordings, images)
 
     pending = deque(submit() for _ in range(number))
     failed = 0
@@ -144,15 +160,17 @@ def _successful(
         pending.append(submit())
 
 
-def _record(task: str, seed: int, control_frequency_hz: float, images: bool) -> RecordedDemonstration:
-    return record_demonstration(task, seed, control_frequency_hz, images=images)
+def _record(
+    task: str, seed: int, control_frequency_hz: float, recordings: Recordings, images: bool
+) -> RecordedDemonstration:
+    return record_demonstration(task, seed, control_frequency_hz, images=images, recordings=recordings)
 
 
 def _upload(client: RoboPromptClient, name: str, recorded: RecordedDemonstration, method: Method) -> dict[str, object]:
     scene, trajectory = recorded.scene, recorded.trajectory
     if method.source != "closed loop":
         trajectory = replace(trajectory, object_positions_m=None, object_quaternions_xyzw=None)
-    seen = Observation(disturbed(scene.objects, method.noise, scene.seed), scene.frames)
+    seen = Observation(disturbed(scene.objects, method.taught_noise, scene.seed), scene.frames)
     if method.poses == "vision":
         seen = images_only(scene.frames, scene.objects)
     return client.upload(

@@ -23,6 +23,7 @@ from app.pipeline.keyframes import merged
 from app.pipeline.workspace import Workspace, discretize_action, undiscretize_action
 from app.sim.demonstrate import (
     RecordedDemonstration,
+    Recordings,
     RolloutResult,
     SceneView,
     record_demonstration,
@@ -47,11 +48,13 @@ class Laboratory:
 
     Attributes:
         asking: held while the LLM is asked, so that it is not asked for more at once than it should be.
+        recordings: how experts that are tried solve their scenes.
     """
 
     client: RoboPromptClient
     executor: Executor
     asking: threading.Semaphore = field(default_factory=threading.Semaphore)
+    recordings: Recordings = "rests"
 
     def run(self, cell: Cell, lesson: Lesson) -> Trial:
         """Run the trial of `cell`.
@@ -141,7 +144,7 @@ def _replay_expert(laboratory: Laboratory, cell: Cell, lesson: Lesson, scene: Sc
 
 def _perform_expert(laboratory: Laboratory, cell: Cell, lesson: Lesson, scene: SceneView) -> Trial:
     """The scene solved as demonstrations are: how often could it be taught at all?"""
-    timed = call(laboratory.executor, _expert, cell.task, cell.seed)
+    timed = call(laboratory.executor, _expert, cell.task, cell.seed, laboratory.recordings)
     execution, actions = timed.result
     return Trial(
         cell.task, cell.seed, cell.method.label, scene, execution=execution, execute_s=timed.seconds, actions=actions
@@ -186,10 +189,11 @@ def _execute(task: str, seed: int, actions: _Actions) -> _Timed[RolloutResult]:
     return _Timed(result, time.perf_counter() - started)
 
 
-def _expert(task: str, seed: int) -> _Timed[tuple[RolloutResult, _Actions]]:
+def _expert(task: str, seed: int, recordings: Recordings) -> _Timed[tuple[RolloutResult, _Actions]]:
     started = time.perf_counter()
-    recorded = record_demonstration(task, seed, variation=TASKS[task].test_variation(seed), images=False)
-    actions = _keyframe_actions(recorded)
+    variation = TASKS[task].test_variation(seed)
+    recorded = record_demonstration(task, seed, variation=variation, images=False, recordings=recordings)
+    actions = _keyframe_actions(recorded) if recordings == "rests" else recorded.expert_actions
     result = RolloutResult(task, seed, len(actions), recorded.succeeded, recorded.failure, ())
     return _Timed((result, actions), time.perf_counter() - started)
 

@@ -20,6 +20,6 @@ def frame_times_s(trajectory: Trajectory, control_frequency_hz: float = CONTROL_
 
 
 def gripper_stretches(gripper_open: Sequence[bool]) -> list[tuple[int, int, bool]]:
-    """First frame, frame after the last, and state of each stretch in which the gripper's command stays the same."""
+    """First frame, frame after the last, and state of each stretch in which the gripper stays open or closed."""
     edges = [0, *(np.flatnonzero(np.diff(gripper_open)) + 1).tolist(), len(gripper_open)]
     return [(first, end, bool(gripper_open[first])) for first, end in pairwise(edges)]

@@ -66,7 +66,7 @@ class Services:
         def profile_of(name: str | None) -> ModelProfile:
             if name is not None and name != default_model:
                 limits.check_model(name)
-            return models.get(name or default_model).profile
+            return models.profile(name or default_model)
 
         metrics = Metrics()
         write_question = QuestionWriter(store, profile_of, limits, pose_servers)

@@ -49,7 +49,7 @@ class PredictionRecorder:
         draft = _draft(question, dialogue, timings_ms, status, actions, error)
 
         def write() -> str:
-            cameras = put_images(self._store.blobs, question.request.frames, question.request.images)
+            cameras = put_images(self._store.blobs, question.request.cameras, question.request.images)
             with self._store.write() as connection:
                 check(connection)
                 return predictions.add(connection, replace(draft, cameras=cameras) if cameras else draft).id
@@ -91,4 +91,5 @@ def _draft(
         step=question.step,
         objects=tuple(map(ObjectRecord.of, question.observed)),
         samples=dialogue.samples,
+        grounding=question.grounded.to_json(),
     )

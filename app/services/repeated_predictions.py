@@ -14,7 +14,7 @@ from app.store.records import StoredResponse
 from app.store.store import Store
 from app.store.values import JsonObject
 
-SCOPE = "POST /predict"
+SCOPE = idempotency.PREDICT
 
 
 class RepeatedPredictions:

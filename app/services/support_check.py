@@ -17,8 +17,7 @@ class SupportCheck:
     """
 
     def __init__(self, question: Question, instruction: str) -> None:
-        support = question.template.support
-        plans = None if support is None else support.placed(question.objects, instruction, question.start)
+        plans = question.plans.get(instruction)
         self._guard = SupportGuard(plans) if plans else None
         self._allows = question.request.unsupported == "allow"
         self.finding: Finding | None = None

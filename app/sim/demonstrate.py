@@ -3,20 +3,26 @@
 Arguments and results can be pickled: call these functions from worker processes.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 from app.client.robot import MotionError
 from app.pipeline.camera import RgbdFrame
 from app.pipeline.episode import EndEffectorAction, ObjectPose, Trajectory
 from app.sim.cameras import CAMERA_NAMES
 from app.sim.film import FilmStrip
-from app.sim.moves import Move, moves_from_actions
-from app.sim.recorder import Recorder
+from app.sim.guided import GuidedPanda
+from app.sim.moves import Move, action_from_move, moves_from_actions
+from app.sim.person import Person
+from app.sim.recorder import GripperState, Recorder
 from app.sim.rendering import RgbImage
 from app.sim.robot import DWELL_S, SimulatedPanda
 from app.sim.tasks import make_task
 
+# How experts are recorded: at rest at each of their poses, or passing them as a person does (`app.sim.person`)
+Recordings = Literal["rests", "continuous"]
+GRIPPER_STATES: Mapping[Recordings, GripperState] = {"rests": "commanded", "continuous": "measured"}
 DWELL_SAMPLES = 2  # of every rest, so that keyframe rules see it at any rate
 FINAL_HOLD_S = 0.5  # things come to rest before the outcome is judged
 
@@ -44,9 +50,10 @@ class RecordedDemonstration:
     """An expert's solution of a scene.
 
     Attributes:
-        num_expert_poses: how many poses the expert chose; the keyframe rule `merged` finds as many.
+        num_expert_poses: how many poses the expert chose; where it rested, the keyframe rule `merged` finds as many.
         succeeded: whether the scene was solved in the end.
         failure: why it was not; empty if it was.
+        expert_actions: the poses that the expert chose, and what the gripper then does.
         film_strip: (H, W, 3) images of camera `front` before the first and after each pose; empty if not asked for.
     """
 
@@ -57,6 +64,7 @@ class RecordedDemonstration:
     succeeded: bool
     failure: str
     film_strip: tuple[RgbImage, ...]
+    expert_actions: tuple[EndEffectorAction, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,23 +101,41 @@ def record_demonstration(
     variation: int | None = None,
     images: bool = True,
     film_strip: bool = False,
+    recordings: Recordings = "rests",
+    gripper: GripperState | None = None,
 ) -> RecordedDemonstration:
     """Let the task's expert solve the scene of a seed, and record it. A demonstration that failed says so.
+
+    Args:
+        recordings: whether the arm rests at each of the expert's poses, or passes them as a person does.
+        gripper: None records what was commanded where the arm rests, otherwise what the fingers have done.
 
     Raises:
         InvalidInputError: for an unknown task or variation, or a frequency that the simulation cannot sample at.
     """
-    robot = robot_in_scene(task_name, seed, variation, images=images)
-    robot.dwell_s = max(DWELL_S, DWELL_SAMPLES / control_frequency_hz)
-    recorder = Recorder(robot.task.model, robot.task.data, control_frequency_hz, robot.task.object_poses)
+    if recordings == "rests":
+        robot = robot_in_scene(task_name, seed, variation, images=images)
+        robot.dwell_s = max(DWELL_S, DWELL_SAMPLES / control_frequency_hz)
+    else:
+        robot = _guided_robot(task_name, seed, variation, images=images)
+    task = robot.task
+    commanded_open = lambda: robot.gripper_commanded_open  # noqa: E731
+    recorder = Recorder(task.model, task.data, control_frequency_hz, task.object_poses, commanded_open)
     scene = _view(robot, seed)
     robot.after_step.append(recorder.sample)
-    moves = robot.task.expert()
+    moves = task.expert()
     film, _, error = _perform(robot, moves, film_strip=film_strip)
-    trajectory = recorder.trajectory()
+    trajectory = recorder.trajectory(gripper or GRIPPER_STATES[recordings])
     failure = error or judge(robot)
     return RecordedDemonstration(
-        scene, trajectory, control_frequency_hz, len(moves), not failure, failure, tuple(film.images)
+        scene,
+        trajectory,
+        control_frequency_hz,
+        len(moves),
+        not failure,
+        failure,
+        tuple(film.images),
+        tuple(map(action_from_move, moves)),
     )
 
 
@@ -141,6 +167,12 @@ def robot_in_scene(task_name: str, seed: int, variation: int | None = None, *, i
         InvalidInputError: for an unknown task or variation.
     """
     return SimulatedPanda(make_task(task_name, seed, variation), CAMERA_NAMES if images else ())
+
+
+def _guided_robot(task_name: str, seed: int, variation: int | None, *, images: bool) -> GuidedPanda:
+    person, task = Person(seed), make_task(task_name, seed, variation)
+    task.way = person.choose(task.ways)
+    return GuidedPanda(task, person, CAMERA_NAMES if images else ())
 
 
 def _view(robot: SimulatedPanda, seed: int) -> SceneView:

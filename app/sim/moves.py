@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from app.pipeline.arrays import Array
 from app.pipeline.episode import EndEffectorAction
 
+LOOSE_M = 0.03  # as close as it takes to a pose that only leads to another
 UP = np.array([0.0, 0.0, 1.0])
 
 
@@ -32,11 +33,14 @@ class Move:
 
     Attributes:
         straight: along a straight line; otherwise the arm takes the quickest way, as for a first approach.
+        within_m: how closely a motion without rests passes the pose; 0: it must be at the pose. None: at the pose where
+            the gripper opens or closes there, otherwise as closely as the person likes (`app.sim.person`).
     """
 
     pose: Pose
     gripper_open: bool
     straight: bool = True
+    within_m: float | None = None
 
 
 def tool_down(yaw_rad: float = 0.0, tilt_rad: float = 0.0) -> Rotation:
@@ -52,9 +56,16 @@ def nearest_yaw_rad(yaw_rad: float, symmetry_rad: float = np.pi) -> float:
     return (yaw_rad + symmetry_rad / 2) % symmetry_rad - symmetry_rad / 2
 
 
-def move_to(position_m: npt.ArrayLike, rotation: Rotation, *, gripper_open: bool, straight: bool = True) -> Move:
+def move_to(
+    position_m: npt.ArrayLike,
+    rotation: Rotation,
+    *,
+    gripper_open: bool,
+    straight: bool = True,
+    within_m: float | None = None,
+) -> Move:
     """A move from a position (3,) and a rotation."""
-    return Move(Pose(np.asarray(position_m, dtype=np.float64), rotation), gripper_open, straight)
+    return Move(Pose(np.asarray(position_m, dtype=np.float64), rotation), gripper_open, straight, within_m)
 
 
 def pick(
@@ -96,3 +107,8 @@ def moves_from_actions(actions: Sequence[EndEffectorAction]) -> list[Move]:
         )
         for index, action in enumerate(actions)
     ]
+
+
+def action_from_move(move: Move) -> EndEffectorAction:
+    """The move's pose and what the gripper then does."""
+    return EndEffectorAction(move.pose.position_m, move.pose.rotation.as_quat(), move.gripper_open)

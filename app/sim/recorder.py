@@ -1,17 +1,21 @@
 """Samples the arm at a fixed rate while it moves."""
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, Literal
 
 import mujoco
 import numpy as np
+import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
+from app.pipeline.arrays import Array
 from app.pipeline.episode import ObjectPose, Trajectory
 from app.pipeline.errors import InvalidInputError
 from app.sim import panda
 
+GripperState = Literal["measured", "commanded"]
 TIME_TOLERANCE_S = 1e-9
+MIN_FINGER_TRAVEL_M = 1e-3  # fingers that move less have neither opened nor closed
 
 
 class Recorder:
@@ -20,6 +24,7 @@ class Recorder:
     Args:
         model, data: the scene (mujoco.MjModel, mujoco.MjData).
         objects: the scene's objects as they are now, to be tracked; None tracks none.
+        commanded_open: what the gripper was last commanded; None: what its actuator is asked for.
     """
 
     def __init__(
@@ -28,14 +33,17 @@ class Recorder:
         data: mujoco.MjData,
         control_frequency_hz: float = 20.0,
         objects: Callable[[], Sequence[ObjectPose]] | None = None,
+        commanded_open: Callable[[], bool] | None = None,
     ) -> None:
         if not 0 < control_frequency_hz <= 1 / model.opt.timestep:
             valid = f"above 0 and at most {1 / model.opt.timestep:g} Hz, the simulation's rate"
             raise InvalidInputError("control_frequency_hz", f"is {control_frequency_hz}", valid)
         self._model, self._data, self._objects = model, data, objects
+        self._commanded_open = commanded_open or self._asked_open
         self._period_s = 1 / control_frequency_hz
         self._next_s = data.time
         self._positions = [model.joint(name).qposadr[0] for name in panda.JOINT_NAMES]
+        self._fingers = [model.joint(name).qposadr[0] for name in panda.FINGER_NAMES]
         self._velocities = [model.joint(name).dofadr[0] for name in panda.JOINT_NAMES]
         self._site_id = model.site(panda.TCP_SITE).id
         self._rows: list[dict[str, Any]] = []
@@ -55,7 +63,8 @@ class Recorder:
                 "joint_positions_rad": data.qpos[self._positions],
                 "positions_m": data.site_xpos[self._site_id].copy(),
                 "rotations": data.site_xmat[self._site_id].reshape(3, 3).copy(),
-                "gripper_open": data.ctrl[panda.GRIPPER_CTRL] > panda.FINGER_TRAVEL_M / 2,
+                "gripper_open": self._commanded_open(),
+                "widths_m": data.qpos[self._fingers].sum(),
                 **self._tracked(),
             }
         )
@@ -69,8 +78,31 @@ class Recorder:
             "object_quaternions_xyzw": [pose.quaternion_xyzw for pose in poses],
         }
 
-    def trajectory(self) -> Trajectory:
-        """Everything sampled so far; the gripper's state is the commanded one."""
+    def _asked_open(self) -> bool:
+        return bool(self._data.ctrl[panda.GRIPPER_CTRL] > panda.FINGER_TRAVEL_M / 2)
+
+    def trajectory(self, gripper: GripperState = "commanded") -> Trajectory:
+        """Everything sampled so far.
+
+        Args:
+            gripper: whether its state is what the fingers have done, or what they were commanded; see `measured_open`.
+        """
         columns = {key: np.array([row[key] for row in self._rows]) for key in self._rows[0]}
         rotations = Rotation.from_matrix(columns.pop("rotations"))
+        widths_m = columns.pop("widths_m")
+        if gripper == "measured":
+            columns["gripper_open"] = measured_open(widths_m)
         return Trajectory(quaternions_xyzw=rotations.as_quat(), **columns)
+
+
+def measured_open(widths_m: Array) -> npt.NDArray[np.bool_]:
+    """Whether the gripper is open (T,), from the widths (T,) between its fingers over a whole recording.
+
+    It is open above the middle between the narrowest and the widest of them: fingers that hold something are closed,
+    however thick it is. Fingers that never move are open if they are more than half open.
+    """
+    narrowest_m, widest_m = widths_m.min(), widths_m.max()
+    moves = widest_m - narrowest_m > 2 * MIN_FINGER_TRAVEL_M
+    middle_m = (narrowest_m + widest_m) / 2 if moves else panda.FINGER_TRAVEL_M
+    is_open: npt.NDArray[np.bool_] = widths_m > middle_m
+    return is_open

@@ -51,6 +51,11 @@ class SimulatedPanda:
         self._joint_addresses = [task.model.joint(name).qposadr[0] for name in panda.JOINT_NAMES]
         self._target_rad: Array = task.data.ctrl[: panda.NUM_JOINTS].copy()
 
+    @property
+    def gripper_commanded_open(self) -> bool:
+        """Whether the gripper was last commanded open."""
+        return bool(self.task.data.ctrl[panda.GRIPPER_CTRL] > panda.FINGER_TRAVEL_M / 2)
+
     def observe(self) -> Observation:
         task, hand = self.task, self._hand()
         end_effector = EndEffectorPose(tuple(hand.position_m.tolist()), tuple(hand.rotation.as_quat().tolist()))

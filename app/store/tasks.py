@@ -58,6 +58,11 @@ def _locked(connection: Connection, name: str) -> TaskRecord | None:
     return None if row is None else _record(row)
 
 
+def exists(connection: Connection, name: str) -> bool:
+    """Whether there is a task of that name."""
+    return connection.execute(_GET, {"name": name}).first() is not None
+
+
 def list_all(connection: Connection) -> tuple[TaskRecord, ...]:
     """Every task, by name."""
     return tuple(_record(row) for row in connection.execute(select(_TASKS).order_by(_TASKS.c.name)))

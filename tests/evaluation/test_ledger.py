@@ -91,6 +91,12 @@ def test_the_digest_follows_the_method(change):
     assert digest_of(Method("a", {"x": 1, "y": 2}), {}) == digest_of(Method("a", {"y": 2, "x": 1}), {})
 
 
+def test_noise_on_tests_alone_is_another_method():
+    noisy = Method("a", noise=1.0)
+    assert digest_of(replace(noisy, noise_on="test"), {}) != digest_of(noisy, {})
+    assert digest_of(Method("a", noise_on="test"), {}) == digest_of(Method("a"), {})
+
+
 def test_results_that_do_not_tell_of_poses_stay_valid():
     taught = {"demonstrations": 10, "recorded": 10, "hz": 20.0}
     given = Method("default", {"model": "regression"})

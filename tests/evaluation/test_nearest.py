@@ -8,20 +8,23 @@ from app.pipeline.episode import ObjectPose, Trajectory
 from app.pipeline.metadata import object_json
 from app.sim.demonstrate import RecordedDemonstration, SceneView
 
+KEYFRAMES = [3, 5]
+
 
 def cube(x_m, yaw_deg=0.0):
     return ObjectPose("cube", [x_m, 0, 0.8], Rotation.from_euler("z", yaw_deg, degrees=True).as_quat())
 
 
 def taught(number, instruction, pose):
-    """A demonstration whose keyframes all have x = `number`."""
-    speeds = np.zeros((6, 7))
-    speeds[[1, 2, 4]] = 1.0
+    """A demonstration whose keyframes, the frames 3 and 5, have x = `number`."""
+    positions = np.full((6, 3), -1.0)
+    positions[KEYFRAMES] = float(number)
     down = np.tile([1.0, 0, 0, 0], (6, 1))
-    trajectory = Trajectory(speeds, np.full((6, 3), float(number)), down, np.ones(6))
+    trajectory = Trajectory(np.ones((6, 7)), positions, down, np.ones(6))
     scene = SceneView("stack_cube", number, instruction, (pose,), (), {})
     recorded = RecordedDemonstration(scene, trajectory, 20.0, 2, True, "", ())
-    return TaughtEpisode(recorded, {"objects": [object_json(pose)]})
+    keyframes = [{"index": index} for index in KEYFRAMES]
+    return TaughtEpisode(recorded, {"objects": [object_json(pose)], "keyframes": keyframes})
 
 
 DEMONSTRATIONS = (

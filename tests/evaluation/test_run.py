@@ -2,8 +2,10 @@
 
 import json
 from concurrent.futures import Future
+from dataclasses import replace
 
 import httpx
+import numpy as np
 import pytest
 from rich.progress import Progress
 
@@ -15,7 +17,7 @@ from app.evaluation.ledger import Ledger
 from app.evaluation.methods import NEAREST, REGRESSION
 from app.evaluation.noise import disturbed
 from app.evaluation.plan import Plan
-from app.evaluation.records import REPLAY, Crash, Evaluation, Method
+from app.evaluation.records import EXPERT, REPLAY, Crash, Evaluation, Method
 from app.evaluation.resume import evaluation_of
 from app.evaluation.run import Run
 from app.evaluation.server import free_port, running_server
@@ -65,8 +67,8 @@ def url(tmp_path_factory):
 def run(url, tmp_path):
     """Runs methods on open_drawer in this test's folder; returns the evaluation's only task."""
 
-    def run_(*methods, episodes=1, demonstrations=3, fails=(), address=url):
-        plan = plan_of(*methods, episodes=episodes, demonstrations=demonstrations)
+    def run_(*methods, episodes=1, demonstrations=3, fails=(), address=url, **scenes):
+        plan = plan_of(*methods, episodes=episodes, demonstrations=demonstrations, **scenes)
         with Ledger(tmp_path / "results.jsonl") as ledger, RoboPromptClient(address) as client:
             (task,) = Run(plan, ledger, client, InlineExecutor(fails), Progress(disable=True), shared=True)().tasks
         return task
@@ -74,8 +76,8 @@ def run(url, tmp_path):
     return run_
 
 
-def plan_of(*methods, episodes=1, demonstrations=3):
-    return Plan(("open_drawer",), methods, episodes, demonstrations, "roboprompt eval")
+def plan_of(*methods, episodes=1, demonstrations=3, **scenes):
+    return Plan(("open_drawer",), methods, episodes, demonstrations, "roboprompt eval", **scenes)
 
 
 def lines(tmp_path):
@@ -161,6 +163,32 @@ def test_methods_are_taught_as_they_ask(run, url):
     seed = plain[0]["extra"]["seed"]
     expected = disturbed(view_scene("open_drawer", seed, images=False).objects, 2.0, seed)
     assert positions(noisy[0]) == [pytest.approx(pose.position_m.tolist()) for pose in expected]
+
+
+def test_noise_on_tests_alone_leaves_the_demonstrations_as_they_are(run, url):
+    task = run(REGRESSION, replace(NOISY, noise_on="test"))
+    plain, noisy = (httpx.get(f"{url}/predictions/{trial.answer['id']}").json() for trial in task.trials)
+    assert noisy["demonstration_ids"] == plain["demonstration_ids"]
+    expected = disturbed(view_scene("open_drawer", 100_000, images=False).objects, 2.0, 100_000)
+    assert positions(noisy) == [pytest.approx(pose.position_m.tolist()) for pose in expected]
+    assert positions(plain) != positions(noisy)
+
+
+def test_continuous_recordings_and_other_scenes(run, tmp_path):
+    scenes = {"recordings": "continuous", "first_test_seed": 1}
+    task = run(EXPERT, REPLAY, NEAREST, episodes=2, **scenes)
+    assert [item.recorded.scene.seed for item in task.taught] == [0, 3, 4]  # 1 and 2 are tested
+    assert {trial.seed for trial in task.trials} == {1, 2}
+    expert, again, *_ = task.trials
+    assert expert.succeeded
+    assert again.succeeded
+    assert len(expert.actions) == 4
+    for taught in task.taught:
+        speeds_rad_s = np.linalg.norm(taught.recorded.trajectory.joint_velocities_rad_s, axis=1)
+        assert (speeds_rad_s < 0.1).mean() < 0.4
+    run(EXPERT, episodes=2, first_test_seed=1)
+    digests = {line["digest"] for line in lines(tmp_path) if line["method"] == EXPERT.label}
+    assert len(digests) == 2
 
 
 def positions(episode):

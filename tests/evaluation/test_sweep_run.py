@@ -94,7 +94,8 @@ def test_the_rest_is_run_and_nothing_twice(folder):
     assert len(set(keys(results(folder)))) == len(results(folder)) == NUM_TRIALS
     summary = json.loads(out.splitlines()[-1])
     assert (summary["trials"], summary["errors"], summary["remaining"]) == (NUM_TRIALS, 0, 0)
-    assert summary["tasks"]["open_drawer"]["expert replay"]["trials"] == 2
+    assert summary["tasks"]["open_drawer"]["methods"]["expert replay"]["trials"] == 2
+    assert summary["tasks"]["open_drawer"].keys() >= {"successes", "trials", "success_rate"}
     assert {path.name for path in folder.iterdir()} == {
         "results.jsonl",
         "run.json",
@@ -141,9 +142,37 @@ def test_the_page_of_failures(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("wrong", "said"), [(["--sweep", "everything"], "main, formats"), (["--task", "fold_laundry"], "open_drawer")]
+    ("wrong", "said"),
+    [
+        (["--sweep", "everything"], "main, formats"),
+        (["--task", "fold_laundry"], "open_drawer"),
+        (["--method", "best"], "'nearest demonstration'"),
+        (["--recordings", "shaky"], "'continuous'"),
+        (["--noise-on", "demonstrations"], "'test'"),
+        (["--noise", "-1"], "or equal to 0"),
+        (["--noise", "inf"], "a finite number"),
+        (["--noise", "1", "--sweep", "noise"], "noise of 0.5 of its own"),
+        (["--noise", "1", "--poses", "vision"], "noise is added to given poses"),
+        (["--seed", "-1"], "or equal to 0"),
+    ],
 )
-def test_names_that_there_are_not(wrong, said):
+def test_options_that_there_are_not(wrong, said):
     run = CliRunner().invoke(application, ["eval", *wrong])
     assert run.exit_code == 2
-    assert said in run.output.replace("\n", " ")
+    assert said in " ".join(run.output.replace("\N{BOX DRAWINGS LIGHT VERTICAL}", " ").split())
+
+
+def test_other_recordings_scenes_and_methods(tmp_path):
+    scenes = ["--recordings", "continuous", "--seed", "5", "--noise", "1", "--noise-on", "test"]
+    methods = ["--method", "expert", "--method", "regression"]
+    few = ["--task", "push_button", "--episodes", "2", "--demos", "2", "--no-report", "--json", "--out", str(tmp_path)]
+    run = CliRunner().invoke(application, ["eval", *scenes, *methods, *few])
+    assert run.exit_code == 0, run.output
+    last = json.loads(run.stdout.splitlines()[-1])
+    assert (last["recordings"], last["seed"], last["remaining"]) == ("continuous", 5, 0)
+    figures = last["tasks"]["push_button"]
+    assert (figures["successes"], figures["trials"], figures["success_rate"]) == (2, 2, 1.0)
+    assert list(figures["methods"]) == ["expert", REGRESSION.label]
+    kept = json.loads((tmp_path / "run.json").read_text())
+    assert (kept["test_seeds"], kept["recordings"]) == ([5, 6], "continuous")
+    assert [(method["noise"], method["noise_on"]) for method in kept["methods"]] == [(0.0, "both"), (1.0, "test")]

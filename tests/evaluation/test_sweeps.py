@@ -1,9 +1,19 @@
 import pytest
 
 from app.api.schemas.requests import PredictBody
-from app.cli.evaluate import SWEEP_NAMES
-from app.evaluation.methods import methods_beside, with_models, with_poses
-from app.evaluation.records import Method
+from app.cli.evaluate import METHOD_NAMES, SWEEP_NAMES
+from app.evaluation.methods import (
+    COPY,
+    NEAREST,
+    REGRESSION,
+    SIMPLE_NAMES,
+    chosen,
+    methods_beside,
+    with_models,
+    with_noise,
+    with_poses,
+)
+from app.evaluation.records import EXPERT, REPLAY, Method
 from app.evaluation.sweeps import SWEEPS
 from app.evaluation.teach import suffix_of, variants
 from app.pipeline.errors import InvalidInputError
@@ -32,6 +42,10 @@ def test_names_of_taught_tasks_are_valid(sweep):
 
 def test_the_command_line_names_every_sweep():
     assert SWEEP_NAMES.split(", ") == list(SWEEPS)
+
+
+def test_the_command_line_names_every_simple_name():
+    assert METHOD_NAMES.split(", ") == list(SIMPLE_NAMES)
 
 
 def test_only_what_differs_is_taught_anew():
@@ -89,3 +103,58 @@ def test_vision_is_for_those_that_ask_the_service():
 def test_what_needs_given_poses_says_so(sweep):
     with pytest.raises(InvalidInputError, match="given poses"):
         with_poses(SWEEPS[sweep].methods, "vision")
+
+
+def test_methods_by_name():
+    main = SWEEPS["main"].with_models(())
+    assert chosen(main, (), ()) == main
+    assert chosen(main, ["nearest demonstration", "default"], ()) == (NEAREST, main[0])
+    assert chosen(main, ["replay", "nearest", "regression", "expert"], ()) == (REPLAY, COPY, REGRESSION, EXPERT)
+    assert chosen(main, ["nearest", COPY.label, "nearest"], ()) == (COPY,)
+
+
+def test_simple_names_are_known_to_every_sweep():
+    formats = SWEEPS["formats"].with_models(())
+    assert [method.label for method in chosen(formats, ["KAT", "default"], ())] == ["KAT", "default"]
+
+
+def test_a_simple_name_takes_the_models():
+    over = SWEEPS["main"].with_models(["a", "b"])
+    assert [method.label for method in chosen(over, ["default"], ["a", "b"])] == ["default, a", "default, b"]
+    assert [method.label for method in chosen(over, ["default, b", "replay"], ["a", "b"])] == [
+        "default, b",
+        "expert replay",
+    ]
+
+
+def test_an_unknown_method_is_refused_with_those_there_are():
+    with pytest.raises(
+        InvalidInputError, match=r"'best' is neither .* 'default', .* 'nearest demonstration', .* 'replay'"
+    ):
+        chosen(SWEEPS["main"].with_models(()), ["best"], ())
+
+
+def test_noise_is_for_those_that_see_poses():
+    noisy = with_noise(SWEEPS["main"].methods, 1.5, "test")
+    assert [(method.noise, method.taught_noise) for method in noisy] == [(1.5, 0.0)] * 4 + [(0.0, 0.0)]
+    both = with_noise(SWEEPS["main"].methods, 1.5, "both")
+    assert [method.taught_noise for method in both] == [1.5] * 4 + [0.0]
+    assert len(variants(noisy)) == 1
+    assert len(variants(both)) == 2
+
+
+def test_where_a_sweeps_own_noise_is():
+    own = with_noise(SWEEPS["noise"].methods, None, "test")
+    assert [method.noise for method in own] == [method.noise for method in SWEEPS["noise"].methods]
+    assert len(variants(own)) == 1
+    assert with_noise(SWEEPS["noise"].methods, None, "both") == SWEEPS["noise"].methods
+
+
+def test_noise_over_noise_is_refused():
+    with pytest.raises(InvalidInputError, match=r"'noise x 0\.5' has a noise of 0\.5 of its own"):
+        with_noise(SWEEPS["noise"].methods, 1.0, "both")
+
+
+def test_images_have_no_noise():
+    with pytest.raises(InvalidInputError, match="noise is added to given poses"):
+        with_poses(with_noise(SWEEPS["main"].methods, 1.0, "test"), "vision")

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import pytest
 
 from app.evaluation.plots import write_plots
@@ -57,9 +59,22 @@ def test_summary(mixed):
     assert (summary["trials"], summary["errors"]) == (29, 3)
     assert summary["mean_success_rate"] == {"default": pytest.approx(0.65), "noisy": pytest.approx(0.5)}
     assert summary["paper_mean_percent"]["RoboPrompt"] == 81
-    figures = summary["tasks"]["stack_cube"]["default"]
+    figures = summary["tasks"]["stack_cube"]["methods"]["default"]
     assert (figures["successes"], figures["trials"], figures["errors"]) == (1, 2, 3)
     assert figures["tokens"] == {"prompt_tokens": 100, "cached_tokens": 90, "completion_tokens": 20}
+
+
+def test_a_task_has_the_first_methods_figures_and_beside_them_everybodys(mixed):
+    drawer, cube = (sweep_summary(mixed)["tasks"][name] for name in ("open_drawer", "stack_cube"))
+    assert (drawer["successes"], drawer["trials"], drawer["success_rate"]) == (20, 25, pytest.approx(0.8))
+    assert (drawer["method"], list(drawer["methods"])) == ("default", ["default", "noisy"])
+    assert drawer["methods"]["noisy"]["success_rate"] == 0.5
+    assert (cube["methods"]["noisy"]["trials"], cube["methods"]["noisy"]["success_rate"]) == (0, 0.0)
+
+
+def test_table_says_where_the_noise_is():
+    run = evaluation(task("open_drawer", (1, 1), (0, 0)), methods=(replace(OTHER, noise_on="test"), OURS))
+    assert "pose noise of tests alone 1.5" in markdown(run, "one thing")
 
 
 @pytest.mark.parametrize(

@@ -34,6 +34,7 @@ class SimTask(ABC):
     Attributes:
         model, data: the MuJoCo scene (mujoco.MjModel, mujoco.MjData).
         events: what `latch` has noted since the scene was set up.
+        way: which of its ways the expert goes, 0..ways - 1.
     """
 
     name: ClassVar[str]
@@ -43,6 +44,8 @@ class SimTask(ABC):
     variations: ClassVar[int] = 1
     # Variations numbered on from these, which no demonstration shows; asked for explicitly, see `test_variation`.
     test_only_variations: ClassVar[int] = 0
+    # How many ways of solving a scene the expert knows, where a second one comes naturally; see `way`.
+    ways: ClassVar[int] = 1
     # The turn about its own z axis, in degrees, that leaves an object unchanged: 90 for a cube, 0 for a round object
     # (its yaw means nothing). An object that is not listed has no such symmetry.
     yaw_symmetry_deg: ClassVar[Mapping[str, float]] = {}
@@ -50,6 +53,7 @@ class SimTask(ABC):
     def __init__(self, seed: int, variation: int | None = None) -> None:
         self.variation = seed % self.variations if variation is None else variation
         self.events: list[str] = []
+        self.way = 0
         self._spec = base_spec()
         self.build(np.random.default_rng(seed))
         self.model: mujoco.MjModel = self._spec.compile()

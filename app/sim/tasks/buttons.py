@@ -5,7 +5,7 @@ from abc import abstractmethod
 import numpy as np
 
 from app.pipeline.arrays import Array
-from app.sim.moves import UP, Move, move_to, tool_down
+from app.sim.moves import LOOSE_M, UP, Move, move_to, tool_down
 from app.sim.scene import scatter
 from app.sim.tasks.base import SimTask
 from app.sim.world import TABLE_TOP_M
@@ -18,7 +18,7 @@ PRESSED_M, RELEASED_M = 0.006, 0.003
 # The fingers reach 8 mm beyond the tool's point, so 14 mm are pushed. Written as bins, a height changes by up to 5 mm:
 # 9 to 19 mm of 22 remain.
 PUSH_DEPTH_M = 0.006
-CLEARANCE_M = 0.07
+CLEARANCES_M = (0.07, 0.12)  # by way
 SPRING_N_M, PRELOAD_M = 150.0, 0.004
 MIN_DISTANCE_M = 0.13
 LOW_M, HIGH_M = (0.03, -0.30), (0.38, 0.30)
@@ -32,6 +32,7 @@ class ButtonTask(SimTask):
 
     object_names = tuple(f"{colour} button" for colour in COLOURS)
     variations = len(COLOURS)
+    ways = len(CLEARANCES_M)
     yaw_symmetry_deg = dict.fromkeys(object_names, 0.0)
 
     @property
@@ -74,10 +75,10 @@ class ButtonTask(SimTask):
         return moves
 
     def _press(self, top_m: Array) -> list[Move]:
-        above, pushed = top_m + CLEARANCE_M * UP, top_m - PUSH_DEPTH_M * UP
+        above, pushed = top_m + CLEARANCES_M[self.way] * UP, top_m - PUSH_DEPTH_M * UP
         down = tool_down()
         return [
-            move_to(above, down, gripper_open=False, straight=False),
-            move_to(pushed, down, gripper_open=False),
+            move_to(above, down, gripper_open=False, straight=False, within_m=LOOSE_M),
+            move_to(pushed, down, gripper_open=False, within_m=0.0),
             move_to(above, down, gripper_open=False),
         ]

@@ -21,7 +21,8 @@ TOP_ABOVE_HANDLE_M = len(DRAWERS) * STOREY_M + BOARD_M / 2 - HANDLE_HEIGHT_M  # 
 TRAVEL_M = 0.18
 PULL_M = 0.175  # two bins (2 cm) less still open it far enough
 TILT_RAD = 0.60  # of the tool: keeps the hand clear of the upper drawers; more forces the elbow out
-APPROACH_M, RISE_M, RETREAT_M = 0.12, 0.06, 0.06
+APPROACH_M, RETREAT_M = 0.12, 0.06
+RISES_M = (0.06, 0.11)  # by way: of the approach, above the handle
 FACING_RAD = np.radians(-70.0)
 MAX_TURN_RAD = np.pi / 8  # RLBench: within 22.5 degrees
 HANDLE_LOW_M, HANDLE_HIGH_M = (0.16, -0.28), (0.30, -0.10)
@@ -33,6 +34,8 @@ class DrawerTask(SimTask):
     The bottom handle lies in x 0.16..0.30 m, y -0.28..-0.10 m. The drawer's pose is its handle's centre; x points into
     the cabinet, so that the drawer opens along -x.
     """
+
+    ways = len(RISES_M)
 
     def add_cabinet(self, random: np.random.Generator) -> tuple[Array, Rotation]:
         """The cabinet, for use in `build`; returns the bottom handle's centre (3,) and the cabinet's turn."""
@@ -55,7 +58,7 @@ class DrawerTask(SimTask):
         approach, out = tool.apply(UP), self.rotation("bottom drawer").apply([-1, 0, 0])
         pulled = handle + PULL_M * out
         return [
-            move_to(handle + APPROACH_M * out + RISE_M * UP, tool, gripper_open=True, straight=False),
+            move_to(handle + APPROACH_M * out + RISES_M[self.way] * UP, tool, gripper_open=True, straight=False),
             move_to(handle, tool, gripper_open=False),
             move_to(pulled, tool, gripper_open=True),
             move_to(pulled - RETREAT_M * approach, tool, gripper_open=True),

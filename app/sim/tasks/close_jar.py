@@ -54,7 +54,7 @@ class CloseJar(SimTask):
         return [
             *pick(self.position_m("lid"), tool_down(), CLEARANCE_M),
             move_to(above, start, gripper_open=False, straight=False),
-            move_to(on_rim, start, gripper_open=False),
+            move_to(on_rim, start, gripper_open=False, within_m=RELEASE_M),
             move_to(on_rim, end, gripper_open=True),
             move_to(above, end, gripper_open=True),
         ]

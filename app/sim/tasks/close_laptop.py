@@ -3,7 +3,7 @@
 import numpy as np
 
 from app.pipeline.arrays import Array
-from app.sim.moves import Move, move_to, tool_down
+from app.sim.moves import LOOSE_M, Move, move_to, tool_down
 from app.sim.scene import about_z
 from app.sim.tasks.base import SimTask
 from app.sim.tasks.laptop import CENTRE_HEIGHT_M, HINGE_M, LID_THICKNESS_M, add_laptop, add_lid
@@ -56,10 +56,11 @@ class CloseLaptop(SimTask):
         behind = np.array([BEHIND_M, 0, PUSH_HEIGHT_M])
         above = np.array([0, 0, CLEARANCE_M])
         closed = _on_lid(0.0) - [0, 0, PRESS_M]
-        route = [behind + above, behind, _on_lid(np.radians(60.0)), _on_lid(np.radians(25.0)), closed, closed + above]
+        pushing = [(_on_lid(np.radians(open_deg)), LOOSE_M / 3) for open_deg in (60.0, 25.0)]
+        route = [(behind + above, LOOSE_M), (behind, LOOSE_M / 2), *pushing, (closed, 0.0), (closed + above, 0.0)]
         return [
-            move_to(self._from_hinge(point), down, gripper_open=False, straight=index > 0)
-            for index, point in enumerate(route)
+            move_to(self._from_hinge(point), down, gripper_open=False, straight=index > 0, within_m=within_m)
+            for index, (point, within_m) in enumerate(route)
         ]
 
     def _from_hinge(self, point_m: Array) -> Array:

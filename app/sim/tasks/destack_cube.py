@@ -20,6 +20,7 @@ class DestackCube(CubeTask):
     """
 
     name = "destack_cube"
+    ways = 2  # the fingers on one pair of the cube's faces or on the other
 
     def build(self, random: np.random.Generator) -> None:
         upper, lower = self.upper_and_lower
@@ -36,7 +37,8 @@ class DestackCube(CubeTask):
     def expert(self) -> list[Move]:
         upper, _ = self.upper_and_lower
         yaw_rad = nearest_yaw_rad(self.yaw_rad(upper), np.pi / 2)
-        grasp, at = tool_down(yaw_rad), self.position_m(upper)
+        quarter_turn_rad = -np.copysign(np.pi / 2, yaw_rad) * self.way
+        grasp, at = tool_down(yaw_rad + quarter_turn_rad), self.position_m(upper)
         aside = at + about_z(yaw_rad).apply([0, -ASIDE_M, 0]) + (DROP_M - 2 * HALF_SIZE_M) * UP
         return pick(at, grasp) + place(aside, grasp)
 

@@ -21,6 +21,7 @@ SPOKE_ANGLES_RAD = np.pi + np.radians([0.0, 120.0, 240.0])
 SPOKES_HEIGHT_M, POLE_HEIGHT_M, POLE_RADIUS_M = 0.160, 0.190, 0.010
 SPOKE_RADIUS_M, SPOKE_LENGTH_M, SPOKE_RISE_RAD = 0.004, 0.085, 0.12
 HANG_M, BEFORE_M = 0.060, 0.125  # of the cup's axis from the pole, along the spoke
+BEFORE_WITHIN_M = 0.004  # the handle is in line with the spoke before its tip
 LIFT_M, RISE_M = 0.22, 0.10  # lifted so high that the cup passes above the holder
 HOLDER_LOW_M, HOLDER_HIGH_M = (0.20, -0.20), (0.32, -0.06)
 HOLDER_DISTANCE_M = 0.22  # of the cups
@@ -67,7 +68,7 @@ class PlaceCups(SimTask):
         return [
             *pick(self.position_m("red cup"), grasp, LIFT_M),
             move_to(before + RISE_M * UP, hang, gripper_open=False),
-            move_to(before, hang, gripper_open=False),
+            move_to(before, hang, gripper_open=False, within_m=BEFORE_WITHIN_M),
             move_to(hanging, hang, gripper_open=True),
             move_to(hanging + RISE_M * UP, hang, gripper_open=True),
         ]

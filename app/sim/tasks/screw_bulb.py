@@ -70,7 +70,7 @@ class ScrewBulb(SimTask):
         return [
             *pick(self.position_m(BULB), tool_down(), CLEARANCE_M),
             move_to(seated + CLEARANCE_M * UP, start, gripper_open=False, straight=False),
-            move_to(seated - PRESS_M * UP, start, gripper_open=False),
+            move_to(seated - PRESS_M * UP, start, gripper_open=False, within_m=PRESS_M / 2),
             move_to(seated - PRESS_M * UP, end, gripper_open=True),
             move_to(seated + CLEARANCE_M * UP, end, gripper_open=True),
         ]

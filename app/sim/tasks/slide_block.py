@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from app.sim.moves import UP, Move, move_to, tool_down
+from app.sim.moves import LOOSE_M, UP, Move, move_to, tool_down
 from app.sim.scene import about_z
 from app.sim.tasks.base import SimTask
 from app.sim.world import TABLE_TOP_M
@@ -55,10 +55,16 @@ class SlideBlock(SimTask):
         tool = tool_down(self.yaw_rad("green target"))
         touching_m = BLOCK_HALF_M + FINGER_HALF_M  # from the block's centre
         start_m, end_m = -DISTANCE_M - touching_m - BEHIND_M, -touching_m
-        route = [(start_m, CLEARANCE_M), (start_m, 0), (end_m, 0), (end_m, CLEARANCE_M)]
+        route = [(start_m, CLEARANCE_M, LOOSE_M), (start_m, 0, BEHIND_M / 4), (end_m, 0, 0), (end_m, CLEARANCE_M, 0)]
         return [
-            move_to(target + turn.apply([x_m, 0, PUSH_HEIGHT_M + rise_m]), tool, gripper_open=False, straight=index > 0)
-            for index, (x_m, rise_m) in enumerate(route)
+            move_to(
+                target + turn.apply([x_m, 0, PUSH_HEIGHT_M + rise_m]),
+                tool,
+                gripper_open=False,
+                straight=index > 0,
+                within_m=within_m,
+            )
+            for index, (x_m, rise_m, within_m) in enumerate(route)
         ]
 
     def succeeded(self) -> bool:

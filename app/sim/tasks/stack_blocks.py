@@ -13,6 +13,7 @@ NUM_TO_STACK = 2
 PLATFORM = "green platform"
 HALF_SIZE_M, MASS_KG = 0.024, 0.08
 PLATFORM_HALF_M, PLATFORM_HALF_HEIGHT_M = 0.05, 0.001
+CLEARANCES_M = (0.10, 0.15)  # by way: how high blocks are carried
 DROP_M = 0.005  # released this far above what is below
 LOW_M, HIGH_M = (0.02, -0.33), (0.38, 0.33)
 PLATFORM_LOW_M, PLATFORM_HIGH_M = (0.10, -0.10), (0.30, 0.10)
@@ -28,6 +29,7 @@ class StackBlocks(SimTask):
     """
 
     name = "stack_blocks"
+    ways = len(CLEARANCES_M)
     object_names = (*RED_BLOCKS[:NUM_TO_STACK], PLATFORM)
     yaw_symmetry_deg = dict.fromkeys(object_names, 90.0)
 
@@ -54,8 +56,8 @@ class StackBlocks(SimTask):
         moves: list[Move] = []
         for storey, block in enumerate(RED_BLOCKS[:NUM_TO_STACK]):
             grasp = tool_down(nearest_yaw_rad(self.yaw_rad(block), np.pi / 2))
-            moves += pick(self.position_m(block), grasp)
-            moves += place(on_platform + 2 * HALF_SIZE_M * storey * UP, release)
+            moves += pick(self.position_m(block), grasp, CLEARANCES_M[self.way])
+            moves += place(on_platform + 2 * HALF_SIZE_M * storey * UP, release, CLEARANCES_M[self.way])
         return moves
 
     def succeeded(self) -> bool:

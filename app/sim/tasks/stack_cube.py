@@ -8,6 +8,7 @@ from app.sim.tasks.cubes import DROP_M, HALF_SIZE_M, MAX_HEIGHT_ERROR_M, CubeTas
 
 MIN_DISTANCE_M = 0.11
 LOW_M, HIGH_M = (0.05, -0.28), (0.38, 0.28)
+CLEARANCES_M = (0.10, 0.16)  # by way: how high the cube is carried
 MAX_OFFSET_M = 0.03
 
 
@@ -18,6 +19,7 @@ class StackCube(CubeTask):
     """
 
     name = "stack_cube"
+    ways = len(CLEARANCES_M)
 
     def build(self, random: np.random.Generator) -> None:
         for name, point in zip(self.object_names, scatter(random, 2, LOW_M, HIGH_M, MIN_DISTANCE_M), strict=True):
@@ -32,7 +34,8 @@ class StackCube(CubeTask):
         upper, lower = self.upper_and_lower
         grasp, release = (tool_down(nearest_yaw_rad(self.yaw_rad(cube), np.pi / 2)) for cube in (upper, lower))
         on_top = self.position_m(lower) + (2 * HALF_SIZE_M + DROP_M) * UP
-        return pick(self.position_m(upper), grasp) + place(on_top, release)
+        clearance_m = CLEARANCES_M[self.way]
+        return pick(self.position_m(upper), grasp, clearance_m) + place(on_top, release, clearance_m)
 
     def succeeded(self) -> bool:
         upper, lower = self.upper_and_lower

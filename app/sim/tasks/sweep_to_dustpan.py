@@ -30,6 +30,7 @@ DIRT_SPREAD_M, DIRT_DISTANCE_M = 0.030, 0.018  # to either side of the heap's mi
 BROOM_SHIFT_M, BROOM_TURN_RAD = 0.02, np.radians(15.0)
 HOLDER_HALF_M, HOLDER_HEIGHT_M, HOLDER_WALL_M = (0.024, 0.076), 0.04, 0.003
 LIFT_M = 0.08
+BEHIND_WITHIN_M = 0.008  # the brush is down before it reaches the dirt
 TOOL_TURN_RAD = np.pi / 2  # the fingers close along the broom's x
 DIRT_LOW_M, DIRT_HIGH_M = (0.19, -0.08), (0.29, 0.08)
 
@@ -86,8 +87,8 @@ class SweepToDustpan(SimTask):
         return [
             *pick(self.position_m("broom"), grasp, LIFT_M),
             move_to(behind + LIFT_M * UP, sweep, gripper_open=False),
-            move_to(behind, sweep, gripper_open=False),
-            move_to(inside, sweep, gripper_open=False),
+            move_to(behind, sweep, gripper_open=False, within_m=BEHIND_WITHIN_M),
+            move_to(inside, sweep, gripper_open=False, within_m=0.0),
             move_to(inside + LIFT_M * UP, sweep, gripper_open=False),
         ]
 

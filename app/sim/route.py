@@ -1,0 +1,96 @@
+"""Paths joined into one, their corners rounded: how a motion without rests passes the poses between its ends."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicSpline, make_interp_spline
+from scipy.spatial.transform import Rotation
+
+from app.pipeline.arrays import Array
+from app.sim.kinematics import Kinematics
+from app.sim.motion import METRES_PER_RAD
+from app.sim.planner import Path
+
+SAMPLE_M = 0.003
+JOINT_METRES_PER_RAD = 0.1  # so that a change of posture with the tool at rest has a length, too
+MIN_SAMPLE_M = 1e-6
+MIN_LEG_SAMPLES = 9
+# Around a corner the mean over a window this many times as wide as the distance allowed stays within it: a mean over
+# half a window h to either side of a corner that turns back on itself is h / 2 away from it.
+WINDOW_PER_DISTANCE = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class Route:
+    """Joint positions to pass, from one rest to the next.
+
+    Attributes:
+        joints_rad: (K, 7).
+        along_m: (K,) increasing from 0: the way until there; a turn of the tool by 1 rad counts as 0.3 m.
+        ends_m: where along the route each of its paths ends; the last is its length.
+    """
+
+    joints_rad: Array
+    along_m: Array
+    ends_m: tuple[float, ...]
+
+    @property
+    def length_m(self) -> float:
+        """From end to end."""
+        return self.ends_m[-1]
+
+
+def joined(paths: Sequence[Path], within_m: Sequence[float], kinematics: Kinematics) -> Route:
+    """The paths as one route.
+
+    Args:
+        within_m: for the end of every path but the last, how far the route may pass from it.
+    """
+    legs = [_sampled(path, kinematics) for path in paths]
+    lengths_m = [steps.sum() for _, steps in legs]
+    joints = np.concatenate([legs[0][0][:1], *(leg[1:] for leg, _ in legs)])
+    along_m = np.concatenate([[0.0], np.cumsum(np.concatenate([steps for _, steps in legs]))])
+    ends_m = np.cumsum(lengths_m)
+    half_windows_m = np.zeros(len(along_m))
+    for index, distance_m in enumerate(within_m):
+        half_m = min(WINDOW_PER_DISTANCE * distance_m, lengths_m[index] / 2, lengths_m[index + 1] / 2)
+        # Beyond the corner's reach the window shrinks to nothing, so that the ends of the legs stay where they are.
+        tapered = np.clip(2 * half_m - np.abs(along_m - ends_m[index]), 0, half_m)
+        half_windows_m = np.maximum(half_windows_m, tapered)
+    return Route(_averaged(joints, along_m, half_windows_m), along_m, tuple(ends_m.tolist()))
+
+
+def _sampled(path: Path, kinematics: Kinematics) -> tuple[Array, Array]:
+    """Joint positions (N, 7) every few millimetres, and the ways (N - 1,) between them."""
+    rough_m = _steps_m(path.joints_rad, kinematics).sum()
+    share = np.linspace(0, 1, max(MIN_LEG_SAMPLES, int(np.ceil(rough_m / SAMPLE_M)) + 1))
+    known = np.linspace(0, 1, len(path.joints_rad))
+    if path.straight:
+        joints = CubicSpline(known, path.joints_rad, bc_type="natural")(share)
+    else:
+        joints = make_interp_spline(known, path.joints_rad, k=1)(share)
+    return joints, _steps_m(joints, kinematics)
+
+
+def _steps_m(joints_rad: Array, kinematics: Kinematics) -> Array:
+    poses = [kinematics.forward(joints) for joints in joints_rad]
+    shifts_m = np.linalg.norm(np.diff([pose.position_m for pose in poses], axis=0), axis=1)
+    rotations = Rotation.concatenate([pose.rotation for pose in poses])
+    turns_rad = (rotations[:-1].inv() * rotations[1:]).magnitude()
+    bends_rad = np.abs(np.diff(joints_rad, axis=0)).max(axis=1)
+    steps: Array = np.max(
+        [shifts_m, METRES_PER_RAD * turns_rad, JOINT_METRES_PER_RAD * bends_rad, np.full(len(bends_rad), MIN_SAMPLE_M)],
+        axis=0,
+    )
+    return steps
+
+
+def _averaged(joints_rad: Array, along_m: Array, half_windows_m: Array) -> Array:
+    """The joint positions, each the mean over its window to either side; a straight stretch stays as it is."""
+    integral = make_interp_spline(along_m, joints_rad, k=1).antiderivative()
+    wide = half_windows_m > MIN_SAMPLE_M
+    at_m, half_m = along_m[wide], half_windows_m[wide]
+    averaged = joints_rad.copy()
+    averaged[wide] = (integral(at_m + half_m) - integral(at_m - half_m)) / (2 * half_m)[:, None]
+    return averaged

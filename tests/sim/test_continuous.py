@@ -1,0 +1,149 @@
+"""Demonstrations as a person guides the arm: every task's succeed, and none rests where nothing happens."""
+
+import numpy as np
+import pytest
+
+from app.pipeline.errors import InvalidInputError
+from app.sim.demonstrate import record_demonstration
+from app.sim.guided import GuidedPanda
+from app.sim.person import ROUNDING_M, Person
+from app.sim.recorder import Recorder, measured_open
+from app.sim.tasks import TASKS, make_task
+
+SEED = 3
+REST_RAD_S = 0.1  # below it the paper's rule sees a rest
+REST_SAMPLES = 3
+ARRAYS = ("positions_m", "quaternions_xyzw", "joint_velocities_rad_s", "gripper_open", "object_positions_m")
+
+
+def recorded(task, seed=SEED, **options):
+    return record_demonstration(task, seed, images=False, recordings="continuous", **options)
+
+
+def speeds_rad_s(trajectory):
+    return np.linalg.norm(trajectory.joint_velocities_rad_s, axis=1)
+
+
+@pytest.mark.parametrize("name", TASKS)
+def test_the_expert_succeeds_without_rests(name):
+    demonstration = recorded(name)
+    assert demonstration.succeeded, demonstration.failure
+    trajectory = demonstration.trajectory
+    actions = demonstration.expert_actions
+    assert len(actions) == demonstration.num_expert_poses
+    # At rest at the beginning, at the end and where something happens: elsewhere no more than a hesitation
+    assert np.mean(speeds_rad_s(trajectory) < REST_RAD_S) < 0.4
+    ends = np.linalg.norm(trajectory.positions_m[-1] - actions[-1].position_m)
+    assert ends < 0.005
+    changes = np.count_nonzero(np.diff([True, *(action.gripper_open for action in actions)]))
+    assert np.count_nonzero(np.diff(trajectory.gripper_open)) == changes
+
+
+@pytest.fixture(scope="module", params=["stack_cube", "turn_tap", "put_in_safe", "close_laptop"])
+def guided(request):
+    """The plan, the times at which its poses were passed or reached, and the trajectory."""
+    robot = GuidedPanda(make_task(request.param, SEED), Person(SEED))
+    recorder = Recorder(robot.task.model, robot.task.data)
+    robot.after_step.append(recorder.sample)
+    moves, times_s = robot.task.expert(), {}
+    robot.perform(moves, lambda number: times_s.setdefault(number, robot.task.data.time))
+    return moves, times_s, recorder.trajectory("measured")
+
+
+def free(moves):
+    """The numbers of the poses that only lead to others."""
+    states = [True, *(move.gripper_open for move in moves)]
+    for number, move in enumerate(moves[:-1]):
+        if (move.within_m is None and states[number] == states[number + 1]) or move.within_m:
+            yield number
+
+
+def test_no_rest_where_nothing_happens(guided):
+    moves, times_s, trajectory = guided
+    assert list(times_s) == list(range(len(moves)))
+    numbers = list(free(moves))
+    assert numbers
+    for number in numbers:
+        near = np.abs(trajectory.timestamps_s - times_s[number]) < 0.3
+        assert np.count_nonzero(speeds_rad_s(trajectory)[near] < REST_RAD_S) < REST_SAMPLES, number
+
+
+def test_free_poses_are_passed_and_the_others_reached(guided):
+    moves, times_s, trajectory = guided
+    for number, move in enumerate(moves):
+        near = np.abs(trajectory.timestamps_s - times_s[number]) < 0.5
+        away_m = np.linalg.norm(trajectory.positions_m[near] - move.pose.position_m, axis=1).min()
+        assert away_m < (ROUNDING_M[1] if number in free(moves) else 0.003), number
+
+
+def test_corners_are_cut():
+    demonstration = recorded("stack_cube")
+    _, _, lifted, *_ = demonstration.expert_actions
+    carried = demonstration.trajectory.positions_m[~demonstration.trajectory.gripper_open]
+    assert 0.005 < np.linalg.norm(carried - lifted.position_m, axis=1).min() < ROUNDING_M[1]
+
+
+def test_the_seed_determines_the_recording():
+    first, again, other = recorded("open_drawer"), recorded("open_drawer"), recorded("open_drawer", SEED + 1)
+    for name in ARRAYS:
+        np.testing.assert_array_equal(getattr(first.trajectory, name), getattr(again.trajectory, name))
+    assert len(first.trajectory) != len(other.trajectory)
+
+
+def test_speed_changes_from_phase_to_phase():
+    speeds = speeds_rad_s(recorded("put_in_cupboard").trajectory)
+    moving = speeds[speeds > REST_RAD_S]
+    peaks = np.flatnonzero((np.diff(moving)[:-1] > 0) & (np.diff(moving)[1:] <= 0)) + 1
+    assert moving[peaks].max() > 2 * moving[peaks].min()
+
+
+def test_fingers_are_later_than_their_command():
+    measured, commanded = recorded("stack_cube").trajectory, recorded("stack_cube", gripper="commanded").trajectory
+    np.testing.assert_array_equal(measured.positions_m, commanded.positions_m)
+    asked, done = (np.flatnonzero(np.diff(t.gripper_open)) + 1 for t in (commanded, measured))
+    assert len(asked) == len(done) == 2
+    assert (done > asked).all()
+    # The command to close comes while the hand still moves; where the fingers have closed, it is at the cube.
+    closed_m = measured.positions_m[done[0] + 1]
+    early_m, late_m = np.linalg.norm(measured.positions_m[[asked[0], done[0]]] - closed_m, axis=1)
+    assert early_m > 2 * late_m
+    assert speeds_rad_s(measured)[done[0]] < REST_RAD_S < speeds_rad_s(measured)[asked[0]]
+
+
+def test_where_the_arm_rests_both_are_at_the_same_pose():
+    commanded = record_demonstration("stack_cube", SEED, images=False).trajectory
+    asked = record_demonstration("stack_cube", SEED, images=False, gripper="commanded").trajectory
+    measured = record_demonstration("stack_cube", SEED, images=False, gripper="measured").trajectory
+    np.testing.assert_array_equal(commanded.gripper_open, asked.gripper_open)
+    asked, done = (np.flatnonzero(np.diff(t.gripper_open)) + 1 for t in (commanded, measured))
+    assert np.abs(commanded.positions_m[asked] - measured.positions_m[done]).max() < 0.002
+
+
+def test_a_failed_demonstration_says_so(monkeypatch):
+    monkeypatch.setattr(TASKS["open_drawer"], "succeeded", lambda self: False)
+    demonstration = recorded("open_drawer")
+    assert not demonstration.succeeded
+    assert "not solved" in demonstration.failure
+
+
+def test_a_film_has_a_picture_of_every_pose():
+    demonstration = record_demonstration("push_button", 0, recordings="continuous", images=False, film_strip=True)
+    assert len(demonstration.film_strip) == 1 + demonstration.num_expert_poses
+
+
+def test_an_unknown_task_is_refused():
+    with pytest.raises(InvalidInputError, match="open_drawer"):
+        recorded("fold_laundry")
+
+
+@pytest.mark.parametrize(
+    ("widths_mm", "expected"),
+    [
+        ([80, 80, 70, 60, 50, 50], [1, 1, 1, 0, 0, 0]),  # something thick
+        ([80, 60, 30, 4, 4, 50, 80], [1, 1, 0, 0, 0, 1, 1]),
+        ([80, 79.9, 80], [1, 1, 1]),
+        ([0.2, 0.0, 0.1], [0, 0, 0]),
+    ],
+)
+def test_fingers_are_closed_below_the_middle_between_their_extremes(widths_mm, expected):
+    assert measured_open(np.array(widths_mm) / 1000).tolist() == [bool(state) for state in expected]

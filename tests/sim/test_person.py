@@ -1,0 +1,92 @@
+import numpy as np
+import pytest
+
+from app.sim.moves import Pose, move_to, pick, tool_down
+from app.sim.person import HESITATION_SPEED_M_S, OVERSHOOT_M, ROUNDING_M, TOOL_SPEED_M_S, Person
+from app.sim.route import Route
+from app.sim.tasks import TASKS, make_task
+
+HOME = Pose(np.array([0.0, 0.0, 1.2]), tool_down())
+PICK = pick([0.3, 0.1, 0.8], tool_down())
+SEEDS = range(40)
+
+
+def steps(seed, moves=PICK):
+    return Person(seed).steps(HOME, True, moves)
+
+
+def route(*ends_m):
+    along_m = np.linspace(0, ends_m[-1], 400)
+    return Route(np.zeros((400, 7)), along_m, ends_m)
+
+
+def test_a_seed_is_one_person():
+    for seed in range(5):
+        first, again = Person(seed), Person(seed)
+        assert first.choose(2) == again.choose(2)
+        np.testing.assert_array_equal(first.speeds_m_s(route(0.3, 0.6)), again.speeds_m_s(route(0.3, 0.6)))
+        assert first.grasp_lead_s(opens=False) == again.grasp_lead_s(opens=False)
+    assert len({Person(seed).grasp_lead_s(opens=False) for seed in range(5)}) == 5
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_grasps_and_ends_are_reached_and_the_rest_passed(seed):
+    above, grasp, lifted = (step for step in steps(seed) if step.number is not None)
+    assert ROUNDING_M[0] <= above.within_m <= ROUNDING_M[1]
+    assert (grasp.within_m, lifted.within_m) == (0.0, 0.0)
+
+
+def test_what_a_move_says_goes_before():
+    moves = [move_to(at, tool_down(), gripper_open=False, within_m=within_m) for at, within_m in
+             zip(([0.1, 0, 1], [0.2, 0, 1], [0.3, 0, 1]), (0.004, 0.0, 0.02), strict=True)]  # fmt: skip
+    assert [step.within_m for step in steps(0, moves)] == [0.004, 0.0, 0.0]
+
+
+def test_many_grasps_are_overshot_and_corrected():
+    overshoots = [found[0] for found in map(steps, SEEDS) if found[0].number is None]
+    assert 0.4 * len(SEEDS) < len(overshoots) < len(SEEDS)
+    heading = np.array([0.3, 0.1, 0]) / np.hypot(0.3, 0.1)
+    for step in overshoots:
+        beyond = step.move.pose.position_m - PICK[0].pose.position_m
+        assert OVERSHOOT_M[0] <= beyond @ heading <= OVERSHOOT_M[1]
+        np.testing.assert_allclose(beyond, beyond @ heading * heading, atol=1e-12)
+        assert step.within_m < OVERSHOOT_M[0]
+
+
+def test_no_overshoot_where_nothing_is_grasped():
+    pushes = [move_to([0.3, 0, z_m], tool_down(), gripper_open=False) for z_m in (0.9, 0.8, 0.9)]
+    assert all(step.number is not None for seed in SEEDS for step in steps(seed, pushes))
+
+
+def test_speeds_have_phases_and_hesitations_far_from_where_something_happens():
+    hesitations = 0
+    for seed in SEEDS:
+        way = route(0.3, 0.8)
+        speeds = Person(seed).speeds_m_s(way)
+        slow = speeds <= HESITATION_SPEED_M_S
+        hesitations += slow.any()
+        for end_m in (0.0, *way.ends_m):
+            assert not slow[np.abs(way.along_m - end_m) < 0.04].any()
+        assert 0.2 * TOOL_SPEED_M_S < speeds[~slow].min() < 0.8 * speeds.max() <= 1.2 * TOOL_SPEED_M_S
+    assert 0.3 * len(SEEDS) < hesitations < len(SEEDS)
+
+
+def test_a_short_way_has_no_place_for_a_hesitation():
+    assert all(Person(seed).speeds_m_s(route(0.08)).min() > HESITATION_SPEED_M_S for seed in SEEDS)
+
+
+@pytest.mark.parametrize("name", [name for name, task in TASKS.items() if task.ways > 1])
+def test_ways_differ_and_the_first_is_the_default(name):
+    task = make_task(name, 0)
+    assert task.way == 0
+    plans = []
+    for way in range(task.ways):
+        task.way = way
+        poses = [move.pose for move in task.expert()]
+        plans.append(np.array([[*pose.position_m, *pose.rotation.as_rotvec()] for pose in poses]))
+    assert len(plans) == 2
+    assert np.abs(plans[0] - plans[1]).max() > 0.03
+
+
+def test_both_ways_are_gone():
+    assert {Person(seed).choose(2) for seed in range(10)} == {0, 1}
