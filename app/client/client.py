@@ -18,7 +18,8 @@ from app.client.robot import Observation
 from app.pipeline.addresses import without_proxy
 from app.pipeline.episode import EndEffectorAction, Trajectory
 from app.pipeline.metadata import camera_json, object_json
-from app.pipeline.motion_limits import MotionLimits, action_from_json
+from app.pipeline.motion_guard import action_from_json
+from app.pipeline.motion_limits import MotionLimits
 from app.pipeline.trajectory_npz import npz_from_trajectory
 
 KEY_VARIABLE = "ROBOPROMPT_API_KEY"

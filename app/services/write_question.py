@@ -77,6 +77,8 @@ class QuestionWriter:
                 task = tasks.get(connection, request.task)
                 settings = TaskSettings.model_validate(task.settings)
                 previous = None if request.after is None else previous_step(connection, request.after, request.task)
+            end_effector = request.end_effector or (None if previous is None else previous.end_effector)
+            settings.limits_of_motion().require_start(end_effector)
             if seen is None:
                 with timed(timings_ms, "poses"):
                     objects = _observed(request, task, settings)
@@ -104,7 +106,7 @@ class QuestionWriter:
             style=style,
             settings=settings,
             observed=objects,
-            end_effector=request.end_effector or (None if previous is None else previous.end_effector),
+            end_effector=end_effector,
         )
         question = replace(question, plans=_placed(question))
         question = replace(question, findings=findings_before(question))

@@ -26,6 +26,7 @@ SETTINGS = (
     "timeout_s",
     "num_samples",
     "temperature",
+    "end_effector",
 )
 ImageKind = Literal["rgb", "depth", "mask"]
 

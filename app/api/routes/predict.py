@@ -78,9 +78,9 @@ async def predict(request: Request, services: Wired, idempotency_key: Idempotenc
         wish, asked = await questioned(decode, body, services.limits)
         if idempotency_key is not None and not asked.dry_run:
             digest = await decode(content_digest, body.document, body.parts)
-            if (known := await services.repeated_predictions.answer_to(idempotency_key, digest)) is not None:
+            if (known := await services.repeated_predictions.answer_to(idempotency_key, digest, wish)) is not None:
                 return EventSourceResponse(_events_again(known)) if streamed else JSONResponse(known)
-            keep = partial(services.repeated_predictions.remember, idempotency_key, digest)
+            keep = partial(services.repeated_predictions.remember, idempotency_key, digest, wish.without_frames())
         question = await services.predict_actions.prepare(wish, timings_ms)
         del wish  # the room is given back, and with it what was decoded
     if asked.dry_run:

@@ -155,7 +155,11 @@ class PredictBody(RequestModel):
     objects: Annotated[list[ObjectIn], Field(min_length=1, max_length=64)]
     cameras: Annotated[list[CameraIn], Field(max_length=16)] = []
     end_effector: Annotated[
-        EndEffectorIn | None, Field(description="if given, the task's max_step bounds hold for the first action, too")
+        EndEffectorIn | None,
+        Field(
+            description="the first action's way begins here; required where the task's motion_limits bound steps "
+            "(max_step_m, max_step_rotation_deg), but for later steps of a closed loop"
+        ),
     ] = None
     num_demonstrations: Annotated[int | None, Field(ge=1, le=100)] = None
     selection: Annotated[
