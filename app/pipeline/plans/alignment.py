@@ -75,7 +75,12 @@ class Recording:
             if keyframe.gripper_open != state:
                 counts.append(0)
                 state = keyframe.gripper_open
-        return tuple(counts if counts[-1] else counts[:-1])
+        counts = counts if counts[-1] else counts[:-1]
+        if len(counts) == len(self.phases):
+            return tuple(counts)
+        # Keyframes that show fewer switches than there are: by time.
+        frames = [keyframe.frame for keyframe in self.keyframes]
+        return tuple(max(1, sum(p.first < frame <= p.last for frame in frames)) for p in self.phases)
 
     @property
     def signature(self) -> tuple[bool, ...]:
@@ -110,7 +115,10 @@ def _of_one_signature(members: Sequence[Recording]) -> list[Demonstration]:
     numbers = _numbers([member.counts for member in members], len(members[0].phases), most_frequent=resting)
     if numbers is None:
         return [member.with_keyframes(member.keyframes) for member in members]
-    own = [member.manner == "rests" and resting and member.counts == numbers for member in members]
+    own = [
+        resting and member.manner == "rests" and member.counts == numbers and len(member.keyframes) == sum(numbers)
+        for member in members
+    ]
     chosen = [
         list(member.keyframes) if keeps else _chosen(member, numbers, None)
         for member, keeps in zip(members, own, strict=True)
