@@ -7,6 +7,7 @@ import anyio.to_thread
 from app.llm.base import ModelProfile
 from app.llm.registry import ModelRegistry
 from app.services.api_keys import KeyRing
+from app.services.check_task import CheckTask, leave_unrecorded
 from app.services.configure_task import MAX_AT_ONCE, ConfigureTask
 from app.services.draw_overlay import DrawOverlay
 from app.services.learn_object_models import LearnObjectModels
@@ -35,6 +36,7 @@ class Services:
     learn_object_models: LearnObjectModels
     draw_overlay: DrawOverlay
     predict_actions: PredictActions
+    check_task: CheckTask
     prefix_warmer: PrefixWarmer
     metrics: Metrics
     keys: KeyRing
@@ -71,6 +73,7 @@ class Services:
         write_question = QuestionWriter(store, profile_of, limits, pose_servers)
         warmer = PrefixWarmer(store, models, write_question, num_warm_tasks)
         predict = PredictActions(models, write_question, warmer, PredictionRecorder(store, metrics), store.under_way)
+        unrecorded = PredictActions(models, write_question, warmer, leave_unrecorded, store.under_way)
         configure = ConfigureTask(store, pose_servers, extract_at_once)
         return cls(
             store=store,
@@ -81,6 +84,7 @@ class Services:
             learn_object_models=LearnObjectModels(store, configure),
             draw_overlay=DrawOverlay(store),
             predict_actions=predict,
+            check_task=CheckTask(store, profile_of, unrecorded),
             prefix_warmer=warmer,
             metrics=metrics,
             keys=KeyRing(store),

@@ -21,7 +21,7 @@ from app.pipeline.keyframes.rule import TOLERANCE_DEG, TOLERANCE_M
 from app.pipeline.motion_limits import Box, MotionLimits
 from app.pipeline.prompt import MAX_SYSTEM_PROMPT_CHARS
 from app.pipeline.representation import check_style
-from app.pipeline.wording import checked_name
+from app.pipeline.wording import check_aliases_of, checked_aliases, checked_name
 from app.pipeline.workspace import RLBENCH_MAX_M, RLBENCH_MIN_M, Workspace
 
 Point = tuple[float, float, float]
@@ -171,6 +171,13 @@ class TaskSettings(_Settings):
     prompt_format: PromptFormat | None = None
     system_prompt: SystemPrompt | None = None
     num_demonstrations: Annotated[int, Field(ge=1, le=100)] = 10
+    aliases: Annotated[
+        dict[str, Annotated[tuple[str, ...], Field(max_length=32)]],
+        Field(description="per object what people call it besides its name; no two objects share one"),
+    ] = {}
+    robot_base: Annotated[
+        Point, Field(description="where the robot's base stands, metres, world frame; it looks along +x, left is +y")
+    ] = (0.0, 0.0, 0.0)
     yaw_symmetry_deg: Annotated[
         dict[str, Annotated[float, AfterValidator(_symmetry)]],
         Field(
@@ -185,6 +192,11 @@ class TaskSettings(_Settings):
         if value is not None and representation is not None:
             check_style(representation, value)
         return value
+
+    @field_validator("aliases")
+    @classmethod
+    def _names_one_object_each(cls, value: dict[str, tuple[str, ...]]) -> dict[str, tuple[str, ...]]:
+        return checked_aliases(value)
 
     def limits_of_motion(self) -> MotionLimits:
         """What every action of a prediction must keep to."""
@@ -212,8 +224,9 @@ class TaskSettings(_Settings):
         return mine != others
 
     def check_models(self, names: Iterable[str]) -> None:
-        """Refuse models of objects that are not among the task's `names`."""
+        """Refuse models and aliases of objects that are not among the task's `names`."""
         known = list(names)
+        check_aliases_of(self.aliases, known)
         for name in self.object_models:
             if name not in known:
                 raise InvalidInputError(f"object_models[{name}]", "is no object of the task", ", ".join(known))

@@ -21,6 +21,7 @@ SETTINGS = (
     "selection",
     "seed",
     "episode_ids",
+    "unfamiliar",
     "max_actions",
     "timeout_s",
     "num_samples",

@@ -1,7 +1,7 @@
 """What robots send."""
 
 import json
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Strict
@@ -197,6 +197,13 @@ class PredictBody(RequestModel):
             max_length=64, description="id of the last step of a closed loop; its model, style and demonstrations stay"
         ),
     ] = None
+    unfamiliar: Annotated[
+        Literal["refuse", "allow"],
+        Field(
+            description="an instruction unlike every taught one: refuse, or pass it on to the LLM with a finding of "
+            "severity danger; objects that are not clear are refused either way"
+        ),
+    ] = "refuse"
     max_actions: Annotated[int, Field(ge=1, le=100)] = MAX_ACTIONS
     timeout_s: Annotated[float, Field(ge=0.1, le=600)] = 60.0
     unsupported: Annotated[
