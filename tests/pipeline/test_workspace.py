@@ -179,6 +179,17 @@ def test_it_grows_only(first_m, more_m):
     assert (again.min_m.tolist(), again.max_m.tolist()) == (after.min_m.tolist(), after.max_m.tolist())
 
 
+@given(PLACES)
+def test_it_grows_by_no_more_than_what_it_does_not_hold(places_m):
+    """Bins stay as fine as they can: demonstration by demonstration no more than a margin and the grid is added."""
+    box = Workspace.around(places_m[:1])
+    for place_m in places_m[1:]:
+        before, box = box, Workspace.around(place_m[None], grown_from=box)
+        low_m, high_m = place_m - [0.1, 0.1, 0.05], place_m + 0.1
+        assert (box.min_m >= np.minimum(before.min_m, low_m - 0.05) - 1e-9).all()
+        assert (box.max_m <= np.maximum(before.max_m, high_m + 0.05) + 1e-9).all()
+
+
 def test_what_stands_on_a_table_gets_most_of_its_room_above():
     box = Workspace.around(np.array([[0.4, 0.0, 0.02], [0.5, 0.1, 0.2]]))
     assert (box.min_m.tolist(), box.max_m.tolist()) == ([-0.05, -0.45, -0.05], [0.95, 0.55, 1.0])

@@ -81,7 +81,7 @@ def test_each_clause_is_checked_for_itself(taught):
     """The second reply is unlike the demonstration: it alone is asked for again."""
     prediction = ask(taught(RELATIVE, FAR, RELATIVE), TWICE)
     assert len(prediction.actions) == 6
-    assert prediction.completion.text == f"{RELATIVE}\n{FAR}\n{RELATIVE}"
+    assert prediction.completion.text == "\n".join(reply.rstrip("\n") for reply in (RELATIVE, FAR, RELATIVE))
 
 
 def test_an_unsupported_action_of_a_later_clause_is_named_by_its_place_among_all(taught):
@@ -105,7 +105,7 @@ def test_a_stream_ends_before_the_unsupported_action_and_is_not_asked_again(taug
     items, error = streamed(services)
     assert [type(item) for item in items] == [PredictedAction]
     assert isinstance(error, UnsupportedReplyError)
-    assert recorded(services.store)[0].reply_text == FAR
+    assert FAR.startswith(recorded(services.store)[0].reply_text)
 
 
 def test_too_many_clauses_for_the_actions_allowed(taught):

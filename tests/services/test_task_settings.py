@@ -95,6 +95,6 @@ def test_only_auto_grows(preset):
 def test_a_box_that_no_demonstration_shaped_is_not_kept():
     """RLBench's stands for the untaught: demonstrations at another height get a box around themselves."""
     first = WorkspaceSettings(preset="auto").grown(np.array([[0.3, 0.1, 0.02]]))
-    assert (first.min, first.max) == ((-0.2, -0.4, -0.05), (0.8, 0.6, 0.95))
+    assert (first.min, first.max) == ((-0.2, -0.4, -0.05), (0.8, 0.6, 1.0))
     further = first.grown(np.array([[1.5, 0.1, 0.02]]))
-    assert (further.min, further.max) == ((-0.2, -0.4, -0.05), (1.6, 0.6, 0.95))
+    assert (further.min, further.max) == ((-0.2, -0.4, -0.05), (1.6, 0.6, 1.0))
