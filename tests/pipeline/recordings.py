@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from app.pipeline.episode import Trajectory
 
 DOWN = Rotation.from_euler("x", 180, degrees=True)
-RAD_S_PER_M_S = 2.0  # of the first joint, for each m/s of the hand
+RAD_S_PER_M_S = 2.0  # of a joint for each axis, as of a gantry
 TREMOR_RAD_S = (7.3, 9.1, 11.7)
 BLENDED = 31
 STEP_S = 1e-4
@@ -69,11 +69,11 @@ class Motion:
         """The trajectory at these times, with them."""
         times_s = np.asarray(times_s, dtype=float)
         before_s, after_s = np.maximum(times_s - STEP_S, 0), np.minimum(times_s + STEP_S, self.duration_s)
-        way_m = np.linalg.norm(self.positions_m(after_s) - self.positions_m(before_s), axis=1)
-        turn_rad = (self.rotations(before_s).inv() * self.rotations(after_s)).magnitude()
+        way_m = self.positions_m(after_s) - self.positions_m(before_s)
+        turn_rad = (self.rotations(before_s).inv() * self.rotations(after_s)).as_rotvec()
         speeds = np.zeros((len(times_s), 7))
-        speeds[:, 0] = RAD_S_PER_M_S * way_m / (after_s - before_s)
-        speeds[:, 6] = turn_rad / (after_s - before_s)
+        speeds[:, :3] = RAD_S_PER_M_S * way_m / (after_s - before_s)[:, None]
+        speeds[:, 4:] = turn_rad / (after_s - before_s)[:, None]
         return Trajectory(
             speeds,
             self.positions_m(times_s),

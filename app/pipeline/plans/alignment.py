@@ -18,7 +18,7 @@ from app.pipeline.arrays import Array
 from app.pipeline.episode import Demonstration, Trajectory
 from app.pipeline.keyframes import Keyframe, KeyframeRule, Manner, find_keyframes, manner_of
 from app.pipeline.keyframes.path import Path, best_waypoints
-from app.pipeline.keyframes.waypoints import Phase, at_frames, at_tips, phases
+from app.pipeline.keyframes.waypoints import Phase, at_frames, at_tips, phases, waypoints
 from app.pipeline.plans.rows import PlanRow, plan_rows
 from app.pipeline.representation.anchors import M_PER_RAD, anchor_frame, tilted_objects
 
@@ -50,9 +50,12 @@ class Recording:
 
     @cached_property
     def keyframes(self) -> tuple[Keyframe, ...]:
-        """Its own, whatever the others have."""
+        """Its own, whatever the others have; by waypoints where the rule skips one of several switches in a rest."""
         period_s = float(np.median(np.diff(self.times_s))) if len(self.times_s) > 1 else 1.0
-        return find_keyframes(self.trajectory, self.rule, 1 / period_s)
+        found = find_keyframes(self.trajectory, self.rule, 1 / period_s)
+        if len(self._counts_of(found)) == len(self.phases):
+            return found
+        return waypoints(self.trajectory, self.times_s, self.rule.tolerance_m, self.rule.tolerance_deg)
 
     @cached_property
     def phases(self) -> tuple[Phase, ...]:
@@ -69,18 +72,16 @@ class Recording:
     @property
     def counts(self) -> tuple[int, ...]:
         """Its own keyframes in each phase: the last of a phase is where the gripper switches."""
+        return self._counts_of(self.keyframes)
+
+    def _counts_of(self, keyframes: Sequence[Keyframe]) -> tuple[int, ...]:
         counts, state = [0], bool(self.phases[0].gripper_open)
-        for keyframe in self.keyframes:
+        for keyframe in keyframes:
             counts[-1] += 1
             if keyframe.gripper_open != state:
                 counts.append(0)
                 state = keyframe.gripper_open
-        counts = counts if counts[-1] else counts[:-1]
-        if len(counts) == len(self.phases):
-            return tuple(counts)
-        # Keyframes that show fewer switches than there are: by time.
-        frames = [keyframe.frame for keyframe in self.keyframes]
-        return tuple(max(1, sum(p.first < frame <= p.last for frame in frames)) for p in self.phases)
+        return tuple(counts if counts[-1] else counts[:-1])
 
     @property
     def signature(self) -> tuple[bool, ...]:
@@ -112,9 +113,7 @@ def aligned(group: Sequence[Recording]) -> tuple[Demonstration, ...]:
 
 def _of_one_signature(members: Sequence[Recording]) -> list[Demonstration]:
     resting = 2 * sum(member.manner == "rests" for member in members) > len(members)
-    numbers = _numbers([member.counts for member in members], len(members[0].phases), most_frequent=resting)
-    if numbers is None:
-        return [member.with_keyframes(member.keyframes) for member in members]
+    numbers = _numbers([member.counts for member in members], most_frequent=resting)
     own = [
         resting and member.manner == "rests" and member.counts == numbers and len(member.keyframes) == sum(numbers)
         for member in members
@@ -133,13 +132,8 @@ def _of_one_signature(members: Sequence[Recording]) -> list[Demonstration]:
     return [member.with_keyframes(item) for member, item in zip(members, chosen, strict=True)]
 
 
-def _numbers(counts: Sequence[tuple[int, ...]], num_phases: int, *, most_frequent: bool) -> tuple[int, ...] | None:
-    """How many keyframes each phase gets; None if some demonstration's keyframes do not show every phase.
-
-    Of several switches in one rest `merged` keeps the last.
-    """
-    if any(len(count) != num_phases for count in counts):
-        return None
+def _numbers(counts: Sequence[tuple[int, ...]], *, most_frequent: bool) -> tuple[int, ...]:
+    """How many keyframes each phase gets."""
     if most_frequent:
         return Counter(counts).most_common(1)[0][0]
     return tuple(math.ceil(np.quantile(column, MOST)) for column in zip(*counts, strict=True))
