@@ -1,7 +1,7 @@
 """The service as a robot sees it."""
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from json import JSONDecodeError
@@ -16,9 +16,11 @@ from app.client.encoding import Part, packed_request, request_parts
 from app.client.errors import ServiceProblemError, ServiceUnreachableError
 from app.client.robot import Observation
 from app.pipeline.addresses import without_proxy
-from app.pipeline.episode import EndEffectorAction, Trajectory
+from app.pipeline.camera import RgbdFrame
+from app.pipeline.episode import EndEffectorAction, ObjectPose, Trajectory
 from app.pipeline.metadata import camera_json, object_json
 from app.pipeline.motion_limits import MotionLimits, action_from_json
+from app.pipeline.reanchoring import ActionAnchor, anchor_from_json
 from app.pipeline.trajectory_npz import npz_from_trajectory
 
 KEY_VARIABLE = "ROBOPROMPT_API_KEY"
@@ -34,11 +36,29 @@ class PredictedActions:
     Attributes:
         id: for `record_outcome`.
         response: the whole document: prompt, reply, usage, timings.
+        anchors: what each action hangs on; None where the service does not say.
     """
 
     id: str
     actions: tuple[EndEffectorAction, ...]
     response: Mapping[str, Any]
+    anchors: tuple[ActionAnchor | None, ...] = ()
+
+    @property
+    def findings(self) -> tuple[Mapping[str, Any], ...]:
+        """What deserves a look: `code`, `severity` (info, warning, danger), `message`, `where`."""
+        return tuple(self.response.get("findings") or ())
+
+    @property
+    def grounding(self) -> tuple[Mapping[str, Any], ...]:
+        """Which words of the instruction mean which object; empty where the service does not say."""
+        return tuple(self.response.get("grounding") or ())
+
+    @property
+    def objects(self) -> tuple[ObjectPose, ...]:
+        """The poses that the service went by, given or found in images."""
+        items = self.response.get("objects") or ()
+        return tuple(ObjectPose(item["name"], item["position"], item.get("quaternion_xyzw")) for item in items)
 
 
 class RoboPromptClient:
@@ -169,9 +189,13 @@ class RoboPromptClient:
         *,
         mask_ids: Mapping[str, Sequence[int]] | None = None,
         timeout_s: float = 60.0,
+        on_findings: Callable[[Sequence[Mapping[str, Any]]], None] | None = None,
         **options: Any,  # noqa: ANN401
     ) -> Iterator[EndEffectorAction | PredictedActions]:
         """Each action as soon as the LLM has written it, then the whole answer.
+
+        Args:
+            on_findings: called with what the service doubts beforehand, ahead of the first action.
 
         Raises:
             as `predict`; also after actions were given, if the rest of the reply goes wrong or does not come.
@@ -188,7 +212,9 @@ class RoboPromptClient:
             index = 0
             for event in source.iter_sse():
                 document = event.json()
-                if event.event == "action":
+                if event.event == "findings" and on_findings is not None:
+                    on_findings(document.get("findings") or ())
+                elif event.event == "action":
                     yield action_from_json(index, document)
                     index += 1
                 elif event.event == "done":
@@ -197,6 +223,23 @@ class RoboPromptClient:
                 elif event.event == "error":
                     raise ServiceProblemError(document.get("status", 502), document)
         raise ServiceUnreachableError("POST /predict: the stream ended before it was complete")
+
+    def find_poses(
+        self, frames: Sequence[RgbdFrame], object_models: Mapping[str, Mapping[str, Any]]
+    ) -> tuple[ObjectPose, ...]:
+        """Where objects are in images (`POST /poses`), apart from any task; nothing is stored.
+
+        Args:
+            object_models: by name, as `object_models` of a task.
+
+        Raises:
+            ServiceProblemError: if one of them is not found.
+            ServiceUnreachableError.
+        """
+        objects = [{"name": name, "model": dict(model)} for name, model in object_models.items()]
+        document = {"objects": objects, "cameras": [camera_json(frame.camera) for frame in frames]}
+        answer = self._send("POST", "/poses", files=request_parts(document, frames))
+        return tuple(ObjectPose(p["name"], p["position"], p["quaternion_xyzw"]) for p in answer["poses"])
 
     def learn_object_models(
         self, task: str, objects: Sequence[str] | None = None, episodes: int = 10
@@ -268,7 +311,8 @@ class RoboPromptClient:
 
 def _predicted(answer: Mapping[str, Any]) -> PredictedActions:
     actions = tuple(action_from_json(index, item) for index, item in enumerate(answer["actions"]))
-    return PredictedActions(answer["id"], actions, answer)
+    anchors = tuple(anchor_from_json(index, item) for index, item in enumerate(answer["actions"]))
+    return PredictedActions(answer["id"], actions, answer, anchors)
 
 
 def _scene(observation: Observation, mask_ids: Mapping[str, Sequence[int]] | None) -> dict[str, Any]:
