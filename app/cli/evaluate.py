@@ -60,6 +60,13 @@ def evaluate(
     noise_on: Annotated[
         Literal["both", "test"], typer.Option(help="noise on demonstrations and tests, or on tests alone")
     ] = "both",
+    shift: Annotated[
+        float | None,
+        typer.Option(
+            help="metres: move the free objects after the answer, and test with and without looking again"
+            " (methods `default` and `look again`; default: nobody moves anything)"
+        ),
+    ] = None,
     out: Annotated[Path | None, typer.Option(help="folder of the results (default: reports/eval-SWEEP-TIME)")] = None,
     ray: Annotated[
         str | None, typer.Option(help="run on the Ray cluster at this address, 'auto', or 'local' to start one")
@@ -76,7 +83,7 @@ def evaluate(
     # The simulator is an extra that `roboprompt serve` does without.
     from app.client.errors import ServiceProblemError, ServiceUnreachableError
     from app.evaluation.errors import EvaluationError
-    from app.evaluation.methods import chosen, with_noise, with_poses
+    from app.evaluation.methods import chosen, with_noise, with_poses, with_shift
     from app.evaluation.plan import Plan
     from app.evaluation.sweep_run import SweepRun
     from app.evaluation.sweeps import SWEEPS
@@ -87,12 +94,17 @@ def evaluate(
     folder = out or Path("reports") / f"eval-{sweep}-{datetime.now():%Y%m%d-%H%M%S}"
     command = shlex.join(["roboprompt", *sys.argv[1:], *([] if out else ["--out", str(folder)])])
     given = SWEEPS[sweep].with_models(model or ())
-    methods = _refusing(lambda: chosen(given, method or (), model or ()), "--method")
+    names = method or (("default",) if shift is not None else ())
+    methods = _refusing(lambda: chosen(given, names, model or ()), "--method")
     methods = _refusing(lambda: with_noise(methods, noise, noise_on), "--noise")
     if poses == "vision":
         methods = _refusing(lambda: with_poses(methods, "vision"), "--poses")
+    tasks = tuple(dict.fromkeys(task or TASKS))
+    if shift is not None:
+        methods = _refusing(lambda: with_shift(methods, shift), "--shift")
+        tasks = _shiftable(tasks, shift, named=task is not None)
     plan = Plan(
-        tuple(dict.fromkeys(task or TASKS)),
+        tasks,
         methods,
         episodes,
         demos,
@@ -113,6 +125,18 @@ def evaluate(
         print(json.dumps({"sweep": sweep, "out": str(folder), **_scenes(plan), **result.summary()}))  # noqa: T201
     if result.remaining:
         raise typer.Exit(INTERRUPTED if result.stopped == "interrupted" else 1)
+
+
+def _shiftable(tasks: tuple[str, ...], shift_m: float, *, named: bool) -> tuple[str, ...]:
+    """The tasks whose objects can be moved; one that was named must be among them."""
+    from app.sim.shift import can_shift
+
+    movable = tuple(name for name in tasks if can_shift(name, shift_m))
+    if not movable or (named and movable != tasks):
+        fixed = next(name for name in tasks if name not in movable)
+        message = f"{fixed}: nothing in its scenes can be moved freely by {shift_m:g} m"
+        raise typer.BadParameter(message, param_hint="--shift")
+    return movable
 
 
 def _scenes(plan: "Plan") -> dict[str, object]:

@@ -12,10 +12,11 @@ import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from app.client.client import DEFAULT_URL, RoboPromptClient
-from app.client.errors import ServiceProblemError, ServiceUnreachableError
+from app.client.danger import OnDanger
+from app.client.errors import DangerError, ObjectLostError, ServiceProblemError, ServiceUnreachableError
 from app.client.loop import NotConfirmedError, run_closed_loop, run_task
 from app.client.robot import MotionError, Observation, Robot
 from app.pipeline.episode import EndEffectorAction, ObjectPose
@@ -28,6 +29,8 @@ REFUSALS = (
     ServiceUnreachableError,
     MotionError,
     NotConfirmedError,
+    DangerError,
+    ObjectLostError,
     InvalidInputError,
     UnsafeActionError,
 )
@@ -78,7 +81,17 @@ def _parser() -> argparse.ArgumentParser:
     )
     how = run.add_mutually_exclusive_group()
     how.add_argument("--stream", action="store_true", help="begin to move while the LLM still writes")
-    how.add_argument("--closed-loop", action="store_true", help="observe again before each action")
+    how.add_argument("--closed-loop", action="store_true", help="observe and ask again before each action")
+    how.add_argument(
+        "--look-again",
+        action="store_true",
+        help="observe again before contact: actions follow the objects that they hang on, without asking again",
+    )
+    run.add_argument(
+        "--on-danger",
+        choices=get_args(OnDanger),
+        help="where the service finds its answer dangerous (default: ask with --confirm, refuse without)",
+    )
     run.set_defaults(command=_run)
     return parser
 
@@ -115,7 +128,8 @@ def _run(client: RoboPromptClient, arguments: argparse.Namespace) -> dict[str, A
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     if arguments.closed_loop:
         return {"steps": [step.response for step in run_closed_loop(*what, limits=limits, confirm=confirm)]}
-    return dict(run_task(*what, limits=limits, confirm=confirm, stream=arguments.stream).response)
+    how = {"stream": arguments.stream, "look_again": arguments.look_again, "on_danger": arguments.on_danger}
+    return dict(run_task(*what, limits=limits, confirm=confirm, **how).response)
 
 
 def _limits(client: RoboPromptClient, arguments: argparse.Namespace) -> MotionLimits:

@@ -13,7 +13,7 @@ FIRST_TEST_SEED = 100_000  # demonstrations are drawn from the seeds below
 # Where a method's actions come from; `app.evaluation.trials` has the function for each.
 Poses = Literal["given", "vision"]
 NoiseOn = Literal["both", "test"]
-Source = Literal["service", "closed loop", "nearest demonstration", "expert replay", "expert"]
+Source = Literal["service", "closed loop", "nearest demonstration", "expert replay", "expert", "robot loop"]
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,10 @@ class Method:
         noise_on: whether it is added to the poses of demonstrations and tests, or of tests alone.
         poses: whether the service is given the objects' poses, or finds them in images (`app.evaluation.vision`).
         stored: episodes that the task must have for the service to choose from, if more than it shows.
-        source: where the actions come from; `closed loop` asks the service for one at a time, others do not ask it.
+        source: where the actions come from; `closed loop` asks the service for one at a time, `robot loop` once for
+            all, and the robot carries them out one by one; others do not ask it.
+        shift_m: how far the free objects are moved between answer and first action; for the `robot loop`.
+        look_again: whether the robot then looks again (`app.client.look_again`).
     """
 
     label: str
@@ -40,6 +43,8 @@ class Method:
     poses: Poses = "given"
     stored: int = 0
     noise_on: NoiseOn = "both"
+    shift_m: float = 0.0
+    look_again: bool = False
 
     def __post_init__(self) -> None:
         if self.poses == "vision" and (self.noise or self.source != "service"):
@@ -49,7 +54,7 @@ class Method:
     @property
     def asks_service(self) -> bool:
         """Whether an LLM is asked."""
-        return self.source in ("service", "closed loop")
+        return self.source in ("service", "closed loop", "robot loop")
 
     @property
     def sees_poses(self) -> bool:
@@ -87,6 +92,7 @@ class Trial:
         predict_s: from the request to the answer, as the robot sees it.
         execute_s: of simulation.
         actions: what was to be executed.
+        shift_m: how far the free objects were moved after the scene had been seen.
     """
 
     task: str
@@ -99,6 +105,7 @@ class Trial:
     predict_s: float = 0.0
     execute_s: float = 0.0
     actions: tuple[EndEffectorAction, ...] = ()
+    shift_m: float = 0.0
 
     @property
     def succeeded(self) -> bool:
