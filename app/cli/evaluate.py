@@ -3,7 +3,7 @@
 import json
 import shlex
 import sys
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from app.cli.checks import check_models, check_names, check_service
 
 if TYPE_CHECKING:
     from app.evaluation.plan import Plan
@@ -89,8 +91,8 @@ def evaluate(
     from app.evaluation.sweeps import SWEEPS
     from app.sim.tasks import TASKS
 
-    _check("--sweep", [sweep], SWEEPS)
-    _check("--task", task or (), TASKS)
+    check_names("--sweep", [sweep], SWEEPS)
+    check_names("--task", task or (), TASKS)
     folder = out or Path("reports") / f"eval-{sweep}-{datetime.now():%Y%m%d-%H%M%S}"
     command = shlex.join(["roboprompt", *sys.argv[1:], *([] if out else ["--out", str(folder)])])
     given = SWEEPS[sweep].with_models(model or ())
@@ -113,6 +115,9 @@ def evaluate(
         recordings=recordings,
         first_test_seed=seed,
     )
+    if url is not None:
+        check_service(url)
+    check_models(model or (), url)
     console = Console(stderr=as_json)
     try:
         with _progress(console) as progress:
@@ -144,12 +149,6 @@ def _scenes(plan: "Plan") -> dict[str, object]:
     return {"recordings": plan.recordings, "seed": plan.first_test_seed, "episodes": plan.episodes}
 
 
-def _check(option: str, given: Sequence[str], known: Collection[str]) -> None:
-    for name in given:
-        if name not in known:
-            raise typer.BadParameter(f"{name!r} is none of {', '.join(known)}", param_hint=option)
-
-
 def _refusing(choose: Callable[[], tuple["Method", ...]], option: str) -> tuple["Method", ...]:
     from app.pipeline.errors import InvalidInputError
 
@@ -163,7 +162,7 @@ def _tell(console: Console, result: "SweepResult", folder: Path, command: str) -
     from app.evaluation.scores import errors_of
     from app.evaluation.tables import terminal_table
 
-    console.print(terminal_table(result.evaluation))
+    console.print(terminal_table(result.evaluation, console.width))
     errors = [f"error in {number} trials: {message}" for message, number in errors_of(result.evaluation)]
     rest = [f"{result.stopped or 'errors'}: {result.remaining} trials remain; go on with:", command]
     _say(console, [f"results: {folder}", *errors[:MAX_ERRORS], *(rest if result.remaining else [])])

@@ -24,6 +24,7 @@ from app.pipeline.errors import InvalidInputError, UnsafeActionError
 from app.pipeline.motion_limits import Box, MotionLimits
 from app.pipeline.trajectory_npz import trajectory_from_npz
 
+OBJECTS = 'JSON: [{"name": "cube", "position": [x, y, z]}], metres, each with "quaternion_xyzw" where it is known'
 REFUSALS = (
     ServiceProblemError,
     ServiceUnreachableError,
@@ -42,6 +43,7 @@ def main() -> int:
     command: Callable[[RoboPromptClient, argparse.Namespace], dict[str, Any]] = arguments.command
     try:
         with RoboPromptClient(arguments.url) as client:
+            client.check()
             print(json.dumps(command(client, arguments), indent=2))  # noqa: T201
     except REFUSALS as error:
         print(error, file=sys.stderr)  # noqa: T201
@@ -103,7 +105,8 @@ def _add_scene(parser: argparse.ArgumentParser) -> None:
         "--objects",
         required=True,
         type=Path,
-        help='JSON: [{"name": ..., "position": [x, y, z], "quaternion_xyzw": ...}]',
+        metavar="FILE",
+        help=f"what the robot sees, {OBJECTS}",
     )
 
 
@@ -152,8 +155,15 @@ def _ask(index: int, action: EndEffectorAction) -> bool:
 
 
 def _observation(path: Path) -> Observation:
-    items = json.loads(path.read_text())
-    return Observation(tuple(ObjectPose(i["name"], i["position"], i.get("quaternion_xyzw")) for i in items))
+    try:
+        items = json.loads(path.read_text())
+        return Observation(tuple(ObjectPose(i["name"], i["position"], i.get("quaternion_xyzw")) for i in items))
+    except InvalidInputError as error:
+        raise InvalidInputError(f"--objects: {path}: {error.field}", error.message, OBJECTS) from error
+    except (OSError, ValueError) as error:
+        raise InvalidInputError("--objects", f"{path} cannot be read: {error}", f"a file with {OBJECTS}") from error
+    except (KeyError, TypeError, AttributeError) as error:
+        raise InvalidInputError("--objects", f"{path} is no list of objects", OBJECTS) from error
 
 
 if __name__ == "__main__":

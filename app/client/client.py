@@ -82,7 +82,7 @@ class RoboPromptClient:
     ) -> None:
         key = os.environ.get(KEY_VARIABLE, "") if api_key is None else api_key
         headers = {"Authorization": f"Bearer {key}"} if key else {}
-        self._http = connection or httpx.Client(base_url=url, timeout=60, headers=headers, mounts=without_proxy(url))
+        self._http = connection or _connection(url, headers)
         self._compress = compress
 
     def __enter__(self) -> Self:
@@ -101,6 +101,22 @@ class RoboPromptClient:
     def close(self) -> None:
         """Close the connections."""
         self._http.close()
+
+    def check(self) -> None:
+        """Ask whether the service is there.
+
+        Raises:
+            ServiceUnreachableError: if nobody answers, or somebody else does.
+            ServiceProblemError: if it refuses.
+        """
+        try:
+            known = self.get("/healthz").get("checks") is not None
+        except ServiceProblemError as error:
+            if "type" in error.problem:
+                raise
+            known = False
+        if not known:
+            raise ServiceUnreachableError(f"{self.url}: what answers there is no RoboPrompt service")
 
     def configure_task(self, task: str, **settings: Any) -> dict[str, Any]:  # noqa: ANN401
         """Set a task's settings, see `PUT /tasks/{name}`; returns all of them."""
@@ -290,7 +306,13 @@ class RoboPromptClient:
         return {"content": packed, "headers": {"Content-Type": "application/msgpack"}}
 
     def _send(self, method: str, path: str, **arguments: Any) -> dict[str, Any]:  # noqa: ANN401
-        document: dict[str, Any] = self._request(method, path, **arguments).json()
+        try:
+            document = self._request(method, path, **arguments).json()
+        except ValueError:
+            document = None
+        if not isinstance(document, dict):
+            what = f"{method} {self._address(path)}: what answers there is no RoboPrompt service"
+            raise ServiceUnreachableError(what)
         return document
 
     def _request(self, method: str, path: str, **arguments: Any) -> httpx.Response:  # noqa: ANN401
@@ -305,8 +327,23 @@ class RoboPromptClient:
         try:
             yield
         except (httpx.TransportError, SSEError, JSONDecodeError) as error:
-            where = f"{self._http.base_url}{path.lstrip('/')}"
-            raise ServiceUnreachableError(f"{method} {where}: {error or type(error).__name__}") from error
+            what = f"{method} {self._address(path)}: {error or type(error).__name__}"
+            raise ServiceUnreachableError(what, timed_out=isinstance(error, httpx.TimeoutException)) from error
+
+    def _address(self, path: str) -> str:
+        return f"{self.url.rstrip('/')}/{path.lstrip('/')}"
+
+
+def _connection(url: str, headers: Mapping[str, str]) -> httpx.Client:
+    """A connection to an address with a scheme and a host."""
+    refusal = f"{url!r} is no address of a service (valid: one like {DEFAULT_URL})"
+    try:
+        parsed = httpx.URL(url)
+        if parsed.scheme not in ("http", "https") or not parsed.host:
+            raise ServiceUnreachableError(refusal)
+        return httpx.Client(base_url=parsed, timeout=60, headers=headers, mounts=without_proxy(url))
+    except (httpx.InvalidURL, ValueError) as error:
+        raise ServiceUnreachableError(refusal) from error
 
 
 def _predicted(answer: Mapping[str, Any]) -> PredictedActions:

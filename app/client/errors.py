@@ -20,7 +20,15 @@ class ServiceProblemError(Exception):
 
 
 class ServiceUnreachableError(Exception):
-    """The service did not answer: wrong address, not started, gone, or too slow."""
+    """The service did not answer: wrong address, not started, gone, or too slow.
+
+    Attributes:
+        timed_out: whether it was too slow.
+    """
+
+    def __init__(self, message: str, *, timed_out: bool = False) -> None:
+        super().__init__(message)
+        self.timed_out = timed_out
 
 
 class ObjectLostError(Exception):

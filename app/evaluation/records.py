@@ -1,5 +1,6 @@
 """What an evaluation produces."""
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
@@ -8,6 +9,8 @@ from app.pipeline.episode import EndEffectorAction
 from app.pipeline.errors import InvalidInputError
 from app.sim.demonstrate import RecordedDemonstration, RolloutResult, SceneView
 
+# How the errors of timeouts begin: status 504 of the service, or no answer of the service itself
+TIMED_OUT = re.compile(r"^(ServiceProblemError: 504 |ServiceUnreachableError: .*timed out|TimeoutError)")
 FIRST_TEST_SEED = 100_000  # demonstrations are drawn from the seeds below
 
 # Where a method's actions come from; `app.evaluation.trials` has the function for each.
@@ -126,6 +129,11 @@ class Crash:
     seed: int
     method: str
     message: str
+
+    @property
+    def timed_out(self) -> bool:
+        """Whether the service, its LLM or a pose server was too slow."""
+        return bool(TIMED_OUT.search(self.message))
 
 
 @dataclass(frozen=True, eq=False)
