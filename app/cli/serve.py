@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from app.cli.checks import check_port
-
 from app.cli.opened_store import EnvFile, settings_of
 
 if TYPE_CHECKING:

@@ -25,6 +25,7 @@ from app.pipeline.trajectory_npz import npz_from_trajectory
 
 KEY_VARIABLE = "ROBOPROMPT_API_KEY"
 DEFAULT_URL = "http://127.0.0.1:8000"
+MAX_PORT = 65535
 LEARNING_TIMEOUT_S = 600.0
 MARGIN_S = 10.0  # the service answers within the request's own deadline; this is for the way there and back
 
@@ -339,7 +340,7 @@ def _connection(url: str, headers: Mapping[str, str]) -> httpx.Client:
     refusal = f"{url!r} is no address of a service (valid: one like {DEFAULT_URL})"
     try:
         parsed = httpx.URL(url)
-        if parsed.scheme not in ("http", "https") or not parsed.host:
+        if parsed.scheme not in ("http", "https") or not parsed.host or (parsed.port or 0) > MAX_PORT:
             raise ServiceUnreachableError(refusal)
         return httpx.Client(base_url=parsed, timeout=60, headers=headers, mounts=without_proxy(url))
     except (httpx.InvalidURL, ValueError) as error:

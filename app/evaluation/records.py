@@ -10,7 +10,7 @@ from app.pipeline.errors import InvalidInputError
 from app.sim.demonstrate import RecordedDemonstration, RolloutResult, SceneView
 
 # How the errors of timeouts begin: status 504 of the service, or no answer of the service itself
-TIMED_OUT = re.compile(r"^(ServiceProblemError: 504 |ServiceUnreachableError: .*timed out|TimeoutError)")
+TIMED_OUT = re.compile(r"^(ServiceProblemError: 504 |ServiceUnreachableError: .*(timed out|Timeout)|TimeoutError)")
 FIRST_TEST_SEED = 100_000  # demonstrations are drawn from the seeds below
 
 # Where a method's actions come from; `app.evaluation.trials` has the function for each.

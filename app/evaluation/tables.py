@@ -15,8 +15,8 @@ from app.evaluation.summary import method_summary
 
 HOW_TO_READ = (
     "Successes/trials on unseen scenes with Wilson's 95 % interval; the mean is over tasks. Errors are trials that"
-    " could not be run (a worker crashed, the service or its LLM failed), timeouts those whose answer took too long: they"
-    " count neither way."
+    " could not be run (a worker crashed, the service or its LLM failed), timeouts those whose answer took too long:"
+    " they count neither way."
 )
 UNBOUNDED = 10_000  # columns, to measure how wide a table wants to be
 COSTS = ("LLM s", "service ms", "execution s", "tokens read", "cached", "written")
