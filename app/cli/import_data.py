@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 from rich.console import Console
 
+from app.cli.checks import URL_HELP, the_url
 from app.cli.importer import Result, check_dataset, import_dataset, prepare_tasks
 from app.cli.progress import counted
 from app.client.client import DEFAULT_URL, RoboPromptClient
@@ -29,7 +30,8 @@ INTERRUPTED = 130  # the exit status of a program that Ctrl-C ended
 
 def import_data(
     path: Annotated[Path, typer.Argument(help="folder or file; its format is found out")],
-    server: Annotated[str, typer.Option(help="of the running service")] = DEFAULT_URL,
+    url: Annotated[str | None, typer.Option(help=f"{URL_HELP} [default: {DEFAULT_URL}]")] = None,
+    server: Annotated[str | None, typer.Option(hidden=True)] = None,
     task: Annotated[str | None, typer.Option(help="instead of the task that the dataset names")] = None,
     instruction: Annotated[str | None, typer.Option(help="instead of the dataset's")] = None,
     objects: Annotated[Path | None, typer.Option(help="JSON: names, mask ids or poses, see docs/datasets.md")] = None,
@@ -52,6 +54,7 @@ def import_data(
     """
     if form is not None and form not in FORMATS:
         raise typer.BadParameter(f"{form!r} is none of {', '.join(FORMATS)}", param_hint="--format")
+    address = the_url(url, server)
     console = Console(stderr=as_json)
     try:
         known = KnownObjects() if objects is None else read_objects(objects)
@@ -59,7 +62,7 @@ def import_data(
         cameras = None if camera is None else tuple(camera)
         limits = ReadLimits(int(max_unpacked_mb * MEGABYTE))
         with open_apart(path, ImportOptions(task, instruction, known, cameras, wishes, limits), form) as dataset:
-            summary = _import(dataset, None if dry_run else server, console)
+            summary = _import(dataset, None if dry_run else address, console)
     except (DatasetError, InvalidInputError) as error:
         console.print(str(error), markup=False, soft_wrap=True)
         raise typer.Exit(1) from error
@@ -72,25 +75,26 @@ def import_data(
         raise typer.Exit(1)
 
 
-def _import(dataset: Dataset, server: str | None, console: Console) -> dict[str, Any]:
+def _import(dataset: Dataset, url: str | None, console: Console) -> dict[str, Any]:
     """What became of each episode, also after an interruption."""
     results: list[Result] = []
     stopped: str | None = None
     try:
-        _run(dataset, server, results, console)
+        _run(dataset, url, results, console)
     except (DatasetError, ServiceUnreachableError, ServiceProblemError) as error:
         stopped = str(error)
     except KeyboardInterrupt:
         stopped = "interrupted"
-    return {"dry_run": server is None, **_summary(dataset, results), "stopped": stopped}
+    return {"dry_run": url is None, **_summary(dataset, results), "stopped": stopped}
 
 
-def _run(dataset: Dataset, server: str | None, results: list[Result], console: Console) -> None:
+def _run(dataset: Dataset, url: str | None, results: list[Result], console: Console) -> None:
     """Fill `results` one by one, so that they are known also after an interruption."""
-    if server is None:
+    if url is None:
         results.extend(counted(check_dataset(dataset), len(dataset.entries), "reading", console))
         return
-    with RoboPromptClient(server) as client:
+    with RoboPromptClient(url) as client:
+        client.ping()
         for note in prepare_tasks(dataset, client):
             console.print(note, markup=False, soft_wrap=True)
         for result in counted(import_dataset(dataset, client), len(dataset.entries), "importing", console):

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from app.cli.checks import check_port
 from app.cli.opened_store import EnvFile, settings_of
 
 if TYPE_CHECKING:
@@ -16,7 +17,7 @@ GRACE_S = 10  # for requests under way when the service is told to stop
 
 def serve(
     host: Annotated[str, typer.Option(help="address to listen on")] = "127.0.0.1",
-    port: Annotated[int, typer.Option(help="port to listen on")] = 8000,
+    port: Annotated[int, typer.Option(callback=check_port, help="port to listen on")] = 8000,
     data: Annotated[Path | None, typer.Option(help="folder of the database and images")] = None,
     no_auth: Annotated[bool, typer.Option("--no-auth", help="let in whoever can connect, without API keys")] = False,
     workers: Annotated[int, typer.Option(min=1, help="processes that share the port, the store and the LLM")] = 1,

@@ -11,10 +11,11 @@ import signal
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from app.client.client import DEFAULT_URL, RoboPromptClient
-from app.client.errors import ServiceProblemError, ServiceUnreachableError
+from app.client.danger import OnDanger
+from app.client.errors import DangerError, ObjectLostError, ServiceProblemError, ServiceUnreachableError
 from app.client.loop import NotConfirmedError, run_closed_loop, run_task
 from app.client.robot import MotionError, Observation, Robot
 from app.pipeline.episode import EndEffectorAction, ObjectPose
@@ -22,11 +23,14 @@ from app.pipeline.errors import InvalidInputError, UnsafeActionError
 from app.pipeline.motion_limits import Box, MotionLimits
 from app.pipeline.trajectory_npz import trajectory_from_npz
 
+OBJECTS = 'JSON: [{"name": "cube", "position": [x, y, z]}], metres, each with "quaternion_xyzw" where it is known'
 REFUSALS = (
     ServiceProblemError,
     ServiceUnreachableError,
     MotionError,
     NotConfirmedError,
+    DangerError,
+    ObjectLostError,
     InvalidInputError,
     UnsafeActionError,
 )
@@ -38,6 +42,7 @@ def main() -> int:
     command: Callable[[RoboPromptClient, argparse.Namespace], dict[str, Any]] = arguments.command
     try:
         with RoboPromptClient(arguments.url) as client:
+            client.ping()
             print(json.dumps(command(client, arguments), indent=2))  # noqa: T201
     except REFUSALS as error:
         print(error, file=sys.stderr)  # noqa: T201
@@ -84,7 +89,17 @@ def _parser() -> argparse.ArgumentParser:
     )
     how = run.add_mutually_exclusive_group()
     how.add_argument("--stream", action="store_true", help="begin to move while the LLM still writes")
-    how.add_argument("--closed-loop", action="store_true", help="observe again before each action")
+    how.add_argument("--closed-loop", action="store_true", help="observe and ask again before each action")
+    how.add_argument(
+        "--look-again",
+        action="store_true",
+        help="observe again before contact: actions follow the objects that they hang on, without asking again",
+    )
+    run.add_argument(
+        "--on-danger",
+        choices=get_args(OnDanger),
+        help="where the service finds its answer dangerous (default: ask with --confirm, refuse without)",
+    )
     run.set_defaults(command=_run)
     return parser
 
@@ -96,7 +111,8 @@ def _add_scene(parser: argparse.ArgumentParser) -> None:
         "--objects",
         required=True,
         type=Path,
-        help='JSON: [{"name": ..., "position": [x, y, z], "quaternion_xyzw": ...}]',
+        metavar="FILE",
+        help=f"what the robot sees, {OBJECTS}",
     )
 
 
@@ -121,7 +137,8 @@ def _run(client: RoboPromptClient, arguments: argparse.Namespace) -> dict[str, A
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     if arguments.closed_loop:
         return {"steps": [step.response for step in run_closed_loop(*what, pinned=pinned, confirm=confirm)]}
-    return dict(run_task(*what, pinned=pinned, confirm=confirm, stream=arguments.stream).response)
+    how = {"stream": arguments.stream, "look_again": arguments.look_again, "on_danger": arguments.on_danger}
+    return dict(run_task(*what, pinned=pinned, confirm=confirm, **how).response)
 
 
 def _pinned(arguments: argparse.Namespace) -> MotionLimits:
@@ -154,8 +171,15 @@ def _ask(index: int, action: EndEffectorAction) -> bool:
 
 
 def _observation(path: Path) -> Observation:
-    items = json.loads(path.read_text())
-    return Observation(tuple(ObjectPose(i["name"], i["position"], i.get("quaternion_xyzw")) for i in items))
+    try:
+        items = json.loads(path.read_text())
+        return Observation(tuple(ObjectPose(i["name"], i["position"], i.get("quaternion_xyzw")) for i in items))
+    except InvalidInputError as error:
+        raise InvalidInputError(f"--objects: {path}: {error.field}", error.message, OBJECTS) from error
+    except (OSError, ValueError) as error:
+        raise InvalidInputError("--objects", f"{path} cannot be read: {error}", f"a file with {OBJECTS}") from error
+    except (KeyError, TypeError, AttributeError) as error:
+        raise InvalidInputError("--objects", f"{path} is no list of objects", OBJECTS) from error
 
 
 if __name__ == "__main__":

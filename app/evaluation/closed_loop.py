@@ -15,7 +15,7 @@ from app.sim.demonstrate import RolloutResult, judge, robot_in_scene
 from app.sim.tasks import TASKS
 
 # the problems that are the LLM's failure, not the service's
-USELESS_REPLY = frozenset({"/problems/unparsable-reply", "/problems/unsafe-action"})
+USELESS_REPLY = frozenset({"/problems/unparsable-reply", "/problems/unsafe-action", "/problems/unsupported"})
 
 
 @dataclass(frozen=True, eq=False)
