@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from app.pipeline.check.causes import find_causes
 from app.pipeline.check.left_out import left_out, median_off, variation
-from app.pipeline.check.path import path_off_m
+from app.pipeline.check.path import paths_off_m
 from app.pipeline.check.report import EpisodeCheck, Off, PlanCheck, RowCheck, TaskCheck
 from app.pipeline.keyframes import manner_of
 from app.pipeline.plans import (
@@ -74,6 +74,6 @@ def _episode_check(recording: Recording, demonstration: Demonstration, errors: S
     manner = recording.manner
     if recording.rule.rule == "waypoints":  # which takes every recording for one that flows
         manner = manner_of(recording.trajectory, recording.times_s, recording.rule.delta_rad_s)
-    path_m = path_off_m(recording.trajectory, demonstration.actions)
     actions = demonstration.actions
-    return EpisodeCheck(demonstration.id, demonstration.instruction, actions, manner, tuple(errors), path_m)
+    paths_m = paths_off_m(recording.trajectory, actions)
+    return EpisodeCheck(demonstration.id, demonstration.instruction, actions, manner, tuple(errors), paths_m)

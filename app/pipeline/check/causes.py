@@ -7,7 +7,7 @@ import numpy as np
 
 from app.pipeline.check.report import EpisodeCheck, PlanCheck
 from app.pipeline.check.row_causes import row_cause
-from app.pipeline.check.rule_causes import many_rows, missed_path, mixed_recordings, path_left
+from app.pipeline.check.rule_causes import many_rows, missed_path, mixed_recordings, path_left, recorded_otherwise
 from app.pipeline.findings import SEVERITIES, Finding
 from app.pipeline.keyframes import KeyframeRule
 
@@ -35,8 +35,9 @@ def find_causes(plans: Sequence[PlanCheck], rule: KeyframeRule) -> tuple[tuple[F
             unlike_ids += ids
         findings += [finding for k, plan in enumerate(plans) for finding in path_left(plan, k, rule)]
     findings += [finding for k, plan in enumerate(plans) for finding in many_rows(plan, k)]
-    findings += [finding for k, plan in enumerate(plans) for finding in mixed_recordings(plan, k)]
-    findings += [finding for group in _by_instruction(plans) for finding in _few(group)]
+    for group in _by_instruction(plans):
+        findings += [finding for alike in _by_gripper(group) for finding in mixed_recordings(_episodes(alike))]
+        findings += _few(group)
     severest_first = sorted(findings, key=lambda finding: -SEVERITIES.index(finding.severity))
     return tuple(severest_first), tuple(unlike_ids)
 
@@ -48,9 +49,21 @@ def _by_instruction(plans: Sequence[PlanCheck]) -> list[list[PlanCheck]]:
     return list(groups.values())
 
 
+def _by_gripper(group: Sequence[PlanCheck]) -> list[list[PlanCheck]]:
+    """Plans of the same grasps and releases together."""
+    alike: dict[tuple[bool, ...], list[PlanCheck]] = defaultdict(list)
+    for plan in group:
+        alike[plan.gripper].append(plan)
+    return list(alike.values())
+
+
+def _episodes(group: Sequence[PlanCheck]) -> list[EpisodeCheck]:
+    return [episode for plan in group for episode in plan.episodes]
+
+
 def _of_instruction(group: Sequence[PlanCheck], plans: Sequence[PlanCheck], rule: KeyframeRule) -> Found:
     """What is wrong with one instruction's rows; only of demonstrations that this does not explain, which are odd."""
-    causes = {id(plan): row_cause(plan, plans.index(plan)) for plan in group}
+    causes = {id(plan): row_cause(plan, plans.index(plan), rule) for plan in group}
     findings = list({cause.code: cause for cause in reversed(causes.values()) if cause is not None}.values())
     explained = {plan.gripper for plan in group if causes[id(plan)] is not None}
     odd, ids = _unlike([plan for plan in group if plan.gripper not in explained], group, rule)
@@ -58,13 +71,16 @@ def _of_instruction(group: Sequence[PlanCheck], plans: Sequence[PlanCheck], rule
 
 
 def _unlike(unexplained: Sequence[PlanCheck], group: Sequence[PlanCheck], rule: KeyframeRule) -> Found:
-    number = sum(len(plan.episodes) for plan in group)
+    number = len(_episodes(group))
     shown = sum(len(plan.episodes) for plan in group if plan.shown)
     if unexplained and number >= ENOUGH and shown <= COMMON * number:
         return [_no_common_plan(group, number, rule)], []
     findings, ids = [], []
+    otherwise = [one for alike in _by_gripper(group) for one in recorded_otherwise(_episodes(alike))]
     for plan in unexplained:
         for episode, reason in _odd_ones(plan):
+            if episode in otherwise:
+                continue
             ids.append(episode.id)
             findings.append(_unlike_others(episode, reason, number - 1))
     return findings, ids
@@ -82,7 +98,7 @@ def _odd_ones(plan: PlanCheck) -> Iterator[tuple[EpisodeCheck, str]]:
     for place, episode in enumerate(plan.episodes):
         most_m = np.quantile(np.delete(off_m, place, axis=0), MOST, axis=0)
         over = off_m[place] - np.maximum(ELSEWHERE_M, ELSEWHERE * most_m)
-        if over.max() > 0:
+        if over.max(initial=0) > 0:
             row = int(np.argmax(over))
             off = episode.errors[row]
             yield episode, f"row {row + 1} is {100 * off.m:.1f} cm and {off.deg:.0f} degrees from where they predict it"
@@ -110,7 +126,7 @@ def _no_common_plan(group: Sequence[PlanCheck], number: int, rule: KeyframeRule)
 
 
 def _few(group: Sequence[PlanCheck]) -> list[Finding]:
-    number = sum(len(plan.episodes) for plan in group)
+    number = len(_episodes(group))
     if number >= FEW:
         return []
     instruction = group[0].episodes[0].instruction

@@ -9,18 +9,18 @@ from app.pipeline.episode import EndEffectorAction, Trajectory
 from app.pipeline.keyframes.path import off_line_m
 
 
-def path_off_m(trajectory: Trajectory, actions: Sequence[EndEffectorAction]) -> float:
-    """The recorded positions' largest distance from straight motion from the first frame through the actions.
+def paths_off_m(trajectory: Trajectory, actions: Sequence[EndEffectorAction]) -> tuple[float, ...]:
+    """The recorded positions' largest distance from straight motion to each action from the one before.
 
     Args:
-        actions: at frames of the trajectory, ascending.
+        actions: at frames of the trajectory, ascending; the first is come to from the first frame.
     """
-    farthest_m, before = 0.0, 0
+    found, before = [], 0
     for action in actions:
         frame = before + _nearest(trajectory.positions_m[before:], action)
-        farthest_m = max(farthest_m, off_line_m(trajectory.positions_m[before : frame + 1]))
+        found.append(off_line_m(trajectory.positions_m[before : frame + 1]))
         before = frame
-    return farthest_m
+    return tuple(found)
 
 
 def _nearest(positions_m: Array, action: EndEffectorAction) -> int:

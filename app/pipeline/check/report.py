@@ -55,7 +55,7 @@ class EpisodeCheck:
         actions: as prompts write them, before rows are made to agree.
         manner: how the recording moves.
         errors: of each row; empty without others.
-        path_m: how far the recorded hand is at most from straight motion between the keyframes.
+        paths_m: how far the recorded hand is at most from straight motion to each row from the one before.
     """
 
     id: str
@@ -63,7 +63,12 @@ class EpisodeCheck:
     actions: tuple[EndEffectorAction, ...]
     manner: Manner
     errors: tuple[Off, ...]
-    path_m: float
+    paths_m: tuple[float, ...]
+
+    @property
+    def path_m(self) -> float:
+        """How far the recorded hand is at most from straight motion between the keyframes."""
+        return max(self.paths_m, default=0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,8 +92,10 @@ class PlanCheck:
 
     @property
     def gripper(self) -> tuple[bool, ...]:
-        """What the gripper does, row by row."""
-        return tuple(row.gripper_open for row in self.rows)
+        """What the gripper does, one after the other: on the way to the first row, then at each switch."""
+        first = self.rows[:1]
+        began = tuple(row.gripper_open != row.switches for row in first)
+        return (*began, *(row.gripper_open for row in self.rows if row.switches))
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 from app.pipeline.check.report import PlanCheck, RowCheck
 from app.pipeline.findings import Finding
+from app.pipeline.keyframes import KeyframeRule
 
 FEWEST = 3  # demonstrations of a plan, from which on its rows are judged
 UNEXPLAINED_M = 0.06  # rotation included
@@ -12,7 +13,7 @@ UNEXPLAINED = 0.8  # the share of a row's variation that remains where it follow
 NOISY_M = 0.02
 
 
-def row_cause(plan: PlanCheck, number: int) -> Finding | None:
+def row_cause(plan: PlanCheck, number: int, rule: KeyframeRule) -> Finding | None:
     """What is wrong with the rows of a plan: one object that is missing spoils some, noise all that follow an object.
 
     Args:
@@ -20,7 +21,7 @@ def row_cause(plan: PlanCheck, number: int) -> Finding | None:
     """
     if len(plan.episodes) < FEWEST:
         return None
-    unexplained = [k for k in _judged(plan) if _follows_nothing(plan.rows[k])]
+    unexplained = _unexplained(plan, rule)
     explained = [row for k, row in enumerate(plan.rows) if k not in unexplained]
     noisy = {name: row for name, row in _closest(explained).items() if row.error is not None and row.error.m >= NOISY_M}
     if noisy and len(explained) > len(unexplained):
@@ -28,12 +29,18 @@ def row_cause(plan: PlanCheck, number: int) -> Finding | None:
     return _follows_no_object(plan, unexplained, number) if unexplained else None
 
 
-def _judged(plan: PlanCheck) -> Sequence[int]:
-    """The rows whose place matters: people come from anywhere, and leave to anywhere."""
-    everything = range(len(plan.rows))
-    if all(episode.manner == "rests" for episode in plan.episodes):
-        return everything
-    return [k for k in everything if plan.rows[k].switches] or everything[-1:]
+def _unexplained(plan: PlanCheck, rule: KeyframeRule) -> Sequence[int]:
+    """Rows that follow nothing that is known, though their place matters.
+
+    People come from anywhere, leave to anywhere, and close an empty hand on the way: without rests it matters where the
+    gripper switches if the next row follows nothing either, and where the last row is if the gripper never switches.
+    """
+    lost = [k for k, row in enumerate(plan.rows) if _follows_nothing(row)]
+    if rule.rule not in ("waypoints", "uniform") and all(episode.manner == "rests" for episode in plan.episodes):
+        return lost
+    last = len(plan.rows) - 1
+    switches = [k for k, row in enumerate(plan.rows) if row.switches] or [last]
+    return [k for k in lost if k in switches and (k == last or k + 1 in lost)]
 
 
 def _follows_nothing(row: RowCheck) -> bool:
