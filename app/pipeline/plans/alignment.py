@@ -18,6 +18,7 @@ from app.pipeline.arrays import Array
 from app.pipeline.episode import Demonstration, Trajectory
 from app.pipeline.keyframes import Keyframe, KeyframeRule, Manner, find_keyframes, manner_of
 from app.pipeline.keyframes.path import Path, best_waypoints
+from app.pipeline.keyframes.rule import MAX_KEYFRAMES
 from app.pipeline.keyframes.waypoints import Phase, at_frames, at_tips, phases, waypoints
 from app.pipeline.plans.rows import PlanRow, plan_rows
 from app.pipeline.representation.anchors import M_PER_RAD, anchor_frame, tilted_objects
@@ -72,7 +73,12 @@ class Recording:
     @property
     def counts(self) -> tuple[int, ...]:
         """Its own keyframes in each phase: the last of a phase is where the gripper switches."""
-        return self._counts_of(self.keyframes)
+        by_switches = self._counts_of(self.keyframes)
+        if len(by_switches) == len(self.phases):
+            return by_switches
+        # Keyframes that show other switches than there are are counted by time.
+        frames = [keyframe.frame for keyframe in self.keyframes]
+        return tuple(max(1, sum(phase.first < frame <= phase.last for frame in frames)) for phase in self.phases)
 
     def _counts_of(self, keyframes: Sequence[Keyframe]) -> tuple[int, ...]:
         counts, state = [0], bool(self.phases[0].gripper_open)
@@ -133,10 +139,13 @@ def _of_one_signature(members: Sequence[Recording]) -> list[Demonstration]:
 
 
 def _numbers(counts: Sequence[tuple[int, ...]], *, most_frequent: bool) -> tuple[int, ...]:
-    """How many keyframes each phase gets."""
+    """How many keyframes each phase gets, as many as a reply may have in all."""
     if most_frequent:
         return Counter(counts).most_common(1)[0][0]
-    return tuple(math.ceil(np.quantile(column, MOST)) for column in zip(*counts, strict=True))
+    numbers = [math.ceil(np.quantile(column, MOST)) for column in zip(*counts, strict=True)]
+    while sum(numbers) > max(MAX_KEYFRAMES, len(numbers)):
+        numbers[int(np.argmax(numbers))] -= 1
+    return tuple(numbers)
 
 
 def _chosen(
