@@ -25,6 +25,7 @@ from app.pipeline.trajectory_npz import npz_from_trajectory
 KEY_VARIABLE = "ROBOPROMPT_API_KEY"
 DEFAULT_URL = "http://127.0.0.1:8000"
 LEARNING_TIMEOUT_S = 600.0
+CHECK_TIMEOUT_S = 660.0  # ten predictions of a minute each
 MARGIN_S = 10.0  # the service answers within the request's own deadline; this is for the way there and back
 
 
@@ -215,6 +216,18 @@ class RoboPromptClient:
         """
         wish = {"objects": None if objects is None else list(objects), "episodes": episodes}
         return self._send("POST", f"/tasks/{task}/object_models/learn", json=wish, timeout=LEARNING_TIMEOUT_S)
+
+    def check(self, task: str, model: str | None = None) -> dict[str, Any]:
+        """Predict each of a task's demonstrations from the others, see `GET /tasks/{name}/check`.
+
+        Args:
+            model: an LLM to ask as well, which takes it some seconds for each demonstration.
+
+        Raises:
+            ServiceProblemError, ServiceUnreachableError.
+        """
+        asked = {} if model is None else {"model": model}
+        return self._send("GET", f"/tasks/{task}/check", params=asked, timeout=CHECK_TIMEOUT_S)
 
     def record_outcome(self, prediction_id: str, success: bool, note: str | None = None) -> dict[str, Any]:
         """Tell the service how the robot fared with a prediction."""

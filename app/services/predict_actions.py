@@ -18,7 +18,7 @@ from app.services.log_fields import note
 from app.services.prediction import PredictedAction, Prediction
 from app.services.prefix_warmer import PrefixWarmer
 from app.services.question import PredictRequest, Question
-from app.services.record_prediction import PredictionRecorder
+from app.services.record_prediction import Recorder
 from app.services.sampled_dialogue import SampledDialogue
 from app.services.watch_predictions import watched
 from app.services.write_question import QuestionWriter
@@ -33,7 +33,7 @@ class PredictActions:
         models: ModelRegistry,
         write_question: QuestionWriter,
         warmer: PrefixWarmer,
-        record: PredictionRecorder,
+        record: Recorder,
         under_way: UnderWayNotes,
         limits: CurrentLimits,
     ) -> None:

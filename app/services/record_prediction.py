@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Protocol
 
 import anyio.to_thread
 from sqlalchemy import Connection
@@ -19,6 +20,27 @@ from app.store import predictions
 from app.store.records import PredictionDraft, PredictionStatus
 from app.store.store import Store
 from app.store.values import ObjectRecord
+
+
+class Recorder(Protocol):
+    """What keeps a prediction, or does not."""
+
+    async def __call__(
+        self,
+        question: Question,
+        dialogue: Dialogue | SampledDialogue,
+        timings_ms: Timings,
+        started_s: float,
+        status: PredictionStatus,
+        actions: Sequence[PredictedAction] | None = None,
+        error: str | None = None,
+    ) -> str:
+        """The prediction's id; empty where it is not kept.
+
+        Args:
+            started_s: when the request came, by `time.perf_counter`.
+        """
+        ...
 
 
 class PredictionRecorder:

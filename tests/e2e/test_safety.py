@@ -49,10 +49,24 @@ def teach(client, task):
         client.upload(task, PICK, tracked(pick_trajectory(place_m), place_m), seen(place_m))
 
 
+NEAR = Pose(tuple(QUERY_M + np.array([0, 0, 0.2])), DOWN)
+
+
+class LocatedArm(Arm):
+    """Tells where it is, too."""
+
+    def observe(self):
+        return replace(super().observe(), end_effector=NEAR)
+
+
+def located(place_m=QUERY_M):
+    return replace(seen(place_m), end_effector=NEAR)
+
+
 def refused(client, task, observation=None, **options):
     """The problem that a prediction is answered with."""
     with pytest.raises(ServiceProblemError) as caught:
-        client.predict(task, PICK, observation or seen(QUERY_M), **{**REGRESSION, **options})
+        client.predict(task, PICK, observation or located(), **{**REGRESSION, **options})
     assert (caught.value.status, caught.value.problem["type"]) == (502, "/problems/unsafe-action")
     return caught.value.problem
 
@@ -71,8 +85,8 @@ def test_a_step_that_is_too_long_names_action_value_and_bound(client, taught):
 
 def test_the_first_step_is_bounded_where_the_robot_tells_where_it_is(client, taught):
     client.configure_task(taught, motion_limits={"max_step_m": 0.2})
-    near, far = (Pose(tuple(QUERY_M + np.array([0, 0, up_m])), DOWN) for up_m in (0.2, 0.6))
-    assert client.predict(taught, PICK, replace(seen(QUERY_M), end_effector=near), **REGRESSION).actions
+    far = Pose(tuple(QUERY_M + np.array([0, 0, 0.6])), DOWN)
+    assert client.predict(taught, PICK, located(), **REGRESSION).actions
     assert refused(client, taught, replace(seen(QUERY_M), end_effector=far))["errors"][0]["field"].startswith(
         "actions[0]"
     )
@@ -82,8 +96,8 @@ def test_keep_out_boxes_and_turns(client, taught):
     low, high = (QUERY_M - 0.03).tolist(), (QUERY_M + 0.03).tolist()
     client.configure_task(taught, motion_limits={"keep_out": [{"min": low, "max": high}]})
     assert "keep_out[0]" in refused(client, taught)["errors"][0]["valid"]
-    client.configure_task(taught, motion_limits={"max_step_rotation_deg": 20})
-    assert client.predict(taught, PICK, seen(QUERY_M), **REGRESSION).actions
+    client.configure_task(taught, motion_limits={"max_step_rotation_deg": 20, "keep_out": []})
+    assert client.predict(taught, PICK, located(), **REGRESSION).actions
     turned = replace(seen(QUERY_M), end_effector=Pose(tuple(QUERY_M), (0.0, 0.0, 0.0, 1.0)))
     assert "turned by" in refused(client, taught, turned)["errors"][0]["message"]
 
@@ -101,7 +115,7 @@ def test_rows_relative_to_an_object_cannot_leave_the_workspace(client, taught, s
 
 def test_an_unsafe_action_in_the_middle_of_a_stream_stops_the_robot(client, taught):
     client.configure_task(taught, motion_limits={"max_step_m": 0.12})
-    arm = Arm()
+    arm = LocatedArm()
     with pytest.raises(ServiceProblemError, match=r"action 2: position is 0\.15"):
         run_task(client, arm, taught, PICK, stream=True, **REGRESSION)
     assert [entry == "stop" for entry in arm.log] == [False, False, True]
@@ -113,6 +127,8 @@ def test_an_unsafe_action_in_the_middle_of_a_stream_stops_the_robot(client, taug
         ({"keep_out": [{"min": [0, 0, 0], "max": [0, 1, 1]}]}, "motion_limits.keep_out[0]"),
         ({"max_step_m": 0}, "motion_limits.max_step_m"),
         ({"max_step_rotation_deg": 200}, "motion_limits.max_step_rotation_deg"),
+        ({"hand_radius_m": -0.01}, "motion_limits.hand_radius_m"),
+        ({"hand_radius_m": None}, "motion_limits.hand_radius_m"),
         ({"max_speed": 1}, "motion_limits.max_speed"),
     ],
 )

@@ -54,7 +54,7 @@ def test_what_is_not_clear_is_a_problem_that_lists_what_the_task_knows(client, s
 
 
 def test_an_unfamiliar_instruction_may_be_allowed(client):
-    wish = {"model": "regression", "unfamiliar": "allow"}
+    wish = {"model": "regression", "unfamiliar": "allow", "unsupported": "allow"}
     answer = client.predict("words", "pull the red button", SEEN, **wish).response
     found = [(item["code"], item["severity"]) for item in answer["findings"]]
     assert ("unfamiliar-instruction", "danger") in found

@@ -107,7 +107,7 @@ def aligned(group: Sequence[Recording]) -> tuple[Demonstration, ...]:
 
 def _of_one_signature(members: Sequence[Recording]) -> list[Demonstration]:
     resting = 2 * sum(member.manner == "rests" for member in members) > len(members)
-    numbers = _numbers([member.counts for member in members], most_frequent=resting)
+    numbers = _numbers([member.counts for member in members], len(members[0].phases), most_frequent=resting)
     if numbers is None:
         return [member.with_keyframes(member.keyframes) for member in members]
     own = [member.manner == "rests" and resting and member.counts == numbers for member in members]
@@ -125,10 +125,12 @@ def _of_one_signature(members: Sequence[Recording]) -> list[Demonstration]:
     return [member.with_keyframes(item) for member, item in zip(members, chosen, strict=True)]
 
 
-def _numbers(counts: Sequence[tuple[int, ...]], *, most_frequent: bool) -> tuple[int, ...] | None:
-    """How many keyframes each phase gets; None if the demonstrations' keyframes do not show the same phases."""
-    lengths = Counter(map(len, counts))
-    if len(lengths) > 1:
+def _numbers(counts: Sequence[tuple[int, ...]], num_phases: int, *, most_frequent: bool) -> tuple[int, ...] | None:
+    """How many keyframes each phase gets; None if some demonstration's keyframes do not show every phase.
+
+    Of several switches in one rest `merged` keeps the last.
+    """
+    if any(len(count) != num_phases for count in counts):
         return None
     if most_frequent:
         return Counter(counts).most_common(1)[0][0]
