@@ -34,10 +34,12 @@ class Recorder(Protocol):
         status: PredictionStatus,
         actions: Sequence[PredictedAction] | None = None,
         error: str | None = None,
+        check: Callable[[Connection], None] = lambda _: None,
     ) -> str:
         """The prediction's id; empty where it is not kept.
 
         Args:
+            check: called in the transaction before anything is written; what it raises goes on, and nothing is stored.
             started_s: when the request came, by `time.perf_counter`.
         """
         ...

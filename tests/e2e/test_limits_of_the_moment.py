@@ -2,7 +2,9 @@
 
 import json
 import threading
+from contextlib import suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from itertools import count
 
 import httpx
 import pytest
@@ -18,6 +20,7 @@ from tests.e2e.test_stream import Arm, seen
 BOX = {"min": (QUERY_M - 0.02).tolist(), "max": (QUERY_M + 0.02).tolist()}
 FAR_BOX = {"min": [0.6, 0.6, 0.6], "max": [0.65, 0.65, 0.65]}
 ROWS = [[51, 38, 27, 0, 36, 36, 1], [51, 38, 17, 0, 36, 36, 0], [51, 38, 32, 0, 36, 36, 0]]
+NUMBERS = count()
 OPTIONS = {"representation": "absolute", "prompt_format": "paper", "unsupported": "allow"}
 
 
@@ -25,7 +28,7 @@ class HeldLlm:
     """An OpenAI-compatible server that says each row when the test lets it."""
 
     def __init__(self):
-        self.go, self.asked = threading.Semaphore(0), threading.Semaphore(0)
+        self.reset()
         outer = self
 
         class Handler(BaseHTTPRequestHandler):
@@ -34,17 +37,21 @@ class HeldLlm:
                 self.send_response(200)
                 self.send_header("Content-Type", "text/event-stream")
                 self.end_headers()
-                for k, row in enumerate(ROWS):
+                for k, row in enumerate(outer.rows):
                     outer.asked.release()
                     assert outer.go.acquire(timeout=60)
-                    self.say(("[" if k == 0 else ", ") + json.dumps(row) + ("]" if k == len(ROWS) - 1 else ""))
+                    self.say(("[" if k == 0 else ", ") + json.dumps(row) + ("]" if k == len(outer.rows) - 1 else ""))
+                self.say("", "stop")
                 self.wfile.write(b"data: [DONE]\n\n")
 
-            def say(self, text):
-                self.wfile.write(
-                    f"data: {json.dumps({'choices': [{'text': text, 'finish_reason': None}]})}\n\n".encode()
-                )
+            def say(self, text, reason=None):
+                document = {"choices": [{"text": text, "finish_reason": reason}]}
+                self.wfile.write(f"data: {json.dumps(document)}\n\n".encode())
                 self.wfile.flush()
+
+            def handle(self):
+                with suppress(ConnectionError):  # the service hung up on it
+                    super().handle()
 
             def log_message(self, *arguments):
                 pass
@@ -52,7 +59,11 @@ class HeldLlm:
         self.server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
         threading.Thread(target=self.server.serve_forever, daemon=True).start()
 
+    def reset(self):
+        self.go, self.asked, self.rows = threading.Semaphore(0), threading.Semaphore(0), ROWS
+
     def let(self, number):
+        """Let it say so many rows more."""
         self.go.release(number)
 
 
@@ -71,10 +82,11 @@ def held(tmp_path_factory):
 
 
 @pytest.fixture
-def service(held, request):
+def service(held):
     """The LLM, a client, and a task of its own in a workspace whose bins the rows are written in."""
     llm, url = held
-    task = "".join(character if character.isalnum() else "_" for character in request.node.name)[:64].strip("_")
+    llm.reset()
+    task = f"task {next(NUMBERS)}"
     with RoboPromptClient(url) as client:
         client.configure_task(task, workspace="rlbench")
         teach(client, task)
@@ -205,10 +217,10 @@ def test_bounded_steps_need_to_know_where_the_arm_is(service, bound):
 def test_later_steps_of_a_closed_loop_know_it(service):
     llm, client, task = service
     client.configure_task(task, motion_limits={"max_step_m": 0.5})
-    llm.let(3)
-    options = {**OPTIONS, "closed_loop": True, "max_actions": 1}
+    llm.rows = ROWS[:1]
+    llm.let(2)
+    options = {**OPTIONS, "closed_loop": True}
     first = client.predict(task, PICK, located(), **options)
-    llm.let(3)
     assert client.predict(task, PICK, seen(QUERY_M), **options, after=first.id).actions
 
 
