@@ -88,7 +88,6 @@ def service(held):
     llm.reset()
     task = f"task {next(NUMBERS)}"
     with RoboPromptClient(url) as client:
-        client.configure_task(task, workspace="rlbench")
         teach(client, task)
         yield llm, client, task
 
