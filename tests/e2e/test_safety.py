@@ -57,8 +57,16 @@ NEAR = Pose(tuple(QUERY_M + np.array([0, 0, 0.2])), DOWN)
 class LocatedArm(Arm):
     """Tells where it is, too."""
 
+    def __init__(self):
+        super().__init__()
+        self._pose = NEAR
+
     def observe(self):
-        return replace(super().observe(), end_effector=NEAR)
+        return replace(super().observe(), end_effector=self._pose)
+
+    def execute(self, action):
+        super().execute(action)
+        self._pose = Pose.of(action)
 
 
 def located(place_m=QUERY_M):
@@ -244,7 +252,7 @@ def test_confirm_asks_before_each_motion(scripted, tmp_path, answers, moved):
     assert not moved or "was not allowed" in errors
 
 
-BREACH = "action 2: position.z is 0.925 m (allowed: 0 to 0.9 m, the workspace)"
+BREACH = "action 2: position.z is 0.925 m (allowed: 0.6 to 0.9 m, the workspace)"
 LOW_SPACE = {"min": [-1, -1, 0], "max": [1, 1, 0.9]}
 SHELF = {"min": [0.0, -0.3, 0.7], "max": [0.4, 0.3, 0.76]}
 
@@ -336,8 +344,8 @@ def test_a_service_whose_limits_bound_nothing_stops_the_robot_before_it_is_asked
         server.then, server.limits = "", limits
         threading.Thread(target=server.serve_forever, daemon=True).start()
         arm = LocatedArm()
-        with RoboPromptClient(f"http://127.0.0.1:{server.server_port}") as client:
-            with pytest.raises(InvalidInputError, match=f"motion_limits.{next(iter(limits))}"):
-                run_task(client, arm, "pick", PICK, stream=True)
+        refused = pytest.raises(InvalidInputError, match=f"motion_limits.{next(iter(limits))}")
+        with RoboPromptClient(f"http://127.0.0.1:{server.server_port}") as client, refused:
+            run_task(client, arm, "pick", PICK, stream=True)
         server.shutdown()
     assert arm.log == ["stop"]
