@@ -10,7 +10,7 @@ from app.client.robot import Observation
 from app.pipeline.camera import Camera, RgbdFrame
 from app.pipeline.episode import EndEffectorAction, ObjectPose
 from app.pipeline.errors import InvalidInputError, UnsafeActionError
-from app.pipeline.motion_limits import Box, MotionLimits
+from app.pipeline.motion_limits import Box, MotionLimits, Pose
 from app.pipeline.reanchoring import ActionAnchor
 
 DOWN = np.array([1.0, 0, 0, 0])
@@ -65,7 +65,7 @@ class Arm:
     """An arm in a scene that changes: `moves` maps the number of actions carried out to what happens then."""
 
     def __init__(self, moves=None, frames=()):
-        self.scene = {"cube": CUBE, "plate": PLATE}
+        self.scene, self.at = {"cube": CUBE, "plate": PLATE}, None
         self.done, self.looks, self.stopped, self._moves, self._frames = [], [], 0, dict(moves or {}), frames
 
     def observe(self):
@@ -76,7 +76,8 @@ class Arm:
         if isinstance(what, Exception):
             raise what
         self.scene.update(what or {})
-        return Observation(tuple(ObjectPose(n, p) for n, p in self.scene.items() if p is not None))
+        poses = tuple(ObjectPose(n, p) for n, p in self.scene.items() if p is not None)
+        return Observation(poses, end_effector=self.at)
 
     def execute(self, action):
         self.done.append(action.position_m)
@@ -167,6 +168,7 @@ def test_actions_that_follow_pass_the_limits_again():
 
 def test_a_step_to_where_an_object_was_moved_is_bounded_too():
     arm = Arm({3: {"plate": PLATE + ASIDE}})
+    arm.at = Pose((0.0, 0.0, 0.3), (1.0, 0.0, 0.0, 0.0))
     limits = MotionLimits(Box((-1, -1, 0), (1, 1, 2)), max_step_m=0.4)
     with pytest.raises(UnsafeActionError, match=r"action 3: position is 0.5 m from the one before"):
         run(arm, service=Service(answer(), limits=limits))
