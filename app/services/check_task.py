@@ -30,6 +30,7 @@ from app.store.store import Store
 
 MOST_CHECKED = 30  # demonstrations, the task's first; prompts have 10 unless somebody wants more
 MOST_ASKED = 10  # of them that an LLM is asked about, some seconds each
+ASKED_TIMEOUT_S = 120.0  # each; nobody's robot waits
 KEPT = 32  # checks of tasks that have not changed since
 REFUSALS = (UnparsableReplyError, UnsafeReplyError, UnsupportedReplyError, InvalidInputError)
 
@@ -161,6 +162,7 @@ def _request(task: str, model: str, recording: Recording, others: Sequence[str])
         objects,
         model=model,
         episode_ids=tuple(others),
+        timeout_s=ASKED_TIMEOUT_S,
         end_effector=end_effector,
         unsupported="allow",
     )
