@@ -1,10 +1,10 @@
-# make setup | dev | demo | serve | test | check | audit | torture | fuzz | soak | growth | bench | metaworld | format | openapi | lock
+# make setup | dev | demo | serve | test | check | audit | sbom | torture | attack | fuzz | soak | growth | bench | metaworld | format | openapi | lock
 PYTHON ?= python3
 BIN := .venv/bin
 STAMP := .venv/.installed
 DEV_STAMP := .venv/.installed-dev
 
-.PHONY: setup dev demo serve test check audit torture fuzz soak growth bench metaworld lint format openapi lock clean
+.PHONY: setup dev demo serve test check audit sbom torture attack fuzz soak growth bench metaworld lint format openapi lock clean
 
 setup: $(STAMP)
 
@@ -38,11 +38,19 @@ test: lint
 audit: dev
 	$(BIN)/python .ci/audit
 
+# What the container image consists of, and from what the wheel was built: docs/supply-chain.md.
+sbom: dev
+	$(BIN)/python .ci/sbom
+
 check: test audit
 
 # Half an hour; what mounts file systems needs root.
 torture: dev
 	$(BIN)/python -m tests.reliability.torture
+
+# Minutes; on loopback only.
+attack: dev
+	ROBOPROMPT_ATTACK=full $(BIN)/python -m pytest -q tests/attack
 
 fuzz: dev
 	ROBOPROMPT_FUZZ_EXAMPLES=20000 $(BIN)/python -m pytest -q tests/reliability/test_binary_fuzz.py
@@ -62,12 +70,16 @@ openapi: setup
 	$(BIN)/python -m app.api.export_openapi > openapi/openapi.json
 
 # Versions and hashes only: the lock names no package registry.
-LOCK := $(BIN)/uv pip compile pyproject.toml --universal --python-version 3.11 --generate-hashes --no-annotate --no-header \
-	--no-emit-index-url --quiet --extra server --extra sim --extra datasets --extra editable
+COMPILE := $(BIN)/uv pip compile --universal --python-version 3.11 --generate-hashes --no-annotate --no-header \
+	--no-emit-index-url --quiet
+LOCK := $(COMPILE) pyproject.toml --extra server --extra sim --extra datasets --extra editable
 
 lock:
 	$(LOCK) --extra dev --output-file requirements-dev.lock
 	$(LOCK) --constraint requirements-dev.lock --output-file requirements.lock
+	$(COMPILE) pyproject.toml --extra server --extra postgres --extra s3 --extra otel --constraint requirements-dev.lock \
+		--output-file docker/server.lock
+	$(COMPILE) docker/build.in --constraint requirements-dev.lock --output-file docker/build.lock
 
 bench: dev
 	$(BIN)/python -m benchmarks.bench

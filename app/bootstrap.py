@@ -4,6 +4,7 @@ import asyncio
 import contextlib
 import logging
 from collections.abc import AsyncIterator
+from datetime import timedelta
 from importlib.metadata import version
 from typing import TYPE_CHECKING
 
@@ -11,21 +12,24 @@ from fastapi import FastAPI
 
 from app.api.access import Access
 from app.api.app import create_app
+from app.api.limits import BodyLimits
 from app.api.redaction import hide_keys_in_access_log
 from app.llm.registry import ModelRegistry
 from app.llm.settings import LlmSettings
+from app.pipeline.addresses import is_loopback
 from app.pipeline.errors import RoboPromptError
-from app.services.addresses import is_loopback
 from app.services.api_keys import has_keys
 from app.services.container import Services
+from app.services.keep_house import KeepHouse, Retention
 from app.services.limits import Limits
 from app.services.pose_servers import PoseServers
 from app.settings import MEGABYTE, Settings
-from app.store.store import Store
+from app.store.store import SWEEP_GRACE, Store
 from app.web.site import install_pages
 
 DEFAULT_RATE_PER_S = 20.0
 JOB_POLL_S = 1.0
+HOUSEKEEPING_S = SWEEP_GRACE.total_seconds() + 60
 if TYPE_CHECKING:
     from app.telemetry import Tracing
 
@@ -67,6 +71,7 @@ def limits_of(settings: Settings) -> Limits:
     """How much a request may ask for."""
     return Limits(
         max_image_pixels=int(settings.max_image_megapixels * MEGABYTE),
+        max_request_pixels=int(settings.max_request_megapixels * MEGABYTE),
         max_unpacked_bytes=int(settings.max_unpacked_mb * MEGABYTE),
         max_frames=settings.max_frames,
         max_objects=settings.max_objects,
@@ -77,6 +82,20 @@ def limits_of(settings: Settings) -> Limits:
         max_page_size=settings.max_page_size,
         allowed_models=settings.allowed_models,
         model_files=settings.host is not None and is_loopback(settings.host) and settings.auth != "on",
+    )
+
+
+def body_limits_of(settings: Settings) -> BodyLimits:
+    """How large requests may be."""
+    megabytes = (settings.max_body_mb, settings.max_inline_mb, settings.max_document_mb, settings.max_held_mb)
+    return BodyLimits(*(int(size * MEGABYTE) for size in megabytes))
+
+
+def retention_of(settings: Settings) -> Retention:
+    """How long predictions are kept."""
+    days, gigabytes = settings.keep_predictions_days, settings.keep_predictions_gb
+    return Retention(
+        None if days is None else timedelta(days=days), None if gigabytes is None else int(gigabytes * 1000 * MEGABYTE)
     )
 
 
@@ -115,7 +134,9 @@ async def open_services(settings: Settings) -> AsyncIterator[Services]:
         extract_at_once=settings.extract_at_once,
         num_warm_tasks=settings.embedded_slots,
     )
-    background: list[asyncio.Task[object]] = [asyncio.create_task(asyncio.to_thread(store.sweep_once))]
+    background: list[asyncio.Task[object]] = [
+        asyncio.create_task(_keep_house(KeepHouse(store, retention_of(settings))))
+    ]
     jobs = [asyncio.create_task(_run_jobs(services))] if settings.work_at_jobs else []
     if settings.warm_up:
         background.append(asyncio.create_task(services.prefix_warmer.run()))
@@ -127,6 +148,16 @@ async def open_services(settings: Settings) -> AsyncIterator[Services]:
         services.run_jobs.stop()
         await asyncio.gather(*jobs, *background, return_exceptions=True)
         await services.aclose()
+
+
+async def _keep_house(keep_house: KeepHouse) -> None:
+    """Now and every hour, until cancelled."""
+    while True:
+        try:
+            await asyncio.to_thread(keep_house)
+        except RoboPromptError as error:
+            logger.warning("housekeeping: %s", error)
+        await asyncio.sleep(HOUSEKEEPING_S)
 
 
 async def _run_jobs(services: Services) -> None:
@@ -158,10 +189,9 @@ def access_for(settings: Settings) -> Access:
 def build_app(settings: Settings) -> FastAPI:
     """The ASGI application for these settings: the API and the pages."""
     hide_keys_in_access_log()
-    max_body_bytes = int(settings.max_body_mb * MEGABYTE)
     access = access_for(settings)
     tracing = _tracing(settings.otel_endpoint)
-    app = create_app(lambda: _traced(tracing, settings), version("roboprompt"), max_body_bytes, access)
+    app = create_app(lambda: _traced(tracing, settings), version("roboprompt"), body_limits_of(settings), access)
     install_pages(app)
     if tracing:
         tracing.install(app)

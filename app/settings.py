@@ -1,20 +1,23 @@
-"""The service's settings, read once from the environment (`ROBOPROMPT_...`) or a `.env` file."""
+"""The service's settings, read once from the environment: `ROBOPROMPT_...`."""
 
+import os
 from pathlib import Path
 from typing import Annotated, Literal
 
+from dotenv import dotenv_values
 from pydantic import Field, SecretStr
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
 from app.llm.settings import CompatibleServer, default_cache_folder
 
 MEGABYTE = 1_000_000
+PREFIX = "ROBOPROMPT_"
 
 
 class Settings(BaseSettings):
     """Everything that can be set from outside; each has a default that works offline."""
 
-    model_config = SettingsConfigDict(env_prefix="ROBOPROMPT_", env_file=".env", extra="ignore", frozen=True)
+    model_config = SettingsConfigDict(env_prefix=PREFIX, extra="ignore", frozen=True)
 
     data: Annotated[Path, Field(description="folder of the database and the images")] = Path("data")
     database_url: Annotated[str | None, Field(description="SQLAlchemy URL; empty: SQLite in the data folder")] = None
@@ -28,7 +31,18 @@ class Settings(BaseSettings):
     work_at_jobs: Annotated[
         bool, Field(description="whether the service works at such jobs itself; false: `roboprompt jobs` does")
     ] = True
-    max_body_mb: Annotated[float, Field(gt=0, description="larger requests are refused with 413")] = 200
+    max_body_mb: Annotated[
+        float, Field(gt=0, description="of a request with images as multipart or MessagePack; larger ones get 413")
+    ] = 200
+    max_inline_mb: Annotated[
+        float, Field(gt=0, description="of one with images in base64, or an upload's trajectory as lists, in JSON")
+    ] = 32
+    max_document_mb: Annotated[
+        float, Field(gt=0, description="of any other, and of a request's part that is neither image nor trajectory")
+    ] = 1
+    max_held_mb: Annotated[
+        float, Field(gt=0, description="of the bodies of all requests that a worker has under way; more get 503")
+    ] = 1000
     host: Annotated[
         str | None, Field(description="address that the service is bound to, as `serve --host` says; empty: unknown")
     ] = None
@@ -41,12 +55,16 @@ class Settings(BaseSettings):
         Field(ge=0, description="requests of one key or address; 0: any number; empty: 20 where keys are required"),
     ] = None
     rate_limit_burst: Annotated[int, Field(ge=1, description="so many of them at once")] = 40
+    max_connections: Annotated[
+        int, Field(ge=10, description="open at once to a worker of `roboprompt serve`; on more, requests get 503")
+    ] = 500
     max_query_chars: Annotated[int, Field(ge=100, description="of an address's query; longer ones get 414")] = 2000
     pose_servers: Annotated[
         tuple[str, ...],
         Field(description="JSON list of URL prefixes that `remote` may send images to; empty: this machine only"),
     ] = ()
     max_image_megapixels: Annotated[float, Field(gt=0, description="of one image; read before it is decoded")] = 16
+    max_request_megapixels: Annotated[float, Field(gt=0, description="of all images of a request together")] = 64
     max_unpacked_mb: Annotated[float, Field(gt=0, description="of a trajectory's .npz, before it is unpacked")] = 100
     max_frames: Annotated[int, Field(ge=1, description="of a trajectory")] = 100_000
     max_objects: Annotated[int, Field(ge=1, le=64, description="of a scene")] = 64
@@ -59,6 +77,12 @@ class Settings(BaseSettings):
         Field(description='JSON list of models that requests may use besides the default, e.g. `["openai/gpt-4o*"]`'),
     ] = ()
     max_page_size: Annotated[int, Field(ge=50, le=200, description="items that a list answers at once")] = 200
+    keep_predictions_days: Annotated[
+        float | None, Field(gt=0, description="then predictions are deleted, with their images; empty: for ever")
+    ] = None
+    keep_predictions_gb: Annotated[
+        float | None, Field(gt=0, description="of predictions with their images; the oldest are deleted; empty: any")
+    ] = None
     warm_up: Annotated[
         bool, Field(description="start the embedded LLM at start-up and let it read prefixes before they are asked for")
     ] = True
@@ -112,3 +136,14 @@ class Settings(BaseSettings):
     llm_pause_s: Annotated[float, Field(ge=0, description="how long; then one request tries it")] = 15
     record_llm: Annotated[Path | None, Field(description="folder where LLMs' requests and replies are written")] = None
     replay_llm: Annotated[Path | None, Field(description="folder of such recordings, asked instead of the LLMs")] = None
+
+
+def load_env_file(path: Path) -> None:
+    """Put a file's settings into the environment, for this process and those that it starts; what is there stays.
+
+    Only a file that somebody names is read: one that lies in the working directory may be anybody's, and could switch
+    keys off or send a provider's key elsewhere.
+    """
+    for name, value in dotenv_values(path).items():
+        if name.upper().startswith(PREFIX) and value is not None:
+            os.environ.setdefault(name.upper(), value)

@@ -1,5 +1,6 @@
 """OpenTelemetry traces: a span for each request, and below it one for each stage of a prediction."""
 
+import requests
 from fastapi import FastAPI
 from opentelemetry.exporter.otlp.proto.http.trace_exporter import OTLPSpanExporter
 from opentelemetry.instrumentation.fastapi import FastAPIInstrumentor
@@ -7,6 +8,7 @@ from opentelemetry.sdk.resources import Resource
 from opentelemetry.sdk.trace import TracerProvider
 from opentelemetry.sdk.trace.export import BatchSpanProcessor
 
+from app.pipeline.addresses import is_own_machine
 from app.services import timing
 
 
@@ -19,7 +21,9 @@ class Tracing:
 
     def __init__(self, endpoint: str) -> None:
         self._provider = TracerProvider(resource=Resource.create({"service.name": "roboprompt"}))
-        exporter = OTLPSpanExporter(endpoint=f"{endpoint.rstrip('/')}/v1/traces")
+        session = requests.Session()
+        session.trust_env = not is_own_machine(endpoint)
+        exporter = OTLPSpanExporter(endpoint=f"{endpoint.rstrip('/')}/v1/traces", session=session)
         self._provider.add_span_processor(BatchSpanProcessor(exporter))
 
     def install(self, app: FastAPI) -> None:

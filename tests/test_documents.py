@@ -27,6 +27,6 @@ def test_example_files_are_the_documented_examples():
 
 
 def test_no_package_registry_in_the_repository():
-    files = ("requirements.lock", "requirements-dev.lock", "pyproject.toml", "Makefile", ".ci/run")
-    for path in (*files, "benchmarks/metaworld/requirements.txt"):
+    locks = ("requirements.lock", "requirements-dev.lock", "docker/server.lock", "docker/build.lock")
+    for path in (*locks, "pyproject.toml", "Makefile", ".ci/run", "benchmarks/metaworld/requirements.txt"):
         assert not re.search(r"https?://|index-url [^-]", (ROOT / path).read_text().replace("--no-emit-index-url", ""))

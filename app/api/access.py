@@ -1,6 +1,7 @@
 """Who is let in: API keys, scopes, rate limit, and no other website's scripts. Before anything of a body is read."""
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from http.cookies import CookieError, SimpleCookie
@@ -11,12 +12,13 @@ from fastapi.responses import RedirectResponse
 from starlette.responses import Response
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from app.api.access_rules import HEALTH, LOGIN, PAGES, SAFE_METHODS, accepted_scopes
+from app.api.access_rules import HEALTH, LOGIN, PAGES, READY, SAFE_METHODS, accepted_scopes
 from app.api.problems import Kind, problem, store_problem
 from app.api.rate_limit import RateLimit
-from app.services.addresses import is_loopback
-from app.services.api_keys import Caller
+from app.pipeline.addresses import is_loopback
+from app.services.api_keys import Caller, audit_name
 from app.services.container import Services
+from app.store.audit import acting
 from app.store.errors import StoreError
 
 COOKIE = "roboprompt_key"
@@ -24,7 +26,9 @@ Headers = Mapping[bytes, bytes]
 _UNAUTHENTICATED = Kind(401, "unauthenticated", "An API key is needed")
 _FORBIDDEN = Kind(403, "forbidden", "This is not allowed")
 _TOO_MANY = Kind(429, "too-many-requests", "Too many requests")
+_MALFORMED = Kind(400, "http", "The request cannot be read")
 _TOO_LONG = Kind(414, "address-too-long", "The address is too long")
+_HOST = re.compile(r"(\[[\da-f:.]+\]|[\w.~-]+)(:\d*)?", re.ASCII | re.IGNORECASE)
 _CHALLENGE = 'Bearer realm="roboprompt"'
 HOW = "send `Authorization: Bearer KEY` or `X-API-Key: KEY`; `roboprompt keys create` makes one"
 
@@ -62,42 +66,63 @@ class AccessControl:
         self._rate = RateLimit(access.requests_per_s, access.burst)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] != "http" or (refusal := await self._refusal(scope)) is None:
+        if scope["type"] != "http":
             await self._app(scope, receive, send)
-        else:
+            return
+        refusal, caller = await self._admitted(scope)
+        if refusal is not None:
             await refusal(scope, receive, send)
+            return
+        with acting(audit_name(caller)):
+            await self._app(scope, receive, send)
 
-    async def _refusal(self, scope: Scope) -> Response | None:
+    async def _admitted(self, scope: Scope) -> tuple[Response | None, Caller | None]:
+        """Why the request is refused, or None; and who sent it, or None where no keys are required."""
         method, path = scope["method"], scope["path"].removeprefix(scope.get("root_path", ""))
-        if path in HEALTH:
-            return None
         headers = dict(scope["headers"])
+        if (host := _host_of(headers.get(b"host", b"").decode("latin-1"))) is None:
+            return problem(_MALFORMED, "its header Host names no host"), None
+        if path in HEALTH:
+            scope.setdefault("state", {})["known"] = await self._may_know(path, headers)
+            return None, None
         if len(scope["query_string"]) > self._access.max_query_chars:
-            return problem(_TOO_LONG, f"its query may have at most {self._access.max_query_chars} characters")
-        if (refusal := self._foreign(method, headers)) is not None:
-            return refusal
+            return problem(_TOO_LONG, f"its query may have at most {self._access.max_query_chars} characters"), None
+        if (refusal := self._foreign(method, host, headers)) is not None:
+            return refusal, None
         try:
             caller = await self._caller(headers) if self._access.key_required else None
         except StoreError as error:
-            return store_problem(error)
+            return store_problem(error), None
         address = scope["client"][0] if scope["client"] else ""
         welcome = caller is not None or not self._access.key_required
         is_page = welcome and method in SAFE_METHODS and path.startswith(PAGES)
         if not is_page and (wait_s := self._rate.wait_s(address if caller is None else caller.key_id)):
             seconds = str(math.ceil(wait_s))
-            return problem(_TOO_MANY, f"try again in {seconds} s", headers={"Retry-After": seconds})
-        return self._unwelcome(method, path, headers, caller) if self._access.key_required else None
+            return problem(_TOO_MANY, f"try again in {seconds} s", headers={"Retry-After": seconds}), None
+        return self._unwelcome(method, path, headers, caller) if self._access.key_required else None, caller
 
-    def _foreign(self, method: str, headers: Headers) -> Response | None:
-        """Refuse what another website's scripts send, with the user's cookie or from the user's own machine."""
-        host = headers.get(b"host", b"").decode("latin-1")
-        if self._access.local_only and host and not is_loopback(urlsplit(f"//{host}").hostname or ""):
+    async def _may_know(self, path: str, headers: Headers) -> bool:
+        """Whether the caller of a health check may read what it finds."""
+        if path != READY or not self._access.key_required:
+            return True
+        try:
+            return await self._caller(headers) is not None
+        except StoreError:
+            return False
+
+    def _foreign(self, method: str, host: str, headers: Headers) -> Response | None:
+        """Refuse what another website's scripts send, with the user's cookie or from the user's own machine.
+
+        Args:
+            host: without its port; empty if the request names none.
+        """
+        if self._access.local_only and host and not is_loopback(host):
             remedy = "a service that others reach by name says ROBOPROMPT_AUTH=on, or off"
             return problem(_FORBIDDEN, f"the request names the host {host[:100]!r}, not this machine: {remedy}")
         origin = headers.get(b"origin")
         if method in SAFE_METHODS or (origin is None and not _is_by_cookie(headers)):
             return None
-        if origin is None or urlsplit(origin.decode("latin-1")).netloc != host:
+        if origin is None or not host or _authority_of(origin) != headers[b"host"]:
             return problem(
                 _FORBIDDEN, "pages of other websites may not change anything here (a proxy must pass Host on)"
             )
@@ -123,6 +148,21 @@ class AccessControl:
         challenge = f'{_CHALLENGE}, error="insufficient_scope", scope="{" ".join(sorted(accepted))}"'
         detail = f"the key {caller.name!r} has the scopes {', '.join(sorted(caller.scopes))}; this needs {needed}"
         return problem(_FORBIDDEN, detail, headers={"WWW-Authenticate": challenge})
+
+
+def _host_of(authority: str) -> str | None:
+    """The name or address in a header Host, empty if the header is; None if there is none in it."""
+    if not authority:
+        return ""
+    return match[1].strip("[]").lower() if (match := _HOST.fullmatch(authority)) else None
+
+
+def _authority_of(origin: bytes) -> bytes:
+    """What an Origin has in common with the Host of its own pages; empty if it is no address."""
+    try:
+        return urlsplit(origin.decode("latin-1")).netloc.encode("latin-1")
+    except ValueError:
+        return b""
 
 
 def token_of(headers: Headers) -> str:

@@ -5,7 +5,8 @@ import re
 SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
 # Opening one takes dozens of requests for scripts and pictures, so that they do not count against the rate limit.
 PAGES = "/ui/"
-HEALTH = frozenset({"/healthz", "/readyz"})
+READY = "/readyz"
+HEALTH = frozenset({"/healthz", READY})
 LOGIN, LOGOUT = "/ui/login", "/ui/logout"
 # They hold no data: the way in, and what the pages are drawn with.
 OPEN = HEALTH | {LOGIN, LOGOUT, "/favicon.ico"}

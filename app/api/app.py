@@ -7,7 +7,8 @@ from fastapi import FastAPI
 from fastapi_offline import FastAPIOffline
 
 from app.api.access import Access, AccessControl
-from app.api.limits import BodyLimit
+from app.api.image_work import ImageWork
+from app.api.limits import BodyLimit, BodyLimits
 from app.api.observation import ObserveRequests
 from app.api.openapi import install_openapi
 from app.api.problems import install_problem_handlers
@@ -40,11 +41,14 @@ Metres, radians and seconds; world frame; quaternions x y z w; cameras with Open
 OpenServices = Callable[[], AbstractAsyncContextManager[Services]]
 
 
-def create_app(open_services: OpenServices, version: str, max_body_bytes: int, access: Access | None = None) -> FastAPI:
+def create_app(
+    open_services: OpenServices, version: str, body_limits: BodyLimits | None = None, access: Access | None = None
+) -> FastAPI:
     """The application.
 
     Args:
         open_services: entered at start-up, left at shutdown.
+        body_limits: None: the defaults.
         access: None: anybody may do anything.
     """
 
@@ -75,7 +79,9 @@ def create_app(open_services: OpenServices, version: str, max_body_bytes: int, a
         app.include_router(module.router)
     install_problem_handlers(app)
     install_openapi(app)
-    app.add_middleware(BodyLimit, max_bytes=max_body_bytes)
+    app.state.body_limits = body_limits or BodyLimits()
+    app.state.image_work = ImageWork()
+    app.add_middleware(BodyLimit, limits=app.state.body_limits)
     app.add_middleware(AccessControl, owner=app, access=access or Access())
     app.add_middleware(SecurityHeaders)
     app.add_middleware(ObserveRequests, owner=app)

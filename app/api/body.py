@@ -1,26 +1,27 @@
 """Request bodies -> metadata and named parts, whether multipart, JSON or MessagePack; nothing is interpreted yet."""
 
 import base64
-import binascii
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import msgpack
 from fastapi import Request
 from pydantic_core import from_json
+from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import UploadFile
 from starlette.exceptions import HTTPException
 
+from app.api.json_budget import JsonBudget, JsonBudgetError
+from app.api.limits import JSON, MSGPACK, MULTIPART, content_type_of
+from app.api.packed_body import refuse_bytes, unpacked
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.packed_array import is_packed_array, npy_from_packed
 
 IMAGE_PREFIXES = ("rgb_", "depth_", "mask_")
+TRAJECTORY = "trajectory"
 MAX_PARTS = 64
-MAX_METADATA_BYTES = 1_000_000
-MULTIPART, JSON, MSGPACK = "multipart/form-data", "application/json", "application/msgpack"
-# What a MessagePack document may hold, arrays' bytes aside: its lists and maps are made as long as they claim to be.
-MAX_PACKED_ITEMS = 4096
+TINY_BYTES = 16_384  # takes less time to decode than a change of thread
+_BASE64_PIECE = 4 * 262_144  # whole groups of four, 1 MB: other threads have their turn after each
 
 
 @dataclass(frozen=True)
@@ -36,6 +37,11 @@ class Body:
     parts: Mapping[str, bytes]
 
 
+def images_of(body: Body) -> list[bytes]:
+    """Its image parts."""
+    return [data for name, data in body.parts.items() if name.startswith(IMAGE_PREFIXES)]
+
+
 async def read_body(request: Request, *, packed: bool = False) -> Body:
     """Read a multipart or JSON body.
 
@@ -43,52 +49,66 @@ async def read_body(request: Request, *, packed: bool = False) -> Body:
         packed: read MessagePack, too.
 
     Raises:
-        HTTPException: 415 for another content type, 400 if it is damaged.
+        HTTPException: 415 for another content type, 413 if it is too large, 400 if it is damaged.
         InvalidInputError: for a part that cannot be read as what its name says.
     """
-    content_type = request.headers.get("content-type", "").partition(";")[0].strip().lower()
+    content_type = content_type_of(dict(request.scope["headers"]))
+    most = request.app.state.body_limits.document
     if content_type == MULTIPART:
-        return await _read_multipart(request)
-    if content_type == JSON:
-        return _read_json(await request.body())
-    if content_type == MSGPACK and packed:
-        return _read_packed(await request.body())
+        return await _read_multipart(request, most)
+    if content_type == JSON or (content_type == MSGPACK and packed):
+        read = _read_json if content_type == JSON else _read_packed
+        data = await request.body()
+        return read(data, most) if len(data) <= TINY_BYTES else await run_in_threadpool(read, data, most)
     known = ", ".join([JSON, MULTIPART, *([MSGPACK] if packed else [])])
-    raise HTTPException(415, f"content type {content_type or '(none)'!r}: send one of {known}")
+    raise HTTPException(415, f"content type {content_type or '(none)'!r:.100}: send one of {known}")
 
 
-async def _read_multipart(request: Request) -> Body:
+async def _read_multipart(request: Request, most: int) -> Body:
     parts: dict[str, bytes] = {}
-    async with request.form(max_files=MAX_PARTS, max_fields=MAX_PARTS, max_part_size=MAX_METADATA_BYTES) as form:
+    async with request.form(max_files=MAX_PARTS, max_fields=MAX_PARTS, max_part_size=most) as form:
         for name, value in form.multi_items():
             if name in parts:
                 raise InvalidInputError(name, "appears twice", "each part once")
             parts[name] = await value.read() if isinstance(value, UploadFile) else value.encode()
     if "metadata" not in parts:
         raise InvalidInputError("metadata", "is missing", "a part named metadata with a JSON document")
-    return Body(_json_object(parts.pop("metadata"), "metadata"), parts)
-
-
-def _read_json(data: bytes) -> Body:
-    document = _json_object(data, "body")
-    names = [name for name in document if name.startswith(IMAGE_PREFIXES)]
-    return Body(document, {name: _base64(name, document.pop(name)) for name in names})
-
-
-def _read_packed(data: bytes) -> Body:
-    """The document of a JSON body, its images as arrays or as encoded files."""
-    try:
-        document = msgpack.unpackb(
-            data, max_array_len=MAX_PACKED_ITEMS, max_map_len=MAX_PACKED_ITEMS, max_ext_len=0, strict_map_key=True
-        )
-    except Exception as error:  # msgpack's own errors have no common class; some are ValueError, some are not
-        raise HTTPException(400, f"body is not MessagePack: {str(error)[:200] or type(error).__name__}") from None
-    if not isinstance(document, dict):
-        raise HTTPException(400, f"body is a MessagePack {type(document).__name__}, expected a map")
-    names = [name for name in document if isinstance(name, str) and name.startswith(IMAGE_PREFIXES)]
-    parts = {name: _packed_image(name, document.pop(name)) for name in names}
-    _refuse_bytes(document, "body")
+    metadata = parts.pop("metadata")
+    _check_document(len(metadata), most)
+    document = await run_in_threadpool(_metadata, metadata) if len(metadata) > TINY_BYTES else _metadata(metadata)
     return Body(document, parts)
+
+
+def _metadata(data: bytes) -> dict[str, Any]:
+    """A part's document; that of a whole body is counted while it comes."""
+    try:
+        JsonBudget().feed(data)
+    except JsonBudgetError as error:
+        raise HTTPException(error.status, f"metadata: {error}") from None
+    return _json_object(data, "metadata")
+
+
+def _read_json(data: bytes, most: int) -> Body:
+    document = _json_object(data, "body")
+    images = {name: document.pop(name) for name in [*document] if name.startswith(IMAGE_PREFIXES)}
+    if TRAJECTORY not in document:
+        _check_document(len(data) - sum(len(value) for value in images.values() if isinstance(value, str)), most)
+    return Body(document, {name: _base64(name, value) for name, value in images.items()})
+
+
+def _read_packed(data: bytes, most: int) -> Body:
+    """The document of a JSON body, its images as arrays or as encoded files."""
+    document = unpacked(data)
+    names = [name for name in document if name.startswith(IMAGE_PREFIXES)]
+    parts = {name: _packed_image(name, document.pop(name)) for name in names}
+    _check_document(len(data) - sum(map(len, parts.values())), most)
+    refuse_bytes(document)
+    return Body(document, parts)
+
+
+def _check_document(size: int, most: int) -> None:
+    if size > most:
+        raise HTTPException(413, f"a document, its images aside, may have at most {most} bytes; this has {size}")
 
 
 def _packed_image(name: str, value: object) -> bytes:
@@ -97,24 +117,6 @@ def _packed_image(name: str, value: object) -> bytes:
     if isinstance(value, dict) and is_packed_array(value):
         return npy_from_packed(name, value)
     raise InvalidInputError(name, f"is a {type(value).__name__}", "an array, or the image file's bytes")
-
-
-def _refuse_bytes(value: object, where: str) -> None:
-    """Let nothing but what JSON has into the document, which is stored as such.
-
-    Raises:
-        InvalidInputError: naming the place.
-    """
-    if isinstance(value, dict):
-        for key, item in value.items():
-            if not isinstance(key, str):
-                raise InvalidInputError(where, f"has the key {key!r:.40}", "keys that are text")
-            _refuse_bytes(item, key if where == "body" else f"{where}.{key}")
-    elif isinstance(value, list):
-        for index, item in enumerate(value):
-            _refuse_bytes(item, f"{where}[{index}]")
-    elif not isinstance(value, str | int | float | bool | None):
-        raise InvalidInputError(where, f"is of the type {type(value).__name__}", "what JSON can say")
 
 
 def _json_object(data: bytes, where: str) -> dict[str, Any]:
@@ -131,6 +133,9 @@ def _base64(name: str, value: object) -> bytes:
     if not isinstance(value, str):
         raise InvalidInputError(name, f"is a {type(value).__name__}", "the image file in base64")
     try:
-        return base64.b64decode(value, validate=True)
-    except binascii.Error as error:
+        if value.find("=", 0, -2) >= 0:  # a piece of it could end there
+            raise ValueError("padding before its end")
+        pieces = (value[at : at + _BASE64_PIECE] for at in range(0, len(value), _BASE64_PIECE))
+        return b"".join(base64.b64decode(piece, validate=True) for piece in pieces)
+    except ValueError as error:  # binascii.Error is one; so is what is said of letters beyond ASCII
         raise InvalidInputError(name, f"is not base64: {error}", "the image file in base64") from None

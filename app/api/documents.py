@@ -5,12 +5,12 @@ from typing import Any
 
 from app.llm.base import ModelProfile
 from app.pipeline.episode import Demonstration
+from app.pipeline.language import Grounded
 from app.pipeline.metadata import camera_json
 from app.pipeline.prompt import Prompt
 from app.pipeline.representation import fit_codec
 from app.pipeline.workspace import Workspace, discretize_action, object_bins
 from app.services.prediction import Prediction
-from app.services.prediction_findings import findings_before
 from app.services.question import Question
 from app.services.task_settings import TaskSettings
 from app.services.task_stats import Standing, TaskStats
@@ -19,7 +19,7 @@ from app.store.values import JsonObject, KeyframeRecord, ObjectRecord
 
 
 def episode_document(record: EpisodeRecord, task: TaskRecord) -> JsonObject:
-    """An `EpisodeOut`."""
+    """An `EpisodeOut`, or a `ListedEpisode` of a record without `extra`."""
     settings = TaskSettings.model_validate(task.settings)
     workspace = settings.workspace.workspace()
     poses = settings.canonical(tuple(item.pose() for item in record.objects))
@@ -37,7 +37,7 @@ def episode_document(record: EpisodeRecord, task: TaskRecord) -> JsonObject:
         "keyframes": [_keyframe(item, workspace) for item in record.keyframes],
         "objects": [_object(item, workspace) for item in record.objects],
         "cameras": [camera.name for camera in record.cameras],
-        "extra": record.extra,
+        **({} if record.extra is None else {"extra": record.extra}),
         "prediction_id": record.prediction_id,
         "observation_text": codec.observation_text(poses, record.instruction),
         "actions_text": codec.actions_text(demonstration),
@@ -62,7 +62,7 @@ def metadata_document(record: EpisodeRecord) -> JsonObject:
         "objects": objects,
         "cameras": [camera_json(item.camera()) for item in record.cameras],
         "control_frequency_hz": record.control_frequency_hz,
-        "extra": record.extra,
+        "extra": record.extra or {},
     }
 
 
@@ -118,6 +118,7 @@ def job_document(record: JobRecord) -> JsonObject:
 def _asked(question: Question, prompt: Prompt) -> JsonObject:
     """What a prediction and a dry run have in common."""
     return {
+        **_understood(question.grounded),
         "objects": [ObjectRecord.of(pose).to_json() for pose in question.observed],
         "model": question.profile.name,
         "representation": question.style.representation,
@@ -126,6 +127,21 @@ def _asked(question: Question, prompt: Prompt) -> JsonObject:
         "prompt": {"system": prompt.system, "user": prompt.user},
         "prefix_hash": question.template.cache_key,
     }
+
+
+def _understood(grounded: Grounded | None) -> JsonObject:
+    """How the instruction was understood."""
+    if grounded is None:
+        return {"canonical_instruction": None, "grounding": []}
+    return {
+        "canonical_instruction": grounded.instruction,
+        "grounding": [phrase.to_json() for phrase in grounded.phrases],
+    }
+
+
+def understood_document(question: Question) -> JsonObject:
+    """An `UnderstoodOut`: what is known before the LLM has said anything."""
+    return _understood(question.grounded)
 
 
 def prediction_document(prediction: Prediction) -> JsonObject:
@@ -158,7 +174,7 @@ def _samples(samples: Sequence[JsonObject] | None) -> JsonObject | None:
 def dry_run_document(question: Question, timings_ms: dict[str, float]) -> JsonObject:
     """A `DryRunOut`."""
     prompt = question.prompt
-    findings = [finding.to_json() for finding in findings_before(question)]
+    findings = [finding.to_json() for finding in question.findings]
     return {
         "id": None,
         **_asked(question, prompt),
@@ -175,8 +191,10 @@ def stored_prediction_document(record: PredictionRecord) -> JsonObject:
         recorded_at = record.outcome_at.isoformat()
         outcome = {"success": record.outcome_success, "note": record.outcome_note, "recorded_at": recorded_at}
     same = ("id", "task", "instruction", "status", "error", "model", "representation", "prompt_format", "reply_text")
+    grounded = None if record.grounding is None else Grounded.from_json(record.grounding)
     return {
         **{name: getattr(record, name) for name in same},
+        **_understood(grounded),
         "demonstration_ids": list(record.demonstration_ids),
         "prompt": {"system": record.prompt_system, "user": record.prompt_user},
         "actions": None if record.actions is None else list(record.actions),

@@ -22,7 +22,7 @@ def _never() -> NoReturn:
 
 def openapi_text() -> str:
     """The document as it is kept in the repository."""
-    document = create_app(_no_services, version("roboprompt"), max_body_bytes=0).openapi()
+    document = create_app(_no_services, version("roboprompt")).openapi()
     return json.dumps(document, indent=2, sort_keys=True) + "\n"
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 
 from app.api.body import IMAGE_PREFIXES
+from app.api.image_work import stop_if_unwanted
 from app.api.schemas.requests import CameraIn
 from app.perception.frames import ImageBytes, decode_frame
 from app.pipeline.camera import RgbdFrame
@@ -35,4 +36,9 @@ def decode_frames(
     Raises:
         InvalidInputError: naming the image part or the camera's field.
     """
-    return tuple(decode_frame(item.camera(), images[item.name], max_pixels) for item in cameras)
+    return tuple(_decoded(item, images[item.name], max_pixels) for item in cameras)
+
+
+def _decoded(camera: CameraIn, images: ImageBytes, max_pixels: int) -> RgbdFrame:
+    stop_if_unwanted()
+    return decode_frame(camera.camera(), images, max_pixels)

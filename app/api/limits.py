@@ -1,54 +1,110 @@
-"""No request larger than the operator allows, whether it tells its length or not."""
+"""No request larger than the operator allows, whether it tells its length or not, nor too much at once."""
 
+from dataclasses import dataclass
+
+from starlette.exceptions import HTTPException
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from app.api.access_rules import LOGIN, LOGOUT
-from app.api.problems import Kind, problem
+from app.api.json_budget import MAX_VALUES, JsonBudget, JsonBudgetError
+from app.api.problems import http_problem
 
 MAX_LOGIN_BYTES = 10_000
+MULTIPART, JSON, MSGPACK, FORM = (
+    "multipart/form-data",
+    "application/json",
+    "application/msgpack",
+    "application/x-www-form-urlencoded",
+)
+# What robots send with images. In JSON an upload has its trajectory inline, too: 13,000 frames, 11 minutes at 20 Hz.
+UPLOAD = "/episodes"
+WITH_IMAGES = (UPLOAD, "/predict", "/poses", "/ui/predict/prompt")
+MAX_UPLOAD_VALUES = 250_000
 
 
-class _TooLargeError(Exception):
-    pass
+@dataclass(frozen=True)
+class BodyLimits:
+    """How large bodies may be, in bytes.
+
+    Attributes:
+        largest: of any; reached only with images as multipart or MessagePack.
+        inline: of a JSON document with images in base64, or with a trajectory as lists of numbers.
+        document: of any other, and of such a one's part that is neither image nor trajectory.
+        held: of all requests together that one process has under way.
+    """
+
+    largest: int = 200_000_000
+    inline: int = 32_000_000
+    document: int = 1_000_000
+    held: int = 1_000_000_000
+
+    def of(self, method: str, path: str, content_type: str) -> tuple[int, JsonBudget | None]:
+        """How many bytes a request may have, and how many values, if it is read as JSON."""
+        if path.endswith((LOGIN, LOGOUT)):  # anybody may log in: nobody needs a large body for that
+            return MAX_LOGIN_BYTES, None
+        images = method == "POST" and path.endswith(WITH_IMAGES)
+        if images and content_type in (MULTIPART, MSGPACK):
+            return self.largest, None
+        values = MAX_UPLOAD_VALUES if path.endswith(UPLOAD) else MAX_VALUES
+        budget = None if content_type in (MULTIPART, MSGPACK, FORM) else JsonBudget(values)
+        return min(self.largest, self.inline if images else self.document), budget
+
+
+def content_type_of(headers: dict[bytes, bytes]) -> str:
+    """Without its parameters; empty if there is none."""
+    return headers.get(b"content-type", b"").decode("latin-1").partition(";")[0].strip().lower()
 
 
 class BodyLimit:
-    """ASGI middleware that answers 413 as soon as a body turns out larger than `max_bytes`."""
+    """ASGI middleware that refuses a body as soon as it turns out too large: 413, or 503 where memory is short."""
 
-    def __init__(self, app: ASGIApp, max_bytes: int) -> None:
+    def __init__(self, app: ASGIApp, limits: BodyLimits) -> None:
         self._app = app
-        self._max_bytes = max_bytes
+        self._limits = limits
+        self._held = 0
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
-        # Anybody may log in: nobody needs a large body for that.
-        max_bytes = MAX_LOGIN_BYTES if scope["path"].endswith((LOGIN, LOGOUT)) else self._max_bytes
         headers = dict(scope["headers"])
-        declared = headers.get(b"content-length", b"0")
+        most, budget = self._limits.of(scope["method"], scope["path"], content_type_of(headers))
+        declared = int(headers.get(b"content-length", b"0"))
         received = 0
-        started = False
 
         async def limited_receive() -> Message:
             nonlocal received
             message = await receive()
-            received += len(message.get("body", b""))
-            if received > max_bytes:
-                raise _TooLargeError
+            if piece := message.get("body", b""):
+                received += len(piece)
+                self._held += len(piece)
+                self._check(max(received, declared), most)
+                if budget is not None:
+                    _count(budget, piece)
             return message
 
-        async def watched_send(message: Message) -> None:
-            nonlocal started
-            started = True
-            await send(message)
-
+        if declared > self._limits.largest:  # also where no route would read it
+            await http_problem(_too_large(most))(scope, receive, send)
+            return
         try:
-            if int(declared) > max_bytes:
-                raise _TooLargeError
-            await self._app(scope, limited_receive, watched_send)
-        except _TooLargeError:
-            if started:
-                raise
-            kind = Kind(413, "too-large", "The request is too large")
-            await problem(kind, f"a request may have at most {max_bytes} bytes")(scope, receive, send)
+            await self._app(scope, limited_receive, send)
+        finally:
+            self._held -= received
+
+    def _check(self, received: int, most: int) -> None:
+        if received > most:
+            raise _too_large(most)
+        if self._held > self._limits.held:
+            detail = f"requests under way hold more than {self._limits.held} bytes already: try again"
+            raise HTTPException(503, detail, {"Retry-After": "1"})
+
+
+def _too_large(most: int) -> HTTPException:
+    return HTTPException(413, f"a request of this kind may have at most {most} bytes")
+
+
+def _count(budget: JsonBudget, piece: bytes) -> None:
+    try:
+        budget.feed(piece)
+    except JsonBudgetError as error:
+        raise HTTPException(error.status, str(error)) from None

@@ -11,6 +11,7 @@ from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from pydantic import ValidationError
 from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect
 
 from app.llm.base import (
     LanguageModelError,
@@ -32,6 +33,8 @@ from app.pipeline.errors import (
     ObjectSetError,
     RoboPromptError,
     UncertainPoseError,
+    UnfamiliarInstructionError,
+    UngroundedInstructionError,
 )
 from app.services.errors import (
     NoDemonstrationsError,
@@ -42,7 +45,11 @@ from app.services.errors import (
 from app.store.errors import ConflictError, CorruptDataError, NotFoundError, StoreError, StoreUnavailableError
 
 MEDIA_TYPE = "application/problem+json"
-MAX_SHOWN = 120  # characters of a bad value that an error repeats
+# What an error repeats of a request: characters of a bad value, of a field's name, of a message; and how many errors.
+MAX_SHOWN = 120
+MAX_FIELD_CHARS = 200
+MAX_MESSAGE_CHARS = 2000
+MAX_ERRORS = 20
 logger = logging.getLogger(__name__)
 
 
@@ -62,6 +69,8 @@ KINDS: Mapping[type[Exception], Kind] = {
     ObjectSetError: Kind(422, "object-set", "The objects are not those of the task"),
     ObjectNotVisibleError: Kind(422, "object-not-visible", "No camera sees an object"),
     UncertainPoseError: Kind(422, "uncertain-pose", "An object's pose cannot be told from the images"),
+    UngroundedInstructionError: Kind(422, "ungrounded-instruction", "It is not clear which object is meant"),
+    UnfamiliarInstructionError: Kind(422, "unfamiliar-instruction", "The instruction is unlike what was taught"),
     PoseServerUnavailableError: Kind(503, "pose-server-unavailable", "The pose server cannot be reached"),
     PoseServerTimeoutError: Kind(504, "pose-server-timeout", "The pose server did not answer in time"),
     PoseServerReplyError: Kind(502, "pose-server-error", "The pose server's answer cannot be used"),
@@ -88,11 +97,10 @@ _HTTP_TITLES = {
     405: "This address has other methods",
     413: "The request is too large",
     415: "The content type is not understood",
+    499: "The client has left",
+    503: "The service has too much to do",
 }
-
-
-class BodyError(HTTPException):
-    """A body that cannot be read as what it claims to be."""
+_HTTP_TYPES = {413: "too-large", 503: "busy"}
 
 
 def install_problem_handlers(app: FastAPI) -> None:
@@ -102,6 +110,7 @@ def install_problem_handlers(app: FastAPI) -> None:
     app.add_exception_handler(ValidationError, _on_validation_error)
     app.add_exception_handler(UnicodeEncodeError, _on_half_character)
     app.add_exception_handler(HTTPException, _on_http_error)
+    app.add_exception_handler(ClientDisconnect, _on_disconnect)
     app.add_exception_handler(Exception, _on_unexpected_error)
 
 
@@ -132,11 +141,20 @@ def problem(
         "type": f"/problems/{kind.type}",
         "title": kind.title,
         "status": kind.status,
-        "detail": detail,
-        "errors": list(errors),
+        "detail": _short(detail),
+        "errors": [_short_entry(entry) for entry in errors[:MAX_ERRORS]],
         **extra,
     }
     return JSONResponse(content, kind.status, dict(headers or {}), media_type=MEDIA_TYPE)
+
+
+def _short_entry(entry: Mapping[str, Any]) -> dict[str, Any]:
+    lengths = {"field": MAX_FIELD_CHARS, "message": MAX_MESSAGE_CHARS, "valid": MAX_MESSAGE_CHARS}
+    return {name: _short(value, lengths[name]) if isinstance(value, str) else value for name, value in entry.items()}
+
+
+def _short(text: str, most: int = MAX_MESSAGE_CHARS) -> str:
+    return text if len(text) <= most else f"{text[:most]}..."
 
 
 def _on_own_error(request: Request, error: Exception) -> JSONResponse:
@@ -179,9 +197,11 @@ def _own_entry(error: InvalidInputError) -> dict[str, Any]:
 
 def _on_validation_error(request: Request, error: Exception) -> JSONResponse:
     assert isinstance(error, RequestValidationError | ValidationError)
-    entries = [_field_error(item) for item in error.errors()]
-    detail = "; ".join(f"{entry['field']}: {entry['message']}" for entry in entries)
-    return problem(KINDS[InvalidInputError], detail, entries)
+    found = error.errors()
+    entries = [_field_error(item) for item in found[:MAX_ERRORS]]
+    said = [f"{entry['field']}: {entry['message']}" for entry in map(_short_entry, entries)]
+    first = f"the first {MAX_ERRORS} of {len(found)} errors: " if len(found) > MAX_ERRORS else ""
+    return problem(KINDS[InvalidInputError], first + "; ".join(said), entries)
 
 
 def _on_half_character(request: Request, error: Exception) -> JSONResponse:
@@ -199,16 +219,32 @@ def _field_error(item: Mapping[str, Any]) -> dict[str, Any]:
     location = [part for part in item["loc"] if part not in ("body", "query", "path", "header")]
     field = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in location).lstrip(".") or "body"
     value = item.get("input")
-    shown = "" if item["type"] == "missing" or isinstance(value, dict | list) else f", got {value!r}"[:MAX_SHOWN]
+    scalar = not isinstance(value, dict | list | tuple)
+    shown = "" if item["type"] == "missing" or not scalar else f", got {_start(value)!r}"[:MAX_SHOWN]
     expected = item.get("ctx", {}).get("expected")
     return {"field": field, "message": item["msg"] + shown, "valid": expected}
 
 
+def _start(value: object) -> object:
+    """`value`, of a long text its beginning: all of it would be copied to be cut."""
+    return value[:MAX_SHOWN] if isinstance(value, str | bytes) else value
+
+
 def _on_http_error(request: Request, error: Exception) -> JSONResponse:
     assert isinstance(error, HTTPException)
+    return http_problem(error)
+
+
+def http_problem(error: HTTPException) -> JSONResponse:
+    """The response for an error of the web's own."""
     title = _HTTP_TITLES.get(error.status_code, "The request cannot be answered")
-    kind = Kind(error.status_code, "http", title)
+    kind = Kind(error.status_code, _HTTP_TYPES.get(error.status_code, "http"), title)
     return problem(kind, str(error.detail), headers=error.headers)
+
+
+def _on_disconnect(request: Request, error: Exception) -> JSONResponse:
+    """Nobody reads it; but it is no failure of the service, and the log must not say so."""
+    return http_problem(HTTPException(499, "the client has left before its request was complete"))
 
 
 def _on_unexpected_error(request: Request, error: Exception) -> JSONResponse:

@@ -1,8 +1,12 @@
 """`roboprompt`: the service, its keys and backups; evaluation; data in and out; cameras."""
 
+from importlib.metadata import version
+from typing import Annotated
+
 import typer
 
 from app.cli import (
+    audit,
     backup,
     calibrate,
     check,
@@ -20,6 +24,7 @@ from app.cli import (
 application = typer.Typer(no_args_is_help=True, add_completion=False, help=__doc__, pretty_exceptions_enable=False)
 application.command("serve")(serve.serve)
 application.add_typer(keys.application, name="keys")
+application.command("audit")(audit.audit)
 application.command("backup")(backup.back_up)
 application.command("restore")(backup.restore)
 application.command("jobs")(jobs.jobs)
@@ -32,6 +37,21 @@ application.command("calibrate")(calibrate.calibrate)
 application.command("calibration-board")(calibrate.calibration_board)
 application.command("import")(import_data.import_data)
 application.command("export")(export_data.export_data)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"roboprompt {version('roboprompt')}")
+        raise typer.Exit
+
+
+@application.callback()
+def _options(
+    show_version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="print the version and end")
+    ] = False,
+) -> None:
+    """Options of the program itself."""
 
 
 def main() -> None:

@@ -7,9 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 
-from app.pipeline.errors import RoboPromptError
+from app.cli.opened_store import EnvFile, opened_store
 
 if TYPE_CHECKING:
     from app.store.backup import BackupSummary
@@ -19,33 +18,32 @@ Data = Annotated[Path | None, typer.Option(help="folder of the database and imag
 
 
 def back_up(
-    file: Annotated[Path, typer.Argument(help="to write; a file of that name is replaced")], data: Data = None
+    file: Annotated[Path, typer.Argument(help="to write; a file of that name is replaced")],
+    data: Data = None,
+    env_file: EnvFile = None,
 ) -> None:
     """Write every task, episode, image and prediction to a file; the service may go on meanwhile."""
     from app.store.backup import back_up
 
-    _run(data, lambda store: back_up(store, file))
+    _run(data, env_file, lambda store: back_up(store, file))
 
 
-def restore(file: Annotated[Path, typer.Argument(help="a backup", exists=True)], data: Data = None) -> None:
-    """Put a backup into an empty store, of the same or another kind of database."""
-    from app.store.backup import restore
+def restore(
+    file: Annotated[Path, typer.Argument(help="a backup", exists=True, dir_okay=False)],
+    data: Data = None,
+    with_keys: Annotated[
+        bool, typer.Option("--with-keys", help="bring its API keys, too, those revoked since it was made included")
+    ] = False,
+    env_file: EnvFile = None,
+) -> None:
+    """Put a backup into an empty store, of the same or another kind of database. Its API keys are left out."""
+    from app.store.restore import restore
 
-    _run(data, lambda store: restore(store, file))
+    _run(data, env_file, lambda store: restore(store, file, with_keys=with_keys))
 
 
-def _run(data: Path | None, work: "Callable[[Store], BackupSummary]") -> None:
+def _run(data: Path | None, env_file: Path | None, work: "Callable[[Store], BackupSummary]") -> None:
     """Open the store that the settings name, do the work, and print what was done as one line of JSON."""
-    from app.bootstrap import open_store
-    from app.settings import Settings
-
-    try:
-        store = open_store(Settings() if data is None else Settings(data=data))
-        try:
-            summary = work(store)
-        finally:
-            store.close()
-    except RoboPromptError as error:
-        Console(stderr=True).print(str(error), markup=False, soft_wrap=True)
-        raise typer.Exit(1) from error
+    with opened_store(data, env_file) as store:
+        summary = work(store)
     print(json.dumps(asdict(summary)))  # noqa: T201

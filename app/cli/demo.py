@@ -11,6 +11,8 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from app.cli.checks import check_models, check_names
+
 TASKS = ("push_button", "stack_cube", "open_drawer")
 
 
@@ -40,7 +42,13 @@ def demo(
     from app.evaluation.report import write_report
     from app.evaluation.scores import errors_of
     from app.evaluation.summary import results_table, summary
+    from app.pipeline.representation import REPRESENTATIONS
+    from app.sim.tasks import TASKS as SIMULATED
 
+    check_names("--task", task or (), SIMULATED)
+    if representation is not None:
+        check_names("--representation", [representation], REPRESENTATIONS)
+    check_models([] if model is None else [model])
     console = Console(stderr=as_json)
     command = shlex.join(["roboprompt", *sys.argv[1:]])
     methods = with_poses(methods_beside(model, representation)[: None if compare else 1], poses)

@@ -3,7 +3,7 @@
 import json
 import shlex
 import sys
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from app.cli.checks import check_models, check_names, check_service
 
 if TYPE_CHECKING:
     from app.evaluation.plan import Plan
@@ -60,6 +62,13 @@ def evaluate(
     noise_on: Annotated[
         Literal["both", "test"], typer.Option(help="noise on demonstrations and tests, or on tests alone")
     ] = "both",
+    shift: Annotated[
+        float | None,
+        typer.Option(
+            help="metres: move the free objects after the answer, and test with and without looking again"
+            " (methods `default` and `look again`; default: nobody moves anything)"
+        ),
+    ] = None,
     out: Annotated[Path | None, typer.Option(help="folder of the results (default: reports/eval-SWEEP-TIME)")] = None,
     ray: Annotated[
         str | None, typer.Option(help="run on the Ray cluster at this address, 'auto', or 'local' to start one")
@@ -76,23 +85,28 @@ def evaluate(
     # The simulator is an extra that `roboprompt serve` does without.
     from app.client.errors import ServiceProblemError, ServiceUnreachableError
     from app.evaluation.errors import EvaluationError
-    from app.evaluation.methods import chosen, with_noise, with_poses
+    from app.evaluation.methods import chosen, with_noise, with_poses, with_shift
     from app.evaluation.plan import Plan
     from app.evaluation.sweep_run import SweepRun
     from app.evaluation.sweeps import SWEEPS
     from app.sim.tasks import TASKS
 
-    _check("--sweep", [sweep], SWEEPS)
-    _check("--task", task or (), TASKS)
+    check_names("--sweep", [sweep], SWEEPS)
+    check_names("--task", task or (), TASKS)
     folder = out or Path("reports") / f"eval-{sweep}-{datetime.now():%Y%m%d-%H%M%S}"
     command = shlex.join(["roboprompt", *sys.argv[1:], *([] if out else ["--out", str(folder)])])
     given = SWEEPS[sweep].with_models(model or ())
-    methods = _refusing(lambda: chosen(given, method or (), model or ()), "--method")
+    names = method or (("default",) if shift is not None else ())
+    methods = _refusing(lambda: chosen(given, names, model or ()), "--method")
     methods = _refusing(lambda: with_noise(methods, noise, noise_on), "--noise")
     if poses == "vision":
         methods = _refusing(lambda: with_poses(methods, "vision"), "--poses")
+    tasks = tuple(dict.fromkeys(task or TASKS))
+    if shift is not None:
+        methods = _refusing(lambda: with_shift(methods, shift), "--shift")
+        tasks = _shiftable(tasks, shift, named=task is not None)
     plan = Plan(
-        tuple(dict.fromkeys(task or TASKS)),
+        tasks,
         methods,
         episodes,
         demos,
@@ -101,6 +115,9 @@ def evaluate(
         recordings=recordings,
         first_test_seed=seed,
     )
+    if url is not None:
+        check_service(url)
+    check_models(model or (), url)
     console = Console(stderr=as_json)
     try:
         with _progress(console) as progress:
@@ -115,15 +132,21 @@ def evaluate(
         raise typer.Exit(INTERRUPTED if result.stopped == "interrupted" else 1)
 
 
+def _shiftable(tasks: tuple[str, ...], shift_m: float, *, named: bool) -> tuple[str, ...]:
+    """The tasks whose objects can be moved; one that was named must be among them."""
+    from app.sim.shift import can_shift
+
+    movable = tuple(name for name in tasks if can_shift(name, shift_m))
+    if not movable or (named and movable != tasks):
+        fixed = next(name for name in tasks if name not in movable)
+        message = f"{fixed}: nothing in its scenes can be moved freely by {shift_m:g} m"
+        raise typer.BadParameter(message, param_hint="--shift")
+    return movable
+
+
 def _scenes(plan: "Plan") -> dict[str, object]:
     """How demonstrations were recorded, and which scenes were tested, for programs."""
     return {"recordings": plan.recordings, "seed": plan.first_test_seed, "episodes": plan.episodes}
-
-
-def _check(option: str, given: Sequence[str], known: Collection[str]) -> None:
-    for name in given:
-        if name not in known:
-            raise typer.BadParameter(f"{name!r} is none of {', '.join(known)}", param_hint=option)
 
 
 def _refusing(choose: Callable[[], tuple["Method", ...]], option: str) -> tuple["Method", ...]:
@@ -139,7 +162,7 @@ def _tell(console: Console, result: "SweepResult", folder: Path, command: str) -
     from app.evaluation.scores import errors_of
     from app.evaluation.tables import terminal_table
 
-    console.print(terminal_table(result.evaluation))
+    console.print(terminal_table(result.evaluation, console.width))
     errors = [f"error in {number} trials: {message}" for message, number in errors_of(result.evaluation)]
     rest = [f"{result.stopped or 'errors'}: {result.remaining} trials remain; go on with:", command]
     _say(console, [f"results: {folder}", *errors[:MAX_ERRORS], *(rest if result.remaining else [])])

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
+from app.cli.checks import URL_HELP, check_service, the_url
 from app.cli.exporter import download, episode_ids, task_settings
 from app.cli.progress import counted
 from app.client.client import DEFAULT_URL, RoboPromptClient
@@ -26,7 +27,8 @@ def export_data(
     archive: Annotated[Path | None, typer.Option(help="one file that `roboprompt import` reads, byte for byte")] = None,
     lerobot: Annotated[Path | None, typer.Option(help="folder of a LeRobot dataset, version 3.0")] = None,
     rerun: Annotated[Path | None, typer.Option(help=".rrd file for the rerun viewer (pip install rerun-sdk)")] = None,
-    server: Annotated[str, typer.Option(help="of the running service")] = DEFAULT_URL,
+    url: Annotated[str | None, typer.Option(help=f"{URL_HELP} [default: {DEFAULT_URL}]")] = None,
+    server: Annotated[str | None, typer.Option(hidden=True)] = None,
     as_json: Annotated[bool, typer.Option("--json", help="one JSON object as the last line")] = False,
 ) -> None:
     """Export a task. Name at least one of --archive, --lerobot and --rerun; none may exist yet."""
@@ -35,8 +37,10 @@ def export_data(
     targets = {name: path for name, path in wanted.items() if path is not None}
     if not targets:
         raise typer.BadParameter("name at least one of --archive, --lerobot, --rerun", param_hint="--archive")
+    address = the_url(url, server)
+    check_service(address)
     try:
-        with RoboPromptClient(server) as client:
+        with RoboPromptClient(address) as client:
             settings, ids = task_settings(client, task), episode_ids(client, task)
             writers: dict[str, Callable[[Path, Iterable[Parcel]], int]] = {
                 "archive": lambda path, parcels: write_archive(path, task, settings, parcels),

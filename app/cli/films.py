@@ -6,6 +6,8 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
+from app.cli.checks import check_names
+
 
 def films(
     out: Annotated[Path, typer.Option(help="folder of the page and its pictures")] = Path("docs/tasks"),
@@ -17,8 +19,7 @@ def films(
     from app.evaluation.task_pages import film_task, write_page
     from app.sim.tasks import TASKS
 
-    if unknown := [name for name in task or () if name not in TASKS]:
-        raise typer.BadParameter(f"{unknown[0]!r} is none of {', '.join(TASKS)}", param_hint="--task")
+    check_names("--task", task or (), TASKS)
     console, made, failed = Console(), [], []
     for name in task or TASKS:
         film = film_task(name, seed, out)

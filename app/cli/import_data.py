@@ -9,16 +9,20 @@ from typing import Annotated, Any
 import typer
 from rich.console import Console
 
+from app.cli.checks import URL_HELP, the_url
 from app.cli.importer import Result, check_dataset, import_dataset, prepare_tasks
 from app.cli.progress import counted
 from app.client.client import DEFAULT_URL, RoboPromptClient
 from app.client.errors import ServiceProblemError, ServiceUnreachableError
+from app.datasets.apart import open_apart
 from app.datasets.errors import DatasetError
-from app.datasets.formats import FORMATS, open_dataset
+from app.datasets.formats import FORMATS
+from app.datasets.limits import MAX_UNPACKED_BYTES, MEGABYTE, ReadLimits
 from app.datasets.mapping import read_wishes
 from app.datasets.objects import KnownObjects, read_objects
 from app.datasets.options import ImportOptions
 from app.datasets.recording import Dataset
+from app.pipeline.errors import InvalidInputError
 
 MAX_SHOWN = 10  # reasons on the terminal; --json has all
 INTERRUPTED = 130  # the exit status of a program that Ctrl-C ended
@@ -26,7 +30,8 @@ INTERRUPTED = 130  # the exit status of a program that Ctrl-C ended
 
 def import_data(
     path: Annotated[Path, typer.Argument(help="folder or file; its format is found out")],
-    server: Annotated[str, typer.Option(help="of the running service")] = DEFAULT_URL,
+    url: Annotated[str | None, typer.Option(help=f"{URL_HELP} [default: {DEFAULT_URL}]")] = None,
+    server: Annotated[str | None, typer.Option(hidden=True)] = None,
     task: Annotated[str | None, typer.Option(help="instead of the task that the dataset names")] = None,
     instruction: Annotated[str | None, typer.Option(help="instead of the dataset's")] = None,
     objects: Annotated[Path | None, typer.Option(help="JSON: names, mask ids or poses, see docs/datasets.md")] = None,
@@ -36,48 +41,60 @@ def import_data(
         list[str] | None, typer.Option(help="PART=COLUMN over the mapping, e.g. gripper=action[6]; may be repeated")
     ] = None,
     form: Annotated[str | None, typer.Option("--format", help=", ".join(FORMATS))] = None,
+    max_unpacked_mb: Annotated[
+        float, typer.Option(min=1, help="what the files of an episode may unpack to; memory is bounded by it, too")
+    ] = MAX_UNPACKED_BYTES / MEGABYTE,
     dry_run: Annotated[bool, typer.Option(help="say what would be imported and what is missing")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="one JSON object as the last line")] = False,
 ) -> None:
     """Import a dataset. Episodes that are there already are skipped: the same command again goes on where it stopped.
 
-    A damaged file is named and skipped; the exit status is 1 if anything could not be imported.
+    A damaged file is named and skipped; the exit status is 1 if anything could not be imported. Files are read by
+    processes of their own, within limits of memory and time.
     """
     if form is not None and form not in FORMATS:
         raise typer.BadParameter(f"{form!r} is none of {', '.join(FORMATS)}", param_hint="--format")
+    address = the_url(url, server)
     console = Console(stderr=as_json)
-    results: list[Result] = []
-    stopped: str | None = None
     try:
         known = KnownObjects() if objects is None else read_objects(objects)
         wishes = read_wishes(mapping, tuple(feature or ()))
-        options = ImportOptions(task, instruction, known, None if camera is None else tuple(camera), wishes)
-        dataset = open_dataset(path, options, form)
-    except DatasetError as error:
+        cameras = None if camera is None else tuple(camera)
+        limits = ReadLimits(int(max_unpacked_mb * MEGABYTE))
+        with open_apart(path, ImportOptions(task, instruction, known, cameras, wishes, limits), form) as dataset:
+            summary = _import(dataset, None if dry_run else address, console)
+    except (DatasetError, InvalidInputError) as error:
         console.print(str(error), markup=False, soft_wrap=True)
         raise typer.Exit(1) from error
+    _report(console, summary)
+    if as_json:
+        print(json.dumps(summary))  # noqa: T201
+    if summary["stopped"] == "interrupted":
+        raise typer.Exit(INTERRUPTED)
+    if summary["stopped"] or summary["damaged"] or summary["refused"]:
+        raise typer.Exit(1)
+
+
+def _import(dataset: Dataset, url: str | None, console: Console) -> dict[str, Any]:
+    """What became of each episode, also after an interruption."""
+    results: list[Result] = []
+    stopped: str | None = None
     try:
-        _run(dataset, None if dry_run else server, results, console)
+        _run(dataset, url, results, console)
     except (DatasetError, ServiceUnreachableError, ServiceProblemError) as error:
         stopped = str(error)
     except KeyboardInterrupt:
         stopped = "interrupted"
-    summary = {"dry_run": dry_run, **_summary(dataset, results), "stopped": stopped}
-    _report(console, summary)
-    if as_json:
-        print(json.dumps(summary))  # noqa: T201
-    if stopped == "interrupted":
-        raise typer.Exit(INTERRUPTED)
-    if stopped or summary["damaged"] or summary["refused"]:
-        raise typer.Exit(1)
+    return {"dry_run": url is None, **_summary(dataset, results), "stopped": stopped}
 
 
-def _run(dataset: Dataset, server: str | None, results: list[Result], console: Console) -> None:
+def _run(dataset: Dataset, url: str | None, results: list[Result], console: Console) -> None:
     """Fill `results` one by one, so that they are known also after an interruption."""
-    if server is None:
+    if url is None:
         results.extend(counted(check_dataset(dataset), len(dataset.entries), "reading", console))
         return
-    with RoboPromptClient(server) as client:
+    with RoboPromptClient(url) as client:
+        client.ping()
         for note in prepare_tasks(dataset, client):
             console.print(note, markup=False, soft_wrap=True)
         for result in counted(import_dataset(dataset, client), len(dataset.entries), "importing", console):

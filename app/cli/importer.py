@@ -86,13 +86,11 @@ def _each(dataset: Dataset, handle: Callable[[Entry, Parcel], Result]) -> Iterat
                     return
                 entry, reading = waiting.popleft()
                 try:
-                    parcel = reading.result()
+                    yield handle(entry, reading.result())
                 except DamagedError as error:
                     yield Result(entry.name, "damaged", str(error))
                 except InvalidInputError as error:
                     yield Result(entry.name, "refused", str(error))
-                else:
-                    yield handle(entry, parcel)
         finally:
             readers.shutdown(cancel_futures=True)
 

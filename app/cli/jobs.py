@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
+from app.cli.opened_store import EnvFile, settings_of
 from app.pipeline.errors import RoboPromptError
 
 if TYPE_CHECKING:
@@ -27,6 +28,7 @@ def jobs(
     ray: Annotated[
         str | None, typer.Option(help="work on the Ray cluster at this address, 'auto', or 'local' to start one")
     ] = None,
+    env_file: EnvFile = None,
 ) -> None:
     """Work at all queued re-extractions of tasks, and end when none is left.
 
@@ -37,9 +39,8 @@ def jobs(
     from app.evaluation.errors import EvaluationError
     from app.evaluation.executors import LocalExecutor
     from app.evaluation.ray_executor import RayExecutor
-    from app.settings import Settings
 
-    settings = Settings() if data is None else Settings(data=data)
+    settings = settings_of(data, env_file)
     settings = settings.model_copy(update={"data": settings.data.resolve()})
     try:
         executor = LocalExecutor() if ray is None else RayExecutor(ray)

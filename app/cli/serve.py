@@ -6,6 +6,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from app.cli.checks import check_port
+from app.cli.opened_store import EnvFile, settings_of
+
 if TYPE_CHECKING:
     from app.settings import Settings
 
@@ -14,25 +17,27 @@ GRACE_S = 10  # for requests under way when the service is told to stop
 
 def serve(
     host: Annotated[str, typer.Option(help="address to listen on")] = "127.0.0.1",
-    port: Annotated[int, typer.Option(help="port to listen on")] = 8000,
+    port: Annotated[int, typer.Option(callback=check_port, help="port to listen on")] = 8000,
     data: Annotated[Path | None, typer.Option(help="folder of the database and images")] = None,
     no_auth: Annotated[bool, typer.Option("--no-auth", help="let in whoever can connect, without API keys")] = False,
     workers: Annotated[int, typer.Option(min=1, help="processes that share the port, the store and the LLM")] = 1,
+    env_file: EnvFile = None,
 ) -> None:
     """Run the service until Ctrl-C.
 
     Where others than this machine can connect (--host), API keys are required: `roboprompt keys create`.
-    Everything else is set by ROBOPROMPT_ variables, see docs/settings.md.
+    Everything else is set by ROBOPROMPT_ variables, see docs/settings.md; no file is read for them but --env-file.
     """
     import uvicorn
 
-    from app.api.bounded_head import BoundedHeadProtocol
+    from app.api.bounded_protocol import BoundedProtocol
     from app.bootstrap import build_app
     from app.logs import log_as_json
-    from app.settings import Settings
 
     given = {"data": data, "host": host, "auth": "off" if no_auth else None}
-    settings = Settings().model_copy(update={name: value for name, value in given.items() if value is not None})
+    settings = settings_of(None, env_file).model_copy(
+        update={name: value for name, value in given.items() if value is not None}
+    )
     application = build_app(settings) if workers == 1 else _for_workers(settings)
     logging: dict[str, Any] = {"log_level": "info"}
     if settings.log_format == "json":
@@ -43,7 +48,8 @@ def serve(
         host=host,
         port=port,
         workers=workers,
-        http=BoundedHeadProtocol,
+        http=BoundedProtocol,
+        limit_concurrency=settings.max_connections,
         ws="none",
         server_header=False,
         timeout_graceful_shutdown=GRACE_S,

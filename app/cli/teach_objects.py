@@ -6,13 +6,14 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
+from app.cli.checks import URL_HELP, check_service
 from app.client.client import DEFAULT_URL, RoboPromptClient
 from app.client.errors import ServiceProblemError, ServiceUnreachableError
 
 
 def teach_objects(
     task: Annotated[str, typer.Argument(help="a task with labelled episodes: RGB-D images with masks or poses")],
-    url: Annotated[str, typer.Option(help="of the running service")] = DEFAULT_URL,
+    url: Annotated[str, typer.Option(help=URL_HELP)] = DEFAULT_URL,
     episodes: Annotated[int, typer.Option(min=1, max=100, help="learn from at most so many, the task's first")] = 10,
     objects: Annotated[list[str] | None, typer.Option("--object", help="may be repeated; default: all")] = None,
 ) -> None:
@@ -21,6 +22,7 @@ def teach_objects(
     Prints the learned object models as JSON, and of the objects that cannot be learned the reason.
     """
     console = Console(stderr=True)
+    check_service(url)
     try:
         with RoboPromptClient(url) as client:
             learned = client.learn_object_models(task, objects, episodes)

@@ -10,12 +10,12 @@ import json
 import signal
 import sys
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from app.client.client import DEFAULT_URL, RoboPromptClient
-from app.client.errors import ServiceProblemError, ServiceUnreachableError
+from app.client.danger import OnDanger
+from app.client.errors import DangerError, ObjectLostError, ServiceProblemError, ServiceUnreachableError
 from app.client.loop import NotConfirmedError, run_closed_loop, run_task
 from app.client.robot import MotionError, Observation, Robot
 from app.pipeline.episode import EndEffectorAction, ObjectPose
@@ -23,11 +23,14 @@ from app.pipeline.errors import InvalidInputError, UnsafeActionError
 from app.pipeline.motion_limits import Box, MotionLimits
 from app.pipeline.trajectory_npz import trajectory_from_npz
 
+OBJECTS = 'JSON: [{"name": "cube", "position": [x, y, z]}], metres, each with "quaternion_xyzw" where it is known'
 REFUSALS = (
     ServiceProblemError,
     ServiceUnreachableError,
     MotionError,
     NotConfirmedError,
+    DangerError,
+    ObjectLostError,
     InvalidInputError,
     UnsafeActionError,
 )
@@ -39,6 +42,7 @@ def main() -> int:
     command: Callable[[RoboPromptClient, argparse.Namespace], dict[str, Any]] = arguments.command
     try:
         with RoboPromptClient(arguments.url) as client:
+            client.ping()
             print(json.dumps(command(client, arguments), indent=2))  # noqa: T201
     except REFUSALS as error:
         print(error, file=sys.stderr)  # noqa: T201
@@ -74,11 +78,28 @@ def _parser() -> argparse.ArgumentParser:
         nargs=6,
         type=float,
         metavar=("XMIN", "YMIN", "ZMIN", "XMAX", "YMAX", "ZMAX"),
-        help="metres, world frame: refuse every action outside, whatever the service says (default: the task's limits)",
+        help="metres, world frame: refuse every action outside, too, whatever the service says",
+    )
+    run.add_argument(
+        "--limits",
+        type=Path,
+        metavar="FILE",
+        help='JSON: {"workspace": ..., "motion_limits": ...} as in GET /tasks/{name}, any bound may be left out: hold '
+        "these, too, whatever the service says",
     )
     how = run.add_mutually_exclusive_group()
     how.add_argument("--stream", action="store_true", help="begin to move while the LLM still writes")
-    how.add_argument("--closed-loop", action="store_true", help="observe again before each action")
+    how.add_argument("--closed-loop", action="store_true", help="observe and ask again before each action")
+    how.add_argument(
+        "--look-again",
+        action="store_true",
+        help="observe again before contact: actions follow the objects that they hang on, without asking again",
+    )
+    run.add_argument(
+        "--on-danger",
+        choices=get_args(OnDanger),
+        help="where the service finds its answer dangerous (default: ask with --confirm, refuse without)",
+    )
     run.set_defaults(command=_run)
     return parser
 
@@ -90,7 +111,8 @@ def _add_scene(parser: argparse.ArgumentParser) -> None:
         "--objects",
         required=True,
         type=Path,
-        help='JSON: [{"name": ..., "position": [x, y, z], "quaternion_xyzw": ...}]',
+        metavar="FILE",
+        help=f"what the robot sees, {OBJECTS}",
     )
 
 
@@ -110,21 +132,32 @@ def _run(client: RoboPromptClient, arguments: argparse.Namespace) -> dict[str, A
     robot: Robot = getattr(importlib.import_module(module), factory)()
     confirm = _ask if arguments.confirm else None
     what = (client, robot, arguments.task, arguments.instruction)
-    limits = _limits(client, arguments)
+    pinned = _pinned(arguments)
     # Who ends this script ends it through `run_task`, which stops the arm.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     if arguments.closed_loop:
-        return {"steps": [step.response for step in run_closed_loop(*what, limits=limits, confirm=confirm)]}
-    return dict(run_task(*what, limits=limits, confirm=confirm, stream=arguments.stream).response)
+        return {"steps": [step.response for step in run_closed_loop(*what, pinned=pinned, confirm=confirm)]}
+    how = {"stream": arguments.stream, "look_again": arguments.look_again, "on_danger": arguments.on_danger}
+    return dict(run_task(*what, pinned=pinned, confirm=confirm, **how).response)
 
 
-def _limits(client: RoboPromptClient, arguments: argparse.Namespace) -> MotionLimits:
-    """The task's limits, with the caller's own workspace where one is given."""
-    of_task = client.motion_limits(arguments.task)
+def _pinned(arguments: argparse.Namespace) -> MotionLimits:
+    """The caller's own bounds, which hold together with the task's."""
+    pinned = MotionLimits(hand_radius_m=0.0) if arguments.limits is None else _limits_in(arguments.limits)
     if arguments.workspace is None:
-        return of_task
+        return pinned
     low, high = tuple(arguments.workspace[:3]), tuple(arguments.workspace[3:])
-    return replace(of_task, workspace=Box(low, high))
+    return pinned.intersection(MotionLimits(Box(low, high), hand_radius_m=0.0))
+
+
+def _limits_in(path: Path) -> MotionLimits:
+    try:
+        document = json.loads(path.read_text())
+    except (OSError, ValueError) as error:
+        raise InvalidInputError(
+            "--limits", f"{path}: {error}", "a JSON file with workspace, motion_limits or both"
+        ) from error
+    return MotionLimits.from_file(document)
 
 
 def _ask(index: int, action: EndEffectorAction) -> bool:
@@ -138,8 +171,15 @@ def _ask(index: int, action: EndEffectorAction) -> bool:
 
 
 def _observation(path: Path) -> Observation:
-    items = json.loads(path.read_text())
-    return Observation(tuple(ObjectPose(i["name"], i["position"], i.get("quaternion_xyzw")) for i in items))
+    try:
+        items = json.loads(path.read_text())
+        return Observation(tuple(ObjectPose(i["name"], i["position"], i.get("quaternion_xyzw")) for i in items))
+    except InvalidInputError as error:
+        raise InvalidInputError(f"--objects: {path}: {error.field}", error.message, OBJECTS) from error
+    except (OSError, ValueError) as error:
+        raise InvalidInputError("--objects", f"{path} cannot be read: {error}", f"a file with {OBJECTS}") from error
+    except (KeyError, TypeError, AttributeError) as error:
+        raise InvalidInputError("--objects", f"{path} is no list of objects", OBJECTS) from error
 
 
 if __name__ == "__main__":

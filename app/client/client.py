@@ -1,7 +1,7 @@
 """The service as a robot sees it."""
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from json import JSONDecodeError
@@ -15,13 +15,18 @@ from httpx_sse import SSEError, connect_sse
 from app.client.encoding import Part, packed_request, request_parts
 from app.client.errors import ServiceProblemError, ServiceUnreachableError
 from app.client.robot import Observation
-from app.pipeline.episode import EndEffectorAction, Trajectory
+from app.pipeline.addresses import without_proxy
+from app.pipeline.camera import RgbdFrame
+from app.pipeline.episode import EndEffectorAction, ObjectPose, Trajectory
 from app.pipeline.metadata import camera_json, object_json
-from app.pipeline.motion_limits import MotionLimits, action_from_json
+from app.pipeline.motion_guard import action_from_json
+from app.pipeline.motion_limits import MotionLimits
+from app.pipeline.reanchoring import ActionAnchor, anchor_from_json
 from app.pipeline.trajectory_npz import npz_from_trajectory
 
 KEY_VARIABLE = "ROBOPROMPT_API_KEY"
 DEFAULT_URL = "http://127.0.0.1:8000"
+MAX_PORT = 65535
 LEARNING_TIMEOUT_S = 600.0
 CHECK_TIMEOUT_S = 1260.0  # ten predictions of at most two minutes each
 MARGIN_S = 10.0  # the service answers within the request's own deadline; this is for the way there and back
@@ -34,18 +39,36 @@ class PredictedActions:
     Attributes:
         id: for `record_outcome`.
         response: the whole document: prompt, reply, usage, timings.
+        anchors: what each action hangs on; None where the service does not say.
     """
 
     id: str
     actions: tuple[EndEffectorAction, ...]
     response: Mapping[str, Any]
+    anchors: tuple[ActionAnchor | None, ...] = ()
+
+    @property
+    def findings(self) -> tuple[Mapping[str, Any], ...]:
+        """What deserves a look: `code`, `severity` (info, warning, danger), `message`, `where`."""
+        return tuple(self.response.get("findings") or ())
+
+    @property
+    def grounding(self) -> tuple[Mapping[str, Any], ...]:
+        """Which words of the instruction mean which object; empty where the service does not say."""
+        return tuple(self.response.get("grounding") or ())
+
+    @property
+    def objects(self) -> tuple[ObjectPose, ...]:
+        """The poses that the service went by, given or found in images."""
+        items = self.response.get("objects") or ()
+        return tuple(ObjectPose(item["name"], item["position"], item.get("quaternion_xyzw")) for item in items)
 
 
 class RoboPromptClient:
     """Uploads demonstrations and asks for actions. Use it as a context manager, or call `close`.
 
     Args:
-        url: where the service listens.
+        url: where the service listens; proxies of the environment are used unless that is this machine.
         connection: an httpx client to use instead of an own one.
         api_key: where the service requires one; None: the environment's ROBOPROMPT_API_KEY.
         compress: send images as JPEG and PNG, for a slow network; otherwise as they are, which saves both sides the
@@ -62,7 +85,7 @@ class RoboPromptClient:
     ) -> None:
         key = os.environ.get(KEY_VARIABLE, "") if api_key is None else api_key
         headers = {"Authorization": f"Bearer {key}"} if key else {}
-        self._http = connection or httpx.Client(base_url=url, timeout=60, headers=headers)
+        self._http = connection or _connection(url, headers)
         self._compress = compress
 
     def __enter__(self) -> Self:
@@ -81,6 +104,22 @@ class RoboPromptClient:
     def close(self) -> None:
         """Close the connections."""
         self._http.close()
+
+    def ping(self) -> None:
+        """Ask whether the service is there.
+
+        Raises:
+            ServiceUnreachableError: if nobody answers, or somebody else does.
+            ServiceProblemError: if it refuses.
+        """
+        try:
+            known = self.get("/healthz").get("checks") is not None
+        except ServiceProblemError as error:
+            if "type" in error.problem:
+                raise
+            known = False
+        if not known:
+            raise ServiceUnreachableError(f"{self.url}: what answers there is no RoboPrompt service")
 
     def configure_task(self, task: str, **settings: Any) -> dict[str, Any]:  # noqa: ANN401
         """Set a task's settings, see `PUT /tasks/{name}`; returns all of them."""
@@ -169,9 +208,13 @@ class RoboPromptClient:
         *,
         mask_ids: Mapping[str, Sequence[int]] | None = None,
         timeout_s: float = 60.0,
+        on_findings: Callable[[Sequence[Mapping[str, Any]]], None] | None = None,
         **options: Any,  # noqa: ANN401
     ) -> Iterator[EndEffectorAction | PredictedActions]:
         """Each action as soon as the LLM has written it, then the whole answer.
+
+        Args:
+            on_findings: called with what the service doubts beforehand, ahead of the first action.
 
         Raises:
             as `predict`; also after actions were given, if the rest of the reply goes wrong or does not come.
@@ -188,7 +231,9 @@ class RoboPromptClient:
             index = 0
             for event in source.iter_sse():
                 document = event.json()
-                if event.event == "action":
+                if event.event == "findings" and on_findings is not None:
+                    on_findings(document.get("findings") or ())
+                elif event.event == "action":
                     yield action_from_json(index, document)
                     index += 1
                 elif event.event == "done":
@@ -197,6 +242,23 @@ class RoboPromptClient:
                 elif event.event == "error":
                     raise ServiceProblemError(document.get("status", 502), document)
         raise ServiceUnreachableError("POST /predict: the stream ended before it was complete")
+
+    def find_poses(
+        self, frames: Sequence[RgbdFrame], object_models: Mapping[str, Mapping[str, Any]]
+    ) -> tuple[ObjectPose, ...]:
+        """Where objects are in images (`POST /poses`), apart from any task; nothing is stored.
+
+        Args:
+            object_models: by name, as `object_models` of a task.
+
+        Raises:
+            ServiceProblemError: if one of them is not found.
+            ServiceUnreachableError.
+        """
+        objects = [{"name": name, "model": dict(model)} for name, model in object_models.items()]
+        document = {"objects": objects, "cameras": [camera_json(frame.camera) for frame in frames]}
+        answer = self._send("POST", "/poses", files=request_parts(document, frames))
+        return tuple(ObjectPose(p["name"], p["position"], p["quaternion_xyzw"]) for p in answer["poses"])
 
     def learn_object_models(
         self, task: str, objects: Sequence[str] | None = None, episodes: int = 10
@@ -259,7 +321,13 @@ class RoboPromptClient:
         return {"content": packed, "headers": {"Content-Type": "application/msgpack"}}
 
     def _send(self, method: str, path: str, **arguments: Any) -> dict[str, Any]:  # noqa: ANN401
-        document: dict[str, Any] = self._request(method, path, **arguments).json()
+        try:
+            document = self._request(method, path, **arguments).json()
+        except ValueError:
+            document = None
+        if not isinstance(document, dict):
+            what = f"{method} {self._address(path)}: what answers there is no RoboPrompt service"
+            raise ServiceUnreachableError(what)
         return document
 
     def _request(self, method: str, path: str, **arguments: Any) -> httpx.Response:  # noqa: ANN401
@@ -274,13 +342,29 @@ class RoboPromptClient:
         try:
             yield
         except (httpx.TransportError, SSEError, JSONDecodeError) as error:
-            where = f"{self._http.base_url}{path.lstrip('/')}"
-            raise ServiceUnreachableError(f"{method} {where}: {error or type(error).__name__}") from error
+            what = f"{method} {self._address(path)}: {error or type(error).__name__}"
+            raise ServiceUnreachableError(what, timed_out=isinstance(error, httpx.TimeoutException)) from error
+
+    def _address(self, path: str) -> str:
+        return f"{self.url.rstrip('/')}/{path.lstrip('/')}"
+
+
+def _connection(url: str, headers: Mapping[str, str]) -> httpx.Client:
+    """A connection to an address with a scheme and a host."""
+    refusal = f"{url!r} is no address of a service (valid: one like {DEFAULT_URL})"
+    try:
+        parsed = httpx.URL(url)
+        if parsed.scheme not in ("http", "https") or not parsed.host or (parsed.port or 0) > MAX_PORT:
+            raise ServiceUnreachableError(refusal)
+        return httpx.Client(base_url=parsed, timeout=60, headers=headers, mounts=without_proxy(url))
+    except (httpx.InvalidURL, ValueError) as error:
+        raise ServiceUnreachableError(refusal) from error
 
 
 def _predicted(answer: Mapping[str, Any]) -> PredictedActions:
     actions = tuple(action_from_json(index, item) for index, item in enumerate(answer["actions"]))
-    return PredictedActions(answer["id"], actions, answer)
+    anchors = tuple(anchor_from_json(index, item) for index, item in enumerate(answer["actions"]))
+    return PredictedActions(answer["id"], actions, answer, anchors)
 
 
 def _scene(observation: Observation, mask_ids: Mapping[str, Sequence[int]] | None) -> dict[str, Any]:

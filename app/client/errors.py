@@ -20,4 +20,28 @@ class ServiceProblemError(Exception):
 
 
 class ServiceUnreachableError(Exception):
-    """The service did not answer: wrong address, not started, gone, or too slow."""
+    """The service did not answer: wrong address, not started, gone, or too slow.
+
+    Attributes:
+        timed_out: whether it was too slow.
+    """
+
+    def __init__(self, message: str, *, timed_out: bool = False) -> None:
+        super().__init__(message)
+        self.timed_out = timed_out
+
+
+class ObjectLostError(Exception):
+    """An object that an action hangs on cannot be seen any more; the robot was stopped.
+
+    Attributes:
+        object_name: which.
+    """
+
+    def __init__(self, object_name: str, reason: str) -> None:
+        super().__init__(f"{object_name!r} is lost: {reason}")
+        self.object_name = object_name
+
+
+class DangerError(Exception):
+    """The service says of its own prediction that it is probably wrong, and nobody allowed it; nothing was moved."""

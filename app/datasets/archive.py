@@ -14,9 +14,11 @@ from pathlib import Path
 from typing import Any
 
 from app.datasets.errors import DamagedError, DatasetError
+from app.datasets.limits import Budget
 from app.datasets.options import ImportOptions
-from app.datasets.recording import Dataset, Entry, Parcel, canonical_json
+from app.datasets.recording import Dataset, Entry, Parcel, canonical_json, checked_metadata
 from app.datasets.writing import in_one_step
+from app.pipeline.wording import checked_name
 
 FORMAT, VERSION = "roboprompt-task", 1
 MANIFEST, TASK, METADATA, TRAJECTORY = "manifest.json", "task.json", "metadata.json", "trajectory.npz"
@@ -59,13 +61,16 @@ def open_archive(path: Path, options: ImportOptions) -> Dataset:
     Raises:
         DatasetError: if it is no such archive, or the settings are damaged.
     """
+    budget = Budget(path, options.limits)
     try:
         archive = zipfile.ZipFile(path)  # stays open while the dataset is read, from several threads
-        manifest = _manifest(archive)
+        manifest = _manifest(archive, budget)
     except (OSError, zipfile.BadZipFile, KeyError, TypeError, ValueError) as error:
         raise DatasetError(f"{path}: is no archive of a task: {error}") from error
-    task, digests = options.task or manifest["task"], manifest["files"]
-    settings = json.loads(_read(archive, TASK, digests))
+    task, digests = checked_name("task", options.task or manifest["task"]), manifest["files"]
+    settings = json.loads(_read(archive, TASK, digests, budget))
+    if not isinstance(settings, dict) or "task" in settings:
+        raise DatasetError(f"{path}: {TASK} holds no task's settings")
     folders: dict[str, list[str]] = {}
     for name in digests:
         if name.startswith("episodes/"):
@@ -74,17 +79,22 @@ def open_archive(path: Path, options: ImportOptions) -> Dataset:
     return Dataset("RoboPrompt archive", tuple(entries), {task: settings})
 
 
-def _manifest(archive: zipfile.ZipFile) -> dict[str, Any]:
-    manifest = json.loads(archive.read(MANIFEST))
+def _manifest(archive: zipfile.ZipFile, budget: Budget) -> dict[str, Any]:
+    manifest = json.loads(_unpacked(archive, MANIFEST, budget))
     if (manifest["format"], manifest["version"]) != (FORMAT, VERSION):
         raise ValueError(f"is {manifest['format']} {manifest['version']}, expected {FORMAT} {VERSION}")
     return {"task": str(manifest["task"]), "files": dict(manifest["files"])}
 
 
 def _parcel(archive: zipfile.ZipFile, names: list[str], digests: Mapping[str, str], options: ImportOptions) -> Parcel:
-    files = {name.rpartition("/")[2]: _read(archive, name, digests) for name in names}
+    where = f"{archive.filename}: {names[0].rpartition('/')[0]}"
+    # Added up before the first is unpacked.
+    listed = {item.filename: item.file_size for item in archive.infolist()}
+    Budget(where, options.limits).take(sum(listed.get(name, 0) for name in names))
+    budget = Budget(where, options.limits)
+    files = {name.rpartition("/")[2]: _read(archive, name, digests, budget) for name in names}
     try:
-        metadata = json.loads(files.pop(METADATA))
+        metadata = checked_metadata(where, json.loads(files.pop(METADATA)))
         parts = {"trajectory": files.pop(TRAJECTORY), **files}
     except (KeyError, ValueError) as error:
         raise DamagedError(names[0], f"the episode is not complete: {error}") from error
@@ -93,12 +103,22 @@ def _parcel(archive: zipfile.ZipFile, names: list[str], digests: Mapping[str, st
     return Parcel(metadata, parts)
 
 
-def _read(archive: zipfile.ZipFile, name: str, digests: Mapping[str, str]) -> bytes:
+def _read(archive: zipfile.ZipFile, name: str, digests: Mapping[str, str], budget: Budget) -> bytes:
     where = f"{archive.filename}: {name}"
     try:
-        data = archive.read(name)
+        data = _unpacked(archive, name, budget)
     except (OSError, zipfile.BadZipFile, zlib.error, KeyError, EOFError, RuntimeError) as error:
         raise DamagedError(where, error) from error
     if hashlib.sha256(data).hexdigest() != digests.get(name):
         raise DamagedError(where, "does not match its SHA-256 in the manifest")
     return data
+
+
+def _unpacked(archive: zipfile.ZipFile, name: str, budget: Budget) -> bytes:
+    """The member's bytes, no more than it says that it has."""
+    member = archive.getinfo(name)
+    if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):  # the others take any memory
+        raise DamagedError(f"{archive.filename}: {name}", "is neither stored nor deflated")
+    budget.take(member.file_size, f"{archive.filename}: {name}")
+    with archive.open(member) as file:
+        return file.read(member.file_size + 1)[: member.file_size]

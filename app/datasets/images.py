@@ -1,7 +1,5 @@
 """Arrays -> the image files of an upload."""
 
-from pathlib import Path
-
 import cv2
 import numpy as np
 import numpy.typing as npt
@@ -36,18 +34,6 @@ def mask_png(ids: npt.NDArray[np.integer]) -> bytes:
 def rgb_png(rgb: npt.NDArray[np.uint8]) -> bytes:
     """(H, W, 3) red first -> a PNG."""
     return _png(np.ascontiguousarray(rgb[..., ::-1]))
-
-
-def read_file(path: Path) -> bytes:
-    """The file's bytes.
-
-    Raises:
-        DamagedError: naming the file that cannot be read.
-    """
-    try:
-        return path.read_bytes()
-    except OSError as error:
-        raise DamagedError(path, error.strerror or error) from error
 
 
 def _png(image: npt.NDArray[np.integer]) -> bytes:

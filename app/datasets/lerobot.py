@@ -11,12 +11,14 @@ from typing import Any
 
 from app.datasets.columns import Columns, trajectory_of
 from app.datasets.errors import DamagedError
-from app.datasets.lerobot_files import INFO, Info, Place, numbers_of, read_info, read_places, read_table
+from app.datasets.lerobot_files import INFO, Info, Place, read_info, read_places
 from app.datasets.lerobot_images import first_image
 from app.datasets.lerobot_scenes import Scene, read_scene
+from app.datasets.limits import Budget
 from app.datasets.mapped import recording_of
 from app.datasets.mapping import FeatureMap
 from app.datasets.options import ImportOptions, as_name
+from app.datasets.parquet import numbers_of, read_table
 from app.datasets.recording import Dataset, Entry, Parcel
 from app.pipeline.trajectory_npz import npz_from_trajectory
 
@@ -51,27 +53,33 @@ def open_lerobot(root: Path, options: ImportOptions) -> Dataset:
         DatasetError: if its description or its list of episodes cannot be read, or for a mapping of another form.
     """
     root = root.resolve()
-    info = read_info(root)
+    budget = Budget(root, options.limits)
+    info = read_info(root, budget)
     found = {part: name for part, name in DEFAULTS.items() if name in info.features}
     mapping = FeatureMap(gripper_open_above=0.5).changed(found).changed(options.features)
-    tables = lru_cache(FILES_IN_MEMORY)(partial(read_table, columns=tuple(info.numeric)))
+
+    @lru_cache(FILES_IN_MEMORY)
+    def table(path: Path) -> Any:  # noqa: ANN401
+        return read_table(path, info.numeric, Budget(path, options.limits))
+
     entries = (
-        Entry(f"episode_{place.index:06d}", partial(_read, root, info, place, tables, mapping, options))
-        for place in read_places(root, info)
+        Entry(f"episode_{place.index:06d}", partial(_read, root, info, place, table, mapping, options))
+        for place in read_places(root, info, budget)
     )
     return Dataset(f"LeRobot {info.version}", tuple(entries))
 
 
 def _read(
-    root: Path, info: Info, place: Place, tables: Callable[[Path], Any], mapping: FeatureMap, options: ImportOptions
+    root: Path, info: Info, place: Place, table_of: Callable[[Path], Any], mapping: FeatureMap, options: ImportOptions
 ) -> Parcel:
-    table = tables(place.data_file)
+    budget = Budget(f"{root}: episode {place.index}", options.limits)
+    table = table_of(place.data_file)
     if place.first_row is not None:
         table = table.slice(place.first_row, place.length)
     columns = {name: numbers_of(table, name) for name in info.numeric}
     if (rows := table.num_rows) != place.length:
         raise DamagedError(place.data_file, f"has {rows} rows of episode {place.index}, expected {place.length}")
-    scene = read_scene(root, place.index)
+    scene = read_scene(root, place.index, budget)
     name = f"episode_{place.index:06d}"
     if scene is not None:
         return _exported(scene, columns, mapping, options)
@@ -84,7 +92,7 @@ def _read(
         frequency_hz=info.fps,
         mapping=mapping,
         options=options,
-        image=partial(first_image, root, info, place),
+        image=partial(first_image, root, info, place, budget),
         image_columns=info.named("image", "video"),
     ).parcel()
 

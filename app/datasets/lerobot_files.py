@@ -4,17 +4,20 @@ v3.0 keeps many episodes in a file and says in meta/episodes which rows are whos
 """
 
 import json
-from collections.abc import Iterable, Mapping
+import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from app.datasets.errors import DamagedError, DatasetError, MissingPackageError
+from app.datasets.errors import DatasetError
+from app.datasets.inside import inside, read_inside
+from app.datasets.limits import Budget
+from app.datasets.parquet import column_names, read_table
 
 INFO = Path("meta/info.json")
 VERSIONS = ("v3.0", "v2.1", "v2.0")
+_PLACE = re.compile(r"\{(?P<name>\w+)(?::0?(?P<width>\d))?(?P<decimal>d?)\}")
 _NUMBERS = ("float16", "float32", "float64", "int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "bool")
 
 
@@ -60,75 +63,71 @@ class Place:
     row: Mapping[str, Any]
 
 
-def read_info(root: Path) -> Info:
+def read_info(root: Path, budget: Budget) -> Info:
     """The dataset's description.
 
     Raises:
         DatasetError: if it is damaged or of another version.
     """
     try:
-        document = json.loads((root / INFO).read_text())
+        document = json.loads(read_inside(root, INFO, budget))
         info = Info(
             document["codebase_version"],
             float(document["fps"]),
-            document["features"],
-            document["data_path"],
-            document.get("video_path"),
+            {str(name): dict(item) for name, item in document["features"].items()},
+            str(document["data_path"]),
+            None if document.get("video_path") is None else str(document["video_path"]),
             int(document.get("chunks_size", 1000)),
         )
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise DatasetError(f"{root / INFO}: cannot be read: {error!r}") from error
     if info.version not in VERSIONS:
         raise DatasetError(f"{root / INFO}: version {info.version}, can be read: {', '.join(VERSIONS)}")
+    if not info.fps > 0 or info.chunks_size < 1 or any("dtype" not in item for item in info.features.values()):
+        raise DatasetError(f"{root / INFO}: fps, chunks_size or the dtype of a feature is none")
     return info
 
 
-def read_places(root: Path, info: Info) -> list[Place]:
+def read_places(root: Path, info: Info, budget: Budget) -> list[Place]:
     """Every episode of the dataset.
 
     Raises:
-        DatasetError, DamagedError: if the lists of episodes and tasks cannot be read.
+        DatasetError, DamagedError: if the lists of episodes and tasks cannot be read, or name files elsewhere.
     """
-    return _places_3(root, info) if info.version == "v3.0" else _places_2(root, info)
+    try:
+        return _places_3(root, info, budget) if info.version == "v3.0" else _places_2(root, info, budget)
+    except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
+        raise DatasetError(f"{root}: its list of episodes is not as it should be: {error!r}") from error
 
 
-def read_table(path: Path, columns: Iterable[str] | None = None) -> Any:  # noqa: ANN401
-    """A parquet file as a pyarrow Table.
+def path_of(root: Path, template: str, **values: object) -> Path:
+    """The file that a template such as ``data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet`` names.
 
     Raises:
-        DamagedError: naming the file.
+        DatasetError: if it has other places than `values`; DamagedError: if it leads out of the dataset.
     """
-    arrow, parquet = require_arrow()
+
+    def filled(match: re.Match[str]) -> str:
+        value = values[match["name"]]
+        return f"{int(str(value)):0{match['width'] or 0}d}" if match["decimal"] else str(value)
+
     try:
-        return parquet.read_table(path, columns=None if columns is None else list(columns))
-    except (OSError, arrow.ArrowException) as error:
-        raise DamagedError(path, f"cannot be read: {str(error)[:200]}") from error
+        path = _PLACE.sub(filled, template)
+    except (KeyError, ValueError) as error:
+        raise DatasetError(f"{root / INFO}: {template!r:.200} has other places than {', '.join(values)}") from error
+    return inside(root, path)
 
 
-def numbers_of(table: Any, name: str) -> np.ndarray[Any, Any]:  # noqa: ANN401
-    """The column as (T,) or (T, k) numbers, in the precision that it was written in."""
-    arrow, _ = require_arrow()
-    column = table.column(name).combine_chunks()
-    if not arrow.types.is_nested(column.type):
-        values: np.ndarray[Any, Any] = column.to_numpy(zero_copy_only=False)
-        return values
-    flat = column.flatten()
-    if arrow.types.is_nested(flat.type):
-        return np.asarray(column.to_pylist())
-    numbers: np.ndarray[Any, Any] = flat.to_numpy(zero_copy_only=False).reshape(len(column), -1)
-    return numbers
-
-
-def _places_3(root: Path, info: Info) -> list[Place]:
-    files = sorted((root / "meta/episodes").glob("*/*.parquet"))
+def _places_3(root: Path, info: Info, budget: Budget) -> list[Place]:
+    files = sorted(inside(root, path) for path in (root / "meta/episodes").glob("*/*.parquet"))
     if not files:
         raise DatasetError(f"{root / 'meta/episodes'}: has no parquet files")
-    rows = [row for path in files for row in read_table(path, _columns_3(path)).to_pylist()]
+    rows = [row for path in files for row in read_table(path, _columns_3(path), budget).to_pylist()]
     starts: dict[Path, int] = {}
     places = []
     for row in sorted(rows, key=lambda item: int(item["episode_index"])):
         chunk, number = row["data/chunk_index"], row["data/file_index"]
-        path = root / info.data_path.format(chunk_index=chunk, file_index=number)
+        path = path_of(root, info.data_path, chunk_index=chunk, file_index=number)
         start = starts.setdefault(path, row["dataset_from_index"])
         tasks = row["tasks"] or [None]
         first_row = row["dataset_from_index"] - start
@@ -137,33 +136,21 @@ def _places_3(root: Path, info: Info) -> list[Place]:
 
 
 def _columns_3(path: Path) -> list[str]:
-    _, parquet = require_arrow()
-    names = parquet.read_schema(path).names
-    return [name for name in names if not name.startswith("stats/")]
+    return [name for name in column_names(path) if not name.startswith("stats/")]
 
 
-def _places_2(root: Path, info: Info) -> list[Place]:
+def _places_2(root: Path, info: Info, budget: Budget) -> list[Place]:
     places = []
-    for row in _json_lines(root / "meta/episodes.jsonl"):
+    for row in _json_lines(root, "meta/episodes.jsonl", budget):
         index = row["episode_index"]
-        path = root / info.data_path.format(episode_chunk=index // info.chunks_size, episode_index=index)
+        path = path_of(root, info.data_path, episode_chunk=index // info.chunks_size, episode_index=index)
         tasks = row.get("tasks") or [None]
         places.append(Place(index, row["length"], tasks[0], path, None, row))
     return places
 
 
-def _json_lines(path: Path) -> list[dict[str, Any]]:
+def _json_lines(root: Path, name: str, budget: Budget) -> list[dict[str, Any]]:
     try:
-        return [json.loads(line) for line in path.read_text().splitlines() if line.strip()]
-    except (OSError, ValueError) as error:
-        raise DatasetError(f"{path}: cannot be read: {error}") from error
-
-
-def require_arrow() -> tuple[Any, Any]:
-    """The modules pyarrow and pyarrow.parquet; raises MissingPackageError."""
-    try:
-        import pyarrow
-        from pyarrow import parquet
-    except ImportError as error:
-        raise MissingPackageError("LeRobot datasets", "pyarrow") from error
-    return pyarrow, parquet
+        return [json.loads(line) for line in read_inside(root, name, budget).splitlines() if line.strip()]
+    except ValueError as error:
+        raise DatasetError(f"{root / name}: cannot be read: {error}") from error

@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from app.datasets.errors import DamagedError
-from app.datasets.images import read_file
-from app.datasets.recording import canonical_json
+from app.datasets.inside import read_inside
+from app.datasets.limits import Budget
+from app.datasets.recording import canonical_json, checked_metadata
 
 FOLDER = Path("meta/roboprompt")
 METADATA = "metadata.json"
@@ -26,7 +27,7 @@ class Scene:
     images: Mapping[str, bytes]
 
 
-def read_scene(root: Path, index: int) -> Scene | None:
+def read_scene(root: Path, index: int, budget: Budget) -> Scene | None:
     """The scene of the episode, or None if the dataset does not carry it.
 
     Raises:
@@ -37,11 +38,11 @@ def read_scene(root: Path, index: int) -> Scene | None:
         return None
     path = folder / METADATA
     try:
-        metadata = json.loads(read_file(path))
+        metadata = checked_metadata(path, json.loads(read_inside(root, path, budget)))
     except ValueError as error:
         raise DamagedError(path, f"is not JSON: {error}") from error
     names = sorted(item.name for item in folder.iterdir() if item.name != METADATA)
-    return Scene(metadata, {name: read_file(folder / name) for name in names})
+    return Scene(metadata, {name: read_inside(root, folder / name, budget) for name in names})
 
 
 def write_scene(root: Path, index: int, scene: Scene) -> None:
@@ -54,4 +55,4 @@ def write_scene(root: Path, index: int, scene: Scene) -> None:
 
 
 def _folder(root: Path, index: int) -> Path:
-    return root / FOLDER / f"episode_{index:06d}"
+    return root / FOLDER / f"episode_{int(index):06d}"

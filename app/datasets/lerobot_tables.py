@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from app.datasets.lerobot_files import require_arrow
+from app.datasets.parquet import require_arrow
 
 Columns = Mapping[str, np.ndarray[Any, Any]]
 _INDEX = "__index_level_0__"

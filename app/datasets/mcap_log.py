@@ -15,8 +15,11 @@ from typing import Any
 import numpy as np
 
 from app.datasets.errors import DamagedError, MissingPackageError
+from app.datasets.inside import inside
+from app.datasets.limits import Budget
 from app.datasets.mapped import recording_of
 from app.datasets.mapping import FeatureMap
+from app.datasets.mcap_chunks import read_messages
 from app.datasets.options import ImportOptions, as_name
 from app.datasets.recording import Dataset, Entry, Parcel
 from app.pipeline.arrays import Array
@@ -41,6 +44,13 @@ class Track:
         for name, value in numbers.items():
             self.values.setdefault(name, []).append(value)
 
+    def in_order(self) -> "Track":
+        """By time: recorders write what comes late after what came later."""
+        order = np.argsort(self.times_s, kind="stable").tolist()
+        complete = {name: rows for name, rows in self.values.items() if len(rows) == len(order)}
+        values = {name: [rows[k] for k in order] for name, rows in complete.items()}
+        return Track([self.times_s[k] for k in order], values)
+
 
 def looks_like(path: Path) -> bool:
     """Whether it is such a file, or a folder with some."""
@@ -48,13 +58,17 @@ def looks_like(path: Path) -> bool:
 
 
 def open_mcap(path: Path, options: ImportOptions) -> Dataset:
-    """The file, or the folder's files by name."""
-    files = [path] if path.is_file() else sorted(path.glob(f"*{SUFFIX}"))
+    """The file, or the folder's files by name.
+
+    Raises:
+        DamagedError: if one of the folder's is a link out of it.
+    """
+    files = [path] if path.is_file() else sorted(inside(path.resolve(), file.name) for file in path.glob(f"*{SUFFIX}"))
     return Dataset("MCAP", tuple(Entry(file.stem, partial(_read, file, path, options)) for file in files))
 
 
 def _read(file: Path, root: Path, options: ImportOptions) -> Parcel:
-    tracks, joints = _tracks(file)
+    tracks, joints = _tracks(file, Budget(file, options.limits))
     if len(joints) != 1:
         listed = ", ".join(joints) or "none"
         raise InvalidInputError(
@@ -84,38 +98,33 @@ def _read(file: Path, root: Path, options: ImportOptions) -> Parcel:
     ).parcel()
 
 
-def _tracks(file: Path) -> tuple[dict[str, Track], list[str]]:
+def _tracks(file: Path, budget: Budget) -> tuple[dict[str, Track], list[str]]:
     """Every topic that can be read as numbers, and those of joint states among them."""
     tracks: dict[str, Track] = {}
     joints: list[str] = []
-    for kind, topic, time_s, message in _messages(file):
+    for kind, topic, time_s, message in _messages(file, budget):
         if topic not in tracks and kind == JOINTS:
             joints.append(topic)
         tracks.setdefault(topic, Track()).add(time_s, _NUMBERS[kind](message))
-    return tracks, joints
+    return {topic: track.in_order() for topic, track in tracks.items()}, joints
 
 
-def _messages(file: Path) -> Iterator[tuple[str, str, float, Any]]:
+def _messages(file: Path, budget: Budget) -> Iterator[tuple[str, str, float, Any]]:
     """Type, topic, time (s) and content of those messages that are numbers; images stay undecoded."""
     try:
         from mcap.exceptions import McapError
-        from mcap.reader import make_reader
         from mcap_ros2.decoder import DecoderFactory
     except ImportError as error:
         raise MissingPackageError("MCAP files", "mcap-ros2-support") from error
     decoders = DecoderFactory()
     try:
-        with file.open("rb") as stream:
-            for schema, channel, message in make_reader(stream).iter_messages():
-                if schema is None or schema.name not in _NUMBERS:
-                    continue
-                if (decode := decoders.decoder_for(channel.message_encoding, schema)) is None:
-                    raise DamagedError(
-                        file, f"{channel.topic} is in {channel.message_encoding}, not in ROS 2's encoding"
-                    )
-                yield schema.name, channel.topic, message.log_time * NANOSECONDS, decode(message.data)
-    except (OSError, McapError, ValueError, EOFError, struct.error) as error:
-        raise DamagedError(file, f"cannot be read: {error or type(error).__name__}") from error
+        for message in read_messages(file, _NUMBERS.__contains__, budget):
+            topic, encoding = message.channel.topic, message.channel.message_encoding
+            if (decode := decoders.decoder_for(encoding, message.schema)) is None:
+                raise DamagedError(file, f"{topic} is in {encoding}, not in ROS 2's encoding")
+            yield message.schema.name, topic, message.log_time_ns * NANOSECONDS, decode(message.data)
+    except (OSError, McapError, ValueError, EOFError, struct.error, IndexError, RuntimeError) as error:
+        raise DamagedError(file, f"cannot be read: {str(error) or type(error).__name__}") from error
 
 
 def _on_clock(tracks: dict[str, Track], clock_s: Array) -> tuple[dict[str, Array], float]:
@@ -126,7 +135,7 @@ def _on_clock(tracks: dict[str, Track], clock_s: Array) -> tuple[dict[str, Array
     for topic, track in tracks.items():
         latest = np.searchsorted(np.array(track.times_s), clock_s, side="right") - 1
         for name, rows in track.values.items():
-            if len(rows) == len(track.times_s) and len({len(row) for row in rows}) == 1:
+            if len({len(row) for row in rows}) == 1:
                 values = np.array(rows)[latest]
                 columns[f"{topic}.{name}" if name else topic] = values
     return columns, start_s

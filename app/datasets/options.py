@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from app.datasets.limits import ReadLimits
 from app.datasets.objects import KnownObjects
 from app.pipeline.wording import NAME_PATTERN
 
@@ -17,6 +18,7 @@ class ImportOptions:
         objects: what the dataset does not tell.
         cameras: only these; None for all.
         features: what the user says of the mapping of columns, as JSON; formats that have no columns take none.
+        limits: how much an episode may take.
     """
 
     task: str | None = None
@@ -24,6 +26,7 @@ class ImportOptions:
     objects: KnownObjects = field(default_factory=KnownObjects)
     cameras: tuple[str, ...] | None = None
     features: Mapping[str, Any] = field(default_factory=dict)
+    limits: ReadLimits = field(default_factory=ReadLimits)
 
     def wants(self, camera: str) -> bool:
         """Whether the camera's images are to be imported."""

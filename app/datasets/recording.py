@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from app.datasets.errors import DamagedError
 from app.pipeline.camera import Camera
 from app.pipeline.episode import Trajectory
 from app.pipeline.metadata import camera_json
@@ -126,6 +127,23 @@ class Dataset:
     entries: tuple[Entry, ...]
     task_settings: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     damaged: tuple[str, ...] = ()
+
+
+def checked_metadata(where: object, metadata: Any) -> dict[str, Any]:  # noqa: ANN401
+    """An upload's metadata that was read from a file.
+
+    Raises:
+        DamagedError: if it has not the form of an upload's.
+        InvalidInputError: if the task's name is none.
+    """
+    if not isinstance(metadata, dict) or not isinstance(metadata.get("task"), str):
+        raise DamagedError(where, "names no task")
+    checked_name("task", metadata["task"])
+    for part in ("objects", "cameras"):
+        items = metadata.setdefault(part, [])
+        if not isinstance(items, list) or not all(isinstance(item, dict) and "name" in item for item in items):
+            raise DamagedError(where, f"has {part} without names")
+    return metadata
 
 
 def canonical_json(value: object) -> bytes:

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from app.datasets.errors import DamagedError
+from app.datasets.limits import Budget
 from app.datasets.options import ImportOptions, as_name
 from app.datasets.recording import Dataset, Entry, ObjectEntry, Parcel, Recording
 from app.datasets.rlbench_images import calibrated_cameras, read_images, visible_ids
@@ -50,7 +51,7 @@ def open_rlbench(root: Path, options: ImportOptions) -> Dataset:
     entries = []
     for folder in _episode_folders(root):
         name = folder.name if folder == root else folder.relative_to(root).as_posix()
-        entries.append(Entry(name, partial(_read, folder, name, options)))
+        entries.append(Entry(name, partial(_read, root, folder, name, options)))
     return Dataset("RLBench", tuple(entries))
 
 
@@ -65,14 +66,17 @@ def _episode_folders(root: Path) -> list[Path]:
     return sorted(found, key=lambda path: [int(s) if s.isdigit() else s for s in _NUMBERS.split(str(path))])
 
 
-def _read(folder: Path, name: str, options: ImportOptions) -> Parcel:
-    observations = load_demo(folder / LOW_DIM)
+def _read(root: Path, folder: Path, name: str, options: ImportOptions) -> Parcel:
+    budget = Budget(folder, options.limits)
+    observations = load_demo(root, folder / LOW_DIM, budget)
     misc: dict[str, Any] = observations[0].get("misc") or {}
-    variation = _variation(folder, misc)
-    instruction, others = _instructions(folder, options)
+    if not isinstance(misc, dict):
+        raise DamagedError(folder / LOW_DIM, "has a misc that is no dictionary")
+    variation = _variation(root, folder, misc, budget)
+    instruction, others = _instructions(root, folder, options, budget)
     wanted = options.objects.of(name, variation)
     states = _object_states(folder / LOW_DIM, observations, wanted)
-    cameras, images, notes = _cameras(folder, misc, options)
+    cameras, images, notes = _cameras(root, folder, misc, options, budget)
     if not wanted:
         message = f"the dataset names none; its masks show the ids {_listed(visible_ids(images))}"
         raise InvalidInputError("objects", message, "poses, mask ids or names with --objects FILE")
@@ -135,11 +139,11 @@ def _listed(ids: list[int]) -> str:
     return ", ".join(map(str, ids)) or "of nothing"
 
 
-def _variation(folder: Path, misc: dict[str, Any]) -> int | None:
+def _variation(root: Path, folder: Path, misc: dict[str, Any], budget: Budget) -> int | None:
     if (folder / NUMBER).exists():
-        return load_number(folder / NUMBER)
-    if misc.get("variation_index") is not None:
-        return int(misc["variation_index"])
+        return load_number(root, folder / NUMBER, budget)
+    if isinstance(number := misc.get("variation_index"), int):
+        return number
     match = _VARIATION.fullmatch(folder.parent.parent.name)
     return int(match[1]) if match and match[1] else None
 
@@ -149,24 +153,25 @@ def _task(folder: Path) -> str:
     return above.parent.name if _VARIATION.fullmatch(above.name) else above.name
 
 
-def _instructions(folder: Path, options: ImportOptions) -> tuple[str, list[str]]:
+def _instructions(root: Path, folder: Path, options: ImportOptions, budget: Budget) -> tuple[str, list[str]]:
     """The instruction, and other phrasings of it."""
     if options.instruction is not None:
         return options.instruction, []
-    for path in (folder / DESCRIPTIONS, folder.parent.parent / DESCRIPTIONS):
+    above = folder.parent.parent  # of an episode that is imported alone it is not below the root
+    for within, path in ((root, folder / DESCRIPTIONS), (above, above / DESCRIPTIONS)):
         if path.exists():
-            first, *others = load_descriptions(path)
+            first, *others = load_descriptions(within, path, budget)
             return first, others
     raise DamagedError(folder / DESCRIPTIONS, "is missing: say what the robot does with --instruction")
 
 
 def _cameras(
-    folder: Path, misc: dict[str, Any], options: ImportOptions
+    root: Path, folder: Path, misc: dict[str, Any], options: ImportOptions, budget: Budget
 ) -> tuple[tuple[Camera, ...], dict[str, bytes], tuple[str, ...]]:
     cameras, images = [], {}
     calibrated = calibrated_cameras(misc)
     for name in filter(options.wants, calibrated):
-        if (read := read_images(folder, name, misc)) is not None:
+        if (read := read_images(root, folder, name, misc, budget)) is not None:
             cameras.append(read[0])
             images.update(read[1])
     if cameras:

@@ -5,6 +5,7 @@ R + 256 G + 65536 B (`rlbench/backend/utils.py`). Camera poses go from camera ax
 beside intrinsics with negative focal lengths: turning both axes gives OpenCV's convention, and the same points.
 """
 
+import struct
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -14,12 +15,17 @@ import numpy as np
 import numpy.typing as npt
 
 from app.datasets.errors import DamagedError
-from app.datasets.images import depth_png, mask_png, read_file
+from app.datasets.images import depth_png, mask_png
+from app.datasets.inside import read_inside
+from app.datasets.limits import Budget
 from app.pipeline.arrays import Array, finite_array
 from app.pipeline.camera import Camera
 
 DEPTH_SCALE = 2**24 - 1  # rlbench/backend/const.py
 _KINDS = ("rgb", "depth", "mask")
+_PNG = b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR"
+_PNG_HEAD = struct.Struct(f">{len(_PNG)}sII")  # signature, then width and height
+_LARGEST_PIXEL_BYTES = 8
 
 
 def camera_of(name: str, misc: Mapping[str, Any], size_px: tuple[int, int], depth_scale: float) -> Camera:
@@ -49,8 +55,13 @@ def calibrated_cameras(misc: Mapping[str, Any]) -> list[str]:
     return sorted(name for name in names if f"{name}_camera_extrinsics" in misc)
 
 
-def read_images(folder: Path, name: str, misc: Mapping[str, Any]) -> tuple[Camera, dict[str, bytes]] | None:
+def read_images(
+    root: Path, folder: Path, name: str, misc: Mapping[str, Any], budget: Budget
+) -> tuple[Camera, dict[str, bytes]] | None:
     """The camera and the images of the first frame that the episode's folder has; None if it has none.
+
+    Args:
+        root: the files must be below it.
 
     Raises:
         DamagedError: naming the file that does not decode, or the plane that its depth needs.
@@ -63,8 +74,8 @@ def read_images(folder: Path, name: str, misc: Mapping[str, Any]) -> tuple[Camer
     sizes: list[tuple[int, int]] = []
     depth_scale = 0.001
     for kind, path in found.items():
-        data = read_file(path)
-        pixels = _decode(path, data)
+        data = read_inside(root, path, budget)
+        pixels = _decode(path, data, budget)
         sizes.append((pixels.shape[1], pixels.shape[0]))
         if kind == "depth":
             data, depth_scale = depth_png(depth_of(path, pixels, name, misc))
@@ -101,8 +112,11 @@ def _number(pixels: npt.NDArray[np.uint8], weights: tuple[int, int, int]) -> npt
     return numbers
 
 
-def _decode(path: Path, data: bytes) -> npt.NDArray[np.uint8]:
-    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if data else None
+def _decode(path: Path, data: bytes, budget: Budget) -> npt.NDArray[np.uint8]:
+    is_png = data.startswith(_PNG) and len(data) >= _PNG_HEAD.size
+    _, width_px, height_px = _PNG_HEAD.unpack_from(data) if is_png else (b"", 0, 0)
+    budget.take(width_px * height_px * _LARGEST_PIXEL_BYTES, path)
+    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if width_px and height_px else None
     if image is None or image.dtype != np.uint8:
         raise DamagedError(path, f"is damaged: {len(data)} bytes that are no 8-bit PNG")
     pixels = image.astype(np.uint8, copy=False)

@@ -13,8 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from app.datasets.errors import DamagedError, DatasetError, MissingPackageError
+from app.datasets.errors import DamagedError, DatasetError
+from app.datasets.hdf5_tree import child, members, numbers, open_file
 from app.datasets.images import depth_png, rgb_png
+from app.datasets.limits import Budget
 from app.datasets.mapped import recording_of
 from app.datasets.mapping import FeatureMap
 from app.datasets.options import ImportOptions, as_name
@@ -44,12 +46,12 @@ def open_robomimic(path: Path, options: ImportOptions) -> Dataset:
     Raises:
         DatasetError: if it cannot be read or has no group `data`; MissingPackageError without h5py.
     """
-    h5py = _h5py()
     try:
-        with h5py.File(path) as file:
-            names = sorted(file["data"], key=lambda name: [int(n) for n in re.findall(r"\d+", name)])
-            described = json.loads(file["data"].attrs.get("env_args", "{}"))
-    except (OSError, KeyError, ValueError) as error:
+        with open_file(path) as file:
+            data = child(file, "data")
+            names = sorted(data, key=lambda name: [int(n) for n in re.findall(r"\d+", name)])
+            described = dict(json.loads(data.attrs.get("env_args", "{}")))
+    except (OSError, KeyError, ValueError, TypeError, RuntimeError) as error:
         raise DatasetError(f"{path}: is no robomimic file: {error}") from error
     return Dataset("robomimic", tuple(Entry(name, partial(_read, path, name, described, options)) for name in names))
 
@@ -57,9 +59,9 @@ def open_robomimic(path: Path, options: ImportOptions) -> Dataset:
 def _read(path: Path, name: str, described: dict[str, Any], options: ImportOptions) -> Parcel:
     where = f"{path}: data/{name}"
     try:
-        with _h5py().File(path) as file:
-            columns, images = _columns(file[f"data/{name}"])
-    except (OSError, KeyError, RuntimeError) as error:  # RuntimeError: h5py's for damaged chunks
+        with open_file(path) as file:
+            columns, images = _columns(child(child(file, "data"), name), Budget(where, options.limits))
+    except (OSError, KeyError, RuntimeError, TypeError) as error:  # RuntimeError: h5py's for damaged chunks
         raise DamagedError(where, f"cannot be read: {error}") from error
 
     def image(column: str) -> bytes:
@@ -68,7 +70,7 @@ def _read(path: Path, name: str, described: dict[str, Any], options: ImportOptio
         return _encoded(images[column])
 
     environment = str(described.get("env_name", path.stem))
-    frequency_hz = float(described.get("env_kwargs", {}).get("control_freq", CONTROL_FREQUENCY_HZ))
+    frequency_hz = float(dict(described.get("env_kwargs", {})).get("control_freq", CONTROL_FREQUENCY_HZ))
     return recording_of(
         name=name,
         source="robomimic",
@@ -83,15 +85,20 @@ def _read(path: Path, name: str, described: dict[str, Any], options: ImportOptio
     ).parcel()
 
 
-def _columns(demo: Any) -> tuple[dict[str, np.ndarray[Any, Any]], dict[str, np.ndarray[Any, Any]]]:  # noqa: ANN401
+def _columns(
+    demo: Any,  # noqa: ANN401
+    budget: Budget,
+) -> tuple[dict[str, np.ndarray[Any, Any]], dict[str, np.ndarray[Any, Any]]]:
     """The numbers of every frame, and the images of the first, by their paths."""
     columns, images = {}, {}
-    items = {"actions": demo["actions"], **{f"obs/{key}": item for key, item in demo["obs"].items()}}
-    for key, item in items.items():
+    observed = {f"obs/{name}": item for name, item in members(child(demo, "obs")).items()}
+    for key, item in {"actions": child(demo, "actions"), **observed}.items():
+        if not hasattr(item, "shape") or item.dtype.kind not in "biuf":
+            continue  # a group, or texts
         if item.ndim <= 2:
-            columns[key] = item[()]
+            columns[key] = numbers(item, budget)
         else:
-            images[key] = item[0]
+            images[key] = numbers(item, budget, first=True)
     return columns, images
 
 
@@ -114,11 +121,3 @@ def _encoded(image: np.ndarray[Any, Any]) -> bytes:
     if image.dtype == np.uint8 and image.ndim == 3 and image.shape[2] == 3:
         return rgb_png(image)
     return depth_png(np.asarray(image.squeeze(), np.float64))[0]
-
-
-def _h5py() -> Any:  # noqa: ANN401
-    try:
-        import h5py
-    except ImportError as error:
-        raise MissingPackageError("HDF5 files", "h5py") from error
-    return h5py

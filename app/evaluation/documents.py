@@ -32,6 +32,7 @@ def document_of(outcome: Trial | Crash) -> Document:
         "predict_s": outcome.predict_s,
         "execute_s": outcome.execute_s,
         "answer": outcome.answer,
+        "shift_m": outcome.shift_m,
     }
 
 
@@ -56,6 +57,7 @@ def outcome_of(document: Document) -> Trial | Crash:
         predict_s=document["predict_s"],
         execute_s=document["execute_s"],
         actions=tuple(_action(item) for item in document["actions"]),
+        shift_m=document.get("shift_m", 0.0),
     )
 
 

@@ -49,16 +49,18 @@ def _view_first(executor: Executor, taught: Sequence[TaughtEpisode]) -> Future[S
 
 def _submit(executor: Executor, trial: Trial) -> Future[_Pictures]:
     actions = None if trial.execution is None else trial.actions
-    return executor.submit(_take_pictures, trial.task, trial.seed, actions)
+    return executor.submit(_take_pictures, trial.task, trial.seed, actions, trial.shift_m)
 
 
-def _take_pictures(task: str, seed: int, actions: Sequence[EndEffectorAction] | None) -> _Pictures:
+def _take_pictures(
+    task: str, seed: int, actions: Sequence[EndEffectorAction] | None, shift_m: float = 0.0
+) -> _Pictures:
     """Runs in a worker."""
     variation = TASKS[task].test_variation(seed)
     scene = view_scene(task, seed, variation=variation)
     if actions is None:
         return _Pictures(scene, None)
-    return _Pictures(scene, rollout(task, seed, actions, variation=variation, film_strip=True))
+    return _Pictures(scene, rollout(task, seed, actions, variation=variation, film_strip=True, shift_m=shift_m))
 
 
 def _with_pictures(

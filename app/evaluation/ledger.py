@@ -31,6 +31,8 @@ def digest_of(method: Method, taught: Mapping[str, Any]) -> str:
         del everything["poses"]
     if method.taught_noise == method.noise:  # the same holds of noise on both
         del everything["noise_on"]
+    if not method.shift_m:  # and of scenes that nobody changes
+        del everything["shift_m"], everything["look_again"]
     return hashlib.sha256(json.dumps(everything, sort_keys=True).encode()).hexdigest()[:DIGEST_CHARS]
 
 

@@ -69,6 +69,25 @@ def with_noise(methods: Iterable[Method], scale: float | None, on: NoiseOn) -> t
     return tuple(noisy)
 
 
+def with_shift(methods: Iterable[Method], shift_m: float) -> tuple[Method, ...]:
+    """Each method in scenes whose free objects are moved after the answer, and beside it the same looking again.
+
+    Raises:
+        InvalidInputError: if the shift is no distance, or for methods whose actions the robot's loop does not ask for.
+    """
+    if not (math.isfinite(shift_m) and shift_m > 0):
+        raise InvalidInputError("shift", f"is {shift_m:g} m", "a finite distance above 0")
+    pairs: list[Method] = []
+    for method in methods:
+        if method.source != "service" or method.poses != "given":
+            message = f"{method.label!r} does not ask the service with given poses"
+            raise InvalidInputError("shift", message, "methods that do: default, nearest, regression")
+        again = "look again" if method.label == "default" else f"{method.label}, look again"
+        shifted = replace(method, source="robot loop", shift_m=shift_m)
+        pairs += [shifted, replace(shifted, label=again, look_again=True)]
+    return tuple(pairs)
+
+
 def methods_beside(model: str | None, representation: str | None) -> tuple[Method, ...]:
     """The method asked for, and what to hold it against: the paper's format, a regression, the expert's replay.
 

@@ -1,5 +1,6 @@
 """What an evaluation produces."""
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
@@ -8,12 +9,14 @@ from app.pipeline.episode import EndEffectorAction
 from app.pipeline.errors import InvalidInputError
 from app.sim.demonstrate import RecordedDemonstration, RolloutResult, SceneView
 
+# How the errors of timeouts begin: status 504 of the service, or no answer of the service itself
+TIMED_OUT = re.compile(r"^(ServiceProblemError: 504 |ServiceUnreachableError: .*(timed out|Timeout)|TimeoutError)")
 FIRST_TEST_SEED = 100_000  # demonstrations are drawn from the seeds below
 
 # Where a method's actions come from; `app.evaluation.trials` has the function for each.
 Poses = Literal["given", "vision"]
 NoiseOn = Literal["both", "test"]
-Source = Literal["service", "closed loop", "nearest demonstration", "expert replay", "expert"]
+Source = Literal["service", "closed loop", "nearest demonstration", "expert replay", "expert", "robot loop"]
 
 
 @dataclass(frozen=True)
@@ -29,7 +32,10 @@ class Method:
         noise_on: whether it is added to the poses of demonstrations and tests, or of tests alone.
         poses: whether the service is given the objects' poses, or finds them in images (`app.evaluation.vision`).
         stored: episodes that the task must have for the service to choose from, if more than it shows.
-        source: where the actions come from; `closed loop` asks the service for one at a time, others do not ask it.
+        source: where the actions come from; `closed loop` asks the service for one at a time, `robot loop` once for
+            all, and the robot carries them out one by one; others do not ask it.
+        shift_m: how far the free objects are moved between answer and first action; for the `robot loop`.
+        look_again: whether the robot then looks again (`app.client.look_again`).
     """
 
     label: str
@@ -40,6 +46,8 @@ class Method:
     poses: Poses = "given"
     stored: int = 0
     noise_on: NoiseOn = "both"
+    shift_m: float = 0.0
+    look_again: bool = False
 
     def __post_init__(self) -> None:
         if self.poses == "vision" and (self.noise or self.source != "service"):
@@ -49,7 +57,7 @@ class Method:
     @property
     def asks_service(self) -> bool:
         """Whether an LLM is asked."""
-        return self.source in ("service", "closed loop")
+        return self.source in ("service", "closed loop", "robot loop")
 
     @property
     def sees_poses(self) -> bool:
@@ -87,6 +95,7 @@ class Trial:
         predict_s: from the request to the answer, as the robot sees it.
         execute_s: of simulation.
         actions: what was to be executed.
+        shift_m: how far the free objects were moved after the scene had been seen.
     """
 
     task: str
@@ -99,6 +108,7 @@ class Trial:
     predict_s: float = 0.0
     execute_s: float = 0.0
     actions: tuple[EndEffectorAction, ...] = ()
+    shift_m: float = 0.0
 
     @property
     def succeeded(self) -> bool:
@@ -119,6 +129,11 @@ class Crash:
     seed: int
     method: str
     message: str
+
+    @property
+    def timed_out(self) -> bool:
+        """Whether the service, its LLM or a pose server was too slow."""
+        return bool(TIMED_OUT.search(self.message))
 
 
 @dataclass(frozen=True, eq=False)

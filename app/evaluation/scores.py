@@ -20,14 +20,22 @@ class Score:
     Attributes:
         rate: over the trials that ran.
         errors: trials that could not be run.
+        timeouts: trials that could not be run because an answer took too long; they are no `errors`.
     """
 
     rate: SuccessRate
     errors: int = 0
+    timeouts: int = 0
+
+    @property
+    def not_run(self) -> str:
+        """Timeouts and errors in words; empty without any."""
+        counts = ((self.timeouts, "timeout"), (self.errors, "error"))
+        return ", ".join(f"{number} {noun}{'s' if number > 1 else ''}" for number, noun in counts if number)
 
     def __str__(self) -> str:
         shown = str(self.rate) if self.rate.trials else NOTHING
-        return shown if not self.errors else f"{shown}, {self.errors} error{'s' if self.errors > 1 else ''}"
+        return f"{shown}, {self.not_run}" if self.not_run else shown
 
 
 def task_score(task: TaskEvaluation, method: Method) -> Score:
@@ -64,4 +72,6 @@ def of_method(outcomes: Iterable[Outcome], method: Method) -> list[Outcome]:
 
 
 def _score(trials: Sequence[Trial], crashes: Sequence[Crash]) -> Score:
-    return Score(SuccessRate(sum(trial.succeeded for trial in trials), len(trials)), len(crashes))
+    timeouts = sum(crash.timed_out for crash in crashes)
+    rate = SuccessRate(sum(trial.succeeded for trial in trials), len(trials))
+    return Score(rate, len(crashes) - timeouts, timeouts)

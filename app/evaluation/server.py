@@ -35,7 +35,7 @@ def running_server(
     Raises:
         ServerStartError: if it does not answer within a minute.
     """
-    data.mkdir(parents=True, exist_ok=True)
+    data.mkdir(0o700, parents=True, exist_ok=True)
     port = free_port()
     url = f"http://127.0.0.1:{port}"
     serve = ["app.cli", "serve", "--port", str(port), "--data", str(data), *arguments]
@@ -89,7 +89,7 @@ def _wait_until_alive(process: subprocess.Popen[bytes], url: str, log: Path) -> 
     deadline = time.monotonic() + START_TIMEOUT_S
     while time.monotonic() < deadline and process.poll() is None:
         try:
-            if httpx.get(f"{url}/healthz").is_success:
+            if httpx.get(f"{url}/healthz", trust_env=False).is_success:
                 return
         except httpx.TransportError:
             time.sleep(POLL_S)

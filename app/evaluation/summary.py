@@ -4,24 +4,31 @@ from collections.abc import Sequence
 from statistics import median
 from typing import Any
 
+from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from app.evaluation.records import Evaluation, Trial
+from app.evaluation.scores import of_method, task_score
 from app.pipeline.success_rate import SuccessRate
 
 
 def results_table(evaluation: Evaluation) -> Table:
     """One row per task and method."""
-    table = Table(title="success on unseen scenes (95 % interval), median seconds and tokens a prediction")
-    for column in ("task", "method", "success", "LLM s", "other ms", "execution s", "prompt", "cached", "completion"):
-        table.add_column(column, justify="left" if column in ("task", "method") else "right")
+    table = Table(
+        title="success on unseen scenes (95 % interval), medians a prediction",
+        caption="tokens: prompt/cached/completion",
+        box=SIMPLE_HEAD,
+    )
+    for column in ("task, method", "success", "LLM s", "other ms", "run s", "tokens"):
+        table.add_column(column, justify="left" if column == "task, method" else "right", overflow="fold")
     for task in evaluation.tasks:
+        table.add_row(task.task)
         for method in evaluation.methods:
-            trials = [trial for trial in task.trials if trial.method == method.label]
-            numbers = method_summary(trials)
-            rate = SuccessRate(numbers["successes"], numbers["trials"])
-            shown = [numbers["llm_s"], numbers["outside_llm_ms"], numbers["execute_s"], *numbers["tokens"].values()]
-            table.add_row(task.task, method.label, str(rate), *(_number(value) for value in shown))
+            numbers = method_summary(of_method(task.trials, method))
+            shown = [numbers["llm_s"], numbers["outside_llm_ms"], numbers["execute_s"]]
+            tokens = "/".join(_number(value) for value in numbers["tokens"].values()).strip("/")
+            score = str(task_score(task, method))
+            table.add_row(f"  {method.label}", score, *(_number(value) for value in shown), tokens)
         table.add_section()
     return table
 
@@ -36,9 +43,16 @@ def summary(evaluation: Evaluation) -> dict[str, Any]:
         }
         first = evaluation.methods[0].label
         tasks[task.task] = {"demonstrations": len(task.taught), **by_method.pop(first), "compared_with": by_method}
-    errors = sum(len(task.crashes) for task in evaluation.tasks)
+    crashes = [crash for task in evaluation.tasks for crash in task.crashes]
+    timeouts = sum(crash.timed_out for crash in crashes)
     duration_s = round(evaluation.duration_s, 1)
-    return {"command": evaluation.command, "tasks": tasks, "errors": errors, "duration_s": duration_s}
+    return {
+        "command": evaluation.command,
+        "tasks": tasks,
+        "errors": len(crashes) - timeouts,
+        "timeouts": timeouts,
+        "duration_s": duration_s,
+    }
 
 
 def method_summary(trials: Sequence[Trial]) -> dict[str, Any]:

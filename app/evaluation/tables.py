@@ -4,6 +4,8 @@ import json
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
 from rich.table import Table
 
 from app.evaluation import paper
@@ -13,8 +15,10 @@ from app.evaluation.summary import method_summary
 
 HOW_TO_READ = (
     "Successes/trials on unseen scenes with Wilson's 95 % interval; the mean is over tasks. Errors are trials that"
-    " could not be run (a worker crashed, the service or its LLM did not answer): they count neither way."
+    " could not be run (a worker crashed, the service or its LLM failed), timeouts those whose answer took too long:"
+    " they count neither way."
 )
+UNBOUNDED = 10_000  # columns, to measure how wide a table wants to be
 COSTS = ("LLM s", "service ms", "execution s", "tokens read", "cached", "written")
 
 
@@ -40,9 +44,29 @@ def markdown(evaluation: Evaluation, about: str) -> str:
     return "\n\n".join(parts) + "\n"
 
 
-def terminal_table(evaluation: Evaluation) -> Table:
-    """Our methods beside the paper's RoboPrompt."""
-    table = Table(title="success on unseen scenes (95 % interval, %)")
+def terminal_table(evaluation: Evaluation, width: int) -> Table:
+    """Our methods beside the paper's RoboPrompt; where `width` columns have no room for that, below each other."""
+    table = _wide_table(evaluation)
+    unbounded = Console(width=UNBOUNDED)
+    fits = unbounded.measure(table).maximum <= width
+    return table if fits else _long_table(evaluation)
+
+
+def _long_table(evaluation: Evaluation) -> Table:
+    """A row for each task and method."""
+    table = Table(title="success on unseen scenes (95 % interval, %)", box=SIMPLE_HEAD)
+    for header in ("task", "method", "success"):
+        table.add_column(header, justify="right" if header == "success" else "left", overflow="fold")
+    labels = [*(method.label for method in evaluation.methods), "RoboPrompt (paper)"]
+    for task, *cells in success_rows(evaluation):
+        for index, (label, cell) in enumerate(zip(labels, cells, strict=False)):
+            table.add_row("" if index else task, label, cell.replace(" %)", ")"))
+        table.add_section()
+    return table
+
+
+def _wide_table(evaluation: Evaluation) -> Table:
+    table = Table(title="success on unseen scenes (95 % interval, %)", box=SIMPLE_HEAD)
     headers = ["task", *(method.label for method in evaluation.methods), "RoboPrompt (paper)"]
     for header in headers:
         table.add_column(header, justify="left" if header == "task" else "right")
@@ -62,7 +86,8 @@ def sweep_summary(evaluation: Evaluation) -> dict[str, Any]:
         "mean_success_rate": {method.label: mean_rate(evaluation, method) for method in evaluation.methods},
         "paper_mean_percent": {name: paper.mean_percent(name, names) for name in paper.METHODS},
         "trials": sum(len(task.trials) for task in evaluation.tasks),
-        "errors": sum(len(task.crashes) for task in evaluation.tasks),
+        "errors": sum(not crash.timed_out for task in evaluation.tasks for crash in task.crashes),
+        "timeouts": sum(crash.timed_out for task in evaluation.tasks for crash in task.crashes),
     }
 
 
@@ -96,7 +121,7 @@ def _task_summary(task: TaskEvaluation, methods: Sequence[Method]) -> dict[str, 
 def _figures(task: TaskEvaluation, method: Method) -> dict[str, Any]:
     scored = task_score(task, method)
     figures = method_summary(of_method(task.trials, method))
-    return {**figures, "interval": scored.rate.interval, "errors": scored.errors}
+    return {**figures, "interval": scored.rate.interval, "errors": scored.errors, "timeouts": scored.timeouts}
 
 
 def _method_rows(evaluation: Evaluation) -> Iterator[list[str]]:
@@ -110,7 +135,8 @@ def _method_rows(evaluation: Evaluation) -> Iterator[list[str]]:
 def _asked(trials: Sequence[Trial], method: Method) -> str:
     answers = [trial.answer for trial in trials if trial.answer is not None]
     asked = dict.fromkeys(f"{a['model']}, {a['representation']}, {a['prompt_format']}" for a in answers)
-    own = {**method.options, **method.settings, **_noise_of(method)}
+    shift = {"objects moved by m": method.shift_m} if method.shift_m else {}
+    own = {**method.options, **method.settings, **_noise_of(method), **shift}
     told = {name: value for name, value in own.items() if name not in ("model", "representation", "prompt_format")}
     return "; ".join([*asked, *(f"{name} {json.dumps(value)}" for name, value in told.items())]) or NOTHING
 

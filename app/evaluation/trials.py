@@ -15,6 +15,7 @@ from app.evaluation.executors import Executor, call
 from app.evaluation.nearest import replayed
 from app.evaluation.noise import disturbed
 from app.evaluation.records import Method, Source, Trial
+from app.evaluation.robot_loop import run_in_robot_loop
 from app.evaluation.teach import Lesson
 from app.evaluation.vision import UNSEEN, images_only
 from app.pipeline.camera import RgbdFrame
@@ -114,6 +115,22 @@ def _ask_step_by_step(laboratory: Laboratory, cell: Cell, lesson: Lesson, scene:
         result: ClosedLoopResult = call(
             laboratory.executor, run_in_closed_loop, url, lesson.name, cell.task, cell.seed, cell.method.noise, options
         )
+    return _looped(cell, scene, result)
+
+
+def _ask_and_act(laboratory: Laboratory, cell: Cell, lesson: Lesson, scene: SceneView) -> Trial:
+    """With the robot's own loop, which looks again where the method says so."""
+    url, method = laboratory.client.url, cell.method
+    how = (method.noise, dict(method.options), method.shift_m, method.look_again)
+    with laboratory.asking:
+        result: ClosedLoopResult = call(
+            laboratory.executor, run_in_robot_loop, url, lesson.name, cell.task, cell.seed, *how
+        )
+    return replace(_looped(cell, scene, result), shift_m=method.shift_m)
+
+
+def _looped(cell: Cell, scene: SceneView, result: ClosedLoopResult) -> Trial:
+    """The trial of a loop that asked and acted in one worker."""
     predict_s = 0.0 if result.answer is None else result.answer["timings_ms"]["total"] / 1000
     return Trial(
         cell.task,
@@ -155,6 +172,7 @@ _Run = Callable[[Laboratory, Cell, Lesson, SceneView], Trial]
 SOURCES: Mapping[Source, _Run] = {
     "service": _ask_service,
     "closed loop": _ask_step_by_step,
+    "robot loop": _ask_and_act,
     "nearest demonstration": _replay_nearest,
     "expert replay": _replay_expert,
     "expert": _perform_expert,

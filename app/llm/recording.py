@@ -116,7 +116,7 @@ class RecordingModel:
 
     def _write(self, path: Path, recording: Recording) -> None:
         try:
-            self._folder.mkdir(parents=True, exist_ok=True)
+            self._folder.mkdir(0o700, parents=True, exist_ok=True)
             if recording.completion is None and path.exists():
                 return  # worth less than what is there
             _replace(_profile_path(self._folder, self.profile.name), _PROFILE.dump_json(self.profile, indent=1))
@@ -131,7 +131,7 @@ def _replace(path: Path, content: bytes) -> None:
     """Write the file whole or not at all."""
     with tempfile.TemporaryDirectory(dir=path.parent, prefix=".writing-") as folder:
         new = Path(folder) / path.name
-        with new.open("wb") as file:
+        with os.fdopen(os.open(new, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
             file.write(content)
             file.flush()
             os.fsync(file.fileno())

@@ -1,18 +1,23 @@
-"""Models by name: made when first asked for, wrapped as the settings say, kept, closed together."""
+"""Models by name: made when first asked for, wrapped as the settings say, kept while there is room, closed together."""
 
 import asyncio
-from collections.abc import Mapping
+import threading
+from collections import Counter, OrderedDict
+from collections.abc import AsyncIterator, Mapping
+from contextlib import asynccontextmanager
 from dataclasses import dataclass
 
 from app.llm.backends import Backend, all_backends
-from app.llm.base import LanguageModel, LanguageModelError, ModelProfile, ModelUnavailableError, UnknownModelError
+from app.llm.base import LanguageModel, LanguageModelError, ModelBusyError, ModelProfile, UnknownModelError
 from app.llm.embedded import EmbeddedModel
 from app.llm.guard import Guard
 from app.llm.recording import RecordingModel, ReplayedModel
 from app.llm.resilient import ResilientModel
 from app.llm.settings import LlmSettings
 
-MAX_MODELS = 32  # names come from requests, and each model holds connections or a process
+# Names come from requests, and each model holds connections or a process: so many are kept beside those that backends
+# offer and the default one, which always have a place.
+MAX_MODELS = 32
 
 
 @dataclass(frozen=True)
@@ -47,31 +52,81 @@ class ModelRegistry:
     def __init__(self, settings: LlmSettings, backends: Mapping[str, Backend] | None = None) -> None:
         self._settings = settings
         self._backends = all_backends() if backends is None else backends
-        self._models: dict[str, _Made] = {}
+        self._models: OrderedDict[str, _Made] = OrderedDict()  # the one unused for longest first
         self._guards: dict[str, Guard] = {}
+        self._users: Counter[str] = Counter()
+        self._evicted: list[_Made] = []  # not closed yet
+        self._lock = threading.Lock()
+        offered = (profile.name for profile in self._offered_profiles())
+        self._reserved = frozenset((settings.default_model, *offered))
 
     def get(self, name: str = "") -> LanguageModel:
         """The model named `backend/model`, or the default one. Starts nothing.
 
+        It is kept until others need its place: who waits for its reply says so by `using`.
+
         Raises:
             UnknownModelError: no backend or model of that name; lists those offered.
             ModelUnavailableError: something is missing; says what to install or set.
+            ModelBusyError: as many others as are kept are all in use.
         """
-        return self._get(name).wrapped
+        return self._get(name or self._settings.default_model).wrapped
 
-    def _get(self, name: str) -> _Made:
+    def profile(self, name: str = "") -> ModelProfile:
+        """The model's profile. Keeps nothing but the default model, whose weights need not be looked for again.
+
+        Raises:
+            UnknownModelError, ModelUnavailableError.
+        """
         name = name or self._settings.default_model
-        if name not in self._models:
-            if len(self._models) >= MAX_MODELS:
-                raise ModelUnavailableError(f"{MAX_MODELS} models are in use already: {', '.join(self._models)}")
-            self._models.setdefault(name, self._make(name))  # one model, whichever thread comes first
-        return self._models[name]
+        if name in self._models or name == self._settings.default_model:
+            return self._get(name).wrapped.profile
+        return self._make(name).wrapped.profile
+
+    @asynccontextmanager
+    async def using(self, name: str) -> AsyncIterator[LanguageModel]:
+        """The model, which stays open inside the block.
+
+        Raises:
+            as `get`.
+        """
+        model = self._get(name, using=True).wrapped
+        try:
+            await self._close_evicted()
+            yield model
+        finally:
+            with self._lock:
+                self._users[name] -= 1
+                self._users += Counter()  # forget those that nobody uses
+
+    def _get(self, name: str, *, using: bool = False) -> _Made:
+        new = None if name in self._models else self._make(name)
+        with self._lock:
+            if name not in self._models:
+                self._make_room(name)
+                self._models[name] = new or self._make(name)  # one model, whichever thread comes first
+            self._models.move_to_end(name)
+            self._users[name] += using
+            return self._models[name]
+
+    def _make_room(self, name: str) -> None:
+        kept = [] if name in self._reserved else [other for other in self._models if other not in self._reserved]
+        if len(kept) < MAX_MODELS:
+            return
+        if (idle := next((other for other in kept if not self._users[other]), None)) is None:
+            raise ModelBusyError(f"{MAX_MODELS} other models are in use at present", retryable=True, retry_after_s=1.0)
+        self._evicted.append(self._models.pop(idle))
+        self._guards.pop(idle, None)
+
+    async def _close_evicted(self) -> None:
+        while self._evicted:
+            await self._evicted.pop().wrapped.aclose()
 
     def profiles(self) -> list[OfferedModel]:
         """Every offered model, and the default one if it is not among them."""
         offered = {profile.name: self._offer(profile) for profile in self._offered_profiles()}
         if self._settings.default_model not in offered:
-            profile = self.get().profile
+            profile = self.profile()
             offered[profile.name] = OfferedModel(profile, available=True)
         return list(offered.values())
 
@@ -83,14 +138,15 @@ class ModelRegistry:
         Raises:
             UnknownModelError, ModelUnavailableError.
         """
-        model = self._get(name).bare
+        model = self._get(name or self._settings.default_model).bare
         if isinstance(model, EmbeddedModel):
             await model.warm_up()
         return isinstance(model, EmbeddedModel)
 
     async def aclose(self) -> None:
         """Close every model that was made."""
-        models, self._models = list(self._models.values()), {}
+        models, self._models = [*self._models.values(), *self._evicted], OrderedDict()
+        self._evicted.clear()
         await asyncio.gather(*(model.wrapped.aclose() for model in models))
 
     def _make(self, name: str) -> _Made:

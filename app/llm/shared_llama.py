@@ -79,7 +79,7 @@ def _name(options: LlamaOptions) -> str:
 def _locked(note: Path) -> Iterator[None]:
     try:
         note.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
-        file = note.with_suffix(".lock").open("w")
+        file = os.fdopen(os.open(note.with_suffix(".lock"), os.O_WRONLY | os.O_CREAT, 0o600), "w")
     except OSError as error:
         raise ModelUnavailableError(f"workers cannot share a model: {error}") from error
     with file:

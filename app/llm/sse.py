@@ -17,6 +17,7 @@ from httpx_sse import ServerSentEvent, SSEError, aconnect_sse
 
 from app.llm.base import LanguageModelError, ModelBusyError, ModelResponseError, ModelUnavailableError
 from app.llm.streaming import MAX_REPLY_CHARACTERS, Chunk, error_message
+from app.pipeline.addresses import without_proxy
 
 MAX_WIRE_BYTES = 16 * MAX_REPLY_CHARACTERS  # each token of a few characters comes wrapped in some 250 bytes of JSON
 READ_OUT_S = 0.1  # the end of the HTTP message comes with the end of the reply or right after it
@@ -37,7 +38,7 @@ class SseEndpoint:
         headers: of every request; they carry the key.
         key: which must not appear in any message; empty for a server that asks for none.
         key_variable, url_variable: what to set when the server refuses the key or cannot be reached, for messages.
-        trust_env: whether proxies named in the environment are used.
+        trust_env: whether proxies named in the environment are used; to this machine itself none is.
     """
 
     def __init__(
@@ -107,6 +108,7 @@ class SseEndpoint:
                 event_hooks={"response": [_cap_size]},
                 verify=self._url.startswith("https:"),  # reading the certificates takes 20 to 90 ms of the event loop
                 trust_env=self._trust_env,
+                mounts=without_proxy(self._url),
             )
         return self._client
 

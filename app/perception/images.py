@@ -1,31 +1,24 @@
 """Encoded images -> arrays, without trusting what they claim to be.
 
-An image is a PNG, a JPEG or a `.npy` array. Its size is read from the header before anything is decoded: a PNG of
-389 kB can unfold to 1.2 GB.
+An image is a PNG, a JPEG or a `.npy` array. What its decoding takes is read from its headers before: a PNG of 389 kB
+can unfold to 1.2 GB, and a JPEG of 75 kB can take nine seconds.
 """
 
-import re
-import struct
 import sys
+from contextlib import suppress
 from typing import Any, Literal
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
+from app.perception import jpeg, png
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.npy import array_from_npy
 
 # 4k UHD has 8.3 million. OpenCV's own limit is an environment variable that it reads once, when it is loaded.
 MAX_PIXELS = 16_000_000
 STORED_PIXELS = sys.maxsize  # what is stored was checked when it came
-_PNG = b"\x89PNG\r\n\x1a\n"
-_PNG_END = b"IEND\xaeB`\x82"
-_JPEG = b"\xff\xd8\xff"
-_JPEG_END = b"\xff\xd9"
-_JPEG_MARKER = re.compile(rb"\xff+([^\x00\xff])", re.DOTALL)  # as libjpeg finds the next one
-_JPEG_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # ITU-T T.81, table B.1: these give the size
-_JPEG_WITHOUT_LENGTH = frozenset({0x01, *range(0xD0, 0xDA)})
 _NPY = b"\x93NUMPY"
 _VALID = {
     "rgb": "a PNG or JPEG of 8 bits a channel, or a .npy array (H, W, 3) uint8",
@@ -81,9 +74,9 @@ def decode_mask(field: str, data: bytes, max_pixels: int = MAX_PIXELS) -> npt.ND
 
 def as_image(data: bytes, kind: Literal["rgb", "depth", "mask"], depth_scale: float) -> tuple[bytes, str]:
     """Stored image bytes as a file that a browser can show, with its media type; arrays become a PNG."""
-    if data.startswith(_JPEG):
+    if data.startswith(jpeg.SIGNATURE):
         return data, "image/jpeg"
-    if data.startswith(_PNG):
+    if data.startswith(png.SIGNATURE):
         return data, "image/png"
     if kind == "rgb":
         image: npt.NDArray[np.integer[Any]] = decode_rgb("rgb", data, STORED_PIXELS)[..., ::-1]
@@ -100,12 +93,12 @@ def _decode(
 ) -> npt.NDArray[np.generic]:
     if not data:
         raise InvalidInputError(field, "is empty", _VALID[kind])
-    if not data.startswith((_PNG, _JPEG)):
+    is_png = data.startswith(png.SIGNATURE)
+    if not is_png and not data.startswith(jpeg.SIGNATURE):
         raise InvalidInputError(field, f"begins with {data[:8]!r}", _VALID[kind])
-    if (_PNG_END if data.startswith(_PNG) else _JPEG_END) not in data[-64:]:
+    if (png.END if is_png else jpeg.END) not in data[-64:]:
         raise InvalidInputError(field, f"is cut off after {len(data)} bytes", _VALID[kind])
-    width, height = _png_size(data) if data.startswith(_PNG) else _jpeg_size(data)
-    _check_pixels(field, width * height, max_pixels)
+    data = _decodable_png(field, data, max_pixels) if is_png else _decodable_jpeg(field, data, max_pixels)
     try:
         image = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
     except cv2.error as error:
@@ -115,22 +108,32 @@ def _decode(
     return image
 
 
-def _png_size(data: bytes) -> tuple[int, int]:
-    """Width and height; no pixels if the data ends before them."""
-    return struct.unpack_from(">II", data, 16) if len(data) >= 24 else (0, 0)
+def num_pixels(data: bytes) -> int:
+    """How many pixels the image claims to have; 0 if that cannot be told: then it cannot be decoded, either."""
+    if data.startswith(_NPY):
+        with suppress(InvalidInputError):
+            shape = array_from_npy("", data, "").shape
+            return shape[0] * shape[1] if len(shape) >= 2 else 0
+        return 0
+    width, height = png.size(data) if data.startswith(png.SIGNATURE) else jpeg.size(data)
+    return width * height
 
 
-def _jpeg_size(data: bytes) -> tuple[int, int]:
-    """Width and height; no pixels if the data ends before them."""
-    position = 2
-    while (match := _JPEG_MARKER.search(data, position)) and match.end() + 7 <= len(data):
-        marker, position = match[1][0], match.end()
-        if marker in _JPEG_FRAMES:
-            height, width = struct.unpack_from(">HH", data, position + 3)
-            return width, height
-        if marker not in _JPEG_WITHOUT_LENGTH:
-            position += int.from_bytes(data[position : position + 2])
-    return 0, 0
+def _decodable_png(field: str, data: bytes, max_pixels: int) -> bytes:
+    """What of the file is to be decoded."""
+    width, height = png.size(data)
+    _check_pixels(field, width * height, max_pixels)
+    if (pixels := png.pixels_only(data)) is None:
+        raise InvalidInputError(field, f"has more than {png.MAX_CHUNKS} chunks", f"at most {png.MAX_CHUNKS} chunks")
+    return pixels
+
+
+def _decodable_jpeg(field: str, data: bytes, max_pixels: int) -> bytes:
+    width, height = jpeg.size(data)
+    _check_pixels(field, width * height, max_pixels)
+    if (scans := jpeg.num_scans(data)) > jpeg.MAX_SCANS:
+        raise InvalidInputError(field, f"has {scans} scans", f"a JPEG of at most {jpeg.MAX_SCANS} scans")
+    return data
 
 
 def _load_npy(field: str, data: bytes, kind: str, max_pixels: int) -> npt.NDArray[np.generic]:

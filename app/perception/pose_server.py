@@ -10,6 +10,7 @@ import httpx
 
 from app.perception.errors import PoseServerReplyError, PoseServerTimeoutError, PoseServerUnavailableError
 from app.perception.poses_wire import Part
+from app.pipeline.addresses import without_proxy
 from app.pipeline.errors import InvalidInputError, ObjectNotVisibleError, UncertainPoseError
 
 FIRST_PAUSE_S = 0.2  # doubled for each further try
@@ -75,6 +76,7 @@ class PoseServer:
             headers={"Accept-Encoding": "identity"},  # nothing that unfolds
             timeout=None,  # the deadline covers everything
             verify=self.url.startswith("https:"),  # reading the certificates takes 20 to 90 ms
+            mounts=without_proxy(self.url),
         )
 
     async def _try(self, client: httpx.AsyncClient, parts: Mapping[str, Part]) -> Any:  # noqa: ANN401

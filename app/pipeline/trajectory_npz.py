@@ -19,6 +19,7 @@ REQUIRED = ("joint_velocities", "end_effector_positions", "end_effector_quaterni
 OPTIONAL = ("timestamps", "joint_positions", "object_positions", "object_quaternions_xyzw")
 MAX_UNPACKED_BYTES = 100_000_000  # 600,000 frames; a .npz of 0.3 MB can claim 300 MB
 MAX_FRAMES = 100_000  # 80 minutes at 20 Hz
+MAX_DIRECTORY_BYTES = 131_072  # of the archive; 64 kB of them may be its comment
 _VALID = f"a .npz file with the arrays {', '.join(REQUIRED)}, and optionally {', '.join(OPTIONAL)}"
 
 
@@ -33,7 +34,9 @@ def trajectory_from_npz(
     if not data:
         raise InvalidInputError("trajectory", "is empty", _VALID)
     try:
-        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        file = _ShortDirectory(data)
+        with zipfile.ZipFile(file) as archive:
+            file.opened = True
             members = _unpack(archive, max_unpacked_bytes)
     except InvalidInputError:
         raise
@@ -58,11 +61,27 @@ _UNREADABLE = (
 )
 
 
+class _ShortDirectory(io.BytesIO):
+    """A file that `zipfile` cannot open if its directory is long: it would make an object of every entry first."""
+
+    opened = False
+
+    def read(self, size: int | None = -1) -> bytes:
+        """The next bytes; while the file is being opened, not many at once."""
+        if not self.opened and size is not None and size > MAX_DIRECTORY_BYTES:
+            raise zipfile.BadZipFile(f"its directory has {size} bytes, at most {MAX_DIRECTORY_BYTES} are read")
+        return super().read(size)
+
+
 def _unpack(archive: zipfile.ZipFile, max_unpacked_bytes: int) -> dict[str, bytes]:
-    unpacked = sum(member.file_size for member in archive.infolist())
+    members = archive.infolist()
+    # each is unpacked as often as it is listed
+    if len(members) > len(REQUIRED + OPTIONAL):
+        raise InvalidInputError("trajectory", f"has {len(members)} arrays", _VALID)
+    unpacked = sum(member.file_size for member in members)
     if unpacked > max_unpacked_bytes:
         raise InvalidInputError("trajectory", f"unpacks to {unpacked} bytes", f"at most {max_unpacked_bytes}")
-    return {name.removesuffix(".npy"): archive.read(name) for name in archive.namelist()}
+    return {member.filename.removesuffix(".npy"): archive.read(member) for member in members}
 
 
 def trajectory_from_arrays(arrays: Mapping[str, Any], max_frames: int = MAX_FRAMES) -> Trajectory:

@@ -17,7 +17,7 @@ import anyio.to_thread
 
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.wording import checked_name
-from app.store import api_keys
+from app.store import api_keys, audit
 from app.store.api_keys import ApiKeyRecord
 from app.store.store import Store
 
@@ -43,6 +43,11 @@ class Caller:
     def may(self, accepted: frozenset[str]) -> bool:
         """Whether one of the `accepted` scopes is the caller's."""
         return "admin" in self.scopes or not accepted.isdisjoint(self.scopes)
+
+
+def audit_name(caller: Caller | None) -> str:
+    """How the audit log names who sent a request."""
+    return audit.LOCAL if caller is None else f"{caller.name} ({caller.key_id})"
 
 
 class KeyRing:

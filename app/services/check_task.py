@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import anyio.to_thread
+from sqlalchemy import Connection
 
 from app.llm.base import ModelProfile
 from app.perception.base import ObjectQuery
@@ -176,6 +177,7 @@ async def leave_unrecorded(
     status: PredictionStatus,
     actions: Sequence[PredictedAction] | None = None,
     error: str | None = None,
+    check: Callable[[Connection], None] = lambda _: None,
 ) -> str:
     """In place of a `PredictionRecorder`: what a check asks is no robot's prediction, and no statistic counts it."""
     return ""

@@ -7,8 +7,9 @@ from sqlalchemy import Connection
 
 from app.pipeline.wording import checked_name
 from app.services.extraction import extract_again
+from app.services.limits_log import record_limits
 from app.services.pose_servers import PoseServers
-from app.services.task_settings import TaskSettings
+from app.services.task_settings import MERGED, TaskSettings
 from app.services.workspaces import with_room_for
 from app.store import episodes, jobs, tasks
 from app.store.errors import ConflictError, NotFoundError
@@ -51,7 +52,9 @@ class ConfigureTask:
             if extractions:
                 _require_no_job(connection, name)
                 episodes.replace_extractions(connection, name, before.version, extractions)
-            return tasks.update_settings(connection, name, settings)
+            task = tasks.update_settings(connection, name, settings)
+            record_limits(connection, name, old.model_dump(mode="json"), settings)
+            return task
 
     def at_once_or_as_job(self, name: str, changes: Mapping[str, Any]) -> TaskRecord | JobRecord:
         """As the call; but if more than `max_at_once` episodes must be extracted again, a job that does it.
@@ -66,7 +69,11 @@ class ConfigureTask:
             if number > self._max_at_once:
                 with self._store.write() as connection:
                     wanted = new.model_dump(mode="json")
-                    return jobs.add(connection, name, {key: wanted[key] for key in changes})
+                    # Only what was asked for: limits that are tightened before the job ends must stay.
+                    kept = {key: _named(wanted[key], changes[key]) if key in MERGED else wanted[key] for key in changes}
+                    job = jobs.add(connection, name, kept)
+                    record_limits(connection, name, old.model_dump(mode="json"), wanted, action="limits.requested")
+                    return job
         return self(name, changes)
 
     def _planned(self, name: str, changes: Mapping[str, Any]) -> tuple[TaskRecord | None, TaskSettings, TaskSettings]:
@@ -86,6 +93,7 @@ class ConfigureTask:
             task = tasks.get_or_create(connection, name, settings)
             if task.settings != settings:
                 raise ConflictError(f"task {name!r} was created meanwhile: read it again and repeat")
+            record_limits(connection, name, TaskSettings().model_dump(mode="json"), settings)
         return task
 
     def _get(self, name: str) -> TaskRecord | None:
@@ -101,6 +109,11 @@ class ConfigureTask:
 
     def _extract(self, record: EpisodeRecord, settings: TaskSettings) -> Extraction:
         return extract_again(self._store, record, settings)
+
+
+def _named(settings: JsonObject, change: Mapping[str, Any]) -> JsonObject:
+    """The members that a change names."""
+    return {key: settings[key] for key in change}
 
 
 def _require_no_job(connection: Connection, name: str) -> None:

@@ -9,6 +9,7 @@ from app.llm.registry import ModelRegistry
 from app.services.api_keys import KeyRing
 from app.services.check_task import CheckTask, leave_unrecorded
 from app.services.configure_task import MAX_AT_ONCE, ConfigureTask
+from app.services.current_limits import CurrentLimits
 from app.services.draw_overlay import DrawOverlay
 from app.services.learn_object_models import LearnObjectModels
 from app.services.limits import Limits
@@ -67,13 +68,15 @@ class Services:
         def profile_of(name: str | None) -> ModelProfile:
             if name is not None and name != default_model:
                 limits.check_model(name)
-            return models.get(name or default_model).profile
+            return models.profile(name or default_model)
 
         metrics = Metrics()
         write_question = QuestionWriter(store, profile_of, limits, pose_servers)
         warmer = PrefixWarmer(store, models, write_question, num_warm_tasks)
-        predict = PredictActions(models, write_question, warmer, PredictionRecorder(store, metrics), store.under_way)
-        unrecorded = PredictActions(models, write_question, warmer, leave_unrecorded, store.under_way)
+        of_motion = CurrentLimits(store)
+        record = PredictionRecorder(store, metrics)
+        predict = PredictActions(models, write_question, warmer, record, store.under_way, of_motion)
+        unrecorded = PredictActions(models, write_question, warmer, leave_unrecorded, store.under_way, of_motion)
         configure = ConfigureTask(store, pose_servers, extract_at_once)
         return cls(
             store=store,
@@ -88,7 +91,7 @@ class Services:
             prefix_warmer=warmer,
             metrics=metrics,
             keys=KeyRing(store),
-            repeated_predictions=RepeatedPredictions(store),
+            repeated_predictions=RepeatedPredictions(store, of_motion),
             limits=limits,
             run_jobs=RunJobs(store, on_done=warmer.changed),
         )

@@ -15,6 +15,7 @@ class Limits:
     """Bounds of requests.
 
     Attributes:
+        max_request_pixels: of all its images together.
         max_unpacked_bytes: of a trajectory's .npz file.
         max_frames: of a trajectory.
         max_prompt_chars: system prompt and demonstrations together.
@@ -24,6 +25,7 @@ class Limits:
     """
 
     max_image_pixels: int = MAX_PIXELS
+    max_request_pixels: int = 4 * MAX_PIXELS
     max_unpacked_bytes: int = MAX_UNPACKED_BYTES
     max_frames: int = MAX_FRAMES
     max_objects: int = 64
@@ -59,6 +61,10 @@ class Limits:
         """Refuse names that are too long."""
         for name in names:
             _check(field, len(name), self.max_name_chars, "characters")
+
+    def check_pixels(self, num_pixels: int) -> None:
+        """Refuse images that have too many pixels together."""
+        _check("images", num_pixels, self.max_request_pixels, "pixels together")
 
     def check_page(self, limit: int) -> None:
         """Refuse a page that is too long."""

@@ -5,8 +5,8 @@ from typing import Any
 
 import httpx
 
+from app.pipeline.addresses import is_loopback
 from app.pipeline.errors import InvalidInputError
-from app.services.addresses import is_loopback
 
 SETTING = "ROBOPROMPT_POSE_SERVERS"
 

@@ -1,7 +1,7 @@
 """Observation and instruction -> actions, by an LLM that continues the demonstrations' pattern."""
 
 import time
-from collections.abc import AsyncGenerator
+from collections.abc import AsyncGenerator, Awaitable, Callable
 from contextlib import aclosing
 from functools import partial
 
@@ -10,13 +10,12 @@ import anyio.to_thread
 from app.llm.base import Completion, LanguageModelError, TextDelta
 from app.llm.registry import ModelRegistry
 from app.pipeline.errors import ReplyParseError, UnsafeActionError, UnsupportedActionError
-from app.pipeline.motion_limits import MotionGuard
 from app.pipeline.workspace import discretize_actions
+from app.services.current_limits import ActionCheck, CurrentLimits
 from app.services.dialogue import Dialogue
 from app.services.errors import UnparsableReplyError, UnsafeReplyError, UnsupportedReplyError
 from app.services.log_fields import note
 from app.services.prediction import PredictedAction, Prediction
-from app.services.prediction_findings import findings_before
 from app.services.prefix_warmer import PrefixWarmer
 from app.services.question import PredictRequest, Question
 from app.services.record_prediction import Recorder
@@ -36,12 +35,14 @@ class PredictActions:
         warmer: PrefixWarmer,
         record: Recorder,
         under_way: UnderWayNotes,
+        limits: CurrentLimits,
     ) -> None:
         self._models = models
         self._write_question = write_question
         self._warmer = warmer
         self._record = record
         self._under_way = under_way
+        self._limits = limits
 
     async def prepare(self, request: PredictRequest, timings_ms: dict[str, float]) -> Question:
         """The question as it would be put to the LLM, which is not called.
@@ -50,20 +51,25 @@ class PredictActions:
             as QuestionWriter.
         """
         note(task=request.task)
-        return await anyio.to_thread.run_sync(self._write_question, request, timings_ms)
+        question = await anyio.to_thread.run_sync(self._write_question, request, timings_ms)
+        return question.without_frames()
 
-    async def __call__(self, request: PredictRequest, started_s: float | None = None) -> Prediction:
+    async def __call__(self, request: PredictRequest) -> Prediction:
         """Predict and record.
-
-        Args:
-            started_s: when the request came, by `time.perf_counter`; None: now.
 
         Raises:
             as `prepare` and `stream`.
         """
         timings_ms: dict[str, float] = {}
-        started_s = time.perf_counter() if started_s is None else started_s
-        question = await self.prepare(request, timings_ms)
+        started_s = time.perf_counter()
+        return await self.complete(await self.prepare(request, timings_ms), timings_ms, started_s)
+
+    async def complete(self, question: Question, timings_ms: dict[str, float], started_s: float) -> Prediction:
+        """The whole prediction, recorded.
+
+        Args, raises:
+            as `answer`.
+        """
         async with aclosing(self.answer(question, timings_ms, started_s, piecewise=False)) as answer:
             async for item in answer:
                 if isinstance(item, Prediction):
@@ -83,45 +89,41 @@ class PredictActions:
             LanguageModelError: if the LLM did not answer; recorded.
             UnparsableReplyError: if its reply is not a list of valid actions; recorded, carries the reply.
             UnsupportedReplyError: if the demonstrations do not support an action; recorded, carries the reply.
-            UnsafeReplyError: if an action is beyond a bound of motion; recorded, carries the reply.
+            UnsafeReplyError: if an action is beyond a bound of motion of the moment; recorded, carries the reply.
         """
-        kind = SampledDialogue if question.samples else Dialogue
-        dialogue = kind(question, self._models.get(question.profile.name), timings_ms)
-        record = partial(self._record, question, dialogue, timings_ms, started_s)
-        actions: list[PredictedAction] = []
+        async with self._models.using(question.profile.name) as model:
+            kind = SampledDialogue if question.samples else Dialogue
+            dialogue = kind(question, model, timings_ms)
+            record = partial(self._record, question, dialogue, timings_ms, started_s)
+            actions: list[PredictedAction] = []
+            check = ActionCheck(self._limits, question)
+            try:
+                async with aclosing(self._checked(question, dialogue, check, piecewise=piecewise)) as arriving:
+                    async for item in arriving:
+                        if isinstance(item, PredictedAction):
+                            timings_ms.setdefault("first_action", (time.perf_counter() - started_s) * 1000)
+                            actions.append(item)
+                        yield item
+            except (ReplyParseError, UnsafeActionError, UnsupportedActionError, LanguageModelError) as error:
+                await _record_failure(error, dialogue, record)
+                raise
         try:
-            async with aclosing(self._checked(question, dialogue, piecewise=piecewise)) as arriving:
-                async for item in arriving:
-                    if isinstance(item, PredictedAction):
-                        timings_ms.setdefault("first_action", (time.perf_counter() - started_s) * 1000)
-                        actions.append(item)
-                    yield item
-        except ReplyParseError as error:
-            id_ = await record("parse_error", error=error.message)
-            raise UnparsableReplyError(error.message, dialogue.reply_text or "", id_) from error
-        except UnsafeActionError as error:
-            id_ = await record("unsafe_action", error=str(error))
-            raise UnsafeReplyError(error, dialogue.reply_text or "", id_) from error
-        except UnsupportedActionError as error:
-            id_ = await record("unsupported", error=str(error))
-            raise UnsupportedReplyError(error, dialogue.reply_text or "", id_) from error
-        except LanguageModelError as error:
-            await record("model_error", error=str(error))
+            id_ = await record("ok", actions, check=check.within)
+        except UnsafeActionError as error:  # beyond limits that were set after the last action came
+            await _record_failure(error, dialogue, record)
             raise
-        id_ = await record("ok", actions)
-        findings = (*findings_before(question), *dialogue.findings)
+        findings = (*question.findings, *dialogue.findings)
         completion = Completion(dialogue.reply_text or "", dialogue.usage)
         yield Prediction(
             id_, question, dialogue.prompt, tuple(actions), completion, timings_ms, dialogue.samples, findings
         )
 
     async def _checked(
-        self, question: Question, dialogue: Dialogue | SampledDialogue, *, piecewise: bool
+        self, question: Question, dialogue: Dialogue | SampledDialogue, check: ActionCheck, *, piecewise: bool
     ) -> AsyncGenerator[PredictedAction | TextDelta, None]:
         """The dialogue's actions, each within the bounds of motion; meanwhile people see that it is under way."""
-        workspace, limits = question.settings.workspace.workspace(), question.settings.limits_of_motion()
+        workspace = question.settings.workspace.workspace()
         done = 0
-        guard = MotionGuard(limits, question.request.max_actions, question.end_effector)
         with self._warmer.giving_way():
             async with (
                 watched(self._under_way, question),
@@ -131,9 +133,34 @@ class PredictActions:
                     if isinstance(arrived, TextDelta):
                         yield arrived
                         continue
-                    for action in arrived:
-                        guard.check(action)
+                    await check.arrived(arrived)
                     rows = dialogue.rows[done : done + len(arrived)] or [None] * len(arrived)
                     done += len(arrived)
-                    for item in map(PredictedAction, arrived, discretize_actions(arrived, workspace), rows):
+                    for k, item in enumerate(
+                        map(PredictedAction, arrived, discretize_actions(arrived, workspace), rows)
+                    ):
+                        if piecewise and k > 0:  # whoever reads the stream may have taken long over the one before
+                            await check.again()
                         yield item
+
+
+async def _record_failure(
+    error: ReplyParseError | UnsafeActionError | UnsupportedActionError | LanguageModelError,
+    dialogue: Dialogue | SampledDialogue,
+    record: Callable[..., Awaitable[str]],
+) -> None:
+    """Keep what became of the question.
+
+    Raises:
+        UnparsableReplyError, UnsafeReplyError, UnsupportedReplyError: for an error that does not carry the reply.
+    """
+    if isinstance(error, ReplyParseError):
+        id_ = await record("parse_error", error=error.message)
+        raise UnparsableReplyError(error.message, dialogue.reply_text or "", id_) from error
+    if isinstance(error, UnsafeActionError):
+        id_ = await record("unsafe_action", error=str(error))
+        raise UnsafeReplyError(error, dialogue.reply_text or "", id_) from error
+    if isinstance(error, UnsupportedActionError):
+        id_ = await record("unsupported", error=str(error))
+        raise UnsupportedReplyError(error, dialogue.reply_text or "", id_) from error
+    await record("model_error", error=str(error))

@@ -1,7 +1,7 @@
 """What a robot asks, and the question for the LLM that is made of it by `write_question`."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal
 
@@ -10,10 +10,13 @@ import numpy as np
 from app.llm.base import ModelProfile
 from app.perception.base import ObjectQuery
 from app.perception.frames import ImageBytes
-from app.pipeline.camera import RgbdFrame
+from app.pipeline.camera import Camera, RgbdFrame
 from app.pipeline.episode import EndEffectorAction, ObjectPose
 from app.pipeline.errors import InvalidInputError
+from app.pipeline.findings import Finding
+from app.pipeline.language import Grounded
 from app.pipeline.motion_limits import Pose
+from app.pipeline.plans.support import PlacedPlan
 from app.pipeline.prompt import Prompt, PromptTemplate
 from app.pipeline.reply import MAX_ACTIONS
 from app.services.select_demonstrations import Selection
@@ -32,6 +35,7 @@ class PredictRequest:
     Attributes:
         objects: the observed objects, in any order.
         frames: calibrated images, for estimators that look.
+        cameras: those of the frames, where these are no longer kept.
         images: the same as they came, by camera, to be stored with the prediction.
         model, representation, prompt_format, system_prompt, num_demonstrations: None follows the task, then the model.
         num_samples: so many replies are asked for; the prediction is their median.
@@ -41,6 +45,7 @@ class PredictRequest:
         closed_loop: ask for the next action only.
         after: the id of the prediction that a closed loop goes on from; its model, demonstrations and style go on, too.
         end_effector: where the robot's end effector is, where the robot tells.
+        unfamiliar: whether an instruction unlike every taught one is refused or passed on.
         unsupported: whether an action unlike what was demonstrated is refused, or only found.
         stream_text: hand out the reply's text, too, where it is read while it arrives.
         as_sent: the request as it came, to be stored with the prediction.
@@ -50,6 +55,7 @@ class PredictRequest:
     instruction: str
     objects: tuple[ObjectQuery, ...]
     frames: tuple[RgbdFrame, ...] = ()
+    cameras: tuple[Camera, ...] = ()
     images: Mapping[str, ImageBytes] = field(default_factory=dict)
     model: str | None = None
     representation: str | None = None
@@ -67,9 +73,14 @@ class PredictRequest:
     max_actions: int = MAX_ACTIONS
     timeout_s: float = 60.0
     end_effector: Pose | None = None
+    unfamiliar: Literal["refuse", "allow"] = "refuse"
     unsupported: Unsupported = "refuse"
     stream_text: bool = False
     as_sent: JsonObject = field(default_factory=dict)
+
+    def without_frames(self) -> "PredictRequest":
+        """The same with the cameras, but without what was decoded."""
+        return replace(self, cameras=tuple(frame.camera for frame in self.frames), frames=())
 
     def __post_init__(self) -> None:
         if self.num_samples > 1 and (self.closed_loop or self.after is not None):
@@ -88,16 +99,20 @@ class Question:
     """Everything that is fixed before the LLM is asked.
 
     Attributes:
+        grounded: the instruction as it is understood.
         instructions: to ask for one after the other.
         written: the template at the step that is asked for.
         so_far: the steps of a closed loop that were taken already.
         step: of a closed loop, from 0; None without one.
         observed: the objects as they were found, in the task's order.
         end_effector: where it is before the first action: as the robot tells, else where the last step sent it.
+        plans: for each of the instructions, the demonstrated rows in the observed scene; None where nobody knows them.
+        findings: what is doubtful before anything is asked.
         samples: where several replies are asked for, the same question for each, with a seed of its own.
     """
 
     request: PredictRequest
+    grounded: Grounded
     instructions: tuple[str, ...]
     objects: tuple[ObjectPose, ...]
     template: Template
@@ -109,6 +124,8 @@ class Question:
     settings: TaskSettings
     observed: tuple[ObjectPose, ...]
     end_effector: Pose | None
+    plans: Mapping[str, tuple[PlacedPlan, ...] | None] = field(default_factory=dict)
+    findings: tuple[Finding, ...] = ()
     samples: tuple["Question", ...] = ()
 
     @property
@@ -118,6 +135,13 @@ class Question:
         if pose is None or not self.style.from_start:
             return None
         return EndEffectorAction(np.array(pose.position_m), np.array(pose.quaternion_xyzw), gripper_open=True)
+
+    def without_frames(self) -> "Question":
+        """The same once the images have been looked at: decoded, they would fill the memory while the LLM is asked."""
+        if not self.request.frames:
+            return self
+        samples = tuple(sample.without_frames() for sample in self.samples)
+        return replace(self, request=self.request.without_frames(), samples=samples)
 
     @cached_property
     def prompt(self) -> Prompt:

@@ -1,11 +1,12 @@
 """What became of a question to an LLM, kept: the prediction's row, its images, and the service's figures."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Protocol
 
 import anyio.to_thread
+from sqlalchemy import Connection
 
 from app.services.dialogue import Dialogue
 from app.services.log_fields import note
@@ -33,10 +34,12 @@ class Recorder(Protocol):
         status: PredictionStatus,
         actions: Sequence[PredictedAction] | None = None,
         error: str | None = None,
+        check: Callable[[Connection], None] = lambda _: None,
     ) -> str:
         """The prediction's id; empty where it is not kept.
 
         Args:
+            check: called before anything is written, where anything is; what it raises goes on.
             started_s: when the request came, by `time.perf_counter`.
         """
         ...
@@ -58,18 +61,21 @@ class PredictionRecorder:
         status: PredictionStatus,
         actions: Sequence[PredictedAction] | None = None,
         error: str | None = None,
+        check: Callable[[Connection], None] = lambda _: None,
     ) -> str:
         """Store what was asked and answered, and count it; the prediction's id.
 
         Args:
+            check: called in the transaction before anything is written; what it raises goes on, and nothing is stored.
             timings_ms: of the stages so far; `write`, `total` and `outside_llm` are added.
             started_s: when the request came, by `time.perf_counter`.
         """
         draft = _draft(question, dialogue, timings_ms, status, actions, error)
 
         def write() -> str:
-            cameras = put_images(self._store.blobs, question.request.frames, question.request.images)
+            cameras = put_images(self._store.blobs, question.request.cameras, question.request.images)
             with self._store.write() as connection:
+                check(connection)
                 return predictions.add(connection, replace(draft, cameras=cameras) if cameras else draft).id
 
         with timed(timings_ms, "write"):
@@ -109,4 +115,5 @@ def _draft(
         step=question.step,
         objects=tuple(map(ObjectRecord.of, question.observed)),
         samples=dialogue.samples,
+        grounding=question.grounded.to_json(),
     )

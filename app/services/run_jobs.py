@@ -10,10 +10,11 @@ from functools import partial
 
 from app.pipeline.errors import InvalidInputError
 from app.services.extraction import extract_all_again
+from app.services.limits_log import record_limits
 from app.services.task_settings import TaskSettings
 from app.services.workspaces import with_room_for
 from app.store import episodes, jobs, tasks
-from app.store.errors import CorruptDataError
+from app.store.errors import CorruptDataError, NotFoundError
 from app.store.records import EpisodeRecord, Extraction, JobRecord
 from app.store.store import Store
 
@@ -77,8 +78,8 @@ class RunJobs:
             return False
         try:
             self._run(job)
-        except jobs.LostClaimError:
-            logger.warning("job %s was taken over", job.id)
+        except (jobs.LostClaimError, NotFoundError):
+            logger.warning("job %s was taken over, or its task deleted", job.id)
         return True
 
     def _run(self, job: JobRecord) -> None:
@@ -117,11 +118,13 @@ class RunJobs:
             task = tasks.lock(connection, job.task)
             if jobs.pending(connection, job, 1):
                 return False
-            jobs.finish(connection, job, self._settings(job, task.settings).model_dump(mode="json"))
-            settings = TaskSettings.model_validate(tasks.get(connection, job.task).settings)
-            if settings.workspace.preset == "auto":
-                fitted = with_room_for(settings, episodes.all_of(connection, job.task))
-                tasks.update_settings(connection, job.task, fitted.model_dump(mode="json"))
+            settings = self._settings(job, task.settings)
+            jobs.finish(connection, job, settings.model_dump(mode="json"))
+            fitted = with_room_for(settings, episodes.all_of(connection, job.task) if settings.workspace.preset else ())
+            after = fitted.model_dump(mode="json")
+            tasks.update_settings(connection, job.task, after)
+            before = TaskSettings.model_validate(task.settings).model_dump(mode="json")
+            record_limits(connection, job.task, before, after, actor=f"job {job.id}")
         logger.info("job %s is done", job.id)
         self._on_done(job.task)
         return True

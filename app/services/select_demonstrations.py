@@ -2,6 +2,7 @@
 
 import random
 from collections.abc import Sequence
+from datetime import datetime
 from typing import Literal
 
 from sqlalchemy import Connection
@@ -18,12 +19,20 @@ MAX_TASKS = 64  # whose scenes are kept: 10,000 episodes of three objects take 1
 MAX_CHOICES = 1024
 
 
+# A task that was deleted and made again counts its versions from the beginning.
+TaskState = tuple[str, datetime, int]
+
+
+def _state(task: TaskRecord) -> TaskState:
+    return task.name, task.created_at, task.version
+
+
 class DemonstrationSelector:
     """Selects, and remembers per version of a task what does not depend on the observation."""
 
     def __init__(self) -> None:
-        self._scenes: Cache[tuple[str, int], Scenes] = Cache(MAX_TASKS)
-        self._choices: Cache[tuple[str | int, ...], tuple[str, ...]] = Cache(MAX_CHOICES)
+        self._scenes: Cache[TaskState, Scenes] = Cache(MAX_TASKS)
+        self._choices: Cache[tuple[TaskState, Selection, int, int], tuple[str, ...]] = Cache(MAX_CHOICES)
 
     def __call__(
         self,
@@ -44,7 +53,7 @@ class DemonstrationSelector:
         if selection == "nearest":
             scenes = self._scenes_of(connection, task)
             return scenes.ids_at(nearest_last(scenes.positions_m, scenes.observed_m(objects), number))
-        key = (task.name, task.version, selection, number, seed if selection == "random" else 0)
+        key = (_state(task), selection, number, seed if selection == "random" else 0)
         return self._choices.get(key, lambda: self._choose(connection, task, selection, number, seed))
 
     def _choose(
@@ -60,4 +69,4 @@ class DemonstrationSelector:
         return tuple(record.id for record in episodes.demonstrations(connection, task.name, number, order))
 
     def _scenes_of(self, connection: Connection, task: TaskRecord) -> Scenes:
-        return self._scenes.get((task.name, task.version), lambda: read_scenes(connection, task.name))
+        return self._scenes.get(_state(task), lambda: read_scenes(connection, task.name))

@@ -4,13 +4,13 @@ from collections.abc import Iterable, Mapping
 
 from app.perception.frames import ImageBytes, decode_frame
 from app.perception.images import STORED_PIXELS
-from app.pipeline.camera import RgbdFrame
+from app.pipeline.camera import Camera, RgbdFrame
 from app.store.blobs import BlobStore
 from app.store.values import CameraRecord
 
 
 def put_images(
-    blobs: BlobStore, frames: Iterable[RgbdFrame], images: Mapping[str, ImageBytes]
+    blobs: BlobStore, cameras: Iterable[Camera], images: Mapping[str, ImageBytes]
 ) -> tuple[CameraRecord, ...]:
     """Store the images; returns the cameras with their digests, for the row that refers to them.
 
@@ -18,10 +18,10 @@ def put_images(
         images: of each camera, by its name.
     """
     records = []
-    for frame in frames:
-        sent = images[frame.camera.name]
+    for camera in cameras:
+        sent = images[camera.name]
         digests = [None if data is None else blobs.put(data) for data in (sent.rgb, sent.depth, sent.mask)]
-        records.append(CameraRecord.of(frame.camera, *digests))
+        records.append(CameraRecord.of(camera, *digests))
     return tuple(records)
 
 

@@ -30,7 +30,7 @@ from app.store.store import Store
 from app.store.values import CameraRecord, JsonObject
 
 MAX_ATTEMPTS = 3  # a task's settings may change while an episode is being extracted
-SCOPE = "POST /episodes"
+SCOPE = idempotency.UPLOAD
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +89,8 @@ class UploadEpisode:
         for _ in range(MAX_ATTEMPTS):
             task = self._task(upload)
             extracted = self._extract(upload, task)
-            cameras = put_images(self._store.blobs, upload.episode.frames, upload.images)
+            calibrated = [frame.camera for frame in upload.episode.frames]
+            cameras = put_images(self._store.blobs, calibrated, upload.images)
             if (answer := self._commit(upload, task, extracted, cameras, respond)) is not None:
                 return answer
         raise ConflictError(f"task {upload.task!r} kept changing during the upload: send the episode again")
@@ -126,10 +127,12 @@ class UploadEpisode:
         cameras: tuple[CameraRecord, ...],
         respond: Respond,
     ) -> JsonObject | None:
-        """The answer, or None if the task changed in what matters since it was `seen`."""
+        """The answer, or None if the task changed in what matters since it was `seen`, or was deleted."""
         with self._store.write() as connection:
             if (before := _answer_before(connection, upload)) is not None:
                 return before
+            if seen is not None and not tasks.exists(connection, upload.task):
+                return None
             task = tasks.get_or_create(
                 connection, upload.task, _settings_of(seen, upload.objects).model_dump(mode="json")
             )

@@ -9,15 +9,19 @@ from sqlalchemy import Connection
 from app.llm.base import ModelProfile
 from app.perception.registry import estimate_poses
 from app.pipeline.episode import ObjectPose
+from app.pipeline.plans.support import PlacedPlan
 from app.pipeline.prompt import check_object_names, objects_of_task
 from app.pipeline.representation import KAT_FORMAT
 from app.pipeline.units import check_scene_units
 from app.pipeline.wording import checked_instruction
 from app.services.cache import Cache
 from app.services.demonstrations import read_demonstrations, stepwise_demonstrations
+from app.services.english import is_english
 from app.services.errors import NoDemonstrationsError
+from app.services.ground_instruction import ground_instruction
 from app.services.limits import Limits
 from app.services.pose_servers import PoseServers
+from app.services.prediction_findings import findings_before
 from app.services.previous_step import PreviousStep, previous_step
 from app.services.question import PredictRequest, Question
 from app.services.select_demonstrations import DemonstrationSelector
@@ -52,6 +56,7 @@ class QuestionWriter:
         self._profile_of = profile_of
         self._select = DemonstrationSelector()
         self._templates: Cache[TemplateKey, Template] = Cache(CAPACITY)
+        is_english("")  # reads its list now, so that no request waits for it
 
     def __call__(self, request: PredictRequest, timings_ms: Timings) -> Question:
         """The question that `request` puts to its model.
@@ -63,6 +68,7 @@ class QuestionWriter:
             ConflictError: if a closed loop's demonstrations have changed since its last step, or the task's settings
                 while its images were looked at.
             InvalidInputError, ObjectSetError: if the observation does not fit the task.
+            UngroundedInstructionError, UnfamiliarInstructionError: if the instruction is not clear.
         """
         instruction = checked_instruction("instruction", request.instruction)
         seen = self._look(request, timings_ms) if request.frames else None
@@ -71,6 +77,8 @@ class QuestionWriter:
                 task = tasks.get(connection, request.task)
                 settings = TaskSettings.model_validate(task.settings)
                 previous = None if request.after is None else previous_step(connection, request.after, request.task)
+            end_effector = request.end_effector or (None if previous is None else previous.end_effector)
+            settings.limits_of_motion().require_start(end_effector)
             if seen is None:
                 with timed(timings_ms, "poses"):
                     objects = _observed(request, task, settings)
@@ -79,13 +87,16 @@ class QuestionWriter:
             with timed(timings_ms, "prompt"):
                 told = self._told(connection, request, task, settings, objects, previous)
         template, style = told.templates[0], told.style
+        with timed(timings_ms, "words"):
+            grounded = ground_instruction(request, instruction, template.instructions, settings, objects, previous)
         step = None if not style.closed_loop else 0 if previous is None else previous.step + 1
         written = template.at_step(step or 0)
         so_far = "" if previous is None else previous.so_far(template)
         self._limits.check_prompt(len(written.system) + len(written.prefix) + len(so_far))
         question = Question(
             request=request,
-            instructions=written.codec.questions(instruction),
+            grounded=grounded,
+            instructions=written.codec.questions(grounded.instruction),
             objects=written.posed(objects),
             template=template,
             written=written,
@@ -95,8 +106,10 @@ class QuestionWriter:
             style=style,
             settings=settings,
             observed=objects,
-            end_effector=request.end_effector or (None if previous is None else previous.end_effector),
+            end_effector=end_effector,
         )
+        question = replace(question, plans=_placed(question))
+        question = replace(question, findings=findings_before(question))
         return replace(question, samples=_samples(question, told.templates)) if request.num_samples > 1 else question
 
     def usual_template(self, task_name: str) -> Template:
@@ -182,6 +195,13 @@ class QuestionWriter:
             return make_template(read, settings, style)
 
         return self._templates.get(key, make)
+
+
+def _placed(question: Question) -> dict[str, tuple[PlacedPlan, ...] | None]:
+    """The demonstrated rows in the observed scene, for each part of the instruction."""
+    if (support := question.template.support) is None:
+        return {}
+    return {part: support.placed(question.objects, part, question.start) for part in question.instructions}
 
 
 def _orders(ids: tuple[str, ...], request: PredictRequest) -> list[tuple[str, ...]]:

@@ -18,6 +18,7 @@ from app.sim.person import Person
 from app.sim.recorder import GripperState, Recorder
 from app.sim.rendering import RgbImage
 from app.sim.robot import DWELL_S, SimulatedPanda
+from app.sim.shift import shift_free_objects
 from app.sim.tasks import make_task
 
 # How experts are recorded: at rest at each of their poses, or passing them as a person does (`app.sim.person`)
@@ -146,15 +147,21 @@ def rollout(
     *,
     variation: int | None = None,
     film_strip: bool = False,
+    shift_m: float = 0.0,
 ) -> RolloutResult:
     """Carry out predicted actions on the scene of a seed and judge the outcome.
 
     An action that is out of reach or blocked ends the rollout as a failure that names it.
 
+    Args:
+        shift_m: how far the scene's free objects are moved first, see `app.sim.shift`.
+
     Raises:
-        InvalidInputError: for an unknown task or variation.
+        InvalidInputError: for an unknown task or variation, or a scene without room for the shift.
     """
     robot = robot_in_scene(task_name, seed, variation, images=False)
+    if shift_m:
+        shift_free_objects(robot.task, shift_m, seed)
     film, num_executed, error = _perform(robot, moves_from_actions(actions), film_strip=film_strip)
     failure = error or judge(robot)
     return RolloutResult(task_name, seed, num_executed, not failure, failure, tuple(film.images))

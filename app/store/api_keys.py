@@ -5,7 +5,7 @@ from datetime import UTC, datetime
 
 from sqlalchemy import Connection, insert, select, update
 
-from app.store import tables
+from app.store import audit, tables
 from app.store.errors import NotFoundError
 
 _KEYS = tables.api_keys
@@ -32,6 +32,7 @@ class ApiKeyRecord:
 def add(connection: Connection, record: ApiKeyRecord) -> None:
     """Store a new key."""
     connection.execute(insert(_KEYS).values({**asdict(record), "scopes": list(record.scopes)}))
+    audit.record(connection, "key.created", record.id, {"name": record.name, "scopes": list(record.scopes)})
 
 
 def list_all(connection: Connection) -> tuple[ApiKeyRecord, ...]:
@@ -51,7 +52,9 @@ def revoke(connection: Connection, key_id: str) -> None:
     Raises:
         NotFoundError: if there is no key of that id.
     """
-    if connection.scalar(select(_KEYS.c.id).where(_KEYS.c.id == key_id)) is None:
+    name: str | None = connection.scalar(select(_KEYS.c.name).where(_KEYS.c.id == key_id))
+    if name is None:
         raise NotFoundError("API key", key_id)
     query = update(_KEYS).where(_KEYS.c.id == key_id, _KEYS.c.revoked_at.is_(None))
-    connection.execute(query.values(revoked_at=datetime.now(UTC)))
+    if connection.execute(query.values(revoked_at=datetime.now(UTC))).rowcount:
+        audit.record(connection, "key.revoked", key_id, {"name": name})

@@ -10,13 +10,14 @@ import os
 import re
 import time
 from collections.abc import Iterator, Set
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from datetime import timedelta
 from pathlib import Path
 from typing import Protocol
 from uuid import uuid4
 
 from app.store.errors import CorruptDataError, StoreUnavailableError
+from app.store.private import FILE_MODE, FOLDER_MODE, private_opener
 
 _TEMPORARY_PREFIX = ".tmp-"
 _DIGEST = re.compile(r"[0-9a-f]{64}")
@@ -42,6 +43,10 @@ class BlobStore(Protocol):
         """
         ...
 
+    def sizes(self) -> dict[str, int]:
+        """The number of bytes of every blob, by digest."""
+        ...
+
     def sweep(self, referenced: Set[str], older_than: timedelta) -> int:
         """Remove blobs that are not `referenced`, and unfinished writes; returns how many.
 
@@ -62,15 +67,16 @@ class FileBlobStore:
         self._root = root
         self._synced_folders: set[Path] = set()
         with _disk_errors():
-            root.mkdir(parents=True, exist_ok=True)
-            (root / ".lock").touch()
+            root.mkdir(FOLDER_MODE, parents=True, exist_ok=True)
+            (root / ".lock").touch(FILE_MODE)
 
     def put(self, data: bytes) -> str:
         digest = hashlib.sha256(data).hexdigest()
         path = self._path(digest)
         with _disk_errors():
             if not self._renew(path):
-                path.parent.mkdir(parents=True, exist_ok=True)
+                for folder in (path.parent.parent, path.parent):
+                    folder.mkdir(FOLDER_MODE, exist_ok=True)
                 _write_durably(path, data)
             # Also for a blob that was there: whoever wrote it may not have come this far yet.
             self._sync_entry(path)
@@ -87,6 +93,14 @@ class FileBlobStore:
         if hashlib.sha256(data).hexdigest() != digest:
             raise CorruptDataError("blob", digest, "its bytes do not match the digest")
         return data
+
+    def sizes(self) -> dict[str, int]:
+        found: dict[str, int] = {}
+        with _disk_errors():
+            for path in self._root.glob("??/??/*"):
+                with suppress(FileNotFoundError):  # renamed to its digest, or swept
+                    found[path.name] = path.stat().st_size
+        return found
 
     def sweep(self, referenced: Set[str], older_than: timedelta) -> int:
         limit = time.time() - older_than.total_seconds()
@@ -145,7 +159,7 @@ def digest_path(digest: str) -> str:
 def _write_durably(path: Path, data: bytes) -> None:
     temporary = path.with_name(f"{_TEMPORARY_PREFIX}{uuid4().hex}")
     try:
-        with temporary.open("xb") as file:
+        with open(temporary, "xb", opener=private_opener) as file:
             file.write(data)
             file.flush()
             os.fsync(file.fileno())

@@ -10,7 +10,7 @@ from uuid import uuid4
 from sqlalchemy import Connection, Row, Select, Text, bindparam, cast, delete, exists, func, insert, select, update
 
 from app.pipeline.episode import Trajectory
-from app.store import tables, tasks, trajectories
+from app.store import audit, tables, tasks, trajectories
 from app.store.errors import NotFoundError
 from app.store.pages import Page, fetch_page
 from app.store.records import DemonstrationRecord, EpisodeDraft, EpisodeRecord, Extraction, SceneRecord
@@ -18,7 +18,8 @@ from app.store.values import CameraRecord, KeyframeRecord, ObjectRecord
 
 _EPISODES = tables.episodes
 _DIGEST = re.compile(r'"([0-9a-f]{64})"')
-WITHOUT_TRAJECTORY = [column for column in _EPISODES.c if column is not _EPISODES.c.trajectory]
+_WITHOUT_TRAJECTORY = [column for column in _EPISODES.c if column.name != "trajectory"]
+LISTED = [column for column in _WITHOUT_TRAJECTORY if column.name != "extra"]
 _SCENES = (
     select(_EPISODES.c.id, _EPISODES.c.objects)
     .where(_EPISODES.c.task == bindparam("task"))
@@ -70,7 +71,7 @@ def get(connection: Connection, episode_id: str) -> EpisodeRecord:
     Raises:
         NotFoundError: if there is none of that id.
     """
-    row = connection.execute(select(*WITHOUT_TRAJECTORY).where(_EPISODES.c.id == episode_id)).first()
+    row = connection.execute(select(*_WITHOUT_TRAJECTORY).where(_EPISODES.c.id == episode_id)).first()
     if row is None:
         raise NotFoundError("episode", episode_id)
     return record_of(row)
@@ -116,7 +117,7 @@ def list_page(
     instruction_contains: str = "",
 ) -> Page[EpisodeRecord]:
     """Episodes, newest first, of one task or of all, whose instruction contains the text in any case."""
-    query = select(*WITHOUT_TRAJECTORY)
+    query = select(*LISTED)
     if task is not None:
         query = query.where(_EPISODES.c.task == task)
     if instruction_contains:
@@ -127,7 +128,7 @@ def list_page(
 
 def by_ids(connection: Connection, task: str, ids: Sequence[str]) -> dict[str, EpisodeRecord]:
     """Those of the episodes that the task still has, by id, in the order of `ids`."""
-    query = select(*WITHOUT_TRAJECTORY).where(_EPISODES.c.id.in_(ids))
+    query = select(*LISTED).where(_EPISODES.c.id.in_(ids))
     found = {row.id: row for row in connection.execute(query) if row.task == task}
     return {id_: record_of(found[id_]) for id_ in ids if id_ in found}
 
@@ -141,7 +142,7 @@ def instructions(connection: Connection, task: str, limit: int = 50) -> tuple[st
 def newest_by_task(connection: Connection) -> dict[str, EpisodeRecord]:
     """The newest episode of every task that has one."""
     newest = select(func.max(_EPISODES.c.sequence)).group_by(_EPISODES.c.task)
-    query = select(*WITHOUT_TRAJECTORY).where(_EPISODES.c.sequence.in_(newest))
+    query = select(*LISTED).where(_EPISODES.c.sequence.in_(newest))
     return {row.task: record_of(row) for row in connection.execute(query)}
 
 
@@ -155,7 +156,7 @@ def neighbours(connection: Connection, record: EpisodeRecord) -> tuple[str | Non
 
 def all_of(connection: Connection, task: str) -> tuple[EpisodeRecord, ...]:
     """Every episode of a task, oldest first."""
-    query = select(*WITHOUT_TRAJECTORY).where(_EPISODES.c.task == task).order_by(_EPISODES.c.sequence)
+    query = select(*LISTED).where(_EPISODES.c.task == task).order_by(_EPISODES.c.sequence)
     return tuple(record_of(row) for row in connection.execute(query))
 
 
@@ -189,6 +190,7 @@ def remove(connection: Connection, episode_id: str) -> str:
         raise NotFoundError("episode", episode_id)
     others_left = connection.scalar(select(exists().where(_EPISODES.c.task == task)))
     tasks.change(connection, task, {} if others_left else {"object_names": None})
+    audit.record(connection, "episode.deleted", episode_id, {"task": task})
     return task
 
 
@@ -300,7 +302,7 @@ def _demonstration(row: Row[Any]) -> DemonstrationRecord:
 
 
 def record_of(row: Row[Any]) -> EpisodeRecord:
-    """The record of a row of `WITHOUT_TRAJECTORY`."""
+    """The record of a row of `LISTED`, or of more."""
     decoded = {
         **_extraction(row),
         "cameras": tuple(CameraRecord.from_json(value) for value in row.cameras),

@@ -9,8 +9,9 @@ from app.store.database import lock, writes
 from app.store.errors import ConflictError
 from app.store.records import StoredResponse
 
+UPLOAD, PREDICT = "POST /episodes", "POST /predict"  # scopes
 # After this a key may be used again. An upload's is kept: a dataset imported twice adds nothing, however much later.
-KEPT_FOR = {"POST /predict": timedelta(hours=24)}
+KEPT_FOR = {PREDICT: timedelta(hours=24)}
 _KEYS = tables.idempotency_keys
 
 

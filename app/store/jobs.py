@@ -92,7 +92,7 @@ def claim(connection: Connection, lease: timedelta) -> JobRecord | None:
 def pending(connection: Connection, job: JobRecord, limit: int) -> tuple[EpisodeRecord, ...]:
     """The task's next episodes that the job has not extracted, oldest first."""
     staged = select(_STAGED.c.episode).where(_STAGED.c.job == job.id, _STAGED.c.episode == _EPISODES.c.id)
-    query = select(*episodes.WITHOUT_TRAJECTORY).where(_EPISODES.c.task == job.task, ~exists(staged))
+    query = select(*episodes.LISTED).where(_EPISODES.c.task == job.task, ~exists(staged))
     return tuple(map(episodes.record_of, connection.execute(query.order_by(_EPISODES.c.sequence).limit(limit))))
 
 

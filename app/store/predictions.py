@@ -6,6 +6,7 @@ from typing import Any, Literal
 from uuid import uuid4
 
 from sqlalchemy import Connection, Row, case, func, insert, select, update
+from sqlalchemy.exc import IntegrityError
 
 from app.store import tables
 from app.store.errors import NotFoundError
@@ -19,11 +20,18 @@ _OUTCOMES = {"success": True, "failure": False, "unknown": None}
 
 
 def add(connection: Connection, draft: PredictionDraft) -> PredictionRecord:
-    """Store a prediction of an existing task."""
+    """Store a prediction.
+
+    Raises:
+        NotFoundError: if its task has been deleted since it was asked for.
+    """
     fields = {field.name: getattr(draft, field.name) for field in fields_of(PredictionDraft)}
     values = {**fields, "id": uuid4().hex, "created_at": datetime.now(UTC)}
     seen = {name: [item.to_json() for item in fields[name]] or None for name in ("objects", "cameras")}
-    sequence = connection.execute(_INSERT, {**values, **seen}).scalar_one()
+    try:
+        sequence = connection.execute(_INSERT, {**values, **seen}).scalar_one()
+    except IntegrityError as error:
+        raise NotFoundError("task", draft.task) from error
     return PredictionRecord(**values, sequence=sequence, outcome_success=None, outcome_note=None, outcome_at=None)
 
 

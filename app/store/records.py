@@ -76,7 +76,6 @@ class EpisodeFields:
     objects: tuple[ObjectRecord, ...]
     given_objects: tuple[JsonObject, ...]
     cameras: tuple[CameraRecord, ...]
-    extra: JsonObject
     prediction_id: str | None = None
 
 
@@ -84,13 +83,19 @@ class EpisodeFields:
 class EpisodeDraft(EpisodeFields):
     """A new episode."""
 
+    extra: JsonObject
     trajectory: Trajectory
 
 
 @dataclass(frozen=True, kw_only=True)
 class EpisodeRecord(EpisodeFields):
-    """A stored episode; its trajectory is read on its own."""
+    """A stored episode; its trajectory is read on its own.
 
+    Attributes:
+        extra: what else was uploaded; None in lists, which do not read it.
+    """
+
+    extra: JsonObject | None = None
     id: str
     sequence: int
     num_frames: int
@@ -143,6 +148,7 @@ class PredictionDraft:
         objects: as they were observed; empty in rows from before they were kept.
         cameras: with the images that were sent, if any.
         samples: where several replies were asked for, each of them and whether it entered.
+        grounding: how the instruction was understood (`Grounded.to_json`); None in rows from before it was kept.
     """
 
     task: str
@@ -164,6 +170,7 @@ class PredictionDraft:
     objects: tuple[ObjectRecord, ...] = ()
     cameras: tuple[CameraRecord, ...] = ()
     samples: tuple[JsonObject, ...] | None = None
+    grounding: JsonObject | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

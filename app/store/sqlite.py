@@ -1,16 +1,19 @@
 """All that is special to SQLite. Nothing outside this module knows a pragma."""
 
+import contextlib
 import sqlite3
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import cast
 
 from sqlalchemy import Connection, Engine, event
 from sqlalchemy.pool import ConnectionPoolEntry
 
 from app.store.errors import CorruptDataError, StoreUnavailableError
+from app.store.private import private_file
 
 # Execution option of a connection whose transaction will write.
 WRITE_OPTION = "roboprompt_write"
@@ -31,6 +34,13 @@ def configure(engine: Engine, busy_timeout_s: float) -> None:
         "foreign_keys=ON",
         f"cache_size=-{CACHE_KIB}",
     )
+
+    @event.listens_for(engine, "do_connect")
+    def on_opening(_dialect: object, _record: object, arguments: Sequence[str], _parameters: object) -> None:
+        # SQLite would make the file readable for all; the log and the index beside it get the file's mode.
+        if arguments[0] != ":memory:":
+            with contextlib.suppress(OSError):  # which SQLite reports itself
+                private_file(Path(arguments[0]))
 
     @event.listens_for(engine, "connect")
     def on_connect(connection: sqlite3.Connection, _: ConnectionPoolEntry) -> None:
@@ -107,3 +117,21 @@ def check_foreign_keys(connection: Connection) -> None:
         raise CorruptDataError(
             "database", str(connection.engine.url), f"row {row[1]} of {row[0]} refers to no {row[2]}"
         )
+
+
+def require_plain(path: Path) -> None:
+    """Make sure that a file from elsewhere holds tables and indexes, and nothing that SQLite would run.
+
+    Raises:
+        CorruptDataError: naming a view, trigger or virtual table; or if it is no database.
+    """
+    query = "SELECT type, name FROM sqlite_master WHERE type NOT IN ('table', 'index') OR sql LIKE 'CREATE VIRTUAL%'"
+    try:
+        with contextlib.closing(sqlite3.connect(path)) as connection:
+            connection.execute("PRAGMA trusted_schema=OFF")
+            connection.execute("PRAGMA cell_size_check=ON")
+            found = connection.execute(query).fetchone()
+    except sqlite3.Error as error:
+        raise CorruptDataError("database", str(path), str(error)) from error
+    if found is not None:
+        raise CorruptDataError("database", str(path), f"it has the {found[0]} {found[1]!r:.80}")

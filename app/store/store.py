@@ -2,6 +2,7 @@
 
 import fcntl
 import time
+from collections.abc import Callable
 from contextlib import AbstractContextManager
 from datetime import timedelta
 from pathlib import Path
@@ -14,6 +15,7 @@ from app.store.blobs import BlobStore, FileBlobStore
 from app.store.database import SERVER_CONNECTIONS, Database
 from app.store.errors import StoreUnavailableError
 from app.store.migration import migrate
+from app.store.private import private_folder, private_opener
 from app.store.under_way import UnderWayNotes
 
 # An upload commits its row within seconds of putting its blobs.
@@ -53,18 +55,16 @@ class Store:
         """Open or create the store and bring its database to the newest schema.
 
         Args:
-            data_dir: created if it is not there; holds the blobs, and the database unless `database_url` names another.
+            data_dir: created if it is not there, and closed to other users; holds the blobs, and the database unless
+                `database_url` names another.
             blobs_url: of an object store, e.g. ``s3://bucket/prefix``; None: a folder of the data directory.
             server_connections: at most so many at once to a database server.
 
         Raises:
-            StoreUnavailableError: if directory or database cannot be opened, created or locked.
+            StoreUnavailableError: if directory or database cannot be opened, created, locked or closed to others.
             SchemaVersionError: if the database was written by newer code.
         """
-        try:
-            data_dir.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise StoreUnavailableError(f"data directory: {error}") from error
+        private_folder(data_dir)
         url = database_url or f"sqlite:///{data_dir / 'roboprompt.db'}"
         database = Database(url, server_connections=server_connections)
         try:
@@ -97,10 +97,14 @@ class Store:
             referenced = episodes.blob_digests(connection)
         return self.blobs.sweep(referenced, older_than)
 
-    def sweep_once(self) -> int:
-        """`sweep`, unless another process of this data directory does it or has done it within the hour."""
+    def sweep_once(self, first: Callable[[], None] = lambda: None) -> int:
+        """`sweep`, unless another process of this data directory does it or has done it within the hour.
+
+        Args:
+            first: called before, by the process that sweeps.
+        """
         path = self._data_dir / ".swept"
-        with path.open("a+") as note:
+        with open(path, "a+", opener=private_opener) as note:
             try:
                 fcntl.flock(note, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
@@ -108,6 +112,7 @@ class Store:
             note.seek(0)
             if time.time() - float(note.read() or 0) < SWEEP_GRACE.total_seconds():
                 return 0
+            first()
             removed = self.sweep()
             note.truncate(0)
             note.write(str(time.time()))

@@ -114,6 +114,7 @@ predictions = Table(
     Column("objects", Json),
     Column("cameras", Json),
     Column("samples", Json),
+    Column("grounding", Json),
     Index(None, "task", "sequence"),
     sqlite_autoincrement=True,
 )
@@ -167,4 +168,18 @@ staged_extractions = Table(
     Column("episode", String(32), primary_key=True),
     Column("keyframes", Json, nullable=False),
     Column("objects", Json, nullable=False),
+)
+
+# See app.store.audit. Numbers are given by the writer, without gaps.
+audit_log = Table(
+    "audit_log",
+    metadata,
+    Column("number", Integer, primary_key=True, autoincrement=False),
+    Column("at", UtcDateTime, nullable=False),
+    Column("actor", String(96), nullable=False),
+    Column("action", String(32), nullable=False),
+    Column("subject", String(255), nullable=False),
+    Column("details", Text, nullable=False),
+    Column("previous", String(64), nullable=False),
+    Column("digest", String(64), nullable=False),
 )

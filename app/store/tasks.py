@@ -16,6 +16,7 @@ from app.store.values import JsonObject
 _TASKS = tables.tasks
 # Every prediction asks this, and building the statement would take as long as running it.
 _GET = select(_TASKS).where(_TASKS.c.name == bindparam("name"))
+_VERSION = select(_TASKS.c.version).where(_TASKS.c.name == bindparam("name"))
 
 
 def get(connection: Connection, name: str) -> TaskRecord:
@@ -27,6 +28,17 @@ def get(connection: Connection, name: str) -> TaskRecord:
     if (row := connection.execute(_GET, {"name": name}).first()) is None:
         raise NotFoundError("task", name)
     return _record(row)
+
+
+def version(connection: Connection, name: str) -> int:
+    """The task's version, which grows with every change; it costs less to read than the task.
+
+    Raises:
+        NotFoundError: if there is none of that name.
+    """
+    if (number := connection.execute(_VERSION, {"name": name}).scalar()) is None:
+        raise NotFoundError("task", name)
+    return int(number)
 
 
 def lock(connection: Connection, name: str) -> TaskRecord:
@@ -44,6 +56,11 @@ def _locked(connection: Connection, name: str) -> TaskRecord | None:
     # NO KEY: predictions that refer to the task are inserted meanwhile. SQLite, where writers are alone, ignores it.
     row = connection.execute(_GET.with_for_update(key_share=True), {"name": name}).first()
     return None if row is None else _record(row)
+
+
+def exists(connection: Connection, name: str) -> bool:
+    """Whether there is a task of that name."""
+    return connection.execute(_GET, {"name": name}).first() is not None
 
 
 def list_all(connection: Connection) -> tuple[TaskRecord, ...]:

@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from app.store.errors import StoreUnavailableError
+from app.store.private import FOLDER_MODE, private_opener
 
 
 @dataclass(frozen=True)
@@ -43,8 +44,9 @@ class UnderWayNotes:
         path = self._path(note.id)
         unfinished = path.with_suffix(".tmp")
         try:
-            self._folder.mkdir(exist_ok=True)
-            unfinished.write_text(json.dumps(asdict(note)))
+            self._folder.mkdir(FOLDER_MODE, exist_ok=True)
+            with open(unfinished, "w", opener=private_opener) as file:
+                json.dump(asdict(note), file)
             unfinished.rename(path)
         except OSError as error:
             raise StoreUnavailableError(f"note of a prediction under way: {error}") from error

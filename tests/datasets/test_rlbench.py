@@ -5,6 +5,7 @@ import pytest
 
 from app.datasets.errors import DamagedError, DatasetError
 from app.datasets.formats import open_dataset
+from app.datasets.limits import Budget, ReadLimits
 from app.datasets.objects import KnownObjects
 from app.datasets.options import ImportOptions
 from app.datasets.recording import ObjectEntry
@@ -59,7 +60,7 @@ def test_keyframes_are_those_of_the_recording(folder, tmp_path):
 @pytest.mark.parametrize("protocol", [2, 3, 4, 5])
 def test_every_protocol_of_a_pickle(tmp_path, protocol):
     peract.write_episode(tmp_path / "episode0", pick_trajectory(peract.DRAWER_M), protocol=protocol)
-    first = load_demo(tmp_path / "episode0/low_dim_obs.pkl")[0]
+    first = load_demo(tmp_path, tmp_path / "episode0/low_dim_obs.pkl", Budget(tmp_path, ReadLimits()))[0]
     assert first.get("gripper_pose").shape == (7,)
     assert float(first.get("ignore_collisions")) == 1.0
 
@@ -142,7 +143,7 @@ def test_a_hostile_codec_is_not_looked_up(tmp_path):
     path = tmp_path / "low_dim_obs.pkl"
     path.write_bytes(b"c_codecs\nencode\n(VAAAA\nVzlib_codec\ntR.")
     with pytest.raises(DamagedError, match="encoding 'zlib_codec' is not allowed"):
-        load_demo(path)
+        load_demo(tmp_path, path, Budget(path, ReadLimits()))
 
 
 def test_damaged_files_are_named(folder, tmp_path):

@@ -1,11 +1,16 @@
+import io
 from dataclasses import replace
 
 import pytest
+from rich.console import Console
 
 from app.evaluation.plots import write_plots
 from app.evaluation.records import Crash, Evaluation, Method, TaskEvaluation
+from app.evaluation.report.results import results_of
+from app.evaluation.summary import results_table
+from app.evaluation.summary import summary as demo_summary
 from app.evaluation.sweeps import SWEEPS
-from app.evaluation.tables import markdown, sweep_summary
+from app.evaluation.tables import markdown, sweep_summary, terminal_table
 from tests.evaluation.trials import ANSWER, trial
 
 OURS, OTHER = Method("default"), Method("noisy", noise=1.5)
@@ -52,6 +57,52 @@ def test_table_says_what_is_compared(mixed):
         assert said in text
     assert "## Errors\n\n- 3 x MemoryError: too much\n" in text
     assert "Errors\n" not in markdown(evaluation(task("stack_cube", (1, 2), (0, 0))), "one thing")
+
+
+def crashed(*messages):
+    return tuple(Crash("stack_cube", 100_200 + k, OURS.label, message) for k, message in enumerate(messages))
+
+
+SLOW_LLM = "ServiceProblemError: 504 The LLM did not answer in time: after 60 s"
+SLOW_SERVICE = "ServiceUnreachableError: POST http://127.0.0.1:8000/predict: timed out"
+BROKEN = "ServiceProblemError: 502 The LLM answered with an error: it mentions 504 and that it timed out"
+
+
+def test_timeouts_and_errors_count_apart_and_as_no_failures():
+    ran = task("stack_cube", (1, 2), (2, 2))
+    run = evaluation(replace(ran, crashes=crashed(SLOW_LLM, SLOW_SERVICE, BROKEN)))
+    assert "1/2 (9-91 %), 2 timeouts, 1 error" in markdown(run, "one thing")
+    summary = sweep_summary(run)
+    assert (summary["trials"], summary["errors"], summary["timeouts"]) == (4, 1, 2)
+    figures = summary["tasks"]["stack_cube"]
+    assert (figures["trials"], figures["errors"], figures["timeouts"]) == (2, 1, 2)
+    ours, other = results_of(run)
+    assert (ours.not_run, str(ours.rate), other.not_run) == ("2 timeouts, 1 error", "1/2 (9-91 %)", "")
+    assert (demo_summary(run)["errors"], demo_summary(run)["timeouts"]) == (1, 2)
+
+
+def printed(table, width):
+    out = io.StringIO()
+    Console(file=out, width=width).print(table)
+    return out.getvalue()
+
+
+@pytest.mark.parametrize("sweep", ["main", "noise", "loop"])
+def test_tables_read_well_in_80_columns_without_a_terminal(sweep):
+    methods = SWEEPS[sweep].with_models(())
+    names = ("push_multiple_buttons", "put_in_cupboard")
+    trials = {
+        n: tuple(trial(n, 100_000 + k, m.label, k < 2, ANSWER) for m in methods for k in range(25)) for n in names
+    }
+    run = evaluation(*(TaskEvaluation(name, (), of) for name, of in trials.items()), methods=methods)
+    for text in (printed(terminal_table(run, 80), 80), printed(results_table(run), 80)):
+        assert max(map(len, text.splitlines())) <= 80
+        assert "\N{HORIZONTAL ELLIPSIS}" not in text
+        assert "\x1b" not in text
+        for name in names:
+            assert name in text
+        assert text.count("2/25") == len(names) * len(methods)
+    assert printed(terminal_table(run, 400), 400).count("push_multiple_buttons") == 1
 
 
 def test_summary(mixed):

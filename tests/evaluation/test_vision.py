@@ -77,9 +77,8 @@ def test_neither_poses_nor_masks_are_sent(trial, url):
 def test_models_are_learned_from_scenes_of_their_own(trial, url):
     task = httpx.get(f"{url}/predictions/{trial.answer['id']}").json()["task"]
     labelled = httpx.get(f"{url}/episodes", params={"task": f"{task}.labels"}).json()["episodes"]
-    assert [item["extra"]["seed"] for item in labelled[::-1]] == [
-        FIRST_LABELLED_SEED + k for k in range(LABELLED_SCENES)
-    ]
+    taught = [httpx.get(f"{url}/episodes/{item['id']}").json() for item in labelled[::-1]]
+    assert [item["extra"]["seed"] for item in taught] == [FIRST_LABELLED_SEED + k for k in range(LABELLED_SCENES)]
 
 
 def test_a_task_whose_objects_cannot_be_learned_is_an_error_that_says_so(url, tmp_path):

@@ -2,6 +2,7 @@ import asyncio
 import os
 import re
 import signal
+from contextlib import AsyncExitStack
 from dataclasses import fields
 from importlib.metadata import EntryPoint
 from pathlib import Path
@@ -201,16 +202,63 @@ def test_all_models_are_closed_together():
     for name in ("own/a", "own/b", "own/a"):
         registry.get(name)
     asyncio.run(registry.aclose())
-    assert closed == ["own/a", "own/b"]
+    assert sorted(closed) == ["own/a", "own/b"]
 
 
-def test_names_from_requests_cannot_fill_the_memory(make_registry):
+def test_names_from_requests_fill_neither_the_memory_nor_the_places(make_registry):
     registry = make_registry(openai_api_key="k")
-    for number in range(MAX_MODELS):
+    first, second = registry.get("openai/0"), registry.get("openai/1")
+    for number in range(2, MAX_MODELS):
         registry.get(f"openai/{number}")
-    with pytest.raises(ModelUnavailableError, match="32 models are in use already"):
-        registry.get("openai/one-more")
-    assert registry.get("openai/0")
+    assert registry.get("openai/0") is first
+    registry.get("openai/one-more")  # in the place of the one unused for longest
+    assert registry.get("openai/0") is first
+    assert registry.get("openai/1") is not second
+
+
+def test_what_is_in_use_keeps_its_place_and_what_is_not_is_closed(make_registry):
+    class Closable(ScriptedModel):
+        closed = False
+
+        async def aclose(self):
+            self.closed = True
+
+    made = {}
+
+    def create(model, settings):
+        made[model] = Closable([model])
+        return made[model]
+
+    async def run():
+        registry = ModelRegistry(LlmSettings(default_model="own/default"), {"own": Backend(create, lambda _: [])})
+        registry.get()
+        async with AsyncExitStack() as used:
+            for number in range(MAX_MODELS):
+                await used.enter_async_context(registry.using(f"own/{number}"))
+            with pytest.raises(ModelBusyError, match="32 other models are in use"):
+                registry.get("own/one-more")
+            assert registry.get() is made["default"]
+        async with registry.using("own/0"), registry.using("own/one-more"):
+            closed = {name for name, model in made.items() if model.closed}
+        await registry.aclose()
+        return closed, all(model.closed for model in made.values())
+
+    closed, at_the_end = asyncio.run(run())
+    assert closed == {"1"}
+    assert at_the_end
+
+
+def test_a_profile_keeps_nothing_and_what_is_offered_has_a_place_of_its_own(make_registry):
+    registry = make_registry(openai_api_key="k", compatible_base_url="http://127.0.0.1:9/v1")
+    kept = registry.get("openai/kept")
+    for number in range(3 * MAX_MODELS):
+        assert registry.profile(f"openai_compatible/{number}").name == f"openai_compatible/{number}"
+    for item in registry.profiles():
+        if item.available:
+            registry.get(item.profile.name)
+    for number in range(1, MAX_MODELS):
+        registry.get(f"openai/{number}")
+    assert registry.get("openai/kept") is kept
 
 
 own_backend = Backend(lambda model, settings: ScriptedModel([model]), lambda settings: [PROFILE])

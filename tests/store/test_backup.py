@@ -11,9 +11,10 @@ from typer.testing import CliRunner
 
 from app.cli import application
 from app.store import episodes, idempotency, predictions
-from app.store.backup import back_up, restore
+from app.store.backup import back_up
 from app.store.errors import ConflictError, CorruptDataError, SchemaVersionError, StoreUnavailableError
 from app.store.records import StoredResponse
+from app.store.restore import restore
 from app.store.store import Store
 from app.store.tables import metadata
 from tests.postgres import PostgresServer
@@ -34,10 +35,10 @@ def fill(store: Store) -> None:
 
 
 def digest_of(store: Store) -> str:
-    """Of every row, and of every blob that one refers to."""
+    """Of every row, and of every blob that one refers to; a restore is an entry of the audit log itself."""
     digest = hashlib.sha256()
     with store.read() as connection:
-        for table in metadata.sorted_tables:
+        for table in (item for item in metadata.sorted_tables if item.name != "audit_log"):
             for row in connection.execute(select(table).order_by(*table.primary_key)).mappings():
                 digest.update(repr(dict(row)).encode())
         for blob in sorted(episodes.blob_digests(connection)):

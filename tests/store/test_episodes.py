@@ -1,4 +1,5 @@
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -77,7 +78,8 @@ def test_task_forgets_its_object_names_with_its_last_episode(store: Store) -> No
 def test_the_newest_of_each_task_and_the_neighbours_of_one(store: Store) -> None:
     first, other, second, third = (upload(store, episode_draft(task=task)) for task in (TASK, "other", TASK, TASK))
     with store.read() as connection:
-        assert episodes.newest_by_task(connection) == {TASK: third, "other": other}
+        newest = {TASK: replace(third, extra=None), "other": replace(other, extra=None)}
+        assert episodes.newest_by_task(connection) == newest
         assert episodes.neighbours(connection, first) == (None, second.id)
         assert episodes.neighbours(connection, second) == (first.id, third.id)
         assert episodes.neighbours(connection, other) == (None, None)

@@ -8,9 +8,10 @@ import obstore
 import pytest
 
 from app.evaluation.server import running_server
-from app.store.backup import back_up, restore
+from app.store.backup import back_up
 from app.store.errors import CorruptDataError, StoreUnavailableError
 from app.store.object_store import ObjectBlobStore
+from app.store.restore import restore
 from app.store.store import Store
 from tests.reliability.service import ENVIRONMENT, image_of, upload_files
 from tests.s3 import BUCKET

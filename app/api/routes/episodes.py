@@ -9,6 +9,7 @@ from starlette.concurrency import run_in_threadpool
 from app.api.body import Body, read_body
 from app.api.documents import episode_document, metadata_document
 from app.api.frames import decode_frames, split_images
+from app.api.image_work import image_work
 from app.api.openapi import body_of
 from app.api.routes import Cursor, IdempotencyKey, Limit, Wired, problems
 from app.api.schemas.requests import EpisodeJson, EpisodeMetadata
@@ -18,6 +19,7 @@ from app.pipeline.episode import Episode, Trajectory
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.trajectory_npz import npz_from_trajectory, trajectory_from_arrays, trajectory_from_npz
 from app.services.container import Services
+from app.services.limits import Limits
 from app.services.upload_episode import Upload, content_digest
 from app.store import episodes, tasks
 from app.store.errors import NotFoundError
@@ -48,15 +50,17 @@ async def upload_episode(request: Request, services: Wired, idempotency_key: Ide
     one JSON document with the same names, arrays inline, images in base64. The first episode of a task creates it.
     """
     body = await read_body(request)
-    document = await run_in_threadpool(_upload, services, body, idempotency_key)
+    async with image_work(request).room(request, body, services.limits) as decode:
+        upload = await decode(_read_upload, services.limits, body, idempotency_key)
+        document = await run_in_threadpool(services.upload_episode, upload, episode_document)
     services.prefix_warmer.changed(document["task"])
     return JSONResponse(document, 201, {"Location": f"/episodes/{document['id']}"})
 
 
-def _upload(services: Services, body: Body, idempotency_key: str | None) -> JsonObject:
+def _read_upload(limits: Limits, body: Body, idempotency_key: str | None) -> Upload:
+    """What is to be stored, checked and decoded."""
     document, parts = dict(body.document), dict(body.parts)
     digest = content_digest(document, parts)
-    limits = services.limits
     if (npz := parts.pop("trajectory", None)) is not None:
         metadata = EpisodeMetadata.model_validate(document)
         trajectory = trajectory_from_npz(npz, limits.max_unpacked_bytes, limits.max_frames)
@@ -68,8 +72,7 @@ def _upload(services: Services, body: Body, idempotency_key: str | None) -> Json
     frames = decode_frames(metadata.cameras, images, limits.max_image_pixels)
     episode = Episode(metadata.instruction, trajectory, frames, metadata.control_frequency_hz, metadata.extra)
     objects = tuple(item.query() for item in metadata.objects)
-    upload = Upload(metadata.task, episode, objects, images, digest, idempotency_key, metadata.prediction_id)
-    return services.upload_episode(upload, episode_document)
+    return Upload(metadata.task, episode, objects, images, digest, idempotency_key, metadata.prediction_id)
 
 
 def _from_json(document: JsonObject, max_frames: int) -> tuple[EpisodeMetadata, Trajectory]:
@@ -176,7 +179,8 @@ def get_trajectory(services: Wired, episode_id: str) -> Response:
         **problems(_404="no such episode, camera or image", _422="no such kind of image"),
     },
 )
-def get_image(
+async def get_image(
+    request: Request,
     services: Wired,
     episode_id: str,
     camera: str,
@@ -184,6 +188,12 @@ def get_image(
     original: Annotated[bool, Query(description="the very bytes that were uploaded, also of an array")] = False,
 ) -> Response:
     """A camera's image of the first frame."""
+    return await image_work(request).run(request, _image, services, episode_id, camera, kind, original)
+
+
+def _image(
+    services: Services, episode_id: str, camera: str, kind: Literal["rgb", "depth", "mask"], original: bool
+) -> Response:
     with services.store.read() as connection:
         record = episodes.get(connection, episode_id)
     stored = next((item for item in record.cameras if item.name == camera), None)

@@ -1,6 +1,6 @@
 """Whether the service lives and is ready."""
 
-from fastapi import APIRouter, Response
+from fastapi import APIRouter, Request, Response
 from fastapi.responses import JSONResponse
 
 from app.api.routes import Wired
@@ -24,10 +24,12 @@ async def healthz() -> Response:
     response_model=Health,
     responses={503: {"model": Health, "description": "not ready; checks say why"}},
 )
-def readyz(services: Wired) -> Response:
-    """The store answers and the default model can be asked."""
+def readyz(request: Request, services: Wired) -> Response:
+    """The store answers and the default model can be asked. Why not is said to those who may read, not to anybody."""
     checks = {"store": _store(services), "model": _model(services)}
     ready = all(state == "ok" for state in checks.values())
+    if not request.state.known:
+        checks = {name: state if state == "ok" else "not available" for name, state in checks.items()}
     return JSONResponse({"status": "ok" if ready else "starting", "checks": checks}, 200 if ready else 503)
 
 
@@ -41,7 +43,7 @@ def _store(services: Services) -> str:
 
 def _model(services: Services) -> str:
     try:
-        services.models.get(services.default_model)
+        services.models.profile(services.default_model)
     except LanguageModelError as error:
         return str(error)
     return "ok"

@@ -1,7 +1,8 @@
 """Pictures for the eye: what was found in an image, drawn over it."""
 
-from fastapi import APIRouter, Response
+from fastapi import APIRouter, Request, Response
 
+from app.api.image_work import image_work
 from app.api.routes import Wired, problems
 
 PNG = "image/png"
@@ -18,9 +19,10 @@ router = APIRouter()
     response_class=Response,
     responses=_RESPONSES | problems(_404="no such episode or camera, or no colour image"),
 )
-def episode_overlay(services: Wired, episode_id: str, camera: str) -> Response:
+async def episode_overlay(request: Request, services: Wired, episode_id: str, camera: str) -> Response:
     """A camera's first image with the objects as they were found."""
-    return Response(services.draw_overlay.of_episode(episode_id, camera), media_type=PNG)
+    draw = services.draw_overlay.of_episode
+    return Response(await image_work(request).run(request, draw, episode_id, camera), media_type=PNG)
 
 
 @router.get(
@@ -30,6 +32,7 @@ def episode_overlay(services: Wired, episode_id: str, camera: str) -> Response:
     response_class=Response,
     responses=_RESPONSES | problems(_404="no such prediction or camera, or no colour image"),
 )
-def prediction_overlay(services: Wired, prediction_id: str, camera: str) -> Response:
+async def prediction_overlay(request: Request, services: Wired, prediction_id: str, camera: str) -> Response:
     """What the robot saw when it asked, with the objects as they were found."""
-    return Response(services.draw_overlay.of_prediction(prediction_id, camera), media_type=PNG)
+    draw = services.draw_overlay.of_prediction
+    return Response(await image_work(request).run(request, draw, prediction_id, camera), media_type=PNG)

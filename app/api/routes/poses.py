@@ -2,10 +2,10 @@
 
 from fastapi import APIRouter, Request, Response
 from fastapi.responses import JSONResponse
-from starlette.concurrency import run_in_threadpool
 
 from app.api.body import Body, read_body
 from app.api.frames import decode_frames, split_images
+from app.api.image_work import image_work
 from app.api.openapi import body_of
 from app.api.routes import Wired, problems
 from app.api.schemas.poses import PosesBody, PosesOut
@@ -36,7 +36,8 @@ async def poses(request: Request, services: Wired) -> Response:
     part `metadata` with `objects` and `cameras`, and the cameras' images as in an upload.
     """
     body = await read_body(request)
-    return JSONResponse(await run_in_threadpool(_find, body, services.limits))
+    async with image_work(request).room(request, body, services.limits) as decode:
+        return JSONResponse(await decode(_find, body, services.limits))
 
 
 def _find(body: Body, limits: Limits) -> JsonObject:

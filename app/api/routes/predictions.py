@@ -9,7 +9,7 @@ from app.api.documents import stored_prediction_document
 from app.api.routes import Cursor, Limit, Wired, problems
 from app.api.schemas.requests import OutcomeBody
 from app.api.schemas.responses import PredictionPage, StoredPrediction
-from app.store import predictions
+from app.store import erasure, predictions
 
 router = APIRouter(tags=["predictions"])
 
@@ -46,6 +46,22 @@ def get_prediction(services: Wired, prediction_id: str) -> Response:
     with services.store.read() as connection:
         record = predictions.get(connection, prediction_id)
     return JSONResponse(stored_prediction_document(record))
+
+
+@router.delete(
+    "/predictions/{prediction_id}",
+    operation_id="delete_prediction",
+    status_code=204,
+    responses=problems(_404="no such prediction"),
+)
+def delete_prediction(services: Wired, prediction_id: str) -> Response:
+    """Delete a prediction and its outcome; its images go with a later sweep, if nothing else has them.
+
+    An episode that carried it out keeps its id.
+    """
+    with services.store.write() as connection:
+        erasure.erase_prediction(connection, prediction_id)
+    return Response(status_code=204)
 
 
 @router.post(

@@ -16,7 +16,7 @@ from app.api.schemas.responses import JobOut, TaskList, TaskOut, TaskStatsOut
 from app.services.container import Services
 from app.services.task_settings import TaskSettings
 from app.services.task_stats import task_stats
-from app.store import episodes, tasks
+from app.store import episodes, erasure, tasks
 from app.store.records import JobRecord, TaskRecord
 
 _EXAMPLES: dict[str, Example] = {"press": {"value": examples.TASK}}
@@ -66,6 +66,17 @@ def configure_task(
         return JSONResponse(job_document(outcome), 202, {"Location": f"/jobs/{outcome.id}"})
     services.prefix_warmer.changed(name)
     return JSONResponse(_document(services, outcome))
+
+
+@router.delete("/tasks/{name}", operation_id="delete_task", status_code=204, responses=problems(_404="no such task"))
+def delete_task(services: Wired, name: str) -> Response:
+    """Delete a task with all that it holds: episodes, predictions, outcomes, jobs, answers to repeated requests.
+
+    Images go with a later sweep, if nothing else has them. What is under way for it fails, or makes it anew.
+    """
+    with services.store.write() as connection:
+        erasure.erase_task(connection, name)
+    return Response(status_code=204)
 
 
 @router.get(

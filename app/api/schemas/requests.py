@@ -1,7 +1,7 @@
 """What robots send."""
 
 import json
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Strict
@@ -10,12 +10,14 @@ from app.api.schemas import examples
 from app.perception.base import ObjectQuery
 from app.pipeline.arrays import unit_quaternions
 from app.pipeline.camera import Camera
+from app.pipeline.errors import InvalidInputError
 from app.pipeline.motion_limits import Pose
 from app.pipeline.reply import MAX_ACTIONS
 from app.services.question import Unsupported
 from app.services.select_demonstrations import Selection
 from app.services.task_settings import PromptFormat, Representation, SystemPrompt, plain_text
 
+MAX_EXTRA_BYTES = 65_536
 Number = Annotated[float, Strict()]  # neither true nor "0.1"
 Position = tuple[Number, Number, Number]
 Quaternion = tuple[Number, Number, Number, Number]
@@ -30,8 +32,10 @@ class RequestModel(BaseModel):
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 
-def _plain_json(value: dict[str, Any]) -> dict[str, Any]:
-    json.dumps(value, allow_nan=False)
+def _short_json(value: dict[str, Any]) -> dict[str, Any]:
+    size = len(json.dumps(value, allow_nan=False, ensure_ascii=False).encode())
+    if size > MAX_EXTRA_BYTES:
+        raise InvalidInputError("extra", f"has {size} bytes as JSON", f"at most {MAX_EXTRA_BYTES} bytes")
     return value
 
 
@@ -91,7 +95,9 @@ class EpisodeMetadata(RequestModel):
         str | None, Field(max_length=64, description="of the prediction of this task that the robot carried out here")
     ] = None
     extra: Annotated[
-        dict[str, Any], AfterValidator(_plain_json), Field(description="kept with the episode, not interpreted")
+        dict[str, Any],
+        AfterValidator(_short_json),
+        Field(description="kept with the episode, not interpreted; at most 64 kB"),
     ] = {}
 
 
@@ -149,7 +155,11 @@ class PredictBody(RequestModel):
     objects: Annotated[list[ObjectIn], Field(min_length=1, max_length=64)]
     cameras: Annotated[list[CameraIn], Field(max_length=16)] = []
     end_effector: Annotated[
-        EndEffectorIn | None, Field(description="if given, the task's max_step bounds hold for the first action, too")
+        EndEffectorIn | None,
+        Field(
+            description="the first action's way begins here; required where the task's motion_limits bound steps "
+            "(max_step_m, max_step_rotation_deg), but for later steps of a closed loop"
+        ),
     ] = None
     num_demonstrations: Annotated[int | None, Field(ge=1, le=100)] = None
     selection: Annotated[
@@ -191,6 +201,13 @@ class PredictBody(RequestModel):
             max_length=64, description="id of the last step of a closed loop; its model, style and demonstrations stay"
         ),
     ] = None
+    unfamiliar: Annotated[
+        Literal["refuse", "allow"],
+        Field(
+            description="an instruction unlike every taught one: refuse, or pass it on to the LLM with a finding of "
+            "severity danger; objects that are not clear are refused either way"
+        ),
+    ] = "refuse"
     max_actions: Annotated[int, Field(ge=1, le=100)] = MAX_ACTIONS
     timeout_s: Annotated[float, Field(ge=0.1, le=600)] = 60.0
     unsupported: Annotated[

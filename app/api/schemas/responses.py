@@ -40,7 +40,7 @@ class ObjectOut(ObservedObjectOut):
     bins: Annotated[list[int], Field(description="three, or six where the rotation is known")]
 
 
-class EpisodeOut(BaseModel):
+class ListedEpisode(BaseModel):
     """A stored episode and what was extracted from it; the texts are in the paper's representation."""
 
     id: str
@@ -51,11 +51,16 @@ class EpisodeOut(BaseModel):
     keyframes: list[KeyframeOut]
     objects: list[ObjectOut]
     cameras: list[str]
-    extra: dict[str, Any]
     prediction_id: Annotated[str | None, Field(description="of the prediction that the robot carried out here")]
     observation_text: str
     actions_text: str
     created_at: datetime
+
+
+class EpisodeOut(ListedEpisode):
+    """An episode with what else was uploaded."""
+
+    extra: dict[str, Any]
 
 
 class UploadedEpisodeOut(EpisodeOut):
@@ -71,9 +76,9 @@ class UploadOut(BaseModel):
 
 
 class EpisodePage(BaseModel):
-    """Episodes, newest first; `next_cursor` continues the list, null at its end."""
+    """Episodes, newest first, without their `extra`; `next_cursor` continues the list, null at its end."""
 
-    episodes: list[EpisodeOut]
+    episodes: list[ListedEpisode]
     next_cursor: int | None
 
 
@@ -211,7 +216,24 @@ class SamplesOut(BaseModel):
 Samples = Annotated[SamplesOut | None, Field(description="null where one reply was asked for")]
 
 
-class PredictionOut(BaseModel):
+class GroundingOut(BaseModel):
+    """What a phrase of the instruction was taken for."""
+
+    phrase: str
+    object: str
+    by: Literal["name", "alias", "spelling", "colour", "relation", "taught"]
+
+
+class UnderstoodOut(BaseModel):
+    """How the instruction was understood."""
+
+    canonical_instruction: Annotated[
+        str | None, Field(description="what prompts say: the objects by their names, in the form of a taught one")
+    ]
+    grounding: list[GroundingOut]
+
+
+class PredictionOut(UnderstoodOut):
     """Actions for the robot, and where they come from."""
 
     id: str
@@ -231,7 +253,7 @@ class PredictionOut(BaseModel):
     findings: Annotated[list[FindingOut], Field(description="what deserves a look before the robot moves")] = []
 
 
-class DryRunOut(BaseModel):
+class DryRunOut(UnderstoodOut):
     """The prompt as an LLM would read it."""
 
     id: None = None
@@ -255,7 +277,7 @@ class OutcomeOut(BaseModel):
     recorded_at: datetime
 
 
-class StoredPrediction(BaseModel):
+class StoredPrediction(UnderstoodOut):
     """A prediction as it was recorded, also where it failed."""
 
     id: str

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 from statistics import median
 from typing import Any
 
-from app.evaluation.records import Evaluation, Trial
+from app.evaluation.records import Evaluation, Method, TaskEvaluation
+from app.evaluation.scores import of_method, task_score
 from app.pipeline.success_rate import SuccessRate
 
 _Answer = Mapping[str, Any]
@@ -18,6 +19,7 @@ class Result:
     Attributes:
         asked: model, representation and prompt format, as the answers name them.
         outside_llm_s: the service's time for a prediction less that of the LLM.
+        not_run: timeouts and errors in words, which are no failures.
     """
 
     task: str
@@ -29,29 +31,28 @@ class Result:
     prompt_tokens: float | None
     cached_tokens: float | None
     completion_tokens: float | None
+    not_run: str = ""
 
 
 def results_of(evaluation: Evaluation) -> list[Result]:
     """A result for each task and method, in their order."""
-    return [
-        _result(task.task, method.label, [trial for trial in task.trials if trial.method == method.label])
-        for task in evaluation.tasks
-        for method in evaluation.methods
-    ]
+    return [_result(task, method) for task in evaluation.tasks for method in evaluation.methods]
 
 
-def _result(task: str, method: str, trials: Sequence[Trial]) -> Result:
+def _result(task: TaskEvaluation, method: Method) -> Result:
+    trials, score = of_method(task.trials, method), task_score(task, method)
     answers = [trial.answer for trial in trials if trial.answer is not None]
     return Result(
-        task,
-        method,
-        SuccessRate(sum(trial.succeeded for trial in trials), len(trials)),
+        task.task,
+        method.label,
+        score.rate,
         tuple(dict.fromkeys(map(_asked, answers))),
         llm_s=_median(answers, lambda answer: answer["timings_ms"]["llm"] / 1000),
         outside_llm_s=_median(answers, lambda answer: answer["timings_ms"]["outside_llm"] / 1000),
         prompt_tokens=_median(answers, lambda answer: answer["usage"]["prompt_tokens"]),
         cached_tokens=_median(answers, lambda answer: answer["usage"]["cached_tokens"]),
         completion_tokens=_median(answers, lambda answer: answer["usage"]["completion_tokens"]),
+        not_run=score.not_run,
     )
 
 

@@ -55,7 +55,7 @@ class Path:
         number = len(self.frames)
         found = np.full((number, number), FAR)
         np.fill_diagonal(found, 0.0)
-        travelled = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(self._poses, axis=0), axis=1))])
+        travelled = self._travelled
         for i in range(number - 1):
             found[i, i + 1] = 0.0
             for start in range(i + 2, number, LOOK_AHEAD):
@@ -64,6 +64,17 @@ class Path:
                 if found[i, ends].min() >= FAR:
                     break
         return found
+
+    @property
+    def bend(self) -> float:
+        """How far the whole path is from straight motion from its first pose to its last."""
+        last = len(self.frames) - 1
+        return float(self._deviations_from(0, np.array([last]), self._travelled)[0]) if last > 1 else 0.0
+
+    @property
+    def _travelled(self) -> Array:
+        """(N,) the length of way to each pose."""
+        return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(self._poses, axis=0), axis=1))])
 
     @property
     def _poses(self) -> Array:

@@ -19,6 +19,9 @@ Manner = Literal["rests", "hesitates", "flows"]
 NEARBY_S = 0.1  # a switch this near to a rest happens in it
 MOST_RESTING = 0.5  # a recording that rests longer than it moves was made by a person who hesitates
 ON_THE_WAY = 0.2  # the share of keyframes that may lie on a straight way; one always may
+STRAIGHT = 1.5  # tolerances
+MOST_BENT = 0.25  # the share of grasps and releases that may be come to otherwise
+BENT = 0.15  # of its length: a way in joint space that bends more is no single motion
 MISSED_CORNERS = 0.5  # the share of corners that may be passed without a rest; one always may
 CORNER_DEG = 60.0
 ARM_M, STEP_M = 0.03, 0.005  # a corner is told from the ways of this length before and after it
@@ -29,7 +32,7 @@ def manner_of(trajectory: Trajectory, times_s: Array, delta_rad_s: float = SIMUL
     """How a recording moves.
 
     `rests`: the rests are its keyframes, so that `merged` finds these. Every grasp and release happens in a rest, the
-    hand turns corners in rests, and (nearly) every rest is at a corner.
+    hand comes to it in a straight motion, corners are turned in rests, and (nearly) every rest is at a corner.
     `hesitates`: it rests on straight ways or longer than it moves, as people do, whose hand wavers as well.
     `flows`: anything else.
 
@@ -49,6 +52,7 @@ def manner_of(trajectory: Trajectory, times_s: Array, delta_rad_s: float = SIMUL
         bool(rests[started:].any())
         and len(keyframes) <= MAX_KEYFRAMES
         and all(_rests_nearby(frame, rests, times_s) for frame in switches)
+        and _straight_to_switches(trajectory, keyframes, switches, times_s)
         and _few_missed_corners(trajectory, rests)
     )
     return "rests" if at_keyframes else "flows"
@@ -64,9 +68,33 @@ def _num_on_the_way(trajectory: Trajectory, keyframes: Sequence[int], switches: 
     for before, (here, after) in zip([0, *keyframes], pairwise(keyframes), strict=False):
         if any(abs(times_s[here] - times_s[frame]) <= NEARBY_S for frame in switches):
             continue
-        deviations = Path.between(trajectory, before, after, TOLERANCE_M, TOLERANCE_DEG).deviations()
-        number += bool(deviations[0, -1] <= 1)
+        number += Path.between(trajectory, before, after, TOLERANCE_M, TOLERANCE_DEG).bend <= 1
     return number
+
+
+def _straight_to_switches(
+    trajectory: Trajectory, keyframes: Sequence[int], switches: Sequence[int], times_s: Array
+) -> bool:
+    """Whether the hand comes to every grasp and release from the keyframe before in one straight motion.
+
+    A person passes the pose above a thing without a rest, so that the way to the grasp has a corner.
+    """
+    bent = 0
+    for before, here in pairwise([0, *keyframes]):
+        if any(abs(times_s[here] - times_s[frame]) <= NEARBY_S for frame in switches):
+            bend = Path.between(trajectory, before, here, TOLERANCE_M, TOLERANCE_DEG).bend
+            bent += bend > STRAIGHT and not _straight_in_joints(trajectory, before, here, times_s)
+    return bent <= MOST_BENT * len(switches)
+
+
+def _straight_in_joints(trajectory: Trajectory, first: int, last: int, times_s: Array) -> bool:
+    """Whether all joints move from one frame to another in proportion, as arms do on a free way."""
+    steps_s = np.diff(times_s[first : last + 1])[:, None]
+    way_rad = np.cumsum(trajectory.joint_velocities_rad_s[first + 1 : last + 1] * steps_s, axis=0)
+    end_rad = way_rad[-1]
+    length_rad = max(float(np.linalg.norm(end_rad)), 1e-9)
+    along = np.outer(way_rad @ end_rad / length_rad**2, end_rad)
+    return float(np.linalg.norm(way_rad - along, axis=1).max()) <= BENT * length_rad
 
 
 def _few_missed_corners(trajectory: Trajectory, rests: npt.NDArray[np.bool_]) -> bool:

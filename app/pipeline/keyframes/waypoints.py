@@ -63,6 +63,8 @@ def waypoints(
     Args:
         times_s: (T,) of the frames.
     """
+    if len(trajectory) == 1:
+        return ()
     parts = phases(trajectory, times_s)
     scale = 1.0
     while True:

@@ -36,6 +36,7 @@ Group = tuple[Demonstration, ...]
 RARE = (
     1 / 3
 )  # of the demonstrations of an instruction: a plan as rare as this is left out unless the scene calls for it
+ENOUGH = 2  # demonstrations of an instruction, on average, to see that their plan is no chance
 TOLD_APART = 0.8  # the share of demonstrations whose plan the nearest other scene has: the scene decides
 
 
@@ -73,15 +74,16 @@ def by_plan(demonstrations: Sequence[Demonstration]) -> list[Group]:
 def shown_together(demonstrations: Sequence[Demonstration]) -> Group:
     """Those that a prompt shows: of each instruction the usual plan, and others that are not rare.
 
-    A rare plan (a second try after a slip) would only be copied by mistake, unless the scene calls for it: then scenes
-    near to each other have the same plan.
+    A rare plan (a second try after a slip) would only be copied by mistake, unless the scene calls for it (then scenes
+    near to each other have the same plan) or the instruction (then all that name the same objects have).
     """
     kept: set[int] = set()
     for places in _grouped((asks_for(d), k) for k, d in enumerate(demonstrations)).values():
         keys = {k: _plan_key(demonstrations[k]) for k in places}
         counts = Counter(keys.values())
         usual = counts.most_common(1)[0][0]
-        decides = len(counts) > 1 and _scene_decides([demonstrations[k] for k in places])
+        group = [demonstrations[k] for k in places]
+        decides = len(counts) > 1 and (_scene_decides(group) or _instruction_decides(group))
         kept |= {k for k, key in keys.items() if key == usual or decides or counts[key] > RARE * len(places)}
     return tuple(demonstrations[k] for k in sorted(kept))
 
@@ -119,6 +121,12 @@ def _scene_decides(group: Sequence[Demonstration]) -> bool:
     rare = Counter(keys).most_common()[-1][0]
     rarely = [hit for key, hit in zip(keys, same, strict=True) if key == rare]
     return bool(np.mean(same) >= TOLD_APART and np.mean(rarely) >= TOLD_APART)
+
+
+def _instruction_decides(group: Sequence[Demonstration]) -> bool:
+    """Whether demonstrations of the same words have the same plan, and several do."""
+    plans = _grouped((demonstration.instruction, _plan_key(demonstration)) for demonstration in group)
+    return all(len(set(keys)) == 1 for keys in plans.values()) and len(group) >= ENOUGH * len(plans)
 
 
 def _grouped(pairs: Iterable[tuple[Key, Item]]) -> dict[Key, list[Item]]:

@@ -149,7 +149,7 @@ def _texts(services: Services, recording: _Recording) -> tuple[tuple[EpisodeText
 def _usual_style(services: Services, settings: TaskSettings) -> tuple[str, str, str]:
     """Representation and format of a request that names none, and who wants it so."""
     try:
-        profile = services.models.get(services.default_model).profile
+        profile = services.models.profile(services.default_model)
     except LanguageModelError as error:
         representation, prompt_format = settings.representation or "absolute", settings.prompt_format or "paper"
         return representation, prompt_format, f"The default model is not available: {error}"

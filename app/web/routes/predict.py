@@ -9,8 +9,9 @@ from starlette.concurrency import run_in_threadpool
 from starlette.responses import Response
 
 from app.api.body import read_body
+from app.api.image_work import image_work
 from app.api.routes import Wired
-from app.api.routes.predict import read_question
+from app.api.routes.predict import questioned
 from app.pipeline.prompt import SYSTEM_PROMPTS
 from app.pipeline.prompt_colours import prompt_spans
 from app.services.question import Question
@@ -84,9 +85,10 @@ def episode_image(services: Wired, episode_id: str, camera: str, kind: ImageKind
 async def predict_prompt(request: Request, services: Wired) -> Response:
     """The prompt that a request to `/predict` would put to its LLM, in colours, and the scene; no LLM is asked."""
     body = await read_body(request)
-    limits = services.limits
-    wish, _ = await run_in_threadpool(read_question, body, limits) if body.parts else read_question(body, limits)
-    question = await services.predict_actions.prepare(wish, {})
+    async with image_work(request).room(request, body, services.limits) as decode:
+        wish, _ = await questioned(decode, body, services.limits)
+        question = await services.predict_actions.prepare(wish, {})
+        del wish
     return await run_in_threadpool(_prompt_part, request, services, question)
 
 

@@ -7,7 +7,7 @@ from urllib.parse import urlsplit
 import httpx
 import pytest
 
-from app.api.bounded_head import HEAD_TIMEOUT_S, MAX_HEAD_BYTES
+from app.api.bounded_protocol import HEAD_TIMEOUT_S, MAX_HEAD_BYTES
 
 START = b"GET /healthz HTTP/1.1\r\nHost: localhost\r\n"
 

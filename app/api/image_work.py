@@ -1,0 +1,145 @@
+"""Room for requests with images: so many pixels in memory, few decoders at once, and none for clients that have left.
+
+A thread cannot be ended from outside. What it does is bounded beforehand (`app.perception.images`, `Limits`), and
+between two images it looks whether anybody still waits.
+"""
+
+import asyncio
+import os
+from collections import deque
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager, suppress
+from functools import partial
+from typing import ParamSpec, Protocol, TypeVar
+
+import anyio
+import anyio.from_thread
+import anyio.to_thread
+from fastapi import Request
+from starlette.concurrency import run_in_threadpool
+from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect
+
+from app.api.body import Body, images_of
+from app.perception.images import num_pixels
+from app.services.limits import Limits
+
+MAX_WAIT_S = 20.0  # for room, for a decoder, and for its work, each
+REQUESTS_IN_MEMORY = 2  # of the largest that are allowed, or more of smaller ones
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
+class Decode(Protocol):
+    """Runs a function that decodes images in a thread."""
+
+    def __call__(self, function: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Awaitable[T]: ...
+
+
+class ImageWork:
+    """The room of one process."""
+
+    def __init__(self) -> None:
+        self._decoders = anyio.CapacityLimiter(max(2, os.cpu_count() or 1))
+        self._pixels = _Room()
+
+    @asynccontextmanager
+    async def room(self, request: Request, body: Body, limits: Limits) -> AsyncIterator[Decode]:
+        """Room for the body's images while they and what is made of them are in memory; at once if there are none.
+
+        Raises:
+            InvalidInputError: if they have too many pixels together.
+            HTTPException: 503 if there is no room for long.
+            ClientDisconnect: if the client leaves.
+        """
+        if not (images := images_of(body)):
+            yield _in_thread
+            return
+        pixels = sum(map(num_pixels, images))
+        limits.check_pixels(pixels)
+        place = partial(self._pixels.take, pixels, REQUESTS_IN_MEMORY * limits.max_request_pixels)
+        await _while_wanted(request, place)
+        try:
+            yield partial(self.run, request)
+        finally:
+            self._pixels.give_back(pixels)
+
+    async def run(self, request: Request, function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T:
+        """What the function returns, called in a thread for which a decoder's place was free.
+
+        Raises:
+            as `room`, and what the function raises.
+        """
+        call = partial(function, *args, **kwargs)
+        return await _while_wanted(request, partial(anyio.to_thread.run_sync, call, limiter=self._decoders))
+
+
+def image_work(request: Request) -> ImageWork:
+    """That of the request's application."""
+    work: ImageWork = request.app.state.image_work
+    return work
+
+
+def stop_if_unwanted() -> None:
+    """End the work of this thread if its client has left, or it takes too long; nothing outside of `ImageWork.run`."""
+    with suppress(RuntimeError):  # no thread of anyio's
+        anyio.from_thread.check_cancelled()
+
+
+async def _in_thread(function: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> T:
+    return await run_in_threadpool(function, *args, **kwargs)
+
+
+async def _while_wanted(request: Request, call: Callable[[], Awaitable[T]]) -> T:
+    left = False
+
+    async def watch() -> None:
+        nonlocal left
+        while (await request.receive())["type"] != "http.disconnect":
+            pass
+        left = True
+        scope.cancel()
+
+    with anyio.move_on_after(MAX_WAIT_S) as scope:
+        watching = asyncio.create_task(watch())
+        try:
+            return await call()
+        finally:
+            watching.cancel()
+    if left:
+        raise ClientDisconnect
+    raise HTTPException(503, f"images were not decoded within {MAX_WAIT_S:g} s: try again", {"Retry-After": "5"})
+
+
+class _Room:
+    """So much of something; who asks first is served first."""
+
+    def __init__(self) -> None:
+        self._used = 0
+        self._waiting: deque[tuple[int, int, asyncio.Event]] = deque()
+
+    async def take(self, amount: int, of: int) -> None:
+        """Wait until `amount` of `of` is free."""
+        place = (amount, of, asyncio.Event())
+        self._waiting.append(place)
+        self._admit()
+        try:
+            await place[2].wait()
+        except BaseException:
+            if place[2].is_set():
+                self.give_back(amount)
+            else:
+                self._waiting.remove(place)
+                self._admit()
+            raise
+
+    def give_back(self, amount: int) -> None:
+        """Let others have it."""
+        self._used -= amount
+        self._admit()
+
+    def _admit(self) -> None:
+        while self._waiting and self._used + self._waiting[0][0] <= self._waiting[0][1]:
+            amount, _, admitted = self._waiting.popleft()
+            self._used += amount
+            admitted.set()

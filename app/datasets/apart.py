@@ -1,0 +1,180 @@
+"""Datasets read by processes of their own, within limits of memory and time.
+
+Files of unknown origin are read by large libraries in C; what breaks one of them breaks a process that holds no key and
+nothing else to lose. It answers with bytes and texts, never with objects.
+"""
+
+import json
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from queue import Empty, SimpleQueue
+from typing import Any
+
+from app.datasets.errors import DamagedError, DatasetError, MissingPackageError
+from app.datasets.framing import read_frame, write_frame
+from app.datasets.limits import MEGABYTE, REMEDY, ReadLimits
+from app.datasets.options import ImportOptions
+from app.datasets.recording import Dataset, Entry, Parcel
+from app.pipeline.errors import InvalidInputError
+
+# What Python and its libraries need to start; keys and addresses of services are left out.
+KEPT_VARIABLES = ("PATH", "LANG", "LC_ALL", "LC_CTYPE", "TMPDIR", "TEMP", "SYSTEMROOT", "LD_LIBRARY_PATH")
+# Address space that libraries reserve for every core at once would count as memory.
+FRUGAL = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MALLOC_ARENA_MAX": "2"}
+FRAMING_BYTES = 10 * MEGABYTE
+
+
+@contextmanager
+def open_apart(path: Path, options: ImportOptions, name: str | None = None) -> Iterator[Dataset]:
+    """As `open_dataset`; its entries are read in as many processes as threads read them at once.
+
+    Raises:
+        DatasetError: as `open_dataset`, or if a process dies or takes too long over the list of episodes.
+    """
+    readers = _Readers(path, options, name)
+    try:
+        with readers.one() as reader:
+            found = reader.ask({"open": True}, str(path))
+        entries = (Entry(title, partial(readers.read, k, title)) for k, title in enumerate(found["entries"]))
+        settings = json.loads(found["task_settings"])
+        yield Dataset(found["format"], tuple(entries), settings, tuple(found["damaged"]))
+    finally:
+        readers.close()
+
+
+class _Readers:
+    """Processes that have the same dataset open; each is asked by one thread at a time."""
+
+    def __init__(self, path: Path, options: ImportOptions, name: str | None) -> None:
+        self._limits = options.limits
+        # From here to there only: what comes back is never unpickled.
+        self._request = pickle.dumps((path, options, name))
+        self._idle: SimpleQueue[_Reader] = SimpleQueue()
+
+    def read(self, index: int, title: str) -> Parcel:
+        """An episode; raises what its entry raises, and DamagedError if the process dies."""
+        with self.one() as reader:
+            answer = reader.ask({"read": index}, title)
+        return Parcel(json.loads(answer["metadata"]), dict(answer["files"]), tuple(answer["notes"]))
+
+    @contextmanager
+    def one(self) -> Iterator["_Reader"]:
+        """A process for the caller alone."""
+        try:
+            reader = self._idle.get_nowait()
+        except Empty:
+            reader = _Reader(self._request, self._limits)
+        try:
+            yield reader
+        finally:
+            if reader.alive:
+                self._idle.put(reader)
+
+    def close(self) -> None:
+        """End the processes."""
+        while not self._idle.empty():
+            self._idle.get().close()
+
+
+class _Reader:
+    """One process."""
+
+    def __init__(self, request: bytes, limits: ReadLimits) -> None:
+        self._limits = limits
+        self._process = subprocess.Popen(
+            # -P: a dataset's folder must not shadow the modules that are imported
+            [sys.executable, "-P", "-m", "app.datasets.reader_process"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            env=_environment(),
+            start_new_session=True,  # Ctrl-C is for the parent to handle
+        )
+        self.alive = True
+        self._send(request)
+
+    def ask(self, question: dict[str, Any], title: str) -> dict[str, Any]:
+        """The answer.
+
+        Raises:
+            what the process reports; DamagedError: if it dies or takes too long over it.
+        """
+        late = threading.Event()
+
+        def give_up() -> None:
+            late.set()
+            self._process.kill()
+
+        timer = threading.Timer(self._limits.seconds, give_up)
+        timer.start()
+        try:
+            answer = self._receive() if self._send(question) else None
+        finally:
+            timer.cancel()
+        if answer is None:
+            self.close()
+            limit = f"takes more than {self._limits.seconds:g} s to read"
+            raise DamagedError(title, limit if late.is_set() else self._cause())
+        if (kind := answer.get("error")) is not None:
+            raise _error(kind, [_printable(str(item)) for item in answer["arguments"]])
+        return answer
+
+    def close(self) -> None:
+        """End the process, whatever it does."""
+        self.alive = False
+        self._process.kill()
+        self._process.communicate()
+
+    def _cause(self) -> str:
+        status = self._process.returncode
+        how = signal.Signals(-status).name if status < 0 else f"status {status}"
+        return f"its reader ended with {how}: the file is damaged, or made to do harm"
+
+    def _send(self, message: object) -> bool:
+        """Whether the process took it."""
+        assert self._process.stdin
+        try:
+            write_frame(self._process.stdin, message)
+        except OSError:
+            return False
+        return True
+
+    def _receive(self) -> dict[str, Any] | None:
+        """None if the process has ended, or says what no reader says."""
+        assert self._process.stdout
+        try:
+            return read_frame(self._process.stdout, 2 * self._limits.unpacked_bytes + FRAMING_BYTES)
+        except (EOFError, ValueError):
+            return None
+
+
+def _environment() -> dict[str, str]:
+    kept = {name: os.environ[name] for name in KEPT_VARIABLES if name in os.environ}
+    pool = {"ARROW_DEFAULT_MEMORY_POOL": "system"}
+    return {**kept, **FRUGAL, **pool, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+
+
+def _printable(text: str) -> str:
+    """`text` with nothing that would move a terminal's cursor."""
+    return "".join(sign if sign.isprintable() else repr(sign)[1:-1] for sign in text)
+
+
+def _error(kind: str, said: list[str]) -> Exception:
+    """The error that a reader reports."""
+    if kind == "InvalidInputError":
+        field, message, valid = said
+        return InvalidInputError(field, message, valid or None)
+    if kind == "MemoryError":
+        return DamagedError(said[0], f"needs more memory than an episode may take: {REMEDY}")
+    kinds = {"MissingPackageError": MissingPackageError, "DatasetError": DatasetError}
+    type_: type[DatasetError] = kinds.get(kind, DamagedError)
+    error = type_.__new__(type_)
+    error.args = (said[0],)  # its text is complete
+    return error

@@ -1,0 +1,134 @@
+"""A log that shows what was done to it: each entry holds the SHA-256 of the one before.
+
+An entry that is changed, left out or put in between breaks the chain from there on. Entries cut off at the end leave no
+trace in the log itself: whoever kept the last digest can tell.
+"""
+
+import hashlib
+import json
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from typing import Any
+
+from sqlalchemy import Connection, Row, insert, select
+
+from app.store import tables
+from app.store.database import lock
+
+LOCAL = "local"  # the command line, or a service that requires no keys
+FIRST = "0" * 64  # what the first entry holds in the place of a digest
+_LOG = tables.audit_log
+_LOCK = "roboprompt audit log"
+_actor: ContextVar[str] = ContextVar("actor", default=LOCAL)
+
+
+@dataclass(frozen=True)
+class AuditEntry:
+    """What was done.
+
+    Attributes:
+        number: 1, 2, 3 ...
+        actor: the API key by its name and id, or `local`.
+        action: e.g. `key.created`.
+        subject: what it was done to: an id or a name.
+        details: JSON, with what an entry of its action holds.
+        previous: digest of the entry before.
+        digest: of all the others.
+    """
+
+    number: int
+    at: datetime
+    actor: str
+    action: str
+    subject: str
+    details: str
+    previous: str
+    digest: str
+
+    def expected_digest(self) -> str:
+        """What `digest` is if nobody has changed the entry."""
+        values = {**asdict(self), "at": self.at.astimezone(UTC).isoformat(timespec="microseconds")}
+        del values["digest"]
+        return hashlib.sha256(json.dumps(values, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
+
+
+class BrokenChainError(Exception):
+    """The log is not what was written.
+
+    Args:
+        number: of the first entry that shows it.
+        reason: what is wrong with it.
+    """
+
+    def __init__(self, number: int, reason: str) -> None:
+        super().__init__(f"entry {number}: {reason}")
+        self.number = number
+
+
+@contextmanager
+def acting(name: str) -> Iterator[None]:
+    """Let entries that are made within name this actor."""
+    token = _actor.set(name)
+    try:
+        yield
+    finally:
+        _actor.reset(token)
+
+
+def record(
+    connection: Connection,
+    action: str,
+    subject: str,
+    details: Mapping[str, Any] | None = None,
+    actor: str | None = None,
+) -> None:
+    """Add an entry; call it last in the transaction that does what it tells, so that both are there or neither.
+
+    Args:
+        details: JSON.
+        actor: None: whose request it is (`acting`), else `local`.
+    """
+    lock(connection, _LOCK)
+    last = newest(connection)
+    said = json.dumps(details or {}, sort_keys=True, separators=(",", ":"))
+    number, previous = (1, FIRST) if last is None else (last.number + 1, last.digest)
+    entry = AuditEntry(number, datetime.now(UTC), actor or _actor.get(), action, subject, said, previous, "")
+    values = {**asdict(entry), "digest": entry.expected_digest()}
+    connection.execute(insert(_LOG).values(values))
+
+
+def newest(connection: Connection) -> AuditEntry | None:
+    """The last entry, or None if there is none."""
+    row = connection.execute(select(_LOG).order_by(_LOG.c.number.desc()).limit(1)).first()
+    return None if row is None else _entry(row)
+
+
+def entries(connection: Connection) -> Iterator[AuditEntry]:
+    """Every entry, oldest first."""
+    query = select(_LOG).order_by(_LOG.c.number).execution_options(yield_per=1000)
+    return map(_entry, connection.execute(query))
+
+
+def verified(log: Iterable[AuditEntry]) -> Iterator[AuditEntry]:
+    """The entries, each after it was compared with the one before.
+
+    Raises:
+        BrokenChainError: at the first that was changed, or that others are missing before.
+    """
+    previous = FIRST
+    for number, entry in enumerate(log, 1):
+        if entry.number != number:
+            raise BrokenChainError(number, f"is missing: entry {entry.number} comes next")
+        if entry.previous != previous:
+            raise BrokenChainError(number, "does not follow the entry before it, which was changed or replaced")
+        if entry.expected_digest() != entry.digest:
+            raise BrokenChainError(number, "was changed: its content does not match its digest")
+        previous = entry.digest
+        yield entry
+
+
+def _entry(row: Row[Any]) -> AuditEntry:
+    return AuditEntry(**row._mapping)

@@ -1,0 +1,95 @@
+"""Deletion of predictions and tasks with all that refers to them. Each query runs on the caller's transaction.
+
+Their images stay until no other row refers to them either, see `Store.sweep`. What an episode carried out may be a
+prediction that is gone: it keeps the id.
+"""
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from datetime import datetime
+from itertools import chain
+
+from sqlalchemy import Connection, Text, cast, delete, func, select
+
+from app.store import audit, tables
+from app.store.errors import NotFoundError
+from app.store.idempotency import PREDICT, UPLOAD
+
+_TASKS, _EPISODES, _PREDICTIONS = tables.tasks, tables.episodes, tables.predictions
+_JOBS, _STAGED, _KEYS = tables.jobs, tables.staged_extractions, tables.idempotency_keys
+_DIGEST = re.compile(r'"([0-9a-f]{64})"')
+_TEXTS = ("request", "prompt_system", "prompt_user", "reply_text", "actions", "samples", "objects")
+
+
+def erase_prediction(connection: Connection, prediction_id: str) -> None:
+    """Delete the prediction with its outcome and the answer that is kept for a repeated request.
+
+    Raises:
+        NotFoundError: if there is none of that id.
+    """
+    if not erase_predictions(connection, [prediction_id]):
+        raise NotFoundError("prediction", prediction_id)
+    audit.record(connection, "prediction.deleted", prediction_id)
+
+
+def erase_predictions(connection: Connection, ids: Sequence[str]) -> int:
+    """As `erase_prediction`, those that are there; returns how many."""
+    answer = _KEYS.c.response["id"].as_string()
+    connection.execute(delete(_KEYS).where(_KEYS.c.scope == PREDICT, answer.in_(ids)))
+    return connection.execute(delete(_PREDICTIONS).where(_PREDICTIONS.c.id.in_(ids))).rowcount
+
+
+def erase_task(connection: Connection, name: str) -> None:
+    """Delete the task with its episodes, predictions, outcomes, jobs, and the answers kept for repeated requests.
+
+    Raises:
+        NotFoundError: if there is none of that name.
+    """
+    # Whoever adds an episode or a prediction waits, and then finds no task.
+    if connection.execute(select(_TASKS.c.name).where(_TASKS.c.name == name).with_for_update()).first() is None:
+        raise NotFoundError("task", name)
+    jobs = list(connection.scalars(select(_JOBS.c.id).where(_JOBS.c.task == name).with_for_update()))
+    connection.execute(delete(_STAGED).where(_STAGED.c.job.in_(jobs)))
+    connection.execute(delete(_JOBS).where(_JOBS.c.task == name))
+    uploaded = _KEYS.c.response["task"].as_string() == name
+    connection.execute(delete(_KEYS).where(_KEYS.c.scope == UPLOAD, uploaded))
+    ids = select(_PREDICTIONS.c.id).where(_PREDICTIONS.c.task == name)
+    connection.execute(delete(_KEYS).where(_KEYS.c.scope == PREDICT, _KEYS.c.response["id"].as_string().in_(ids)))
+    held = {
+        table.name: connection.execute(delete(table).where(table.c.task == name)).rowcount
+        for table in (_PREDICTIONS, _EPISODES)
+    }
+    connection.execute(delete(_TASKS).where(_TASKS.c.name == name))
+    audit.record(connection, "task.deleted", name, held)
+
+
+def predictions_before(connection: Connection, moment: datetime, limit: int) -> tuple[str, ...]:
+    """The ids of at most `limit` predictions that were made before, oldest first."""
+    query = select(_PREDICTIONS.c.id).where(_PREDICTIONS.c.created_at < moment)
+    return tuple(connection.scalars(query.order_by(_PREDICTIONS.c.sequence).limit(limit)))
+
+
+def predictions_beyond(connection: Connection, max_bytes: int, blob_bytes: Mapping[str, int]) -> tuple[str, ...]:
+    """The ids of the oldest predictions, without which the others have at most `max_bytes`, oldest first.
+
+    Counted are their texts and their images, an image once and one that an episode has, too, not at all.
+
+    Args:
+        blob_bytes: the sizes of images by digest.
+    """
+    counted = set(_digests(connection.scalars(select(cast(_EPISODES.c.cameras, Text)))))
+    lengths = (func.coalesce(func.length(cast(_PREDICTIONS.c[name], Text)), 0) for name in _TEXTS)
+    columns = (_PREDICTIONS.c.id, cast(_PREDICTIONS.c.cameras, Text), *lengths)
+    query = select(*columns).order_by(_PREDICTIONS.c.sequence.desc()).execution_options(yield_per=1000)
+    total, beyond = 0, []
+    for id_, cameras, *texts in connection.execute(query):
+        images = set(_digests([cameras or ""])) - counted
+        counted |= images
+        total += sum(texts) + sum(blob_bytes.get(digest, 0) for digest in images)
+        if total > max_bytes:
+            beyond.append(id_)
+    return tuple(reversed(beyond))
+
+
+def _digests(texts: Iterable[str]) -> Iterable[str]:
+    return chain.from_iterable(map(_DIGEST.findall, texts))

@@ -1,0 +1,78 @@
+"""Folders and files that only the service's user can read: they hold pictures, prompts and digests of keys."""
+
+import logging
+import os
+import stat
+from pathlib import Path
+
+from app.store.errors import StoreUnavailableError
+
+FOLDER_MODE, FILE_MODE = 0o700, 0o600
+OTHERS = 0o077
+# What a data folder has; one with other folders and none of these is somebody's home, or the system's.
+MARKS = ("roboprompt.db", "blobs", "under_way", "llm", "cache", ".swept")
+
+logger = logging.getLogger(__name__)
+
+
+def private_opener(path: str, flags: int) -> int:
+    """For `open(..., opener=private_opener)`: a file that it makes is the user's alone."""
+    return os.open(path, flags, FILE_MODE)
+
+
+def private_file(path: Path) -> None:
+    """Make the file if it is not there, and take it from others if it is.
+
+    Raises:
+        OSError: if it cannot be made.
+    """
+    descriptor = os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_CLOEXEC", 0), FILE_MODE)
+    try:
+        status = os.fstat(descriptor)
+        if status.st_mode & OTHERS and status.st_uid == os.geteuid():
+            os.fchmod(descriptor, FILE_MODE)
+    finally:
+        os.close(descriptor)
+
+
+def private_folder(path: Path) -> None:
+    """Make the folder if it is not there; take one that others can read, with all that is in it, from them.
+
+    Raises:
+        StoreUnavailableError: if it cannot be made, is another user's, or is visibly no data folder.
+    """
+    try:
+        path.mkdir(mode=FOLDER_MODE, parents=True, exist_ok=True)
+        mode = stat.S_IMODE(path.stat().st_mode)
+        if mode & OTHERS:
+            _require_ours(path, mode)
+            _tighten(path)
+            logger.warning(
+                "data directory %s was open to others (mode %03o): it is closed to them from here on", path, mode
+            )
+    except OSError as error:
+        raise StoreUnavailableError(f"data directory: {error}") from error
+
+
+def _require_ours(path: Path, mode: int) -> None:
+    """Refuse a folder whose mode is not ours to change."""
+    said = f"data directory {path} is open to others (mode {mode:03o})"
+    owner = path.stat().st_uid
+    if owner != os.geteuid() and os.geteuid() != 0:
+        raise StoreUnavailableError(
+            f"{said} and belongs to user {owner}: name a folder of this user's, or give it to them"
+        )
+    inside = [entry for entry in os.scandir(path) if entry.is_dir(follow_symlinks=False)]
+    shared = bool(mode & stat.S_ISVTX)
+    if shared or (inside and not any((path / name).exists() for name in MARKS)):
+        raise StoreUnavailableError(f"{said} and holds what is not this service's: name a folder of its own")
+
+
+def _tighten(folder: Path) -> None:
+    """The folder first: nobody gets at the rest from then on."""
+    folder.chmod(FOLDER_MODE)
+    for current, folders, files in os.walk(folder):
+        for names, mode in ((folders, FOLDER_MODE), (files, FILE_MODE)):
+            for path in (Path(current) / name for name in names):
+                if not path.is_symlink():
+                    path.chmod(mode)

@@ -1,0 +1,45 @@
+"""A real service in its own process that attacks are tried on; `make attack` tries larger ones than usual."""
+
+import os
+from dataclasses import dataclass
+
+import httpx
+import pytest
+
+from tests.e2e.processes import killable_server
+from tests.episodes import upload
+
+FULL = os.environ.get("ROBOPROMPT_ATTACK") == "full"
+ENVIRONMENT = {
+    "ROBOPROMPT_DEFAULT_MODEL": "nearest",
+    # nobody listens there, and no test asks it for a reply
+    "ROBOPROMPT_COMPATIBLE_BASE_URL": "http://127.0.0.1:9/v1",
+}
+
+
+@dataclass(frozen=True)
+class Service:
+    process_id: int
+    url: str
+
+
+@pytest.fixture(scope="session")
+def service(tmp_path_factory):
+    with killable_server(tmp_path_factory.mktemp("attacked"), ENVIRONMENT) as (process, url):
+        yield Service(process.pid, url)
+
+
+@pytest.fixture(scope="session")
+def http(service):
+    """With one demonstration of the task `pick`."""
+    with httpx.Client(base_url=service.url, timeout=120) as client:
+        assert upload(client, "pick", (0.1, 0.1, 0.78)).status_code == 201
+        yield client
+
+
+def pytest_collection_modifyitems(config, items):
+    """Leave what takes long to `make attack`."""
+    if not FULL:
+        long = [item for item in items if item.get_closest_marker("long")]
+        config.hook.pytest_deselected(items=long)
+        items[:] = [item for item in items if item not in long]

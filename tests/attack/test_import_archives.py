@@ -1,0 +1,95 @@
+"""An archive whose parts are not what an export writes is named as damaged; nothing of it ends the importer."""
+
+import hashlib
+import json
+import zipfile
+
+import pytest
+
+from app.cli.importer import check_dataset
+from app.datasets.apart import open_apart
+from app.datasets.errors import DatasetError
+from app.datasets.formats import open_dataset
+from app.datasets.options import ImportOptions
+from app.pipeline.errors import InvalidInputError
+
+METADATA = {"task": "pick", "instruction": "x", "objects": [{"name": "cube", "position": [0, 0, 0]}]}
+
+
+def archive(path, metadata=METADATA, trajectory=b"", task="pick", settings=None, compression=zipfile.ZIP_STORED):
+    files = {
+        "task.json": json.dumps({} if settings is None else settings).encode(),
+        "episodes/000000/metadata.json": json.dumps(metadata).encode(),
+        "episodes/000000/trajectory.npz": trajectory,
+    }
+    digests = {name: hashlib.sha256(data).hexdigest() for name, data in files.items()}
+    manifest = {"format": "roboprompt-task", "version": 1, "task": task, "files": digests}
+    with zipfile.ZipFile(path, "w", compression) as file:
+        for name, data in {**files, "manifest.json": json.dumps(manifest).encode()}.items():
+            file.writestr(name, data)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("metadata", "reason"),
+    [
+        ([], "names no task"),
+        ({}, "names no task"),
+        ({**METADATA, "task": "../keys"}, "task"),
+        ({**METADATA, "objects": "cube"}, "objects without names"),
+        ({**METADATA, "objects": [{}]}, "objects without names"),
+        ({**METADATA, "cameras": [7]}, "cameras without names"),
+        (METADATA, "trajectory"),
+    ],
+)
+def test_an_episode_that_no_export_writes_is_one_bad_result(tmp_path, metadata, reason):
+    (result,) = check_dataset(open_dataset(archive(tmp_path / "a.zip", metadata), ImportOptions()))
+    assert result.status in ("damaged", "refused")
+    assert reason in result.detail
+
+
+@pytest.mark.parametrize("task", ["../keys", "a/b", "x" * 65, "a?b=c"])
+def test_a_task_that_would_be_another_address_of_the_service(tmp_path, task):
+    with pytest.raises(InvalidInputError, match="task"):
+        open_dataset(archive(tmp_path / "a.zip", task=task), ImportOptions())
+
+
+@pytest.mark.parametrize("settings", [[], {"task": "other"}])
+def test_settings_that_are_none(tmp_path, settings):
+    with pytest.raises(DatasetError, match="no task's settings"):
+        open_dataset(archive(tmp_path / "a.zip", settings=settings), ImportOptions())
+
+
+@pytest.mark.parametrize("compression", [zipfile.ZIP_LZMA, zipfile.ZIP_BZIP2])
+def test_compressions_whose_memory_nothing_bounds(tmp_path, compression):
+    with pytest.raises(DatasetError, match="neither stored nor deflated"):
+        open_dataset(archive(tmp_path / "a.zip", compression=compression), ImportOptions())
+
+
+def test_what_a_file_says_moves_no_terminals_cursor(tmp_path):
+    with (
+        open_apart(archive(tmp_path / "a.zip", {**METADATA, "task": "\x1b[2J"}), ImportOptions()) as dataset,
+        pytest.raises((DatasetError, InvalidInputError)) as caught,
+    ):
+        dataset.entries[0].read()
+    assert "\x1b" not in str(caught.value)
+
+
+def test_the_reader_knows_no_keys(monkeypatch, tmp_path):
+    """What breaks out of a library's hands finds nothing in its process's environment."""
+    from app.datasets import apart
+
+    monkeypatch.setenv("ROBOPROMPT_API_KEY", "rp_planted")
+    monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "planted")
+    assert not [value for value in apart._environment().values() if "planted" in value]
+
+
+def test_a_reader_that_takes_too_long_is_ended(tmp_path):
+    from app.datasets.limits import ReadLimits
+
+    path = archive(tmp_path / "a.zip")
+    with (
+        pytest.raises(DatasetError, match=r"takes more than 0\.01 s"),
+        open_apart(path, ImportOptions(limits=ReadLimits(seconds=0.01))),
+    ):
+        pass

@@ -1,0 +1,176 @@
+"""Wrong choices end a command before any work starts, in words that say what would be right."""
+
+import json
+import threading
+from http.server import BaseHTTPRequestHandler, HTTPServer
+from importlib.metadata import version
+
+import pytest
+from typer.testing import CliRunner
+
+from app.cli import application
+from app.client import __main__ as script
+from app.evaluation.server import free_port
+
+
+def said(run):
+    return " ".join(run.output.replace("\N{BOX DRAWINGS LIGHT VERTICAL}", " ").split())
+
+
+@pytest.fixture(autouse=True)
+def _no_work(monkeypatch):
+    """Whatever would record, simulate or serve fails the test."""
+
+    def begun(*arguments, **settings):
+        raise AssertionError("work has begun")
+
+    monkeypatch.setattr("app.evaluation.demo.service", begun)
+    monkeypatch.setattr("app.evaluation.sweep_run.service", begun)
+    monkeypatch.setattr("uvicorn.run", begun)
+    monkeypatch.delenv("ROBOPROMPT_OPENAI_API_KEY", raising=False)
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (["demo", "--task", "foo"], "'foo' is none of push_button, stack_cube"),
+        (["demo", "--model", "gpt-5"], "there is no model 'gpt-5'; there are embedded/gemma-3-270m"),
+        (["demo", "--model", "openai/gpt-4o"], "needs a key: set ROBOPROMPT_OPENAI_API_KEY"),
+        (["demo", "--representation", "words"], "'words' is none of absolute, object_frame"),
+        (["eval", "--model", "nearest", "--model", "gpt-5"], "there is no model 'gpt-5'"),
+        (["serve", "--port", "99999"], "99999 is no port (valid: 1 to 65535)"),
+        (["serve", "--port", "0"], "0 is no port (valid: 1 to 65535)"),
+        (["films", "--task", "foo"], "'foo' is none of push_button"),
+        (["export", "--task", "x", "--archive", "x.zip", "--url", "http://a", "--server", "http://b"], "than --url"),
+    ],
+)
+def test_wrong_choices(words, expected):
+    run = CliRunner().invoke(application, words)
+    assert run.exit_code == 2, run.output
+    assert expected in said(run)
+
+
+class Stranger(BaseHTTPRequestHandler):
+    """Some other server: pages for whoever asks, or a JSON document that is not the service's."""
+
+    def do_GET(self):
+        kind, body = self.server.answer
+        self.send_response(200)
+        self.send_header("Content-Type", kind)
+        self.end_headers()
+        self.wfile.write(body)
+
+    def log_message(self, *arguments):
+        """Nothing to say."""
+
+
+@pytest.fixture(params=[("text/html", b"<h1>It works!</h1>"), ("application/json", b'{"jobs": []}')])
+def stranger(request):
+    server = HTTPServer(("127.0.0.1", 0), Stranger)
+    server.answer = request.param
+    thread = threading.Thread(target=server.serve_forever, daemon=True)
+    thread.start()
+    yield f"http://127.0.0.1:{server.server_port}"
+    server.shutdown()
+    server.server_close()
+    thread.join()
+
+
+def commands(url, folder):
+    return [
+        ["export", "--task", "x", "--archive", str(folder / "x.zip"), "--url", url],
+        ["export", "--task", "x", "--archive", str(folder / "x.zip"), "--server", url],
+        ["teach-objects", "x", "--url", url],
+        ["eval", "--url", url, "--model", "nearest", "--out", str(folder / "out")],
+    ]
+
+
+def assert_one_line(url, folder, expected):
+    for words in commands(url, folder):
+        run = CliRunner().invoke(application, words)
+        assert run.exit_code == 1, run.output
+        assert len(run.output.splitlines()) == 1
+        assert expected in run.output
+    assert list(folder.iterdir()) == []
+
+
+def test_another_server(stranger, tmp_path):
+    assert_one_line(stranger, tmp_path, "what answers there is no RoboPrompt service")
+
+
+def test_nobody_listens(tmp_path):
+    url = f"http://127.0.0.1:{free_port()}"
+    assert_one_line(url, tmp_path, f"GET {url}/healthz: ")
+
+
+@pytest.mark.parametrize("url", ["127.0.0.1:8000", "localhost", "ftp://localhost", "http://", "http://localhost:99999"])
+def test_addresses_that_are_none(url, tmp_path):
+    assert_one_line(url, tmp_path, f"{url!r} is no address of a service (valid: one like http://127.0.0.1:8000)")
+
+
+def run_script(monkeypatch, capsys, *words):
+    monkeypatch.setattr("sys.argv", ["roboprompt-robot", *words])
+    code = script.main()
+    return code, capsys.readouterr().err
+
+
+def test_the_robots_script_at_wrong_addresses(stranger, monkeypatch, capsys, tmp_path):
+    scene = ("--task", "x", "--instruction", "x", "--objects", str(tmp_path / "none"))
+    for url, expected in ((stranger, "no RoboPrompt service"), ("localhost:8000", "is no address of a service")):
+        code, errors = run_script(monkeypatch, capsys, "--url", url, "predict", *scene)
+        assert (code, len(errors.splitlines())) == (1, 1)
+        assert expected in errors
+
+
+@pytest.mark.parametrize(
+    ("content", "expected"),
+    [
+        (None, "No such file"),
+        ("{", "cannot be read"),
+        ('{"cube": 1}', "is no list of objects"),
+        ('[{"position": [0, 0, 1]}]', "is no list of objects"),
+        ('[{"name": "cube", "position": [0, 1]}]', "position"),
+    ],
+)
+def test_the_robots_script_says_what_objects_it_wants(content, expected, monkeypatch, capsys, tmp_path):
+    file = tmp_path / "objects.json"
+    if content is not None:
+        file.write_text(content)
+    monkeypatch.setattr("app.client.client.RoboPromptClient.check", lambda self: None)
+    words = ("predict", "--task", "x", "--instruction", "x", "--objects", str(file))
+    code, errors = run_script(monkeypatch, capsys, *words)
+    assert (code, len(errors.splitlines())) == (1, 1)
+    assert "--objects: " in errors
+    assert str(file) in errors
+    assert expected in errors
+    assert '[{"name": "cube", "position": [x, y, z]}]' in errors
+
+
+def test_version():
+    run = CliRunner().invoke(application, ["--version"])
+    assert (run.exit_code, run.output) == (0, f"roboprompt {version('roboprompt')}\n")
+
+
+def test_one_name_for_the_address():
+    for command in ("import", "export", "teach-objects", "eval"):
+        help_text = CliRunner().invoke(application, [command, "--help"]).output
+        assert "--url" in help_text
+        assert "--server" not in help_text
+
+
+def test_models_of_a_running_service(monkeypatch):
+    offered = (
+        {"name": "openai/gpt-4o", "available": False, "reason": "set a key"},
+        {"name": "nearest", "available": True},
+    )
+    answers = {"/healthz": {"status": "ok", "checks": {}}, "/models": {"models": list(offered)}}
+    monkeypatch.setattr(
+        "app.client.client.RoboPromptClient.get", lambda self, path: json.loads(json.dumps(answers[path]))
+    )
+    for model, expected in (
+        ("openai/gpt-4o", "openai/gpt-4o: set a key"),
+        ("gpt-5", "there are openai/gpt-4o, nearest"),
+    ):
+        run = CliRunner().invoke(application, ["eval", "--url", "http://127.0.0.1:9", "--model", model])
+        assert run.exit_code == 2
+        assert expected in said(run)

@@ -1,0 +1,75 @@
+"""Scenes that change after the answer, through the robot's own loop over a real service."""
+
+import json
+from dataclasses import replace
+
+import pytest
+from typer.testing import CliRunner
+
+from app.cli import application
+from app.evaluation.documents import document_of, outcome_of
+from app.evaluation.ledger import digest_of
+from app.evaluation.methods import COPY, with_shift
+from app.evaluation.records import REPLAY, Method
+from app.pipeline.errors import InvalidInputError
+from tests.evaluation.trials import trial
+
+
+def test_a_shift_gives_each_method_one_beside_it_that_looks_again():
+    default, again, copy, copy_again = with_shift((Method("default"), COPY), 0.03)
+    assert [m.label for m in (default, again, copy, copy_again)] == [
+        "default",
+        "look again",
+        COPY.label,
+        f"{COPY.label}, look again",
+    ]
+    assert [m.look_again for m in (default, again)] == [False, True]
+    assert {m.shift_m for m in (default, again, copy, copy_again)} == {0.03}
+    assert digest_of(default, {}) != digest_of(Method("default", source="robot loop"), {})
+    assert digest_of(default, {}) != digest_of(replace(default, look_again=True), {})
+
+
+@pytest.mark.parametrize(
+    ("methods", "shift_m", "said"),
+    [
+        ((REPLAY,), 0.03, "'expert replay' does not ask"),
+        ((Method("default"),), 0.0, "above 0"),
+        ((Method("default"),), float("nan"), "above 0"),
+        ((Method("default", poses="vision"),), 0.03, "given poses"),
+    ],
+)
+def test_shifts_that_cannot_be(methods, shift_m, said):
+    with pytest.raises(InvalidInputError, match=said):
+        with_shift(methods, shift_m)
+
+
+def test_a_ledger_keeps_the_shift_and_old_ones_have_none():
+    kept = replace(trial("stack_cube", 1, "look again", succeeded=True), shift_m=0.03)
+    assert outcome_of(document_of(kept)).shift_m == 0.03
+    older = {name: value for name, value in document_of(kept).items() if name != "shift_m"}
+    assert outcome_of(older).shift_m == 0
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        (["--shift", "0.03", "--task", "push_button"], "push_button: nothing in its scenes"),
+        (["--shift", "-1"], "above 0"),
+        (["--shift", "0.03", "--method", "expert"], "'expert' does not ask the service"),
+    ],
+)
+def test_options_that_cannot_be(wrong, said):
+    run = CliRunner().invoke(application, ["eval", *wrong])
+    assert run.exit_code == 2
+    assert said in " ".join(run.output.replace("\N{BOX DRAWINGS LIGHT VERTICAL}", " ").split())
+
+
+def test_looking_again_saves_what_a_shift_spoils(tmp_path):
+    scenes = ["--shift", "0.03", "--task", "stack_cube", "--episodes", "2", "--demos", "4", "--model", "nearest"]
+    run = CliRunner().invoke(application, ["eval", *scenes, "--no-report", "--json", "--out", str(tmp_path)])
+    assert run.exit_code == 0, run.output
+    figures = json.loads(run.stdout.splitlines()[-1])["tasks"]["stack_cube"]["methods"]
+    assert {name: (f["successes"], f["trials"]) for name, f in figures.items()} == {
+        "default": (0, 2),
+        "look again": (2, 2),
+    }

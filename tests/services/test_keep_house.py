@@ -1,0 +1,51 @@
+from datetime import UTC, datetime, timedelta
+
+from sqlalchemy import update
+
+from app.services.keep_house import KeepHouse, Retention
+from app.store import audit, predictions, tables
+from tests.store.drafts import camera_record, predict, prediction_draft
+
+DAY = timedelta(days=1)
+
+
+def age(store, record, by):
+    with store.write() as connection:
+        aged = update(tables.predictions).where(tables.predictions.c.id == record.id)
+        connection.execute(aged.values(created_at=datetime.now(UTC) - by))
+
+
+def kept(store):
+    with store.read() as connection:
+        return [record.id for record in predictions.list_page(connection).items]
+
+
+def test_without_limits_everything_is_kept(store):
+    record = predict(store, prediction_draft())
+    age(store, record, 1000 * DAY)
+    KeepHouse(store, Retention())()
+    assert kept(store) == [record.id]
+
+
+def test_old_predictions_go_and_their_images_with_a_later_sweep(store):
+    image = store.blobs.put(b"image")
+    old, new = (predict(store, prediction_draft(cameras=(camera_record(rgb_digest=image),))) for _ in range(2))
+    age(store, old, 3 * DAY)
+    KeepHouse(store, Retention(max_age=2 * DAY))()
+    assert kept(store) == [new.id]
+    with store.read() as connection:
+        noted = audit.newest(connection)
+    assert (noted.actor, noted.action, noted.details) == ("retention", "predictions.expired", '{"predictions":1}')
+    KeepHouse(store, Retention(max_age=timedelta(0)))()
+    assert kept(store) == [new.id]  # it is an hour's work: another process, or this one, has just done it
+    (store._data_dir / ".swept").write_text("0")
+    KeepHouse(store, Retention(max_age=timedelta(0)))()
+    assert kept(store) == []
+    assert store.blobs.sizes() == {image: 5}
+    assert store.sweep(timedelta(0)) == 1
+
+
+def test_the_oldest_go_where_all_together_are_too_large(store):
+    records = [predict(store, prediction_draft(prompt_user="a" * 10_000)) for _ in range(5)]
+    KeepHouse(store, Retention(max_bytes=35_000))()
+    assert kept(store) == [record.id for record in records[:1:-1]]

@@ -1,0 +1,145 @@
+"""Deleted is what was asked for, with all that refers to it, and nothing else."""
+
+from datetime import UTC, datetime, timedelta
+
+import pytest
+from sqlalchemy import func, select, update
+
+from app.store import audit, episodes, erasure, idempotency, jobs, predictions, tables, tasks
+from app.store.errors import NotFoundError
+from app.store.records import Extraction, StoredResponse
+from app.store.store import Store
+
+from .drafts import TASK, camera_record, episode_draft, object_record, predict, prediction_draft, upload
+
+OTHER = "close_jar"
+LEASE = timedelta(minutes=1)
+
+
+def remember(store: Store, scope: str, key: str, response: dict) -> None:
+    with store.write() as connection:
+        idempotency.save(connection, scope, key, "d", StoredResponse(200, response))
+
+
+def fill(store: Store, task: str) -> None:
+    """An episode, a prediction with an outcome, a job with something staged, and the answers to both requests."""
+    episode, asked = upload(store, episode_draft(task=task)), predict(store, prediction_draft(task))
+    remember(store, idempotency.UPLOAD, f"up {task}", {"id": episode.id, "task": task})
+    remember(store, idempotency.PREDICT, f"ask {task}", {"id": asked.id, "actions": []})
+    with store.write() as connection:
+        predictions.record_outcome(connection, asked.id, True, "fine")
+        jobs.add(connection, task, {})
+    with store.write() as connection:
+        job = jobs.claim(connection, LEASE)
+        extraction = extraction_of(episode.id)
+        jobs.stage(connection, job, [extraction], LEASE)
+
+
+def extraction_of(episode_id: str):
+    return Extraction(episode_id, (), (object_record("drawer"),))
+
+
+def counts(store: Store) -> dict[str, int]:
+    listed = (
+        *(tables.tasks, tables.episodes, tables.predictions, tables.jobs),
+        *(tables.staged_extractions, tables.idempotency_keys),
+    )
+    with store.read() as connection:
+        return {table.name: connection.scalar(select(func.count()).select_from(table)) for table in listed}
+
+
+def test_a_task_goes_with_all_that_it_holds(store: Store) -> None:
+    fill(store, OTHER)
+    alone = counts(store)
+    fill(store, TASK)
+    assert counts(store) == {name: 2 * number for name, number in alone.items()}
+    with store.write() as connection:
+        erasure.erase_task(connection, TASK)
+    assert counts(store) == alone
+    with store.read() as connection:
+        noted = audit.newest(connection)
+    held = '{"episodes":1,"predictions":1}'
+    assert (noted.action, noted.subject, noted.details) == ("task.deleted", TASK, held)
+    with store.read() as connection:
+        assert tasks.get(connection, OTHER).object_names == ("drawer", "cube")
+        assert idempotency.answered(connection, idempotency.UPLOAD, f"up {OTHER}") is not None
+        assert idempotency.answered(connection, idempotency.PREDICT, f"ask {OTHER}") is not None
+
+
+def test_what_was_under_way_for_a_deleted_task_is_refused(store: Store) -> None:
+    fill(store, TASK)
+    with store.read() as connection:
+        job = jobs.list_page(connection).items[0]
+    with store.write() as connection:
+        erasure.erase_task(connection, TASK)
+    with pytest.raises(NotFoundError, match=TASK), store.write() as connection:
+        predictions.add(connection, prediction_draft())
+    with pytest.raises(jobs.LostClaimError), store.write() as connection:
+        jobs.stage(connection, job, [extraction_of("a" * 32)], LEASE)
+    with pytest.raises(NotFoundError), store.write() as connection:
+        erasure.erase_task(connection, TASK)
+    assert set(counts(store).values()) == {0}
+
+
+def test_a_prediction_goes_with_the_answer_that_was_kept(store: Store) -> None:
+    gone, kept = predict(store, prediction_draft()), predict(store, prediction_draft())
+    for record in (gone, kept):
+        remember(store, idempotency.PREDICT, record.id, {"id": record.id})
+    with store.write() as connection:
+        erasure.erase_prediction(connection, gone.id)
+    with store.read() as connection:
+        assert audit.newest(connection).subject == gone.id
+        assert predictions.get(connection, kept.id) == kept
+        assert idempotency.answered(connection, idempotency.PREDICT, gone.id) is None
+        assert idempotency.answered(connection, idempotency.PREDICT, kept.id) is not None
+        with pytest.raises(NotFoundError, match=gone.id):
+            predictions.get(connection, gone.id)
+    with pytest.raises(NotFoundError, match=gone.id), store.write() as connection:
+        erasure.erase_prediction(connection, gone.id)
+
+
+def test_images_that_others_have_stay(store: Store) -> None:
+    own, shared = store.blobs.put(b"own"), store.blobs.put(b"shared")
+    upload(store, episode_draft(task=OTHER, cameras=(camera_record(rgb_digest=shared),)))
+    for digest in (own, shared):
+        predict(store, prediction_draft(cameras=(camera_record(rgb_digest=digest),)))
+    assert store.blobs.sizes() == {own: 3, shared: 6}
+    assert store.sweep(timedelta(0)) == 0
+    with store.write() as connection:
+        erasure.erase_task(connection, TASK)
+    assert store.sweep(timedelta(hours=1)) == 0  # one of them may be part of an upload under way
+    assert store.sweep(timedelta(0)) == 1
+    assert store.blobs.sizes() == {shared: 6}
+
+
+def test_the_oldest_predictions_are_beyond_an_age_and_a_size(store: Store) -> None:
+    shared, large = store.blobs.put(b"s" * 50_000), store.blobs.put(b"l" * 50_000)
+    upload(store, episode_draft(cameras=(camera_record(rgb_digest=shared),)))
+    first = predict(store, prediction_draft(cameras=(camera_record(rgb_digest=large),)))
+    second = predict(store, prediction_draft(prompt_user="a" * 10_000, cameras=(camera_record(rgb_digest=shared),)))
+    third = predict(store, prediction_draft(prompt_user="a" * 10_000))
+    now = datetime.now(UTC)
+    with store.write() as connection:
+        aged = update(tables.predictions).where(tables.predictions.c.id == first.id)
+        connection.execute(aged.values(created_at=now - timedelta(days=3)))
+    with store.read() as connection:
+        assert erasure.predictions_before(connection, now - timedelta(days=2), 9) == (first.id,)
+        assert erasure.predictions_before(connection, now + timedelta(1), 2) == (first.id, second.id)
+        sizes = store.blobs.sizes()
+        assert erasure.predictions_beyond(connection, 5_000, sizes) == (first.id, second.id, third.id)
+        assert erasure.predictions_beyond(connection, 15_000, sizes) == (first.id, second.id)
+        assert erasure.predictions_beyond(connection, 30_000, sizes) == (first.id,)  # an episode has the others
+        assert erasure.predictions_beyond(connection, 100_000, sizes) == ()
+
+
+def test_lists_leave_out_what_else_was_uploaded(store: Store) -> None:
+    added = upload(store, episode_draft())
+    with store.read() as connection:
+        assert episodes.get(connection, added.id).extra == added.extra
+        listed = (
+            *episodes.list_page(connection).items,
+            *episodes.all_of(connection, TASK),
+            *episodes.newest_by_task(connection).values(),
+            *episodes.by_ids(connection, TASK, [added.id]).values(),
+        )
+    assert [record.extra for record in listed] == [None] * 4
