@@ -1,5 +1,6 @@
 """A task's demonstrations, each predicted from the others before a robot moves; by an LLM where one is named."""
 
+import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -77,6 +78,7 @@ class CheckTask:
         self._store = store
         self._profile_of = profile_of
         self._predict = predict
+        self._one_at_a_time = threading.Lock()  # a page that is reloaded must not work the same out twice
         self._kept: Cache[tuple[str, int], _Read] = Cache(KEPT)
 
     def without_model(self, task: str) -> CheckedTask:
@@ -107,7 +109,8 @@ class CheckTask:
     def _read(self, name: str) -> _Read:
         with self._store.read() as connection:
             task = tasks.get(connection, name)
-        return self._kept.get((name, task.version), lambda: self._made(task))
+        with self._one_at_a_time:
+            return self._kept.get((name, task.version), lambda: self._made(task))
 
     def _made(self, task: TaskRecord) -> _Read:
         settings = TaskSettings.model_validate(task.settings)
