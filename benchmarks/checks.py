@@ -30,7 +30,8 @@ from app.client.client import RoboPromptClient
 from app.client.robot import Observation
 from app.evaluation.server import running_server
 from app.pipeline.episode import EndEffectorAction, ObjectPose, Trajectory
-from app.pipeline.motion_limits import Box, MotionGuard, MotionLimits
+from app.pipeline.motion_guard import MotionGuard
+from app.pipeline.motion_limits import Box, MotionLimits, Pose
 from app.services.api_keys import KeyRing, create_key
 from app.services.limits import Limits
 from app.store.store import Store
@@ -46,6 +47,7 @@ SCRIPTED = {
 OPEN = {**SCRIPTED, "ROBOPROMPT_AUTH": "off"}
 GUARDED = {**SCRIPTED, "ROBOPROMPT_AUTH": "on", "ROBOPROMPT_RATE_LIMIT_PER_S": "100000"}
 KEEP_OUT = [{"min": [0.6, 0.4, 0.6], "max": [0.7, 0.5, 0.7]}] * 4
+BEFORE = Pose((0.2, 0.1, 1.1), (1.0, 0.0, 0.0, 0.0))
 MOTION_LIMITS = {"keep_out": KEEP_OUT, "max_step_m": 0.5, "max_step_rotation_deg": 90}
 
 
@@ -92,6 +94,7 @@ def service(environment: dict[str, str], motion_limits: dict[str, Any]) -> Itera
                 "task": TASK,
                 "instruction": INSTRUCTION,
                 "objects": [{"name": "cube", "position": [0.2, 0.1, 0.78]}],
+                "end_effector": {"position": BEFORE.position_m, "quaternion_xyzw": BEFORE.quaternion_xyzw},
             }
             process_id = server_process(folder)
             with httpx.Client(base_url=url, headers={"authorization": f"Bearer {token}"}) as http:
@@ -150,7 +153,7 @@ def alone() -> dict[str, float]:
     actions = [EndEffectorAction(np.array([0.1, 0.1, z]), np.array([1.0, 0, 0, 0]), True) for z in (0.8, 0.9, 1.0)]
 
     def guard() -> None:
-        checked = MotionGuard(bounds)
+        checked = MotionGuard(bounds, before=BEFORE)
         for action in actions:
             checked.check(action)
 

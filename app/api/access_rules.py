@@ -17,6 +17,8 @@ _RULES = tuple(
     for method, path, *scopes in (
         # the limits of motion that a robot keeps to
         ("GET", f"/tasks/{_NAME}", "read", "predict"),
+        # it predicts, with whatever model it names
+        ("GET", f"/tasks/{_NAME}/check", "predict"),
         # whether an upload has been done already
         ("GET", f"/uploads/{_NAME}", "read", "upload"),
         ("POST", "/episodes", "upload"),

@@ -5,6 +5,7 @@ from typing import Any
 
 from app.llm.base import ModelProfile
 from app.pipeline.episode import Demonstration
+from app.pipeline.language import Grounded
 from app.pipeline.metadata import camera_json
 from app.pipeline.prompt import Prompt
 from app.pipeline.representation import fit_codec
@@ -117,6 +118,7 @@ def job_document(record: JobRecord) -> JsonObject:
 def _asked(question: Question, prompt: Prompt) -> JsonObject:
     """What a prediction and a dry run have in common."""
     return {
+        **_understood(question.grounded),
         "objects": [ObjectRecord.of(pose).to_json() for pose in question.observed],
         "model": question.profile.name,
         "representation": question.style.representation,
@@ -125,6 +127,21 @@ def _asked(question: Question, prompt: Prompt) -> JsonObject:
         "prompt": {"system": prompt.system, "user": prompt.user},
         "prefix_hash": question.template.cache_key,
     }
+
+
+def _understood(grounded: Grounded | None) -> JsonObject:
+    """How the instruction was understood."""
+    if grounded is None:
+        return {"canonical_instruction": None, "grounding": []}
+    return {
+        "canonical_instruction": grounded.instruction,
+        "grounding": [phrase.to_json() for phrase in grounded.phrases],
+    }
+
+
+def understood_document(question: Question) -> JsonObject:
+    """An `UnderstoodOut`: what is known before the LLM has said anything."""
+    return _understood(question.grounded)
 
 
 def prediction_document(prediction: Prediction) -> JsonObject:
@@ -174,8 +191,10 @@ def stored_prediction_document(record: PredictionRecord) -> JsonObject:
         recorded_at = record.outcome_at.isoformat()
         outcome = {"success": record.outcome_success, "note": record.outcome_note, "recorded_at": recorded_at}
     same = ("id", "task", "instruction", "status", "error", "model", "representation", "prompt_format", "reply_text")
+    grounded = None if record.grounding is None else Grounded.from_json(record.grounding)
     return {
         **{name: getattr(record, name) for name in same},
+        **_understood(grounded),
         "demonstration_ids": list(record.demonstration_ids),
         "prompt": {"system": record.prompt_system, "user": record.prompt_user},
         "actions": None if record.actions is None else list(record.actions),

@@ -33,6 +33,8 @@ from app.pipeline.errors import (
     ObjectSetError,
     RoboPromptError,
     UncertainPoseError,
+    UnfamiliarInstructionError,
+    UngroundedInstructionError,
 )
 from app.services.errors import (
     NoDemonstrationsError,
@@ -67,6 +69,8 @@ KINDS: Mapping[type[Exception], Kind] = {
     ObjectSetError: Kind(422, "object-set", "The objects are not those of the task"),
     ObjectNotVisibleError: Kind(422, "object-not-visible", "No camera sees an object"),
     UncertainPoseError: Kind(422, "uncertain-pose", "An object's pose cannot be told from the images"),
+    UngroundedInstructionError: Kind(422, "ungrounded-instruction", "It is not clear which object is meant"),
+    UnfamiliarInstructionError: Kind(422, "unfamiliar-instruction", "The instruction is unlike what was taught"),
     PoseServerUnavailableError: Kind(503, "pose-server-unavailable", "The pose server cannot be reached"),
     PoseServerTimeoutError: Kind(504, "pose-server-timeout", "The pose server did not answer in time"),
     PoseServerReplyError: Kind(502, "pose-server-error", "The pose server's answer cannot be used"),

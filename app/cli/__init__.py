@@ -9,6 +9,7 @@ from app.cli import (
     audit,
     backup,
     calibrate,
+    check,
     demo,
     evaluate,
     export_data,
@@ -31,6 +32,7 @@ application.command("demo")(demo.demo)
 application.command("eval")(evaluate.evaluate)
 application.command("films")(films.films)
 application.command("teach-objects")(teach_objects.teach_objects)
+application.command("check")(check.check)
 application.command("calibrate")(calibrate.calibrate)
 application.command("calibration-board")(calibrate.calibration_board)
 application.command("import")(import_data.import_data)

@@ -41,7 +41,7 @@ def check_service(url: str) -> None:
     """End the command with one line where nobody listens, or somebody else."""
     try:
         with RoboPromptClient(url) as client:
-            client.check()
+            client.ping()
     except (ServiceUnreachableError, ServiceProblemError) as error:
         Console(stderr=True).print(str(error), markup=False, highlight=False, soft_wrap=True)
         raise typer.Exit(1) from error

@@ -94,7 +94,7 @@ def _run(dataset: Dataset, url: str | None, results: list[Result], console: Cons
         results.extend(counted(check_dataset(dataset), len(dataset.entries), "reading", console))
         return
     with RoboPromptClient(url) as client:
-        client.check()
+        client.ping()
         for note in prepare_tasks(dataset, client):
             console.print(note, markup=False, soft_wrap=True)
         for result in counted(import_dataset(dataset, client), len(dataset.entries), "importing", console):

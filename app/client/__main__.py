@@ -10,7 +10,6 @@ import json
 import signal
 import sys
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, get_args
 
@@ -43,7 +42,7 @@ def main() -> int:
     command: Callable[[RoboPromptClient, argparse.Namespace], dict[str, Any]] = arguments.command
     try:
         with RoboPromptClient(arguments.url) as client:
-            client.check()
+            client.ping()
             print(json.dumps(command(client, arguments), indent=2))  # noqa: T201
     except REFUSALS as error:
         print(error, file=sys.stderr)  # noqa: T201
@@ -79,7 +78,14 @@ def _parser() -> argparse.ArgumentParser:
         nargs=6,
         type=float,
         metavar=("XMIN", "YMIN", "ZMIN", "XMAX", "YMAX", "ZMAX"),
-        help="metres, world frame: refuse every action outside, whatever the service says (default: the task's limits)",
+        help="metres, world frame: refuse every action outside, too, whatever the service says",
+    )
+    run.add_argument(
+        "--limits",
+        type=Path,
+        metavar="FILE",
+        help='JSON: {"workspace": ..., "motion_limits": ...} as in GET /tasks/{name}, any bound may be left out: hold '
+        "these, too, whatever the service says",
     )
     how = run.add_mutually_exclusive_group()
     how.add_argument("--stream", action="store_true", help="begin to move while the LLM still writes")
@@ -126,22 +132,32 @@ def _run(client: RoboPromptClient, arguments: argparse.Namespace) -> dict[str, A
     robot: Robot = getattr(importlib.import_module(module), factory)()
     confirm = _ask if arguments.confirm else None
     what = (client, robot, arguments.task, arguments.instruction)
-    limits = _limits(client, arguments)
+    pinned = _pinned(arguments)
     # Who ends this script ends it through `run_task`, which stops the arm.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     if arguments.closed_loop:
-        return {"steps": [step.response for step in run_closed_loop(*what, limits=limits, confirm=confirm)]}
+        return {"steps": [step.response for step in run_closed_loop(*what, pinned=pinned, confirm=confirm)]}
     how = {"stream": arguments.stream, "look_again": arguments.look_again, "on_danger": arguments.on_danger}
-    return dict(run_task(*what, limits=limits, confirm=confirm, **how).response)
+    return dict(run_task(*what, pinned=pinned, confirm=confirm, **how).response)
 
 
-def _limits(client: RoboPromptClient, arguments: argparse.Namespace) -> MotionLimits:
-    """The task's limits, with the caller's own workspace where one is given."""
-    of_task = client.motion_limits(arguments.task)
+def _pinned(arguments: argparse.Namespace) -> MotionLimits:
+    """The caller's own bounds, which hold together with the task's."""
+    pinned = MotionLimits(hand_radius_m=0.0) if arguments.limits is None else _limits_in(arguments.limits)
     if arguments.workspace is None:
-        return of_task
+        return pinned
     low, high = tuple(arguments.workspace[:3]), tuple(arguments.workspace[3:])
-    return replace(of_task, workspace=Box(low, high))
+    return pinned.intersection(MotionLimits(Box(low, high), hand_radius_m=0.0))
+
+
+def _limits_in(path: Path) -> MotionLimits:
+    try:
+        document = json.loads(path.read_text())
+    except (OSError, ValueError) as error:
+        raise InvalidInputError(
+            "--limits", f"{path}: {error}", "a JSON file with workspace, motion_limits or both"
+        ) from error
+    return MotionLimits.from_file(document)
 
 
 def _ask(index: int, action: EndEffectorAction) -> bool:

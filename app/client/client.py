@@ -19,7 +19,8 @@ from app.pipeline.addresses import without_proxy
 from app.pipeline.camera import RgbdFrame
 from app.pipeline.episode import EndEffectorAction, ObjectPose, Trajectory
 from app.pipeline.metadata import camera_json, object_json
-from app.pipeline.motion_limits import MotionLimits, action_from_json
+from app.pipeline.motion_guard import action_from_json
+from app.pipeline.motion_limits import MotionLimits
 from app.pipeline.reanchoring import ActionAnchor, anchor_from_json
 from app.pipeline.trajectory_npz import npz_from_trajectory
 
@@ -27,6 +28,7 @@ KEY_VARIABLE = "ROBOPROMPT_API_KEY"
 DEFAULT_URL = "http://127.0.0.1:8000"
 MAX_PORT = 65535
 LEARNING_TIMEOUT_S = 600.0
+CHECK_TIMEOUT_S = 660.0  # ten predictions of a minute each
 MARGIN_S = 10.0  # the service answers within the request's own deadline; this is for the way there and back
 
 
@@ -103,7 +105,7 @@ class RoboPromptClient:
         """Close the connections."""
         self._http.close()
 
-    def check(self) -> None:
+    def ping(self) -> None:
         """Ask whether the service is there.
 
         Raises:
@@ -274,6 +276,18 @@ class RoboPromptClient:
         """
         wish = {"objects": None if objects is None else list(objects), "episodes": episodes}
         return self._send("POST", f"/tasks/{task}/object_models/learn", json=wish, timeout=LEARNING_TIMEOUT_S)
+
+    def check(self, task: str, model: str | None = None) -> dict[str, Any]:
+        """Predict each of a task's demonstrations from the others, see `GET /tasks/{name}/check`.
+
+        Args:
+            model: an LLM to ask as well, which takes it some seconds for each demonstration.
+
+        Raises:
+            ServiceProblemError, ServiceUnreachableError.
+        """
+        asked = {} if model is None else {"model": model}
+        return self._send("GET", f"/tasks/{task}/check", params=asked, timeout=CHECK_TIMEOUT_S)
 
     def record_outcome(self, prediction_id: str, success: bool, note: str | None = None) -> dict[str, Any]:
         """Tell the service how the robot fared with a prediction."""

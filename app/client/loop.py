@@ -11,7 +11,8 @@ from app.client.look_again import Eyes, Follower
 from app.client.robot import Robot
 from app.pipeline.episode import EndEffectorAction
 from app.pipeline.errors import InvalidInputError
-from app.pipeline.motion_limits import MotionGuard, MotionLimits
+from app.pipeline.motion_guard import MotionGuard
+from app.pipeline.motion_limits import MotionLimits
 from app.pipeline.reply import MAX_ACTIONS
 
 __all__ = ["Confirm", "NotConfirmedError", "run_closed_loop", "run_task"]
@@ -24,6 +25,7 @@ def run_task(
     instruction: str,
     *,
     limits: MotionLimits | None = None,
+    pinned: MotionLimits | None = None,
     confirm: Confirm | None = None,
     stream: bool = False,
     look_again: bool = False,
@@ -36,6 +38,7 @@ def run_task(
 
     Args:
         limits: what the robot may be told, whatever the service says; None: what the service says of the task.
+        pinned: bounds of the robot's own that hold as well, so that nobody at the service can widen them.
         confirm: asked before each action, with its index; the run ends where it says no.
         stream: begin to move while the LLM still writes; otherwise nothing moves until the whole reply is known to be
             a list of actions within the limits.
@@ -48,6 +51,8 @@ def run_task(
         options: as for `RoboPromptClient.predict`.
 
     Raises:
+        InvalidInputError: if the service's limits cannot be held (NaN, say) or leave no room within the pinned ones, or
+            if steps are bounded and the observation lacks `end_effector`; nothing was asked or moved.
         ServiceProblemError, ServiceUnreachableError: without `stream` nothing was moved.
         UnsafeActionError: if an action is beyond the limits; it was not carried out, and without `stream` none was.
         MotionError: if an action could not be carried out.
@@ -59,8 +64,9 @@ def run_task(
     try:
         danger = what_to_do(on_danger, confirm)
         _check_modes(look_again=look_again, stream=stream)
-        allowed = limits or client.motion_limits(task)
+        allowed = _allowed(client, task, limits, pinned)
         observation = robot.observe()
+        allowed.require_start(observation.end_effector)
         new_guard = partial(MotionGuard, allowed, options.get("max_actions", MAX_ACTIONS), observation.end_effector)
         if stream:
             findings: list[Mapping[str, Any]] = []
@@ -128,6 +134,7 @@ def run_closed_loop(
     *,
     max_steps: int = MAX_ACTIONS,
     limits: MotionLimits | None = None,
+    pinned: MotionLimits | None = None,
     confirm: Confirm | None = None,
     **options: Any,  # noqa: ANN401
 ) -> Iterator[PredictedActions]:
@@ -135,7 +142,7 @@ def run_closed_loop(
 
     Args:
         max_steps: after so many the run ends, done or not.
-        limits, confirm, options: as for `run_task`.
+        limits, pinned, confirm, options: as for `run_task`.
 
     Yields:
         the answer to each step, before its action is carried out; the last has no action unless `max_steps` ended the
@@ -147,10 +154,12 @@ def run_closed_loop(
     wish = {**options, "closed_loop": True}
     guard: MotionGuard | None = None
     try:
-        allowed = limits or client.motion_limits(task)
+        allowed = _allowed(client, task, limits, pinned)
         for index in range(max_steps):
             observation = robot.observe()
-            guard = guard or MotionGuard(allowed, max_steps, observation.end_effector)
+            if guard is None:
+                allowed.require_start(observation.end_effector)
+                guard = MotionGuard(allowed, max_steps, observation.end_effector)
             predicted = client.predict(task, instruction, observation, **wish)
             for action in predicted.actions:
                 guard.check(action)
@@ -162,6 +171,13 @@ def run_closed_loop(
     except BaseException:
         robot.stop()
         raise
+
+
+def _allowed(
+    client: RoboPromptClient, task: str, limits: MotionLimits | None, pinned: MotionLimits | None
+) -> MotionLimits:
+    told = limits or client.motion_limits(task)
+    return told if pinned is None else told.intersection(pinned)
 
 
 def _execute(robot: Robot, index: int, action: EndEffectorAction, confirm: Confirm | None) -> None:

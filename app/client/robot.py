@@ -14,7 +14,7 @@ class Observation:
 
     Attributes:
         to_find: the names of objects that the service is to find in the images by the task's object models.
-        end_effector: where the arm is; with it the bounds of a step hold for the first action, too.
+        end_effector: where the arm is: the way to the first target begins there. Needed where the task bounds steps.
     """
 
     objects: tuple[ObjectPose, ...] = ()

@@ -44,7 +44,8 @@ class _Disturbed:
         self.execute, self.stop = robot.execute, robot.stop
 
     def observe(self) -> Observation:
-        return Observation(disturbed(self._robot.observe().objects, self._noise, self._seed))
+        seen = self._robot.observe()
+        return Observation(disturbed(seen.objects, self._noise, self._seed), end_effector=seen.end_effector)
 
 
 def run_in_closed_loop(

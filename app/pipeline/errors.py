@@ -4,7 +4,9 @@
     ├── InvalidInputError          a value that the caller sent is not acceptable; names field and remedy
     │   ├── ObjectSetError         the objects differ from the task's
     │   ├── ObjectNotVisibleError  no camera sees an object
-    │   └── UncertainPoseError     an object is seen, but not well enough to tell its pose
+    │   ├── UncertainPoseError     an object is seen, but not well enough to tell its pose
+    │   ├── UngroundedInstructionError  a phrase of the instruction stands for no object, or for several
+    │   └── UnfamiliarInstructionError  the instruction is unlike every taught one
     ├── ReplyParseError            the LLM's reply is not a list of valid actions; carries the raw text
     ├── UnsafeActionError          an action is valid but beyond a bound of motion; names action, value and bound
     └── UnsupportedActionError     an action is valid but unlike what was demonstrated; names what was expected
@@ -48,6 +50,14 @@ class ObjectNotVisibleError(InvalidInputError):
 
 class UncertainPoseError(InvalidInputError):
     """An object whose pose cannot be told from the images: hidden, ambiguous, or seen differently by the cameras."""
+
+
+class UngroundedInstructionError(InvalidInputError):
+    """An instruction of which a phrase stands for no object of the task, or for several."""
+
+
+class UnfamiliarInstructionError(InvalidInputError):
+    """An instruction that is unlike every taught one, or has words that nothing explains."""
 
 
 class ReplyParseError(RoboPromptError):

@@ -63,11 +63,11 @@ class Workspace:
         low_m, high_m = positions_m.min(axis=0), positions_m.max(axis=0)
         low_m, high_m = low_m - AUTO_MARGIN_M, high_m + AUTO_MARGIN_M
         low_m[2] += AUTO_MARGIN_M - AUTO_MARGIN_BELOW_M  # what carries the lowest object is right below it
+        if grown_from is not None:  # which has room to spare: it grows by no more than what it does not hold
+            low_m, high_m = np.minimum(low_m, grown_from.min_m), np.maximum(high_m, grown_from.max_m)
         missing_m = np.maximum(AUTO_LEAST_M - (high_m - low_m), 0)
         low_m[:2] -= missing_m[:2] / 2
         high_m += missing_m * (0.5, 0.5, 1.0)
-        if grown_from is not None:
-            low_m, high_m = np.minimum(low_m, grown_from.min_m), np.maximum(high_m, grown_from.max_m)
         grid = AUTO_GRID_M
         return cls(np.round(np.floor(low_m / grid + 1e-9) * grid, 9), np.round(np.ceil(high_m / grid - 1e-9) * grid, 9))
 

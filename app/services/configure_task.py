@@ -9,7 +9,7 @@ from app.pipeline.wording import checked_name
 from app.services.extraction import extract_again
 from app.services.limits_log import record_limits
 from app.services.pose_servers import PoseServers
-from app.services.task_settings import TaskSettings
+from app.services.task_settings import MERGED, TaskSettings
 from app.services.workspaces import with_room_for
 from app.store import episodes, jobs, tasks
 from app.store.errors import ConflictError, NotFoundError
@@ -69,7 +69,9 @@ class ConfigureTask:
             if number > self._max_at_once:
                 with self._store.write() as connection:
                     wanted = new.model_dump(mode="json")
-                    job = jobs.add(connection, name, {key: wanted[key] for key in changes})
+                    # Only what was asked for: limits that are tightened before the job ends must stay.
+                    kept = {key: _named(wanted[key], changes[key]) if key in MERGED else wanted[key] for key in changes}
+                    job = jobs.add(connection, name, kept)
                     record_limits(connection, name, old.model_dump(mode="json"), wanted, action="limits.requested")
                     return job
         return self(name, changes)
@@ -107,6 +109,11 @@ class ConfigureTask:
 
     def _extract(self, record: EpisodeRecord, settings: TaskSettings) -> Extraction:
         return extract_again(self._store, record, settings)
+
+
+def _named(settings: JsonObject, change: Mapping[str, Any]) -> JsonObject:
+    """The members that a change names."""
+    return {key: settings[key] for key in change}
 
 
 def _require_no_job(connection: Connection, name: str) -> None:

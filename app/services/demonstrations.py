@@ -63,18 +63,24 @@ def demonstrations_of(
     Args:
         trajectories: reads those of the records, in their order; called where the task's keyframe rule needs them.
     """
-    canonical = tuple(canonical_demonstration(record.demonstration(), settings) for record in records)
-    rule = settings.keyframes.keyframe_rule()
-    if not rule.aligned:
+    if not settings.keyframes.keyframe_rule().aligned:
+        canonical = tuple(canonical_demonstration(record.demonstration(), settings) for record in records)
         return Demonstrations(canonical, canonical)
-    recordings = [
-        _recording(demonstration, trajectory, record.control_frequency_hz, rule)
-        for demonstration, trajectory, record in zip(canonical, trajectories(), records, strict=True)
-    ]
-    recorded = aligned_by_plan(recordings)
+    recorded = aligned_by_plan(recordings_of(records, trajectories(), settings))
     if not all_of_them:
         recorded = shown_together(recorded)
     return Demonstrations(agreeing(recorded), recorded)
+
+
+def recordings_of(
+    records: Sequence[DemonstrationRecord], trajectories: Sequence[Trajectory], settings: TaskSettings
+) -> list[Recording]:
+    """The demonstrations of records as they were found, each with the trajectory that it was made from."""
+    rule = settings.keyframes.keyframe_rule()
+    return [
+        _recording(canonical_demonstration(record.demonstration(), settings), trajectory, record, rule)
+        for record, trajectory in zip(records, trajectories, strict=True)
+    ]
 
 
 def stepwise_demonstrations(records: Sequence[DemonstrationRecord], settings: TaskSettings) -> Demonstrations:
@@ -90,7 +96,7 @@ def canonical_demonstration(demonstration: Demonstration, settings: TaskSettings
 
 
 def _recording(
-    demonstration: Demonstration, trajectory: Trajectory, control_frequency_hz: float, rule: KeyframeRule
+    demonstration: Demonstration, trajectory: Trajectory, record: DemonstrationRecord, rule: KeyframeRule
 ) -> Recording:
     started = replace(demonstration, start=trajectory.action_at(0))
-    return Recording(started, trajectory, frame_times_s(trajectory, control_frequency_hz), rule)
+    return Recording(started, trajectory, frame_times_s(trajectory, record.control_frequency_hz), rule)

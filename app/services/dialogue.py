@@ -97,7 +97,7 @@ class Dialogue:
         """The actions of the reply to one instruction, as far as the demonstrations support them."""
         question = self._question
         reader = ReplyReader(question.written.codec, question.objects, instruction, max_actions, question.start)
-        support = SupportCheck(question, instruction)
+        support = SupportCheck(question, instruction, question.request.max_actions - max_actions)
         async with aclosing(self._reply(reader, max_actions, piecewise=piecewise)) as arriving:
             async for item in arriving:
                 if not isinstance(item, TextDelta):

@@ -58,7 +58,7 @@ def explain_prediction(record: PredictionRecord, demonstrations: Demonstrations,
     """Hold a prediction against those of its demonstrations that are still stored."""
     shown = demonstrations.recorded
     observed = tuple(item.pose() for item in record.objects)
-    predicted = Demonstration(record.instruction, observed, tuple(_actions(record)))
+    predicted = Demonstration(_canonical(record), observed, tuple(_actions(record)))
     reaches = {pose.name: object_reach(pose, shown) for pose in observed} if shown else {}
     # A step of a closed loop is one action out of several; its demonstrations are not told apart by step here.
     deviations = action_deviations(predicted, shown) if record.step is None else ()
@@ -75,6 +75,11 @@ def explain_prediction(record: PredictionRecord, demonstrations: Demonstrations,
         *_missing(missing, record),
     )
     return Explanation(findings, reaches, deviations, missing)
+
+
+def _canonical(record: PredictionRecord) -> str:
+    """The instruction as the LLM read it."""
+    return record.instruction if record.grounding is None else str(record.grounding["instruction"])
 
 
 def _actions(record: PredictionRecord) -> Iterator[EndEffectorAction]:
@@ -110,7 +115,7 @@ def _poses(record: PredictionRecord) -> Iterator[Finding]:
 
 def _instruction(record: PredictionRecord, shown: Sequence[Demonstration]) -> Iterator[Finding]:
     told = list(dict.fromkeys(item.instruction for item in shown))
-    if told and record.instruction not in told:
+    if told and _canonical(record) not in told:
         listed = ", ".join(f"“{text}”" for text in told[:3]) + (f" and {len(told) - 3} more" if told[3:] else "")
         yield Finding("instruction", "No demonstration has this instruction", f"They have {listed}.")
 

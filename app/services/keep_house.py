@@ -4,7 +4,7 @@ import logging
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 
-from app.store import erasure
+from app.store import audit, erasure
 from app.store.store import Store
 
 BATCH = 500  # predictions in a transaction: others want to write, too
@@ -53,6 +53,8 @@ class KeepHouse:
             forgotten += sum(self._erase(beyond[at : at + BATCH]) for at in range(0, len(beyond), BATCH))
         if forgotten:
             logger.info("%d predictions were deleted, as the settings demand", forgotten)
+            with self._store.write() as connection:
+                audit.record(connection, "predictions.expired", "", {"predictions": forgotten}, actor="retention")
 
     def _older_than(self, moment: datetime) -> tuple[str, ...]:
         with self._store.read() as connection:

@@ -10,15 +10,15 @@ import anyio.to_thread
 from app.llm.base import Completion, LanguageModelError, TextDelta
 from app.llm.registry import ModelRegistry
 from app.pipeline.errors import ReplyParseError, UnsafeActionError, UnsupportedActionError
-from app.pipeline.motion_limits import MotionGuard
 from app.pipeline.workspace import discretize_actions
+from app.services.current_limits import ActionCheck, CurrentLimits
 from app.services.dialogue import Dialogue
 from app.services.errors import UnparsableReplyError, UnsafeReplyError, UnsupportedReplyError
 from app.services.log_fields import note
 from app.services.prediction import PredictedAction, Prediction
 from app.services.prefix_warmer import PrefixWarmer
 from app.services.question import PredictRequest, Question
-from app.services.record_prediction import PredictionRecorder
+from app.services.record_prediction import Recorder
 from app.services.sampled_dialogue import SampledDialogue
 from app.services.watch_predictions import watched
 from app.services.write_question import QuestionWriter
@@ -33,14 +33,16 @@ class PredictActions:
         models: ModelRegistry,
         write_question: QuestionWriter,
         warmer: PrefixWarmer,
-        record: PredictionRecorder,
+        record: Recorder,
         under_way: UnderWayNotes,
+        limits: CurrentLimits,
     ) -> None:
         self._models = models
         self._write_question = write_question
         self._warmer = warmer
         self._record = record
         self._under_way = under_way
+        self._limits = limits
 
     async def prepare(self, request: PredictRequest, timings_ms: dict[str, float]) -> Question:
         """The question as it would be put to the LLM, which is not called.
@@ -87,15 +89,16 @@ class PredictActions:
             LanguageModelError: if the LLM did not answer; recorded.
             UnparsableReplyError: if its reply is not a list of valid actions; recorded, carries the reply.
             UnsupportedReplyError: if the demonstrations do not support an action; recorded, carries the reply.
-            UnsafeReplyError: if an action is beyond a bound of motion; recorded, carries the reply.
+            UnsafeReplyError: if an action is beyond a bound of motion of the moment; recorded, carries the reply.
         """
         async with self._models.using(question.profile.name) as model:
             kind = SampledDialogue if question.samples else Dialogue
             dialogue = kind(question, model, timings_ms)
             record = partial(self._record, question, dialogue, timings_ms, started_s)
             actions: list[PredictedAction] = []
+            check = ActionCheck(self._limits, question)
             try:
-                async with aclosing(self._checked(question, dialogue, piecewise=piecewise)) as arriving:
+                async with aclosing(self._checked(question, dialogue, check, piecewise=piecewise)) as arriving:
                     async for item in arriving:
                         if isinstance(item, PredictedAction):
                             timings_ms.setdefault("first_action", (time.perf_counter() - started_s) * 1000)
@@ -104,7 +107,11 @@ class PredictActions:
             except (ReplyParseError, UnsafeActionError, UnsupportedActionError, LanguageModelError) as error:
                 await _record_failure(error, dialogue, record)
                 raise
-        id_ = await record("ok", actions)
+        try:
+            id_ = await record("ok", actions, check=check.within)
+        except UnsafeActionError as error:  # beyond limits that were set after the last action came
+            await _record_failure(error, dialogue, record)
+            raise
         findings = (*question.findings, *dialogue.findings)
         completion = Completion(dialogue.reply_text or "", dialogue.usage)
         yield Prediction(
@@ -112,12 +119,11 @@ class PredictActions:
         )
 
     async def _checked(
-        self, question: Question, dialogue: Dialogue | SampledDialogue, *, piecewise: bool
+        self, question: Question, dialogue: Dialogue | SampledDialogue, check: ActionCheck, *, piecewise: bool
     ) -> AsyncGenerator[PredictedAction | TextDelta, None]:
         """The dialogue's actions, each within the bounds of motion; meanwhile people see that it is under way."""
-        workspace, limits = question.settings.workspace.workspace(), question.settings.limits_of_motion()
+        workspace = question.settings.workspace.workspace()
         done = 0
-        guard = MotionGuard(limits, question.request.max_actions, question.end_effector)
         with self._warmer.giving_way():
             async with (
                 watched(self._under_way, question),
@@ -127,11 +133,14 @@ class PredictActions:
                     if isinstance(arrived, TextDelta):
                         yield arrived
                         continue
-                    for action in arrived:
-                        guard.check(action)
+                    await check.arrived(arrived)
                     rows = dialogue.rows[done : done + len(arrived)] or [None] * len(arrived)
                     done += len(arrived)
-                    for item in map(PredictedAction, arrived, discretize_actions(arrived, workspace), rows):
+                    for k, item in enumerate(
+                        map(PredictedAction, arrived, discretize_actions(arrived, workspace), rows)
+                    ):
+                        if piecewise and k > 0:  # whoever reads the stream may have taken long over the one before
+                            await check.again()
                         yield item
 
 
@@ -143,7 +152,7 @@ async def _record_failure(
     """Keep what became of the question.
 
     Raises:
-        UnparsableReplyError, UnsafeReplyError, UnsupportedReplyError: instead of an error that does not carry the reply.
+        UnparsableReplyError, UnsafeReplyError, UnsupportedReplyError: for an error that does not carry the reply.
     """
     if isinstance(error, ReplyParseError):
         id_ = await record("parse_error", error=error.message)

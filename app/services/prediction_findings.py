@@ -9,6 +9,7 @@ from app.pipeline.comparison import object_reach
 from app.pipeline.episode import Demonstration, ObjectPose
 from app.pipeline.findings import Finding, Severity
 from app.pipeline.geometry import tilt_rad
+from app.pipeline.language import Grounded
 from app.pipeline.plans.support import PlacedPlan
 from app.services.question import Question
 
@@ -25,14 +26,21 @@ def findings_before(question: Question) -> tuple[Finding, ...]:
     """What deserves a look before the robot moves, the cause first."""
     support = question.template.support
     if support is None:
-        return tuple(_poses(question.observed))
+        return (*_words(question.grounded), *_poses(question.observed))
     shown = [demonstration for group, _ in support.plans for demonstration in group]
     plans = [plan for placed in question.plans.values() for plan in placed or ()]
     return (
+        *_words(question.grounded),
         *_poses(question.observed),
         *(finding for pose in question.observed for finding in _place(pose, shown)),
         *_scatter(plans),
     )
+
+
+def _words(grounded: Grounded) -> Iterator[Finding]:
+    if grounded.unfamiliar is not None:
+        message = f"{grounded.unfamiliar}; it was passed on to the LLM."
+        yield Finding("unfamiliar-instruction", "danger", message, "instruction")
 
 
 def _poses(observed: tuple[ObjectPose, ...]) -> Iterator[Finding]:

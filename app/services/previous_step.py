@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from sqlalchemy import Connection
 
 from app.pipeline.errors import InvalidInputError
+from app.pipeline.language import Grounded
 from app.pipeline.motion_limits import Pose
 from app.services.templates import PromptStyle, Template
 from app.store import predictions
@@ -19,6 +20,7 @@ class PreviousStep:
         step: its number, from 0.
         prompt_user, reply_text: as the LLM read and wrote them.
         end_effector: where its action sent it.
+        instruction, grounded: as it was asked, and how it was understood, where that was kept.
     """
 
     step: int
@@ -28,6 +30,8 @@ class PreviousStep:
     prompt_user: str
     reply_text: str
     end_effector: Pose
+    instruction: str
+    grounded: Grounded | None
 
     def so_far(self, template: Template) -> str:
         """What follows the demonstrations in the next prompt: every observation and action until now.
@@ -68,4 +72,6 @@ def previous_step(connection: Connection, prediction_id: str, task: str) -> Prev
         record.prompt_user,
         record.reply_text,
         Pose(tuple(last["position"]), tuple(last["quaternion_xyzw"])),
+        record.instruction,
+        None if record.grounding is None else Grounded.from_json(record.grounding),
     )

@@ -14,6 +14,7 @@ from app.pipeline.camera import Camera, RgbdFrame
 from app.pipeline.episode import EndEffectorAction, ObjectPose
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.findings import Finding
+from app.pipeline.language import Grounded
 from app.pipeline.motion_limits import Pose
 from app.pipeline.plans.support import PlacedPlan
 from app.pipeline.prompt import Prompt, PromptTemplate
@@ -44,6 +45,7 @@ class PredictRequest:
         closed_loop: ask for the next action only.
         after: the id of the prediction that a closed loop goes on from; its model, demonstrations and style go on, too.
         end_effector: where the robot's end effector is, where the robot tells.
+        unfamiliar: whether an instruction unlike every taught one is refused or passed on.
         unsupported: whether an action unlike what was demonstrated is refused, or only found.
         stream_text: hand out the reply's text, too, where it is read while it arrives.
         as_sent: the request as it came, to be stored with the prediction.
@@ -71,6 +73,7 @@ class PredictRequest:
     max_actions: int = MAX_ACTIONS
     timeout_s: float = 60.0
     end_effector: Pose | None = None
+    unfamiliar: Literal["refuse", "allow"] = "refuse"
     unsupported: Unsupported = "refuse"
     stream_text: bool = False
     as_sent: JsonObject = field(default_factory=dict)
@@ -96,6 +99,7 @@ class Question:
     """Everything that is fixed before the LLM is asked.
 
     Attributes:
+        grounded: the instruction as it is understood.
         instructions: to ask for one after the other.
         written: the template at the step that is asked for.
         so_far: the steps of a closed loop that were taken already.
@@ -108,6 +112,7 @@ class Question:
     """
 
     request: PredictRequest
+    grounded: Grounded
     instructions: tuple[str, ...]
     objects: tuple[ObjectPose, ...]
     template: Template

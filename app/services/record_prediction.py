@@ -1,10 +1,12 @@
 """What became of a question to an LLM, kept: the prediction's row, its images, and the service's figures."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Protocol
 
 import anyio.to_thread
+from sqlalchemy import Connection
 
 from app.services.dialogue import Dialogue
 from app.services.log_fields import note
@@ -18,6 +20,29 @@ from app.store import predictions
 from app.store.records import PredictionDraft, PredictionStatus
 from app.store.store import Store
 from app.store.values import ObjectRecord
+
+
+class Recorder(Protocol):
+    """What keeps a prediction, or does not."""
+
+    async def __call__(
+        self,
+        question: Question,
+        dialogue: Dialogue | SampledDialogue,
+        timings_ms: Timings,
+        started_s: float,
+        status: PredictionStatus,
+        actions: Sequence[PredictedAction] | None = None,
+        error: str | None = None,
+        check: Callable[[Connection], None] = lambda _: None,
+    ) -> str:
+        """The prediction's id; empty where it is not kept.
+
+        Args:
+            check: called before anything is written, where anything is; what it raises goes on.
+            started_s: when the request came, by `time.perf_counter`.
+        """
+        ...
 
 
 class PredictionRecorder:
@@ -36,10 +61,12 @@ class PredictionRecorder:
         status: PredictionStatus,
         actions: Sequence[PredictedAction] | None = None,
         error: str | None = None,
+        check: Callable[[Connection], None] = lambda _: None,
     ) -> str:
         """Store what was asked and answered, and count it; the prediction's id.
 
         Args:
+            check: called in the transaction before anything is written; what it raises goes on, and nothing is stored.
             timings_ms: of the stages so far; `write`, `total` and `outside_llm` are added.
             started_s: when the request came, by `time.perf_counter`.
         """
@@ -48,6 +75,7 @@ class PredictionRecorder:
         def write() -> str:
             cameras = put_images(self._store.blobs, question.request.cameras, question.request.images)
             with self._store.write() as connection:
+                check(connection)
                 return predictions.add(connection, replace(draft, cameras=cameras) if cameras else draft).id
 
         with timed(timings_ms, "write"):
@@ -87,4 +115,5 @@ def _draft(
         step=question.step,
         objects=tuple(map(ObjectRecord.of, question.observed)),
         samples=dialogue.samples,
+        grounding=question.grounded.to_json(),
     )

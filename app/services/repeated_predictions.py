@@ -1,7 +1,14 @@
-"""A prediction that is asked for again with the same `Idempotency-Key` is answered as the first was."""
+"""A prediction that is asked for again with the same `Idempotency-Key` is answered as the first was, if it is safe."""
 
 import anyio.to_thread
+from sqlalchemy import Connection
 
+from app.pipeline.errors import UnsafeActionError
+from app.pipeline.motion_guard import MotionGuard, action_from_json
+from app.services.current_limits import CurrentLimits
+from app.services.errors import UnsafeReplyError
+from app.services.previous_step import previous_step
+from app.services.question import PredictRequest
 from app.store import idempotency
 from app.store.records import StoredResponse
 from app.store.store import Store
@@ -11,12 +18,16 @@ SCOPE = idempotency.PREDICT
 
 
 class RepeatedPredictions:
-    """Remembers answers by key. Those to requests that failed are not remembered: asking again asks the LLM again."""
+    """Remembers answers by key. Those to requests that failed are not remembered: asking again asks the LLM again.
 
-    def __init__(self, store: Store) -> None:
+    An answer is given only while its actions are within the task's limits of motion.
+    """
+
+    def __init__(self, store: Store, limits: CurrentLimits) -> None:
         self._store = store
+        self._limits = limits
 
-    async def answer_to(self, key: str, digest: str) -> JsonObject | None:
+    async def answer_to(self, key: str, digest: str, request: PredictRequest) -> JsonObject | None:
         """What the same request was answered with, or None if it is new.
 
         Args:
@@ -24,27 +35,45 @@ class RepeatedPredictions:
 
         Raises:
             ConflictError: if the key came with other content.
+            UnsafeReplyError: if limits that were set since forbid one of the answer's actions.
         """
 
         def find() -> StoredResponse | None:
             with self._store.read() as connection:
-                return idempotency.find(connection, SCOPE, key, digest)
+                stored = idempotency.find(connection, SCOPE, key, digest)
+                if stored is not None:
+                    self._check(connection, request, stored.response)
+                return stored
 
         stored = await anyio.to_thread.run_sync(find)
         return None if stored is None else stored.response
 
-    async def remember(self, key: str, digest: str, answer: JsonObject) -> JsonObject:
+    async def remember(self, key: str, digest: str, request: PredictRequest, answer: JsonObject) -> JsonObject:
         """Remember the answer; of two requests that were under way at once, both get the first one's.
 
         Raises:
             ConflictError: if the key came with other content meanwhile.
+            UnsafeReplyError: as `answer_to`; nothing is remembered.
         """
 
         def save() -> JsonObject:
             with self._store.write() as connection:
-                if (stored := idempotency.find(connection, SCOPE, key, digest)) is not None:
-                    return stored.response
-                idempotency.save(connection, SCOPE, key, digest, StoredResponse(200, answer))
-            return answer
+                stored = idempotency.find(connection, SCOPE, key, digest)
+                given = answer if stored is None else stored.response
+                self._check(connection, request, given)
+                if stored is None:
+                    idempotency.save(connection, SCOPE, key, digest, StoredResponse(200, answer))
+            return given
 
         return await anyio.to_thread.run_sync(save)
+
+    def _check(self, connection: Connection, request: PredictRequest, answer: JsonObject) -> None:
+        before = request.end_effector
+        if before is None and request.after is not None:
+            before = previous_step(connection, request.after, request.task).end_effector
+        guard = MotionGuard(self._limits.read(connection, request.task), request.max_actions, before)
+        try:
+            for index, action in enumerate(answer["actions"]):
+                guard.check(action_from_json(index, action))
+        except UnsafeActionError as error:
+            raise UnsafeReplyError(error, answer["reply_text"], answer["id"]) from error

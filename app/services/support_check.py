@@ -14,11 +14,14 @@ class SupportCheck:
 
     Attributes:
         finding: the first action that the demonstrations do not support, where the request lets it pass.
+
+    Args:
+        num_before: actions of replies to earlier parts of the instruction.
     """
 
-    def __init__(self, question: Question, instruction: str) -> None:
+    def __init__(self, question: Question, instruction: str, num_before: int = 0) -> None:
         plans = question.plans.get(instruction)
-        self._guard = SupportGuard(plans) if plans else None
+        self._guard = SupportGuard(plans, num_before) if plans else None
         self._allows = question.request.unsupported == "allow"
         self.finding: Finding | None = None
 

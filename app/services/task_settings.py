@@ -7,7 +7,16 @@ from dataclasses import replace
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
 
 from app.perception.base import ObjectQuery
 from app.perception.models import model_from_json
@@ -18,10 +27,10 @@ from app.pipeline.errors import InvalidInputError
 from app.pipeline.geometry import canonical_pose
 from app.pipeline.keyframes import SIMULATION_DELTA_RAD_S, KeyframeRule, Rule
 from app.pipeline.keyframes.rule import TOLERANCE_DEG, TOLERANCE_M
-from app.pipeline.motion_limits import Box, MotionLimits
+from app.pipeline.motion_limits import HAND_RADIUS_M, Box, MotionLimits
 from app.pipeline.prompt import MAX_SYSTEM_PROMPT_CHARS
 from app.pipeline.representation import check_style
-from app.pipeline.wording import checked_name
+from app.pipeline.wording import check_aliases_of, checked_aliases, checked_name
 from app.pipeline.workspace import RLBENCH_MAX_M, RLBENCH_MIN_M, Workspace
 
 Point = tuple[float, float, float]
@@ -29,7 +38,7 @@ Representation = Literal["absolute", "object_frame", "action_tokens"]
 PromptFormat = Literal["paper", "authors", "kat"]
 Preset = Literal["auto", "rlbench"]
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f]")
-_MERGED = ("workspace", "keyframes", "motion_limits")
+MERGED = ("workspace", "keyframes", "motion_limits")  # a change keeps what it does not name of them
 MIN_SYMMETRY_DEG = 1.0  # what is rounder is round
 
 
@@ -110,7 +119,7 @@ class KeyframeSettings(_Settings):
 
 
 class KeepOutBox(_Settings):
-    """A box that no action's target may lie in, in metres in the world frame."""
+    """A box that the hand keeps out of, in metres in the world frame."""
 
     min: Point
     max: Point
@@ -123,13 +132,24 @@ class KeepOutBox(_Settings):
 
 
 class MotionLimitsSettings(_Settings):
-    """Bounds of predicted actions beyond the workspace. An action beyond one is an error, never clipped."""
+    """Bounds of predicted actions beyond the workspace. An action beyond one is an error, never clipped.
+
+    A bound goes only by an explicit null, boxes by [] or null; what a request leaves out stays as it is.
+    """
 
     keep_out: Annotated[
-        tuple[KeepOutBox, ...], Field(max_length=64, description="boxes that no action's target may lie in")
+        tuple[KeepOutBox, ...],
+        Field(max_length=64, description="boxes that the hand keeps out of, at targets and straight between them"),
+        BeforeValidator(lambda value: () if value is None else value, tuple[KeepOutBox, ...] | None),
     ] = ()
-    max_step_m: Annotated[float | None, Field(gt=0, description="between the targets of consecutive actions")] = None
-    max_step_rotation_deg: Annotated[float | None, Field(gt=0, le=180, description="likewise")] = None
+    max_step_m: Annotated[
+        float | None,
+        Field(gt=0, description="between consecutive targets; requests then need `end_effector`"),
+    ] = None
+    max_step_rotation_deg: Annotated[float | None, Field(gt=0, le=180, description="as max_step_m, in degrees")] = None
+    hand_radius_m: Annotated[
+        float, Field(ge=0, le=1, description="of a sphere around the end effector, which keeps out of the boxes")
+    ] = HAND_RADIUS_M
 
 
 def _known_estimator(name: str) -> str:
@@ -171,6 +191,13 @@ class TaskSettings(_Settings):
     prompt_format: PromptFormat | None = None
     system_prompt: SystemPrompt | None = None
     num_demonstrations: Annotated[int, Field(ge=1, le=100)] = 10
+    aliases: Annotated[
+        dict[str, Annotated[tuple[str, ...], Field(max_length=32)]],
+        Field(description="per object what people call it besides its name; no two objects share one"),
+    ] = {}
+    robot_base: Annotated[
+        Point, Field(description="where the robot's base stands, metres, world frame; it looks along +x, left is +y")
+    ] = (0.0, 0.0, 0.0)
     yaw_symmetry_deg: Annotated[
         dict[str, Annotated[float, AfterValidator(_symmetry)]],
         Field(
@@ -186,12 +213,17 @@ class TaskSettings(_Settings):
             check_style(representation, value)
         return value
 
+    @field_validator("aliases")
+    @classmethod
+    def _names_one_object_each(cls, value: dict[str, tuple[str, ...]]) -> dict[str, tuple[str, ...]]:
+        return checked_aliases(value)
+
     def limits_of_motion(self) -> MotionLimits:
         """What every action of a prediction must keep to."""
         limits = self.motion_limits
         keep_out = tuple(Box(box.min, box.max) for box in limits.keep_out)
         workspace = Box(self.workspace.min, self.workspace.max)
-        return MotionLimits(workspace, keep_out, limits.max_step_m, limits.max_step_rotation_deg)
+        return MotionLimits(workspace, keep_out, limits.max_step_m, limits.max_step_rotation_deg, limits.hand_radius_m)
 
     def changed(self, changes: Mapping[str, Any]) -> "TaskSettings":
         """With these settings; of workspace, keyframes and motion limits only what the change names.
@@ -200,7 +232,7 @@ class TaskSettings(_Settings):
             pydantic.ValidationError: if the settings do not go together.
         """
         old = self.model_dump()
-        new = {name: {**old[name], **value} if name in _MERGED else value for name, value in changes.items()}
+        new = {name: {**old[name], **value} if name in MERGED else value for name, value in changes.items()}
         if "workspace" in changes:  # a preset has its own box, and a box of one's own is no preset
             box = changes["workspace"]
             new["workspace"] = {"preset": box["preset"]} if box.get("preset") else {**new["workspace"], "preset": None}
@@ -212,8 +244,9 @@ class TaskSettings(_Settings):
         return mine != others
 
     def check_models(self, names: Iterable[str]) -> None:
-        """Refuse models of objects that are not among the task's `names`."""
+        """Refuse models and aliases of objects that are not among the task's `names`."""
         known = list(names)
+        check_aliases_of(self.aliases, known)
         for name in self.object_models:
             if name not in known:
                 raise InvalidInputError(f"object_models[{name}]", "is no object of the task", ", ".join(known))

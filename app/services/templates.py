@@ -53,12 +53,14 @@ class Template:
     Attributes:
         support: what the demonstrations support; None for the steps of a closed loop.
         cache_key: equal for equal prefixes.
+        instructions: of the demonstrations.
     """
 
     prompt: PromptTemplate | ClosedLoopTemplate
     support: Support | None
     demonstration_ids: tuple[str, ...]
     cache_key: str
+    instructions: tuple[str, ...] = ()
 
     def at_step(self, step: int) -> PromptTemplate:
         """The template for a step of a closed loop; without one there is only step 0."""
@@ -77,7 +79,8 @@ def make_template(demonstrations: Demonstrations, settings: TaskSettings, style:
     prompt = _prompt_template(shown, settings.workspace.workspace(), style)
     digest = hashlib.sha256(f"{prompt.system}\0{prompt.prefix}".encode()).hexdigest()[:16]
     support = None if style.closed_loop else Support.of(by_plan(recorded))
-    return Template(prompt, support, tuple(d.id for d in shown), digest)
+    instructions = tuple(d.instruction for d in shown)
+    return Template(prompt, support, tuple(d.id for d in shown), digest, instructions)
 
 
 def _prompt_template(

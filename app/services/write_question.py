@@ -16,7 +16,9 @@ from app.pipeline.units import check_scene_units
 from app.pipeline.wording import checked_instruction
 from app.services.cache import Cache
 from app.services.demonstrations import read_demonstrations, stepwise_demonstrations
+from app.services.english import is_english
 from app.services.errors import NoDemonstrationsError
+from app.services.ground_instruction import ground_instruction
 from app.services.limits import Limits
 from app.services.pose_servers import PoseServers
 from app.services.prediction_findings import findings_before
@@ -54,6 +56,7 @@ class QuestionWriter:
         self._profile_of = profile_of
         self._select = DemonstrationSelector()
         self._templates: Cache[TemplateKey, Template] = Cache(CAPACITY)
+        is_english("")  # reads its list now, so that no request waits for it
 
     def __call__(self, request: PredictRequest, timings_ms: Timings) -> Question:
         """The question that `request` puts to its model.
@@ -65,6 +68,7 @@ class QuestionWriter:
             ConflictError: if a closed loop's demonstrations have changed since its last step, or the task's settings
                 while its images were looked at.
             InvalidInputError, ObjectSetError: if the observation does not fit the task.
+            UngroundedInstructionError, UnfamiliarInstructionError: if the instruction is not clear.
         """
         instruction = checked_instruction("instruction", request.instruction)
         seen = self._look(request, timings_ms) if request.frames else None
@@ -73,6 +77,8 @@ class QuestionWriter:
                 task = tasks.get(connection, request.task)
                 settings = TaskSettings.model_validate(task.settings)
                 previous = None if request.after is None else previous_step(connection, request.after, request.task)
+            end_effector = request.end_effector or (None if previous is None else previous.end_effector)
+            settings.limits_of_motion().require_start(end_effector)
             if seen is None:
                 with timed(timings_ms, "poses"):
                     objects = _observed(request, task, settings)
@@ -81,13 +87,16 @@ class QuestionWriter:
             with timed(timings_ms, "prompt"):
                 told = self._told(connection, request, task, settings, objects, previous)
         template, style = told.templates[0], told.style
+        with timed(timings_ms, "words"):
+            grounded = ground_instruction(request, instruction, template.instructions, settings, objects, previous)
         step = None if not style.closed_loop else 0 if previous is None else previous.step + 1
         written = template.at_step(step or 0)
         so_far = "" if previous is None else previous.so_far(template)
         self._limits.check_prompt(len(written.system) + len(written.prefix) + len(so_far))
         question = Question(
             request=request,
-            instructions=written.codec.questions(instruction),
+            grounded=grounded,
+            instructions=written.codec.questions(grounded.instruction),
             objects=written.posed(objects),
             template=template,
             written=written,
@@ -97,7 +106,7 @@ class QuestionWriter:
             style=style,
             settings=settings,
             observed=objects,
-            end_effector=request.end_effector or (None if previous is None else previous.end_effector),
+            end_effector=end_effector,
         )
         question = replace(question, plans=_placed(question))
         question = replace(question, findings=findings_before(question))

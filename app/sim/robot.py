@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from app.client.robot import MotionError, Observation
 from app.pipeline.arrays import Array
 from app.pipeline.episode import EndEffectorAction
+from app.pipeline.motion_limits import Pose as EndEffectorPose
 from app.sim import panda
 from app.sim.cameras import CAMERA_NAMES
 from app.sim.kinematics import Kinematics
@@ -56,11 +57,13 @@ class SimulatedPanda:
         return bool(self.task.data.ctrl[panda.GRIPPER_CTRL] > panda.FINGER_TRAVEL_M / 2)
 
     def observe(self) -> Observation:
-        task = self.task
+        task, hand = self.task, self._hand()
+        end_effector = EndEffectorPose(tuple(hand.position_m.tolist()), tuple(hand.rotation.as_quat().tolist()))
         if not self.cameras:
-            return Observation(task.object_poses())
+            return Observation(task.object_poses(), end_effector=end_effector)
         with open_renderer(task.model) as renderer:
-            return Observation(task.object_poses(), tuple(renderer.rgbd(task.data, name) for name in self.cameras))
+            frames = tuple(renderer.rgbd(task.data, name) for name in self.cameras)
+        return Observation(task.object_poses(), frames, end_effector=end_effector)
 
     def execute(self, action: EndEffectorAction) -> None:
         """Move in a straight line where the arm can, then set the gripper; raises MotionError as the Protocol says."""
@@ -121,8 +124,12 @@ class SimulatedPanda:
             for call in self.after_step:
                 call()
 
+    def _hand(self) -> Pose:
+        """Where the end effector is."""
+        return self._kinematics.forward(self.task.data.qpos[self._joint_addresses])
+
     def _check_arrival(self, wanted: Pose, index: int, total: int) -> None:
-        actual = self._kinematics.forward(self.task.data.qpos[self._joint_addresses])
+        actual = self._hand()
         miss_m = float(np.linalg.norm(actual.position_m - wanted.position_m))
         miss_rad = float((actual.rotation.inv() * wanted.rotation).magnitude())
         if miss_m > MAX_MISS_M or miss_rad > MAX_MISS_RAD:

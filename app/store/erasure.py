@@ -11,7 +11,7 @@ from itertools import chain
 
 from sqlalchemy import Connection, Text, cast, delete, func, select
 
-from app.store import tables
+from app.store import audit, tables
 from app.store.errors import NotFoundError
 from app.store.idempotency import PREDICT, UPLOAD
 
@@ -29,6 +29,7 @@ def erase_prediction(connection: Connection, prediction_id: str) -> None:
     """
     if not erase_predictions(connection, [prediction_id]):
         raise NotFoundError("prediction", prediction_id)
+    audit.record(connection, "prediction.deleted", prediction_id)
 
 
 def erase_predictions(connection: Connection, ids: Sequence[str]) -> int:
@@ -54,9 +55,12 @@ def erase_task(connection: Connection, name: str) -> None:
     connection.execute(delete(_KEYS).where(_KEYS.c.scope == UPLOAD, uploaded))
     ids = select(_PREDICTIONS.c.id).where(_PREDICTIONS.c.task == name)
     connection.execute(delete(_KEYS).where(_KEYS.c.scope == PREDICT, _KEYS.c.response["id"].as_string().in_(ids)))
-    for table in (_PREDICTIONS, _EPISODES):
-        connection.execute(delete(table).where(table.c.task == name))
+    held = {
+        table.name: connection.execute(delete(table).where(table.c.task == name)).rowcount
+        for table in (_PREDICTIONS, _EPISODES)
+    }
     connection.execute(delete(_TASKS).where(_TASKS.c.name == name))
+    audit.record(connection, "task.deleted", name, held)
 
 
 def predictions_before(connection: Connection, moment: datetime, limit: int) -> tuple[str, ...]:

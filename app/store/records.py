@@ -148,6 +148,7 @@ class PredictionDraft:
         objects: as they were observed; empty in rows from before they were kept.
         cameras: with the images that were sent, if any.
         samples: where several replies were asked for, each of them and whether it entered.
+        grounding: how the instruction was understood (`Grounded.to_json`); None in rows from before it was kept.
     """
 
     task: str
@@ -169,6 +170,7 @@ class PredictionDraft:
     objects: tuple[ObjectRecord, ...] = ()
     cameras: tuple[CameraRecord, ...] = ()
     samples: tuple[JsonObject, ...] | None = None
+    grounding: JsonObject | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -114,6 +114,7 @@ predictions = Table(
     Column("objects", Json),
     Column("cameras", Json),
     Column("samples", Json),
+    Column("grounding", Json),
     Index(None, "task", "sequence"),
     sqlite_autoincrement=True,
 )

@@ -21,10 +21,12 @@ SETTINGS = (
     "selection",
     "seed",
     "episode_ids",
+    "unfamiliar",
     "max_actions",
     "timeout_s",
     "num_samples",
     "temperature",
+    "end_effector",
 )
 ImageKind = Literal["rgb", "depth", "mask"]
 

@@ -20,6 +20,7 @@ STAGES = {
     "read": "Reading the demonstrations",
     "poses": "Finding the objects",
     "prompt": "Writing the prompt",
+    "words": "Understanding the instruction",
     "llm": "The LLM",
     "first_action": "Until the first action",
     "parse": "Reading the reply",

@@ -9,7 +9,8 @@ SNAPSHOT = Path(__file__).parents[2] / "openapi" / "openapi.json"
 OPERATIONS = {
     "upload_episode", "list_episodes", "get_episode", "delete_episode", "get_trajectory", "get_image",
     "list_tasks", "get_task", "configure_task", "predict", "list_predictions", "get_prediction", "record_outcome",
-    "list_models", "healthz", "readyz", "metrics", "find_poses", "learn_object_models", "get_episode_overlay",
+    "list_models", "healthz", "readyz", "metrics", "find_poses", "learn_object_models", "check_task",
+    "get_episode_overlay",
     "get_prediction_overlay",
     "get_metadata", "get_task_stats", "get_upload",
     "get_job", "list_jobs",

@@ -5,11 +5,11 @@ import pytest
 
 from app.client.client import PredictedActions
 from app.client.errors import ServiceProblemError
-from app.client.loop import NotConfirmedError, run_task
+from app.client.loop import NotConfirmedError, run_closed_loop, run_task
 from app.client.robot import MotionError, Observation
 from app.pipeline.episode import EndEffectorAction, ObjectPose
-from app.pipeline.errors import UnsafeActionError
-from app.pipeline.motion_limits import Box, MotionLimits
+from app.pipeline.errors import InvalidInputError, UnsafeActionError
+from app.pipeline.motion_limits import Box, MotionLimits, Pose
 
 ACTIONS = tuple(EndEffectorAction(np.array([0.1, 0.2, z]), np.array([1.0, 0, 0, 0]), True) for z in (1.0, 0.9, 0.8))
 
@@ -17,11 +17,12 @@ ACTIONS = tuple(EndEffectorAction(np.array([0.1, 0.2, z]), np.array([1.0, 0, 0, 
 class Arm:
     """A robot that notes what it is told, and fails at a given action."""
 
-    def __init__(self, fails_at=None, error=None):
+    def __init__(self, fails_at=None, error=None, end_effector=None):
+        self._end_effector = end_effector
         self.heights, self.stopped, self._fails_at, self._error = [], 0, fails_at, error
 
     def observe(self):
-        return Observation((ObjectPose("cube", np.zeros(3)),))
+        return Observation((ObjectPose("cube", np.zeros(3)),), end_effector=self._end_effector)
 
     def execute(self, action):
         if len(self.heights) == self._fails_at:
@@ -35,13 +36,14 @@ class Arm:
 class Service:
     """A client whose service answers `outcome`, or raises it."""
 
-    def __init__(self, outcome):
-        self._outcome = outcome
+    def __init__(self, outcome, limits=MotionLimits(Box((-1, -1, 0), (1, 1, 2)))):  # noqa: B008
+        self._outcome, self._limits, self.asked = outcome, limits, 0
 
     def motion_limits(self, task):
-        return MotionLimits(Box((-1, -1, 0), (1, 1, 2)))
+        return self._limits
 
     def predict(self, task, instruction, observation, **options):
+        self.asked += 1
         if isinstance(self._outcome, Exception):
             raise self._outcome
         return self._outcome
@@ -99,3 +101,57 @@ def test_more_actions_than_asked_for_are_not_carried_out(stream):
     with pytest.raises(UnsafeActionError, match="at most 2 actions"):
         run_task(Service(ANSWER), arm, "pick", "pick up the cube", max_actions=2, stream=stream)
     assert arm.stopped == 1
+
+
+START = Pose((0.1, 0.2, 1.05), (1.0, 0, 0, 0))
+SHORT = MotionLimits(max_step_m=0.09)
+
+
+@pytest.mark.parametrize("stream", [False, True])
+@pytest.mark.parametrize(
+    ("pinned", "breach"),
+    [
+        (HIGH, "action 2: position.z is 0.8 m"),
+        (SHORT, r"action 1: position is 0\.1 m from the one before"),
+        (MotionLimits(keep_out=(Box((0, 0, 0.82), (1, 1, 0.83)),)), r"action 2: .*keep_out\[0\]"),
+        (MotionLimits(keep_out=(Box((0.16, 0, 0.9), (1, 1, 1.1)),), hand_radius_m=0.07), "action 0: .*0.07 m"),
+    ],
+)
+def test_what_the_robot_pins_holds_however_wide_the_services_limits_are(pinned, breach, stream):
+    arm = Arm(end_effector=START)
+    with pytest.raises(UnsafeActionError, match=breach):
+        run_task(Service(ANSWER, MotionLimits()), arm, "pick", "pick up the cube", pinned=pinned, stream=stream)
+    assert arm.stopped == 1
+    assert stream or arm.heights == []
+
+
+def test_the_services_limits_hold_beside_the_pinned():
+    arm = Arm(end_effector=START)
+    with pytest.raises(UnsafeActionError, match="action 2"):
+        run_task(Service(ANSWER, HIGH), arm, "pick", "pick up the cube", pinned=MotionLimits(max_step_m=1.0))
+    assert (arm.heights, arm.stopped) == ([], 1)
+
+
+def test_limits_without_room_in_common_move_nothing():
+    arm, service = Arm(), Service(ANSWER)
+    with pytest.raises(InvalidInputError, match="workspace"):
+        run_task(service, arm, "pick", "pick", pinned=MotionLimits(Box((5, 5, 5), (6, 6, 6))))
+    assert (arm.heights, arm.stopped, service.asked) == ([], 1, 0)
+
+
+@pytest.mark.parametrize("kind", ["limits", "pinned"])
+def test_bounded_steps_need_to_know_where_the_arm_is(kind):
+    arm, service = Arm(), Service(ANSWER)
+    with pytest.raises(InvalidInputError, match="end_effector"):
+        run_task(service, arm, "pick", "pick up the cube", **{kind: SHORT})
+    with pytest.raises(InvalidInputError, match="end_effector"):
+        list(run_closed_loop(service, arm, "pick", "pick up the cube", **{kind: SHORT}))
+    assert (arm.heights, arm.stopped, service.asked) == ([], 2, 0)
+
+
+def test_a_closed_loop_keeps_to_what_is_pinned():
+    arm = Arm(end_effector=START)
+    answer = PredictedActions("p", (ACTIONS[2],), {})
+    with pytest.raises(UnsafeActionError, match=r"position\.z is 0\.8 m"):
+        list(run_closed_loop(Service(answer), arm, "pick", "pick up the cube", pinned=HIGH))
+    assert (arm.heights, arm.stopped) == ([], 1)

@@ -113,7 +113,7 @@ def test_a_repeated_stream_gives_the_same_events(http):
             return [(event.event, event.json()) for event in source.iter_sse()]
 
     first = events()
-    assert [name for name, _ in first] == ["action", "done"]
+    assert [name for name, _ in first] == ["findings", "grounding", "action", "done"]
     assert events() == first
     assert ask(http, "stream").json() == first[-1][1]
 

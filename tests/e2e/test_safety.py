@@ -16,7 +16,7 @@ import pytest
 from app.client.client import RoboPromptClient
 from app.client.errors import ServiceProblemError, ServiceUnreachableError
 from app.client.loop import run_closed_loop, run_task
-from app.pipeline.errors import UnsafeActionError
+from app.pipeline.errors import InvalidInputError, UnsafeActionError
 from app.pipeline.motion_limits import Box, MotionLimits, Pose
 from tests.e2e.processes import killable_server, slow_llm
 from tests.e2e.test_stream import Arm, seen, tracked
@@ -45,14 +45,38 @@ def taught(client, request):
 
 
 def teach(client, task):
+    """Six picks in RLBench's workspace, whose bins are 1 cm."""
+    client.configure_task(task, workspace="rlbench")
     for place_m in PLACES_M:
         client.upload(task, PICK, tracked(pick_trajectory(place_m), place_m), seen(place_m))
+
+
+NEAR = Pose(tuple(QUERY_M + np.array([0, 0, 0.2])), DOWN)
+
+
+class LocatedArm(Arm):
+    """Tells where it is, too."""
+
+    def __init__(self):
+        super().__init__()
+        self._pose = NEAR
+
+    def observe(self):
+        return replace(super().observe(), end_effector=self._pose)
+
+    def execute(self, action):
+        super().execute(action)
+        self._pose = Pose.of(action)
+
+
+def located(place_m=QUERY_M):
+    return replace(seen(place_m), end_effector=NEAR)
 
 
 def refused(client, task, observation=None, **options):
     """The problem that a prediction is answered with."""
     with pytest.raises(ServiceProblemError) as caught:
-        client.predict(task, PICK, observation or seen(QUERY_M), **{**REGRESSION, **options})
+        client.predict(task, PICK, observation or located(), **{**REGRESSION, **options})
     assert (caught.value.status, caught.value.problem["type"]) == (502, "/problems/unsafe-action")
     return caught.value.problem
 
@@ -71,8 +95,8 @@ def test_a_step_that_is_too_long_names_action_value_and_bound(client, taught):
 
 def test_the_first_step_is_bounded_where_the_robot_tells_where_it_is(client, taught):
     client.configure_task(taught, motion_limits={"max_step_m": 0.2})
-    near, far = (Pose(tuple(QUERY_M + np.array([0, 0, up_m])), DOWN) for up_m in (0.2, 0.6))
-    assert client.predict(taught, PICK, replace(seen(QUERY_M), end_effector=near), **REGRESSION).actions
+    far = Pose(tuple(QUERY_M + np.array([0, 0, 0.6])), DOWN)
+    assert client.predict(taught, PICK, located(), **REGRESSION).actions
     assert refused(client, taught, replace(seen(QUERY_M), end_effector=far))["errors"][0]["field"].startswith(
         "actions[0]"
     )
@@ -82,8 +106,8 @@ def test_keep_out_boxes_and_turns(client, taught):
     low, high = (QUERY_M - 0.03).tolist(), (QUERY_M + 0.03).tolist()
     client.configure_task(taught, motion_limits={"keep_out": [{"min": low, "max": high}]})
     assert "keep_out[0]" in refused(client, taught)["errors"][0]["valid"]
-    client.configure_task(taught, motion_limits={"max_step_rotation_deg": 20})
-    assert client.predict(taught, PICK, seen(QUERY_M), **REGRESSION).actions
+    client.configure_task(taught, motion_limits={"max_step_rotation_deg": 20, "keep_out": []})
+    assert client.predict(taught, PICK, located(), **REGRESSION).actions
     turned = replace(seen(QUERY_M), end_effector=Pose(tuple(QUERY_M), (0.0, 0.0, 0.0, 1.0)))
     assert "turned by" in refused(client, taught, turned)["errors"][0]["message"]
 
@@ -101,7 +125,7 @@ def test_rows_relative_to_an_object_cannot_leave_the_workspace(client, taught, s
 
 def test_an_unsafe_action_in_the_middle_of_a_stream_stops_the_robot(client, taught):
     client.configure_task(taught, motion_limits={"max_step_m": 0.12})
-    arm = Arm()
+    arm = LocatedArm()
     with pytest.raises(ServiceProblemError, match=r"action 2: position is 0\.15"):
         run_task(client, arm, taught, PICK, stream=True, **REGRESSION)
     assert [entry == "stop" for entry in arm.log] == [False, False, True]
@@ -113,6 +137,8 @@ def test_an_unsafe_action_in_the_middle_of_a_stream_stops_the_robot(client, taug
         ({"keep_out": [{"min": [0, 0, 0], "max": [0, 1, 1]}]}, "motion_limits.keep_out[0]"),
         ({"max_step_m": 0}, "motion_limits.max_step_m"),
         ({"max_step_rotation_deg": 200}, "motion_limits.max_step_rotation_deg"),
+        ({"hand_radius_m": -0.01}, "motion_limits.hand_radius_m"),
+        ({"hand_radius_m": None}, "motion_limits.hand_radius_m"),
         ({"max_speed": 1}, "motion_limits.max_speed"),
     ],
 )
@@ -142,9 +168,7 @@ class Murderous(Arm):
         self._process.wait()
 
 
-ROWS = (
-    "[[50, 50, 20, 0, 36, 36, 1], [50, 50, 21, 0, 36, 36, 1], [50, 50, 22, 0, 36, 36, 1], [50, 50, 23, 0, 36, 36, 1]]"
-)
+ROWS = "[[51, 38, 27, 0, 36, 36, 1], [51, 38, 17, 0, 36, 36, 0], [51, 38, 32, 0, 36, 36, 0]]"  # as it was taught
 
 
 def test_a_service_that_is_killed_in_the_middle_of_a_stream_stops_the_robot(tmp_path):
@@ -158,7 +182,7 @@ def test_a_service_that_is_killed_in_the_middle_of_a_stream_stops_the_robot(tmp_
 
 
 STEPS = {
-    "ROBOPROMPT_SCRIPTED_REPLIES": json.dumps([f"[[50, 50, {z}, 0, 36, 36, 1]]" for z in (20, 25, 60)]),
+    "ROBOPROMPT_SCRIPTED_REPLIES": json.dumps([f"[[51, 38, {z}, 0, 36, 36, 1]]" for z in (27, 22, 57)]),
     "ROBOPROMPT_DEFAULT_MODEL": "scripted",
 }
 
@@ -167,9 +191,9 @@ def test_a_closed_loop_is_bounded_from_step_to_step(tmp_path):
     with killable_server(tmp_path, STEPS) as (_, url), RoboPromptClient(url) as client:
         teach(client, "pick")
         client.configure_task("pick", motion_limits={"max_step_m": 0.12})
-        arm = Arm()
+        arm = LocatedArm()
         with pytest.raises(ServiceProblemError, match=r"is 0\.35 m from the one before \(allowed: at most 0\.12 m\)"):
-            list(run_closed_loop(client, arm, "pick", PICK))
+            list(run_closed_loop(client, arm, "pick", PICK, unsupported="allow"))
     assert [entry == "stop" for entry in arm.log] == [False, False, True]
 
 
@@ -178,7 +202,7 @@ def test_a_service_that_is_killed_between_the_steps_of_a_closed_loop_stops_the_r
         teach(client, "pick")
         arm = Murderous(process)
         with pytest.raises(ServiceUnreachableError):
-            list(run_closed_loop(client, arm, "pick", PICK))
+            list(run_closed_loop(client, arm, "pick", PICK, unsupported="allow"))
     assert [entry == "stop" for entry in arm.log] == [False, True]
 
 
@@ -194,7 +218,7 @@ def script(url, log, *options, arm_seconds=0.0, **kinds):
 
 @pytest.fixture(scope="module")
 def scripted(tmp_path_factory):
-    """A service whose model replies four rows at once."""
+    """A service whose model replies three rows at once."""
     environment = {"ROBOPROMPT_SCRIPTED_REPLIES": json.dumps([ROWS]), "ROBOPROMPT_DEFAULT_MODEL": "scripted"}
     with killable_server(tmp_path_factory.mktemp("scripted"), environment) as (_, url), RoboPromptClient(url) as client:
         teach(client, "pick")
@@ -211,30 +235,57 @@ def test_ctrl_c_stops_the_robot(scripted, tmp_path, sent, how):
         time.sleep(0.05)
     process.send_signal(sent)
     _, said = process.communicate(timeout=10)
-    assert log.read_text().splitlines() == ["to 0.805", "stop"]
+    assert log.read_text().splitlines() == ["to 0.875", "stop"]
     assert process.returncode == 128 + sent
     assert "Traceback" not in said
 
 
-@pytest.mark.parametrize(("answers", "moved"), [("y\nn\n", ["to 0.805", "stop"]), ("", ["stop"]), ("y\n" * 4, None)])
+@pytest.mark.parametrize(("answers", "moved"), [("y\nn\n", ["to 0.875", "stop"]), ("", ["stop"]), ("y\n" * 3, None)])
 def test_confirm_asks_before_each_motion(scripted, tmp_path, answers, moved):
     log = tmp_path / "arm.log"
     process = script(scripted, log, "--task", "pick", "--confirm", stdin=subprocess.PIPE)
     said, errors = process.communicate(answers, timeout=30)
-    everything = ["to 0.805", "to 0.815", "to 0.825", "to 0.835"]
+    everything = ["to 0.875", "to 0.775", "to 0.925"]
     assert log.read_text().splitlines() == (moved or everything)
     assert process.returncode == (1 if moved else 0)
-    assert said.count("Go? [y/N]") == (len(moved) if moved else 4)
+    assert said.count("Go? [y/N]") == (len(moved) if moved else 3)
     assert not moved or "was not allowed" in errors
+
+
+BREACH = "action 2: position.z is 0.925 m (allowed: 0.6 to 0.9 m, the workspace)"
+LOW_SPACE = {"min": [-1, -1, 0], "max": [1, 1, 0.9]}
+SHELF = {"min": [0.0, -0.3, 0.7], "max": [0.4, 0.3, 0.76]}
+
+
+@pytest.mark.parametrize(
+    ("pinned", "said"),
+    [
+        ({"workspace": LOW_SPACE}, BREACH),
+        ({"motion_limits": {"keep_out": [SHELF]}}, "at least 0.05 m (hand_radius_m) outside keep_out[0]"),
+        ({"motion_limits": {"max_step_m": 0.2}}, "end_effector: is left out, but max_step_m"),
+        ({"motion_limits": {"max_step": 0.2}}, "motion_limits: is {'max_step': 0.2} (valid:"),
+        ({"motion_limits": {"hand_radius_m": -1}}, "motion_limits.hand_radius_m: is -1"),
+        ("no JSON", "--limits: "),
+    ],
+)
+def test_the_script_keeps_to_limits_in_a_file_of_its_own(scripted, tmp_path, pinned, said):
+    log, file = tmp_path / "arm.log", tmp_path / "limits.json"
+    file.write_text(pinned if isinstance(pinned, str) else json.dumps(pinned))
+    process = script(scripted, log, "--task", "pick", "--limits", str(file))
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 1
+    assert said in errors
+    assert "Traceback" not in errors
+    assert not log.exists() or log.read_text().splitlines() == ["stop"]
 
 
 def test_the_script_keeps_to_a_workspace_of_its_own(scripted, tmp_path):
     log = tmp_path / "arm.log"
-    bounds = ["--workspace", "-1", "-1", "0", "1", "1", "0.82"]
+    bounds = ["--workspace", "-1", "-1", "0", "1", "1", "0.9"]
     process = script(scripted, log, "--task", "pick", *bounds)
     _, said = process.communicate(timeout=30)
     assert (process.returncode, log.read_text().splitlines()) == (1, ["stop"])
-    assert "action 2: position.z is 0.825 m (allowed: 0 to 0.82 m, the workspace)" in said
+    assert BREACH in said
 
 
 class _Babbling(BaseHTTPRequestHandler):
@@ -243,7 +294,7 @@ class _Babbling(BaseHTTPRequestHandler):
     def do_GET(self):
         document = {
             "workspace": {"min": [-1, -1, 0], "max": [1, 1, 2]},
-            "motion_limits": {"keep_out": [], "max_step_m": None, "max_step_rotation_deg": None},
+            "motion_limits": {"keep_out": [], "max_step_m": None, "max_step_rotation_deg": None, **self.server.limits},
         }
         self._answer("application/json", json.dumps(document))
 
@@ -276,10 +327,25 @@ class _Babbling(BaseHTTPRequestHandler):
 )
 def test_a_service_that_babbles_stops_the_robot(then, error):
     with ThreadingHTTPServer(("127.0.0.1", 0), _Babbling) as server:
-        server.then = then
+        server.then, server.limits = then, {}
         threading.Thread(target=server.serve_forever, daemon=True).start()
         arm = Arm()
         with RoboPromptClient(f"http://127.0.0.1:{server.server_port}") as client, pytest.raises(error):
             run_task(client, arm, "pick", PICK, stream=True)
         server.shutdown()
     assert [entry == "stop" for entry in arm.log] == [False, True]
+
+
+@pytest.mark.parametrize(
+    "limits", [{"max_step_m": float("nan")}, {"max_step_m": -1}, {"hand_radius_m": float("inf")}, {"keep_out": [{}]}]
+)
+def test_a_service_whose_limits_bound_nothing_stops_the_robot_before_it_is_asked(limits):
+    with ThreadingHTTPServer(("127.0.0.1", 0), _Babbling) as server:
+        server.then, server.limits = "", limits
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        arm = LocatedArm()
+        refused = pytest.raises(InvalidInputError, match=f"motion_limits.{next(iter(limits))}")
+        with RoboPromptClient(f"http://127.0.0.1:{server.server_port}") as client, refused:
+            run_task(client, arm, "pick", PICK, stream=True)
+        server.shutdown()
+    assert arm.log == ["stop"]

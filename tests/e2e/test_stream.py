@@ -90,8 +90,8 @@ def test_events_on_the_wire(client, url):
     ):
         assert source.response.headers["content-type"].startswith("text/event-stream")
         events = [(event.event, json.loads(event.data)) for event in source.iter_sse()]
-    assert [name for name, _ in events] == ["action"] * 3 + ["done"]
-    assert events[-1][1]["actions"] == [document for _, document in events[:3]]
+    assert [name for name, _ in events] == ["findings", "grounding"] + ["action"] * 3 + ["done"]
+    assert events[-1][1]["actions"] == [document for _, document in events[2:5]]
 
 
 def test_what_fails_before_the_first_action_has_its_own_status(client):

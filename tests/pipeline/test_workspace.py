@@ -147,3 +147,49 @@ def test_a_box_without_volume_is_refused(low, high, field):
     with pytest.raises(InvalidInputError) as caught:
         Workspace(np.array(low), np.array(high))
     assert caught.value.field == field
+
+
+PLACES = st.lists(positions((-2, -2, -1), (2, 2, 2)), min_size=1, max_size=6).map(np.array)
+
+
+@given(PLACES)
+def test_a_box_around_demonstrations_holds_them_with_a_margin(places_m):
+    box = Workspace.around(places_m)
+    assert (box.min_m <= places_m.min(axis=0) - [0.1, 0.1, 0.05] + 1e-6).all()
+    assert (box.max_m >= places_m.max(axis=0) + 0.1 - 1e-6).all()
+    assert (box.max_m - box.min_m >= 1 - 1e-9).all()
+    for corner_m in (box.min_m, box.max_m):
+        np.testing.assert_allclose(corner_m, np.round(corner_m / 0.05) * 0.05, atol=1e-9)
+
+
+@given(PLACES)
+def test_a_box_around_demonstrations_is_no_wider_than_it_must_be(places_m):
+    box = Workspace.around(places_m)
+    wanted_m = np.maximum(np.add(np.ptp(places_m, axis=0), [0.2, 0.2, 0.15]), 1.0)
+    assert (box.max_m - box.min_m <= wanted_m + 0.1 + 1e-9).all()
+
+
+@given(PLACES, PLACES)
+def test_it_grows_only(first_m, more_m):
+    before = Workspace.around(first_m)
+    after = Workspace.around(more_m, grown_from=before)
+    assert (after.min_m <= before.min_m).all()
+    assert (after.max_m >= before.max_m).all()
+    again = Workspace.around(np.concatenate([first_m, more_m]), grown_from=after)
+    assert (again.min_m.tolist(), again.max_m.tolist()) == (after.min_m.tolist(), after.max_m.tolist())
+
+
+@given(PLACES)
+def test_it_grows_by_no_more_than_what_it_does_not_hold(places_m):
+    """Bins stay as fine as they can: demonstration by demonstration no more than a margin and the grid is added."""
+    box = Workspace.around(places_m[:1])
+    for place_m in places_m[1:]:
+        before, box = box, Workspace.around(place_m[None], grown_from=box)
+        low_m, high_m = place_m - [0.1, 0.1, 0.05], place_m + 0.1
+        assert (box.min_m >= np.minimum(before.min_m, low_m - 0.05) - 1e-9).all()
+        assert (box.max_m <= np.maximum(before.max_m, high_m + 0.05) + 1e-9).all()
+
+
+def test_what_stands_on_a_table_gets_most_of_its_room_above():
+    box = Workspace.around(np.array([[0.4, 0.0, 0.02], [0.5, 0.1, 0.2]]))
+    assert (box.min_m.tolist(), box.max_m.tolist()) == ([-0.05, -0.45, -0.05], [0.95, 0.55, 1.0])

@@ -11,7 +11,7 @@ import pytest
 from app.llm.base import ModelResponseError, TextDelta
 from app.perception.base import ObjectQuery
 from app.pipeline.errors import InvalidInputError
-from app.services.errors import UnparsableReplyError
+from app.services.errors import UnparsableReplyError, UnsupportedReplyError
 from app.services.prediction import PredictedAction, Prediction
 from app.services.question import PredictRequest
 from app.store import predictions
@@ -71,6 +71,41 @@ def test_each_clause_is_asked_for_after_the_replies_before(taught):
     assert prediction.completion.text.count("1 A w") == 2
     (record,) = recorded(services.store)
     assert (record.prompt_user, len(record.actions)) == (prediction.prompt.user, 6)
+
+
+TWICE = replace(REQUEST, instruction="pick up the cube, then pick up the cube")
+FAR = RELATIVE.replace("+0 +0 +0 0", "+0 +20 +0 0")
+
+
+def test_each_clause_is_checked_for_itself(taught):
+    """The second reply is unlike the demonstration: it alone is asked for again."""
+    prediction = ask(taught(RELATIVE, FAR, RELATIVE), TWICE)
+    assert len(prediction.actions) == 6
+    assert prediction.completion.text == "\n".join(reply.rstrip("\n") for reply in (RELATIVE, FAR, RELATIVE))
+
+
+def test_an_unsupported_action_of_a_later_clause_is_named_by_its_place_among_all(taught):
+    services = taught(RELATIVE, FAR, FAR)
+    with pytest.raises(UnsupportedReplyError) as caught:
+        ask(services, TWICE)
+    assert caught.value.action.field == "actions[4]"
+    (record,) = recorded(services.store)
+    assert (record.status, record.actions) == ("unsupported", None)
+
+
+def test_an_unsupported_action_is_let_pass_with_a_finding(taught):
+    prediction = ask(taught(RELATIVE, FAR), replace(TWICE, unsupported="allow"))
+    assert len(prediction.actions) == 6
+    (danger,) = [finding for finding in prediction.findings if finding.severity == "danger"]
+    assert (danger.code, danger.where) == ("unsupported-action", "actions[4]")
+
+
+def test_a_stream_ends_before_the_unsupported_action_and_is_not_asked_again(taught):
+    services = taught(FAR, RELATIVE)
+    items, error = streamed(services)
+    assert [type(item) for item in items] == [PredictedAction]
+    assert isinstance(error, UnsupportedReplyError)
+    assert FAR.startswith(recorded(services.store)[0].reply_text)
 
 
 def test_too_many_clauses_for_the_actions_allowed(taught):

@@ -4,6 +4,7 @@ from datetime import UTC, datetime
 
 import pytest
 
+from app.services.demonstrations import Demonstrations
 from app.services.explain_prediction import explain_prediction
 from app.services.task_settings import TaskSettings
 from app.store.records import DemonstrationRecord, PredictionRecord
@@ -43,9 +44,13 @@ def prediction(predicted, objects, **changes):
     return PredictionRecord(**{**values, **changes})
 
 
+def explained(record, shown=None):
+    known = tuple(item.demonstration() for item in (demonstrations() if shown is None else shown))
+    return explain_prediction(record, Demonstrations(known, known), TaskSettings())
+
+
 def found(record, shown=None):
-    explained = explain_prediction(record, demonstrations() if shown is None else shown, TaskSettings())
-    return [(finding.where, finding.title) for finding in explained.findings]
+    return [(finding.where, finding.title) for finding in explained(record, shown).findings]
 
 
 def test_what_is_as_shown_deserves_no_look():
@@ -85,9 +90,9 @@ def test_each_fault_is_found_alone(record, expected):
 
 
 def test_actions_beside_the_object_are_found():
-    explained = explain_prediction(prediction(actions(0.12, dx_m=0.05), cube(0.12)), demonstrations(), TaskSettings())
-    assert [finding.title for finding in explained.findings] == [f"Action {k} goes elsewhere" for k in (1, 2, 3)]
-    assert explained.findings[0].text.startswith("5.0 cm from where the demonstrations go, seen from cube")
+    beside = explained(prediction(actions(0.12, dx_m=0.05), cube(0.12)))
+    assert [finding.title for finding in beside.findings] == [f"Action {k} goes elsewhere" for k in (1, 2, 3)]
+    assert beside.findings[0].text.startswith("5.0 cm from where the demonstrations go, seen from cube")
 
 
 def test_without_its_demonstrations_only_their_loss_is_told():

@@ -3,7 +3,7 @@ from datetime import UTC, datetime, timedelta
 from sqlalchemy import update
 
 from app.services.keep_house import KeepHouse, Retention
-from app.store import predictions, tables
+from app.store import audit, predictions, tables
 from tests.store.drafts import camera_record, predict, prediction_draft
 
 DAY = timedelta(days=1)
@@ -33,6 +33,9 @@ def test_old_predictions_go_and_their_images_with_a_later_sweep(store):
     age(store, old, 3 * DAY)
     KeepHouse(store, Retention(max_age=2 * DAY))()
     assert kept(store) == [new.id]
+    with store.read() as connection:
+        noted = audit.newest(connection)
+    assert (noted.actor, noted.action, noted.details) == ("retention", "predictions.expired", '{"predictions":1}')
     KeepHouse(store, Retention(max_age=timedelta(0)))()
     assert kept(store) == [new.id]  # it is an hour's work: another process, or this one, has just done it
     (store._data_dir / ".swept").write_text("0")

@@ -10,7 +10,8 @@ from app.store import predictions
 from tests.services.conftest import ONE_ACTION
 from tests.services.test_upload_episode import respond, upload
 
-REQUEST = PredictRequest("pick", "pick up the cube", (ObjectQuery("cube", (0.2, 0.1, 0.8)),))
+CUBE = (ObjectQuery("cube", (0.2, 0.1, 0.8)),)
+REQUEST = PredictRequest("pick", "pick up the cube", CUBE, unsupported="allow")
 
 
 def ask(services, request=REQUEST):

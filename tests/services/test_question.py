@@ -26,9 +26,9 @@ def looking(monkeypatch, meanwhile):
     """Let something happen whenever poses are estimated."""
     estimate = write_question.estimate_poses
 
-    def estimate_slowly(*arguments):
+    def estimate_slowly(*arguments, **options):
         meanwhile()
-        return estimate(*arguments)
+        return estimate(*arguments, **options)
 
     monkeypatch.setattr(write_question, "estimate_poses", estimate_slowly)
 

@@ -5,7 +5,7 @@ from datetime import UTC, datetime, timedelta
 import pytest
 from sqlalchemy import func, select, update
 
-from app.store import episodes, erasure, idempotency, jobs, predictions, tables, tasks
+from app.store import audit, episodes, erasure, idempotency, jobs, predictions, tables, tasks
 from app.store.errors import NotFoundError
 from app.store.records import Extraction, StoredResponse
 from app.store.store import Store
@@ -57,6 +57,10 @@ def test_a_task_goes_with_all_that_it_holds(store: Store) -> None:
         erasure.erase_task(connection, TASK)
     assert counts(store) == alone
     with store.read() as connection:
+        noted = audit.newest(connection)
+    held = '{"episodes":1,"predictions":1}'
+    assert (noted.action, noted.subject, noted.details) == ("task.deleted", TASK, held)
+    with store.read() as connection:
         assert tasks.get(connection, OTHER).object_names == ("drawer", "cube")
         assert idempotency.answered(connection, idempotency.UPLOAD, f"up {OTHER}") is not None
         assert idempotency.answered(connection, idempotency.PREDICT, f"ask {OTHER}") is not None
@@ -84,6 +88,7 @@ def test_a_prediction_goes_with_the_answer_that_was_kept(store: Store) -> None:
     with store.write() as connection:
         erasure.erase_prediction(connection, gone.id)
     with store.read() as connection:
+        assert audit.newest(connection).subject == gone.id
         assert predictions.get(connection, kept.id) == kept
         assert idempotency.answered(connection, idempotency.PREDICT, gone.id) is None
         assert idempotency.answered(connection, idempotency.PREDICT, kept.id) is not None

@@ -2,7 +2,7 @@
 
 import json
 import time
-from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable, Sequence
+from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable
 from contextlib import aclosing
 from functools import partial
 
@@ -11,20 +11,19 @@ from fastapi.responses import JSONResponse
 from fastapi.sse import EventSourceResponse, format_sse_event
 
 from app.api.body import Body, read_body
-from app.api.documents import dry_run_document, prediction_document
+from app.api.documents import dry_run_document, prediction_document, understood_document
 from app.api.frames import decode_frames, split_images
 from app.api.image_work import Decode, image_work
 from app.api.openapi import body_of
 from app.api.problems import own_problem
 from app.api.routes import IdempotencyKey, Wired, problems
 from app.api.schemas.requests import PredictBody
-from app.api.schemas.responses import DryRunOut, PredictionOut
+from app.api.schemas.responses import DryRunOut, PredictionOut, UnderstoodOut
 from app.llm.base import TextDelta
 from app.pipeline.errors import RoboPromptError
-from app.pipeline.findings import Finding
 from app.services.limits import Limits
 from app.services.prediction import PredictedAction, Prediction
-from app.services.question import PredictRequest
+from app.services.question import PredictRequest, Question
 from app.services.upload_episode import content_digest
 from app.store.values import JsonObject
 
@@ -61,10 +60,14 @@ async def predict(request: Request, services: Wired, idempotency_key: Idempotenc
     it as arrays, `{"__ndarray__": true, "data": bytes, "dtype": "|u1", "shape": [480, 640, 3]}`. Nothing is invented: a
     reply that is not a list of valid actions is an error, recorded with the prediction.
 
-    With `Accept: text/event-stream` a first event `findings` says what is doubtful; then each action comes as an event
-    `action` as soon as its row is complete, then `done` with the whole document; an event `error` with a problem
-    document ends a reply that goes wrong in the middle. With `stream_text` the reply's pieces come as well, as events
-    `text`, before it is known whether they are valid.
+    The instruction is taken in the words of the demonstrations: `canonical_instruction` is what the LLM reads, and
+    `grounding` tells for each phrase which object it was taken for. An instruction that stands for no object, for
+    several, or asks for what no demonstration shows is refused.
+
+    With `Accept: text/event-stream` a first event `findings` says what is doubtful, and an event `grounding` how the
+    instruction was understood; then each action comes as an event `action` as soon as its row is complete, then `done`
+    with the whole document; an event `error` with a problem document ends a reply that goes wrong in the middle. With
+    `stream_text` the reply's pieces come as well, as events `text`, before it is known whether they are valid.
     """
     started_s = time.perf_counter()
     body = await read_body(request, packed=True)
@@ -75,9 +78,9 @@ async def predict(request: Request, services: Wired, idempotency_key: Idempotenc
         wish, asked = await questioned(decode, body, services.limits)
         if idempotency_key is not None and not asked.dry_run:
             digest = await decode(content_digest, body.document, body.parts)
-            if (known := await services.repeated_predictions.answer_to(idempotency_key, digest)) is not None:
+            if (known := await services.repeated_predictions.answer_to(idempotency_key, digest, wish)) is not None:
                 return EventSourceResponse(_events_again(known)) if streamed else JSONResponse(known)
-            keep = partial(services.repeated_predictions.remember, idempotency_key, digest)
+            keep = partial(services.repeated_predictions.remember, idempotency_key, digest, wish.without_frames())
         question = await services.predict_actions.prepare(wish, timings_ms)
         del wish  # the room is given back, and with it what was decoded
     if asked.dry_run:
@@ -86,7 +89,7 @@ async def predict(request: Request, services: Wired, idempotency_key: Idempotenc
         answer = services.predict_actions.answer(question, timings_ms, started_s, piecewise=True)
         # What fails before the first action is answered with its own status.
         first = await anext(answer)
-        return EventSourceResponse(_events(request, question.findings, first, answer, keep))
+        return EventSourceResponse(_events(request, question, first, answer, keep))
     prediction = await services.predict_actions.complete(question, timings_ms, started_s)
     return JSONResponse(await keep(prediction_document(prediction)))
 
@@ -107,17 +110,14 @@ _Item = PredictedAction | TextDelta | Prediction
 
 
 async def _events(
-    request: Request,
-    findings: Sequence[Finding],
-    first: _Item,
-    answer: AsyncGenerator[_Item, None],
-    keep: _Keep,
+    request: Request, question: Question, first: _Item, answer: AsyncGenerator[_Item, None], keep: _Keep
 ) -> AsyncIterator[bytes]:
     """The answer as server-sent events; what is doubtful beforehand comes first."""
     async with aclosing(answer):
         try:
-            listed = [finding.to_json() for finding in findings]
+            listed = [finding.to_json() for finding in question.findings]
             yield format_sse_event(event="findings", data_str=json.dumps({"findings": listed}))
+            yield format_sse_event(event="grounding", data_str=json.dumps(understood_document(question)))
             yield await _event(first, keep)
             async for item in answer:
                 yield await _event(item, keep)
@@ -139,6 +139,9 @@ async def _events_again(document: JsonObject) -> AsyncIterator[bytes]:
     """The events of an answer that was given before."""
     listed = {"findings": document.get("findings", [])}
     yield format_sse_event(event="findings", data_str=json.dumps(listed))
+    if "grounding" in document:  # answers from before it was kept have none
+        told = {name: document[name] for name in UnderstoodOut.model_fields}
+        yield format_sse_event(event="grounding", data_str=json.dumps(told))
     for action in document["actions"]:
         yield format_sse_event(event="action", data_str=json.dumps(action))
     yield format_sse_event(event="done", data_str=json.dumps(document))
@@ -169,6 +172,7 @@ def read_question(body: Body, limits: Limits) -> tuple[PredictRequest, PredictBo
         episode_ids=None if asked.episode_ids is None else tuple(asked.episode_ids),
         closed_loop=asked.closed_loop,
         after=asked.after,
+        unfamiliar=asked.unfamiliar,
         max_actions=asked.max_actions,
         timeout_s=asked.timeout_s,
         unsupported=asked.unsupported,

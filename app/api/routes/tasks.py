@@ -2,13 +2,15 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Body, Response
+from fastapi import APIRouter, Body, Query, Response
 from fastapi.openapi.models import Example
 from fastapi.responses import JSONResponse
 
+from app.api.check_document import check_document
 from app.api.documents import job_document, stats_document, task_document
 from app.api.routes import Wired, problems
 from app.api.schemas import examples
+from app.api.schemas.checks import TaskCheckOut
 from app.api.schemas.poses import LearnBody, LearnedOut
 from app.api.schemas.responses import JobOut, TaskList, TaskOut, TaskStatsOut
 from app.services.container import Services
@@ -20,6 +22,7 @@ from app.store.records import JobRecord, TaskRecord
 _EXAMPLES: dict[str, Example] = {"press": {"value": examples.TASK}}
 _ACCEPTED: dict[int | str, dict[str, object]] = {202: {"model": JobOut, "description": "a job extracts the episodes"}}
 _EVERYTHING = LearnBody()
+Model = Annotated[str | None, Query(min_length=1, max_length=200, description="an LLM to ask, by its name")]
 router = APIRouter(tags=["tasks"])
 
 
@@ -88,6 +91,28 @@ def get_task_stats(services: Wired, name: str) -> Response:
     They count outcomes that robots told; the interval is Wilson's, 95 %.
     """
     return JSONResponse(stats_document(name, task_stats(services.store, name)))
+
+
+@router.get(
+    "/tasks/{name}/check",
+    operation_id="check_task",
+    response_model=TaskCheckOut,
+    responses=problems(
+        _404="no such task",
+        _409="the task has no episodes yet",
+        _422="there is no such model",
+        _502="the LLM failed",
+        _503="the model or the store is not available",
+        _504="the LLM did not answer in time",
+    ),
+)
+async def check_task(services: Wired, name: str, model: Model = None) -> Response:
+    """Predict each demonstration from the others, before a robot moves, and say what would go wrong and what to do.
+
+    The first 30 demonstrations are checked, without an LLM in seconds. With `model` that LLM is asked as well for what
+    each of the first ten does, shown the others; these predictions are not recorded.
+    """
+    return JSONResponse(check_document(await services.check_task(name, model)))
 
 
 @router.post(

@@ -1,7 +1,7 @@
 """What robots send."""
 
 import json
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Strict
@@ -155,7 +155,11 @@ class PredictBody(RequestModel):
     objects: Annotated[list[ObjectIn], Field(min_length=1, max_length=64)]
     cameras: Annotated[list[CameraIn], Field(max_length=16)] = []
     end_effector: Annotated[
-        EndEffectorIn | None, Field(description="if given, the task's max_step bounds hold for the first action, too")
+        EndEffectorIn | None,
+        Field(
+            description="the first action's way begins here; required where the task's motion_limits bound steps "
+            "(max_step_m, max_step_rotation_deg), but for later steps of a closed loop"
+        ),
     ] = None
     num_demonstrations: Annotated[int | None, Field(ge=1, le=100)] = None
     selection: Annotated[
@@ -197,6 +201,13 @@ class PredictBody(RequestModel):
             max_length=64, description="id of the last step of a closed loop; its model, style and demonstrations stay"
         ),
     ] = None
+    unfamiliar: Annotated[
+        Literal["refuse", "allow"],
+        Field(
+            description="an instruction unlike every taught one: refuse, or pass it on to the LLM with a finding of "
+            "severity danger; objects that are not clear are refused either way"
+        ),
+    ] = "refuse"
     max_actions: Annotated[int, Field(ge=1, le=100)] = MAX_ACTIONS
     timeout_s: Annotated[float, Field(ge=0.1, le=600)] = 60.0
     unsupported: Annotated[

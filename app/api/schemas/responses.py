@@ -216,7 +216,24 @@ class SamplesOut(BaseModel):
 Samples = Annotated[SamplesOut | None, Field(description="null where one reply was asked for")]
 
 
-class PredictionOut(BaseModel):
+class GroundingOut(BaseModel):
+    """What a phrase of the instruction was taken for."""
+
+    phrase: str
+    object: str
+    by: Literal["name", "alias", "spelling", "colour", "relation", "taught"]
+
+
+class UnderstoodOut(BaseModel):
+    """How the instruction was understood."""
+
+    canonical_instruction: Annotated[
+        str | None, Field(description="what prompts say: the objects by their names, in the form of a taught one")
+    ]
+    grounding: list[GroundingOut]
+
+
+class PredictionOut(UnderstoodOut):
     """Actions for the robot, and where they come from."""
 
     id: str
@@ -236,7 +253,7 @@ class PredictionOut(BaseModel):
     findings: Annotated[list[FindingOut], Field(description="what deserves a look before the robot moves")] = []
 
 
-class DryRunOut(BaseModel):
+class DryRunOut(UnderstoodOut):
     """The prompt as an LLM would read it."""
 
     id: None = None
@@ -260,7 +277,7 @@ class OutcomeOut(BaseModel):
     recorded_at: datetime
 
 
-class StoredPrediction(BaseModel):
+class StoredPrediction(UnderstoodOut):
     """A prediction as it was recorded, also where it failed."""
 
     id: str

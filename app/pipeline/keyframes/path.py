@@ -140,6 +140,14 @@ def best_waypoints(deviations: Array, number: int, costs: Array | None = None) -
     return chosen[::-1]
 
 
+def off_line_m(positions_m: Array) -> float:
+    """How far positions (N, 3) are at most from the line between the first and the last."""
+    way_m = positions_m[-1] - positions_m[0]
+    gone_m = positions_m - positions_m[0]
+    progress = np.clip(gone_m @ way_m / max(float(way_m @ way_m), 1e-12), 0, 1)
+    return float(np.linalg.norm(gone_m - progress[:, None] * way_m, axis=1).max())
+
+
 def _apart(positions: Array, vectors: Array, spacing: float) -> Frames:
     """Indices of poses at least `spacing` apart from the one before, the first and the last among them."""
     kept = [0]

@@ -9,7 +9,7 @@ import numpy as np
 from app.pipeline.arrays import Array
 from app.pipeline.episode import Trajectory
 from app.pipeline.keyframes.gripper import at_start, gripper_switches
-from app.pipeline.keyframes.path import Path, fewest_waypoints
+from app.pipeline.keyframes.path import Path, fewest_waypoints, off_line_m
 from app.pipeline.keyframes.rule import MAX_KEYFRAMES, TOLERANCE_DEG, TOLERANCE_M, Keyframe
 
 WIDER = 1.25  # by which the tolerance grows while a recording has more
@@ -63,6 +63,8 @@ def waypoints(
     Args:
         times_s: (T,) of the frames.
     """
+    if len(trajectory) == 1:
+        return ()
     parts = phases(trajectory, times_s)
     scale = 1.0
     while True:
@@ -106,12 +108,4 @@ def at_tips(trajectory: Trajectory, first: int, frames: Sequence[int], tolerance
 
 def _bend_m(positions_m: Array, before: int, here: int, after: int) -> float:
     """How far the positions between are from the straight lines to and from `here`."""
-    return max(_off_line_m(positions_m[before : here + 1]), _off_line_m(positions_m[here : after + 1]))
-
-
-def _off_line_m(positions_m: Array) -> float:
-    """How far positions (N, 3) are at most from the line between the first and the last."""
-    way_m = positions_m[-1] - positions_m[0]
-    gone_m = positions_m - positions_m[0]
-    progress = np.clip(gone_m @ way_m / max(float(way_m @ way_m), 1e-12), 0, 1)
-    return float(np.linalg.norm(gone_m - progress[:, None] * way_m, axis=1).max())
+    return max(off_line_m(positions_m[before : here + 1]), off_line_m(positions_m[here : after + 1]))

@@ -15,10 +15,12 @@ from app.pipeline.episode import Demonstration, EndEffectorAction
 from app.pipeline.plans.rows import PlanRow, plan_rows
 from app.pipeline.representation.anchors import M_PER_RAD, Anchor, anchor_frame, in_order, tilted_objects
 
-TWO_WAYS_M = 0.03  # ways that differ by less are one
-GAP = 3.0  # between two ways, in standard deviations within them
+TWO_WAYS_M = 0.04  # ways that differ by less are one
+GAP = 4.0  # between two ways, in standard deviations within them
+GAP_OF_FEW = 10.0  # the same of fewer than MANY demonstrations: few lie apart by chance
+MANY = 6
 FEWEST_OF_A_WAY = 2
-SHARE_OF_A_WAY = 0.25
+SHARE_OF_A_WAY = 0.3
 EXPLAINED = 0.5  # the share of the scatter that must remain when the scene does not decide a row
 NEGLIGIBLE_M = 0.02  # scatter within which it does not matter
 FAR_APART_M = 0.03  # two demonstrations cannot tell scatter from two ways
@@ -60,10 +62,10 @@ def agrees(group: Sequence[Demonstration], row: PlanRow) -> bool:
         off_m = float(np.linalg.norm(row.offsets_m[0] - row.offsets_m[1]))
         turn_m = M_PER_RAD * float((row.rotations[0].inv() * row.rotations[1]).magnitude())
         return off_m + turn_m <= FAR_APART_M
-    return two_ways(row) is None and not _depends_on_scene(group, row)
+    return two_ways(row, GAP) is None and not _depends_on_scene(group, row)
 
 
-def two_ways(row: PlanRow) -> np.ndarray | None:
+def two_ways(row: PlanRow, gap_of_few: float = GAP_OF_FEW) -> np.ndarray | None:
     """(N,) bool: which demonstrations do the row the one way and which the other; None if there is one way.
 
     Along the direction in which the row varies most, two ways leave a gap that is wide compared with the scatter on
@@ -82,7 +84,7 @@ def two_ways(row: PlanRow) -> np.ndarray | None:
     cut = int(np.argmax(gaps_m)) + fewest
     low, high = sorted_m[:cut], sorted_m[cut:]
     within_m = float(np.sqrt((low.var() * len(low) + high.var() * len(high)) / len(sorted_m)))
-    if gaps_m.max() < max(TWO_WAYS_M, GAP * within_m):
+    if gaps_m.max() < max(TWO_WAYS_M, (GAP if len(poses_m) >= MANY else gap_of_few) * within_m):
         return None
     other = np.zeros(len(places_m), dtype=bool)
     other[order[cut:]] = True

@@ -18,7 +18,8 @@ from app.pipeline.arrays import Array
 from app.pipeline.episode import Demonstration, Trajectory
 from app.pipeline.keyframes import Keyframe, KeyframeRule, Manner, find_keyframes, manner_of
 from app.pipeline.keyframes.path import Path, best_waypoints
-from app.pipeline.keyframes.waypoints import Phase, at_frames, at_tips, phases
+from app.pipeline.keyframes.rule import MAX_KEYFRAMES
+from app.pipeline.keyframes.waypoints import Phase, at_frames, at_tips, phases, waypoints
 from app.pipeline.plans.rows import PlanRow, plan_rows
 from app.pipeline.representation.anchors import M_PER_RAD, anchor_frame, tilted_objects
 
@@ -50,9 +51,12 @@ class Recording:
 
     @cached_property
     def keyframes(self) -> tuple[Keyframe, ...]:
-        """Its own, whatever the others have."""
+        """Its own, whatever the others have; by waypoints where the rule skips one of several switches in a rest."""
         period_s = float(np.median(np.diff(self.times_s))) if len(self.times_s) > 1 else 1.0
-        return find_keyframes(self.trajectory, self.rule, 1 / period_s)
+        found = find_keyframes(self.trajectory, self.rule, 1 / period_s)
+        if len(self._counts_of(found)) == len(self.phases):
+            return found
+        return waypoints(self.trajectory, self.times_s, self.rule.tolerance_m, self.rule.tolerance_deg)
 
     @cached_property
     def phases(self) -> tuple[Phase, ...]:
@@ -69,8 +73,16 @@ class Recording:
     @property
     def counts(self) -> tuple[int, ...]:
         """Its own keyframes in each phase: the last of a phase is where the gripper switches."""
+        by_switches = self._counts_of(self.keyframes)
+        if len(by_switches) == len(self.phases):
+            return by_switches
+        # Keyframes that show other switches than there are are counted by time.
+        frames = [keyframe.frame for keyframe in self.keyframes]
+        return tuple(max(1, sum(phase.first < frame <= phase.last for frame in frames)) for phase in self.phases)
+
+    def _counts_of(self, keyframes: Sequence[Keyframe]) -> tuple[int, ...]:
         counts, state = [0], bool(self.phases[0].gripper_open)
-        for keyframe in self.keyframes:
+        for keyframe in keyframes:
             counts[-1] += 1
             if keyframe.gripper_open != state:
                 counts.append(0)
@@ -108,9 +120,10 @@ def aligned(group: Sequence[Recording]) -> tuple[Demonstration, ...]:
 def _of_one_signature(members: Sequence[Recording]) -> list[Demonstration]:
     resting = 2 * sum(member.manner == "rests" for member in members) > len(members)
     numbers = _numbers([member.counts for member in members], most_frequent=resting)
-    if numbers is None:
-        return [member.with_keyframes(member.keyframes) for member in members]
-    own = [member.manner == "rests" and resting and member.counts == numbers for member in members]
+    own = [
+        resting and member.manner == "rests" and member.counts == numbers and len(member.keyframes) == sum(numbers)
+        for member in members
+    ]
     chosen = [
         list(member.keyframes) if keeps else _chosen(member, numbers, None)
         for member, keeps in zip(members, own, strict=True)
@@ -125,14 +138,14 @@ def _of_one_signature(members: Sequence[Recording]) -> list[Demonstration]:
     return [member.with_keyframes(item) for member, item in zip(members, chosen, strict=True)]
 
 
-def _numbers(counts: Sequence[tuple[int, ...]], *, most_frequent: bool) -> tuple[int, ...] | None:
-    """How many keyframes each phase gets; None if the demonstrations' keyframes do not show the same phases."""
-    lengths = Counter(map(len, counts))
-    if len(lengths) > 1:
-        return None
+def _numbers(counts: Sequence[tuple[int, ...]], *, most_frequent: bool) -> tuple[int, ...]:
+    """How many keyframes each phase gets, as many as a reply may have in all."""
     if most_frequent:
         return Counter(counts).most_common(1)[0][0]
-    return tuple(math.ceil(np.quantile(column, MOST)) for column in zip(*counts, strict=True))
+    numbers = [math.ceil(np.quantile(column, MOST)) for column in zip(*counts, strict=True)]
+    while sum(numbers) > max(MAX_KEYFRAMES, len(numbers)):
+        numbers[int(np.argmax(numbers))] -= 1
+    return tuple(numbers)
 
 
 def _chosen(

@@ -138,10 +138,12 @@ class SupportGuard:
 
     Args:
         plans: placed in the observed scene.
+        num_before: actions of replies to earlier parts of the instruction, which count in the indices that are named.
     """
 
-    def __init__(self, plans: Sequence[PlacedPlan]) -> None:
+    def __init__(self, plans: Sequence[PlacedPlan], num_before: int = 0) -> None:
         self._plans = list(plans)
+        self._before = num_before
         self._index = 0
 
     def check(self, action: EndEffectorAction) -> PlacedRow:
@@ -153,11 +155,13 @@ class SupportGuard:
         index = self._index
         going_on = [plan for plan in self._plans if index < len(plan)]
         if not going_on:
-            most = max(map(len, self._plans), default=0)
-            raise UnsupportedActionError(index, "is one more than demonstrated", f"at most {most} actions")
+            most = self._before + max(map(len, self._plans), default=0)
+            message = "is one more than demonstrated"
+            raise UnsupportedActionError(self._before + index, message, f"at most {most} actions")
         supporting = [plan for plan in going_on if plan[index].supports(action)]
         if not supporting:
-            raise _unsupported(index, action, min((plan[index] for plan in going_on), key=lambda row: row.away(action)))
+            nearest = min((plan[index] for plan in going_on), key=lambda row: row.away(action))
+            raise _unsupported(self._before + index, action, nearest)
         self._plans, self._index = supporting, index + 1
         return min((plan[index] for plan in supporting), key=lambda row: row.away(action))
 
@@ -168,8 +172,8 @@ class SupportGuard:
             UnsupportedActionError: if no demonstration ends so early.
         """
         if all(len(plan) != self._index for plan in self._plans):
-            fewest = min(map(len, self._plans))
-            raise UnsupportedActionError(self._index, "is missing: the reply ends too early", f"{fewest} actions")
+            missing, fewest = self._before + self._index, self._before + min(map(len, self._plans))
+            raise UnsupportedActionError(missing, "is missing: the reply ends too early", f"{fewest} actions")
 
 
 def _unsupported(index: int, action: EndEffectorAction, nearest: PlacedRow) -> UnsupportedActionError:

@@ -113,15 +113,16 @@ def choose_anchors(
     """
     candidates = _candidates(group)
     others = _beyond_objects(group) if beyond_objects else []
+    spreads_m = [_spreads_m(group, anchors, tilted) for anchors in (*candidates, *others)]
     chosen: list[list[Anchor]] = []
     for k in range(len(group[0].actions)):
-        spreads = [_spread_m(group, k, anchors, tilted) for anchors in candidates]
-        best = min(spreads)
-        equal = [c for c, spread in zip(candidates, spreads, strict=True) if spread <= best + EQUAL_SPREAD_M]
+        of_objects = [spreads[k] for spreads in spreads_m[: len(candidates)]]
+        best = min(of_objects)
+        equal = [c for c, spread in zip(candidates, of_objects, strict=True) if spread <= best + EQUAL_SPREAD_M]
         choice = chosen[-1] if chosen and chosen[-1] in equal else equal[0]
-        for anchors in others:
-            if (spread := _spread_m(group, k, anchors, tilted)) + EQUAL_SPREAD_M < CLEARLY_LESS * best:
-                best, choice = spread, anchors
+        for anchors, spreads in zip(others, spreads_m[len(candidates) :], strict=True):
+            if spreads[k] + EQUAL_SPREAD_M < CLEARLY_LESS * best:
+                best, choice = spreads[k], anchors
         chosen.append(choice)
     return chosen
 
@@ -156,16 +157,29 @@ def _beyond_objects(group: Sequence[Demonstration]) -> list[list[Anchor]]:
     return [[anchor] * len(group) for anchor, can in usable if can]
 
 
-def _spread_m(group: Sequence[Demonstration], k: int, anchors: Sequence[Anchor], tilted: frozenset[str]) -> float:
-    """How far action `k` differs over the group relative to the anchors; rotations weigh in as metres.
+def _spreads_m(group: Sequence[Demonstration], anchors: Sequence[Anchor], tilted: frozenset[str]) -> list[float]:
+    """How far each action differs over the group relative to the anchors; rotations weigh in as metres.
 
     A single demonstration has no spread: there the nearest object is the likeliest.
     """
-    relative = [relative_action(d, k, anchor, tilted) for d, anchor in zip(group, anchors, strict=True)]
-    offsets_m = np.array([offset for offset, _ in relative])
+    relative = [_relative_poses(d, anchor, tilted) for d, anchor in zip(group, anchors, strict=True)]
+    offsets_m = np.array([offsets for offsets, _ in relative])  # (N, K, 3)
     if len(group) == 1:
-        return float(np.linalg.norm(offsets_m[0]))
-    rotations = Rotation.concatenate([rotation for _, rotation in relative])
-    off_m = np.abs(offsets_m - np.median(offsets_m, axis=0)).max(axis=1)
-    off_m = off_m + M_PER_RAD * (rotations.mean().inv() * rotations).magnitude()
-    return float(np.quantile(off_m, MOST) if len(group) >= MANY else off_m.max())
+        alone: list[float] = np.linalg.norm(offsets_m[0], axis=1).tolist()
+        return alone
+    off_m = np.abs(offsets_m - np.median(offsets_m, axis=0)).max(axis=2)
+    for k in range(off_m.shape[1]):
+        rotations = Rotation.concatenate([turned[k] for _, turned in relative])
+        off_m[:, k] += M_PER_RAD * (rotations.mean().inv() * rotations).magnitude()
+    spreads: list[float] = (np.quantile(off_m, MOST, axis=0) if len(group) >= MANY else off_m.max(axis=0)).tolist()
+    return spreads
+
+
+def _relative_poses(demonstration: Demonstration, anchor: Anchor, tilted: frozenset[str]) -> tuple[Array, Rotation]:
+    """Every action relative to the anchor: offsets (K, 3) in metres along its axes, and K rotations."""
+    origin_m, axes = anchor_frame(anchor, demonstration.objects, demonstration.start, tilted)
+    actions, to_anchor = demonstration.actions, axes.inv()
+    if not actions:
+        return np.zeros((0, 3)), to_anchor
+    offsets_m: Array = to_anchor.apply(np.array([action.position_m for action in actions]) - origin_m)
+    return offsets_m, to_anchor * Rotation.from_quat([action.quaternion_xyzw for action in actions])

@@ -3,7 +3,7 @@
 import { ProblemError, call, send } from "./api.js";
 
 const PART = /^((?:rgb|depth|mask)_.+)\.(?:png|jpe?g|npy)$/i;
-const SETTINGS = ["model", "representation", "prompt_format", "system_prompt", "selection"];
+const SETTINGS = ["model", "representation", "prompt_format", "system_prompt", "selection", "unfamiliar"];
 const NUMBERS = ["num_demonstrations", "seed", "max_actions", "timeout_s", "num_samples", "temperature"];
 const taken = new Map(); // images taken from an episode, by the name of their part
 
@@ -106,6 +106,11 @@ function wish(form) {
   for (const name of NUMBERS) if (form.elements[name].value) found[name] = form.elements[name].valueAsNumber;
   const ids = words(form.elements.episode_ids.value);
   if (ids.length) found.episode_ids = ids;
+  const arm = form.elements.end_effector.value.trim();
+  if (arm) {
+    const values = numbers(arm, "end_effector", 7);
+    found.end_effector = { position: values.slice(0, 3), quaternion_xyzw: values.slice(3) };
+  }
   if (fromImages(form)) found.cameras = cameras();
   return found;
 }

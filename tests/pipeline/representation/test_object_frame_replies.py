@@ -9,6 +9,7 @@ from ..gbnf import matches
 from ..scenes import WORKSPACE, action, angle_deg, demonstration, pose, rotated
 
 INSTRUCTION = "put the red cup on the plate"
+TWO_CLAUSES = "lift the red cup, then put it on the plate"
 CUP, PLATE = pose("red cup", (0.1234, 0.2, 0.7), 90), pose("plate", (0.4, -0.1, 0.65))
 ROW = "1 A o: +10 -2 +20 0 36 54 1"
 ROW_2 = "2 B w: +0 +0 +4 36 36 36 0"
@@ -109,7 +110,8 @@ def test_refused_replies_carry_their_text(reply_text, message):
     ],
 )
 def test_the_grammar_knows_numbers_letters_frames_and_the_number_of_rows(text, expected):
-    assert matches(codec_for(2, 3).grammar(INSTRUCTION, 25), text) is expected
+    """Where demonstrations of two clauses are all there is, nobody knows which of their rows one clause has."""
+    assert matches(codec_for(4, 6, instruction=TWO_CLAUSES).grammar(INSTRUCTION, 25), text) is expected
 
 
 @pytest.mark.parametrize("counts", [(1,), (1, 4), (3, 2, 2), (12,)])
@@ -123,7 +125,8 @@ def test_every_text_follows_the_grammar_of_its_own_demonstrations(counts, instru
 
 
 def test_objects_of_unknown_rotation_only_offer_world_axes():
-    grammar = codec_for(2, objects=(pose("red cup", (0.1, 0.2, 0.7)), PLATE)).grammar(INSTRUCTION, 25)
+    objects = (pose("red cup", (0.1, 0.2, 0.7)), PLATE)
+    grammar = codec_for(4, objects=objects, instruction=TWO_CLAUSES).grammar(INSTRUCTION, 25)
     assert not matches(grammar, f" {ROW}; {ROW_2}\n")
     assert matches(grammar, f" {ROW.replace(' o:', ' w:')}; {ROW_2}\n")
 

@@ -10,7 +10,7 @@ _WORD = re.compile(r"\w+")
 REMEMBERED = 1024  # results that are kept
 
 
-class _Mention(NamedTuple):
+class Mention(NamedTuple):
     """The characters from `start` to `end` of a text stand for the object `name`."""
 
     start: int
@@ -46,15 +46,23 @@ def template(names: Sequence[str], instruction: str) -> str:
     return text
 
 
+def mentions(names: Sequence[str], instruction: str) -> tuple[Mention, ...]:
+    """Every mention, from left to right, by its place in the instruction, which has no space around it.
+
+    None where lower case takes more characters than upper case, as with some letters of Turkish.
+    """
+    return tuple(_mentions(names, _spaced(instruction))) if len(instruction.lower()) == len(instruction) else ()
+
+
 @lru_cache(maxsize=REMEMBERED)
 def clauses(instruction: str) -> tuple[str, ...]:
     """The parts that the instruction strings together with "then"."""
     return tuple(CLAUSE_SEPARATOR.split(instruction.strip()))
 
 
-def _mentions(names: Sequence[str], text: str) -> list[_Mention]:
+def _mentions(names: Sequence[str], text: str) -> list[Mention]:
     """Every mention in `text`, from left to right; no two overlap."""
-    found: list[_Mention] = []
+    found: list[Mention] = []
     for name in sorted(names, key=len, reverse=True):
         phrases = _occurrences(_spaced(name), text, name)
         found += phrases
@@ -68,8 +76,8 @@ def _mentions(names: Sequence[str], text: str) -> list[_Mention]:
     return sorted(found)
 
 
-def _occurrences(phrase: str, text: str, name: str) -> list[_Mention]:
-    return [_Mention(*match.span(), name) for match in re.finditer(rf"\b{re.escape(phrase)}\b", text)]
+def _occurrences(phrase: str, text: str, name: str) -> list[Mention]:
+    return [Mention(*match.span(), name) for match in re.finditer(rf"\b{re.escape(phrase)}\b", text)]
 
 
 def _distinctive_words(name: str, names: Sequence[str]) -> set[str]:

@@ -1,13 +1,8 @@
-import math
-
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from app.pipeline.episode import Trajectory
-from app.pipeline.errors import InvalidInputError
-from app.pipeline.keyframes import RULES, KeyframeRule, authors, find_keyframes, merged, uniform
+from app.pipeline.keyframes import authors, merged, uniform
 
 SPEEDS_RAD_S = {"m": 0.5, ".": 0.0}
 
@@ -110,42 +105,3 @@ def test_merged_takes_the_norm_strictly_below_delta_authors_each_joint_inclusive
     assert merged(trajectory("m" * 10, velocities=spread), 0.14) == (4, 9)
     assert authors(trajectory("m" * 10, velocities=spread), 0.1) == (4, 9)
     assert authors(trajectory("m" * 10, velocities=spread), 0.04) == (9,)
-
-
-FRAMES = st.lists(st.tuples(st.sampled_from("m."), st.sampled_from("01")), min_size=1, max_size=60)
-
-
-@pytest.mark.parametrize("rule", RULES)
-@given(frames=FRAMES, interval=st.integers(1, 80))
-def test_keyframes_ascend_within_range_and_never_begin_at_the_first_frame(rule, frames, interval):
-    recorded = trajectory([motion for motion, _ in frames], "".join(gripper for _, gripper in frames))
-    found = find_keyframes(recorded, KeyframeRule(rule, interval=interval))
-    assert list(found) == sorted(set(found))
-    assert all(0 < frame < len(frames) for frame in found)
-    assert bool(found) == (len(frames) > 1)
-    assert all(type(frame) is int for frame in found)
-
-
-def test_the_rule_chooses():
-    recorded = trajectory("." * 14)
-    assert find_keyframes(recorded, KeyframeRule("merged")) == (13,)
-    assert find_keyframes(recorded, KeyframeRule("authors")) == (5, 10, 13)
-    assert find_keyframes(recorded, KeyframeRule("uniform", interval=6)) == (6, 12, 13)
-    assert find_keyframes(trajectory("mmm.mmmmmm"), KeyframeRule("merged", delta_rad_s=1.0)) == (9,)
-
-
-@pytest.mark.parametrize(
-    ("values", "field"),
-    [
-        ({"rule": "median"}, "keyframes.rule"),
-        ({"delta_rad_s": 0.0}, "keyframes.delta_rad_s"),
-        ({"delta_rad_s": -1.0}, "keyframes.delta_rad_s"),
-        ({"delta_rad_s": math.nan}, "keyframes.delta_rad_s"),
-        ({"delta_rad_s": math.inf}, "keyframes.delta_rad_s"),
-        ({"interval": 0}, "keyframes.interval"),
-    ],
-)
-def test_a_rule_that_makes_no_sense_is_refused(values, field):
-    with pytest.raises(InvalidInputError) as caught:
-        KeyframeRule(**values)
-    assert caught.value.field == field

@@ -1,0 +1,79 @@
+"""What demonstrations teach, found out before a robot moves: each is predicted from the others of its plan."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+from app.pipeline.check.causes import find_causes
+from app.pipeline.check.left_out import left_out, median_off, variation
+from app.pipeline.check.path import paths_off_m
+from app.pipeline.check.report import EpisodeCheck, Off, PlanCheck, RowCheck, TaskCheck
+from app.pipeline.keyframes import manner_of
+from app.pipeline.plans import (
+    Demonstration,
+    PlanRow,
+    Recording,
+    aligned_by_plan,
+    asks_for,
+    by_plan,
+    plan_rows,
+    shown_together,
+)
+
+__all__ = ["EpisodeCheck", "Off", "PlanCheck", "RowCheck", "TaskCheck", "check_demonstrations", "demonstrated"]
+
+
+def check_demonstrations(recordings: Sequence[Recording]) -> TaskCheck:
+    """Predict each demonstration from the others, and say what in them deserves a look.
+
+    Args:
+        recordings: of one task, at least one; their demonstrations have ids, and the actions of the task's rule.
+    """
+    demonstrations = demonstrated(recordings)
+    shown = {demonstration.id for demonstration in shown_together(demonstrations)}
+    of_id = {recording.demonstration.id: recording for recording in recordings}
+    groups = sorted(by_plan(demonstrations), key=len, reverse=True)
+    plans = tuple(_plan_check(group, of_id, shown=group[0].id in shown) for group in groups)
+    rule = recordings[0].rule
+    findings, unlike_ids = find_causes(plans, rule)
+    return TaskCheck(rule.rule, plans, findings, unlike_ids)
+
+
+def demonstrated(recordings: Sequence[Recording]) -> tuple[Demonstration, ...]:
+    """The demonstrations as prompts write them, before rows are made to agree."""
+    if recordings[0].rule.aligned:
+        return aligned_by_plan(recordings)
+    return tuple(replace(recording.demonstration, start=None) for recording in recordings)
+
+
+def _plan_check(group: Sequence[Demonstration], of_id: Mapping[str, Recording], *, shown: bool) -> PlanCheck:
+    rows = plan_rows(group)
+    errors = [left_out(row) if len(group) > 1 else [] for row in rows]
+    was_open = bool(of_id[group[0].id].phases[0].gripper_open)
+    checks = []
+    for k, (row, offs) in enumerate(zip(rows, errors, strict=True)):
+        checks.append(_row_check(group, k, row, offs, switches=row.gripper_open != was_open))
+        was_open = row.gripper_open
+    episodes = tuple(
+        _episode_check(of_id[demonstration.id], demonstration, [offs[place] for offs in errors if offs])
+        for place, demonstration in enumerate(group)
+    )
+    return PlanCheck(asks_for(group[0]), shown, tuple(checks), episodes)
+
+
+def _row_check(group: Sequence[Demonstration], k: int, row: PlanRow, offs: list[Off], *, switches: bool) -> RowCheck:
+    objects = tuple(dict.fromkeys(anchor.object_name for anchor in row.anchors if anchor.object_name))
+    varies = variation([demonstration.actions[k] for demonstration in group])
+    check = RowCheck(objects, row.anchors[0].frame, row.gripper_open, switches, varies)
+    if not offs:
+        return check
+    worst = max(range(len(offs)), key=lambda place: offs[place].together_m)
+    return replace(check, error=median_off(offs), worst=offs[worst], worst_id=group[worst].id)
+
+
+def _episode_check(recording: Recording, demonstration: Demonstration, errors: Sequence[Off]) -> EpisodeCheck:
+    manner = recording.manner
+    if recording.rule.rule == "waypoints":  # which takes every recording for one that flows
+        manner = manner_of(recording.trajectory, recording.times_s, recording.rule.delta_rad_s)
+    actions = demonstration.actions
+    paths_m = paths_off_m(recording.trajectory, actions)
+    return EpisodeCheck(demonstration.id, demonstration.instruction, actions, manner, tuple(errors), paths_m)

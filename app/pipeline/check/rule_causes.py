@@ -1,0 +1,105 @@
+"""Whether the keyframes suit the recordings."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from app.pipeline.check.report import EpisodeCheck, PlanCheck
+from app.pipeline.findings import Finding
+from app.pipeline.keyframes import KeyframeRule
+from app.pipeline.reply import MAX_ACTIONS
+
+LEFT_M = 0.03  # farther than this from the recorded path a hand may hit what the demonstration went around
+MISSED_M = 0.02  # twice what the rules that follow a path allow
+OFTEN = 1 / 3  # of a plan's recordings
+MANY_ROWS = 20
+RULES_OF_RESTS = ("merged", "authors")
+
+
+def missed_path(plans: Sequence[PlanCheck], rule: KeyframeRule) -> list[Finding]:
+    """A rule that looks for rests, in recordings that have none where the hand turns."""
+    if rule.rule not in RULES_OF_RESTS:
+        return []
+    left_m = [_left_m(plan, episode) for plan in plans for episode in plan.episodes]
+    missed_m = [left for left in left_m if left > MISSED_M]
+    if 2 * len(missed_m) <= len(left_m):
+        return []
+    rows = int(np.median([len(plan.rows) for plan in plans for _ in plan.episodes]))
+    path_m = float(np.median(missed_m))
+    message = (
+        f"The rule {rule.rule!r} looks for rests, and {len(missed_m)} recordings do not rest where the hand turns: it"
+        f" finds {rows} keyframes, and the way between them is {100 * path_m:.1f} cm from the recorded one. Set"
+        " keyframes.rule to `auto` or `waypoints`."
+    )
+    numbers = {"path_cm": round(100 * path_m, 2), "recordings": len(missed_m), "keyframes": rows}
+    return [Finding("keyframes-miss-the-path", "danger", message, "keyframes.rule", numbers)]
+
+
+def path_left(plan: PlanCheck, number: int, rule: KeyframeRule) -> list[Finding]:
+    """Keyframes between which the recorded hand did not go straight."""
+    left_m = {episode.id: _left_m(plan, episode) for episode in plan.episodes}
+    left = {id_: far_m for id_, far_m in left_m.items() if far_m > LEFT_M}
+    if not plan.shown or len(left) <= OFTEN * len(left_m):
+        return []
+    worst = max(left, key=left.__getitem__)
+    remedy = "take the rule `waypoints`"
+    if rule.rule == "waypoints" or (rule.rule == "auto" and _moving(plan.episodes)):
+        remedy = f"lower keyframes.tolerance_m (it is {rule.tolerance_m:g})"
+    message = (
+        f"In {len(left)} of {len(left_m)} recordings the way between keyframes leaves the recorded one by more than"
+        f" {100 * LEFT_M:.0f} cm where the hand does not rest, in {worst} by {100 * left[worst]:.1f} cm: {remedy}."
+    )
+    numbers = {"path_cm": round(100 * left[worst], 2), "recordings": len(left)}
+    return [Finding("path-not-kept", "warning", message, f"plans[{number}]", numbers)]
+
+
+def _left_m(plan: PlanCheck, episode: EpisodeCheck) -> float:
+    """How far the keyframes' way leaves the recorded one where that matters.
+
+    An arm that rests at its keyframes may go from one to the next as it likes; but who chooses poses chooses one just
+    before a grasp or a release, unless the way there is straight.
+    """
+    if episode.manner != "rests":
+        return episode.path_m
+    return max((far_m for k, far_m in enumerate(episode.paths_m) if _comes_at_once(plan, k)), default=0.0)
+
+
+def _comes_at_once(plan: PlanCheck, k: int) -> bool:
+    """Whether the gripper switches in row `k` and did so in the row before, or grasps in the first row of all."""
+    switches = [row.switches for row in plan.rows]
+    return switches[k] and (switches[k - 1] if k > 0 else any(switches[1:]))
+
+
+def many_rows(plan: PlanCheck, number: int) -> list[Finding]:
+    """A plan that is long for a language model, and near to what a reply may have."""
+    if not plan.shown or len(plan.rows) <= MANY_ROWS:
+        return []
+    message = (
+        f"{plan.episodes[0].instruction!r} takes {len(plan.rows)} rows; a reply may have {MAX_ACTIONS}, and the longer"
+        " it is the more goes wrong: demonstrate the parts as tasks of their own, or raise keyframes.tolerance_m."
+    )
+    return [Finding("many-rows", "warning", message, f"plans[{number}]", {"rows": len(plan.rows)})]
+
+
+def mixed_recordings(episodes: Sequence[EpisodeCheck]) -> list[Finding]:
+    """Recordings of one instruction, some of which rest at their keyframes."""
+    moving = len(_moving(episodes))
+    resting = len(episodes) - moving
+    if not (moving and resting):
+        return []
+    message = (
+        f"{resting} recordings of {episodes[0].instruction!r} rest at their keyframes and {moving} do not: their rows"
+        " lie closer together if all are recorded in one manner."
+    )
+    return [Finding("mixed-recordings", "info", message, "episodes", {"resting": resting, "moving": moving})]
+
+
+def recorded_otherwise(episodes: Sequence[EpisodeCheck]) -> list[EpisodeCheck]:
+    """Those of the rarer of two manners, which explains why they are odd."""
+    moving = _moving(episodes)
+    resting = [episode for episode in episodes if episode.manner == "rests"]
+    return min(moving, resting, key=len)
+
+
+def _moving(episodes: Sequence[EpisodeCheck]) -> list[EpisodeCheck]:
+    return [episode for episode in episodes if episode.manner != "rests"]

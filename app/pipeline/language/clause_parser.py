@@ -1,0 +1,215 @@
+"""Clauses: a verb and the objects in their roles."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+from app.pipeline.language import grammar, verbs
+from app.pipeline.language.phrases import NounPhrase, NounPhrases
+from app.pipeline.language.tables import PhraseTable
+from app.pipeline.language.words import NUMBERS, Word
+
+DIRECT = ""  # the role of a direct object; the others are named after prepositions
+MAX_OBJECTS = 8  # of one role
+_NEVER_FIXED = frozenset(["and", "but", "or", "nor", "not", "never", "then", "it"])
+
+
+@dataclass(frozen=True)
+class Clause:
+    """One thing to do.
+
+    Attributes:
+        verb: in its base form, with its particle; None where a noun phrase stands alone.
+        roles: by preposition (see `grammar.PREPOSITIONS`) or `DIRECT` the objects, in their order.
+        fixed: words of taught instructions that are no objects, as "the dirt" in "sweep the dirt to the dustpan".
+    """
+
+    verb: str | None
+    roles: tuple[tuple[str, tuple[NounPhrase, ...]], ...] = ()
+    fixed: tuple[str, ...] = ()
+
+    def objects_in(self, role: str) -> tuple[NounPhrase, ...]:
+        """Those of a role; none if it is not filled."""
+        return dict(self.roles).get(role, ())
+
+    @property
+    def phrases(self) -> tuple[NounPhrase, ...]:
+        """All of its objects."""
+        return tuple(phrase for _, phrases in self.roles for phrase in phrases)
+
+    def about(self, phrase: NounPhrase) -> "Clause":
+        """With a direct object instead of "it" or none."""
+        others = tuple((role, phrases) for role, phrases in self.roles if role != DIRECT)
+        return replace(self, roles=((DIRECT, (phrase,)), *others))
+
+
+class Clauses:
+    """The clauses of one instruction.
+
+    Args:
+        fixed: words that a clause may have besides verb and objects; None: any (for taught instructions).
+        taught_verbs: verbs of taught instructions that no table has.
+    """
+
+    def __init__(
+        self, words: Sequence[Word], phrases: NounPhrases, fixed: frozenset[str] | None, taught_verbs: frozenset[str]
+    ) -> None:
+        self._words = words
+        self._texts = [word.text for word in words]
+        self._phrases = phrases
+        self._fixed = fixed
+        self._verbs = verbs.FIRST_WORDS | taught_verbs
+
+    def text(self, at: int) -> str:
+        """The word there; empty at the end."""
+        return "" if at >= len(self._texts) else self._texts[at]
+
+    def end(self, at: int, table: PhraseTable) -> int | None:
+        """Where the longest phrase of a table that stands there ends; None if none does."""
+        return table.end_at(self._texts, at)
+
+    def skip(self, at: int, *tables: PhraseTable) -> int:
+        """Where what says nothing ends."""
+        while self.end(at, grammar.RATHER) is None:
+            ends = [end for table in tables if (end := self.end(at, table)) is not None]
+            if not ends:
+                break
+            at = max(ends)
+            if self.text(at) == "," and at + 1 < len(self._texts):
+                at += 1
+        return at
+
+    def forbids(self, at: int) -> bool:
+        """Whether what follows is what is not meant."""
+        return any(self.end(at, table) is not None for table in (grammar.RATHER, grammar.NOT))
+
+    def at_end(self, at: int) -> bool:
+        """Whether nothing follows."""
+        return at >= len(self._texts)
+
+    def separator(self, at: int) -> tuple[int, frozenset[str]]:
+        """Where the marks and conjunctions end that stand here, and of which sorts they are."""
+        sorts: set[str] = set()
+        while not self.at_end(at):
+            text = self.text(at)
+            if (end := self.end(at, grammar.THEN)) is not None:
+                sorts.add("then")
+                at = end
+            elif text in ("and", "but", ",", ".", ";", "?"):
+                sorts.add(text if text in ("and", "but", ",") else "stop")
+                at += 1
+            else:
+                break
+        return at, frozenset(sorts)
+
+    def at(self, at: int, *, forbidden: bool) -> Iterator[tuple[Clause, int]]:
+        """The clauses that begin here, and where each ends."""
+        for verb, end in self._verb(at):
+            yield from self._arguments(end, Clause(verb), forbidden)
+        yield from self._arguments(at, Clause(None), forbidden)
+        yield from self._passive(at, forbidden)
+        role, start = self._preposition(at)
+        for phrases, end in self._objects(start, forbidden) if role else ():
+            begin = end + 1 if self.text(end) == "," else end
+            for verb, after in self._verb(self.skip(begin, grammar.FILLERS)):
+                yield from self._arguments(after, Clause(verb, ((role, phrases),)), forbidden)
+
+    def _passive(self, at: int, forbidden: bool) -> Iterator[tuple[Clause, int]]:
+        """The red button should be pushed."""
+        for phrases, end in self._objects(at, forbidden):
+            if (begin := self.end(end, grammar.PASSIVE)) is not None:
+                for verb, after in self._verb(begin):
+                    yield from self._arguments(after, Clause(verb, ((DIRECT, phrases),)), forbidden)
+
+    def _verb(self, at: int) -> Iterator[tuple[str, int]]:
+        for phrase in verbs.TABLE.all_at(self._texts, at):
+            yield " ".join(phrase), at + len(phrase)
+        text = self.text(at)
+        base = text if text in self._verbs else verbs.forms().get(text, "")  # "placed" is a word of places, too
+        if base and (base != text or base not in verbs.PHRASES):
+            yield base, at + 1
+
+    def _arguments(self, at: int, clause: Clause, forbidden: bool) -> Iterator[tuple[Clause, int]]:
+        """With everything that may follow the verb, wherever the clause may end."""
+        self._phrases.count_step()
+        start = self.skip(at, grammar.FILLERS)
+        role, after = self._preposition(start)
+        for phrases, end in self._objects(after, forbidden) if role else ():
+            if not clause.objects_in(role):
+                yield from self._arguments(end, replace(clause, roles=(*clause.roles, (role, phrases))), forbidden)
+        if not clause.objects_in(DIRECT):
+            for phrases, end in self._objects(start, forbidden):
+                yield from self._arguments(end, replace(clause, roles=(*clause.roles, (DIRECT, phrases))), forbidden)
+        if f"{clause.verb} {self.text(start)}" in verbs.PHRASES:
+            verb = f"{clause.verb} {self.text(start)}"
+            yield from self._arguments(start + 1, replace(clause, verb=verb), forbidden)
+        yield from self._with_fixed(start, clause, forbidden)
+        if (clause.verb or clause.roles) and self._may_end(start):
+            yield clause, start
+
+    def _with_fixed(self, at: int, clause: Clause, forbidden: bool) -> Iterator[tuple[Clause, int]]:
+        """With a word that is no object, and the preposition and article before it."""
+        role, start = self._preposition(at)
+        while self.text(start) in grammar.DETERMINERS:
+            start += 1
+        if self.at_end(start):
+            return
+        word = self._fixed_word(start)
+        wanted = (*((f"{role}:",) if role else ()), word)
+        if word and (self._fixed is None or self._fixed.issuperset(wanted)):
+            yield from self._arguments(start + 1, replace(clause, fixed=(*clause.fixed, *wanted)), forbidden)
+
+    def _fixed_word(self, at: int) -> str:
+        """The word as clauses keep it: in the form in which it stands, for "blocks" are more than a block."""
+        word = self._words[at]
+        if word.text in _NEVER_FIXED or not word.text[0].isalnum():
+            return ""
+        return word.text if word.corrected or word.text in NUMBERS.values() else word.token.text
+
+    def _may_end(self, at: int) -> bool:
+        separated = self.at_end(at) or self.separator(at)[0] > at or self.end(at, grammar.FIRST) is not None
+        return separated or self.forbids(at) or next(self._verb(at), None) is not None
+
+    def _preposition(self, at: int) -> tuple[str, int]:
+        end = self.end(at, grammar.PREPOSITIONS)
+        if end is None:
+            return "", at
+        return grammar.ROLES[tuple(self._texts[at:end])], end
+
+    def _objects(self, at: int, forbidden: bool) -> Iterator[tuple[tuple[NounPhrase, ...], int]]:
+        """One object or several: "the red, the blue and the green button"."""
+        both = self.text(at) == "both"
+        for phrases, end in self._listed(at + both, forbidden):
+            singular = all(not phrase.plural for phrase in phrases[:-1])
+            right_number = singular and (len(phrases) > 1 or not phrases[-1].plural) and not self.is_one_thing(phrases)
+            if (right_number or forbidden) and (not both or len(phrases) == 2):
+                yield phrases, end
+
+    def is_one_thing(self, phrases: Sequence[NounPhrase]) -> bool:
+        """Whether a list may describe a single object: "the red and green button" may have two colours."""
+        first, last = phrases[0], phrases[-1]
+        with_article = self.text(first.start) in grammar.DETERMINERS, self.text(last.start) in grammar.DETERMINERS
+        nouns = first.with_noun, last.with_noun
+        return with_article == (True, False) and nouns == (False, True) and not last.plural
+
+    def _listed(self, at: int, forbidden: bool) -> Iterator[tuple[tuple[NounPhrase, ...], int]]:
+        conjunctions = ("and", "or", "nor") if forbidden else ("and",)
+        for phrase in self._object(at, forbidden):
+            yield (phrase,), phrase.end
+            comma = self.text(phrase.end) == ","
+            last = self.text(phrase.end + comma) in conjunctions
+            if not comma and not last:
+                continue
+            for others, end in self._listed(phrase.end + comma + last, forbidden):
+                self._phrases.count_step()
+                # only "and" ends a list: what a comma adds may as well be a correction
+                if len(others) < MAX_OBJECTS and (last or len(others) > 1):
+                    yield (phrase, *others), end
+
+    def _object(self, at: int, forbidden: bool) -> tuple[NounPhrase, ...]:
+        """What stands for one object; in a clause that forbids something also what stands for none."""
+        found = self._phrases.at(at)
+        if not forbidden:
+            return found
+        none = (miss for miss in self._phrases.misses if miss.start == at and not miss.candidates)
+        named = (phrase for phrase in found if phrase.name is not None)
+        return (*named, *(NounPhrase(at, miss.end, None, "name") for miss in sorted(none)))

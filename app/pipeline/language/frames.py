@@ -1,0 +1,164 @@
+"""Taught instructions as frames: a clause with places for objects, to be filled with others."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from app.pipeline.language.clause_parser import DIRECT, Clause
+from app.pipeline.language.lexicon import Lexicon
+from app.pipeline.language.mentions import Mention, clauses, mention_order, mentions
+from app.pipeline.language.phrases import NounPhrase, NounPhrases, TooInvolvedError
+from app.pipeline.language.sentences import Sentences
+from app.pipeline.language.verbs import Family, common_families
+from app.pipeline.language.words import NUMBERS
+
+Signature = tuple[str | None, tuple[tuple[str, int], ...], frozenset[str]]
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """One clause of a taught instruction.
+
+    Attributes:
+        text: as it was taught.
+        clause: as it was read.
+        named: where the text names objects so that prompts find them.
+        plan: the signatures of all clauses of its instruction.
+    """
+
+    text: str
+    clause: Clause
+    named: tuple[Mention, ...]
+    plan: tuple[Signature, ...]
+
+    @property
+    def signature(self) -> Signature:
+        """What it asks for, whatever the objects."""
+        return signature_of(self.clause)
+
+    @property
+    def may_stand_alone(self) -> bool:
+        """Whether its instruction asks for nothing but this, once or several times."""
+        return set(self.plan) == {self.signature}
+
+    def filled(self, clause: Clause, names: Sequence[str]) -> Mapping[str, str] | None:
+        """By the objects of the frame those that `clause` puts in their place; None if it asks for something else."""
+        roles = dict(self.clause.roles)
+        one_destination = _alike(clause, self.clause)
+        if one_destination is None or not _fixed_fit(clause, self.clause):
+            return None
+        asked = _roles(clause, one_destination)
+        taught = {_plain(role, one_destination): phrases for role, phrases in roles.items()}
+        if len(names) == 1 and not (set(asked) | set(taught)) - {DIRECT}:
+            return self._of_the_only(asked, names[0])
+        if {role: len(phrases) for role, phrases in taught.items()} != {r: len(p) for r, p in asked.items()}:
+            return None
+        pairs = [pair for role in taught for pair in zip(taught[role], asked[role], strict=True)]
+        return self._checked([(mine.name, other.name) for mine, other in pairs])
+
+    def _of_the_only(self, asked: Mapping[str, Sequence[NounPhrase]], name: str) -> Mapping[str, str] | None:
+        """A task's only object need not be named, neither by what is taught nor by what is asked."""
+        return {name: name} if len(asked.get(DIRECT, ())) <= 1 else None
+
+    def _checked(self, pairs: Sequence[tuple[str | None, str | None]]) -> Mapping[str, str] | None:
+        filled = {mine: other for mine, other in pairs if mine and other}
+        replaceable = {mention.name for mention in self.named}
+        if len(filled) < len(pairs) or len(set(filled.values())) < len(filled):
+            return None
+        return filled if all(mine in replaceable or mine == other for mine, other in filled.items()) else None
+
+    def text_for(self, filled: Mapping[str, str], names: Sequence[str]) -> str | None:
+        """The taught text with other objects; None if it would not name them in the order that they have."""
+        wanted = tuple(filled[name] for name in mention_order(names, self.text) if name in filled)
+        for whole in (False, True):
+            text = self.text
+            for start, end, name in reversed(self.named):
+                if filled.get(name, name) != name:
+                    text = text[:start] + _called(filled[name], text[start:end], name, names, whole) + text[end:]
+            if mention_order(names, text) == wanted:
+                return text
+        return None
+
+
+def _called(name: str, before: str, was: str, names: Sequence[str], whole: bool) -> str:
+    """What a text calls an object that stands where `was` was called `before`: its name, or the words of its own."""
+    if "_" in before:
+        return name
+    spaced, distinctive = name.replace("_", " "), sorted(_own_words(name, names))
+    named_whole = before.lower() == was.replace("_", " ").lower()
+    return spaced if whole or named_whole or len(distinctive) != 1 else distinctive[0]
+
+
+def _own_words(name: str, names: Sequence[str]) -> set[str]:
+    others = {word for other in names if other != name for word in other.replace("_", " ").lower().split()}
+    return set(name.replace("_", " ").lower().split()) - others
+
+
+def signature_of(clause: Clause) -> Signature:
+    """Verb, number of objects in each role, and fixed words."""
+    return clause.verb, tuple(sorted((role, len(phrases)) for role, phrases in clause.roles)), frozenset(clause.fixed)
+
+
+def _alike(one: Clause, other: Clause) -> bool | None:
+    """Whether two verbs ask for the same; None if not. True if their destinations may be put in any way.
+
+    A clause without a verb leaves it to what is taught.
+    """
+    if one.verb is None or one.verb == other.verb:
+        return any(family.one_destination for family in _families(other, other))
+    families = _families(one, other)
+    return any(family.one_destination for family in families) if families else None
+
+
+def _families(one: Clause, other: Clause) -> list[Family]:
+    roles = {role for role, _ in other.roles if role != DIRECT}
+    return common_families(one.verb or "", other.verb or "", roles)
+
+
+def _plain(role: str, one_destination: bool) -> str:
+    return "to" if one_destination and role in ("in", "on") else role
+
+
+def _roles(clause: Clause, one_destination: bool) -> dict[str, tuple[NounPhrase, ...]]:
+    return {_plain(role, one_destination): phrases for role, phrases in clause.roles}
+
+
+def _fixed_fit(asked: Clause, taught: Clause) -> bool:
+    """Words of the taught instruction may be left out, but not numbers; others may not be there."""
+    numbers = {word for word in taught.fixed if word in NUMBERS.values() or word.isdigit()}
+    return set(asked.fixed) <= set(taught.fixed) and numbers <= set(asked.fixed)
+
+
+def frames_of(instruction: str, lexicon: Lexicon) -> tuple[Frame, ...]:
+    """The frames of a taught instruction's clauses; none if one of them is beyond this grammar."""
+    texts = clauses(instruction)
+    read = [_read(text, lexicon) for text in texts]
+    if not all(read):
+        return ()
+    known = [clause for clause in read if clause]
+    plan = tuple(map(signature_of, known))
+    named = [mentions(lexicon.names, text) for text in texts]
+    return tuple(Frame(*parts, plan) for parts in zip(texts, known, named, strict=True))
+
+
+def taught_verb(text: str, lexicon: Lexicon) -> str:
+    """The first word of a taught clause, which is taken for its verb even if no table has it."""
+    words = [word for word in lexicon.read(text) if word.text != "please"]
+    return words[0].text if words else ""
+
+
+def _read(text: str, lexicon: Lexicon) -> Clause | None:
+    """The reading of a taught clause in which most words are understood."""
+    words = lexicon.read(text)
+    own = frozenset({taught_verb(text, lexicon)} - lexicon.objects_of.keys())
+    sentences = Sentences(words, NounPhrases(words, lexicon, None), None, own)
+    try:
+        read = [form[0] for forms in sentences.readings() for form in forms if len(form) == 1]
+    except TooInvolvedError:
+        return None
+    mentioned = set(mention_order(lexicon.names, text))
+    fitting = [clause for clause in read if mentioned <= {phrase.name for phrase in clause.phrases}]
+    return min(fitting, key=_unlikelihood, default=None)
+
+
+def _unlikelihood(clause: Clause) -> tuple[bool, int, int]:
+    return clause.verb is None, len(clause.fixed), -len(clause.verb or "")

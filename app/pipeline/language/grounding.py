@@ -1,0 +1,250 @@
+"""Instructions are grounded: every word finds its place in what a task was taught, or the instruction is refused."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import islice, product
+from typing import Any
+
+from app.pipeline.errors import UnfamiliarInstructionError
+from app.pipeline.language.clause_parser import DIRECT, Clause
+from app.pipeline.language.descriptions import MEANS
+from app.pipeline.language.frames import Frame, frames_of, taught_verb
+from app.pipeline.language.lexicon import Lexicon
+from app.pipeline.language.mentions import clauses, mention_order, mentions, template
+from app.pipeline.language.phrases import NounPhrase, NounPhrases, TooInvolvedError
+from app.pipeline.language.refusals import passed_on, refusal
+from app.pipeline.language.sentences import Sentences
+from app.pipeline.language.space import Layout
+from app.pipeline.language.words import IsWord, Word
+
+MAX_READINGS = 64  # that are compared; who needs more is ambiguous
+_JOINT = ", then "
+
+
+@dataclass(frozen=True)
+class Grounding:
+    """What a phrase of an instruction was taken for.
+
+    Attributes:
+        by: name, alias, spelling, colour, relation, or taught (nothing named it, but what was taught does).
+    """
+
+    phrase: str
+    object_name: str
+    by: str
+
+    def to_json(self) -> dict[str, str]:
+        """As answers carry it."""
+        return {"phrase": self.phrase, "object": self.object_name, "by": self.by}
+
+    @classmethod
+    def from_json(cls, value: Mapping[str, str]) -> "Grounding":
+        """As `to_json` wrote it."""
+        return cls(value["phrase"], value["object"], value["by"])
+
+
+@dataclass(frozen=True)
+class Grounded:
+    """An instruction as it was understood.
+
+    Attributes:
+        instruction: the canonical instruction: objects by their names, in the form of a taught instruction.
+        unfamiliar: why it is unlike every taught instruction, where that was allowed.
+    """
+
+    instruction: str
+    phrases: tuple[Grounding, ...] = ()
+    unfamiliar: str | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        """As it is stored."""
+        phrases = [phrase.to_json() for phrase in self.phrases]
+        return {"instruction": self.instruction, "phrases": phrases, "unfamiliar": self.unfamiliar}
+
+    @classmethod
+    def from_json(cls, value: Mapping[str, Any]) -> "Grounded":
+        """As `to_json` wrote it."""
+        phrases = tuple(map(Grounding.from_json, value["phrases"]))
+        return cls(value["instruction"], phrases, value["unfamiliar"])
+
+
+@dataclass(frozen=True)
+class _Filled:
+    """A clause as a frame has it."""
+
+    frame: Frame
+    objects: Mapping[str, str]
+    clause: Clause
+
+    @property
+    def is_as_taught(self) -> bool:
+        return all(mine == other for mine, other in self.objects.items())
+
+
+class Taught:
+    """What a task was taught: its objects, what they are called, and its instructions. Made once per task version.
+
+    Args:
+        names: the task's objects.
+        aliases: by object what else it is called.
+        instructions: those that the demonstrations carry out.
+        is_word: whether a word is English; such a word is never taken for a misspelt other.
+    """
+
+    def __init__(
+        self, names: Sequence[str], aliases: Mapping[str, Sequence[str]], instructions: Sequence[str], is_word: IsWord
+    ) -> None:
+        self.names = tuple(names)
+        self.aliases = {name: tuple(words) for name, words in aliases.items()}
+        self.instructions = tuple(dict.fromkeys(instructions))
+        self._is_word = is_word
+
+    def ground(self, instruction: str, layout: Layout | None = None, *, allow_unfamiliar: bool = False) -> Grounded:
+        """The instruction as it is understood.
+
+        Args:
+            layout: where the objects are, for relations.
+            allow_unfamiliar: let pass what is unlike every taught instruction, if its objects are clear.
+
+        Raises:
+            UngroundedInstructionError: if a phrase stands for no object or for several.
+            UnfamiliarInstructionError: if it is unlike every taught instruction, or has words that nothing explains.
+        """
+        if (literal := self._literal(instruction)) is not None:
+            return literal
+        words = self._lexicon.read(instruction)
+        phrases = NounPhrases(words, self._lexicon, layout)
+        found = self._understood(instruction, words, phrases)
+        if len(found) == 1:
+            return found[0]
+        error = refusal(self, instruction, words, phrases, [each.instruction for each in found])
+        if not allow_unfamiliar or not isinstance(error, UnfamiliarInstructionError):
+            raise error
+        text, named = passed_on(self, instruction, words, phrases)
+        return Grounded(text, tuple(_told(instruction, words, named)), error.message)
+
+    @property
+    def names_objects(self) -> bool:
+        """Whether some taught instruction names an object."""
+        return any(mention_order(self.names, text) for text in self.instructions)
+
+    @cached_property
+    def _lexicon(self) -> Lexicon:
+        return Lexicon(self.names, self.aliases, self.instructions, self._is_word)
+
+    @cached_property
+    def frames(self) -> tuple[Frame, ...]:
+        """The taught instructions, each clause a frame."""
+        return tuple(frame for text in self.instructions for frame in frames_of(text, self._lexicon))
+
+    @cached_property
+    def _fixed(self) -> frozenset[str]:
+        return frozenset(word for frame in self.frames for word in frame.clause.fixed)
+
+    @cached_property
+    def _verbs(self) -> frozenset[str]:
+        own = {taught_verb(frame.text, self._lexicon) for frame in self.frames}
+        return frozenset(own - self._lexicon.objects_of.keys())
+
+    @cached_property
+    def _templates(self) -> tuple[frozenset[str], frozenset[str]]:
+        """Of whole taught instructions, and of clauses that need not stand beside others."""
+        whole = frozenset(template(self.names, text) for text in self.instructions)
+        parts = [{template(self.names, part) for part in clauses(text)} for text in self.instructions]
+        return whole, frozenset(part for each in parts if len(each) == 1 for part in each)
+
+    def _literal(self, instruction: str) -> Grounded | None:
+        """The instruction itself, if it is a taught one or such a one about other objects."""
+        whole, parts = self._templates
+        known = template(self.names, instruction) in whole
+        if known or all(template(self.names, part) in parts for part in clauses(instruction)):
+            return Grounded(instruction, tuple(self._mentioned(instruction)))
+        return None
+
+    def _mentioned(self, instruction: str) -> Iterator[Grounding]:
+        found = mentions(self.names, instruction)
+        for start, end, name in found:
+            yield Grounding(instruction[start:end], name, "name")
+        if not found and len(self.names) == 1:
+            yield Grounding(instruction, self.names[0], "taught")
+
+    def _understood(self, instruction: str, words: Sequence[Word], phrases: NounPhrases) -> list[Grounded]:
+        """Every different thing that the instruction may ask for."""
+        sentences = Sentences(words, phrases, self._fixed, self._verbs)
+        found: dict[str, Grounded] = {}
+        try:
+            for forms in islice(sentences.readings(), MAX_READINGS):
+                for plan in next(filter(None, (list(self._plans(form)) for form in forms)), []):
+                    if (text := self._canonical(plan)) is not None:
+                        named = {phrase for filled in plan for phrase in filled.clause.phrases}
+                        told = tuple(
+                            _told(instruction, words, sorted(named, key=lambda phrase: phrase.start))
+                        ) or tuple(self._mentioned(instruction))
+                        grounded = Grounded(text, told)
+                        found[text] = min(found.get(text, grounded), grounded, key=_uncertainty)
+        except TooInvolvedError:
+            return []
+        return list(found.values())
+
+    def _plans(self, reading: Sequence[Clause]) -> Iterator[tuple[_Filled, ...]]:
+        """The reading in frames that were taught one after the other, or each on its own."""
+        per_clause = [self._choices(clause) for clause in reading]
+        for choice in islice(product(*per_clause), MAX_READINGS):
+            plan = tuple(filled for part in choice for filled in part)
+            signatures = tuple(filled.frame.signature for filled in plan)
+            alone = all(filled.frame.may_stand_alone for filled in plan)
+            if alone or any(signatures == frame.plan for frame in self.frames):
+                yield plan
+
+    def _choices(self, clause: Clause) -> list[tuple[_Filled, ...]]:
+        """The frames of a clause, one for each thing that it may ask for; "red and blue" is asked one by one."""
+        if whole := self._best(clause):
+            return [(filled,) for filled in whole]
+        objects = clause.objects_in(DIRECT)
+        if len(objects) < 2 or len(clause.roles) > 1:
+            return []
+        parts = [self._best(replace(clause, roles=((DIRECT, (phrase,)),))) for phrase in objects]
+        return list(product(*parts)) if all(parts) else []
+
+    def _best(self, clause: Clause) -> list[_Filled]:
+        """The clause as frames have it: with its own verb, if that was taught, and as many of its words as possible."""
+        every = [
+            _Filled(frame, objects, clause)
+            for frame in self.frames
+            if (objects := frame.filled(clause, self.names)) is not None
+        ]
+        for exact in (_has_verb, _has_words):
+            every = [filled for filled in every if exact(filled)] or every
+        by_signature: dict[object, _Filled] = {}
+        for filled in sorted(every, key=lambda filled: not filled.is_as_taught):
+            by_signature.setdefault(filled.frame.signature, filled)
+        return list(by_signature.values())
+
+    def _canonical(self, plan: Sequence[_Filled]) -> str | None:
+        texts = [filled.frame.text_for(filled.objects, self.names) for filled in plan]
+        known = [text for text in texts if text is not None]
+        if len(known) < len(texts):
+            return None
+        return _JOINT.join([*(text.rstrip(". ") for text in known[:-1]), known[-1]])
+
+
+def _has_verb(filled: _Filled) -> bool:
+    return filled.frame.clause.verb == filled.clause.verb
+
+
+def _has_words(filled: _Filled) -> bool:
+    return set(filled.frame.clause.fixed) == set(filled.clause.fixed)
+
+
+def _uncertainty(grounded: Grounded) -> tuple[int, int]:
+    """Less for readings that guess less."""
+    return max((MEANS.index(each.by) for each in grounded.phrases), default=0), -len(grounded.phrases)
+
+
+def _told(instruction: str, words: Sequence[Word], phrases: Sequence[NounPhrase]) -> Iterator[Grounding]:
+    """What each phrase was taken for."""
+    for phrase in phrases:
+        if phrase.name is not None:
+            text = instruction[words[phrase.start].token.start : words[phrase.end - 1].token.end]
+            yield Grounding(text, phrase.name, phrase.by)

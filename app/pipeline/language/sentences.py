@@ -1,0 +1,158 @@
+"""Sentences: what is to be done with which objects, clause by clause; what is forbidden is left out.
+
+Everything in an instruction must find its place here. Where a word does not, there is no reading, and the instruction
+is refused: an unknown word may change what the others mean.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from app.pipeline.language import grammar
+from app.pipeline.language.clause_parser import DIRECT, Clause, Clauses
+from app.pipeline.language.phrases import NounPhrases
+from app.pipeline.language.tables import PhraseTable
+from app.pipeline.language.words import Word
+
+Mood = Literal["do", "not", "skip", "rather"]
+_PICKING = frozenset(
+    {"pick", "pick up", "grasp", "grab", "grip", "take", "lift", "lift up", "get", "take hold of", "grab hold of"}
+)
+
+
+@dataclass(frozen=True)
+class _Unit:
+    clause: Clause
+    mood: Mood
+
+
+class Sentences:
+    """The readings of one instruction.
+
+    Args:
+        fixed: words that a clause may have besides verb and objects; None: any (for taught instructions).
+        taught_verbs: verbs of taught instructions that no table has.
+    """
+
+    def __init__(
+        self, words: Sequence[Word], phrases: NounPhrases, fixed: frozenset[str] | None, taught_verbs: frozenset[str]
+    ) -> None:
+        self._words = words
+        self._phrases = phrases
+        self._clauses = Clauses(words, phrases, fixed, taught_verbs)
+
+    def readings(self) -> Iterator[tuple[tuple[Clause, ...], ...]]:
+        """The things to do, in their order, in every way that the whole text can be read.
+
+        Where one way has several forms, of which the first that was taught is meant, these stand together.
+
+        Raises:
+            TooInvolvedError: if that takes too many steps.
+        """
+        for units in self._units(0, (), frozenset()):
+            done = tuple(unit.clause for unit in units if unit.mood == "do")
+            forbidden = [unit.clause for unit in units if unit.mood != "do"]
+            says_what = len(units) == 1 or all(unit.clause.roles for unit in units)
+            if done and says_what and not any(_contradict(one, other) for one in forbidden for other in done):
+                yield _without_pronouns(done)
+
+    def _units(self, at: int, units: tuple[_Unit, ...], joined: frozenset[str]) -> Iterator[tuple[_Unit, ...]]:
+        """The text from here on.
+
+        Args:
+            joined: by what the unit that begins here is joined to the one before.
+        """
+        self._phrases.count_step()
+        start = self._clauses.skip(at, grammar.FILLERS, grammar.LEADS, *self._leads_after(units))
+        if units and all(self._clauses.text(k) in ".?," for k in range(start, len(self._words))):
+            yield units
+            return
+        forbidding: tuple[tuple[Mood, PhraseTable], ...] = (
+            ("not", grammar.NOT), ("skip", grammar.SKIP), ("rather", grammar.RATHER),
+        )  # fmt: skip
+        for mood, table in forbidding:
+            if (end := self._clauses.end(start, table)) is not None:
+                for clause, after in self._clauses.at(end, forbidden=True):
+                    yield from self._after(after, (*units, _Unit(_inherited(clause, units), mood)))
+        for begin in {at, start}:
+            for clause, after in self._clauses.at(begin, forbidden=False):
+                if _may_follow(clause, units, joined) and not self._goes_on(clause, units):
+                    yield from self._after(after, (*units, _Unit(_inherited(clause, units), "do")))
+
+    def _goes_on(self, clause: Clause, units: Sequence[_Unit]) -> bool:
+        """Whether a clause without a verb may describe the object before it further."""
+        before = units[-1].clause.phrases if units else ()
+        return clause.verb is None and bool(before) and self._clauses.is_one_thing((before[-1], *clause.phrases[:1]))
+
+    def _leads_after(self, units: tuple[_Unit, ...]) -> tuple[PhraseTable, ...]:
+        """A later "first" would change the order, and an "instead" after what was wanted takes that back."""
+        if not units:
+            return (grammar.FIRST, grammar.INSTEAD)
+        return () if any(unit.mood == "do" for unit in units) else (grammar.INSTEAD,)
+
+    def _after(self, at: int, units: tuple[_Unit, ...]) -> Iterator[tuple[_Unit, ...]]:
+        """What follows a unit: the end, a separator, or what is not meant."""
+        if (
+            len(units) == 1
+            and (first := self._clauses.end(at, grammar.FIRST)) is not None
+            and self._clauses.separator(first)[1]
+        ):
+            at = first  # "push the red button first, then the blue one"
+        end, joined = self._clauses.separator(at)
+        if self._clauses.at_end(end):
+            yield units
+        elif end > at or units[-1].mood == "rather" or self._clauses.forbids(at):
+            yield from self._units(end, units, joined)
+
+
+def _contradict(forbidden: Clause, wanted: Clause) -> bool:
+    """Whether what is wanted has the objects that are forbidden, in the same roles."""
+    names = {role: {phrase.name for phrase in phrases} for role, phrases in wanted.roles}
+    return all({p.name for p in phrases} & names.get(role, set()) for role, phrases in forbidden.roles)
+
+
+def _inherited(clause: Clause, units: Sequence[_Unit]) -> Clause:
+    """With the verb of the unit before where it has none."""
+    before = next((unit.clause.verb for unit in reversed(units) if unit.clause.verb), None)
+    return clause if clause.verb else replace(clause, verb=before)
+
+
+def _may_follow(clause: Clause, units: Sequence[_Unit], joined: frozenset[str]) -> bool:
+    """Whether a clause goes on with what is wanted.
+
+    "Do not push the red one and the blue one" wants nothing, and "push the red one, the blue one" is perhaps a
+    correction; "not the red one, the blue one" is none.
+    """
+    before = units[-1] if units else None
+    if before is None:
+        return True
+    if before.mood in ("do", "rather"):
+        fronted = before.mood == "rather" and len(units) == 1
+        return clause.verb is not None or fronted or bool(joined & {"and", "then"})
+    if before.mood == "skip":
+        return clause.verb is not None
+    if "but" in joined or clause.verb:
+        return not joined.isdisjoint({"but", ",", "stop"})
+    return "," in joined and len(units) == 1 and before.clause.verb is None
+
+
+def _without_pronouns(clauses: tuple[Clause, ...]) -> tuple[tuple[Clause, ...], ...]:
+    """The clauses with "it" replaced; first of all "pick up X and put it on Y" as the single clause "put X on Y".
+
+    Demonstrations begin with an empty gripper: one that puts something somewhere picks it up by itself.
+    """
+    resolved: list[Clause] = []
+    merged: list[Clause] = []
+    for clause in clauses:
+        direct = clause.objects_in(DIRECT)
+        antecedent = resolved[-1].objects_in(DIRECT) if resolved else ()
+        if (direct and direct[0].name) or not clause.verb or len(antecedent) != 1 or not antecedent[0].name:
+            resolved.append(clause)
+            merged.append(clause)
+            continue
+        whole = clause.about(antecedent[0])
+        picked = merged[-1].verb in _PICKING and len(merged[-1].roles) == 1
+        announced = resolved[-1].verb is None  # "the red button, push it"
+        merged = [*merged[:-1], whole] if picked or announced else [*merged, whole]
+        resolved = [*resolved[:-1], whole] if announced else [*resolved, whole]
+    return (tuple(merged), tuple(resolved)) if len(merged) < len(resolved) else (tuple(resolved),)

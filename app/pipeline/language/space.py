@@ -1,0 +1,150 @@
+"""Relations that the objects' poses decide, in the robot's frame: x forward, y left, z up.
+
+Every function picks from candidates, and gives back several where the poses do not clearly decide. Distances are in
+metres, to the robot horizontal; its base stands at `robot_m` in the world frame and looks along +x.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from app.pipeline.arrays import Array
+
+MARGIN_M = 0.02  # poses from images are that uncertain; what differs by less is not told apart
+CLEARLY_NEARER = 1.5  # the second nearest must be so many times as far
+MOSTLY = 0.5  # of the distance must lie in the direction, which is within 60 degrees of it
+ALONGSIDE = 0.35  # of the distance between two objects: what is this far off the line is not between them
+Names = tuple[str, ...]
+Pick = Callable[["Layout", Names], Names]
+AXES: Mapping[str, tuple[int, int]] = {
+    "left": (1, 1), "right": (1, -1), "far": (0, 1), "near": (0, -1), "top": (2, 1), "bottom": (2, -1),
+}  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """Where the objects are: positions (3,) in the world frame by name, and the robot's base (3,)."""
+
+    positions_m: Mapping[str, Array]
+    robot_m: Array
+
+    def along(self, name: str, side: str) -> float:
+        """How far an object lies towards a side, a key of `AXES`."""
+        axis, sign = AXES[side]
+        return float(sign * (self.positions_m[name][axis] - self.robot_m[axis]))
+
+    def distance_m(self, name: str, other: str | None) -> float:
+        """Between an object and another, or the robot where there is no other."""
+        if other is None:
+            return float(np.linalg.norm((self.positions_m[name] - self.robot_m)[:2]))
+        return float(np.linalg.norm(self.positions_m[name] - self.positions_m[other]))
+
+
+def extreme(side: str, place: int = 1) -> Pick:
+    """The `place`-th (from 1) of the candidates from a side."""
+
+    def pick(layout: Layout, names: Names) -> Names:
+        return _nth(names, lambda name: -layout.along(name, side), place)
+
+    return pick
+
+
+def nearest_to(other: str | None, place: int = 1) -> Pick:
+    """The candidate that is nearest to an object, or to the robot."""
+
+    def pick(layout: Layout, names: Names) -> Names:
+        others = tuple(name for name in names if name != other)
+        return _nth(others, lambda name: layout.distance_m(name, other), place)
+
+    return pick
+
+
+def farthest_from(other: str | None, place: int = 1) -> Pick:
+    """The candidate that is farthest from an object, or from the robot."""
+
+    def pick(layout: Layout, names: Names) -> Names:
+        others = tuple(name for name in names if name != other)
+        return _nth(others, lambda name: -layout.distance_m(name, other), place)
+
+    return pick
+
+
+def next_to(other: str) -> Pick:
+    """The candidate beside an object: the only other one, or clearly the nearest."""
+
+    def pick(layout: Layout, names: Names) -> Names:
+        others = tuple(name for name in names if name != other)
+        return _clearly_nearest(layout, others, other)
+
+    return pick
+
+
+def beyond(side: str, other: str) -> Pick:
+    """The candidate on a side of an object; of several the one that is clearly nearest to it."""
+
+    def pick(layout: Layout, names: Names) -> Names:
+        def is_there(name: str) -> bool:
+            offset_m = layout.along(name, side) - layout.along(other, side)
+            return offset_m > max(MARGIN_M, MOSTLY * layout.distance_m(name, other))
+
+        return _clearly_nearest(layout, tuple(n for n in names if n != other and is_there(n)), other)
+
+    return pick
+
+
+def between(one: str, other: str) -> Pick:
+    """The candidates on the way from one object to another."""
+
+    def pick(layout: Layout, names: Names) -> Names:
+        start_m, end_m = layout.positions_m[one], layout.positions_m[other]
+        way_m = end_m - start_m
+        length_m = float(np.linalg.norm(way_m))
+        if length_m < MARGIN_M:
+            return ()
+
+        def is_there(name: str) -> bool:
+            offset_m = layout.positions_m[name] - start_m
+            share = float(offset_m @ way_m) / length_m**2
+            return 0 < share < 1 and float(np.linalg.norm(offset_m - share * way_m)) < ALONGSIDE * length_m
+
+        return tuple(name for name in names if name not in (one, other) and is_there(name))
+
+    return pick
+
+
+def on_side(side: str) -> Pick:
+    """The one of two candidates on a side; of more those that lie clearly on that side of their middle."""
+
+    def pick(layout: Layout, names: Names) -> Names:
+        if len(names) <= 2:
+            return extreme(side)(layout, names)
+        middle = float(np.mean([layout.along(name, side) for name in names]))
+        return tuple(name for name in names if layout.along(name, side) > middle + MARGIN_M)
+
+    return pick
+
+
+def in_the_middle(layout: Layout, names: Names) -> Names:
+    """The middle one of an odd number of candidates, along the axis of the robot's frame on which they spread most."""
+    if len(names) < 3 or len(names) % 2 == 0:
+        return names
+    side = max(("left", "far", "top"), key=lambda side: np.ptp([layout.along(name, side) for name in names]))
+    return _nth(names, lambda name: layout.along(name, side), len(names) // 2 + 1)
+
+
+def _nth(names: Names, key: Callable[[str], float], place: int) -> Names:
+    """The name of that place by increasing key; with it those whose key is as good as the same."""
+    if not 1 <= place <= len(names):
+        return ()
+    ordered = sorted(names, key=key)
+    chosen = key(ordered[place - 1])
+    return tuple(name for name in ordered if abs(key(name) - chosen) < MARGIN_M)
+
+
+def _clearly_nearest(layout: Layout, names: Names, other: str) -> Names:
+    ordered: Sequence[str] = sorted(names, key=lambda name: layout.distance_m(name, other))
+    if len(ordered) < 2:
+        return tuple(ordered)
+    first_m, second_m = (layout.distance_m(name, other) for name in ordered[:2])
+    return tuple(ordered[:1] if second_m >= CLEARLY_NEARER * first_m else ordered)

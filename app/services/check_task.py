@@ -1,0 +1,181 @@
+"""A task's demonstrations, each predicted from the others before a robot moves; by an LLM where one is named."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import anyio.to_thread
+from sqlalchemy import Connection
+
+from app.llm.base import ModelProfile
+from app.perception.base import ObjectQuery
+from app.pipeline.check import check_demonstrations
+from app.pipeline.check.replies import ReplyCheck, check_reply, reply_findings
+from app.pipeline.check.report import EpisodeCheck, TaskCheck
+from app.pipeline.errors import InvalidInputError
+from app.pipeline.findings import Finding
+from app.pipeline.motion_limits import Pose
+from app.pipeline.plans import Recording
+from app.services.cache import Cache
+from app.services.demonstrations import recordings_of
+from app.services.dialogue import Dialogue
+from app.services.errors import NoDemonstrationsError, UnparsableReplyError, UnsafeReplyError, UnsupportedReplyError
+from app.services.predict_actions import PredictActions
+from app.services.prediction import PredictedAction
+from app.services.question import PredictRequest, Question
+from app.services.sampled_dialogue import SampledDialogue
+from app.services.task_settings import TaskSettings
+from app.services.timing import Timings
+from app.store import episodes, tasks
+from app.store.records import PredictionStatus, TaskRecord
+from app.store.store import Store
+
+MOST_CHECKED = 30  # demonstrations, the task's first; prompts have 10 unless somebody wants more
+MOST_ASKED = 10  # of them that an LLM is asked about, some seconds each
+KEPT = 32  # checks of tasks that have not changed since
+REFUSALS = (UnparsableReplyError, UnsafeReplyError, UnsupportedReplyError, InvalidInputError)
+
+
+@dataclass(frozen=True, eq=False)
+class CheckedTask:
+    """What a check found.
+
+    Attributes:
+        num_episodes: that the task has; the first `MOST_CHECKED` are checked.
+        model: that was asked; None if none was.
+        replies: of the first `MOST_ASKED` demonstrations that prompts show; empty without a model.
+        findings: the severest first.
+    """
+
+    task: str
+    num_episodes: int
+    check: TaskCheck
+    findings: tuple[Finding, ...]
+    model: str | None = None
+    replies: tuple[ReplyCheck, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class _Read:
+    """A task's demonstrations, checked."""
+
+    settings: TaskSettings
+    recordings: Sequence[Recording]
+    checked: CheckedTask
+
+
+class CheckTask:
+    """Checks a task's demonstrations.
+
+    Args:
+        profile_of: the profile of a model by its name; raises UnknownModelError, or InvalidInputError for one that is
+            not offered here.
+        predict: a way to predict that leaves no record: a check's predictions are no robot's.
+    """
+
+    def __init__(self, store: Store, profile_of: Callable[[str | None], ModelProfile], predict: PredictActions) -> None:
+        self._store = store
+        self._profile_of = profile_of
+        self._predict = predict
+        self._kept: Cache[tuple[str, int], _Read] = Cache(KEPT)
+
+    def without_model(self, task: str) -> CheckedTask:
+        """Predict each demonstration as the centre of the others. Synchronous: call it in a thread.
+
+        Raises:
+            NotFoundError: if there is no such task.
+            NoDemonstrationsError: if it has no episode.
+        """
+        return self._read(task).checked
+
+    async def __call__(self, task: str, model: str | None = None) -> CheckedTask:
+        """Check, and ask the model, if one is named, for what each demonstration does.
+
+        Raises:
+            as `without_model`.
+            UnknownModelError, InvalidInputError: for a model that there is not, or that is not offered.
+            LanguageModelError: if the model does not answer.
+        """
+        if model is None:
+            return await anyio.to_thread.run_sync(self.without_model, task)
+        self._profile_of(model)
+        read = await anyio.to_thread.run_sync(self._read, task)
+        replies = await self._replies(task, model, read)
+        findings = (*reply_findings(model, replies), *read.checked.findings)
+        return replace(read.checked, model=model, replies=replies, findings=findings)
+
+    def _read(self, name: str) -> _Read:
+        with self._store.read() as connection:
+            task = tasks.get(connection, name)
+        return self._kept.get((name, task.version), lambda: self._made(task))
+
+    def _made(self, task: TaskRecord) -> _Read:
+        settings = TaskSettings.model_validate(task.settings)
+        with self._store.read() as connection:
+            records = episodes.demonstrations(connection, task.name, MOST_CHECKED)
+            trajectories = episodes.get_trajectories(connection, [record.id for record in records])
+            num_episodes = episodes.number_of(connection, task.name)
+        if not records:
+            raise NoDemonstrationsError(task.name)
+        recordings = recordings_of(records, trajectories, settings)
+        check = check_demonstrations(recordings)
+        return _Read(settings, recordings, CheckedTask(task.name, num_episodes, check, check.findings))
+
+    async def _replies(self, task: str, model: str, read: _Read) -> tuple[ReplyCheck, ...]:
+        """What the model replies for each of the first demonstrations that prompts show, shown the others."""
+        shown = {episode.id: episode for plan in read.checked.check.plans if plan.shown for episode in plan.episodes}
+        asked = [recording for recording in read.recordings if recording.demonstration.id in shown]
+        ids = [recording.demonstration.id for recording in asked]
+        if len(ids) < 2:
+            return ()
+        replies = []
+        for recording in asked[:MOST_ASKED]:
+            others = [id_ for id_ in ids if id_ != recording.demonstration.id][: read.settings.num_demonstrations]
+            request = _request(task, model, recording, others)
+            replies.append(await self._reply(request, shown[recording.demonstration.id]))
+        return tuple(replies)
+
+    async def _reply(self, request: PredictRequest, episode: EpisodeCheck) -> ReplyCheck:
+        try:
+            prediction = await self._predict(request)
+        except REFUSALS as error:
+            return ReplyCheck(episode.id, None, problem=str(error))
+        return check_reply(episode, [item.action for item in prediction.actions])
+
+
+def _request(task: str, model: str, recording: Recording, others: Sequence[str]) -> PredictRequest:
+    """What a robot would ask in the scene of a demonstration."""
+    demonstration = recording.demonstration
+    objects = tuple(
+        ObjectQuery(
+            pose.name,
+            tuple(pose.position_m.tolist()),
+            None if pose.quaternion_xyzw is None else tuple(pose.quaternion_xyzw.tolist()),
+        )
+        for pose in demonstration.objects
+    )
+    start = recording.trajectory.action_at(0)
+    end_effector = Pose(tuple(start.position_m.tolist()), tuple(start.quaternion_xyzw.tolist()))
+    # an action unlike the demonstrations is measured instead of refused
+    return PredictRequest(
+        task,
+        demonstration.instruction,
+        objects,
+        model=model,
+        episode_ids=tuple(others),
+        end_effector=end_effector,
+        unsupported="allow",
+    )
+
+
+async def leave_unrecorded(
+    question: Question,
+    dialogue: Dialogue | SampledDialogue,
+    timings_ms: Timings,
+    started_s: float,
+    status: PredictionStatus,
+    actions: Sequence[PredictedAction] | None = None,
+    error: str | None = None,
+    check: Callable[[Connection], None] = lambda _: None,
+) -> str:
+    """In place of a `PredictionRecorder`: what a check asks is no robot's prediction, and no statistic counts it."""
+    return ""

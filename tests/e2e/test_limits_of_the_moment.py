@@ -1,0 +1,246 @@
+"""Limits of motion hold as they are when an action is sent, and go only by an explicit word."""
+
+import json
+import threading
+from contextlib import suppress
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from itertools import count
+
+import httpx
+import pytest
+
+from app.client.client import RoboPromptClient
+from app.client.errors import ServiceProblemError
+from app.client.loop import run_task
+from app.pipeline.errors import InvalidInputError
+from tests.e2e.processes import killable_server
+from tests.e2e.test_safety import NEAR, PICK, QUERY_M, located, teach
+from tests.e2e.test_stream import Arm, seen
+
+BOX = {"min": (QUERY_M - 0.02).tolist(), "max": (QUERY_M + 0.02).tolist()}
+FAR_BOX = {"min": [0.6, 0.6, 0.6], "max": [0.65, 0.65, 0.65]}
+ROWS = [[51, 38, 27, 0, 36, 36, 1], [51, 38, 17, 0, 36, 36, 0], [51, 38, 32, 0, 36, 36, 0]]
+NUMBERS = count()
+OPTIONS = {"representation": "absolute", "prompt_format": "paper", "unsupported": "allow"}
+
+
+class HeldLlm:
+    """An OpenAI-compatible server that says each row when the test lets it."""
+
+    def __init__(self):
+        self.reset()
+        outer = self
+
+        class Handler(BaseHTTPRequestHandler):
+            def do_POST(self):
+                self.rfile.read(int(self.headers["Content-Length"]))
+                self.send_response(200)
+                self.send_header("Content-Type", "text/event-stream")
+                self.end_headers()
+                for k, row in enumerate(outer.rows):
+                    outer.asked.release()
+                    assert outer.go.acquire(timeout=60)
+                    self.say(("[" if k == 0 else ", ") + json.dumps(row) + ("]" if k == len(outer.rows) - 1 else ""))
+                self.say("", "stop")
+                self.wfile.write(b"data: [DONE]\n\n")
+
+            def say(self, text, reason=None):
+                document = {"choices": [{"text": text, "finish_reason": reason}]}
+                self.wfile.write(f"data: {json.dumps(document)}\n\n".encode())
+                self.wfile.flush()
+
+            def handle(self):
+                with suppress(ConnectionError):  # the service hung up on it
+                    super().handle()
+
+            def log_message(self, *arguments):
+                pass
+
+        self.server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+        threading.Thread(target=self.server.serve_forever, daemon=True).start()
+
+    def reset(self):
+        self.go, self.asked, self.rows = threading.Semaphore(0), threading.Semaphore(0), ROWS
+
+    def let(self, number):
+        """Let it say so many rows more."""
+        self.go.release(number)
+
+
+@pytest.fixture(scope="module")
+def held(tmp_path_factory):
+    llm = HeldLlm()
+    settings = {
+        "ROBOPROMPT_COMPATIBLE_BASE_URL": f"http://127.0.0.1:{llm.server.server_port}/v1",
+        "ROBOPROMPT_COMPATIBLE_STYLE": "completion",
+        "ROBOPROMPT_DEFAULT_MODEL": "openai_compatible/held",
+    }
+    with killable_server(tmp_path_factory.mktemp("held"), settings) as (_, url):
+        yield llm, url
+    llm.server.shutdown()
+    llm.server.server_close()
+
+
+@pytest.fixture
+def service(held):
+    """The LLM, a client, and a task of its own in a workspace whose bins the rows are written in."""
+    llm, url = held
+    llm.reset()
+    task = f"task {next(NUMBERS)}"
+    with RoboPromptClient(url) as client:
+        teach(client, task)
+        yield llm, client, task
+
+
+def problem_of(call, *arguments, **options):
+    with pytest.raises(ServiceProblemError) as caught:
+        call(*arguments, **options)
+    return caught.value.problem
+
+
+def unsafe(problem):
+    return (problem["status"], problem["type"]) == (502, "/problems/unsafe-action")
+
+
+def in_background(call):
+    """Runs `call`; returns a function that waits for its result or error."""
+    outcome = []
+
+    def run():
+        try:
+            outcome.append(call())
+        except Exception as error:
+            outcome.append(error)
+
+    thread = threading.Thread(target=run)
+    thread.start()
+
+    def result():
+        thread.join(60)
+        (only,) = outcome
+        return only
+
+    return result
+
+
+@pytest.mark.parametrize("tightened", [{"keep_out": [BOX]}, {"max_step_m": 0.05}])
+def test_limits_tightened_while_the_llm_writes_count(service, tightened):
+    llm, client, task = service
+    answer = in_background(lambda: client.predict(task, PICK, located(), **OPTIONS))
+    assert llm.asked.acquire(timeout=30)
+    client.configure_task(task, motion_limits=tightened)
+    llm.let(3)
+    error = answer()
+    assert isinstance(error, ServiceProblemError)
+    assert unsafe(error.problem)
+    stored = client.get(f"/predictions/{error.problem['prediction_id']}")
+    assert (stored["status"], stored["actions"]) == ("unsafe_action", None)
+
+
+def test_bounded_steps_that_come_while_the_llm_writes_need_a_start_too(service):
+    llm, client, task = service
+    answer = in_background(lambda: client.predict(task, PICK, seen(QUERY_M), **OPTIONS))
+    assert llm.asked.acquire(timeout=30)
+    client.configure_task(task, motion_limits={"max_step_m": 1.0})
+    llm.let(3)
+    assert "end_effector" in answer().problem["errors"][0]["valid"]
+
+
+def test_limits_tightened_between_the_actions_of_a_stream_count(service):
+    llm, client, task = service
+    arrived = client.stream(task, PICK, located(), **OPTIONS)
+    llm.let(1)
+    assert next(arrived).position_m[2] == pytest.approx(0.875)
+    client.configure_task(task, motion_limits={"keep_out": [BOX]})
+    llm.let(2)
+    problem = problem_of(next, arrived)
+    assert unsafe(problem)
+    assert problem["errors"][0]["field"] == "actions[1].position"
+    assert client.get(f"/predictions/{problem['prediction_id']}")["status"] == "unsafe_action"
+
+
+def test_limits_loosened_while_the_llm_writes_count_too(service):
+    llm, client, task = service
+    client.configure_task(task, motion_limits={"keep_out": [BOX]})
+    answer = in_background(lambda: client.predict(task, PICK, located(), **OPTIONS))
+    assert llm.asked.acquire(timeout=30)
+    client.configure_task(task, motion_limits={"keep_out": None})
+    llm.let(3)
+    assert len(answer().actions) == 3
+
+
+@pytest.mark.parametrize("streamed", [False, True])
+def test_an_answer_is_not_repeated_beyond_limits_that_were_set_since(service, streamed):
+    llm, client, task = service
+    llm.let(3)
+    document = {
+        "task": task,
+        "instruction": PICK,
+        "objects": [{"name": "cube", "position": QUERY_M.tolist()}],
+        "end_effector": {"position": NEAR.position_m, "quaternion_xyzw": NEAR.quaternion_xyzw},
+        **OPTIONS,
+    }
+    headers = {"Idempotency-Key": f"once {streamed}", **({"Accept": "text/event-stream"} if streamed else {})}
+    with httpx.Client(base_url=client.url, timeout=60, headers=headers) as http:
+        first = http.post("/predict", json=document)
+        assert first.status_code == 200
+        again = http.post("/predict", json=document)
+        assert again.status_code == 200
+        assert streamed or again.json()["id"] == first.json()["id"]
+        client.configure_task(task, motion_limits={"keep_out": [BOX]})
+        refused = http.post("/predict", json=document)
+        assert refused.status_code == 502
+        assert unsafe(refused.json())
+        assert "keep_out[0]" in refused.json()["errors"][0]["valid"]
+        assert "actions" not in refused.json()
+        client.configure_task(task, motion_limits={"keep_out": []})
+        assert http.post("/predict", json=document).status_code == 200
+    assert len(client.get("/predictions", task=task)["predictions"]) == 1
+
+
+@pytest.mark.parametrize("bound", [{"max_step_m": 1.0}, {"max_step_rotation_deg": 180}])
+def test_bounded_steps_need_to_know_where_the_arm_is(service, bound):
+    _, client, task = service
+    client.configure_task(task, motion_limits=bound)
+    problem = problem_of(client.predict, task, PICK, seen(QUERY_M), **OPTIONS)
+    assert (problem["status"], problem["type"]) == (422, "/problems/invalid-input")
+    (error,) = problem["errors"]
+    assert error["field"] == "end_effector"
+    assert next(iter(bound)) in error["message"]
+    arm = Arm()
+    with pytest.raises(InvalidInputError, match="end_effector"):
+        run_task(client, arm, task, PICK, **OPTIONS)
+    assert arm.log == ["stop"]
+
+
+def test_later_steps_of_a_closed_loop_know_it(service):
+    llm, client, task = service
+    client.configure_task(task, motion_limits={"max_step_m": 0.5})
+    llm.rows = ROWS[:1]
+    llm.let(2)
+    options = {**OPTIONS, "closed_loop": True}
+    first = client.predict(task, PICK, located(), **options)
+    assert client.predict(task, PICK, seen(QUERY_M), **options, after=first.id).actions
+
+
+def test_bounds_go_only_by_an_explicit_word(service):
+    _, client, task = service
+
+    def put(**bounds):
+        return client.configure_task(task, motion_limits=bounds)["motion_limits"]
+
+    whole = {"keep_out": [BOX, FAR_BOX], "max_step_m": 0.4, "max_step_rotation_deg": 30.0, "hand_radius_m": 0.03}
+    assert put(**whole) == whole
+    assert put() == whole
+    assert put(max_step_rotation_deg=90) == (whole := {**whole, "max_step_rotation_deg": 90.0})
+    assert put(max_step_m=None) == (whole := {**whole, "max_step_m": None})
+    assert put(keep_out=[FAR_BOX]) == (whole := {**whole, "keep_out": [FAR_BOX]})
+    assert client.configure_task(task, num_demonstrations=3)["motion_limits"] == whole
+    assert client.configure_task(task, workspace={"max": [0.7, 0.5, 1.5]})["motion_limits"] == whole
+    assert put(max_step_rotation_deg=None) == (whole := {**whole, "max_step_rotation_deg": None})
+    assert put(keep_out=None) == {**whole, "keep_out": []}
+    assert put(keep_out=[BOX])["keep_out"] == [BOX]
+    assert put(keep_out=[])["keep_out"] == []
+    problem = problem_of(client.configure_task, task, motion_limits=None)
+    assert (problem["status"], problem["errors"][0]["field"]) == (422, "motion_limits")
+    assert client.get(f"/tasks/{task}")["motion_limits"]["hand_radius_m"] == 0.03

@@ -1,0 +1,97 @@
+"""Settings that follow from demonstrations, and settings that are changed one by one."""
+
+import numpy as np
+import pytest
+
+from tests.episodes import arrays, metadata, multipart, npz, pick_trajectory, upload
+
+TABLE_M = [(0.0, 0.1, 0.02), (0.1, -0.2, 0.02), (0.3, 0.2, 0.02), (0.25, -0.1, 0.02)]
+NEAR_M = (0.255, -0.1, 0.02)
+OFFSETS_M = [[0, 0, 0.1], [0, 0, 0], [0, 0, 0.15]]
+
+
+@pytest.fixture(scope="module")
+def table(http):
+    """Demonstrations at a height that RLBench's box does not have, and no setting."""
+    for place_m in TABLE_M:
+        assert upload(http, "table", place_m).status_code == 201
+    return "table"
+
+
+def workspace(http, task):
+    document = http.get(f"/tasks/{task}").json()
+    return document["version"], document["workspace"]
+
+
+@pytest.mark.parametrize("representation", ["object_frame", "absolute", "action_tokens"])
+def test_demonstrations_on_a_table_work_without_any_setting(http, table, representation):
+    wish = {"model": "nearest", "representation": representation}
+    response = http.post("/predict", json={**metadata(table, {"cube": NEAR_M}), **wish})
+    answer = response.json()
+    assert response.status_code == 200, answer
+    offsets_m = [np.subtract(action["position"], NEAR_M) for action in answer["actions"]]
+    np.testing.assert_allclose(offsets_m, OFFSETS_M, atol=0.012)
+    assert [action["gripper_open"] for action in answer["actions"]] == [True, False, False]
+
+
+def test_keyframes_on_a_table_are_not_clamped(http, table):
+    (episode, *_) = http.get("/episodes", params={"task": table}).json()["episodes"]
+    bins = [keyframe["bins"][:3] for keyframe in http.get(f"/episodes/{episode['id']}").json()["keyframes"]]
+    assert all(0 < value < 99 for row in bins for value in row)
+
+
+def test_the_box_holds_what_was_shown_and_the_version_tells_that_it_grew(http):
+    assert upload(http, "growing", (0.1, 0.0, 0.02)).status_code == 201
+    version, box = workspace(http, "growing")
+    assert box["preset"] == "auto"
+    assert (np.array(box["min"]) < [0.1, 0.0, 0.02]).all()
+    assert box["max"][2] > 0.17
+    assert upload(http, "growing", (0.11, 0.0, 0.02)).status_code == 201
+    assert workspace(http, "growing")[1] == box
+    before = workspace(http, "growing")[0]
+    assert upload(http, "growing", (1.4, 0.0, 0.02)).status_code == 201
+    after, wider = workspace(http, "growing")
+    assert after > before >= version
+    assert wider["max"][0] >= 1.5
+    assert wider["min"] == box["min"]
+
+
+def test_a_box_that_somebody_set_stays(http):
+    own = {"min": [-1, -1, 0], "max": [1, 1, 1]}
+    http.put("/tasks/fixed", json={"workspace": own}).raise_for_status()
+    assert upload(http, "fixed", (1.4, 0.0, 0.02)).status_code == 201
+    _, box = workspace(http, "fixed")
+    assert box == {"preset": None, **own}
+    http.put("/tasks/fixed", json={"workspace": "auto"}).raise_for_status()
+    _, follows = workspace(http, "fixed")
+    assert follows["preset"] == "auto"
+    assert follows["max"][0] >= 1.5
+
+
+def test_of_nested_settings_only_what_is_named_changes(http):
+    def put(**changes):
+        response = http.put("/tasks/nested", json=changes)
+        assert response.status_code == 200, response.text
+        return response.json()
+
+    put(keyframes={"rule": "waypoints", "tolerance_m": 0.02}, motion_limits={"max_step_m": 0.5})
+    put(keyframes={"tolerance_deg": 10})
+    document = put(motion_limits={"max_step_rotation_deg": 45})
+    assert document["keyframes"] == {
+        "rule": "waypoints", "delta_rad_s": 0.1, "interval": 5, "tolerance_m": 0.02, "tolerance_deg": 10,
+    }  # fmt: skip
+    assert document["motion_limits"] == {"keep_out": [], "max_step_m": 0.5, "max_step_rotation_deg": 45}
+    put(workspace={"min": [-1, -1, 0], "max": [1, 1, 1]})
+    box = put(workspace={"max": [1, 1, 2]})["workspace"]
+    assert box == {"preset": None, "min": [-1, -1, 0], "max": [1, 1, 2]}
+
+
+def test_each_rule_can_be_chosen_for_what_is_stored(http, table):
+    document = metadata("rules", {"cube": TABLE_M[0]})
+    sent = http.post("/episodes", files=multipart(document, npz(**arrays(pick_trajectory(TABLE_M[0])))))
+    assert len(sent.json()["keyframes"]) == 3
+    for rule in ("merged", "waypoints", "uniform", "authors", "auto"):
+        assert http.put("/tasks/rules", json={"keyframes": {"rule": rule}}).status_code == 200
+        keyframes = http.get(f"/episodes/{sent.json()['id']}").json()["keyframes"]
+        assert keyframes, rule
+        assert keyframes[-1]["index"] == 20 or rule in ("merged", "auto")

@@ -1,0 +1,113 @@
+"""Actions unlike what was demonstrated do not reach a robot unless it asks for them."""
+
+import json
+from contextlib import contextmanager
+
+import httpx
+import pytest
+
+from app.evaluation.server import running_server
+from tests.episodes import metadata, upload
+
+PLACES_M = [(0.0, 0.1, 0.78), (0.1, -0.2, 0.78), (0.3, 0.2, 0.78), (0.25, -0.1, 0.78)]
+QUERY_M = (0.213, -0.117, 0.78)
+GOOD = "[[51, 38, 27, 0, 36, 36, 1], [51, 38, 17, 0, 36, 36, 0], [51, 38, 32, 0, 36, 36, 0]]"
+FAR = GOOD.replace("[51, 38, 17,", "[61, 38, 17,")
+SHORT = "[[51, 38, 27, 0, 36, 36, 1], [51, 38, 17, 0, 36, 36, 0]]"
+
+
+@contextmanager
+def service(data, *replies):
+    """A service taught four picks, whose model says these replies in turn."""
+    environment = {"ROBOPROMPT_SCRIPTED_REPLIES": json.dumps(replies), "ROBOPROMPT_WARM_UP": "false"}
+    with running_server(data, environment) as url, httpx.Client(base_url=url, timeout=60) as http:
+        http.put("/tasks/pick", json={"workspace": "rlbench"}).raise_for_status()
+        for place_m in PLACES_M:
+            upload(http, "pick", place_m).raise_for_status()
+        yield http
+
+
+def ask(http, headers=None, **options):
+    wish = {"model": "scripted", "representation": "absolute", **options}
+    return http.post("/predict", json={**metadata("pick", {"cube": QUERY_M}), **wish}, headers=headers)
+
+
+@pytest.fixture(scope="module")
+def far(tmp_path_factory):
+    with service(tmp_path_factory.mktemp("far"), FAR) as http:
+        yield http
+
+
+def test_an_unsupported_action_is_refused_and_recorded(far):
+    response = ask(far)
+    problem = response.json()
+    assert (response.status_code, problem["type"]) == (502, "/problems/unsupported")
+    (error,) = problem["errors"]
+    assert error["field"] == "actions[1]"
+    assert error["message"].startswith("is 10.")
+    assert "seen from cube" in error["valid"]
+    assert "actions" not in problem
+    stored = far.get(f"/predictions/{problem['prediction_id']}").json()
+    assert (stored["status"], stored["actions"]) == ("unsupported", None)
+    assert stored["reply_text"] == problem["reply_text"]
+    assert stored["reply_text"].count(FAR) == 2
+
+
+def test_who_allows_it_is_told_of_the_danger(far):
+    response = ask(far, unsupported="allow")
+    answer = response.json()
+    assert response.status_code == 200
+    assert len(answer["actions"]) == 3
+    (danger,) = [finding for finding in answer["findings"] if finding["severity"] == "danger"]
+    assert (danger["code"], danger["where"]) == ("unsupported-action", "actions[1]")
+    assert far.get(f"/predictions/{answer['id']}").json()["status"] == "ok"
+
+
+def test_other_values_are_refused(far):
+    response = ask(far, unsupported="perhaps")
+    assert response.status_code == 422
+    assert response.json()["errors"][0]["field"] == "unsupported"
+
+
+def test_a_stream_ends_before_the_unsupported_action(far):
+    """What went out before cannot be taken back: there is no second try."""
+    text = ask(far, {"accept": "text/event-stream"}).text
+    events = [line.removeprefix("event: ") for line in text.splitlines() if line.startswith("event: ")]
+    assert [name for name in events if name in ("action", "done", "error")] == ["action", "error"]
+    assert "/problems/unsupported" in text
+    (last, *_) = far.get("/predictions", params={"task": "pick"}).json()["predictions"]
+    assert last["status"] == "unsupported"
+    assert FAR.startswith(last["reply_text"])
+
+
+def test_a_reply_that_is_unsupported_is_asked_for_again(tmp_path):
+    with service(tmp_path, FAR, GOOD) as http:
+        response = ask(http)
+        answer = response.json()
+        assert response.status_code == 200, answer
+        assert [action["bins"] for action in answer["actions"]] == json.loads(GOOD)
+        assert not [finding for finding in answer["findings"] if finding["severity"] == "danger"]
+        assert answer["usage"]["completion_tokens"] > 0
+        stored = http.get(f"/predictions/{answer['id']}").json()
+        assert (stored["status"], stored["reply_text"]) == ("ok", f"{FAR}\n{GOOD}")
+
+
+def test_a_reply_that_ends_too_early_is_refused(tmp_path):
+    with service(tmp_path, SHORT) as http:
+        problem = ask(http).json()
+        assert problem["type"] == "/problems/unsupported"
+        assert problem["errors"][0]["field"] == "actions[2]"
+        assert problem["errors"][0]["valid"] == "3 actions"
+
+
+def test_samples_that_are_unsupported_do_not_count(tmp_path):
+    """Of five samples two are unsupported, each of them twice."""
+    with service(tmp_path, GOOD) as http:
+        samples = ask(http, num_samples=3).json()["samples"]
+        assert (samples["asked"], samples["used"]) == (3, 3)
+    with service(tmp_path / "far", FAR) as http:
+        response = ask(http, num_samples=3)
+        assert response.status_code == 502
+        stored = http.get(f"/predictions/{response.json()['prediction_id']}").json()
+        assert stored["actions"] is None
+        assert all("10." in reply["error"] for reply in stored["samples"]["replies"])

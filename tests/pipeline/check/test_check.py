@@ -1,0 +1,151 @@
+from dataclasses import replace
+
+import pytest
+
+from app.pipeline.check import check_demonstrations
+from app.pipeline.findings import worst_severity
+from app.pipeline.keyframes import KeyframeRule
+from tests.pipeline.check.recordings import moved_as, recorded, released, shifted, slipped
+
+MERGED = KeyframeRule("merged")
+
+
+def codes(check):
+    return [finding.code for finding in check.findings]
+
+
+def test_clean_demonstrations_predict_each_other():
+    check = check_demonstrations(recorded(8))
+    assert check.findings == ()
+    (plan,) = check.plans
+    assert [row.objects for row in plan.rows] == [("cube",)] * 3 + [("plate",)] * 3
+    assert [row.switches for row in plan.rows] == [False, True, False, False, True, False]
+    for row in plan.rows:
+        assert row.error.m < 0.001
+        assert row.varies.m > 0.05
+    assert plan.shown
+    assert {episode.manner for episode in plan.episodes} == {"rests"}
+    assert all(len(episode.errors) == 6 for episode in plan.episodes)
+
+
+@pytest.mark.parametrize("flows", [(), range(8)])
+def test_clean_demonstrations_give_no_warning_whatever_their_manner(flows):
+    check = check_demonstrations(recorded(8, flows=flows))
+    assert worst_severity(check.findings) in (None, "info"), check.findings
+
+
+def test_errors_are_those_of_the_demonstration_left_out():
+    recordings = recorded(8)
+    recordings[4] = shifted(recordings[4], (0.0, 0.03, 0.0))
+    (plan,) = check_demonstrations(recordings).plans
+    by_id = {episode.id: episode for episode in plan.episodes}
+    assert [off.m for off in by_id["e4"].errors] == pytest.approx([0.03] * 6, abs=0.002)
+    assert max(off.m for off in by_id["e5"].errors) < 0.005
+    assert {row.worst_id for row in plan.rows} == {"e4"}
+
+
+def test_one_of_eight_with_another_plan_is_named():
+    recordings = recorded(8)
+    check = check_demonstrations([*recordings[:7], slipped(recordings[7])])
+    assert codes(check) == ["demonstration-unlike-others"]
+    assert check.unlike_ids == ("e7",)
+    (finding,) = check.findings
+    assert (finding.severity, finding.where, finding.numbers["others"]) == ("warning", "episodes[e7]", 7)
+    assert "e7" in finding.message
+
+
+def test_one_of_eight_that_goes_elsewhere_is_named():
+    recordings = recorded(8)
+    check = check_demonstrations([*recordings[:7], moved_as(recordings[7], recordings[0])])
+    assert codes(check) == ["demonstration-unlike-others"]
+    assert check.unlike_ids == ("e7",)
+    assert check.findings[0].numbers["worst_cm"] > 5
+
+
+@pytest.mark.parametrize(("missing", "rows"), [("cube", 3), ("plate", 3)])
+def test_an_object_that_is_not_sent_is_found_missing(missing, rows):
+    check = check_demonstrations(recorded(8, without=(missing,), instruction="tidy up"))
+    assert codes(check) == ["row-follows-no-object"]
+    (finding,) = check.findings
+    assert finding.severity == "danger"
+    assert finding.numbers["rows"] == rows
+    assert finding.numbers["error_cm"] > 5
+
+
+def test_an_object_that_no_row_follows_is_not_missed():
+    assert check_demonstrations(recorded(8, without=("lamp",))).findings == ()
+
+
+@pytest.mark.parametrize("noise_m", [0.02, 0.04])
+def test_noisy_poses_are_measured(noise_m):
+    check = check_demonstrations(recorded(8, noise_m=noise_m, seed=5))
+    assert codes(check) == ["noisy-poses"]
+    assert check.findings[0].numbers["scatter_cm"] == pytest.approx(100 * noise_m * 1.6, rel=0.4)
+
+
+def test_a_little_noise_is_no_finding():
+    assert check_demonstrations(recorded(8, noise_m=0.004)).findings == ()
+
+
+@pytest.mark.parametrize("number", [1, 2])
+def test_few_demonstrations_are_said_to_be_few(number):
+    check = check_demonstrations(recorded(number))
+    assert codes(check) == ["few-demonstrations"]
+    assert worst_severity(check.findings) == "info"
+    assert (check.plans[0].rows[0].error is None) == (number == 1)
+
+
+def test_three_demonstrations_are_enough_to_compare():
+    assert check_demonstrations(recorded(3)).findings == ()
+
+
+def test_a_rule_of_rests_misses_the_path_of_a_hand_that_flows():
+    check = check_demonstrations(recorded(8, MERGED, flows=range(8)))
+    assert codes(check) == ["keyframes-miss-the-path"]
+    assert check.findings[0].numbers["recordings"] == 8
+    assert "`auto`" in check.findings[0].message
+
+
+def test_a_rule_of_rests_suits_recordings_that_rest():
+    assert check_demonstrations(recorded(8, MERGED)).findings == ()
+
+
+def test_a_tolerance_that_is_too_wide_leaves_the_path():
+    wide = KeyframeRule("waypoints", tolerance_m=0.15)
+    check = check_demonstrations(recorded(8, wide, flows=range(8)))
+    assert "path-not-kept" in codes(check)
+    finding = next(item for item in check.findings if item.code == "path-not-kept")
+    assert finding.numbers["path_cm"] > 3
+    assert "tolerance_m (it is 0.15)" in finding.message
+
+
+def test_many_rows_are_said_to_be_many():
+    zigzag = [(0.1 * (k % 2), 0.02 * k, 0.12) for k in range(16)]
+    check = check_demonstrations(recorded(4, way_m=zigzag))
+    assert codes(check) == ["many-rows"]
+    assert check.findings[0].numbers["rows"] == 22
+
+
+def test_recordings_of_two_manners_are_named():
+    check = check_demonstrations(recorded(8, flows=(6, 7)))
+    assert codes(check) == ["mixed-recordings"]
+    assert check.findings[0].numbers == {"resting": 6, "moving": 2}
+
+
+def test_ways_that_no_half_of_the_demonstrations_share_are_no_common_plan():
+    recordings = recorded(9)
+    twice = [released(item, 8) for item in recordings[3:6]]
+    thrice = [released(item, 8, 24) for item in recordings[6:]]
+    check = check_demonstrations([*recordings[:3], *twice, *thrice])
+    assert codes(check) == ["no-common-plan"]
+    assert check.unlike_ids == ()
+
+
+def test_instructions_are_judged_apart():
+    check = check_demonstrations([*recorded(5), *_renamed(recorded(2, instruction="lift the cube", seed=9))])
+    assert codes(check) == ["few-demonstrations"]
+    assert [plan.instructions for plan in check.plans] == [("put the cube on the plate",), ("lift the cube",)]
+
+
+def _renamed(recordings):
+    return [replace(r, demonstration=replace(r.demonstration, id=f"other-{r.demonstration.id}")) for r in recordings]

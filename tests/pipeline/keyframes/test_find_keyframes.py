@@ -1,0 +1,105 @@
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from app.pipeline.episode import Trajectory
+from app.pipeline.keyframes import RULES, KeyframeRule, find_keyframes, manner_of, merged, waypoints
+from app.pipeline.keyframes.rule import TOLERANCE_DEG, TOLERANCE_M
+from app.pipeline.timeline import frame_times_s
+
+from ..recordings import flowing, pick_and_place, resting
+from .test_published import trajectory
+
+PICK_M, PLACE_M = (0.3, 0.1, 0.8), (0.0, -0.2, 0.82)
+FRAMES = st.lists(st.tuples(st.sampled_from("m."), st.sampled_from("01")), min_size=1, max_size=60)
+
+
+@pytest.mark.parametrize("rule", RULES)
+@given(frames=FRAMES, interval=st.integers(1, 80))
+def test_keyframes_ascend_within_range_and_never_begin_at_the_first_frame(rule, frames, interval):
+    recorded = trajectory([motion for motion, _ in frames], "".join(gripper for _, gripper in frames))
+    found = find_keyframes(recorded, KeyframeRule(rule, interval=interval))
+    numbers = [keyframe.frame for keyframe in found]
+    assert numbers == sorted(set(numbers))
+    assert all(0 < frame < len(frames) for frame in numbers)
+    assert bool(found) == (len(frames) > 1)
+    assert all(type(frame) is int and type(gripper_open) is bool for frame, gripper_open in found)
+
+
+def frames_of(recorded, rule):
+    return tuple(keyframe.frame for keyframe in find_keyframes(recorded, rule))
+
+
+def test_the_rule_chooses():
+    recorded = trajectory("." * 14)
+    assert frames_of(recorded, KeyframeRule("merged")) == (13,)
+    assert frames_of(recorded, KeyframeRule("authors")) == (5, 10, 13)
+    assert frames_of(recorded, KeyframeRule("uniform", interval=6)) == (6, 12, 13)
+    assert frames_of(trajectory("mmm.mmmmmm"), KeyframeRule("merged", delta_rad_s=1.0)) == (9,)
+
+
+@pytest.mark.parametrize("rule", ["merged", "authors", "uniform"])
+def test_published_rules_take_the_gripper_as_it_is_recorded(rule):
+    recorded = trajectory("mmm..mmm...mmmm", "111110000000111")
+    for frame, gripper_open in find_keyframes(recorded, KeyframeRule(rule)):
+        assert gripper_open == recorded.gripper_open[frame]
+
+
+@pytest.mark.parametrize("hz", [6, 20, 60])
+@pytest.mark.parametrize("seed", range(3))
+def test_a_recording_that_rests_at_its_corners_gives_what_merged_finds(seed, hz):
+    random = np.random.default_rng(seed)
+    ends_m = random.uniform([-0.2, -0.3, 0.78], [0.4, 0.3, 0.84], (2, 3))
+    recorded = pick_and_place(*ends_m, move=resting).at(hz)
+    assert manner_of(recorded, frame_times_s(recorded)) == "rests"
+    found = frames_of(recorded, KeyframeRule("auto"))
+    assert found == merged(recorded)
+    assert len(found) == 6
+
+
+def by_waypoints(recorded, wavering=1.0):
+    return waypoints(recorded, frame_times_s(recorded), wavering * TOLERANCE_M, wavering * TOLERANCE_DEG)
+
+
+@pytest.mark.parametrize("hz", [10, 20, 60])
+def test_a_hand_that_flows_is_followed(hz):
+    recorded = pick_and_place(PICK_M, PLACE_M, move=flowing).at(hz)
+    assert manner_of(recorded, frame_times_s(recorded)) == "flows"
+    assert find_keyframes(recorded, KeyframeRule("auto")) == by_waypoints(recorded)
+
+
+def hesitating(seed, rest_s):
+    """From place to place with rests on straight ways, not only at the ends."""
+    random = np.random.default_rng(seed)
+    ends_m = [(0.1, 0.0, 1.1), (0.3, 0.1, 0.95), (0.3, 0.1, 0.8), (0.3, 0.1, 1.0)]
+    stops_m = [np.array(ends_m[0])]
+    for start_m, end_m in pairwise(ends_m):
+        parts = np.sort(random.uniform(0.2, 0.8, 2))
+        stops_m += [np.array(start_m) + part * np.subtract(end_m, start_m) for part in (*parts, 1.0)]
+    return resting(stops_m, rest_s=rest_s, tremor_m=0.001)
+
+
+@pytest.mark.parametrize("rest_s", [0.3, 2.0])
+@pytest.mark.parametrize("seed", range(3))
+def test_a_hand_that_hesitates_is_followed_less_closely(seed, rest_s):
+    recorded = hesitating(seed, rest_s).at(20)
+    assert manner_of(recorded, frame_times_s(recorded)) == "hesitates"
+    found = find_keyframes(recorded, KeyframeRule("auto"))
+    assert found == by_waypoints(recorded, 1.5)
+    assert len(found) < len(merged(recorded))
+
+
+def test_the_control_frequency_stands_in_for_timestamps():
+    """A blip is told by its length in seconds: 2 frames are one at 50 Hz and a switch at 10 Hz."""
+    motion = flowing([(0.0, 0.0, 1.0), (0.3, 0.0, 1.0)]).at(20)
+    is_open = np.ones(len(motion), dtype=bool)
+    is_open[15:17] = False
+    recorded = Trajectory(motion.joint_velocities_rad_s, motion.positions_m, motion.quaternions_xyzw, is_open)
+    grippers = {
+        hz: [gripper_open for _, gripper_open in find_keyframes(recorded, KeyframeRule("waypoints"), hz)]
+        for hz in (10, 50)
+    }
+    assert grippers == {10: [False, True, True], 50: [True]}

@@ -1,0 +1,63 @@
+"""Demonstrations of one plan as people record them: no two alike."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from app.pipeline.episode import Demonstration
+from app.pipeline.keyframes import KeyframeRule
+from app.pipeline.plans import Recording
+from app.pipeline.timeline import frame_times_s
+
+from ..recordings import flowing, pick_and_place
+from ..scenes import action, demonstration, pose
+
+INSTRUCTION = "put the red cube on the plate"
+LOW_M, HIGH_M = (-0.2, -0.35, 0.78), (0.4, 0.35, 0.8)
+
+
+def recording(motion, objects, hz=20, instruction=INSTRUCTION, rule="auto"):
+    """The motion as a demonstration's recording."""
+    trajectory = motion.at(hz)
+    shown = Demonstration(instruction, tuple(objects), (), start=trajectory.action_at(0))
+    return Recording(shown, trajectory, frame_times_s(trajectory), KeyframeRule(rule))
+
+
+def scene(random):
+    """A cube and a plate, far enough from each other to be told apart."""
+    while True:
+        cube_m, plate_m = random.uniform(LOW_M, HIGH_M, (2, 3))
+        if np.linalg.norm(cube_m - plate_m) > 0.25:
+            return pose("red cube", cube_m), pose("plate", plate_m)
+
+
+def picks(seed, move=flowing):
+    """A motion that puts the cube on the plate at a speed and height of its own, from a start of its own; its scene."""
+    random = np.random.default_rng(seed)
+    cube, plate = scene(random)
+    motion = pick_and_place(
+        cube.position_m,
+        np.add(plate.position_m, [0, 0, 0.03]),
+        move=move,
+        above_m=0.12 + random.uniform(-0.01, 0.01),
+        speed_m_s=random.uniform(0.12, 0.25),
+        start_m=np.array([0.1, 0.0, 1.1]) + random.uniform(-0.03, 0.03, 3),
+        tremor_m=random.uniform(0, 0.002) if move is flowing else 0.0,
+    )
+    return motion, (cube, plate)
+
+
+def picked(seed, **how):
+    """The same, recorded at one of several rates."""
+    return recording(*picks(seed, **how), hz=np.random.default_rng(seed).choice([10, 15, 20, 30]))
+
+
+def reached(offsets_m, *, random, objects=None, instruction=INSTRUCTION, turns_deg=None):
+    """Demonstrations of one action at these offsets from the cube, each in a scene of its own."""
+    group = []
+    for k, offset_m in enumerate(offsets_m):
+        seen = scene(random) if objects is None else objects[k]
+        turn_deg = 0 if turns_deg is None else turns_deg[k]
+        only = action(seen[0].position_m + offset_m, (180, 0, turn_deg))
+        group.append(replace(demonstration(instruction, seen, [only]), plan=0))
+    return group

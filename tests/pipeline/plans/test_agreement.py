@@ -1,0 +1,178 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from app.pipeline.plans import agreed, plan_rows
+from app.pipeline.representation.anchors import START, WORLD
+
+from ..scenes import action, angle_deg, pose, same_actions
+from .taught import reached, scene
+
+OFFSET_M = np.array([0.02, -0.01, 0.11])
+
+
+def scattered(random, number, sigma_m=0.01):
+    return OFFSET_M + random.normal(0, sigma_m, (number, 3))
+
+
+def offsets_m(group):
+    """Of the first action from the cube."""
+    return np.array([d.actions[0].position_m - d.objects[0].position_m for d in group])
+
+
+def agrees(group):
+    """Whether `agreed` shows one offset in all."""
+    shown_m = offsets_m(agreed(group))
+    return bool(np.ptp(shown_m, axis=0).max() < 1e-9)
+
+
+def error_m(seed, number):
+    """How far the shown value is from the true one."""
+    random = np.random.default_rng(seed)
+    group = reached(scattered(random, number), random=random)
+    assert agrees(group)
+    return float(np.linalg.norm(offsets_m(agreed(group))[0] - OFFSET_M))
+
+
+def test_scatter_around_one_value_is_shown_as_one_near_to_the_true_one():
+    """Noise shrinks with the square root of the number: a quarter from 4 to 64."""
+    few, many = (np.mean([error_m(seed, number) for seed in range(30)]) for number in (4, 64))
+    assert 3 < few / many < 5.5
+    assert many < 0.003
+
+
+@settings(max_examples=20)
+@given(seed=st.integers(0, 10_000), number=st.integers(3, 12))
+def test_the_centre_lies_among_what_was_shown(seed, number):
+    random = np.random.default_rng(seed)
+    own_m = scattered(random, number)
+    group = reached(own_m, random=random)
+    shown_m = offsets_m(agreed(group))
+    assert (shown_m >= own_m.min(axis=0) - 1e-9).all()
+    assert (shown_m <= own_m.max(axis=0) + 1e-9).all()
+    for before, after in zip(group, agreed(group), strict=True):
+        assert (before.objects, before.instruction, before.plan) == (after.objects, after.instruction, after.plan)
+
+
+@pytest.mark.parametrize("apart_m", [0.06, 0.1, 0.3])
+@pytest.mark.parametrize("shares", [(4, 4), (7, 3)])
+def test_two_ways_are_never_averaged(apart_m, shares):
+    random = np.random.default_rng(7)
+    own_m = scattered(random, sum(shares), sigma_m=0.004)
+    own_m[shares[0] :, 1] += apart_m
+    group = reached(own_m, random=random)
+    for before, after in zip(group, agreed(group), strict=True):
+        assert same_actions(before.actions, after.actions)
+
+
+def test_a_row_half_way_between_two_objects_stays_as_it_was_shown():
+    random = np.random.default_rng(3)
+    seen = [scene(random) for _ in range(10)]
+    between_m = [(plate.position_m - cube.position_m) / 2 + random.normal(0, 0.003, 3) for cube, plate in seen]
+    group = reached(between_m, random=random, objects=seen)
+    for before, after in zip(group, agreed(group), strict=True):
+        assert same_actions(before.actions, after.actions)
+
+
+def test_rotations_a_quarter_turn_apart_stay_apart():
+    random = np.random.default_rng(4)
+    turns_deg = np.array([0.0, 90.0] * 4) + random.normal(0, 3, 8)
+    group = reached(scattered(random, 8, 0.003), random=random, turns_deg=turns_deg)
+    for before, after in zip(group, agreed(group), strict=True):
+        assert angle_deg(before.actions[0].quaternion_xyzw, after.actions[0].quaternion_xyzw) < 1e-6
+
+
+def test_rotations_that_scatter_are_shown_as_one():
+    random = np.random.default_rng(5)
+    turns_deg = 30 + random.normal(0, 4, 16)
+    group = agreed(reached(scattered(random, 16, 0.003), random=random, turns_deg=turns_deg))
+    true_xyzw = action((0, 0, 0), (180, 0, 30)).quaternion_xyzw
+    for demonstration in group:
+        assert angle_deg(demonstration.actions[0].quaternion_xyzw, true_xyzw) < 3
+
+
+def test_turns_across_half_a_circle_are_averaged_the_short_way():
+    random = np.random.default_rng(6)
+    group = agreed(reached([OFFSET_M] * 6, random=random, turns_deg=[175, -175, 178, -178, 180, -180]))
+    true_xyzw = action((0, 0, 0), (180, 0, 180)).quaternion_xyzw
+    for demonstration in group:
+        assert angle_deg(demonstration.actions[0].quaternion_xyzw, true_xyzw) < 2
+
+
+@pytest.mark.parametrize(("apart_m", "averaged"), [(0.02, True), (0.04, False), (0.2, False)])
+def test_two_demonstrations_far_apart_are_not_averaged(apart_m, averaged):
+    random = np.random.default_rng(8)
+    group = reached([OFFSET_M, np.add(OFFSET_M, [apart_m, 0, 0])], random=random)
+    assert agrees(group) is averaged
+    if averaged:
+        np.testing.assert_allclose(offsets_m(agreed(group)), [np.add(OFFSET_M, [apart_m / 2, 0, 0])] * 2, atol=1e-9)
+
+
+def test_a_single_demonstration_is_shown_as_it_is():
+    group = reached([OFFSET_M], random=np.random.default_rng(9))
+    assert agreed(group) == tuple(group)
+
+
+@pytest.mark.parametrize("odd_m", [0.05, 0.08, 0.3])
+@pytest.mark.parametrize("seed", range(4))
+def test_one_odd_demonstration_out_of_ten_hardly_moves_the_centre(odd_m, seed):
+    random = np.random.default_rng(seed)
+    own_m = scattered(random, 10, sigma_m=0.003)
+    without_m = offsets_m(agreed(reached(own_m, random=random)))[0]
+    own_m[4, 0] = OFFSET_M[0] + odd_m
+    group = reached(own_m, random=random)
+    assert agrees(group)
+    assert np.linalg.norm(offsets_m(agreed(group))[0] - without_m) < 0.004
+
+
+def test_a_row_that_follows_no_object_is_told_from_the_world():
+    random = np.random.default_rng(10)
+    seen = [scene(random) for _ in range(6)]
+    home_m = np.array([0.1, 0.0, 1.2])
+    own_m = [home_m + random.normal(0, 0.004, 3) - cube.position_m for cube, _ in seen]
+    group = reached(own_m, random=random, objects=seen)
+    (row,) = plan_rows(group)
+    assert set(row.anchors) == {WORLD}
+    shown_m = [d.actions[0].position_m for d in agreed(group)]
+    np.testing.assert_allclose(shown_m, [row.centre_m] * 6)
+    np.testing.assert_allclose(row.centre_m, home_m, atol=0.006)
+
+
+def started(group, starts_m):
+    return [replace(d, start=action(start_m)) for d, start_m in zip(group, starts_m, strict=True)]
+
+
+def test_a_row_that_goes_on_from_the_start_is_told_from_there():
+    random = np.random.default_rng(11)
+    seen = [scene(random) for _ in range(6)]
+    starts_m = random.uniform([-0.2, -0.3, 1.0], [0.4, 0.3, 1.2], (6, 3))
+    raised_m = [
+        np.add(start_m, [0, 0, 0.1]) - cube.position_m for start_m, (cube, _) in zip(starts_m, seen, strict=True)
+    ]
+    group = started(reached(raised_m, random=random, objects=seen), starts_m)
+    (row,) = plan_rows(group)
+    assert set(row.anchors) == {START}
+    np.testing.assert_allclose(row.centre_m, [0, 0, 0.1], atol=1e-9)
+
+
+def test_a_row_that_follows_an_object_is_told_from_it_wherever_the_robot_starts():
+    random = np.random.default_rng(12)
+    group = started(reached(scattered(random, 6), random=random), [(0.1, 0.0, 1.1)] * 6)
+    (row,) = plan_rows(group)
+    assert {anchor.object_name for anchor in row.anchors} == {"red cube"}
+
+
+def test_a_row_follows_an_object_s_turn():
+    random = np.random.default_rng(13)
+    group = []
+    for yaw_deg in (-80, -30, 20, 70, 130):
+        cube = pose("red cube", scene(random)[0].position_m, yaw_deg)
+        side_m = np.array([np.cos(np.radians(yaw_deg)), np.sin(np.radians(yaw_deg)), 0]) * 0.1
+        plate = pose("plate", cube.position_m + random.uniform(0.3, 0.4, 3))
+        group += reached([side_m], random=random, objects=[(cube, plate)], turns_deg=[yaw_deg])
+    (row,) = plan_rows(group)
+    assert {(anchor.object_name, anchor.frame) for anchor in row.anchors} == {("red cube", "o")}
+    np.testing.assert_allclose(row.centre_m, [0.1, 0, 0], atol=1e-6)

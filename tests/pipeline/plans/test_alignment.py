@@ -1,0 +1,127 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from app.pipeline.plans import agreeing, aligned_by_plan, by_plan, plan_rows, shown_together
+
+from ..recordings import resting
+from ..scenes import same_actions
+from .taught import picked, picks, recording
+
+
+def grasps(demonstration):
+    return [k for k, action in enumerate(demonstration.actions) if not action.gripper_open]
+
+
+@pytest.mark.parametrize("first_seed", [0, 100, 200])
+def test_demonstrations_of_one_plan_get_equally_many_rows(first_seed):
+    """Whatever their rate, speed, tremor and start."""
+    recordings = [picked(first_seed + k) for k in range(8)]
+    aligned = aligned_by_plan(recordings)
+    assert len({(d.plan, len(d.actions)) for d in aligned}) == 1
+    assert len({tuple(grasps(d)) for d in aligned}) == 1
+    grasp, release = grasps(aligned[0])[0], grasps(aligned[0])[-1] + 1
+    for item, demonstration in zip(recordings, aligned, strict=True):
+        for k, place_m in (
+            (grasp, demonstration.objects[0].position_m),
+            (release, demonstration.objects[1].position_m),
+        ):
+            nearest_m = np.linalg.norm(item.trajectory.positions_m - place_m, axis=1).min()
+            assert np.linalg.norm(demonstration.actions[k].position_m - place_m) < nearest_m + 0.005
+
+
+def test_rows_stand_where_the_other_demonstrations_have_them():
+    """A row differs by no more than people do from where the others of its plan have it: all have it at one stage."""
+    groups = by_plan(aligned_by_plan([picked(300 + k) for k in range(8)]))
+    assert sum(map(len, groups)) == 8
+    for group in groups:
+        for row in plan_rows(group):
+            assert row.off_m.max() < 0.07
+
+
+def test_recordings_that_rest_keep_their_own_keyframes():
+    recordings = [picked(k, move=resting) for k in range(4)]
+    for demonstration, item in zip(aligned_by_plan(recordings), recordings, strict=True):
+        assert item.manner == "rests"
+        frames = [keyframe.frame for keyframe in item.keyframes]
+        np.testing.assert_array_equal(
+            [action.position_m for action in demonstration.actions], item.trajectory.positions_m[frames]
+        )
+
+
+def slipped(seed):
+    """The cube is grasped, let go and grasped again."""
+    motion, objects = picks(seed)
+    grasped_s = motion.switches[0]
+    motion = motion.held(grasped_s, 2.0)
+    first, *others = motion.switches
+    again = replace(motion, switches=(first, grasped_s + 0.8, grasped_s + 1.6, *others))
+    return recording(again, objects)
+
+
+def test_another_sequence_of_grasps_is_another_plan():
+    *alike, other = aligned_by_plan([*(picked(k) for k in range(4)), slipped(9)])
+    assert len({d.plan for d in alike}) == 1
+    assert other.plan != alike[0].plan
+    assert [action.gripper_open for action in other.actions].count(False) > len(grasps(alike[0])) - 2
+    assert [len(group) for group in by_plan((*alike, other))] == [4, 1]
+
+
+def test_a_plan_as_rare_as_a_slip_is_not_shown():
+    aligned = aligned_by_plan([*(picked(k) for k in range(4)), slipped(9)])
+    assert shown_together(aligned) == aligned[:4]
+    both = aligned_by_plan([*(picked(k) for k in range(2)), slipped(8), slipped(9)])
+    assert shown_together(both) == both
+
+
+def test_equal_copies_have_equal_rows():
+    first, second, third = aligned_by_plan([picked(5), picked(5), picked(5)])
+    assert first.plan == second.plan == third.plan
+    assert same_actions(first.actions, second.actions)
+    assert same_actions(first.actions, third.actions)
+
+
+def test_a_single_demonstration_has_its_own_keyframes():
+    item = picked(5)
+    (only,) = aligned_by_plan([item])
+    np.testing.assert_array_equal(
+        [action.position_m for action in only.actions],
+        item.trajectory.positions_m[[keyframe.frame for keyframe in item.keyframes]],
+    )
+
+
+def test_demonstrations_that_ask_for_something_else_are_no_part_of_a_plan():
+    motion, objects = picks(3)
+    others = [recording(motion, objects, instruction="throw the red cube at the plate"), picked(4), picked(6)]
+    aligned = aligned_by_plan(others)
+    assert [len(group) for group in by_plan(aligned)] == [1, 2]
+    assert same_actions(aligned[0].actions, aligned_by_plan(others[:1])[0].actions)
+
+
+@pytest.mark.parametrize("number", [2, 6])
+def test_two_ways_of_doing_a_thing_are_two_plans(number):
+    """The cube is grasped on its left or on its right, 8 cm apart."""
+    recordings = []
+    for k in range(2 * number):
+        side_m = [0.0, 0.04 * (-1) ** k, 0.0]
+        motion, objects = picks(50 + k)
+        shifted = tuple((time_s, tuple(np.add(at_m, side_m))) for time_s, at_m in motion.knots)
+        recordings.append(recording(replace(motion, knots=shifted), objects))
+    aligned = aligned_by_plan(recordings)
+    plans = [d.plan for d in aligned]
+    if number > 2:  # two and two may lie apart by chance: then they are one plan, but not averaged
+        assert set(plans[0::2]).isdisjoint(plans[1::2])
+    for demonstration, recorded in zip(agreeing(aligned), aligned, strict=True):
+        k = grasps(recorded)[0]
+        assert np.linalg.norm(demonstration.actions[k].position_m - recorded.actions[k].position_m) < 0.01
+
+
+def test_order_does_not_matter():
+    recordings = [picked(k) for k in range(5)]
+    forward, backward = aligned_by_plan(recordings), aligned_by_plan(recordings[::-1])[::-1]
+    for one, other in zip(forward, backward, strict=True):
+        assert len(one.actions) == len(other.actions)
+        np.testing.assert_allclose(
+            [a.position_m for a in one.actions], [a.position_m for a in other.actions], atol=0.005
+        )

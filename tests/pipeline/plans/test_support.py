@@ -1,0 +1,215 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from app.pipeline.episode import EndEffectorAction
+from app.pipeline.errors import UnsupportedActionError
+from app.pipeline.plans import agreeing, aligned_by_plan, by_plan
+from app.pipeline.plans.support import Support, SupportGuard
+from app.pipeline.representation.object_frame import ObjectFrameCodec
+
+from ..gbnf import matches
+from ..recordings import flowing, resting
+from ..scenes import WORKSPACE, action, demonstration, pose
+from .taught import INSTRUCTION, picked, scene
+
+
+@pytest.fixture(scope="module", params=[flowing, resting], ids=["flowing", "resting"])
+def recorded(request):
+    return aligned_by_plan([picked(400 + k, move=request.param) for k in range(6)])
+
+
+def check(demonstrations, actions, objects, instruction=INSTRUCTION, start=None):
+    """Let a whole reply pass."""
+    plans = Support.of(by_plan(demonstrations)).placed(objects, instruction, start)
+    guard = SupportGuard(plans)
+    for one in actions:
+        guard.check(one)
+    guard.finish()
+
+
+def refused(demonstrations, actions, objects, **more):
+    with pytest.raises(UnsupportedActionError) as caught:
+        check(demonstrations, actions, objects, **more)
+    return caught.value
+
+
+def changed(actions, k, **values):
+    return [replace(item, **values) if place == k else item for place, item in enumerate(actions)]
+
+
+def test_what_was_demonstrated_is_supported(recorded):
+    for own, shown in zip(recorded, agreeing(recorded), strict=True):
+        check(recorded, own.actions, own.objects, start=own.start)
+        check(recorded, shown.actions, own.objects, start=own.start)
+
+
+def test_it_is_supported_in_an_unseen_scene(recorded):
+    """Where the objects are elsewhere, the rows that follow them are expected there."""
+    shift_m = np.array([0.05, -0.07, 0.0])
+    own = recorded[0]
+    moved = [replace(item, position_m=item.position_m + shift_m) for item in own.objects]
+    plans = Support.of(by_plan(recorded)).placed(moved, INSTRUCTION, own.start)
+    guard = SupportGuard(plans)
+    for row, one in zip(plans[0], own.actions, strict=True):
+        follows = shift_m if row.anchor.object_name else 0
+        guard.check(replace(one, position_m=one.position_m + follows))
+    guard.finish()
+
+
+@pytest.mark.parametrize("place", [0, 1, -1])
+def test_an_action_elsewhere_is_refused(recorded, place):
+    own = recorded[0]
+    k = place % len(own.actions)
+    aside = np.add(own.actions[k].position_m, [0.0, 0.1, 0.0])
+    error = refused(recorded, changed(own.actions, k, position_m=aside), own.objects, start=own.start)
+    assert error.field == f"actions[{k}]"
+    assert "cm from where demonstrations go" in str(error)
+    assert "expected: within" in str(error)
+    assert "seen from" in str(error)
+
+
+def test_an_action_turned_otherwise_is_refused(recorded):
+    own = recorded[0]
+    turned = (Rotation.from_euler("x", 60, degrees=True) * Rotation.from_quat(own.actions[1].quaternion_xyzw)).as_quat()
+    error = refused(recorded, changed(own.actions, 1, quaternion_xyzw=turned), own.objects, start=own.start)
+    assert error.field == "actions[1]"
+    assert "turned by 60 degrees" in str(error)
+
+
+def test_a_gripper_the_other_way_is_refused(recorded):
+    own = recorded[0]
+    k = next(place for place, item in enumerate(own.actions) if not item.gripper_open)
+    error = refused(recorded, changed(own.actions, k, gripper_open=True), own.objects, start=own.start)
+    assert error.field == f"actions[{k}]"
+    assert "has the gripper open" in str(error)
+
+
+def test_a_missing_row_is_refused(recorded):
+    own = recorded[0]
+    number = len(own.actions)
+    error = refused(recorded, own.actions[:-1], own.objects, start=own.start)
+    assert error.field == f"actions[{number - 1}]"
+    assert f"expected: {number} actions" in str(error)
+
+
+def test_an_additional_row_is_refused(recorded):
+    own = recorded[0]
+    number = len(own.actions)
+    error = refused(recorded, [*own.actions, own.actions[-1]], own.objects, start=own.start)
+    assert error.field == f"actions[{number}]"
+    assert f"expected: at most {number} actions" in str(error)
+
+
+PLACE_M, ASIDE_M = (0.1, 0.2, 0.8), np.array([0.0, 0.15, 0.0])
+SMALL = [pose("red cube", PLACE_M), pose("plate", (0.4, -0.2, 0.8))]
+
+
+def two_plans():
+    """From the left in two actions, or from the right in two others."""
+    left = [action(PLACE_M + ASIDE_M), action(PLACE_M + ASIDE_M / 2, gripper_open=False)]
+    right = [action(PLACE_M - ASIDE_M), action(PLACE_M - ASIDE_M / 2, gripper_open=False)]
+    ways = [replace(demonstration(INSTRUCTION, SMALL, ways), plan=k) for k, ways in enumerate((left, right))]
+    return ways, left, right
+
+
+def test_two_plans_do_not_mix():
+    ways, left, right = two_plans()
+    check(ways, left, SMALL)
+    check(ways, right, SMALL)
+    error = refused(ways, [left[0], right[1]], SMALL)
+    assert error.field == "actions[1]"
+    codec = ObjectFrameCodec.fit(ways, WORKSPACE, with_instruction=True)
+    grammar = codec.grammar(INSTRUCTION, 25)
+    first, second = (codec.actions_text(way).split("; ") for way in ways)
+    assert matches(grammar, f" {'; '.join(first)}\n")
+    assert matches(grammar, f" {'; '.join(second)}\n")
+    assert not matches(grammar, f" {first[0]}; {second[1]}\n")
+
+
+def text_of(actions, codec):
+    return f" {codec.actions_text(actions)}\n"
+
+
+def test_the_grammar_accepts_what_demonstrations_show(recorded):
+    codec = ObjectFrameCodec.fit(agreeing(recorded), WORKSPACE, with_instruction=True)
+    grammar = codec.grammar(INSTRUCTION, 25)
+    for shown in codec.demonstrations:
+        assert matches(grammar, text_of(shown, codec))
+
+
+@pytest.mark.parametrize("fault", ["elsewhere", "flipped", "missing", "additional"])
+def test_the_grammar_refuses_what_is_unlike_them(recorded, fault):
+    codec = ObjectFrameCodec.fit(agreeing(recorded), WORKSPACE, with_instruction=True)
+    rows = codec.actions_text(codec.demonstrations[0]).split("; ")
+    if fault == "elsewhere":
+        number, letter, frame, x, *others = rows[1].split(" ")
+        rows[1] = " ".join([number, letter, frame, f"{int(x) + 20:+d}", *others])
+    elif fault == "flipped":
+        rows[1] = rows[1][:-1] + str(1 - int(rows[1][-1]))
+    elif fault == "missing":
+        del rows[-1]
+    else:
+        rows.append(rows[-1].replace(f"{len(rows)} ", f"{len(rows) + 1} ", 1))
+    assert not matches(codec.grammar(INSTRUCTION, 25), f" {'; '.join(rows)}\n")
+
+
+def test_one_demonstration_leaves_only_its_own_rows():
+    (only,) = aligned_by_plan([picked(7)])
+    codec = ObjectFrameCodec.fit([only], WORKSPACE, with_instruction=True)
+    grammar = codec.grammar(INSTRUCTION, 25)
+    text = text_of(only, codec)
+    assert matches(grammar, text)
+    assert grammar.count("|") == 0
+    rows = text.split("; ")
+    near = rows[1].split(" ")
+    near[3] = f"{int(near[3]) + 1:+d}"
+    assert not matches(grammar, "; ".join([rows[0], " ".join(near), *rows[2:]]))
+
+
+def test_a_row_may_be_near_what_several_show():
+    shown = [
+        replace(demonstration(INSTRUCTION, SMALL, [action(np.add(PLACE_M, [0, 0, dz_m]))]), plan=0)
+        for dz_m in (0.10, 0.15)
+    ]
+    codec = ObjectFrameCodec.fit(shown, WORKSPACE, with_instruction=True)
+    grammar = codec.grammar(INSTRUCTION, 25)
+    accepted = [z for z in range(60) if matches(grammar, f" 1 A w: +0 +0 {z:+d} 0 36 36 1\n")]
+    assert accepted == list(range(18, 33))
+
+
+def test_an_object_that_nobody_demonstrated_is_expected_at_its_own_place():
+    """The instruction asks for the same of another object."""
+    random = np.random.default_rng(0)
+    shown = []
+    for _ in range(4):
+        red, _ = scene(random)
+        blue = pose("blue cube", np.add(red.position_m, [0.0, 0.3, 0.0]))
+        above = action(np.add(red.position_m, [0, 0, 0.1]))
+        shown.append(replace(demonstration("lift the red cube", [red, blue], [above]), plan=0))
+    seen = [pose("red cube", (0.0, 0.0, 0.8)), pose("blue cube", (0.3, 0.1, 0.8))]
+    check(shown, [action((0.3, 0.1, 0.9))], seen, "lift the blue cube")
+    assert refused(shown, [action((0.0, 0.0, 0.9))], seen, instruction="lift the blue cube").field == "actions[0]"
+
+
+def test_nobody_knows_what_several_clauses_have_unless_they_were_shown():
+    ways, *_ = two_plans()
+    support = Support.of(by_plan(ways))
+    assert support.placed(SMALL, f"{INSTRUCTION}, then {INSTRUCTION}", None) is None
+    assert len(support.placed(SMALL, INSTRUCTION, None)) == 2
+
+
+def test_a_row_tells_how_far_demonstrations_scatter():
+    offsets_m = np.linspace(-0.01, 0.01, 5)
+    shown = [
+        replace(demonstration(INSTRUCTION, SMALL, [action(np.add(PLACE_M, [dx_m, 0, 0.1]))]), plan=0)
+        for dx_m in offsets_m
+    ]
+    ((row,),) = Support.of(by_plan(shown)).placed(SMALL, INSTRUCTION, None)
+    assert row.anchor.object_name == "red cube"
+    assert 0.005 <= row.tolerance_m <= 0.01 < row.reach_m == pytest.approx(0.04)
+    far = EndEffectorAction(np.add(PLACE_M, [0.041, 0, 0.1]), row.action.quaternion_xyzw, gripper_open=True)
+    near = replace(far, position_m=np.add(PLACE_M, [0.039, 0, 0.1]))
+    assert (row.supports(near), row.supports(far)) == (True, False)

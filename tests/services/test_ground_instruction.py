@@ -1,0 +1,184 @@
+"""From a request's words to the prompt: four buttons, taught by one demonstration each."""
+
+import asyncio
+from dataclasses import replace
+
+import pytest
+from pydantic import ValidationError
+
+from app.llm.base import ModelProfile
+from app.perception.base import ObjectQuery
+from app.pipeline.episode import Episode
+from app.pipeline.errors import InvalidInputError, UnfamiliarInstructionError, UngroundedInstructionError
+from app.pipeline.motion_limits import Pose
+from app.services.ground_instruction import ground_instruction
+from app.services.prediction_findings import findings_before
+from app.services.previous_step import PreviousStep
+from app.services.question import PredictRequest
+from app.services.upload_episode import Upload
+from app.services.write_question import QuestionWriter
+from app.store import predictions
+from tests.episodes import pick_trajectory
+from tests.services.conftest import ONE_ACTION
+from tests.services.test_dialogue import RELATIVE
+from tests.services.test_upload_episode import respond
+
+PLACES_M = {
+    "red button": (0.3, 0.3, 0.8), "yellow button": (0.35, 0.1, 0.8), "green button": (0.32, -0.1, 0.8),
+    "blue button": (0.45, -0.3, 0.8),
+}  # fmt: skip
+OBJECTS = tuple(ObjectQuery(name, place_m) for name, place_m in PLACES_M.items())
+REQUEST = PredictRequest("push", "push the azure button", OBJECTS, representation="object_frame")
+PROFILE = ModelProfile("base", "completion", True, "object_frame", "paper", "b")
+
+
+def teach(services):
+    for name, place_m in PLACES_M.items():
+        episode = Episode(f"push the {name}", pick_trajectory(place_m))
+        services.upload_episode(Upload("push", episode, OBJECTS, {}), respond)
+
+
+@pytest.fixture
+def services(scripted):
+    wired = scripted(RELATIVE)
+    teach(wired)
+    return wired
+
+
+def question(services, **wish):
+    return QuestionWriter(services.store, lambda name: PROFILE)(replace(REQUEST, **wish), {})
+
+
+def asked(question):
+    return question.prompt.query
+
+
+@pytest.mark.parametrize("representation", ["object_frame", "absolute"])
+def test_the_prompt_is_that_of_the_literal_instruction(services, representation):
+    literal, other = (
+        question(services, instruction=said, representation=representation)
+        for said in ("push the blue button", "please press the azure one")
+    )
+    assert (asked(literal), literal.prompt.user) == (asked(other), other.prompt.user)
+    assert "push the blue button" in asked(other)
+
+
+@pytest.mark.parametrize(
+    ("said", "first"),
+    [
+        ("push the azure button", "A blue button"),
+        ("do not push the red button, push the blue one", "A blue button"),
+        ("push the leftmost button", "A red button"),
+        ("push the button farthest from the robot", "A blue button"),
+    ],
+)
+def test_rows_name_the_object_that_is_meant(services, said, first):
+    assert asked(question(services, instruction=said)).startswith(first)
+
+
+@pytest.mark.parametrize(
+    ("said", "error"),
+    [
+        ("push the purple button", UngroundedInstructionError),
+        ("push the button", UngroundedInstructionError),
+        ("open the drawer", UnfamiliarInstructionError),
+        ("dance", UnfamiliarInstructionError),
+        ("drücke den blauen Knopf", UnfamiliarInstructionError),
+    ],
+)
+def test_what_is_not_clear_is_refused_and_not_recorded(services, said, error):
+    with pytest.raises(error):
+        asyncio.run(services.predict_actions(replace(REQUEST, instruction=said)))
+    with services.store.read() as connection:
+        assert predictions.list_page(connection).items == ()
+
+
+def test_where_the_robot_stands_decides_what_is_near_to_it(services):
+    assert "green" in asked(question(services, instruction="push the button closest to you")).split(";")[0]
+    services.configure_task("push", {"robot_base": [0.3, 0.6, 0.0]})
+    assert "red" in asked(question(services, instruction="push the button closest to you")).split(";")[0]
+
+
+def test_aliases_hold_as_soon_as_they_are_set(services):
+    with pytest.raises(InvalidInputError):
+        question(services, instruction="push the emergency stop")
+    services.configure_task("push", {"aliases": {"red button": ["emergency stop"]}})
+    (phrase,) = question(services, instruction="push the emergency stop").grounded.phrases
+    assert phrase.to_json() == {"phrase": "the emergency stop", "object": "red button", "by": "alias"}
+
+
+@pytest.mark.parametrize(
+    "aliases",
+    [
+        {"lever": ["handle"]},
+        {"red button": ["Blue_button"]},
+        {"red button": ["stop"], "blue button": ["STOP"]},
+        {"red button": ["a;b"]},
+        {"red button": [""]},
+    ],
+)
+def test_aliases_belong_to_one_object_of_the_task(services, aliases):
+    with pytest.raises((InvalidInputError, ValidationError), match="aliases"):
+        services.configure_task("push", {"aliases": aliases})
+
+
+def test_aliases_of_a_task_without_episodes_are_checked_with_the_first(scripted):
+    services = scripted("[]")
+    services.configure_task("push", {"aliases": {"lever": ["handle"]}})
+    with pytest.raises(InvalidInputError, match=r"aliases\[lever\]"):
+        teach(services)
+
+
+def test_an_unfamiliar_instruction_is_passed_on_with_a_finding(services):
+    allowed = question(services, instruction="pull the azure button", unfamiliar="allow")
+    assert "pull the blue button" in asked(allowed)
+    (finding,) = findings_before(allowed)[:1]
+    assert (finding.code, finding.severity, finding.where) == ("unfamiliar-instruction", "danger", "instruction")
+    assert "unfamiliar-instruction" not in {item.code for item in findings_before(question(services))}
+
+
+def test_how_the_words_were_understood_is_recorded(services):
+    prediction = asyncio.run(services.predict_actions(REQUEST))
+    with services.store.read() as connection:
+        record = predictions.get(connection, prediction.id)
+    assert record.instruction == "push the azure button"
+    assert record.grounding == {
+        "instruction": "push the blue button",
+        "phrases": [{"phrase": "the azure button", "object": "blue button", "by": "colour"}],
+        "unfamiliar": None,
+    }
+
+
+def test_only_what_the_prompt_shows_is_familiar(scripted):
+    services = scripted(ONE_ACTION)
+    teach(services)
+    pull = Episode("pull the red button", pick_trajectory(PLACES_M["red button"]))
+    services.upload_episode(Upload("push", pull, OBJECTS, {}), respond)
+    assert "pull the blue button" in asked(question(services, instruction="pull the blue button"))
+    with pytest.raises(UnfamiliarInstructionError):
+        question(services, instruction="pull the blue button", num_demonstrations=4)
+
+
+def test_words_take_little_time(services):
+    question(services)
+    timings_ms = {}
+    QuestionWriter(services.store, lambda name: PROFILE)(
+        replace(REQUEST, instruction="press the crimson one"), timings_ms
+    )
+    assert timings_ms["words"] < 50  # 2 on an idle machine
+
+
+def test_a_closed_loop_goes_on_with_what_its_first_step_understood(services):
+    first = question(services, instruction="push the leftmost button")
+    previous = PreviousStep(
+        0, "base", first.style, (), "", "", Pose((0, 0, 1), (1, 0, 0, 0)), "push the leftmost button", first.grounded
+    )
+    swapped = [replace(pose, position_m=pose.position_m * [1, -1, 1]) for pose in first.observed]
+    taught = first.template.instructions
+
+    def later(said):
+        request = replace(REQUEST, instruction=said)
+        return ground_instruction(request, said, taught, first.settings, swapped, previous).instruction
+
+    assert later("push the leftmost button") == "push the red button"
+    assert later("push the leftmost one") == "push the blue button"

@@ -1,0 +1,100 @@
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from app.pipeline.workspace import RLBENCH_MAX_M, RLBENCH_MIN_M
+from app.services.task_settings import KeyframeSettings, MotionLimitsSettings, TaskSettings, WorkspaceSettings
+
+KEEP_OUT = {"min": (0, 0, 0), "max": (1, 1, 1)}
+BOX = {"min": (-1.0, -1.0, 0.0), "max": (1.0, 1.0, 2.0)}
+
+
+def settings(**named):
+    """As a request names them."""
+    return TaskSettings.model_validate(named).model_dump(exclude_unset=True)
+
+
+def changed(*changes):
+    """The defaults after several requests."""
+    current = TaskSettings()
+    for change in changes:
+        current = current.changed(settings(**change))
+    return current
+
+
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [
+        ("keyframes", {"rule": "waypoints", "delta_rad_s": 0.02, "interval": 9, "tolerance_m": 0.03}),
+        ("keyframes", {"tolerance_deg": 5.0, "rule": "uniform"}),
+        ("motion_limits", {"keep_out": (KEEP_OUT,), "max_step_m": 0.2, "max_step_rotation_deg": 30}),
+        ("workspace", BOX),
+    ],
+)
+def test_of_nested_settings_only_what_a_change_names_is_changed(name, values):
+    one_by_one = changed(*({name: {key: value}} for key, value in values.items()))
+    assert getattr(one_by_one, name) == getattr(changed({name: values}), name)
+    first, *_ = values
+    left = getattr(changed({name: values}, {name: {first: values[first]}}), name)
+    assert left == getattr(changed({name: values}), name)
+
+
+def test_other_settings_stay():
+    both = changed({"keyframes": {"rule": "merged"}}, {"motion_limits": {"max_step_m": 0.3}}, {"num_demonstrations": 3})
+    assert both.keyframes == KeyframeSettings(rule="merged")
+    assert both.motion_limits == MotionLimitsSettings(max_step_m=0.3)
+    assert both.num_demonstrations == 3
+
+
+def test_a_bound_is_taken_away_by_null():
+    assert changed({"motion_limits": {"max_step_m": 0.3}}, {"motion_limits": {"max_step_m": None}}) == changed(
+        {"motion_limits": {"max_step_m": None}}
+    )
+
+
+def test_maps_by_object_are_replaced_as_a_whole():
+    both = changed({"yaw_symmetry_deg": {"cube": 90}}, {"yaw_symmetry_deg": {"plate": 0}})
+    assert both.yaw_symmetry_deg == {"plate": 0}
+
+
+def test_the_workspace_follows_from_demonstrations_by_default():
+    assert TaskSettings().workspace.preset == "auto"
+
+
+@pytest.mark.parametrize("before", [{}, {"workspace": BOX}, {"workspace": "auto"}])
+def test_a_preset_has_a_box_of_its_own(before):
+    rlbench = changed(before, {"workspace": "rlbench"}).workspace
+    assert (rlbench.preset, rlbench.min, rlbench.max) == ("rlbench", RLBENCH_MIN_M, RLBENCH_MAX_M)
+
+
+@pytest.mark.parametrize("before", [{}, {"workspace": "rlbench"}])
+def test_a_box_of_one_s_own_is_no_preset(before):
+    own = changed(before, {"workspace": {"max": (1.0, 1.0, 3.0)}}).workspace
+    assert (own.preset, own.min, own.max) == (None, RLBENCH_MIN_M, (1.0, 1.0, 3.0))
+
+
+def test_a_preset_with_a_box_is_refused():
+    with pytest.raises(ValidationError, match="leave out preset"):
+        TaskSettings.model_validate({"workspace": {"preset": "rlbench", **BOX}})
+
+
+def test_what_a_task_answers_can_be_sent_back():
+    grown = TaskSettings().workspace.grown(np.array([[0.3, 0.1, 0.02]]))
+    current = TaskSettings(workspace=grown, keyframes=KeyframeSettings(rule="uniform", interval=7))
+    back = current.changed(settings(**current.model_dump(mode="json")))
+    assert back.workspace.grown(np.array([[0.3, 0.1, 0.02]])) == grown
+    assert back.keyframes == current.keyframes
+
+
+@pytest.mark.parametrize("preset", [None, "rlbench"])
+def test_only_auto_grows(preset):
+    fixed = WorkspaceSettings(preset=preset)
+    assert fixed.grown(np.array([[5.0, 5.0, 5.0]])) is fixed
+
+
+def test_a_box_that_no_demonstration_shaped_is_not_kept():
+    """RLBench's stands for the untaught: demonstrations at another height get a box around themselves."""
+    first = WorkspaceSettings(preset="auto").grown(np.array([[0.3, 0.1, 0.02]]))
+    assert (first.min, first.max) == ((-0.2, -0.4, -0.05), (0.8, 0.6, 1.0))
+    further = first.grown(np.array([[1.5, 0.1, 0.02]]))
+    assert (further.min, further.max) == ((-0.2, -0.4, -0.05), (1.6, 0.6, 1.0))

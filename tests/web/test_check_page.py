@@ -1,0 +1,28 @@
+"""Whether a task's demonstrations predict each other, as people read it."""
+
+import pytest
+
+
+def test_the_way_there(page, seeded):
+    page.goto("/ui/tasks")
+    page.get_by_role("link", name="Check pick").click()
+    page.wait_for_url("**/ui/tasks/pick/check")
+    assert page.get_by_role("heading", level=1).inner_text() == "Do the demonstrations predict each other?"
+    assert page.get_by_role("region", name="Rows of plan 1").get_by_role("row").count() > 2
+    links = page.get_by_role("region", name="Demonstrations of plan 1").get_by_role("link")
+    assert sorted(links.all_inner_texts()) == sorted(episode["id"][:8] for episode in seeded)
+
+
+@pytest.mark.parametrize(("scheme", "width"), [("light", 1280), ("dark", 360)])
+def test_it_can_be_read_by_everyone(page, check_accessibility, scheme, width):
+    page.emulate_media(color_scheme=scheme)
+    page.set_viewport_size({"width": width, "height": 800})
+    page.goto("/ui/tasks/pick/check")
+    check_accessibility(page)
+    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+
+
+def test_a_task_without_episodes_says_what_to_do(page):
+    page.expected_refusals = [409]
+    page.goto("/ui/tasks/bare/check")
+    assert "no demonstrations yet" in page.get_by_role("alert").inner_text()
