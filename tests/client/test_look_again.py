@@ -10,12 +10,14 @@ from app.client.robot import Observation
 from app.pipeline.camera import Camera, RgbdFrame
 from app.pipeline.episode import EndEffectorAction, ObjectPose
 from app.pipeline.errors import InvalidInputError, UnsafeActionError
-from app.pipeline.motion_limits import Box, MotionLimits
+from app.pipeline.motion_limits import Box, MotionLimits, Pose
 from app.pipeline.reanchoring import ActionAnchor
 
 DOWN = np.array([1.0, 0, 0, 0])
 CUBE, PLATE = np.array([0.1, 0.0, 0.8]), np.array([0.4, 0.0, 0.8])
 SHIFT, UP, ASIDE = np.array([0.0, 0.03, 0.0]), np.array([0, 0, 1.0]), np.array([0.2, 0, 0])
+
+ABOVE = Pose((0.1, 0.0, 1.0), (1.0, 0.0, 0.0, 0.0))
 
 
 def action(place_m, z_m, gripper_open):
@@ -76,7 +78,8 @@ class Arm:
         if isinstance(what, Exception):
             raise what
         self.scene.update(what or {})
-        return Observation(tuple(ObjectPose(n, p) for n, p in self.scene.items() if p is not None))
+        poses = tuple(ObjectPose(n, p) for n, p in self.scene.items() if p is not None)
+        return Observation(poses, end_effector=ABOVE)
 
     def execute(self, action):
         self.done.append(action.position_m)
