@@ -10,7 +10,8 @@ from app.pipeline.errors import InvalidInputError
 
 PAPER = {"representation": "absolute", "prompt_format": "paper", "system_prompt": "a"}
 KAT = {"representation": "action_tokens", "prompt_format": "kat"}
-REGRESSION = Method("regression, no LLM", {"model": "regression"})
+# A yardstick shows what its actions are worth; held to the demonstrations, most of them would be refused.
+REGRESSION = Method("regression, no LLM", {"model": "regression", "unsupported": "allow"})
 COPY = Method("nearest demonstration's rows, no LLM", {"model": "nearest"})
 NEAREST = Method("nearest demonstration", source="nearest demonstration")
 

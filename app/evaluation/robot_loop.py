@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from app.client.client import PredictedActions, RoboPromptClient
@@ -39,7 +40,8 @@ class ShiftedPanda:
         self._looks += 1
         if self._looks > 1:
             self._change()
-        return Observation(disturbed(self._robot.observe().objects, self._noise, self._seed))
+        seen = self._robot.observe()
+        return replace(seen, objects=disturbed(seen.objects, self._noise, self._seed))
 
     def execute(self, action: EndEffectorAction) -> None:
         """As the robot does."""

@@ -110,5 +110,8 @@ class SweepRun:
             write_report(evaluation, self.report.parent, illustrated(evaluation, executor, progress))
 
     def _write_results(self, evaluation: Evaluation) -> None:
-        (self.folder / "table.md").write_text(markdown(evaluation, SWEEPS[self.sweep].about), encoding="utf-8")
+        shift_m = max(method.shift_m for method in self.plan.methods)
+        shifted = f"objects moved by {shift_m:g} m after the answer: as answered, and looking again"
+        about = shifted if shift_m else SWEEPS[self.sweep].about
+        (self.folder / "table.md").write_text(markdown(evaluation, about), encoding="utf-8")
         write_plots(evaluation, self.folder)

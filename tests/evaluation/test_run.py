@@ -149,6 +149,11 @@ def test_only_what_is_missing_is_run(run, tmp_path):
     assert len(lines(tmp_path)) == 5  # other demonstrations are another configuration
 
 
+def places(episode):
+    """Keyframes without their bins, which follow from the task's workspace, and that from the objects."""
+    return [{name: value for name, value in keyframe.items() if name != "bins"} for keyframe in episode["keyframes"]]
+
+
 def test_methods_are_taught_as_they_ask(run, url):
     task = run(REGRESSION, NOISY, SPARSE)
     plain, noisy, sparse = (
@@ -158,7 +163,7 @@ def test_methods_are_taught_as_they_ask(run, url):
     for true, moved, sampled in zip(plain, noisy, sparse, strict=True):
         assert true["extra"] == moved["extra"] == sampled["extra"]
         assert positions(true) == positions(sampled) != positions(moved)
-        assert true["keyframes"] == moved["keyframes"] != sampled["keyframes"]
+        assert places(true) == places(moved) != places(sampled)
         assert [item["index"] % 40 for item in sampled["keyframes"][:-1]] == [0] * (len(sampled["keyframes"]) - 1)
     seed = plain[0]["extra"]["seed"]
     expected = disturbed(view_scene("open_drawer", seed, images=False).objects, 2.0, seed)
