@@ -16,6 +16,7 @@ from app.pipeline.errors import InvalidInputError
 from app.pipeline.wording import checked_instruction, checked_name
 
 NUM_JOINTS = 7
+MIN_FREQUENCY_HZ, MAX_FREQUENCY_HZ = 0.01, 100_000.0  # slower than any recorder, and faster
 MOST_WIDTH_M = 0.2  # that a gripper opens
 
 
@@ -196,8 +197,9 @@ class Episode:
 
     def __post_init__(self) -> None:
         settle(self, instruction=checked_instruction("instruction", self.instruction))
-        if not (np.isfinite(self.control_frequency_hz) and self.control_frequency_hz > 0):
-            raise InvalidInputError("control_frequency_hz", f"is {self.control_frequency_hz}", "a positive number")
+        if not MIN_FREQUENCY_HZ <= self.control_frequency_hz <= MAX_FREQUENCY_HZ:
+            valid = f"a number in {MIN_FREQUENCY_HZ:g}..{MAX_FREQUENCY_HZ:g}"
+            raise InvalidInputError("control_frequency_hz", f"is {self.control_frequency_hz:g}", valid)
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,7 +18,7 @@ def test_examples_can_be_sent_as_they_are(http):
 
 def test_answers_are_what_their_schemas_say(http):
     http.post("/episodes", json=examples.EPISODE)
-    predict = {**examples.PREDICT, "model": "regression"}
+    predict = {**examples.PREDICT, "model": "nearest"}
     http.post("/episodes", json=examples.EPISODE)
     documents = {
         responses.EpisodePage: http.get("/episodes", params={"task": "press"}),

@@ -12,6 +12,7 @@ PLACE_M = (0.123, 0.077, 0.785)
 
 
 def test_upload_answers_with_keyframes_bins_and_texts(http):
+    http.put("/tasks/contract", json={"workspace": "rlbench"}).raise_for_status()
     response = upload(http, "contract", PLACE_M)
     episode = response.json()
     assert response.status_code == 201

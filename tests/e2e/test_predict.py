@@ -14,6 +14,7 @@ QUERY_M = (0.213, -0.117, 0.78)
 
 @pytest.fixture(scope="module")
 def task(http):
+    http.put("/tasks/pick", json={"workspace": "rlbench"}).raise_for_status()
     for position_m in POSITIONS_M:
         assert upload(http, "pick", position_m).status_code == 201
     return "pick"

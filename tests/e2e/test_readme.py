@@ -1,10 +1,12 @@
 """README's examples work as pasted, against the running service."""
 
+import json
 import re
 import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 ROOT = Path(__file__).parents[2]
@@ -22,7 +24,12 @@ def run(command, url):
 def test_curl_examples_in_their_order(url):
     answers = [run(["bash", "-ec", block], url) for block in CURL]
     assert '"actions_text"' in answers[0]
-    assert '"actions"' in answers[1]
+    prediction, _ = json.JSONDecoder().raw_decode(answers[1])
+    assert prediction["model"] == "embedded/gemma-3-270m"
+    # over the button at (0.25, -0.10, 0.80), pressed, and up again: as one demonstration showed it elsewhere
+    pressed_m = [[0.25, -0.1, 0.9], [0.25, -0.1, 0.82], [0.25, -0.1, 0.9]]
+    np.testing.assert_allclose([action["position"] for action in prediction["actions"]], pressed_m, atol=0.005)
+    assert not any(action["gripper_open"] for action in prediction["actions"])
     assert '"outcome":{"success":true' in answers[1]
     assert all(f'"{name}"' in answers[2] for name in ("episodes", "version", "predictions", "models", "checks"))
     assert '"status":422' in answers[3]

@@ -22,13 +22,14 @@ def http(tmp_path_factory):
         running_server(tmp_path_factory.mktemp("samples"), settings) as url,
         httpx.Client(base_url=url, timeout=60) as client,
     ):
+        client.put("/tasks/pick", json={"workspace": "rlbench"}).raise_for_status()
         for x_m in (0.0, 0.1, 0.3, 0.31):
             assert upload(client, "pick", (x_m, 0.0, 0.78)).status_code == 201
         yield client
 
 
 def ask(http, **options):
-    wish = {"model": "scripted", "representation": "absolute", **options}
+    wish = {"model": "scripted", "representation": "absolute", "unsupported": "allow", **options}
     return http.post("/predict", json={**metadata("pick", {"cube": (0.2, 0.0, 0.78)}), **wish})
 
 
@@ -63,10 +64,11 @@ def test_one_sample_says_nothing_of_samples(http):
 
 def test_streamed_samples_come_together(http):
     wish = {**metadata("pick", {"cube": (0.2, 0.0, 0.78)}), "model": "scripted", "num_samples": 5}
-    response = http.post(
-        "/predict", json={**wish, "representation": "absolute"}, headers={"accept": "text/event-stream"}
-    )
-    assert [line for line in response.text.splitlines() if line.startswith("event")] == ["event: action", "event: done"]
+    wish |= {"representation": "absolute", "unsupported": "allow"}
+    response = http.post("/predict", json=wish, headers={"accept": "text/event-stream"})
+    events = [line for line in response.text.splitlines() if line.startswith("event")]
+    assert [event for event in events if event in ("event: action", "event: done", "event: error")] == events[-2:]
+    assert events[-2:] == ["event: action", "event: done"]
 
 
 def test_permuted_demonstrations_are_seen_in_several_orders(http):

@@ -122,12 +122,13 @@ def test_a_robot_that_cannot_go_on_is_stopped(client, stream):
     assert arm.log[1:] == ["stop"]
 
 
-HALF = "[[50, 50, 20, 0, 36, 36, 1], [50, 50, 21, 0, 36, 36, 1], [50, 500, 21, 0, 36, 36, 1], [50"
+HALF = "[[51, 38, 27, 0, 36, 36, 1], [51, 38, 17, 0, 36, 36, 0], [51, 500, 32, 0, 36, 36, 0], [51"
 
 
 def test_a_reply_that_goes_wrong_in_the_middle_stops_the_robot(tmp_path):
     environment = {"ROBOPROMPT_SCRIPTED_REPLIES": json.dumps([HALF])}
     with running_server(tmp_path, environment) as url, RoboPromptClient(url) as client:
+        client.configure_task("broken", workspace="rlbench")
         client.upload("broken", INSTRUCTION, pick_trajectory(PLACES_M[0]), seen(PLACES_M[0]))
         arm = Arm()
         with pytest.raises(ServiceProblemError, match="action 2: y is 500"):
