@@ -213,6 +213,18 @@ def test_bounded_steps_need_to_know_where_the_arm_is(service, bound):
     assert arm.log == ["stop"]
 
 
+def test_the_page_asks_where_the_arm_is(service):
+    _, client, task = service
+
+    def field():
+        return httpx.get(f"{client.url}/ui/predict", params={"task": task}).text.split('id="arm"')[1].split(">")[0]
+
+    assert 'name="end_effector"' in field()
+    assert "required" not in field()
+    client.configure_task(task, motion_limits={"max_step_m": 0.5})
+    assert "required" in field()
+
+
 def test_later_steps_of_a_closed_loop_know_it(service):
     llm, client, task = service
     client.configure_task(task, motion_limits={"max_step_m": 0.5})
