@@ -10,7 +10,7 @@ from app.client.robot import Observation
 from app.pipeline.camera import Camera, RgbdFrame
 from app.pipeline.episode import EndEffectorAction, ObjectPose
 from app.pipeline.errors import InvalidInputError, UnsafeActionError
-from app.pipeline.motion_limits import Box, MotionLimits
+from app.pipeline.motion_limits import Box, MotionLimits, Pose
 from app.pipeline.reanchoring import ActionAnchor
 
 DOWN = np.array([1.0, 0, 0, 0])
@@ -76,7 +76,8 @@ class Arm:
         if isinstance(what, Exception):
             raise what
         self.scene.update(what or {})
-        return Observation(tuple(ObjectPose(n, p) for n, p in self.scene.items() if p is not None))
+        seen = tuple(ObjectPose(n, p) for n, p in self.scene.items() if p is not None)
+        return Observation(seen, end_effector=Pose(tuple(CUBE + 0.3 * UP), tuple(DOWN)))
 
     def execute(self, action):
         self.done.append(action.position_m)
