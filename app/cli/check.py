@@ -54,20 +54,25 @@ def show(answer: Document, console: Console) -> None:
     if not answer["findings"]:
         console.print("\n[green]Nothing is amiss: the demonstrations predict each other.[/]")
     for place, plan in enumerate(answer["plans"]):
-        console.print()
-        console.print(_plan_table(place, plan))
+        console.print(f"\n[bold]Plan {place + 1}[/]: {_title(plan)}", highlight=False)
+        console.print(_row_table(plan["rows"]))
         console.print(_episode_table(plan))
     if answer["replies"]:
-        console.print()
-        console.print(_reply_table(answer["model"], answer["replies"]))
+        console.print(f"\n[bold]{escape(answer['model'])}[/], shown the other demonstrations:", highlight=False)
+        console.print(_reply_table(answer["replies"]))
 
 
-def _plan_table(place: int, plan: Document) -> Table:
-    title = f"Plan {place + 1}: {_several(plan['instructions'])}, {len(plan['episodes'])} demonstrations"
-    table = _table(title if plan["shown"] else f"{title}, left out of prompts")
+def _title(plan: Document) -> str:
+    number = len(plan["episodes"])
+    title = f"{number} demonstration{'' if number == 1 else 's'} of {_several([repr(i) for i in plan['instructions']])}"
+    return title if plan["shown"] else f"{title}, left out of prompts"
+
+
+def _row_table(rows: Sequence[Document]) -> Table:
+    table = _table()
     for name in ("Row", "Follows", "Gripper", "Error", "Worst", "Varies"):
         table.add_column(name, justify="left" if name in ("Follows", "Gripper") else "right")
-    for number, row in enumerate(plan["rows"], start=1):
+    for number, row in enumerate(rows, start=1):
         gripper = ("opens" if row["gripper_open"] else "closes") if row["switches"] else ""
         errors = [_off(row[f"{name}_cm"], row[f"{name}_deg"]) for name in ("error", "worst", "varies")]
         table.add_row(f"{number}", _follows(row), gripper, *errors)
@@ -81,7 +86,7 @@ def _follows(row: Document) -> str:
 
 
 def _episode_table(plan: Document) -> Table:
-    table = _table("")
+    table = _table()
     for name in ("Demonstration", "Manner", "Worst row", "Error", "Path"):
         table.add_column(name, justify="right" if name in ("Error", "Path") else "left")
     for episode in plan["episodes"]:
@@ -92,8 +97,8 @@ def _episode_table(plan: Document) -> Table:
     return table
 
 
-def _reply_table(model: str, replies: Sequence[Document]) -> Table:
-    table = _table(f"{escape(model)}, shown the other demonstrations")
+def _reply_table(replies: Sequence[Document]) -> Table:
+    table = _table()
     for name in ("Demonstration", "Worst row", "Error", ""):
         table.add_column(name, justify="right" if name == "Error" else "left")
     for reply in replies:
@@ -104,10 +109,8 @@ def _reply_table(model: str, replies: Sequence[Document]) -> Table:
     return table
 
 
-def _table(title: str) -> Table:
-    return Table(
-        title=title or None, title_justify="left", title_style="bold", box=None, pad_edge=False, padding=(0, 2, 0, 0)
-    )
+def _table() -> Table:
+    return Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
 
 
 def _worst(errors: Document) -> int | None:

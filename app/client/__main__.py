@@ -42,6 +42,8 @@ def main() -> int:
     arguments = _parser().parse_args()
     command: Callable[[RoboPromptClient, argparse.Namespace], dict[str, Any]] = arguments.command
     try:
+        if (given := getattr(arguments, "objects", None)) is not None:
+            _observation(given)  # what is wrong with it is said before anybody is asked
         with RoboPromptClient(arguments.url) as client:
             client.ping()
             print(json.dumps(command(client, arguments), indent=2))  # noqa: T201

@@ -28,7 +28,7 @@ KEY_VARIABLE = "ROBOPROMPT_API_KEY"
 DEFAULT_URL = "http://127.0.0.1:8000"
 MAX_PORT = 65535
 LEARNING_TIMEOUT_S = 600.0
-CHECK_TIMEOUT_S = 660.0  # ten predictions of a minute each
+CHECK_TIMEOUT_S = 1260.0  # ten predictions of at most two minutes each
 MARGIN_S = 10.0  # the service answers within the request's own deadline; this is for the way there and back
 
 

@@ -1,5 +1,6 @@
 """A task's demonstrations, each predicted from the others before a robot moves; by an LLM where one is named."""
 
+import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -31,6 +32,7 @@ from app.store.store import Store
 
 MOST_CHECKED = 30  # demonstrations, the task's first; prompts have 10 unless somebody wants more
 MOST_ASKED = 10  # of them that an LLM is asked about, some seconds each
+ASKED_TIMEOUT_S = 120.0  # each; nobody's robot waits
 KEPT = 32  # checks of tasks that have not changed since
 REFUSALS = (UnparsableReplyError, UnsafeReplyError, UnsupportedReplyError, InvalidInputError)
 
@@ -76,6 +78,7 @@ class CheckTask:
         self._store = store
         self._profile_of = profile_of
         self._predict = predict
+        self._one_at_a_time = threading.Lock()  # a page that is reloaded must not work the same out twice
         self._kept: Cache[tuple[str, int], _Read] = Cache(KEPT)
 
     def without_model(self, task: str) -> CheckedTask:
@@ -106,7 +109,8 @@ class CheckTask:
     def _read(self, name: str) -> _Read:
         with self._store.read() as connection:
             task = tasks.get(connection, name)
-        return self._kept.get((name, task.version), lambda: self._made(task))
+        with self._one_at_a_time:
+            return self._kept.get((name, task.version), lambda: self._made(task))
 
     def _made(self, task: TaskRecord) -> _Read:
         settings = TaskSettings.model_validate(task.settings)
@@ -162,6 +166,7 @@ def _request(task: str, model: str, recording: Recording, others: Sequence[str])
         objects,
         model=model,
         episode_ids=tuple(others),
+        timeout_s=ASKED_TIMEOUT_S,
         end_effector=end_effector,
         unsupported="allow",
     )

@@ -5,7 +5,7 @@ import pytest
 
 def test_the_way_there(page, seeded):
     page.goto("/ui/tasks")
-    page.get_by_role("link", name="Check pick").click()
+    page.get_by_role("link", name="Check pick", exact=True).click()
     page.wait_for_url("**/ui/tasks/pick/check")
     assert page.get_by_role("heading", level=1).inner_text() == "Do the demonstrations predict each other?"
     assert page.get_by_role("region", name="Rows of plan 1").get_by_role("row").count() > 2

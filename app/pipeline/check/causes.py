@@ -78,7 +78,7 @@ def _unlike(unexplained: Sequence[PlanCheck], group: Sequence[PlanCheck], rule: 
     findings, ids = [], []
     otherwise = [one for alike in _by_gripper(group) for one in recorded_otherwise(_episodes(alike))]
     for plan in unexplained:
-        for episode, reason in _odd_ones(plan):
+        for episode, reason in _odd_ones(plan, group[0]):
             if episode in otherwise:
                 continue
             ids.append(episode.id)
@@ -86,11 +86,11 @@ def _unlike(unexplained: Sequence[PlanCheck], group: Sequence[PlanCheck], rule: 
     return findings, ids
 
 
-def _odd_ones(plan: PlanCheck) -> Iterator[tuple[EpisodeCheck, str]]:
+def _odd_ones(plan: PlanCheck, usual: PlanCheck) -> Iterator[tuple[EpisodeCheck, str]]:
     """Episodes of a plan that prompts leave out, and those that go elsewhere in a row; with what is odd."""
     if not plan.shown:
         for episode in plan.episodes:
-            yield episode, "prompts leave it out: it grasps, releases or goes in another order or another way"
+            yield episode, f"{_other_way(plan, usual)}, and prompts leave it out"
         return
     if len(plan.episodes) < ENOUGH:
         return
@@ -102,6 +102,15 @@ def _odd_ones(plan: PlanCheck) -> Iterator[tuple[EpisodeCheck, str]]:
             row = int(np.argmax(over))
             off = episode.errors[row]
             yield episode, f"row {row + 1} is {100 * off.m:.1f} cm and {off.deg:.0f} degrees from where they predict it"
+
+
+def _other_way(plan: PlanCheck, usual: PlanCheck) -> str:
+    switches, usually = len(plan.gripper) - 1, len(usual.gripper) - 1
+    if plan.gripper == usual.gripper:
+        return "it goes another way"
+    if switches == usually:
+        return "it closes the gripper where they open it"
+    return f"its gripper opens or closes {switches} times, theirs {usually} times"
 
 
 def _unlike_others(episode: EpisodeCheck, reason: str, num_others: int) -> Finding:

@@ -9,6 +9,7 @@ from app.pipeline.keyframes import KeyframeRule
 
 FEWEST = 3  # demonstrations of a plan, from which on its rows are judged
 UNEXPLAINED_M = 0.06  # rotation included
+UNEXPLAINED_DEG = 40.0
 UNEXPLAINED = 0.8  # the share of a row's variation that remains where it follows nothing that is known
 NOISY_M = 0.02
 
@@ -44,9 +45,13 @@ def _unexplained(plan: PlanCheck, rule: KeyframeRule) -> Sequence[int]:
 
 
 def _follows_nothing(row: RowCheck) -> bool:
-    if row.error is None or min(row.error.together_m, row.varies.together_m) < UNEXPLAINED_M:
+    if row.error is None:
         return False
-    return row.error.together_m >= UNEXPLAINED * row.varies.together_m
+    lost = min(row.error.together_m, row.varies.together_m) >= UNEXPLAINED_M
+    turned = min(row.error.deg, row.varies.deg) >= UNEXPLAINED_DEG
+    return (lost and row.error.together_m >= UNEXPLAINED * row.varies.together_m) or (
+        turned and row.error.deg >= UNEXPLAINED * row.varies.deg
+    )
 
 
 def _closest(rows: Sequence[RowCheck]) -> dict[str, RowCheck]:
@@ -60,6 +65,10 @@ def _closest(rows: Sequence[RowCheck]) -> dict[str, RowCheck]:
 
 def _error_m(row: RowCheck) -> float:
     return 0.0 if row.error is None else row.error.m
+
+
+def _together_m(row: RowCheck) -> float:
+    return 0.0 if row.error is None else row.error.together_m
 
 
 def _noisy_poses(noisy: dict[str, RowCheck], number: int) -> Finding:
@@ -76,7 +85,7 @@ def _noisy_poses(noisy: dict[str, RowCheck], number: int) -> Finding:
 
 
 def _follows_no_object(plan: PlanCheck, places: Sequence[int], number: int) -> Finding:
-    worst = max((plan.rows[k] for k in places), key=_error_m)
+    worst = max((plan.rows[k] for k in places), key=_together_m)
     assert worst.error is not None
     known = ", ".join(dict.fromkeys(name for row in plan.rows for name in row.objects)) or "none"
     which = f"Row {places[0] + 1}" if len(places) == 1 else f"Rows {', '.join(str(k + 1) for k in places)}"
