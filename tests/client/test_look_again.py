@@ -76,13 +76,8 @@ class Arm:
         if isinstance(what, Exception):
             raise what
         self.scene.update(what or {})
-<<<<<<< HEAD
-        seen = tuple(ObjectPose(n, p) for n, p in self.scene.items() if p is not None)
-        return Observation(seen, end_effector=Pose(tuple(CUBE + 0.3 * UP), tuple(DOWN)))
-=======
         poses = tuple(ObjectPose(n, p) for n, p in self.scene.items() if p is not None)
         return Observation(poses, end_effector=self.at)
->>>>>>> main
 
     def execute(self, action):
         self.done.append(action.position_m)
