@@ -168,7 +168,7 @@ def test_actions_that_follow_pass_the_limits_again():
 
 def test_a_step_to_where_an_object_was_moved_is_bounded_too():
     arm = Arm({3: {"plate": PLATE + ASIDE}})
-    arm.at = Pose((0.0, 0.0, 0.3), (1.0, 0.0, 0.0, 0.0))
+    arm.at = Pose((0.1, 0.0, 1.1), (1.0, 0.0, 0.0, 0.0))
     limits = MotionLimits(Box((-1, -1, 0), (1, 1, 2)), max_step_m=0.4)
     with pytest.raises(UnsafeActionError, match=r"action 3: position is 0.5 m from the one before"):
         run(arm, service=Service(answer(), limits=limits))
