@@ -10,6 +10,7 @@ import json
 import signal
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, get_args
 
@@ -20,7 +21,7 @@ from app.client.loop import NotConfirmedError, run_closed_loop, run_task
 from app.client.robot import MotionError, Observation, Robot
 from app.pipeline.episode import EndEffectorAction, ObjectPose
 from app.pipeline.errors import InvalidInputError, UnsafeActionError
-from app.pipeline.motion_limits import Box, MotionLimits
+from app.pipeline.motion_limits import Box, MotionLimits, Pose
 from app.pipeline.trajectory_npz import trajectory_from_npz
 
 OBJECTS = 'JSON: [{"name": "cube", "position": [x, y, z]}], metres, each with "quaternion_xyzw" where it is known'
@@ -68,6 +69,13 @@ def _parser() -> argparse.ArgumentParser:
     predict = commands.add_parser("predict", help="print the actions for a scene")
     _add_scene(predict)
     predict.add_argument("--model")
+    predict.add_argument(
+        "--end-effector",
+        nargs=7,
+        type=float,
+        metavar=("X", "Y", "Z", "QX", "QY", "QZ", "QW"),
+        help="where the arm is, metres and quaternion, world frame: needed where the task bounds steps",
+    )
     predict.set_defaults(command=_predict)
 
     run = commands.add_parser("run", help="observe, ask and act with an arm")
@@ -126,6 +134,8 @@ def _upload(client: RoboPromptClient, arguments: argparse.Namespace) -> dict[str
 def _predict(client: RoboPromptClient, arguments: argparse.Namespace) -> dict[str, Any]:
     options = {} if arguments.model is None else {"model": arguments.model}
     scene = _observation(arguments.objects)
+    if (arm := arguments.end_effector) is not None:
+        scene = replace(scene, end_effector=Pose(tuple(arm[:3]), tuple(arm[3:])))
     return dict(client.predict(arguments.task, arguments.instruction, scene, **options).response)
 
 

@@ -17,8 +17,6 @@ DOWN = np.array([1.0, 0, 0, 0])
 CUBE, PLATE = np.array([0.1, 0.0, 0.8]), np.array([0.4, 0.0, 0.8])
 SHIFT, UP, ASIDE = np.array([0.0, 0.03, 0.0]), np.array([0, 0, 1.0]), np.array([0.2, 0, 0])
 
-ABOVE = Pose((0.1, 0.0, 1.0), (1.0, 0.0, 0.0, 0.0))
-
 
 def action(place_m, z_m, gripper_open):
     return EndEffectorAction(place_m + z_m * UP, DOWN, gripper_open)
@@ -67,7 +65,7 @@ class Arm:
     """An arm in a scene that changes: `moves` maps the number of actions carried out to what happens then."""
 
     def __init__(self, moves=None, frames=()):
-        self.scene = {"cube": CUBE, "plate": PLATE}
+        self.scene, self.at = {"cube": CUBE, "plate": PLATE}, None
         self.done, self.looks, self.stopped, self._moves, self._frames = [], [], 0, dict(moves or {}), frames
 
     def observe(self):
@@ -79,7 +77,7 @@ class Arm:
             raise what
         self.scene.update(what or {})
         poses = tuple(ObjectPose(n, p) for n, p in self.scene.items() if p is not None)
-        return Observation(poses, end_effector=ABOVE)
+        return Observation(poses, end_effector=self.at)
 
     def execute(self, action):
         self.done.append(action.position_m)
@@ -170,6 +168,7 @@ def test_actions_that_follow_pass_the_limits_again():
 
 def test_a_step_to_where_an_object_was_moved_is_bounded_too():
     arm = Arm({3: {"plate": PLATE + ASIDE}})
+    arm.at = Pose((0.1, 0.0, 1.1), (1.0, 0.0, 0.0, 0.0))
     limits = MotionLimits(Box((-1, -1, 0), (1, 1, 2)), max_step_m=0.4)
     with pytest.raises(UnsafeActionError, match=r"action 3: position is 0.5 m from the one before"):
         run(arm, service=Service(answer(), limits=limits))

@@ -1,6 +1,8 @@
 """Limits of motion hold as they are when an action is sent, and go only by an explicit word."""
 
 import json
+import subprocess
+import sys
 import threading
 from contextlib import suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -211,6 +213,45 @@ def test_bounded_steps_need_to_know_where_the_arm_is(service, bound):
     with pytest.raises(InvalidInputError, match="end_effector"):
         run_task(client, arm, task, PICK, **OPTIONS)
     assert arm.log == ["stop"]
+
+
+def test_the_script_tells_where_the_arm_is(service, tmp_path):
+    llm, client, task = service
+    client.configure_task(task, motion_limits={"max_step_m": 0.5})
+    llm.let(3)
+    objects = tmp_path / "objects.json"
+    objects.write_text(json.dumps([{"name": "cube", "position": QUERY_M.tolist()}]))
+    arm = ["--end-effector", *map(str, (*NEAR.position_m, *NEAR.quaternion_xyzw))]
+    command = [
+        sys.executable,
+        "-m",
+        "app.client",
+        "--url",
+        client.url,
+        "predict",
+        "--task",
+        task,
+        "--instruction",
+        PICK,
+    ]
+    command += ["--instruction", PICK, "--objects", str(objects)]
+    told, untold = (
+        subprocess.run([*command, *more], capture_output=True, text=True, timeout=60, check=False) for more in (arm, [])
+    )
+    assert len(json.loads(told.stdout)["actions"]) == 3
+    assert (untold.returncode, "end_effector: is left out" in untold.stderr) == (1, True)
+
+
+def test_the_page_asks_where_the_arm_is(service):
+    _, client, task = service
+
+    def field():
+        return httpx.get(f"{client.url}/ui/predict", params={"task": task}).text.split('id="arm"')[1].split(">")[0]
+
+    assert 'name="end_effector"' in field()
+    assert "required" not in field()
+    client.configure_task(task, motion_limits={"max_step_m": 0.5})
+    assert "required" in field()
 
 
 def test_later_steps_of_a_closed_loop_know_it(service):

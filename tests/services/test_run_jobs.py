@@ -75,6 +75,14 @@ def test_a_large_one_by_a_job_that_switches_over_at_its_end(services):
     assert not services.run_jobs.run_next()
 
 
+def test_limits_that_are_tightened_before_a_job_ends_stay(services):
+    begin(services, {**UNIFORM, "motion_limits": {"max_step_rotation_deg": 90.0}})
+    services.configure_task("pick", {"motion_limits": {"max_step_m": 0.1}})
+    assert services.run_jobs.run_next()
+    limits = settings_of(services).motion_limits
+    assert (limits.max_step_m, limits.max_step_rotation_deg) == (0.1, 90.0)
+
+
 def test_settings_that_change_nothing_extracted_need_no_job(services):
     assert begin(services, {"num_demonstrations": 3}).settings["num_demonstrations"] == 3
 
