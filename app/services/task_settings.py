@@ -117,6 +117,13 @@ class KeyframeSettings(_Settings):
         """As the pipeline wants it."""
         return KeyframeRule(self.rule, self.delta_rad_s, self.interval, self.tolerance_m, self.tolerance_deg)
 
+    def in_words(self) -> str:
+        """What the rule looks at, for people: ``at rest below 0.1 rad/s``."""
+        rest, path = f"at rest below {self.delta_rad_s:g} rad/s", f"within {self.tolerance_m:g} m and {self.tolerance_deg:g}°"
+        if self.rule == "uniform":
+            return f"every {self.interval} frames"
+        return {"auto": f"{rest}, else {path}", "waypoints": path}.get(self.rule, rest)
+
 
 class KeepOutBox(_Settings):
     """A box that the hand keeps out of, in metres in the world frame."""

@@ -14,7 +14,7 @@ from app.api.routes import Wired
 from app.llm.base import LanguageModelError
 from app.pipeline.arrays import Array
 from app.pipeline.episode import Trajectory
-from app.pipeline.keyframes import RULES
+from app.pipeline.keyframes import Rule
 from app.pipeline.timeline import frame_times_s, gripper_stretches
 from app.services.container import Services
 from app.services.demonstrations import demonstrations_of
@@ -29,6 +29,13 @@ from app.web.scene import scene
 
 router = APIRouter(route_class=PageRoute)
 documents = APIRouter()
+ABOUT_RULES: dict[Rule, str] = {
+    "auto": "rests where the robot rests, else where its path bends",
+    "waypoints": "gripper changes and where the path bends",
+    "merged": "rest or gripper change (paper)",
+    "authors": "their published code",
+    "uniform": "every n-th frame",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,12 +73,15 @@ def episode_page(
     rule: str | None = None,
     delta_rad_s: float | None = None,
     interval: int | None = None,
+    tolerance_m: float | None = None,
+    tolerance_deg: float | None = None,
     applied: bool = False,
 ) -> Response:
     """The episode; with a rule, what that would change."""
     recording = _recording(services, episode_id)
-    wished = {"rule": rule, "delta_rad_s": delta_rad_s, "interval": interval}
-    named = {name: value for name, value in wished.items() if value is not None}
+    asked = {"rule": rule, "delta_rad_s": delta_rad_s, "interval": interval}
+    asked |= {"tolerance_m": tolerance_m, "tolerance_deg": tolerance_deg}
+    named = {name: value for name, value in asked.items() if value is not None}
     current = recording.settings.keyframes
     shown = recording.preview(KeyframeSettings.model_validate({**current.model_dump(), **named}))
     texts, about_texts = _texts(services, recording)
@@ -86,7 +96,7 @@ def episode_page(
         settings=recording.settings,
         duration_s=float(recording.times_s[-1]),
         preview=shown,
-        rules=RULES,
+        rules=ABOUT_RULES,
         num_episodes=num_episodes,
         older=older,
         newer=newer,

@@ -18,19 +18,19 @@ let preview = data("preview");
 let asked = new AbortController();
 let spaceIsSeen = false;
 
-/** The rule that the form says. */
-function wish() {
-  const { rule, delta_rad_s, interval } = form.elements;
-  return { rule: rule.value, delta_rad_s: delta_rad_s.valueAsNumber, interval: interval.valueAsNumber };
+/** The rule that the form says, with all its numbers. */
+function chosenRule() {
+  const { rule, ...numbers } = Object.fromEntries(Object.keys(stored).map((name) => [name, form.elements[name]]));
+  return { rule: rule.value, ...Object.fromEntries(Object.entries(numbers).map(([name, input]) => [name, input.valueAsNumber])) };
 }
 
 function isChanged() {
-  return Object.entries(wish()).some(([name, value]) => stored[name] !== value);
+  return Object.entries(chosenRule()).some(([name, value]) => stored[name] !== value);
 }
 
 /** Show the fields of the chosen rule and the buttons that make sense; nothing hidden may be wrong. */
 function arrange() {
-  const { rule, delta_rad_s } = wish();
+  const { rule, delta_rad_s } = chosenRule();
   for (const field of form.querySelectorAll("[data-for]")) {
     field.hidden = !field.dataset.for.split(" ").includes(rule);
     const input = field.querySelector("input[name]");
@@ -42,7 +42,7 @@ function arrange() {
 
 /** Put the slider where the number is. */
 function followNumber() {
-  const { delta_rad_s } = wish();
+  const { delta_rad_s } = chosenRule();
   if (delta_rad_s > 0) slider.value = Math.log10(delta_rad_s);
 }
 
@@ -50,7 +50,7 @@ async function drawSpeed() {
   try {
     const drawn = await motion;
     byId("speed").querySelector("p")?.remove();
-    await drawMotion(byId("speed"), drawn, preview, wish());
+    await drawMotion(byId("speed"), drawn, preview, chosenRule());
   } catch (error) {
     sayProblem(byId("speed"), error);
   }
@@ -72,7 +72,7 @@ const look = debounced(async () => {
   if (!form.checkValidity()) return;
   asked.abort();
   asked = new AbortController();
-  const query = new URLSearchParams(wish());
+  const query = new URLSearchParams(chosenRule());
   try {
     preview = await call(`/ui/episodes/${episode}/keyframes?${query}`, { signal: asked.signal });
   } catch (error) {
@@ -107,13 +107,12 @@ byId("reset").addEventListener("click", () => {
   changed();
 });
 byId("apply").addEventListener("click", async () => {
-  const { rule, delta_rad_s, interval } = wish();
-  const said = rule === "uniform" ? `every ${interval} frames` : `${rule}, at rest below ${delta_rad_s} rad/s`;
-  const text = `All ${episodes} episodes of ${task} are extracted again (${said}); later prompts show what is found then.`;
+  const { rule } = chosenRule();
+  const text = `All ${episodes} episodes of ${task} are extracted again with the rule ${rule} of the form; later prompts show what is found then.`;
   if (!(await confirmed("Apply to the whole task?", text, "Apply"))) return;
   say(byId("problem"), "busy", `Extracting ${episodes} episodes again…`);
   try {
-    await call(`/tasks/${encodeURIComponent(task)}`, { method: "PUT", json: { keyframes: wish() } });
+    await call(`/tasks/${encodeURIComponent(task)}`, { method: "PUT", json: { keyframes: chosenRule() } });
     location.assign(`${location.pathname}?applied=true`);
   } catch (error) {
     sayProblem(byId("problem"), error);

@@ -3,12 +3,13 @@
 import { CONFIG, colour, layout, plotly } from "./plot.js";
 
 const HEADROOM = 1.12;
+const looksAtRest = ({ rule }) => !["uniform", "waypoints"].includes(rule);
 
 /**
  * Draw into `place`.
  * @param motion what /ui/episodes/ID/motion answers
  * @param preview what /ui/episodes/ID/keyframes answers
- * @param rule {rule, delta_rad_s}: `authors` looks at the fastest joint, `merged` at the norm of all
+ * @param rule {rule, delta_rad_s}: `authors` looks at the fastest joint, the others at the norm of all
  */
 export async function drawMotion(place, motion, preview, rule) {
   const Plotly = await plotly();
@@ -16,7 +17,7 @@ export async function drawMotion(place, motion, preview, rule) {
   const speeds = fastest ? motion.fastest_joint_rad_s : motion.speed_rad_s;
   const name = fastest ? "fastest joint, rad/s" : "joint speed ‖q̇‖, rad/s";
   const top = Math.max(...speeds, 1e-6) * HEADROOM;
-  const threshold = rule.rule === "uniform" ? [] : [thresholdLine(rule.delta_rad_s)];
+  const threshold = looksAtRest(rule) ? [thresholdLine(rule.delta_rad_s)] : [];
   const shapes = [...threshold, ...gripperBand(motion.gripper), ...keyframeLines(preview)];
   const curve = {
     type: motion.times_s.length > 5000 ? "scattergl" : "scatter",
@@ -86,7 +87,7 @@ function annotations(motion, { keyframes }, rule, top) {
   const words = motion.gripper
     .filter(([start, end]) => (end - start) / total > 0.07)
     .map(([start, end, isOpen]) => ({ ...small, text: isOpen ? "open" : "closed", x: (start + end) / 2, yref: "y2", y: 0.5 }));
-  if (rule.rule === "uniform" || rule.delta_rad_s > top) return [...numbers, ...words];
+  if (!looksAtRest(rule) || rule.delta_rad_s > top) return [...numbers, ...words];
   const rest = { ...small, text: `at rest below ${rule.delta_rad_s}`, xref: "paper", x: 1, xanchor: "right", y: rule.delta_rad_s, yanchor: "bottom" };
   return [...numbers, ...words, { ...rest, bgcolor: colour("card"), font: { size: 12, color: colour("threshold") } }];
 }
