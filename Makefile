@@ -80,6 +80,7 @@ lock:
 	$(COMPILE) pyproject.toml --extra server --extra postgres --extra s3 --extra otel --constraint requirements-dev.lock \
 		--output-file docker/server.lock
 	$(COMPILE) docker/build.in --constraint requirements-dev.lock --output-file docker/build.lock
+	$(COMPILE) benchmarks/metaworld/requirements.in --output-file benchmarks/metaworld/requirements.txt
 
 bench: dev
 	$(BIN)/python -m benchmarks.bench
@@ -91,7 +92,7 @@ METAWORLD_STAMP := benchmarks/metaworld/.venv/.installed
 
 $(METAWORLD_STAMP): benchmarks/metaworld/requirements.txt
 	$(PYTHON) -m venv benchmarks/metaworld/.venv
-	$(METAWORLD_BIN)/python -m pip install --quiet --requirement benchmarks/metaworld/requirements.txt
+	$(METAWORLD_BIN)/python -m pip install --quiet --require-hashes --requirement benchmarks/metaworld/requirements.txt
 	touch $(METAWORLD_STAMP)
 
 metaworld: setup $(METAWORLD_STAMP)

@@ -115,7 +115,9 @@ def run_script(monkeypatch, capsys, *words):
 
 
 def test_the_robots_script_at_wrong_addresses(stranger, monkeypatch, capsys, tmp_path):
-    scene = ("--task", "x", "--instruction", "x", "--objects", str(tmp_path / "none"))
+    objects = tmp_path / "objects.json"
+    objects.write_text('[{"name": "cube", "position": [0.1, 0.1, 0.8]}]')
+    scene = ("--task", "x", "--instruction", "x", "--objects", str(objects))
     for url, expected in ((stranger, "no RoboPrompt service"), ("localhost:8000", "is no address of a service")):
         code, errors = run_script(monkeypatch, capsys, "--url", url, "predict", *scene)
         assert (code, len(errors.splitlines())) == (1, 1)

@@ -25,7 +25,7 @@ def task(http):
 def document(task):
     cameras = [camera_json(frame.camera) for frame in frames(SCENE)]
     asked = {"task": task, "instruction": INSTRUCTION, "objects": NAMES, "cameras": cameras}
-    return {**asked, "model": "regression"}
+    return {**asked, "model": "nearest"}
 
 
 def send(http, body):
@@ -36,7 +36,7 @@ def test_same_answer_as_multipart(http, task):
     packed = send(http, packed_request(document(task), frames(SCENE)))
     assert packed.status_code == 200, packed.text
     assert_found(packed.json()["objects"], SCENE)
-    parts = http.post("/predict", files=seen(task, frames(SCENE), model="regression")).json()
+    parts = http.post("/predict", files=seen(task, frames(SCENE), model="nearest")).json()
     assert [action["bins"] for action in packed.json()["actions"]] == [action["bins"] for action in parts["actions"]]
     stored = http.get(f"/predictions/{packed.json()['id']}").json()
     assert stored["cameras"] == ["front", "left"]
@@ -45,7 +45,7 @@ def test_same_answer_as_multipart(http, task):
 
 def test_client_sends_it(url, task):
     with RoboPromptClient(url, compress=False) as client:
-        predicted = client.predict(task, INSTRUCTION, Observation((), frames(SCENE), tuple(MODELS)), model="regression")
+        predicted = client.predict(task, INSTRUCTION, Observation((), frames(SCENE), tuple(MODELS)), model="nearest")
     assert_found(predicted.response["objects"], SCENE)
 
 

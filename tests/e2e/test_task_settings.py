@@ -80,7 +80,12 @@ def test_of_nested_settings_only_what_is_named_changes(http):
     assert document["keyframes"] == {
         "rule": "waypoints", "delta_rad_s": 0.1, "interval": 5, "tolerance_m": 0.02, "tolerance_deg": 10,
     }  # fmt: skip
-    assert document["motion_limits"] == {"keep_out": [], "max_step_m": 0.5, "max_step_rotation_deg": 45}
+    assert document["motion_limits"] == {
+        "keep_out": [],
+        "max_step_m": 0.5,
+        "max_step_rotation_deg": 45,
+        "hand_radius_m": 0.05,
+    }
     put(workspace={"min": [-1, -1, 0], "max": [1, 1, 1]})
     box = put(workspace={"max": [1, 1, 2]})["workspace"]
     assert box == {"preset": None, "min": [-1, -1, 0], "max": [1, 1, 2]}

@@ -55,7 +55,7 @@ def test_teach_replay_predict_and_execute(url, out):
     assert lines[0].startswith("button-press: replay 3/3, nearest 3/3, regression 3/3; ")
     with httpx.Client(base_url=url) as http:
         (task,) = [task for task in http.get("/tasks").json()["tasks"] if task["num_episodes"] == 4]
-        assert task["workspace"] == WORKSPACE
+        assert task["workspace"] == {"preset": None, **WORKSPACE}
         predictions = http.get("/predictions", params={"task": task["name"]}).json()["predictions"]
     assert [prediction["outcome"]["success"] for prediction in predictions] == [True] * 6
 
