@@ -11,7 +11,6 @@ import pytest
 from app.evaluation.server import running_server
 from tests.web.conftest import INSTRUCTION, PLACES_M, SCRIPTED_REPLY, teach, watched_page
 
-SLOW_REPLY = "[[50, 50, 28, 0, 36, 36, 1], [50, 50, 18, 0, 36, 36, 0], [50, 50, 33, 0, 36, 36, 0]]"
 PIECE_S = 0.05
 FIRST_ROW = 7  # words
 FAR_M = (0.55, 0.3, 0.785)
@@ -20,9 +19,10 @@ FAR_M = (0.55, 0.3, 0.785)
 class _SlowProvider(BaseHTTPRequestHandler):
     """An OpenAI-compatible server that stops after its first row until `go_on` is set.
 
-    `hung_up` counts the clients that did not wait.
+    `hung_up` counts the clients that did not wait; `reply` is one that demonstrations support.
     """
 
+    reply = ""
     go_on = threading.Event()
     hung_up = threading.Semaphore(0)
 
@@ -32,7 +32,7 @@ class _SlowProvider(BaseHTTPRequestHandler):
         self.send_header("Content-Type", "text/event-stream")
         self.end_headers()
         try:
-            for number, word in enumerate(SLOW_REPLY.split(" ")):
+            for number, word in enumerate(self.reply.split(" ")):
                 if number == FIRST_ROW:
                     self.go_on.wait()
                 time.sleep(PIECE_S)
@@ -100,8 +100,11 @@ def seeded(http):
     """The task `pick` with four episodes, and a prediction of every fate, by fate."""
     for k, place_m in enumerate(PLACES_M):
         teach(http, "pick", place_m, hue=30 * k)
+    copied = ask(http, PLACES_M[-1], model="nearest", representation="absolute", prompt_format="paper")
+    _SlowProvider.reply = http.get(f"/predictions/{copied}").json()["reply_text"]
+    http.delete(f"/predictions/{copied}").raise_for_status()
     return {
-        "failure": ask(http, FAR_M, False, "went beside the cube", model="regression"),
+        "failure": ask(http, FAR_M, False, "went beside the cube", model="regression", unsupported="allow"),
         "success": ask(http, success=True, model="regression", representation="object_frame"),
         "refused": ask(http, model="scripted"),
         "unknown": ask(http, model="regression"),
