@@ -119,7 +119,10 @@ class KeyframeSettings(_Settings):
 
     def in_words(self) -> str:
         """What the rule looks at, for people: ``at rest below 0.1 rad/s``."""
-        rest, path = f"at rest below {self.delta_rad_s:g} rad/s", f"within {self.tolerance_m:g} m and {self.tolerance_deg:g}°"
+        rest, path = (
+            f"at rest below {self.delta_rad_s:g} rad/s",
+            f"within {self.tolerance_m:g} m and {self.tolerance_deg:g}°",
+        )
         if self.rule == "uniform":
             return f"every {self.interval} frames"
         return {"auto": f"{rest}, else {path}", "waypoints": path}.get(self.rule, rest)

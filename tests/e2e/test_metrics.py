@@ -17,16 +17,16 @@ def counted(http, name, **labels):
 def test_predictions_tokens_outcomes_and_requests(http):
     for place_m in ((0.1, 0.1, 0.78), (0.2, -0.1, 0.78)):
         upload(http, "counted", place_m)
-    of_model = {"model": "regression", "status": "ok"}
-    stage = {"model": "regression", "stage": "outside_llm"}  # of failed predictions, too
+    of_model = {"model": "nearest", "status": "ok"}
+    stage = {"model": "nearest", "stage": "outside_llm"}  # of failed predictions, too
     before = counted(http, "roboprompt_predictions_total", **of_model)
     before_timed = counted(http, "roboprompt_prediction_stage_seconds_count", **stage)
-    question = metadata("counted", {"cube": (0.15, 0.0, 0.78)}, model="regression")
+    question = metadata("counted", {"cube": (0.15, 0.0, 0.78)}, model="nearest")
     answer = http.post("/predict", json=question).json()
     assert counted(http, "roboprompt_predictions_total", **of_model) == before + 1
-    assert counted(http, "roboprompt_llm_tokens_total", model="regression", kind="prompt_tokens") > 0
+    assert counted(http, "roboprompt_llm_tokens_total", model="nearest", kind="prompt_tokens") > 0
     assert counted(http, "roboprompt_prediction_stage_seconds_count", **stage) == before_timed + 1
-    successes = {"model": "regression", "success": "true"}
+    successes = {"model": "nearest", "success": "true"}
     outcomes_before = counted(http, "roboprompt_outcomes_total", **successes)
     http.post(f"/predictions/{answer['id']}/outcome", json={"success": True})
     assert counted(http, "roboprompt_outcomes_total", **successes) == outcomes_before + 1

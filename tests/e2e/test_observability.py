@@ -9,8 +9,7 @@ import httpx
 import pytest
 from opentelemetry.proto.collector.trace.v1.trace_service_pb2 import ExportTraceServiceRequest
 
-from tests.episodes import metadata
-from tests.reliability.service import TASK, serving, upload_files
+from tests.reliability.service import QUESTION, TASK, serving, upload_files
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +44,7 @@ def seen(tmp_path_factory, collector):
     with serving(tmp_path_factory.mktemp("observed") / "data", environment) as service:
         with httpx.Client(base_url=service.url, headers={"X-Request-ID": "robot-7.1"}) as http:
             http.post("/episodes", files=upload_files(0)).raise_for_status()
-            prediction = http.post("/predict", json=metadata(TASK, {"cube": (0.2, 0.1, 0.8)}))
+            prediction = http.post("/predict", json=QUESTION)
             odd = http.get("/healthz", headers={"X-Request-ID": "two words"})
         service.process.terminate()
         service.process.wait(30)

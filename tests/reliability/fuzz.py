@@ -11,8 +11,7 @@ from pathlib import Path
 
 import httpx
 
-from tests.episodes import metadata
-from tests.reliability.service import TASK, serving, upload_files
+from tests.reliability.service import QUESTION, serving, upload_files
 
 # An LLM whose reply is no list of actions is answered with 502, and must be.
 CONFIGURATION = """
@@ -28,7 +27,7 @@ def fuzz(data, max_examples, phases, seed=1):
     with serving(data) as service:
         for number in range(3):
             httpx.post(f"{service.url}/episodes", files=upload_files(number)).raise_for_status()
-        httpx.post(f"{service.url}/predict", json=metadata(TASK, {"cube": (0.2, 0.1, 0.8)})).raise_for_status()
+        httpx.post(f"{service.url}/predict", json=QUESTION).raise_for_status()
         (configuration := data / "schemathesis.toml").write_text(CONFIGURATION)
         program = [Path(sys.executable).with_name("schemathesis"), "--config-file", configuration]
         command = [*program, "run", f"{service.url}/openapi.json", "--no-color"]

@@ -30,6 +30,7 @@ ENVIRONMENT = {
     "ROBOPROMPT_WARM_UP": "false",
 }
 TASK = "pick"
+QUESTION = metadata(TASK, {"cube": (0.2, 0.1, 0.8)}, unsupported="allow")
 
 
 class Service:
@@ -142,7 +143,7 @@ class Load:
         return answer
 
     def _predict(self, http):
-        answer = http.post("/predict", json=metadata(TASK, {"cube": (0.2, 0.1, 0.8)}))
+        answer = http.post("/predict", json=QUESTION)
         self.statuses.add(answer.status_code)
         if answer.status_code == 200:
             self.predictions.add(answer.json()["id"])

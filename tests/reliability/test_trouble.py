@@ -6,8 +6,7 @@ import sqlite3
 import httpx
 import pytest
 
-from tests.episodes import metadata
-from tests.reliability.service import TASK, serving, upload_files
+from tests.reliability.service import QUESTION, serving, upload_files
 
 
 @pytest.fixture(scope="module")
@@ -23,7 +22,7 @@ def upload(service, number):
 
 
 def predict(service):
-    return httpx.post(f"{service.url}/predict", json=metadata(TASK, {"cube": (0.2, 0.1, 0.8)}), timeout=60)
+    return httpx.post(f"{service.url}/predict", json=QUESTION, timeout=60)
 
 
 def assert_refused(answer, words):

@@ -21,8 +21,7 @@ from pathlib import Path
 
 import httpx
 
-from tests.episodes import metadata
-from tests.reliability.service import TASK, Load, check, kill_repeatedly, serving, upload_files
+from tests.reliability.service import QUESTION, Load, check, kill_repeatedly, serving, upload_files
 
 IMAGE_MB = 256
 CUTS_OF_A_DISK = 10  # after each, everything that is stored is looked at
@@ -127,7 +126,7 @@ def serving_read_only(data):
 
 
 def _predict(service):
-    return httpx.post(f"{service.url}/predict", json=metadata(TASK, {"cube": (0.2, 0.1, 0.8)}), timeout=60)
+    return httpx.post(f"{service.url}/predict", json=QUESTION, timeout=60)
 
 
 def _problem(answer):

@@ -97,7 +97,9 @@ def test_most_recently_used_tasks_are_warmed_one_at_a_time(store):
     assert prefixes == [writer.usual_template(task).prompt.prefix for task in ("first", "third")]
 
 
-def test_uploads_in_a_row_are_warmed_once(store):
+def test_uploads_in_a_row_are_warmed_once(store, monkeypatch):
+    monkeypatch.setattr(prefix_warmer, "DEBOUNCE_S", 1.0)  # longer than any upload takes
+
     async def scenario():
         model = SlowModel()
         async with running(store, model) as warmer:
