@@ -5,8 +5,9 @@
     │   ├── ObjectSetError         the objects differ from the task's
     │   ├── ObjectNotVisibleError  no camera sees an object
     │   ├── UncertainPoseError     an object is seen, but not well enough to tell its pose
-    │   ├── UngroundedInstructionError  a phrase of the instruction stands for no object, or for several
-    │   └── UnfamiliarInstructionError  the instruction is unlike every taught one
+    │   └── InstructionError       an instruction is not clear; lists those that the task knows
+    │       ├── UngroundedInstructionError  a phrase of it stands for no object, or for several
+    │       └── UnfamiliarInstructionError  it is unlike every taught one
     ├── ReplyParseError            the LLM's reply is not a list of valid actions; carries the raw text
     ├── UnsafeActionError          an action is valid but beyond a bound of motion; names action, value and bound
     └── UnsupportedActionError     an action is valid but unlike what was demonstrated; names what was expected
@@ -52,11 +53,21 @@ class UncertainPoseError(InvalidInputError):
     """An object whose pose cannot be told from the images: hidden, ambiguous, or seen differently by the cameras."""
 
 
-class UngroundedInstructionError(InvalidInputError):
+class InstructionError(InvalidInputError):
+    """An instruction that is not clear.
+
+    Attributes:
+        choices: the instructions that the task knows, among which it may be.
+    """
+
+    choices: tuple[str, ...] = ()
+
+
+class UngroundedInstructionError(InstructionError):
     """An instruction of which a phrase stands for no object of the task, or for several."""
 
 
-class UnfamiliarInstructionError(InvalidInputError):
+class UnfamiliarInstructionError(InstructionError):
     """An instruction that is unlike every taught one, or has words that nothing explains."""
 
 

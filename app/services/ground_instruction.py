@@ -1,12 +1,13 @@
 """A request's instruction -> what it asks for, in the words of the demonstrations that the prompt shows."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
 
 from app.pipeline.episode import ObjectPose
-from app.pipeline.language import Grounded, Layout, Taught
+from app.pipeline.language import Grounded, Grounding, Layout, Taught
 from app.services.english import is_english
 from app.services.previous_step import PreviousStep
 from app.services.question import PredictRequest
@@ -38,6 +39,10 @@ def ground_instruction(
         return previous.grounded
     aliases = tuple(sorted(settings.aliases.items()))
     words = _words(tuple(pose.name for pose in objects), aliases, tuple(dict.fromkeys(taught)))
+    if request.meaning is not None:
+        grounded = words.ground(request.meaning)
+        phrases = tuple(Grounding(instruction, phrase.object_name, "llm") for phrase in grounded.phrases)
+        return replace(grounded, phrases=phrases)
     layout = Layout({pose.name: pose.position_m for pose in objects}, np.array(settings.robot_base))
     return words.ground(instruction, layout, allow_unfamiliar=request.unfamiliar == "allow")
 

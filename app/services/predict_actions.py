@@ -3,14 +3,16 @@
 import time
 from collections.abc import AsyncGenerator, Awaitable, Callable
 from contextlib import aclosing
+from dataclasses import replace
 from functools import partial
 
 import anyio.to_thread
 
 from app.llm.base import Completion, LanguageModelError, TextDelta
 from app.llm.registry import ModelRegistry
-from app.pipeline.errors import ReplyParseError, UnsafeActionError, UnsupportedActionError
+from app.pipeline.errors import InstructionError, ReplyParseError, UnsafeActionError, UnsupportedActionError
 from app.pipeline.workspace import discretize_actions
+from app.services.ask_meaning import ask_meaning
 from app.services.current_limits import ActionCheck, CurrentLimits
 from app.services.dialogue import Dialogue
 from app.services.errors import UnparsableReplyError, UnsafeReplyError, UnsupportedReplyError
@@ -20,6 +22,7 @@ from app.services.prefix_warmer import PrefixWarmer
 from app.services.question import PredictRequest, Question
 from app.services.record_prediction import Recorder
 from app.services.sampled_dialogue import SampledDialogue
+from app.services.timing import Timings, timed
 from app.services.watch_predictions import watched
 from app.services.write_question import QuestionWriter
 from app.store.under_way import UnderWayNotes
@@ -44,15 +47,37 @@ class PredictActions:
         self._under_way = under_way
         self._limits = limits
 
-    async def prepare(self, request: PredictRequest, timings_ms: dict[str, float]) -> Question:
-        """The question as it would be put to the LLM, which is not called.
+    async def prepare(
+        self, request: PredictRequest, timings_ms: dict[str, float], *, ask_meaning: bool = True
+    ) -> Question:
+        """The question as it would be put to the LLM.
+
+        Args:
+            ask_meaning: where the words of the instruction are not clear, ask a chat model which of the instructions
+                that the task knows they mean; otherwise no LLM is called.
 
         Raises:
             as QuestionWriter.
         """
         note(task=request.task)
-        question = await anyio.to_thread.run_sync(self._write_question, request, timings_ms)
+        try:
+            question = await anyio.to_thread.run_sync(self._write_question, request, timings_ms)
+        except InstructionError as error:
+            meaning = await self._meaning(request, error, timings_ms) if ask_meaning else None
+            if meaning is None:
+                raise
+            question = await anyio.to_thread.run_sync(
+                self._write_question, replace(request, meaning=meaning), timings_ms
+            )
         return question.without_frames()
+
+    async def _meaning(self, request: PredictRequest, error: InstructionError, timings_ms: Timings) -> str | None:
+        """The instruction that an unclear one stands for, if the request's model finds it."""
+        if not error.choices:
+            return None
+        with timed(timings_ms, "words"):
+            async with self._models.using(self._write_question.model_of(request)) as model:
+                return await ask_meaning(model, request.instruction, error.choices, request.timeout_s)
 
     async def __call__(self, request: PredictRequest) -> Prediction:
         """Predict and record.

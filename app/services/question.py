@@ -45,6 +45,7 @@ class PredictRequest:
         closed_loop: ask for the next action only.
         after: the id of the prediction that a closed loop goes on from; its model, demonstrations and style go on, too.
         end_effector: where the robot's end effector is, where the robot tells.
+        meaning: the instruction of the task that `instruction` means, where an LLM was asked for it.
         unfamiliar: whether an instruction unlike every taught one is refused or passed on.
         unsupported: whether an action unlike what was demonstrated is refused, or only found.
         stream_text: hand out the reply's text, too, where it is read while it arrives.
@@ -73,6 +74,7 @@ class PredictRequest:
     max_actions: int = MAX_ACTIONS
     timeout_s: float = 60.0
     end_effector: Pose | None = None
+    meaning: str | None = None
     unfamiliar: Literal["refuse", "allow"] = "refuse"
     unsupported: Unsupported = "refuse"
     stream_text: bool = False

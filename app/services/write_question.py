@@ -112,6 +112,10 @@ class QuestionWriter:
         question = replace(question, findings=findings_before(question))
         return replace(question, samples=_samples(question, told.templates)) if request.num_samples > 1 else question
 
+    def model_of(self, request: PredictRequest) -> str:
+        """The name of the model that `request` asks; raises UnknownModelError."""
+        return self._profile_of(request.model).name
+
     def usual_template(self, task_name: str) -> Template:
         """The template of a request that names nothing but the task.
 

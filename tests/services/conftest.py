@@ -1,5 +1,7 @@
 """Use cases on a store of their own, with scripted models."""
 
+from itertools import cycle
+
 import pytest
 
 from app.llm.backends import Backend
@@ -22,10 +24,21 @@ def store(tmp_path):
 
 @pytest.fixture
 def scripted(store):
-    """Services whose only model replies what the test says; replies that are exceptions are raised."""
+    """Services whose only model replies what the test says, and keeps in the list `asked` what it was asked.
 
-    def wire(*replies, **options):
-        backend = Backend(lambda model, settings: ScriptedModel(replies, **options), lambda settings: [PROFILE])
+    Replies that are exceptions are raised.
+    """
+
+    def wire(*replies, asked=None, profile=PROFILE, **options):
+        turns, kept = cycle(replies), [] if asked is None else asked
+
+        def script(request):
+            kept.append(request)
+            return next(turns)
+
+        backend = Backend(
+            lambda model, settings: ScriptedModel(script, profile=profile, **options), lambda settings: [profile]
+        )
         registry = ModelRegistry(LlmSettings(default_model="scripted"), {"scripted": backend})
         return Services.wire(store, registry, "scripted")
 

@@ -81,7 +81,7 @@ async def predict(request: Request, services: Wired, idempotency_key: Idempotenc
             if (known := await services.repeated_predictions.answer_to(idempotency_key, digest, wish)) is not None:
                 return EventSourceResponse(_events_again(known)) if streamed else JSONResponse(known)
             keep = partial(services.repeated_predictions.remember, idempotency_key, digest, wish.without_frames())
-        question = await services.predict_actions.prepare(wish, timings_ms)
+        question = await services.predict_actions.prepare(wish, timings_ms, ask_meaning=not asked.dry_run)
         del wish  # the room is given back, and with it what was decoded
     if asked.dry_run:
         return JSONResponse(dry_run_document(question, timings_ms))

@@ -221,7 +221,7 @@ class GroundingOut(BaseModel):
 
     phrase: str
     object: str
-    by: Literal["name", "alias", "spelling", "colour", "relation", "taught"]
+    by: Literal["name", "alias", "spelling", "colour", "relation", "taught", "llm"]
 
 
 class UnderstoodOut(BaseModel):

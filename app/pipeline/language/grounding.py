@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import islice, product
+from itertools import islice, permutations, product
 from typing import Any
 
 from app.pipeline.errors import UnfamiliarInstructionError
@@ -19,6 +19,7 @@ from app.pipeline.language.space import Layout
 from app.pipeline.language.words import IsWord, Word
 
 MAX_READINGS = 64  # that are compared; who needs more is ambiguous
+MAX_CHOICES = 200  # instructions that a model can be asked to choose from
 _JOINT = ", then "
 
 
@@ -27,7 +28,7 @@ class Grounding:
     """What a phrase of an instruction was taken for.
 
     Attributes:
-        by: name, alias, spelling, colour, relation, or taught (nothing named it, but what was taught does).
+        by: name, alias, spelling, colour, relation, taught (nothing named it, but what was taught does), or llm.
     """
 
     phrase: str
@@ -120,9 +121,26 @@ class Taught:
             return found[0]
         error = refusal(self, instruction, words, phrases, [each.instruction for each in found])
         if not allow_unfamiliar or not isinstance(error, UnfamiliarInstructionError):
+            error.choices = self.choices
             raise error
         text, named = passed_on(self, instruction, words, phrases)
         return Grounded(text, tuple(_told(instruction, words, named)), error.message)
+
+    @cached_property
+    def choices(self) -> tuple[str, ...]:
+        """What an instruction can stand for: the taught ones, and these about other objects."""
+        found = dict.fromkeys(self.instructions)
+        for text in islice(self._about_others(), MAX_CHOICES):
+            if len(found) < MAX_CHOICES and self._literal(text) is not None:
+                found.setdefault(text)
+        return tuple(found)
+
+    def _about_others(self) -> Iterator[str]:
+        for frame in self.frames:
+            mine = tuple(dict.fromkeys(mention.name for mention in frame.named))
+            for others in permutations(self.names, len(mine)) if frame.may_stand_alone else ():
+                if (text := frame.text_for(dict(zip(mine, others, strict=True)), self.names)) is not None:
+                    yield text
 
     @property
     def names_objects(self) -> bool:

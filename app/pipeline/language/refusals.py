@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Protocol
 
-from app.pipeline.errors import InvalidInputError, UnfamiliarInstructionError, UngroundedInstructionError
+from app.pipeline.errors import InstructionError, UnfamiliarInstructionError, UngroundedInstructionError
 from app.pipeline.language import grammar, verbs
 from app.pipeline.language.clause_parser import DIRECT
 from app.pipeline.language.frames import Frame
@@ -36,7 +36,7 @@ class Known(Protocol):
 
 def refusal(
     known: Known, instruction: str, words: Sequence[Word], phrases: NounPhrases, meanings: Sequence[str]
-) -> InvalidInputError:
+) -> InstructionError:
     """The error for an instruction without a meaning, or with several.
 
     Args:

@@ -87,7 +87,7 @@ async def predict_prompt(request: Request, services: Wired) -> Response:
     body = await read_body(request)
     async with image_work(request).room(request, body, services.limits) as decode:
         wish, _ = await questioned(decode, body, services.limits)
-        question = await services.predict_actions.prepare(wish, {})
+        question = await services.predict_actions.prepare(wish, {}, ask_meaning=False)
         del wish
     return await run_in_threadpool(_prompt_part, request, services, question)
 
