@@ -1,10 +1,10 @@
-# make setup | dev | demo | serve | test | check | audit | sbom | torture | attack | fuzz | soak | growth | bench | metaworld | format | openapi | lock
+# make setup | dev | demo | serve | test | check | audit | sbom | long | torture | attack | fuzz | soak | growth | bench | metaworld | format | openapi | lock
 PYTHON ?= python3
 BIN := .venv/bin
 STAMP := .venv/.installed
 DEV_STAMP := .venv/.installed-dev
 
-.PHONY: setup dev demo serve test check audit sbom torture attack fuzz soak growth bench metaworld lint format openapi lock clean
+.PHONY: setup dev demo serve test check audit sbom long torture attack fuzz soak growth bench metaworld lint format openapi lock clean
 
 setup: $(STAMP)
 
@@ -50,7 +50,11 @@ torture: dev
 
 # Minutes; on loopback only.
 attack: dev
-	ROBOPROMPT_ATTACK=full $(BIN)/python -m pytest -q tests/attack
+	ROBOPROMPT_ATTACK=full $(BIN)/python -m pytest -q -m "long or not long" tests/attack
+
+# What `make test` leaves out: more seeds, longer prompts, every value at every place.
+long: dev
+	$(BIN)/python -m pytest -m long
 
 fuzz: dev
 	ROBOPROMPT_FUZZ_EXAMPLES=20000 $(BIN)/python -m pytest -q tests/reliability/test_binary_fuzz.py

@@ -35,11 +35,3 @@ def http(service):
     with httpx.Client(base_url=service.url, timeout=120) as client:
         assert upload(client, "pick", (0.1, 0.1, 0.78)).status_code == 201
         yield client
-
-
-def pytest_collection_modifyitems(config, items):
-    """Leave what takes long to `make attack`."""
-    if not FULL:
-        long = [item for item in items if item.get_closest_marker("long")]
-        config.hook.pytest_deselected(items=long)
-        items[:] = [item for item in items if item not in long]

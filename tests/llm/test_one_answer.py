@@ -35,20 +35,23 @@ def pressing(x, y):
 
 
 # the near tie, and a prompt long enough for what begins at 64 tokens of a batch and 512 of a context
-QUESTIONS = [
-    asking(prompt, timeout_s=300) for prompt in (pressing(54, 39), object_frame_prompt(num_demonstrations=LONG))
-]
+TIE, BIG = pressing(54, 39), object_frame_prompt(num_demonstrations=LONG)
+
+
+@pytest.fixture(scope="module", params=[TIE, pytest.param(BIG, marks=pytest.mark.long)], ids=["tie", "big"])
+def question(request):
+    return asking(request.param, timeout_s=300)
 
 
 def fresh_model(settings):
     return EmbeddedModel(PROFILE, find_weights("gemma-3-270m", settings), OPTIONS)
 
 
-def fresh_answers(settings):
+def fresh_answer(settings, question):
     async def scenario():
         model = fresh_model(settings)
         try:
-            return await in_turn(model, QUESTIONS)
+            return (await model.complete(question)).text
         finally:
             await model.aclose()
 
@@ -64,9 +67,9 @@ async def at_once(model, requests):
 
 
 @pytest.fixture(scope="module")
-def answers(settings):
+def answer(settings, question):
     """Of the first fresh start."""
-    return fresh_answers(settings)
+    return fresh_answer(settings, question)
 
 
 @pytest.fixture(scope="module")
@@ -79,25 +82,24 @@ def model(settings, run):
     run(made.aclose())
 
 
-def test_after_every_start(settings, answers):
-    assert all(answers)
-    assert [fresh_answers(settings) for _ in range(NUM_FRESH_STARTS - 1)] == [answers] * (NUM_FRESH_STARTS - 1)
+def test_after_every_start(settings, question, answer):
+    assert answer
+    assert [fresh_answer(settings, question) for _ in range(NUM_FRESH_STARTS - 1)] == [answer] * (NUM_FRESH_STARTS - 1)
 
 
-def test_asked_again_and_after_another_question_of_the_task(model, run, answers):
-    assert [run(in_turn(model, QUESTIONS)) for _ in range(2)] == [answers, answers]
+def test_asked_again_and_after_another_question_of_the_task(model, run, question, answer):
+    assert run(in_turn(model, [question, question])) == [answer, answer]
 
 
-def test_after_other_tasks_took_the_slots(model, run, answers):
+def test_after_other_tasks_took_the_slots(model, run, question, answer):
     others = [asking(object_frame_prompt(100 + task, task), max_tokens=5) for task in range(OPTIONS.slots + 2)]
     run(at_once(model, others))
-    assert run(in_turn(model, QUESTIONS)) == answers
+    assert run(in_turn(model, [question])) == [answer]
 
 
-@pytest.mark.parametrize("k", range(len(QUESTIONS)))
-def test_among_others(model, run, answers, k):
+def test_among_others(model, run, question, answer):
     others = [asking(object_frame_prompt(200 + n, n, 2 + n % 3), timeout_s=300) for n in range(NUM_OTHERS)]
-    assert run(at_once(model, [*others[:2], QUESTIONS[k], *others[2:]]))[2] == answers[k]
+    assert run(at_once(model, [*others[:2], question, *others[2:]]))[2] == answer
 
 
 def next_tokens(llama_server, prompt, **options):
@@ -110,7 +112,9 @@ def next_tokens(llama_server, prompt, **options):
     return answer["content"], [(found["token"], found["logprob"]) for found in last["top_logprobs"]]
 
 
-PROMPTS = pytest.mark.parametrize("prompt", [request.prompt.user for request in QUESTIONS], ids=["short", "long"])
+PROMPTS = pytest.mark.parametrize(
+    "prompt", [TIE.user, pytest.param(BIG.user, marks=pytest.mark.long)], ids=["tie", "big"]
+)
 
 
 @PROMPTS

@@ -9,13 +9,14 @@ import httpx
 import numpy as np
 import pytest
 from axe_playwright_python.sync_playwright import Axe
-from playwright.sync_api import sync_playwright
+from playwright.sync_api import expect, sync_playwright
 
 from app.evaluation.server import running_server
 from tests.episodes import arrays, camera, metadata, multipart, npz, pick_trajectory
 
 PATIENCE_S = 20
 CHROMIUM = "/usr/bin/chromium"
+expect.set_options(timeout=PATIENCE_S * 1000)
 INSTRUCTION = "pick up the cube"
 PLACES_M = [(0.1 + 0.05 * k, 0.02 * k, 0.785) for k in range(4)]
 SCRIPTED_REPLY = "I would rather not move today."
