@@ -3,7 +3,6 @@
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from json import JSONDecodeError
 from types import TracebackType
 from typing import Any, Self
@@ -12,16 +11,16 @@ from uuid import uuid4
 import httpx
 from httpx_sse import SSEError, connect_sse
 
-from app.client.encoding import Part, packed_request, request_parts
+from app.client.answers import PredictedActions, problem_of
+from app.client.encoding import Part, packed_request, request_parts, scene_json
 from app.client.errors import ServiceProblemError, ServiceUnreachableError
 from app.client.robot import Observation
 from app.pipeline.addresses import without_proxy
 from app.pipeline.camera import RgbdFrame
 from app.pipeline.episode import EndEffectorAction, ObjectPose, Trajectory
-from app.pipeline.metadata import camera_json, object_json
+from app.pipeline.metadata import camera_json
 from app.pipeline.motion_guard import action_from_json
 from app.pipeline.motion_limits import MotionLimits
-from app.pipeline.reanchoring import ActionAnchor, anchor_from_json
 from app.pipeline.trajectory_npz import npz_from_trajectory
 
 KEY_VARIABLE = "ROBOPROMPT_API_KEY"
@@ -30,38 +29,6 @@ MAX_PORT = 65535
 LEARNING_TIMEOUT_S = 600.0
 CHECK_TIMEOUT_S = 1260.0  # ten predictions of at most two minutes each
 MARGIN_S = 10.0  # the service answers within the request's own deadline; this is for the way there and back
-
-
-@dataclass(frozen=True, eq=False)
-class PredictedActions:
-    """The service's answer.
-
-    Attributes:
-        id: for `record_outcome`.
-        response: the whole document: prompt, reply, usage, timings.
-        anchors: what each action hangs on; None where the service does not say.
-    """
-
-    id: str
-    actions: tuple[EndEffectorAction, ...]
-    response: Mapping[str, Any]
-    anchors: tuple[ActionAnchor | None, ...] = ()
-
-    @property
-    def findings(self) -> tuple[Mapping[str, Any], ...]:
-        """What deserves a look: `code`, `severity` (info, warning, danger), `message`, `where`."""
-        return tuple(self.response.get("findings") or ())
-
-    @property
-    def grounding(self) -> tuple[Mapping[str, Any], ...]:
-        """Which words of the instruction mean which object; empty where the service does not say."""
-        return tuple(self.response.get("grounding") or ())
-
-    @property
-    def objects(self) -> tuple[ObjectPose, ...]:
-        """The poses that the service went by, given or found in images."""
-        items = self.response.get("objects") or ()
-        return tuple(ObjectPose(item["name"], item["position"], item.get("quaternion_xyzw")) for item in items)
 
 
 class RoboPromptClient:
@@ -155,7 +122,7 @@ class RoboPromptClient:
         metadata = {
             "task": task,
             "instruction": instruction,
-            **_scene(observation, mask_ids),
+            **scene_json(observation, mask_ids),
             "control_frequency_hz": control_frequency_hz,
             "extra": dict(extra or {}),
             "prediction_id": prediction_id,
@@ -196,9 +163,9 @@ class RoboPromptClient:
             ServiceUnreachableError: if the service does not answer.
             UnsafeActionError: if what it answers is no action: a number that is not finite, no unit quaternion ...
         """
-        wish = {"timeout_s": timeout_s, **options}
-        body = self._question(task, instruction, observation, mask_ids, wish)
-        return _predicted(self._send("POST", "/predict", timeout=timeout_s + MARGIN_S, **body))
+        asked = {"timeout_s": timeout_s, **options}
+        body = self._question(task, instruction, observation, mask_ids, asked)
+        return PredictedActions.from_json(self._send("POST", "/predict", timeout=timeout_s + MARGIN_S, **body))
 
     def stream(
         self,
@@ -219,15 +186,15 @@ class RoboPromptClient:
         Raises:
             as `predict`; also after actions were given, if the rest of the reply goes wrong or does not come.
         """
-        wish = {"timeout_s": timeout_s, **options}
-        body = self._question(task, instruction, observation, mask_ids, wish)
+        asked = {"timeout_s": timeout_s, **options}
+        body = self._question(task, instruction, observation, mask_ids, asked)
         with (
             self._transport_errors("POST", "/predict"),
             connect_sse(self._http, "POST", "/predict", timeout=timeout_s + MARGIN_S, **body) as source,
         ):
             if source.response.is_error:
                 source.response.read()
-                raise ServiceProblemError(source.response.status_code, _problem(source.response))
+                raise ServiceProblemError(source.response.status_code, problem_of(source.response))
             index = 0
             for event in source.iter_sse():
                 document = event.json()
@@ -237,7 +204,7 @@ class RoboPromptClient:
                     yield action_from_json(index, document)
                     index += 1
                 elif event.event == "done":
-                    yield _predicted(document)
+                    yield PredictedActions.from_json(document)
                     return
                 elif event.event == "error":
                     raise ServiceProblemError(document.get("status", 502), document)
@@ -274,8 +241,8 @@ class RoboPromptClient:
         Raises:
             ServiceProblemError, ServiceUnreachableError.
         """
-        wish = {"objects": None if objects is None else list(objects), "episodes": episodes}
-        return self._send("POST", f"/tasks/{task}/object_models/learn", json=wish, timeout=LEARNING_TIMEOUT_S)
+        asked = {"objects": None if objects is None else list(objects), "episodes": episodes}
+        return self._send("POST", f"/tasks/{task}/object_models/learn", json=asked, timeout=LEARNING_TIMEOUT_S)
 
     def check(self, task: str, model: str | None = None) -> dict[str, Any]:
         """Predict each of a task's demonstrations from the others, see `GET /tasks/{name}/check`.
@@ -307,10 +274,10 @@ class RoboPromptClient:
         instruction: str,
         observation: Observation,
         mask_ids: Mapping[str, Sequence[int]] | None,
-        wish: Mapping[str, Any],
+        options: Mapping[str, Any],
     ) -> dict[str, Any]:
         """The body of a prediction, as arguments of httpx."""
-        document = {"task": task, "instruction": instruction, **_scene(observation, mask_ids), **wish}
+        document = {"task": task, "instruction": instruction, **scene_json(observation, mask_ids), **options}
         if (pose := observation.end_effector) is not None:
             document["end_effector"] = {"position": pose.position_m, "quaternion_xyzw": pose.quaternion_xyzw}
         if not observation.frames:
@@ -334,7 +301,7 @@ class RoboPromptClient:
         with self._transport_errors(method, path):
             response = self._http.request(method, path, **arguments)
         if response.is_error:
-            raise ServiceProblemError(response.status_code, _problem(response))
+            raise ServiceProblemError(response.status_code, problem_of(response))
         return response
 
     @contextmanager
@@ -359,28 +326,3 @@ def _connection(url: str, headers: Mapping[str, str]) -> httpx.Client:
         return httpx.Client(base_url=parsed, timeout=60, headers=headers, mounts=without_proxy(url))
     except (httpx.InvalidURL, ValueError) as error:
         raise ServiceUnreachableError(refusal) from error
-
-
-def _predicted(answer: Mapping[str, Any]) -> PredictedActions:
-    actions = tuple(action_from_json(index, item) for index, item in enumerate(answer["actions"]))
-    anchors = tuple(anchor_from_json(index, item) for index, item in enumerate(answer["actions"]))
-    return PredictedActions(answer["id"], actions, answer, anchors)
-
-
-def _scene(observation: Observation, mask_ids: Mapping[str, Sequence[int]] | None) -> dict[str, Any]:
-    unnamed = {name: list(ids) for name, ids in (mask_ids or {}).items()}
-    objects: list[dict[str, Any]] = [object_json(pose) for pose in observation.objects]
-    objects += [{"name": name} for name in observation.to_find]
-    for item in objects:
-        if (ids := unnamed.pop(item["name"], None)) is not None:
-            item["mask_ids"] = ids
-    objects += [{"name": name, "mask_ids": ids} for name, ids in unnamed.items()]
-    return {"objects": objects, "cameras": [camera_json(frame.camera) for frame in observation.frames]}
-
-
-def _problem(response: httpx.Response) -> dict[str, Any]:
-    try:
-        document = response.json()
-    except ValueError:
-        document = None
-    return document if isinstance(document, dict) else {"title": response.reason_phrase, "detail": response.text[:500]}

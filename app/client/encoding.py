@@ -8,7 +8,9 @@ import cv2
 import msgpack
 import numpy as np
 
+from app.client.robot import Observation
 from app.pipeline.camera import RgbdFrame
+from app.pipeline.metadata import camera_json, object_json
 from app.pipeline.packed_array import packed_array
 
 Part = tuple[str, bytes, str]
@@ -49,3 +51,15 @@ def _image_parts(frame: RgbdFrame) -> dict[str, Part]:
 
 def _png16(name: str, image: np.ndarray[Any, Any]) -> Part:
     return f"{name}.png", cv2.imencode(".png", image.astype(np.uint16))[1].tobytes(), "image/png"
+
+
+def scene_json(observation: Observation, mask_ids: Mapping[str, Sequence[int]] | None) -> dict[str, Any]:
+    """What the robot sees, as the requests have it: objects with a pose, with a mask, or to be found."""
+    unnamed = {name: list(ids) for name, ids in (mask_ids or {}).items()}
+    objects: list[dict[str, Any]] = [object_json(pose) for pose in observation.objects]
+    objects += [{"name": name} for name in observation.to_find]
+    for item in objects:
+        if (ids := unnamed.pop(item["name"], None)) is not None:
+            item["mask_ids"] = ids
+    objects += [{"name": name, "mask_ids": ids} for name, ids in unnamed.items()]
+    return {"objects": objects, "cameras": [camera_json(frame.camera) for frame in observation.frames]}

@@ -14,7 +14,8 @@ What the robot itself moved is not followed: after a release the object's next p
 from collections import Counter
 from collections.abc import Callable, Mapping
 
-from app.client.client import PredictedActions, RoboPromptClient
+from app.client.answers import PredictedActions
+from app.client.client import RoboPromptClient
 from app.client.errors import ObjectLostError, ServiceProblemError
 from app.client.robot import Observation, Robot
 from app.pipeline.episode import EndEffectorAction, ObjectPose

@@ -5,7 +5,8 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from app.client.client import PredictedActions, RoboPromptClient
+from app.client.answers import PredictedActions
+from app.client.client import RoboPromptClient
 from app.client.danger import Confirm, NotConfirmedError, OnDanger, heed, what_to_do
 from app.client.look_again import Eyes, Follower
 from app.client.robot import Robot

@@ -5,7 +5,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from app.client.client import PredictedActions, RoboPromptClient
+from app.client.answers import PredictedActions
+from app.client.client import RoboPromptClient
 from app.client.errors import ServiceProblemError
 from app.client.loop import run_closed_loop
 from app.client.robot import MotionError, Observation, Robot

@@ -5,7 +5,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from app.client.client import PredictedActions, RoboPromptClient
+from app.client.answers import PredictedActions
+from app.client.client import RoboPromptClient
 from app.client.errors import ObjectLostError, ServiceProblemError
 from app.client.loop import run_task
 from app.client.robot import MotionError, Observation

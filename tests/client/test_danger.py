@@ -2,7 +2,7 @@
 
 import pytest
 
-from app.client.client import PredictedActions
+from app.client.answers import PredictedActions
 from app.client.errors import DangerError
 from app.client.loop import NotConfirmedError, run_task
 from app.pipeline.errors import InvalidInputError

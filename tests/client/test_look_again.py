@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from app.client.client import PredictedActions
+from app.client.answers import PredictedActions
 from app.client.errors import ObjectLostError, ServiceProblemError
 from app.client.loop import run_task
 from app.client.robot import Observation

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from app.client.client import PredictedActions
+from app.client.answers import PredictedActions
 from app.client.errors import ServiceProblemError
 from app.client.loop import NotConfirmedError, run_closed_loop, run_task
 from app.client.robot import MotionError, Observation

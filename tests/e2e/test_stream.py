@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from httpx_sse import connect_sse
 
-from app.client.client import PredictedActions, RoboPromptClient
+from app.client.answers import PredictedActions
+from app.client.client import RoboPromptClient
 from app.client.errors import ServiceProblemError, ServiceUnreachableError
 from app.client.loop import NotConfirmedError, run_closed_loop, run_task
 from app.client.robot import MotionError, Observation
