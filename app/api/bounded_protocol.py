@@ -14,7 +14,7 @@ HEAD_TIMEOUT_S = 10.0
 BODY_TIMEOUT_S = 20.0
 SLOWEST_BYTES_PER_S = 50_000
 READER_TIMEOUT_S = 60.0  # for an answer's next piece, or its last
-# Connections that are open although they are too many: they are told so, by uvicorn's limit_concurrency.
+# Connections that are open although they are too many: they are answered so, by uvicorn's limit_concurrency.
 REFUSED_CONNECTIONS = 100
 
 

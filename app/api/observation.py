@@ -1,4 +1,4 @@
-"""How long requests take, told to the metrics and to the log."""
+"""How long requests take, for the metrics and the log."""
 
 import logging
 import re

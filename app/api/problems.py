@@ -68,7 +68,7 @@ KINDS: Mapping[type[Exception], Kind] = {
     InvalidInputError: Kind(422, "invalid-input", "A value is not valid"),
     ObjectSetError: Kind(422, "object-set", "The objects are not those of the task"),
     ObjectNotVisibleError: Kind(422, "object-not-visible", "No camera sees an object"),
-    UncertainPoseError: Kind(422, "uncertain-pose", "An object's pose cannot be told from the images"),
+    UncertainPoseError: Kind(422, "uncertain-pose", "The images do not show an object's pose"),
     UngroundedInstructionError: Kind(422, "ungrounded-instruction", "It is not clear which object is meant"),
     UnfamiliarInstructionError: Kind(422, "unfamiliar-instruction", "The instruction is unlike what was taught"),
     PoseServerUnavailableError: Kind(503, "pose-server-unavailable", "The pose server cannot be reached"),

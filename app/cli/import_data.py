@@ -18,7 +18,7 @@ from app.datasets.apart import open_apart
 from app.datasets.errors import DatasetError
 from app.datasets.formats import FORMATS
 from app.datasets.limits import MAX_UNPACKED_BYTES, MEGABYTE, ReadLimits
-from app.datasets.mapping import read_wishes
+from app.datasets.mapping import read_changes
 from app.datasets.objects import KnownObjects, read_objects
 from app.datasets.options import ImportOptions
 from app.datasets.recording import Dataset
@@ -58,10 +58,10 @@ def import_data(
     console = Console(stderr=as_json)
     try:
         known = KnownObjects() if objects is None else read_objects(objects)
-        wishes = read_wishes(mapping, tuple(feature or ()))
+        changes = read_changes(mapping, tuple(feature or ()))
         cameras = None if camera is None else tuple(camera)
         limits = ReadLimits(int(max_unpacked_mb * MEGABYTE))
-        with open_apart(path, ImportOptions(task, instruction, known, cameras, wishes, limits), form) as dataset:
+        with open_apart(path, ImportOptions(task, instruction, known, cameras, changes, limits), form) as dataset:
             summary = _import(dataset, None if dry_run else address, console)
     except (DatasetError, InvalidInputError) as error:
         console.print(str(error), markup=False, soft_wrap=True)

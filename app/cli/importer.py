@@ -49,7 +49,7 @@ def import_dataset(dataset: Dataset, client: RoboPromptClient) -> Iterator[Resul
 
 
 def check_dataset(dataset: Dataset) -> Iterator[Result]:
-    """What an import would do, as far as that can be told without the service."""
+    """What an import would do, as far as it is known without the service."""
     return _each(dataset, _check)
 
 

@@ -12,7 +12,7 @@ from app.cli.opened_store import EnvFile, settings_of
 if TYPE_CHECKING:
     from app.settings import Settings
 
-GRACE_S = 10  # for requests under way when the service is told to stop
+GRACE_S = 10  # for requests under way when the service has to stop
 
 
 def serve(

@@ -38,7 +38,7 @@ def run_task(
     Whatever goes wrong, Ctrl-C included, the robot is stopped where it is before the error goes on.
 
     Args:
-        limits: what the robot may be told, whatever the service says; None: what the service says of the task.
+        limits: what the robot may do, whatever the service says; None: what the service says of the task.
         pinned: bounds of the robot's own that hold as well, so that nobody at the service can widen them.
         confirm: asked before each action, with its index; the run ends where it says no.
         stream: begin to move while the LLM still writes; otherwise nothing moves until the whole reply is known to be
@@ -152,7 +152,7 @@ def run_closed_loop(
     Raises:
         as `run_task`; the robot is stopped before.
     """
-    wish = {**options, "closed_loop": True}
+    asked = {**options, "closed_loop": True}
     guard: MotionGuard | None = None
     try:
         allowed = _allowed(client, task, limits, pinned)
@@ -161,14 +161,14 @@ def run_closed_loop(
             if guard is None:
                 allowed.require_start(observation.end_effector)
                 guard = MotionGuard(allowed, max_steps, observation.end_effector)
-            predicted = client.predict(task, instruction, observation, **wish)
+            predicted = client.predict(task, instruction, observation, **asked)
             for action in predicted.actions:
                 guard.check(action)
             yield predicted
             if not predicted.actions:
                 return
             _execute(robot, index, predicted.actions[0], confirm)
-            wish["after"] = predicted.id
+            asked["after"] = predicted.id
     except BaseException:
         robot.stop()
         raise
@@ -177,8 +177,8 @@ def run_closed_loop(
 def _allowed(
     client: RoboPromptClient, task: str, limits: MotionLimits | None, pinned: MotionLimits | None
 ) -> MotionLimits:
-    told = limits or client.motion_limits(task)
-    return told if pinned is None else told.intersection(pinned)
+    of_task = limits or client.motion_limits(task)
+    return of_task if pinned is None else of_task.intersection(pinned)
 
 
 def _execute(robot: Robot, index: int, action: EndEffectorAction, confirm: Confirm | None) -> None:

@@ -98,8 +98,8 @@ def _parcel(archive: zipfile.ZipFile, names: list[str], digests: Mapping[str, st
         parts = {"trajectory": files.pop(TRAJECTORY), **files}
     except (KeyError, ValueError) as error:
         raise DamagedError(names[0], f"the episode is not complete: {error}") from error
-    wishes = {"task": options.task, "instruction": options.instruction}
-    metadata.update({name: wish for name, wish in wishes.items() if wish is not None})
+    given = {"task": options.task, "instruction": options.instruction}
+    metadata.update({name: value for name, value in given.items() if value is not None})
     return Parcel(metadata, parts)
 
 

@@ -102,8 +102,8 @@ def _exported(scene: Scene, columns: Columns, mapping: FeatureMap, options: Impo
     metadata = dict(scene.metadata)
     tracked = _tracked(columns, [item["name"] for item in metadata["objects"]])
     trajectory = trajectory_of(columns, mapping.changed({"objects": tracked}), metadata["control_frequency_hz"])
-    wishes = {"task": options.task, "instruction": options.instruction}
-    metadata.update({name: wish for name, wish in wishes.items() if wish is not None})
+    given = {"task": options.task, "instruction": options.instruction}
+    metadata.update({name: value for name, value in given.items() if value is not None})
     return Parcel(metadata, {"trajectory": npz_from_trajectory(trajectory), **scene.images})
 
 

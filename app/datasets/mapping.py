@@ -79,16 +79,16 @@ class FeatureMap:
             remedy = ", ".join(ROTATION_FORMATS)
             raise InvalidInputError("mapping.rotation_format", f"is {self.rotation_format!r}", remedy)
 
-    def changed(self, wishes: Mapping[str, Any]) -> "FeatureMap":
-        """With those parts replaced that `wishes`, a JSON document, names.
+    def changed(self, changes: Mapping[str, Any]) -> "FeatureMap":
+        """With those parts replaced that `changes`, a JSON document, names.
 
         Raises:
             DatasetError: for a part that does not exist.
         """
         known = [item.name for item in fields(self)]
-        if unknown := set(wishes) - set(known):
+        if unknown := set(changes) - set(known):
             raise DatasetError(f"mapping: {sorted(unknown)[0]!r} is none of {', '.join(known)}")
-        values = dict(wishes)
+        values = dict(changes)
         if any(name.startswith("gripper_open") for name in values):
             values = {"gripper_open_above": None, "gripper_open_below": None, **values}
         try:
@@ -101,24 +101,24 @@ class FeatureMap:
             raise DatasetError(f"mapping: {error}: see docs/datasets.md for the form") from error
 
 
-def read_wishes(path: Path | None, pairs: tuple[str, ...]) -> dict[str, Any]:
+def read_changes(path: Path | None, pairs: tuple[str, ...]) -> dict[str, Any]:
     """What the user says of the mapping: the JSON file's document, and over it pairs `part=column`.
 
     Raises:
         DatasetError: naming the file or the pair.
     """
-    wishes: dict[str, Any] = {}
+    changes: dict[str, Any] = {}
     if path is not None:
         try:
-            wishes.update(json.loads(path.read_text()))
+            changes.update(json.loads(path.read_text()))
         except (OSError, ValueError, TypeError) as error:
             raise DatasetError(f"{path}: {error}") from error
     for pair in pairs:
         part, equals, column = pair.partition("=")
         if not equals:
             raise DatasetError(f"--feature {pair!r}: write part=column, e.g. gripper=action[6]")
-        wishes[part] = float(column) if part.startswith("gripper_open") else column
-    return wishes
+        changes[part] = float(column) if part.startswith("gripper_open") else column
+    return changes
 
 
 def _camera(value: Mapping[str, Any]) -> MappedCamera:

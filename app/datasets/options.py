@@ -11,7 +11,7 @@ from app.pipeline.wording import NAME_PATTERN
 
 @dataclass(frozen=True)
 class ImportOptions:
-    """Wishes that hold for every episode.
+    """What holds for every episode.
 
     Attributes:
         task, instruction: instead of what the dataset says.

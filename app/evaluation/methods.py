@@ -96,15 +96,15 @@ def methods_beside(model: str | None, representation: str | None) -> tuple[Metho
         model: a name from `GET /models`; None: the service's default.
         representation: None: what suits the model.
     """
-    wishes: dict[str, Any] = {"model": model, "representation": representation}
-    options = {name: value for name, value in wishes.items() if value is not None}
+    given: dict[str, Any] = {"model": model, "representation": representation}
+    options = {name: value for name, value in given.items() if value is not None}
     label = ", ".join([model or "default LLM", representation or "its representation"])
     paper = Method("the same LLM, paper's format", {**options, **PAPER})
     return Method(label, options), paper, REGRESSION, REPLAY
 
 
 def with_poses(methods: Iterable[Method], poses: Poses) -> tuple[Method, ...]:
-    """The methods with the service finding poses as told; those that do not ask it stay as they are.
+    """The methods with the service finding poses in the given way; those that do not ask it stay as they are.
 
     Raises:
         InvalidInputError: for a method that needs given poses.

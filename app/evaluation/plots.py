@@ -18,7 +18,7 @@ FORMATS = ("png", "svg")
 SIZE_IN = (6.4, 4.0)
 PAPER = " (paper)"
 GAP_MIDDLE = 0.5  # of the room between two tasks' bars, in bars
-# marker, size and whether it is filled: several at one place remain to be told apart
+# marker, size and whether it is filled: several at one place can still be distinguished
 MARKS = {
     "RoboPrompt": ("D", 16, True),
     "VoxPoser": ("o", 40, False),

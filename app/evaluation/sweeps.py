@@ -71,7 +71,7 @@ SWEEPS: Mapping[str, Sweep] = {
         tuple(Method(f"{number} demonstrations", {"num_demonstrations": number}) for number in DEMONSTRATIONS),
     ),
     "selection": Sweep(
-        "which of thirty demonstrations are shown, in the paper's noise: nearest ones fit, but are read anew",
+        "which of thirty demonstrations are shown, in the paper's noise: nearest ones fit, but are read again",
         tuple(_selected(selection, shown) for shown in (3, 10) for selection in SELECTIONS),
     ),
     "system_prompts": Sweep(

@@ -137,8 +137,8 @@ def _asked(trials: Sequence[Trial], method: Method) -> str:
     asked = dict.fromkeys(f"{a['model']}, {a['representation']}, {a['prompt_format']}" for a in answers)
     shift = {"objects moved by m": method.shift_m} if method.shift_m else {}
     own = {**method.options, **method.settings, **_noise_of(method), **shift}
-    told = {name: value for name, value in own.items() if name not in ("model", "representation", "prompt_format")}
-    return "; ".join([*asked, *(f"{name} {json.dumps(value)}" for name, value in told.items())]) or NOTHING
+    further = {name: value for name, value in own.items() if name not in ("model", "representation", "prompt_format")}
+    return "; ".join([*asked, *(f"{name} {json.dumps(value)}" for name, value in further.items())]) or NOTHING
 
 
 def _noise_of(method: Method) -> dict[str, Any]:

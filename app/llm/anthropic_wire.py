@@ -28,7 +28,7 @@ class Quirks:
     Attributes:
         fields: of every request; they turn thinking off, or down where it cannot be turned off.
         thinks: thinking stays on.
-        temperature: the model can be told to decode greedily.
+        temperature: the model can be asked to decode greedily.
     """
 
     fields: Mapping[str, Any]

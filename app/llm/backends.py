@@ -57,7 +57,7 @@ def _network_limits(settings: LlmSettings) -> Limits:
 
 
 def _embedded_limits(settings: LlmSettings) -> Limits:
-    """Of a model's slots. A second try finds llama.cpp started anew if it died."""
+    """Of a model's slots. A second try finds llama.cpp started again if it died."""
     return Limits(settings.embedded_slots, settings.llm_queued_requests, retries=1, each_model=True)
 
 

@@ -57,8 +57,8 @@ class ModelProfile:
         style: `completion` continues raw text; `chat` takes a system and a user message.
         grammar: whether the backend can force the reply into a GBNF grammar.
         representation: the representation that suits the model best; used when a request names none.
-        prompt_format: likewise for the prompt format.
-        system_prompt: likewise for the system prompt (a variant's name, or `none`).
+        prompt_format: the prompt format that suits it best, used in the same way.
+        system_prompt: the system prompt that suits it best (a variant's name, or `none`).
         description: one line for people.
     """
 

@@ -8,7 +8,7 @@ from app.llm.streaming import Pieces, cut, spoken, whole_within_deadline, within
 
 
 class ComputedModel:
-    """Computes each reply anew.
+    """Computes each reply from its request.
 
     Args:
         reply_to: may raise a LanguageModelError.

@@ -94,7 +94,7 @@ class EmbeddedModel:
             raise
 
     async def _running(self) -> _Running:
-        """The server, which all callers start together; one that failed or died is started anew."""
+        """The server, which all callers start together; one that failed or died is started again."""
         if self._closed:
             raise ModelUnavailableError(f"{self._profile.name} is closed")
         if self._start is None or _has_ended(self._start):

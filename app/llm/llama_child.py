@@ -72,7 +72,7 @@ def _compute_each_token_alike(params: Any, xllamacpp: Any) -> None:  # noqa: ANN
     # Keys of 16 or 32 bits would be attended in tiles for 64 tokens, and in one part per thread for one token.
     params.cache_type_k = xllamacpp.ggml_type.GGML_TYPE_Q8_0
     # Sums of values of type F16 would be rounded to 16 bits. Those of type F32 take a third longer to decode: they are
-    # fetched from memory anew for every token.
+    # fetched from memory again for every token.
     params.cache_type_v = xllamacpp.ggml_type.GGML_TYPE_BF16
 
 

@@ -29,7 +29,7 @@ class Quirks:
     Attributes:
         max_tokens_field: what the limit of the reply's length is called.
         cache_key_field: what routes requests with the same prefix to the same cache, if the server knows such a field.
-        prefix_mark: put on the part of the message up to which the server caches, if it wants to be told.
+        prefix_mark: put on the part of the message up to which the server caches, if it has to be marked.
         grammar_path: the field, within fields, that takes a GBNF grammar.
         schema: the chat endpoint holds replies to a JSON Schema in `response_format`, also to one of a bare list.
         extra: further fields of every request.
@@ -71,8 +71,8 @@ HOSTS: Mapping[str, Quirks] = {
     "api.openai.com": Quirks(max_tokens_field="max_completion_tokens", cache_key_field="prompt_cache_key", openai=True),
     "openrouter.ai": Quirks(prefix_mark=("cache_control", {"type": "ephemeral"})),
 }
-# From GPT-5.6 on, OpenAI caches up to the end of the last message, which differs from query to query, unless it is told
-# where the prefix ends ("Prompt caching" of OpenAI's guides: prompt_cache_breakpoint, prompt_cache_options).
+# From GPT-5.6 on, OpenAI caches up to the end of the last message, which differs from query to query, unless the
+# request says where the prefix ends ("Prompt caching" of OpenAI's guides: prompt_cache_breakpoint, prompt_cache_options).
 EXPLICIT_CACHE_SINCE = (5, 6)
 EXPLICIT_CACHE = Quirks(
     prefix_mark=("prompt_cache_breakpoint", {"mode": "explicit"}),

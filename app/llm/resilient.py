@@ -27,7 +27,7 @@ PATIENCE_S = 10.0  # a request that gave its provider less says nothing about th
 class ResilientModel:
     """A model behind a guard: a place among the concurrent requests, retries, and the circuit.
 
-    Retries happen before the first piece of a stream only: what a robot has begun to execute is not asked for anew. A
+    Retries happen before the first piece of a stream only: what a robot has begun to execute is not asked for again. A
     whole reply that breaks off is.
     Everything, waiting included, happens within the request's deadline.
 

@@ -1,4 +1,4 @@
-"""A backend that replies what it was told to reply: for tests, and for trying out a service without a model."""
+"""A backend that gives the replies of a script: for tests, and for trying out a service without a model."""
 
 from collections.abc import Callable, Sequence
 from itertools import cycle

@@ -1,7 +1,7 @@
 """One llama.cpp process for all processes that use a model on this machine, such as several uvicorn workers.
 
 Whoever needs the model first starts it and writes its address and key to a file that only this user can read; the
-others read it. When its owner ends, llama.cpp ends, too; the next one that needs it starts it anew.
+others read it. When its owner ends, llama.cpp ends, too; the next one that needs it starts it again.
 """
 
 import fcntl

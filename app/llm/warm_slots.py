@@ -10,7 +10,7 @@ PATIENCE_S = 5.0
 
 
 class WarmSlots:
-    """Lets a request wait for a slot that knows its prefix, rather than read the prefix anew in another slot.
+    """Lets a request wait for a slot that knows its prefix, rather than read the prefix again in another slot.
 
     llama.cpp itself picks the idle slot that shares most of a prompt, but of the requests that come at once each gets
     another slot: four robots that begin together would each wait until all four slots have read the same. Who has

@@ -18,7 +18,7 @@ class ObjectQuery:
 
     Attributes:
         position_m: (3,) in the world frame, where the caller has it.
-        quaternion_xyzw: (4,) in the world frame, likewise.
+        quaternion_xyzw: (4,) in the world frame, where the caller has it.
         mask_ids: the ids that its pixels have in the mask images.
         model: what is known of its looks beforehand, for estimators that need it.
     """
@@ -56,6 +56,6 @@ class PoseEstimator(Protocol):
         Raises:
             InvalidInputError: if a query lacks what this estimator needs.
             ObjectNotVisibleError: if no camera sees an object; names it.
-            UncertainPoseError: if an object is seen, but its pose cannot be told; names it, the cameras and why.
+            UncertainPoseError: if an object is seen, but its pose is not certain; names it, the cameras and why.
         """
         ...

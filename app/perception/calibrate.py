@@ -30,7 +30,7 @@ class Calibration:
         max_px: the farthest of them.
         corners: how many were seen, over all pictures.
         position_sigma_m: standard deviation of where the board lies before the camera, as the corners' errors suggest.
-        rotation_sigma_rad: likewise of the camera's rotation.
+        rotation_sigma_rad: the same of the camera's rotation.
     """
 
     camera: Camera

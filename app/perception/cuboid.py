@@ -126,7 +126,7 @@ def _checked(frames: Sequence[RgbdFrame]) -> Sequence[RgbdFrame]:
 
 
 def _in_order(models: dict[str, CuboidModel]) -> list[str]:
-    """The objects' names, each after those that it is told apart by.
+    """The objects' names, each after those that distinguish it.
 
     Raises:
         InvalidInputError: if one refers to an object that is not asked for, or to itself in the end.

@@ -109,7 +109,7 @@ def _decode(
 
 
 def num_pixels(data: bytes) -> int:
-    """How many pixels the image claims to have; 0 if that cannot be told: then it cannot be decoded, either."""
+    """How many pixels the image claims to have; 0 if that is not known: then it cannot be decoded, either."""
     if data.startswith(_NPY):
         with suppress(InvalidInputError):
             shape = array_from_npy("", data, "").shape

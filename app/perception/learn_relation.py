@@ -1,4 +1,4 @@
-"""How an object is told from its like, and its yaws from each other, by where other objects are."""
+"""How where other objects are distinguishes an object from its like, and its yaws from each other."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -82,7 +82,7 @@ def _rank_of(position_m: Array, places_m: Sequence[Array], anchor_m: Array) -> i
 
 
 def _alike(one: CuboidModel, other: CuboidModel) -> bool:
-    """Whether an object cannot be the anchor since it has to be told from its like itself."""
+    """Whether an object cannot be the anchor since it has to be distinguished from its like itself."""
     middle = [
         (model.color.hue_deg[0] + ((model.color.hue_deg[1] - model.color.hue_deg[0]) % 360) / 2)
         for model in (one, other)

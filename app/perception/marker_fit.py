@@ -31,7 +31,7 @@ class MarkerFit:
         cost: the sum of squared errors, each in units of its standard deviation.
         corner_rms_px: the corners' distance from where the pose puts them.
         position_sigma_m: the position's standard deviation, as the measurements' own suggest.
-        rotation_sigma_rad: likewise.
+        rotation_sigma_rad: the same of its rotation.
         rival_cost: that of the other pose from which the corners look nearly the same; infinite if there is none.
     """
 

@@ -1,4 +1,4 @@
-"""What the estimator `masks` can be told of an object."""
+"""What can be set for an object of the estimator `masks`."""
 
 from dataclasses import dataclass, field
 from typing import Literal

@@ -16,7 +16,7 @@ from app.pipeline.episode import ObjectPose
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.geometry import transform_points
 
-# Okabe and Ito, "Color Universal Design" (2008): told apart by the colour-blind, too
+# Okabe and Ito, "Color Universal Design" (2008): the colour-blind distinguish them, too
 PALETTE: tuple[Color, ...] = (
     (230, 159, 0),
     (86, 180, 233),

@@ -97,7 +97,7 @@ class PoseServer:
         return document
 
     def _refusal(self, response: httpx.Response, body: bytes, problem: object) -> InvalidInputError:
-        """A 422 of the service's own kind as the error that it was there; of another kind, as far as it can be told."""
+        """A 422 of the service's own kind as the error that it was there; of another kind, as far as it is known."""
         if not isinstance(problem, dict) or not isinstance(problem.get("errors"), list) or not problem["errors"]:
             return InvalidInputError("cameras", f"the pose server {self.url} refused them: {_shown(response, body)}")
         first = problem["errors"][0] if isinstance(problem["errors"][0], dict) else {}

@@ -16,7 +16,7 @@ from app.pipeline.geometry import canonical_pose
 
 NOTED_DISTANCE_M = 0.01  # cameras that differ by more are mentioned in the pose's reason
 MAX_DISTANCE_M = 0.03  # by more than this, no pose is given: one of them must be wrong
-NOTED_TURN_DEG, MAX_TURN_DEG = 8.0, 20.0  # likewise for rotations
+NOTED_TURN_DEG, MAX_TURN_DEG = 8.0, 20.0  # the same for rotations
 REMEDY = "a view in which it is whole and alone of its kind, or a further camera"
 
 

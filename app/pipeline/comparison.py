@@ -1,4 +1,4 @@
-"""How far a prediction is from what its demonstrations did, told relative to the objects as they did it."""
+"""How far a prediction is from what its demonstrations did, relative to the objects as they did it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -39,7 +39,7 @@ class ActionDeviation:
     Attributes:
         offset_m: from the demonstrations' median place.
         spread_m: of the farthest demonstration from there.
-        turn_deg, turn_spread_deg: likewise, from their mean rotation.
+        turn_deg, turn_spread_deg: the same of the rotation, from their mean rotation.
         gripper_shown: whether some demonstration has the gripper like this.
     """
 

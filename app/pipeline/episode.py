@@ -32,7 +32,7 @@ class Trajectory:
         timestamps_s: (T,) increasing, or None.
         joint_positions_rad: (T, 7), or None.
         object_positions_m: (T, N, 3) of the scene's N objects in the world frame, or None: for closed-loop prompts.
-        object_quaternions_xyzw: (T, N, 4) likewise, or None; only beside positions.
+        object_quaternions_xyzw: (T, N, 4) of the same objects, or None; only beside positions.
     """
 
     joint_velocities_rad_s: Array

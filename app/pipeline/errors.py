@@ -50,7 +50,7 @@ class ObjectNotVisibleError(InvalidInputError):
 
 
 class UncertainPoseError(InvalidInputError):
-    """An object whose pose cannot be told from the images: hidden, ambiguous, or seen differently by the cameras."""
+    """An object whose pose the images do not show: hidden, ambiguous, or seen differently by the cameras."""
 
 
 class InstructionError(InvalidInputError):
@@ -86,7 +86,7 @@ class ReplyParseError(RoboPromptError):
 
 
 class UnsafeActionError(RoboPromptError):
-    """An action that no robot may be told. It is reported, never clipped.
+    """An action that no robot may carry out. It is reported, never clipped.
 
     Args:
         index: of the action, from 0.

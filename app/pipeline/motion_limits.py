@@ -33,7 +33,7 @@ class Pose(NamedTuple):
 
 @dataclass(frozen=True)
 class MotionLimits:
-    """Bounds of what a robot may be told.
+    """Bounds of what a robot may be asked to do.
 
     Attributes:
         workspace: every target lies inside; None: no such bound.

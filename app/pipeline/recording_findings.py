@@ -1,4 +1,4 @@
-"""What is odd in a recording: told when it is uploaded, so that the person can record it again at once."""
+"""What is odd in a recording: reported when it is uploaded, so that the person can record it again at once."""
 
 from collections.abc import Iterator, Sequence
 

@@ -50,7 +50,7 @@ class Dialogue:
     async def actions(self, *, piecewise: bool) -> AsyncGenerator[Sequence[EndEffectorAction] | TextDelta, None]:
         """The actions of every reply, as many at a time as became complete together.
 
-        With `piecewise` also its text, if the request wishes it.
+        With `piecewise` also its text, if the request asks for it.
 
         Args:
             piecewise: hand out each as soon as its row is complete; otherwise when its reply is.
@@ -143,7 +143,7 @@ class Dialogue:
     async def _arriving(
         self, reader: ReplyReader, max_actions: int
     ) -> AsyncGenerator[Sequence[EndEffectorAction] | TextDelta | Completion, None]:
-        """The actions as their rows become complete, and the text, if it is wished; last the completion."""
+        """The actions as their rows become complete, and the text, if it is asked for; last the completion."""
         async with aclosing(self._pieces(max_actions)) as pieces:
             while True:
                 said = len(self.reply_text or "")

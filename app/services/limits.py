@@ -51,7 +51,7 @@ class Limits:
         self.check_views(objects, cameras)
 
     def check_views(self, objects: Sequence[str], cameras: Sequence[str]) -> None:
-        """As `check_scene`, where neither task nor instruction is told."""
+        """As `check_scene`, where neither task nor instruction is given."""
         _check("objects", len(objects), self.max_objects, "objects")
         _check("cameras", len(cameras), self.max_cameras, "cameras")
         self.check_names("objects.name", objects)

@@ -49,7 +49,7 @@ class Metrics:
             registry=registry,
         )
         self._outcomes = Counter(
-            "roboprompt_outcomes", "How robots fared, as they told", ("model", "success"), registry=registry
+            "roboprompt_outcomes", "How robots fared, as they reported", ("model", "success"), registry=registry
         )
 
     def observe_request(self, method: str, route: str, status: int, seconds: float) -> None:
@@ -77,7 +77,7 @@ class Metrics:
             self._tokens.labels(model, kind).inc(number)
 
     def observe_outcome(self, model: str, *, success: bool) -> None:
-        """Note what a robot told of a prediction."""
+        """Count the outcome that a robot reports."""
         self._outcomes.labels(self._label(model), str(success).lower()).inc()
 
     def _label(self, model: str) -> str:

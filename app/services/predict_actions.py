@@ -104,7 +104,7 @@ class PredictActions:
     async def answer(
         self, question: Question, timings_ms: dict[str, float], started_s: float, *, piecewise: bool
     ) -> AsyncGenerator[PredictedAction | TextDelta | Prediction, None]:
-        """The actions (and, if wished, pieces of text) as they become complete, then the whole prediction, recorded.
+        """The actions (and, if asked for, pieces of text) as they become complete, then the whole prediction, recorded.
 
         Args:
             started_s: when the request came, by `time.perf_counter`.

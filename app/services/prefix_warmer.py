@@ -23,7 +23,7 @@ logger = logging.getLogger(__name__)
 
 
 class PrefixWarmer:
-    """Sends the default model the prefixes of tasks: the most recently used at start-up, each anew when it changes.
+    """Sends the default model the prefixes of tasks: the most recently used at start-up, each again when it changes.
 
     One at a time, and only while no prediction is under way: one that begins ends the request, which is sent again
     later and then finds in the model's cache what had been read. All of it happens on the event loop of `run`, but
@@ -111,7 +111,7 @@ class PrefixWarmer:
             del self._due_s[task]
 
     async def _read(self, task: str) -> None:
-        """Let the model read the task's prefix; what goes wrong will go wrong, and be told, when a robot asks."""
+        """Let the model read the task's prefix; what goes wrong is the answer when a robot asks."""
         try:
             template = await anyio.to_thread.run_sync(self._write.usual_template, task)
             prompt = Prompt(template.prompt.system, template.prompt.prefix, "")

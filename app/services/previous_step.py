@@ -41,7 +41,7 @@ class PreviousStep:
         """
         prefix = template.prompt.prefix
         if not self.prompt_user.startswith(prefix):
-            raise ConflictError("the demonstrations have changed since the last step: begin the closed loop anew")
+            raise ConflictError("the demonstrations have changed since the last step: begin the closed loop again")
         codec = template.at_step(self.step).codec
         reply = codec.reply_text(codec.rows(self.reply_text, complete=True))
         return f"{self.prompt_user[len(prefix) :]}{reply}{codec.separator}"

@@ -31,7 +31,7 @@ class RunJobs:
 
     Args:
         lease: how long a claim holds unless it is renewed.
-        on_done: told the task of each job that succeeded.
+        on_done: called with the task of each job that succeeded.
         extract: extracts a batch of episodes again, perhaps elsewhere; None: here, one after the other.
         batch: episodes between two renewals of the claim.
     """

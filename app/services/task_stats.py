@@ -17,7 +17,7 @@ class Standing:
 
     @property
     def rate(self) -> SuccessRate:
-        """Of the predictions whose outcome was told."""
+        """Of the predictions whose outcome is known."""
         return SuccessRate(self.counts.successes, self.counts.successes + self.counts.failures)
 
 

@@ -85,8 +85,8 @@ class QuestionWriter:
             else:
                 objects = seen.objects_of(task)
             with timed(timings_ms, "prompt"):
-                told = self._told(connection, request, task, settings, objects, previous)
-        template, style = told.templates[0], told.style
+                chosen = self._chosen(connection, request, task, settings, objects, previous)
+        template, style = chosen.templates[0], chosen.style
         with timed(timings_ms, "words"):
             grounded = ground_instruction(request, instruction, template.instructions, settings, objects, previous)
         step = None if not style.closed_loop else 0 if previous is None else previous.step + 1
@@ -102,7 +102,7 @@ class QuestionWriter:
             written=written,
             so_far=so_far,
             step=step,
-            profile=told.profile,
+            profile=chosen.profile,
             style=style,
             settings=settings,
             observed=objects,
@@ -110,7 +110,7 @@ class QuestionWriter:
         )
         question = replace(question, plans=_placed(question))
         question = replace(question, findings=findings_before(question))
-        return replace(question, samples=_samples(question, told.templates)) if request.num_samples > 1 else question
+        return replace(question, samples=_samples(question, chosen.templates)) if request.num_samples > 1 else question
 
     def model_of(self, request: PredictRequest) -> str:
         """The name of the model that `request` asks; raises UnknownModelError."""
@@ -139,7 +139,7 @@ class QuestionWriter:
         with timed(timings_ms, "poses"):
             return _Seen(task, _observed(request, task, settings))
 
-    def _told(
+    def _chosen(
         self,
         connection: Connection,
         request: PredictRequest,
@@ -147,8 +147,8 @@ class QuestionWriter:
         settings: TaskSettings,
         objects: Sequence[ObjectPose],
         previous: PreviousStep | None,
-    ) -> "_Told":
-        """As the request wishes; a closed loop goes on as it began."""
+    ) -> "_Chosen":
+        """As the request asks; a closed loop goes on as it began."""
         profile = self._profile_of(request.model if previous is None else previous.model)
         if previous is None:
             style = _style(request, settings, profile)
@@ -158,7 +158,7 @@ class QuestionWriter:
         orders = _orders(ids, request)
         named = request.episode_ids is not None
         templates = [self._template(connection, task, settings, style, order, all_of_them=named) for order in orders]
-        return _Told(profile, style, templates)
+        return _Chosen(profile, style, templates)
 
     def _demonstration_ids(
         self,
@@ -236,8 +236,8 @@ def _samples(question: Question, templates: Sequence[Template]) -> tuple[Questio
 
 
 @dataclass(frozen=True, eq=False)
-class _Told:
-    """Whom to ask, and the demonstrations that it is told.
+class _Chosen:
+    """Which model is asked, and the demonstrations that it reads.
 
     Attributes:
         templates: one for all samples, or one for each.
@@ -274,7 +274,7 @@ def _observed(request: PredictRequest, task: TaskRecord, settings: TaskSettings)
 
 
 def _style(request: PredictRequest, settings: TaskSettings, profile: ModelProfile) -> PromptStyle:
-    """The request's wish, else the task's setting, else what suits the model."""
+    """What the request says, else the task's setting, else what suits the model."""
     representation = request.representation or settings.representation or profile.representation
     prompt_format = request.prompt_format or settings.prompt_format or profile.prompt_format
     system_prompt = request.system_prompt or settings.system_prompt

@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from app.datasets.columns import objects_of, quaternions_xyzw, selected, trajectory_of
 from app.datasets.errors import DatasetError
-from app.datasets.mapping import FeatureMap, read_wishes
+from app.datasets.mapping import FeatureMap, read_changes
 from app.pipeline.errors import InvalidInputError
 
 NUM_FRAMES, FREQUENCY_HZ = 12, 10.0
@@ -23,7 +23,7 @@ def columns():
     }
 
 
-def mapping(**wishes):
+def mapping(**changes):
     document = {
         "joint_positions": "q",
         "end_effector_positions": "state[0:3]",
@@ -32,7 +32,7 @@ def mapping(**wishes):
         "gripper": "action[-1]",
         "gripper_open_below": 0,
     }
-    return FeatureMap().changed({**document, **wishes})
+    return FeatureMap().changed({**document, **changes})
 
 
 def test_a_trajectory_from_columns_of_other_names():
@@ -97,11 +97,11 @@ def test_what_is_missing_is_named_with_what_there_is():
 def test_wishes_from_file_and_command_line(tmp_path):
     path = tmp_path / "mapping.json"
     path.write_text(json.dumps({"gripper": "g", "rotation_format": "euler_xyz"}))
-    wishes = read_wishes(path, ("gripper=action[6]", "gripper_open_above=0.5"))
-    assert wishes == {"gripper": "action[6]", "rotation_format": "euler_xyz", "gripper_open_above": 0.5}
-    assert FeatureMap(gripper_open_below=0.0).changed(wishes).gripper_open_below is None
+    changes = read_changes(path, ("gripper=action[6]", "gripper_open_above=0.5"))
+    assert changes == {"gripper": "action[6]", "rotation_format": "euler_xyz", "gripper_open_above": 0.5}
+    assert FeatureMap(gripper_open_below=0.0).changed(changes).gripper_open_below is None
     for wrong in ({"grip": "x"}, {"objects": [{"title": "x"}]}, {"cameras": [{"name": "front"}]}):
         with pytest.raises(DatasetError):
             FeatureMap().changed(wrong)
     with pytest.raises(DatasetError, match="part=column"):
-        read_wishes(None, ("gripper",))
+        read_changes(None, ("gripper",))

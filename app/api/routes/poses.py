@@ -26,7 +26,7 @@ router = APIRouter(tags=["poses"])
         _400="the body cannot be read",
         _413="the body is too large",
         _415="neither multipart nor JSON",
-        _422="a value is not valid, an object is not in view, or its pose cannot be told",
+        _422="a value is not valid, an object is not in view, or its pose is not certain",
     ),
 )
 async def poses(request: Request, services: Wired) -> Response:

@@ -75,14 +75,14 @@ async def predict(request: Request, services: Wired, idempotency_key: Idempotenc
     keep = _not_kept
     timings_ms: dict[str, float] = {}
     async with image_work(request).room(request, body, services.limits) as decode:
-        wish, asked = await questioned(decode, body, services.limits)
+        query, asked = await questioned(decode, body, services.limits)
         if idempotency_key is not None and not asked.dry_run:
             digest = await decode(content_digest, body.document, body.parts)
-            if (known := await services.repeated_predictions.answer_to(idempotency_key, digest, wish)) is not None:
+            if (known := await services.repeated_predictions.answer_to(idempotency_key, digest, query)) is not None:
                 return EventSourceResponse(_events_again(known)) if streamed else JSONResponse(known)
-            keep = partial(services.repeated_predictions.remember, idempotency_key, digest, wish.without_frames())
-        question = await services.predict_actions.prepare(wish, timings_ms, ask_meaning=not asked.dry_run)
-        del wish  # the room is given back, and with it what was decoded
+            keep = partial(services.repeated_predictions.remember, idempotency_key, digest, query.without_frames())
+        question = await services.predict_actions.prepare(query, timings_ms, ask_meaning=not asked.dry_run)
+        del query  # the room is given back, and with it what was decoded
     if asked.dry_run:
         return JSONResponse(dry_run_document(question, timings_ms))
     if streamed:
@@ -140,8 +140,8 @@ async def _events_again(document: JsonObject) -> AsyncIterator[bytes]:
     listed = {"findings": document.get("findings", [])}
     yield format_sse_event(event="findings", data_str=json.dumps(listed))
     if "grounding" in document:  # answers from before it was kept have none
-        told = {name: document[name] for name in UnderstoodOut.model_fields}
-        yield format_sse_event(event="grounding", data_str=json.dumps(told))
+        understood = {name: document[name] for name in UnderstoodOut.model_fields}
+        yield format_sse_event(event="grounding", data_str=json.dumps(understood))
     for action in document["actions"]:
         yield format_sse_event(event="action", data_str=json.dumps(action))
     yield format_sse_event(event="done", data_str=json.dumps(document))
@@ -153,7 +153,7 @@ def read_question(body: Body, limits: Limits) -> tuple[PredictRequest, PredictBo
     names, cameras = [item.name for item in asked.objects], [item.name for item in asked.cameras]
     limits.check_scene(asked.task, asked.instruction, names, cameras)
     images = split_images(asked.cameras, body.parts)
-    wish = PredictRequest(
+    query = PredictRequest(
         task=asked.task,
         instruction=asked.instruction,
         objects=tuple(item.query() for item in asked.objects),
@@ -180,4 +180,4 @@ def read_question(body: Body, limits: Limits) -> tuple[PredictRequest, PredictBo
         end_effector=None if asked.end_effector is None else asked.end_effector.pose(),
         as_sent=asked.model_dump(mode="json", exclude_unset=True),
     )
-    return wish, asked
+    return query, asked

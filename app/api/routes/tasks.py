@@ -72,7 +72,7 @@ def configure_task(
 def delete_task(services: Wired, name: str) -> Response:
     """Delete a task with all that it holds: episodes, predictions, outcomes, jobs, answers to repeated requests.
 
-    Images go with a later sweep, if nothing else has them. What is under way for it fails, or makes it anew.
+    Images go with a later sweep, if nothing else has them. What is under way for it fails, or creates it again.
     """
     with services.store.write() as connection:
         erasure.erase_task(connection, name)
@@ -88,7 +88,7 @@ def delete_task(services: Wired, name: str) -> Response:
 def get_task_stats(services: Wired, name: str) -> Response:
     """Success rates of the task's predictions by model and configuration, the surest first.
 
-    They count outcomes that robots told; the interval is Wilson's, 95 %.
+    They count outcomes that robots reported; the interval is Wilson's, 95 %.
     """
     return JSONResponse(stats_document(name, task_stats(services.store, name)))
 
@@ -125,13 +125,13 @@ async def check_task(services: Wired, name: str, model: Model = None) -> Respons
         _422="no episode has labels and images, or one cannot be extracted with what was learned",
     ),
 )
-def learn_object_models(services: Wired, name: str, wish: Annotated[LearnBody, Body()] = _EVERYTHING) -> Response:
+def learn_object_models(services: Wired, name: str, body: Annotated[LearnBody, Body()] = _EVERYTHING) -> Response:
     """Learn colours, sizes and shapes of the objects from stored episodes, and find the objects by them from now on.
 
     Episodes with RGB-D images and masks, poses or both teach; afterwards uploads and requests need images and names
     only. Every stored episode is extracted again; if one cannot be, nothing changes.
     """
-    learned = services.learn_object_models(name, wish.objects, wish.episodes)
+    learned = services.learn_object_models(name, body.objects, body.episodes)
     services.prefix_warmer.changed(name)
     document = {
         "object_models": dict(learned.object_models),

@@ -98,13 +98,13 @@ class TaskList(BaseModel):
 
 
 class StandingOut(BaseModel):
-    """How predictions ended. Rate and interval are of those whose outcome a robot told."""
+    """How predictions ended. Rate and interval are of those whose outcome a robot reported."""
 
     predictions: int
     errors: Annotated[int, Field(description="without actions: the LLM failed, or its reply was not valid")]
     successes: int
     failures: int
-    success_rate: Annotated[float | None, Field(description="null where no outcome was told")]
+    success_rate: Annotated[float | None, Field(description="null where no outcome was reported")]
     interval: Annotated[tuple[float, float], Field(description="Wilson's 95 % interval of the true success rate")]
 
 

@@ -16,8 +16,8 @@ class Theme:
     """Colours of one mode.
 
     Attributes:
-        series: for one method after the other. Hues of Okabe and Ito (2008), told apart with the common deficiencies
-            of colour vision; light on light pages, dark on dark ones, so that `text` stands out on them.
+        series: for one method after the other. Hues of Okabe and Ito (2008), distinguishable with the common
+            deficiencies of colour vision; light on light pages, dark on dark ones, so that `text` stands out on them.
     """
 
     name: str

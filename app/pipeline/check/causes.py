@@ -11,7 +11,7 @@ from app.pipeline.check.rule_causes import many_rows, missed_path, mixed_recordi
 from app.pipeline.findings import SEVERITIES, Finding
 from app.pipeline.keyframes import KeyframeRule
 
-FEW = 3  # demonstrations of an instruction, from which on an odd one can be told from the usual
+FEW = 3  # demonstrations of an instruction, from which on an odd one stands out from the usual
 ENOUGH = 4  # of one plan, to tell that one of them goes elsewhere
 ELSEWHERE_M = 0.05
 ELSEWHERE = 4.0  # times what most of the others are off

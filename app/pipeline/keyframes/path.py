@@ -16,7 +16,7 @@ from app.pipeline.episode import Trajectory
 
 SPACING = 0.25  # of the poses that stand for a path, in tolerances
 MAX_POSES = 160  # that stand for a path; a longer one has wider spacing
-FAR = 6.0  # deviations beyond are not told apart
+FAR = 6.0  # deviations beyond count alike
 LOOK_AHEAD = 32
 NO_TURN = 0.05  # in tolerances
 MIN_SEGMENT = 2.0  # in tolerances: on a shorter segment a place on it says little about progress

@@ -24,7 +24,7 @@ MOST_BENT = 0.25  # the share of grasps and releases that may be come to otherwi
 BENT = 0.15  # of its length: a way in joint space that bends more is no single motion
 MISSED_CORNERS = 0.5  # the share of corners that may be passed without a rest; one always may
 CORNER_DEG = 60.0
-ARM_M, STEP_M = 0.03, 0.005  # a corner is told from the ways of this length before and after it
+ARM_M, STEP_M = 0.03, 0.005  # a corner is recognised by the ways of this length before and after it
 MIN_ARM_M = 0.01
 
 

@@ -56,7 +56,7 @@ def waypoints(
 ) -> tuple[Keyframe, ...]:
     """Gripper switches, the end, and as few poses between as keep the hand within the tolerance of straight motion.
 
-    The tolerance is in metres and degrees and switches are told apart in seconds, so that the rate of the recording
+    The tolerance is in metres and degrees and switches are distinguished in seconds, so that the rate of the recording
     does not matter; hesitation on the way and a frozen start leave no keyframe. A recording that needs more than 25
     keyframes is followed less closely.
 

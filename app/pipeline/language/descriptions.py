@@ -8,7 +8,7 @@ from app.pipeline.language.grammar import ADJECTIVES
 from app.pipeline.language.lexicon import Lexicon, noun_of
 from app.pipeline.language.space import Layout, Pick, extreme, farthest_from, nearest_to
 
-# How an object was found, the least certain last: that is what is told of a phrase that used several.
+# How an object was found, the least certain last: that is what an answer says of a phrase that used several.
 MEANS = ("name", "alias", "taught", "spelling", "colour", "relation")
 
 
@@ -90,16 +90,16 @@ class Description:
             sets.append(frozenset({self.exact}))
         if self.words and (called_so := lexicon.with_noun(self.words[-1])):
             sets.append(called_so)
-        told = _common(lexicon.names, sets)
+        found = _common(lexicon.names, sets)
         if self.words and not (self.exact or self.generic or self.kinds):
-            told = tuple(name for name in told if lexicon.is_meant(name, self.words))
-        return self._of_kinds(lexicon, told) if self.kinds else told
+            found = tuple(name for name in found if lexicon.is_meant(name, self.words))
+        return self._of_kinds(lexicon, found) if self.kinds else found
 
-    def _of_kinds(self, lexicon: Lexicon, told: tuple[str, ...]) -> tuple[str, ...]:
+    def _of_kinds(self, lexicon: Lexicon, found: tuple[str, ...]) -> tuple[str, ...]:
         """Nouns of the same kind confirm what else was said; alone they tell nothing apart."""
         kinds = [lexicon.kind_of(noun) for noun in self.kinds]
-        confirmed = _common(told, kinds)
-        return confirmed if len(told) == 1 or all(len(kind) > 1 for kind in kinds) else ()
+        confirmed = _common(found, kinds)
+        return confirmed if len(found) == 1 or all(len(kind) > 1 for kind in kinds) else ()
 
     def _compared(self, lexicon: Lexicon) -> tuple[str, ...]:
         """What a relation compares an object with: the others of its noun, or all others where there is none."""

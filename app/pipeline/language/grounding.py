@@ -124,7 +124,7 @@ class Taught:
             error.choices = self.choices
             raise error
         text, named = passed_on(self, instruction, words, phrases)
-        return Grounded(text, tuple(_told(instruction, words, named)), error.message)
+        return Grounded(text, tuple(_taken(instruction, words, named)), error.message)
 
     @cached_property
     def choices(self) -> tuple[str, ...]:
@@ -196,10 +196,10 @@ class Taught:
                 for plan in next(filter(None, (list(self._plans(form)) for form in forms)), []):
                     if (text := self._canonical(plan)) is not None:
                         named = {phrase for filled in plan for phrase in filled.clause.phrases}
-                        told = tuple(
-                            _told(instruction, words, sorted(named, key=lambda phrase: phrase.start))
+                        taken = tuple(
+                            _taken(instruction, words, sorted(named, key=lambda phrase: phrase.start))
                         ) or tuple(self._mentioned(instruction))
-                        grounded = Grounded(text, told)
+                        grounded = Grounded(text, taken)
                         found[text] = min(found.get(text, grounded), grounded, key=_uncertainty)
         except TooInvolvedError:
             return []
@@ -260,7 +260,7 @@ def _uncertainty(grounded: Grounded) -> tuple[int, int]:
     return max((MEANS.index(each.by) for each in grounded.phrases), default=0), -len(grounded.phrases)
 
 
-def _told(instruction: str, words: Sequence[Word], phrases: Sequence[NounPhrase]) -> Iterator[Grounding]:
+def _taken(instruction: str, words: Sequence[Word], phrases: Sequence[NounPhrase]) -> Iterator[Grounding]:
     """What each phrase was taken for."""
     for phrase in phrases:
         if phrase.name is not None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from app.pipeline.arrays import Array
 
-MARGIN_M = 0.02  # poses from images are that uncertain; what differs by less is not told apart
+MARGIN_M = 0.02  # poses from images are that uncertain; what differs by less counts as equal
 CLEARLY_NEARER = 1.5  # the second nearest must be so many times as far
 MOSTLY = 0.5  # of the distance must lie in the direction, which is within 60 degrees of it
 ALONGSIDE = 0.35  # of the distance between two objects: what is this far off the line is not between them

@@ -93,7 +93,7 @@ def _plan_key(demonstration: Demonstration) -> tuple[str, int | None, int]:
 
 
 def _by_way(demonstrations: Sequence[Demonstration]) -> list[Demonstration]:
-    """The demonstrations with plans that are carried out in two ways told apart."""
+    """The demonstrations with plans that are carried out in two ways kept apart."""
     result = list(demonstrations)
     pending = list(_grouped((_plan_key(d), k) for k, d in enumerate(result)).values())
     next_plan = 1 + max(demonstration.plan or 0 for demonstration in result)

@@ -92,7 +92,7 @@ def two_ways(row: PlanRow, gap_of_few: float = GAP_OF_FEW) -> np.ndarray | None:
 
 
 def _depends_on_scene(group: Sequence[Demonstration], row: PlanRow) -> bool:
-    """Whether a row's offset follows from where other things are: left out, a demonstration is told by the others.
+    """Whether a row's offset follows from where other things are: the others predict a demonstration that is left out.
 
     A row of this kind has no anchor that explains it, e.g. half-way between two objects.
     """

@@ -22,8 +22,8 @@ class RowPattern:
     Attributes:
         anchors: as rows write them, e.g. `A w`.
         offsets: of each axis the values that demonstrations show.
-        bins: likewise of each rotation.
-        grippers: likewise.
+        bins: the same of each rotation.
+        grippers: the same of the gripper.
     """
 
     anchors: tuple[str, ...]

@@ -79,7 +79,7 @@ class SimTask(ABC):
     def after_reset(self) -> None:  # noqa: B027 - a hook that most tasks leave empty
         """Set joints that do not start at 0, look up what `latch` needs; `model` and `data` stand."""
 
-    def latch(self) -> None:  # noqa: B027 - likewise
+    def latch(self) -> None:  # noqa: B027 - most tasks have nothing to do here
         """Note what happens in passing in `events`; called after every simulation step, so cheap."""
 
     @property

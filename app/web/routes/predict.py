@@ -86,9 +86,9 @@ async def predict_prompt(request: Request, services: Wired) -> Response:
     """The prompt that a request to `/predict` would put to its LLM, in colours, and the scene; no LLM is asked."""
     body = await read_body(request)
     async with image_work(request).room(request, body, services.limits) as decode:
-        wish, _ = await questioned(decode, body, services.limits)
-        question = await services.predict_actions.prepare(wish, {}, ask_meaning=False)
-        del wish
+        query, _ = await questioned(decode, body, services.limits)
+        question = await services.predict_actions.prepare(query, {}, ask_meaning=False)
+        del query
     return await run_in_threadpool(_prompt_part, request, services, question)
 
 
