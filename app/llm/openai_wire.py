@@ -72,7 +72,8 @@ HOSTS: Mapping[str, Quirks] = {
     "openrouter.ai": Quirks(prefix_mark=("cache_control", {"type": "ephemeral"})),
 }
 # From GPT-5.6 on, OpenAI caches up to the end of the last message, which differs from query to query, unless the
-# request says where the prefix ends ("Prompt caching" of OpenAI's guides: prompt_cache_breakpoint, prompt_cache_options).
+# request says where the prefix ends ("Prompt caching" of OpenAI's guides: prompt_cache_breakpoint and
+# prompt_cache_options).
 EXPLICIT_CACHE_SINCE = (5, 6)
 EXPLICIT_CACHE = Quirks(
     prefix_mark=("prompt_cache_breakpoint", {"mode": "explicit"}),
