@@ -50,6 +50,11 @@ class PlacedRow:
         off_m = float(np.linalg.norm(action.position_m - self.action.position_m))
         return off_m, float(np.degrees(turn.magnitude()))
 
+    def beyond(self, action: EndEffectorAction) -> tuple[float, float]:
+        """How far an action is beyond the farthest demonstration, in metres and degrees; 0 within."""
+        off_m, off_deg = self.away(action)
+        return max(0.0, off_m - (self.reach_m - MARGIN_M)), max(0.0, off_deg - (self.reach_deg - MARGIN_DEG))
+
     def supports(self, action: EndEffectorAction) -> bool:
         """Whether demonstrations support the action."""
         off_m, off_deg = self.away(action)
@@ -164,6 +169,11 @@ class SupportGuard:
             raise _unsupported(self._before + index, action, nearest)
         self._plans, self._index = supporting, index + 1
         return min((plan[index] for plan in supporting), key=lambda row: row.away(action))
+
+    def pass_by(self) -> None:
+        """Go on behind an action that `check` refused, as if every plan that has one there had it so."""
+        self._plans = [plan for plan in self._plans if self._index < len(plan)] or self._plans
+        self._index += 1
 
     def finish(self) -> None:
         """Let the reply end here.
