@@ -130,7 +130,7 @@ CONDITIONS = (
     Condition("object seen 20 cm away", CLEAN, _elsewhere),
     Condition("one demonstration's objects wrong", ONE_WRONG, _true),
     Condition("continuous demonstrations", GUIDED, _true, one_in=2),
-    Condition("continuous demonstrations, poses 1.7 cm off", GUIDED_NOISY, _true),
+    Condition("continuous demonstrations, poses 1.7 cm off", GUIDED_NOISY, _true, one_in=2),
     Condition("unknown words", CLEAN, _true, lambda words: f"{words}, but gently", one_in=4),
     Condition("unknown words, allowed", CLEAN, _true, lambda words: f"{words}, but gently", ALLOWED, one_in=4),
     Condition("regression, clean", CLEAN, _true, options=REGRESSION, one_in=3),

@@ -18,6 +18,7 @@ from benchmarks.findings.conditions import CONDITIONS, Condition, Lesson
 
 DEMONSTRATIONS = 10
 UNSEEN_FROM = 100_000  # scenes are drawn from so many seeds after the demonstrations
+TASK_STEP = 100  # between the scenes' seeds of one task and of the next: errors are drawn from them, too
 
 
 @dataclass(frozen=True)
@@ -70,7 +71,7 @@ def trials(
     """Every trial; tasks that the service knows already are not taught again."""
     for number, task in enumerate(tasks):
         recorded: dict[str, list[RecordedDemonstration]] = {}
-        scenes = [_scene(task, first_seed + UNSEEN_FROM + k) for k in range(episodes)]
+        scenes = [_scene(task, first_seed + UNSEEN_FROM + number * TASK_STEP + k) for k in range(episodes)]
         for condition in CONDITIONS:
             if number % condition.one_in:
                 continue
