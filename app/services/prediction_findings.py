@@ -35,7 +35,8 @@ def findings_before(question: Question) -> tuple[Finding, ...]:
     support = question.template.support
     shown = [] if support is None else [demonstration for group, _ in support.plans for demonstration in group]
     plans = [plan for placed in question.plans.values() for plan in placed or ()]
-    return (*_words(question), *scene_findings(question.observed, shown), *scatter_findings(plans))
+    scene = scene_findings(question.observed, shown, question.grounded.instruction)
+    return (*_words(question), *scene, *scatter_findings(plans))
 
 
 def findings_of(

@@ -1,5 +1,6 @@
 """Whether the demonstrations support an action: it lies where they have it, seen from what the row follows."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -30,6 +31,8 @@ class PlacedRow:
         tolerance_m, tolerance_deg: within which most demonstrations lie.
         reach_m, reach_deg: within which an action is supported.
         grippers: what demonstrations do with the gripper there.
+        scatter_m: how far the median demonstration is from the centre.
+        number: of demonstrations.
     """
 
     anchor: Anchor
@@ -43,6 +46,13 @@ class PlacedRow:
     reach_m: float
     reach_deg: float
     grippers: frozenset[bool]
+    scatter_m: float = 0.0
+    number: int = 1
+
+    @property
+    def centre_off_m(self) -> float:
+        """How far the centre is likely to be from that of very many demonstrations."""
+        return self.scatter_m / math.sqrt(self.number)
 
     def away(self, action: EndEffectorAction) -> tuple[float, float]:
         """How far an action is from the row's centre, in metres and degrees."""
@@ -126,6 +136,8 @@ class Support:
             float(row.off_m.max()) + MARGIN_M,
             float(row.off_deg.max()) + MARGIN_DEG,
             row.grippers,
+            float(np.median(row.off_m)),
+            len(row.off_m),
         )
 
 
