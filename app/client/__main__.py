@@ -147,10 +147,10 @@ def _run(client: RoboPromptClient, arguments: argparse.Namespace) -> dict[str, A
     pinned = _pinned(arguments)
     # Who ends this script ends it through `run_task`, which stops the arm.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
-    heeding = {"pinned": pinned, "confirm": confirm, "on_danger": arguments.on_danger}
+    heeding: dict[str, Any] = {"pinned": pinned, "confirm": confirm, "on_danger": arguments.on_danger}
     if arguments.closed_loop:
         return {"steps": [step.response for step in run_closed_loop(*what, **heeding)]}
-    how = {"stream": arguments.stream, "look_again": arguments.look_again}
+    how: dict[str, Any] = {"stream": arguments.stream, "look_again": arguments.look_again}
     return dict(run_task(*what, **heeding, **how).response)
 
 

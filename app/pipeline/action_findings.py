@@ -38,7 +38,9 @@ def _unsupported(doubts: Sequence[ActionDoubt]) -> tuple[Finding, ...]:
     if not doubts:
         return ()
     first = doubts[0].unsupported
-    message = f"{first}." if len(doubts) == 1 else f"{_named(doubts)} are unlike the demonstrations; the first: {first}."
+    message = (
+        f"{first}." if len(doubts) == 1 else f"{_named(doubts)} are unlike the demonstrations; the first: {first}."
+    )
     numbers = {"num_actions": len(doubts)}
     return (Finding("unsupported-action", "danger", message, f"actions[{doubts[0].index}]", numbers),)
 
@@ -50,10 +52,10 @@ def _straying(doubts: Sequence[ActionDoubt]) -> tuple[Finding, ...]:
     worst = max(doubts, key=lambda doubt: doubt.off_m)
     message = (
         f"{_named(doubts)} {'lies' if len(doubts) == 1 else 'lie'} up to {100 * off_m:.1f} cm and {off_deg:.0f} degrees"
-        f" beyond where the demonstrations have them, seen from {worst.seen_from}: the robot may miss."
+        f" beyond where the demonstrations have them, seen from {worst.seen_from}."
     )
     numbers = {"num_actions": len(doubts), "off_m": off_m, "off_deg": off_deg}
-    return (Finding("straying-action", "warning", message, f"actions[{doubts[0].index}]", numbers),)
+    return (Finding("straying-action", "info", message, f"actions[{doubts[0].index}]", numbers),)
 
 
 def _named(doubts: Sequence[ActionDoubt]) -> str:

@@ -6,7 +6,7 @@ from app.pipeline.findings import Finding, Severity
 from app.pipeline.plans.support import PlacedPlan, PlacedRow
 
 SCATTER_M = 0.01
-LOOSE_M = 0.06
+CLOSER = 0.5  # times the scatter of a row, from which on a later one keeps to something
 CENTRE_OFF_M = 0.012  # as much as pose estimators err without harm; measured: docs/results/findings.md
 
 
@@ -31,11 +31,13 @@ def scatter_findings(plans: Sequence[PlacedPlan]) -> Iterator[Finding]:
 
 
 def _acts(plan: PlacedPlan, k: int) -> bool:
-    """Whether the gripper acts on something in a row: people close an empty hand on the way, wherever they are."""
-    row, after = plan[k], plan[k + 1 : k + 2]
-    return plan[k - 1].grippers != row.grippers and not (_is_loose(row) and after and not _is_loose(after[0]))
+    """Whether the gripper acts on something in a row: people close an empty hand on the way, wherever they are.
+
+    That is so where it switches only once, and the hand comes to something later that it keeps to more closely.
+    """
+    switches = [j for j in range(1, len(plan)) if plan[j - 1].grippers != plan[j].grippers]
+    return k in switches and (len(switches) > 1 or not any(_is_closer(later, plan[k]) for later in plan[k + 1 :]))
 
 
-def _is_loose(row: PlacedRow) -> bool:
-    """Whether the row keeps to nothing that is known."""
-    return row.scatter_m > LOOSE_M
+def _is_closer(one: PlacedRow, other: PlacedRow) -> bool:
+    return one.scatter_m < CLOSER * other.scatter_m

@@ -106,9 +106,7 @@ def _record(task: str, lesson: Lesson, first_seed: int) -> list[RecordedDemonstr
     return found
 
 
-def _teach(
-    client: RoboPromptClient, name: str, lesson: Lesson, recorded: Sequence[RecordedDemonstration]
-) -> None:
+def _teach(client: RoboPromptClient, name: str, lesson: Lesson, recorded: Sequence[RecordedDemonstration]) -> None:
     symmetry = dict(TASKS[recorded[0].scene.task].yaw_symmetry_deg)
     client.configure_task(name, yaw_symmetry_deg=symmetry, num_demonstrations=DEMONSTRATIONS)
     for item, poses in zip(recorded, lesson.taught_poses(recorded), strict=True):

@@ -31,9 +31,9 @@ def test_unsupported_rows_are_one_danger_that_names_them(indices, named):
     assert finding.numbers["num_actions"] == len(indices)
 
 
-def test_rows_that_stray_are_one_warning_with_the_farthest():
+def test_rows_that_stray_are_one_finding_with_the_farthest():
     (finding,) = action_findings([ActionDoubt(0, 0.012, 1.0, "cube"), ActionDoubt(2, 0.024, 9.0, "box")])
-    assert (finding.code, finding.severity, finding.where) == ("straying-action", "warning", "actions[0]")
+    assert (finding.code, finding.severity, finding.where) == ("straying-action", "info", "actions[0]")
     assert finding.message.startswith("Actions 1 and 3 lie up to 2.4 cm and 9 degrees beyond")
     assert "seen from box" in finding.message
 

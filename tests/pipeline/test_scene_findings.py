@@ -94,9 +94,7 @@ def test_objects_that_are_swapped_are_told_by_the_order_of_mention():
     ]
     assert found(tower(*below, 0.1), shown, STACK) == []
     assert found(tower(*above, 0.1), shown, REVERSE) == []
-    assert found(tower(*above, 0.1), shown, STACK) == [
-        ("objects-arranged-otherwise", "warning", "objects[red cube]")
-    ]
+    assert found(tower(*above, 0.1), shown, STACK) == [("objects-arranged-otherwise", "warning", "objects[red cube]")]
 
 
 @pytest.mark.parametrize(("error_m", "expected"), [(0.0, False), (0.008, False), (0.04, True)])
