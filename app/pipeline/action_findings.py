@@ -38,9 +38,9 @@ def _unsupported(doubts: Sequence[ActionDoubt]) -> tuple[Finding, ...]:
     if not doubts:
         return ()
     first = doubts[0].unsupported
-    message = (
-        f"{first}." if len(doubts) == 1 else f"{_named(doubts)} are unlike the demonstrations; the first: {first}."
-    )
+    message = f"{first}."
+    if len(doubts) > 1:
+        message = f"{_named(doubts)} are unlike the demonstrations; the first: {first}."
     numbers = {"num_actions": len(doubts)}
     return (Finding("unsupported-action", "danger", message, f"actions[{doubts[0].index}]", numbers),)
 

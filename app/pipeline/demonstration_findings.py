@@ -1,4 +1,4 @@
-"""What is doubtful about the demonstrations that a prompt shows, as far as they bear on the scene that is asked about."""
+"""What is doubtful about the demonstrations that a prompt shows, as far as they bear on the scene at hand."""
 
 from collections.abc import Iterator, Sequence
 
@@ -21,10 +21,11 @@ def scatter_findings(plans: Sequence[PlacedPlan]) -> Iterator[Finding]:
         return
     k, row = max(scattered, key=lambda item: item[1].centre_off_m)
     severity: Severity = "warning" if row.centre_off_m > CENTRE_OFF_M else "info"
+    seen_from = row.anchor.object_name or row.anchor.frame
     message = (
         f"{row.number} demonstrations scatter by {100 * row.scatter_m:.1f} cm where the gripper acts (action {k + 1},"
-        f" seen from {row.anchor.object_name or row.anchor.frame}), and their centre may be {100 * row.centre_off_m:.1f}"
-        " cm off: poses are noisy, or what it follows is not among the objects."
+        f" seen from {seen_from}), and their centre may be {100 * row.centre_off_m:.1f} cm off: poses are noisy, or"
+        " what it follows is not among the objects."
     )
     numbers = {"scatter_m": row.scatter_m, "centre_off_m": row.centre_off_m}
     yield Finding("scattered-demonstrations", severity, message, f"actions[{k}]", numbers)

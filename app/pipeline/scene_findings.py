@@ -60,10 +60,8 @@ def _one_place(
 ) -> tuple[list[Finding], tuple[ObjectPose, ...]]:
     """Two objects that an estimator took for one, which explains whatever else is odd about them."""
     for one, other in combinations(observed, 2):
-        apart_m = float(np.linalg.norm(one.position_m - other.position_m))
-        least_m = min(
-            float(np.linalg.norm(d.object(one.name).position_m - d.object(other.name).position_m)) for d in shown
-        )
+        apart_m = _apart_m(one, other)
+        least_m = min(_apart_m(d.object(one.name), d.object(other.name)) for d in shown)
         if least_m > FIXED_M and apart_m < APART * least_m:
             message = (
                 f"{one.name} and {other.name} are seen {100 * apart_m:.1f} cm apart, in no demonstration less than"
@@ -72,6 +70,10 @@ def _one_place(
             numbers = {"apart_m": apart_m, "least_m": least_m}
             return [Finding("objects-in-one-place", "danger", message, f"objects[{one.name}]", numbers)], (one, other)
     return [], ()
+
+
+def _apart_m(one: ObjectPose, other: ObjectPose) -> float:
+    return float(np.linalg.norm(one.position_m - other.position_m))
 
 
 def _place(pose: ObjectPose, places: ShownPlaces) -> Iterator[Finding]:
@@ -104,7 +106,8 @@ def _beyond(pose: ObjectPose, places: ShownPlaces) -> Iterator[Finding]:
     far_m = float(beyond_m[axis])
     message = (
         f"{pose.name} lies {100 * far_m:.0f} cm beyond the demonstrations along {'xyz'[axis]}: they have it from"
-        f" {places.low_m[axis]:.3f} to {places.high_m[axis]:.3f} m. Is it another object? Else demonstrate nearer to it."
+        f" {places.low_m[axis]:.3f} to {places.high_m[axis]:.3f} m. Is it another object? If not, demonstrate"
+        " nearer to it."
     )
     severity: Severity = "danger" if far_m > FAR_BEYOND_M else "warning"
     numbers = {"beyond_m": far_m}
@@ -148,8 +151,8 @@ def _arranged(observed: Sequence[ObjectPose], shown: Sequence[Demonstration], in
         off_m = float((beyond_m * (np.ptp(ways_m, axis=0) < FIXED_M)).max())
         if off_m > ARRANGED_M:
             message = (
-                f"{asked[i]} lies {100 * off_m:.1f} cm from where it stands to {asked[j]} in every demonstration: is one"
-                " taken for the other?"
+                f"{asked[i]} lies {100 * off_m:.1f} cm from where it stands to {asked[j]} in every demonstration: is"
+                " one taken for the other?"
             )
             where = f"objects[{asked[i]}]"
             yield Finding("objects-arranged-otherwise", "warning", message, where, {"off_m": off_m})

@@ -56,9 +56,8 @@ def _words(question: Question) -> Iterator[Finding]:
         message = f"{grounded.unfamiliar}; it was passed on to the LLM."
         yield Finding("unfamiliar-instruction", "danger", message, "instruction")
     elif taught and grounded.instruction not in taught:
-        listed = ", ".join(map(repr, taught[:LISTED])) + (
-            f" and {len(taught) - LISTED} more" if taught[LISTED:] else ""
-        )
+        more = f" and {len(taught) - LISTED} more" if taught[LISTED:] else ""
+        listed = ", ".join(map(repr, taught[:LISTED])) + more
         message = f"No demonstration has this instruction, {grounded.instruction!r}; they have {listed}."
         yield Finding("new-instruction", "info", message, "instruction")
 

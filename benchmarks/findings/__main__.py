@@ -1,7 +1,7 @@
 """Make successes and failures of the simulated tasks, and see which of them had a finding of level warning or above.
 
-`python -m benchmarks.findings --seed N --data DIR --report FILE`. One process simulates; the service runs beside it. With
-`--data` demonstrations and outcomes are kept, so that another run asks again and simulates only what is new.
+`python -m benchmarks.findings --seed N --data DIR --report FILE`. One process simulates; the service runs beside it.
+With `--data` demonstrations and outcomes are kept, so that another run asks again and simulates only what is new.
 """
 
 import argparse
@@ -41,12 +41,15 @@ def _run(wished: argparse.Namespace, data: Path) -> str:
     started, done = time.monotonic(), []
     data.mkdir(parents=True, exist_ok=True)
     outcomes = Outcomes(data / "outcomes.jsonl")
-    with running_server(data / "service", SERVICE) as url, RoboPromptClient(url) as client:
-        with (data / f"trials-{wished.seed}.jsonl").open("w") as file:
-            for trial in trials(client, wished.tasks, wished.seed, wished.episodes, outcomes):
-                done.append(trial)
-                file.write(json.dumps(asdict(trial)) + "\n")
-                file.flush()
+    with (
+        running_server(data / "service", SERVICE) as url,
+        RoboPromptClient(url) as client,
+        (data / f"trials-{wished.seed}.jsonl").open("w") as file,
+    ):
+        for trial in trials(client, wished.tasks, wished.seed, wished.episodes, outcomes):
+            done.append(trial)
+            file.write(json.dumps(asdict(trial)) + "\n")
+            file.flush()
     minutes = (time.monotonic() - started) / 60
     command = f"python -m benchmarks.findings --seed {wished.seed} --episodes {wished.episodes}"
     head = f"`{command}`: {len(done)} trials of {len(wished.tasks)} tasks in {minutes:.0f} minutes."

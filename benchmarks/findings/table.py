@@ -31,7 +31,7 @@ def _split(trials: Sequence[Trial]) -> tuple[list[Trial], list[Trial]]:
 
 def _share(trials: Sequence[Trial]) -> str:
     found = sum(map(is_found, trials))
-    return f"{found} of {len(trials)} ({100 * found / len(trials):.0f} %)" if trials else "–"
+    return f"{found} of {len(trials)} ({100 * found / len(trials):.0f} %)" if trials else "-"
 
 
 def _missing(trials: Sequence[Trial]) -> float:

@@ -16,10 +16,8 @@ def plans(off_m, number=10, after_m=None, closes=1):
     for k in range(number):
         x_m, way_m = 0.03 * k, np.array([np.cos(2.4 * k), np.sin(2.4 * k), 0.0])
         offs_m = [0.0, off_m, off_m if after_m is None else after_m]
-        rows = [
-            action((x_m, 0, 0.9 - 0.05 * row) + off * way_m, gripper_open=row < closes)
-            for row, off in enumerate(offs_m)
-        ]
+        places_m = [(x_m, 0, 0.9 - 0.05 * row) + off * way_m for row, off in enumerate(offs_m)]
+        rows = [action(place_m, gripper_open=row < closes) for row, place_m in enumerate(places_m)]
         shown.append(demonstration(INSTRUCTION, (pose("cube", (x_m, 0, 0.8), 0),), rows))
     return Support.of([shown]).placed(shown[0].objects, INSTRUCTION, None)
 

@@ -7,7 +7,10 @@ import sys
 from app.store import tasks
 from app.store.store import Store
 
-LOOK = "import sqlite3, sys; c = sqlite3.connect(sys.argv[1]); print(c.execute('select count(*) from tasks').fetchone()[0])"
+LOOK = (
+    "import sqlite3, sys; connection = sqlite3.connect(sys.argv[1]);"
+    " print(connection.execute('select count(*) from tasks').fetchone()[0])"
+)
 
 
 def counted(path):
