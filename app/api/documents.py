@@ -204,6 +204,7 @@ def stored_prediction_document(record: PredictionRecord) -> JsonObject:
         "timings_ms": record.timings_ms,
         "step": record.step,
         "samples": _samples(record.samples),
+        "findings": None if record.findings is None else list(record.findings),
         "request": record.request,
         "outcome": outcome,
         "created_at": record.created_at.isoformat(),

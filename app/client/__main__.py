@@ -147,9 +147,11 @@ def _run(client: RoboPromptClient, arguments: argparse.Namespace) -> dict[str, A
     pinned = _pinned(arguments)
     # Who ends this script ends it through `run_task`, which stops the arm.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
+    danger = arguments.on_danger
     if arguments.closed_loop:
-        return {"steps": [step.response for step in run_closed_loop(*what, pinned=pinned, confirm=confirm)]}
-    how = {"stream": arguments.stream, "look_again": arguments.look_again, "on_danger": arguments.on_danger}
+        steps = run_closed_loop(*what, pinned=pinned, confirm=confirm, on_danger=danger)
+        return {"steps": [step.response for step in steps]}
+    how = {"stream": arguments.stream, "look_again": arguments.look_again, "on_danger": danger}
     return dict(run_task(*what, pinned=pinned, confirm=confirm, **how).response)
 
 

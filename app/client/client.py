@@ -28,6 +28,7 @@ DEFAULT_URL = "http://127.0.0.1:8000"
 MAX_PORT = 65535
 LEARNING_TIMEOUT_S = 600.0
 CHECK_TIMEOUT_S = 1260.0  # ten predictions of at most two minutes each
+KEPT_S = 2.0  # idle connections: the service closes them after 5 s, and a request that crosses this is lost
 MARGIN_S = 10.0  # the service answers within the request's own deadline; this is for the way there and back
 
 
@@ -323,6 +324,7 @@ def _connection(url: str, headers: Mapping[str, str]) -> httpx.Client:
         parsed = httpx.URL(url)
         if parsed.scheme not in ("http", "https") or not parsed.host or (parsed.port or 0) > MAX_PORT:
             raise ServiceUnreachableError(refusal)
-        return httpx.Client(base_url=parsed, timeout=60, headers=headers, mounts=without_proxy(url))
+        limits = httpx.Limits(keepalive_expiry=KEPT_S)
+        return httpx.Client(base_url=parsed, timeout=60, headers=headers, mounts=without_proxy(url), limits=limits)
     except (httpx.InvalidURL, ValueError) as error:
         raise ServiceUnreachableError(refusal) from error

@@ -137,17 +137,18 @@ def run_closed_loop(
     limits: MotionLimits | None = None,
     pinned: MotionLimits | None = None,
     confirm: Confirm | None = None,
+    on_danger: OnDanger | None = None,
     **options: Any,  # noqa: ANN401
 ) -> Iterator[PredictedActions]:
     """Observe, ask for one action, carry it out, and again, until the LLM says that it is done.
 
     Args:
         max_steps: after so many the run ends, done or not.
-        limits, pinned, confirm, options: as for `run_task`.
+        limits, pinned, confirm, on_danger, options: as for `run_task`; a danger is heeded at each step that has one.
 
     Yields:
-        the answer to each step, before its action is carried out; the last has no action unless `max_steps` ended the
-        run.
+        the answer to each step, before a danger in it is heeded and its action is carried out; the last has no action
+        unless `max_steps` ended the run.
 
     Raises:
         as `run_task`; the robot is stopped before.
@@ -155,6 +156,7 @@ def run_closed_loop(
     asked = {**options, "closed_loop": True}
     guard: MotionGuard | None = None
     try:
+        danger = what_to_do(on_danger, confirm)
         allowed = _allowed(client, task, limits, pinned)
         for index in range(max_steps):
             observation = robot.observe()
@@ -167,6 +169,7 @@ def run_closed_loop(
             yield predicted
             if not predicted.actions:
                 return
+            heed(predicted.findings, predicted.actions, on_danger=danger, confirm=confirm)
             _execute(robot, index, predicted.actions[0], confirm)
             asked["after"] = predicted.id
     except BaseException:

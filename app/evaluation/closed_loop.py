@@ -67,7 +67,7 @@ def run_in_closed_loop(
     with RoboPromptClient(url) as client:
         try:
             seen = _Disturbed(robot, noise, seed)
-            for step in run_closed_loop(client, seen, name, robot.task.instruction, **options):
+            for step in run_closed_loop(client, seen, name, robot.task.instruction, on_danger="go", **dict(options)):
                 steps.append(step)
         except MotionError as failure:
             blocked = str(failure)

@@ -220,3 +220,7 @@ class Demonstration:
     later_objects: tuple[tuple[ObjectPose, ...], ...] = ()
     start: EndEffectorAction | None = None
     plan: int | None = None
+
+    def object(self, name: str) -> ObjectPose:
+        """The pose of the object of that name, which there is."""
+        return next(pose for pose in self.objects if pose.name == name)

@@ -6,6 +6,7 @@ from contextlib import aclosing
 from dataclasses import replace
 
 from app.llm.base import Completion, CompletionRequest, LanguageModel, ModelTimeoutError, TextDelta, Usage
+from app.pipeline.action_findings import ActionDoubt, action_findings
 from app.pipeline.episode import EndEffectorAction
 from app.pipeline.errors import ReplyParseError, UnsupportedActionError
 from app.pipeline.findings import Finding
@@ -29,7 +30,6 @@ class Dialogue:
         prompt: the last that was asked.
         reply_text: every reply so far, read piecewise also one that broke off; None while there is none.
         usage: the replies' together.
-        findings: what in the replies deserves a look.
         rows: the demonstrated row that each action carries out, where it is known.
     """
 
@@ -40,12 +40,17 @@ class Dialogue:
         self._deadline_s = time.monotonic() + question.request.timeout_s
         self._so_far = question.so_far
         self._temperature = question.request.sampling_temperature
-        self.findings: list[Finding] = []
+        self._doubts: list[ActionDoubt] = []
         self.rows: list[PlacedRow | None] = []
         self.prompt: Prompt = question.prompt
         self.reply_text: str | None = None
         self.usage = Usage()
         self.samples: tuple[JsonObject, ...] | None = None
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What in the replies deserves a look."""
+        return action_findings(self._doubts)
 
     async def actions(self, *, piecewise: bool) -> AsyncGenerator[Sequence[EndEffectorAction] | TextDelta, None]:
         """The actions of every reply, as many at a time as became complete together.
@@ -108,8 +113,7 @@ class Dialogue:
                 yield item
         if piecewise:
             support.finish()
-        if support.finding is not None:
-            self.findings.append(support.finding)
+        self._doubts += support.doubts
 
     async def _reply(
         self, reader: ReplyReader, max_actions: int, *, piecewise: bool

@@ -18,6 +18,7 @@ from app.services.dialogue import Dialogue
 from app.services.errors import UnparsableReplyError, UnsafeReplyError, UnsupportedReplyError
 from app.services.log_fields import note
 from app.services.prediction import PredictedAction, Prediction
+from app.services.prediction_findings import findings_of
 from app.services.prefix_warmer import PrefixWarmer
 from app.services.question import PredictRequest, Question
 from app.services.record_prediction import Recorder
@@ -137,7 +138,7 @@ class PredictActions:
         except UnsafeActionError as error:  # beyond limits that were set after the last action came
             await _record_failure(error, dialogue, record)
             raise
-        findings = (*question.findings, *dialogue.findings)
+        findings = findings_of(question, dialogue, "ok")
         completion = Completion(dialogue.reply_text or "", dialogue.usage)
         yield Prediction(
             id_, question, dialogue.prompt, tuple(actions), completion, timings_ms, dialogue.samples, findings

@@ -12,6 +12,7 @@ from app.services.dialogue import Dialogue
 from app.services.log_fields import note
 from app.services.metrics import Metrics
 from app.services.prediction import PredictedAction
+from app.services.prediction_findings import findings_of
 from app.services.question import Question
 from app.services.sampled_dialogue import SampledDialogue
 from app.services.stored_images import put_images
@@ -116,4 +117,5 @@ def _draft(
         objects=tuple(map(ObjectRecord.of, question.observed)),
         samples=dialogue.samples,
         grounding=question.grounded.to_json(),
+        findings=tuple(finding.to_json() for finding in findings_of(question, dialogue, status, error)),
     )

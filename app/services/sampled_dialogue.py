@@ -70,10 +70,11 @@ class SampledDialogue:
         return reduce(usage_sum, (dialogue.usage for _, dialogue in self._dialogues))
 
     @property
-    def findings(self) -> list[Finding]:
-        """What in the replies that entered deserves a look."""
+    def findings(self) -> tuple[Finding, ...]:
+        """What in the replies that entered deserves a look, each kind once."""
         used = [sample["used"] for sample in self.samples or ()]
-        return [f for uses, (_, d) in zip(used, self._dialogues, strict=False) if uses for f in d.findings]
+        found = [f for uses, (_, d) in zip(used, self._dialogues, strict=False) if uses for f in d.findings]
+        return tuple({finding.code: finding for finding in reversed(found)}.values())
 
     @property
     def rows(self) -> list[PlacedRow | None]:

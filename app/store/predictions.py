@@ -105,6 +105,7 @@ def _record(row: Row[Any]) -> PredictionRecord:
         "demonstration_ids": tuple(row.demonstration_ids),
         "actions": None if row.actions is None else tuple(row.actions),
         "samples": None if row.samples is None else tuple(row.samples),
+        "findings": None if row.findings is None else tuple(row.findings),
         "objects": tuple(ObjectRecord.from_json(value) for value in row.objects or ()),
         "cameras": tuple(CameraRecord.from_json(value) for value in row.cameras or ()),
     }

@@ -26,13 +26,14 @@ def private_file(path: Path) -> None:
     Raises:
         OSError: if it cannot be made.
     """
-    descriptor = os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_CLOEXEC", 0), FILE_MODE)
     try:
-        status = os.fstat(descriptor)
+        os.close(os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_CLOEXEC", 0), FILE_MODE))
+    except FileExistsError:
+        # Not opened: to close it again would drop the locks that SQLite holds on it for this whole process, and another
+        # process would then delete the log (https://sqlite.org/howtocorrupt.html, "close()").
+        status = path.stat()
         if status.st_mode & OTHERS and status.st_uid == os.geteuid():
-            os.fchmod(descriptor, FILE_MODE)
-    finally:
-        os.close(descriptor)
+            path.chmod(FILE_MODE)
 
 
 def private_folder(path: Path) -> None:

@@ -149,6 +149,7 @@ class PredictionDraft:
         cameras: with the images that were sent, if any.
         samples: where several replies were asked for, each of them and whether it entered.
         grounding: how the instruction was understood (`Grounded.to_json`); None in rows from before it was kept.
+        findings: what deserves a look (`Finding.to_json`), causes first; None in rows from before they were kept.
     """
 
     task: str
@@ -171,6 +172,7 @@ class PredictionDraft:
     cameras: tuple[CameraRecord, ...] = ()
     samples: tuple[JsonObject, ...] | None = None
     grounding: JsonObject | None = None
+    findings: tuple[JsonObject, ...] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

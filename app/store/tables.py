@@ -115,6 +115,7 @@ predictions = Table(
     Column("cameras", Json),
     Column("samples", Json),
     Column("grounding", Json),
+    Column("findings", Json),
     Index(None, "task", "sequence"),
     sqlite_autoincrement=True,
 )

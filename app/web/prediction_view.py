@@ -32,7 +32,7 @@ STAGES = {
 
 @dataclass(frozen=True, eq=False)
 class PredictionView:
-    """A prediction, the demonstrations that are still stored, and what deserves a look."""
+    """A prediction, the demonstrations that are still stored, and how it lies among them."""
 
     record: PredictionRecord
     settings: TaskSettings
@@ -98,4 +98,4 @@ def view_prediction(connection: Connection, prediction_id: str) -> PredictionVie
     demonstrations = demonstrations_of(
         records, lambda: episodes.get_trajectories(connection, ids), settings, all_of_them=True
     )
-    return PredictionView(record, settings, shown, explain_prediction(record, demonstrations, settings))
+    return PredictionView(record, settings, shown, explain_prediction(record, demonstrations))

@@ -4,7 +4,7 @@ import pytest
 
 from app.client.answers import PredictedActions
 from app.client.errors import DangerError
-from app.client.loop import NotConfirmedError, run_task
+from app.client.loop import NotConfirmedError, run_closed_loop, run_task
 from app.pipeline.errors import InvalidInputError
 from tests.client.test_loop import ACTIONS, Arm, Service
 
@@ -74,6 +74,52 @@ def test_settings_that_cannot_be(setting, said):
     arm = Arm()
     with pytest.raises(InvalidInputError, match=said):
         run(arm, on_danger=setting)
+    assert arm.stopped == 1
+
+
+def loop(arm, *findings, steps=2, **settings):
+    """A closed loop of a service that always wants the same action and finds the same."""
+    service = Service(PredictedActions("p", ACTIONS[:1], {"findings": list(findings)}))
+    seen = []
+    try:
+        for step in run_closed_loop(service, arm, "pick", "pick up the cube", max_steps=steps, **settings):
+            seen.append(step)
+    finally:
+        assert len(seen) == service.asked  # who steps through it sees the answer that is refused, too
+    return seen
+
+
+def test_a_closed_loop_refuses_a_danger_before_its_step_is_taken():
+    arm = Arm()
+    with pytest.raises(DangerError, match="cube is tilted by 90 degrees"):
+        loop(arm, finding())
+    assert (arm.heights, arm.stopped) == ([], 1)
+
+
+def test_a_closed_loop_asks_at_every_step_that_is_dangerous():
+    arm, asked = Arm(), []
+
+    def confirm(index, action):
+        asked.append((index, len(arm.heights)))
+        return len(asked) < 3
+
+    with pytest.raises(NotConfirmedError, match="cube is tilted"):
+        loop(arm, finding(), confirm=confirm)
+    assert asked == [(0, 0), (0, 0), (0, 1)]  # the danger, the action, and the next step's danger
+    assert (len(arm.heights), arm.stopped) == (1, 1)
+
+
+def test_a_closed_loop_goes_on_where_told_to():
+    for findings, settings in (([finding("warning")], {}), ([finding()], {"on_danger": "go"})):
+        arm = Arm()
+        assert len(loop(arm, *findings, **settings)) == 2
+        assert len(arm.heights) == 2
+
+
+def test_a_closed_loop_checks_its_setting_before_it_asks():
+    arm = Arm()
+    with pytest.raises(InvalidInputError, match="no `confirm` to ask"):
+        loop(arm, on_danger="confirm")
     assert arm.stopped == 1
 
 

@@ -51,6 +51,9 @@ def test_an_unsupported_action_is_refused_and_recorded(far):
     assert (stored["status"], stored["actions"]) == ("unsupported", None)
     assert stored["reply_text"] == problem["reply_text"]
     assert stored["reply_text"].count(FAR) == 2
+    (reason,) = [finding for finding in stored["findings"] if finding["severity"] == "danger"]
+    assert (reason["code"], reason["where"]) == ("unsupported-action", "actions")
+    assert "is 10." in reason["message"]
 
 
 def test_who_allows_it_is_told_of_the_danger(far):
@@ -60,7 +63,9 @@ def test_who_allows_it_is_told_of_the_danger(far):
     assert len(answer["actions"]) == 3
     (danger,) = [finding for finding in answer["findings"] if finding["severity"] == "danger"]
     assert (danger["code"], danger["where"]) == ("unsupported-action", "actions[1]")
-    assert far.get(f"/predictions/{answer['id']}").json()["status"] == "ok"
+    stored = far.get(f"/predictions/{answer['id']}").json()
+    assert stored["status"] == "ok"
+    assert stored["findings"] == answer["findings"]
 
 
 def test_other_values_are_refused(far):

@@ -1,4 +1,4 @@
-"""What deserves a look in a prediction, found by the numbers."""
+"""A recorded prediction beside its demonstrations, in numbers."""
 
 from datetime import UTC, datetime
 
@@ -6,7 +6,6 @@ import pytest
 
 from app.services.demonstrations import Demonstrations
 from app.services.explain_prediction import explain_prediction
-from app.services.task_settings import TaskSettings
 from app.store.records import DemonstrationRecord, PredictionRecord
 from app.store.values import KeyframeRecord, ObjectRecord
 
@@ -46,58 +45,30 @@ def prediction(predicted, objects, **changes):
 
 def explained(record, shown=None):
     known = tuple(item.demonstration() for item in (demonstrations() if shown is None else shown))
-    return explain_prediction(record, Demonstrations(known, known), TaskSettings())
+    return explain_prediction(record, Demonstrations(known, known))
 
 
-def found(record, shown=None):
-    return [(finding.where, finding.title) for finding in explained(record, shown).findings]
+def test_objects_and_actions_are_held_against_the_demonstrations():
+    evidence = explained(prediction(actions(0.4), cube(0.4)))
+    assert evidence.reaches["cube"].beyond_m == pytest.approx((0.2, 0, 0))
+    assert [deviation.offset_m for deviation in evidence.deviations] == pytest.approx([0.0] * 3)
 
 
-def test_what_is_as_shown_deserves_no_look():
-    assert found(prediction(actions(0.12), cube(0.12))) == []
-
-
-def test_less_than_a_bin_deserves_none():
-    assert found(prediction(actions(0.207, dx_m=0.009), cube(0.207))) == []
-
-
-FAULTS = [
-    (prediction(actions(0.4), cube(0.4)), ("objects", "cube lies outside of what was shown")),
-    (prediction(actions(0.12), cube(0.12, confidence=0.6)), ("objects", "The pose of cube is not certain")),
-    (
-        prediction(actions(0.12), cube(0.12), instruction="fetch it"),
-        ("instruction", "No demonstration has this instruction"),
-    ),
-    (prediction(actions(0.12)[:2], cube(0.12)), ("actions", "2 actions")),
-    (
-        prediction(actions(0.12, is_open=(True, True, False)), cube(0.12)),
-        ("actions", "Action 2 has the gripper the other way"),
-    ),
-    (
-        prediction(actions(0.12), cube(0.12), demonstration_ids=("0", "1", "2", "gone")),
-        ("demonstrations", "Demonstrations were deleted since"),
-    ),
-    (
-        prediction([], cube(0.12), status="parse_error", actions=None, error="the reply has 0 lists"),
-        ("reply", "The reply is not a list of valid actions"),
-    ),
-]
-
-
-@pytest.mark.parametrize(("record", "expected"), FAULTS, ids=[title for _, (_, title) in FAULTS])
-def test_each_fault_is_found_alone(record, expected):
-    assert found(record) == [expected]
-
-
-def test_actions_beside_the_object_are_found():
+def test_actions_beside_the_object_are_measured():
     beside = explained(prediction(actions(0.12, dx_m=0.05), cube(0.12)))
-    assert [finding.title for finding in beside.findings] == [f"Action {k} goes elsewhere" for k in (1, 2, 3)]
-    assert beside.findings[0].text.startswith("5.0 cm from where the demonstrations go, seen from cube")
+    assert [(item.object_name, item.offset_m) for item in beside.deviations] == [("cube", pytest.approx(0.05))] * 3
 
 
-def test_without_its_demonstrations_only_their_loss_is_told():
-    assert found(prediction(actions(0.12), cube(0.12)), []) == [("demonstrations", "Demonstrations were deleted since")]
+def test_the_instruction_is_the_one_that_the_llm_read():
+    asked = {"instruction": "fetch it", "grounding": {"instruction": INSTRUCTION}}
+    assert len(explained(prediction(actions(0.12), cube(0.12), **asked)).deviations) == 3
+    assert explained(prediction(actions(0.12), cube(0.12), instruction="fetch it")).deviations == ()
+
+
+def test_without_its_demonstrations_nothing_is_compared():
+    nothing = explained(prediction(actions(0.12), cube(0.12)), [])
+    assert (nothing.reaches, nothing.deviations) == ({}, ())
 
 
 def test_a_step_of_a_closed_loop_is_not_taken_for_the_whole():
-    assert found(prediction(actions(0.12)[1:2], cube(0.12), step=1)) == []
+    assert explained(prediction(actions(0.12)[1:2], cube(0.12), step=1)).deviations == ()

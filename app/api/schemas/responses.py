@@ -298,6 +298,10 @@ class StoredPrediction(UnderstoodOut):
     timings_ms: dict[str, float]
     step: Step = None
     samples: Samples = None
+    findings: Annotated[
+        list[FindingOut] | None,
+        Field(description="what deserves a look, causes first; null where they were not kept yet"),
+    ]
     request: dict[str, Any]
     outcome: OutcomeOut | None
     created_at: datetime

@@ -1,5 +1,6 @@
 """Whether the demonstrations support an action: it lies where they have it, seen from what the row follows."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -30,6 +31,8 @@ class PlacedRow:
         tolerance_m, tolerance_deg: within which most demonstrations lie.
         reach_m, reach_deg: within which an action is supported.
         grippers: what demonstrations do with the gripper there.
+        scatter_m: how far the median demonstration is from the centre.
+        number: of demonstrations.
     """
 
     anchor: Anchor
@@ -43,12 +46,24 @@ class PlacedRow:
     reach_m: float
     reach_deg: float
     grippers: frozenset[bool]
+    scatter_m: float = 0.0
+    number: int = 1
+
+    @property
+    def centre_off_m(self) -> float:
+        """How far the centre is likely to be from that of very many demonstrations."""
+        return self.scatter_m / math.sqrt(self.number)
 
     def away(self, action: EndEffectorAction) -> tuple[float, float]:
         """How far an action is from the row's centre, in metres and degrees."""
         turn = Rotation.from_quat(self.action.quaternion_xyzw).inv() * Rotation.from_quat(action.quaternion_xyzw)
         off_m = float(np.linalg.norm(action.position_m - self.action.position_m))
         return off_m, float(np.degrees(turn.magnitude()))
+
+    def beyond(self, action: EndEffectorAction) -> tuple[float, float]:
+        """How far an action is beyond the farthest demonstration, in metres and degrees; 0 within."""
+        off_m, off_deg = self.away(action)
+        return max(0.0, off_m - (self.reach_m - MARGIN_M)), max(0.0, off_deg - (self.reach_deg - MARGIN_DEG))
 
     def supports(self, action: EndEffectorAction) -> bool:
         """Whether demonstrations support the action."""
@@ -121,6 +136,8 @@ class Support:
             float(row.off_m.max()) + MARGIN_M,
             float(row.off_deg.max()) + MARGIN_DEG,
             row.grippers,
+            float(np.median(row.off_m)),
+            len(row.off_m),
         )
 
 
@@ -164,6 +181,11 @@ class SupportGuard:
             raise _unsupported(self._before + index, action, nearest)
         self._plans, self._index = supporting, index + 1
         return min((plan[index] for plan in supporting), key=lambda row: row.away(action))
+
+    def pass_by(self) -> None:
+        """Go on behind an action that `check` refused, as if every plan that has one there had it so."""
+        self._plans = [plan for plan in self._plans if self._index < len(plan)] or self._plans
+        self._index += 1
 
     def finish(self) -> None:
         """Let the reply end here.

@@ -1,7 +1,7 @@
 // Upload: what is dropped or chosen is sorted into demonstrations, and each is sent on its own.
 
 import { root, send } from "./api.js";
-import { element, say, sayProblem } from "./dom.js";
+import { element, findings, say, sayProblem } from "./dom.js";
 import { collect, demonstrationsIn } from "./upload_files.js";
 
 const drop = document.getElementById("drop");
@@ -74,7 +74,8 @@ async function sendOne(item, place) {
     const response = await send("/episodes", { method: "POST", ...item.request() });
     const episode = await response.json();
     const link = element("a", { href: `${root}/ui/episodes/${episode.id}` }, `“${episode.instruction}” of ${episode.task}`);
-    place.replaceChildren(link, `: ${episode.num_frames} frames, ${episode.keyframes.length} keyframes`);
+    const told = `: ${episode.num_frames} frames, ${episode.keyframes.length} keyframes`;
+    place.replaceChildren(link, told, ...findings(episode.findings));
     return true;
   } catch (error) {
     sayProblem(place, error);

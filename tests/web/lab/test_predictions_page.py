@@ -47,11 +47,25 @@ def test_why_a_prediction_failed_in_three_clicks(page, seeded):
     page.get_by_role("link", name="pick up the cube").click()
     page.wait_for_url(f"**/ui/predictions/{seeded['failure']}")
     found = page.get_by_role("region", name="What deserves a look")
-    assert "cube lies outside of what was shown" in found.inner_text()
+    assert "cube lies 30 cm beyond the demonstrations along x" in found.inner_text()
     assert "from 0.100 to 0.250 m" in found.inner_text()
     found.get_by_role("link").first.click()
     row = page.get_by_role("region", name="Object poses").get_by_role("row", name="cube")
     assert "30.0 cm" in row.inner_text()
+
+
+def test_page_api_and_comparison_show_the_same_findings(page, http, seeded):
+    """One for each cause: the actions that follow from a far cube are one of them."""
+    kept = http.get(f"/predictions/{seeded['failure']}").json()["findings"]
+    assert [finding["code"] for finding in kept] == ["object-beyond-demonstrations", "unsupported-action"]
+    page.goto(f"/ui/predictions/{seeded['failure']}")
+    shown = page.get_by_role("region", name="What deserves a look").get_by_role("listitem")
+    assert shown.locator("strong").all_inner_texts() == [finding["code"] for finding in kept]
+    for finding, text in zip(kept, shown.all_inner_texts(), strict=True):
+        assert finding["message"] in text
+        assert finding["severity"] in text
+    page.goto(f"/ui/predictions/compare?id={seeded['failure']}&id={seeded['success']}")
+    assert page.locator(".findings strong").all_inner_texts() == [finding["code"] for finding in kept]
 
 
 def test_a_prediction_shows_what_was_asked_and_what_came(page, seeded):

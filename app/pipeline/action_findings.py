@@ -1,0 +1,67 @@
+"""What is doubtful about actions: rows that share a cause are one finding."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from app.pipeline.errors import UnsupportedActionError
+from app.pipeline.findings import Finding
+
+MANY = 4  # numbers of actions that a sentence lists
+
+
+@dataclass(frozen=True)
+class ActionDoubt:
+    """An action that is not where demonstrations have it.
+
+    Attributes:
+        index: of the action, from 0.
+        off_m, off_deg: how far it lies beyond the farthest demonstration.
+        seen_from: what it is relative to.
+        unsupported: why it is so far off that it is refused unless the request lets it pass; None if it is not.
+    """
+
+    index: int
+    off_m: float = 0.0
+    off_deg: float = 0.0
+    seen_from: str = ""
+    unsupported: UnsupportedActionError | None = None
+
+
+def action_findings(doubts: Sequence[ActionDoubt]) -> tuple[Finding, ...]:
+    """At most one finding for all actions that demonstrations do not support, and one for those that stray."""
+    unsupported = [doubt for doubt in doubts if doubt.unsupported is not None]
+    straying = [doubt for doubt in doubts if doubt.unsupported is None]
+    return (*_unsupported(unsupported), *_straying(straying))
+
+
+def _unsupported(doubts: Sequence[ActionDoubt]) -> tuple[Finding, ...]:
+    if not doubts:
+        return ()
+    first = doubts[0].unsupported
+    message = f"{first}."
+    if len(doubts) > 1:
+        message = f"{_named(doubts)} are unlike the demonstrations; the first: {first}."
+    numbers = {"num_actions": len(doubts)}
+    return (Finding("unsupported-action", "danger", message, f"actions[{doubts[0].index}]", numbers),)
+
+
+def _straying(doubts: Sequence[ActionDoubt]) -> tuple[Finding, ...]:
+    if not doubts:
+        return ()
+    off_m, off_deg = max(doubt.off_m for doubt in doubts), max(doubt.off_deg for doubt in doubts)
+    worst = max(doubts, key=lambda doubt: doubt.off_m)
+    message = (
+        f"{_named(doubts)} {'lies' if len(doubts) == 1 else 'lie'} up to {100 * off_m:.1f} cm and {off_deg:.0f} degrees"
+        f" beyond where the demonstrations have them, seen from {worst.seen_from}."
+    )
+    numbers = {"num_actions": len(doubts), "off_m": off_m, "off_deg": off_deg}
+    return (Finding("straying-action", "info", message, f"actions[{doubts[0].index}]", numbers),)
+
+
+def _named(doubts: Sequence[ActionDoubt]) -> str:
+    numbers = [str(doubt.index + 1) for doubt in doubts]
+    if len(numbers) == 1:
+        return f"Action {numbers[0]}"
+    if len(numbers) > MANY:
+        return f"Actions {', '.join(numbers[:MANY])} and {len(numbers) - MANY} more"
+    return f"Actions {', '.join(numbers[:-1])} and {numbers[-1]}"
