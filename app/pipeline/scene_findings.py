@@ -138,13 +138,13 @@ def _noise(observed: Sequence[ObjectPose], places: Sequence[ShownPlaces]) -> Ite
 def _arranged(observed: Sequence[ObjectPose], shown: Sequence[Demonstration], instruction: str) -> Iterator[Finding]:
     """Objects that the instruction names stand to each other as in every demonstration, whichever they are."""
     asked = mention_order([pose.name for pose in observed], instruction)
-    told = [mention_order([pose.name for pose in d.objects], d.instruction) for d in shown]
-    if any(len(names) != len(asked) for names in told):
+    named = [mention_order([pose.name for pose in d.objects], d.instruction) for d in shown]
+    if any(len(names) != len(asked) for names in named):
         return
     poses = {pose.name: pose for pose in observed}
     for i, j in combinations(range(len(asked)), 2):
         ways_m = np.array(
-            [d.object(n[i]).position_m - d.object(n[j]).position_m for d, n in zip(shown, told, strict=True)]
+            [d.object(n[i]).position_m - d.object(n[j]).position_m for d, n in zip(shown, named, strict=True)]
         )
         way_m = poses[asked[i]].position_m - poses[asked[j]].position_m
         beyond_m = np.maximum(way_m - ways_m.max(axis=0), 0) + np.maximum(ways_m.min(axis=0) - way_m, 0)

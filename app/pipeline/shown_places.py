@@ -25,7 +25,7 @@ class ShownPlaces:
         number: of the demonstrations.
         low_m, high_m: (3,) the box that holds its places.
         up: (N, 3) the directions of its z axis; empty where its rotations are not known.
-        yaws_rad: (N,) likewise.
+        yaws_rad: (N,) of the same objects.
     """
 
     number: int

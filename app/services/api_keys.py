@@ -93,7 +93,7 @@ class KeyRing:
 
 
 def create_key(store: Store, name: str, scopes: Sequence[str]) -> str:
-    """Make a key and store its digest; returns the key, which cannot be told again. Synchronous.
+    """Make a key and store its digest; returns the key, which nobody can read again. Synchronous.
 
     Raises:
         InvalidInputError: for a name that is none, and unknown or no scopes.

@@ -31,7 +31,7 @@ def explain_prediction(record: PredictionRecord, demonstrations: Demonstrations)
     observed = tuple(item.pose() for item in record.objects)
     predicted = Demonstration(_canonical(record), observed, tuple(_actions(record)))
     reaches = {pose.name: object_reach(pose, shown) for pose in observed} if shown else {}
-    # A step of a closed loop is one action out of several; its demonstrations are not told apart by step here.
+    # A step of a closed loop is one action out of several; its demonstrations are not divided by step here.
     deviations = action_deviations(predicted, shown) if record.step is None else ()
     return Explanation(reaches, deviations)
 
