@@ -1,4 +1,4 @@
-"""What keys are for and when they end, what they own (predictions, answers to repeated requests), browsers' sessions."""
+"""Keys for some tasks and for a time, what a key owns (predictions, repeated requests' answers), browsers' sessions."""
 
 import sqlalchemy as sa
 from alembic import op

@@ -26,6 +26,7 @@ from app.services.prediction import PredictedAction, Prediction
 from app.services.question import PredictRequest, Question
 from app.services.upload_episode import content_digest
 from app.store.values import JsonObject
+from app.store.visibility import present
 
 EVENT_STREAM = "text/event-stream"
 STREAMED: dict[int | str, dict[str, object]] = {
@@ -42,6 +43,7 @@ router = APIRouter(tags=["predictions"])
     responses=STREAMED
     | problems(
         _400="the body cannot be read",
+        _403="the key lacks the scope, is for other tasks, or may not read the demonstrations that a dry run shows",
         _404="no such task or episode",
         _409="the task has no demonstrations yet, or the idempotency key came with other content",
         _413="the body is too large",
@@ -76,6 +78,8 @@ async def predict(request: Request, services: Wired, idempotency_key: Idempotenc
     timings_ms: dict[str, float] = {}
     async with image_work(request).room(request, body, services.limits) as decode:
         wish, asked = await questioned(decode, body, services.limits)
+        if asked.dry_run:
+            present().require_demonstrations()
         if idempotency_key is not None and not asked.dry_run:
             digest = await decode(content_digest, body.document, body.parts)
             if (known := await services.repeated_predictions.answer_to(idempotency_key, digest, wish)) is not None:
