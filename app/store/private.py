@@ -23,16 +23,18 @@ def private_opener(path: str, flags: int) -> int:
 def private_file(path: Path) -> None:
     """Make the file if it is not there, and take it from others if it is.
 
+    A file that is there is never opened: to close it would drop every lock that this process holds on it, SQLite's
+    among them (https://sqlite.org/howtocorrupt.html, 2.2), and another process would then delete the log in use.
+
     Raises:
         OSError: if it cannot be made.
     """
-    descriptor = os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_CLOEXEC", 0), FILE_MODE)
     try:
-        status = os.fstat(descriptor)
+        os.close(os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_CLOEXEC", 0), FILE_MODE))
+    except FileExistsError:
+        status = path.stat()
         if status.st_mode & OTHERS and status.st_uid == os.geteuid():
-            os.fchmod(descriptor, FILE_MODE)
-    finally:
-        os.close(descriptor)
+            path.chmod(FILE_MODE)
 
 
 def private_folder(path: Path) -> None:
