@@ -28,12 +28,13 @@ def credential_of(headers: Headers) -> Credential:
         return Credential(token.strip())
     if key := headers.get(b"x-api-key", b"").decode("latin-1"):
         return Credential(key.strip())
-    token = session_of(headers.get(b"cookie", b"").decode("latin-1"))
+    token = session_of(headers)
     return Credential(token, by_cookie=bool(token))
 
 
-def session_of(cookies: str) -> str:
-    """The session in a header Cookie; empty if there is none."""
+def session_of(headers: Headers) -> str:
+    """The session in the cookie; empty if there is none."""
+    cookies = headers.get(b"cookie", b"").decode("latin-1")
     if COOKIE not in cookies:
         return ""
     try:

@@ -10,7 +10,7 @@ from app.store.errors import StoreUnavailableError
 FOLDER_MODE, FILE_MODE = 0o700, 0o600
 OTHERS = 0o077
 # What a data folder has; one with other folders and none of these is somebody's home, or the system's.
-MARKS = ("roboprompt.db", "blobs", "under_way", "llm", "cache", ".swept")
+MARKS = ("roboprompt.db", "blobs", "under_way", "turns", "llm", "cache", ".swept")
 
 logger = logging.getLogger(__name__)
 

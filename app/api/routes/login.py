@@ -7,7 +7,7 @@ from fastapi import APIRouter, Form, Request, Response
 from fastapi.responses import HTMLResponse, RedirectResponse
 
 from app.api.access_rules import LOGIN, LOGOUT
-from app.api.credentials import COOKIE
+from app.api.credentials import COOKIE, session_of
 from app.api.routes import Wired
 from app.services.api_keys import ExpiredKeyError
 
@@ -65,7 +65,7 @@ async def login(
 @router.post(LOGOUT)
 async def logout(request: Request, services: Wired) -> Response:
     """End the session: its token is worth nothing from now on, wherever a copy of it is."""
-    if token := request.cookies.get(COOKIE):
+    if token := session_of(dict(request.scope["headers"])):  # as the door reads it
         await services.sessions.end(token)
     response = RedirectResponse(LOGIN, 303)
     response.delete_cookie(COOKIE, httponly=True, samesite="strict")
