@@ -1,7 +1,7 @@
 """`roboprompt keys add | list | revoke`: who may use the service."""
 
 import re
-from datetime import UTC, date, datetime, time, timedelta
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -28,8 +28,6 @@ def expiry(text: str, now: datetime) -> datetime:
     try:
         if match := _PERIOD.fullmatch(text.strip()):
             return now + int(match[1]) * _UNITS[match[2]]
-        if len(text.strip()) == len("2027-01-31"):
-            return datetime.combine(date.fromisoformat(text.strip()), time(), UTC)
         moment = datetime.fromisoformat(text.strip())
         return moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment.astimezone(UTC)
     except (ValueError, OverflowError):

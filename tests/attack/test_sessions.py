@@ -5,15 +5,14 @@ from datetime import UTC, datetime, timedelta
 
 import httpx
 import pytest
+from sqlalchemy import update
 
 from app.api.credentials import COOKIE
-from app.services.api_keys import create_key
+from app.services.api_keys import KNOWN_FOR_S, create_key
 from app.services.sessions import LONGEST
-from app.store import api_keys, sessions
+from app.store import api_keys, sessions, tables
 from app.store.store import Store
 from tests.e2e.processes import killable_server
-
-LASTS_S = 12.0
 
 
 @pytest.fixture(scope="module")
@@ -29,17 +28,15 @@ def store(data):
 
 
 @pytest.fixture(scope="module")
-def url(data, store):
-    create_key(store, "first", ["admin"])
+def keys(store):
+    """Made before the service starts, so that every worker knows them."""
+    return [create_key(store, f"person {number}", ["read"]) for number in range(3)]
+
+
+@pytest.fixture(scope="module")
+def url(data, keys):
     with killable_server(data, {"ROBOPROMPT_AUTH": "on"}, "--workers", "2") as (_, address):
         yield address
-
-
-def key_known_to_all(url, store, **more):
-    """A new key; each worker reads the keys every 5 seconds."""
-    token = create_key(store, "person", ["read"], **more)
-    time.sleep(5.2)
-    return token
 
 
 def log_in(url, key):
@@ -53,8 +50,8 @@ def statuses(url, session, times=8):
     return {httpx.get(f"{url}/tasks", headers={"cookie": f"{COOKIE}={session}"}).status_code for _ in range(times)}
 
 
-def test_a_copied_cookie_is_worth_nothing_after_the_logout(url, store):
-    key = key_known_to_all(url, store)
+def test_a_copied_cookie_is_worth_nothing_after_the_logout(url, store, keys):
+    key = keys[0]
     session, other = log_in(url, key), log_in(url, key)
     assert key not in session
     assert statuses(url, session) == {200}
@@ -72,11 +69,13 @@ def test_a_copied_cookie_is_worth_nothing_after_the_logout(url, store):
     assert statuses(url, other) == {401}  # at once: sessions are read anew each time
 
 
-def test_a_session_ends_with_its_key(url, store):
-    key = key_known_to_all(url, store, expires_at=datetime.now(UTC) + timedelta(seconds=LASTS_S))
-    session = log_in(url, key)
+def test_a_session_ends_with_its_key(url, store, keys):
+    session = log_in(url, keys[1])
     assert statuses(url, session) == {200}
-    time.sleep(LASTS_S)
+    with store.write() as connection:
+        ending = update(tables.api_keys).where(tables.api_keys.c.id == keys[1].split("_")[1])
+        connection.execute(ending.values(expires_at=datetime.now(UTC)))
+    time.sleep(KNOWN_FOR_S + 0.2)
     refused = httpx.get(f"{url}/tasks", headers={"cookie": f"{COOKIE}={session}"})
     assert (refused.status_code, "expired at" in refused.json()["detail"]) == (401, True)
     assert httpx.get(f"{url}/ui/login", headers={"cookie": f"{COOKIE}={session}"}).status_code == 200
@@ -102,7 +101,7 @@ def test_a_key_has_so_many_sessions(store):
     assert alive == digests[3:]
 
 
-def test_no_token_is_on_the_disk(url, store, data):
-    session = log_in(url, key_known_to_all(url, store))
+def test_no_token_is_on_the_disk(url, keys, data):
+    session = log_in(url, keys[2])
     everything = b"".join(path.read_bytes() for path in data.rglob("*") if path.is_file())
     assert session.split("_", 2)[2].encode() not in everything

@@ -163,7 +163,9 @@ def filled(value, ids):
 @pytest.fixture(scope="module")
 def taught_lines(tenants):
     """What only demonstrations say: a scene, and what was done in it."""
-    prompts = [tenants.clients["admin"].post("/predict", json=question(task, dry_run=True)) for task in ("pick", "push")]
+    prompts = [
+        tenants.clients["admin"].post("/predict", json=question(task, dry_run=True)) for task in ("pick", "push")
+    ]
     texts = [prompt.json()["prompt"]["user"] for prompt in prompts]
     return {text[: text.index(">") + 20] for text in texts}
 
