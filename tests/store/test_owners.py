@@ -27,9 +27,10 @@ BEFORE = (
     f"VALUES ('{TASK}', 1, '{{}}', '2026-01-01', '2026-01-01')",
     "INSERT INTO api_keys (id, name, digest, scopes, created_at) "
     f"VALUES ('0123456789ab', 'robot', '{digest_of(TOKEN)}', '[\"predict\"]', '2026-01-01')",
-    "INSERT INTO predictions (id, task, instruction, model, representation, prompt_format, status, created_at, request, "
-    "demonstration_ids, prompt_system, prompt_user, usage, timings_ms) VALUES "
-    f"('old', '{TASK}', 'pick', 'nearest', 'absolute', 'paper', 'ok', '2026-01-01', '{{}}', '[]', '', '', '{{}}', '{{}}')",
+    "INSERT INTO predictions (id, task, instruction, model, representation, prompt_format, status, created_at, "
+    "request, demonstration_ids, prompt_system, prompt_user, usage, timings_ms) VALUES ("
+    f"'old', '{TASK}', 'pick', 'nearest', 'absolute', 'paper', 'ok', '2026-01-01', "
+    "'{}', '[]', '', '', '{}', '{}')",
     "INSERT INTO idempotency_keys (scope, key, request_digest, status, response, created_at) "
     "VALUES ('POST /episodes', 'k', 'd', 201, '{\"id\": \"e\"}', '2026-01-01')",
 )
