@@ -3,9 +3,11 @@
 import fcntl
 import hashlib
 import os
+import weakref
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
-from typing import IO, Self
+from typing import Self
 
 from app.store.errors import StoreUnavailableError
 from app.store.private import FOLDER_MODE, private_opener
@@ -14,16 +16,16 @@ from app.store.private import FOLDER_MODE, private_opener
 class Turn:
     """The turn that somebody has; leave it by `with`. One that is only dropped is left, too."""
 
-    def __init__(self, path: Path, file: IO[bytes]) -> None:
+    def __init__(self, path: Path, descriptor: int) -> None:
         self._path = path
-        self._file = file
+        self._close = weakref.finalize(self, os.close, descriptor)
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         self._path.unlink(missing_ok=True)  # before it is unlocked: who has it open finds that it is not there
-        self._file.close()
+        self._close()
 
 
 class Turns:
@@ -41,14 +43,12 @@ class Turns:
         path = self._folder / hashlib.sha256(name.encode(errors="surrogatepass")).hexdigest()
         try:
             self._folder.mkdir(FOLDER_MODE, exist_ok=True)
-            file = open(path, "ab", opener=private_opener)  # noqa: SIM115 - it stays open while the turn lasts
-            try:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                if os.fstat(file.fileno()).st_ino == path.stat().st_ino:
-                    return Turn(path, file)
-            except (BlockingIOError, FileNotFoundError):
-                pass
-            file.close()
+            descriptor = private_opener(str(path), os.O_RDWR | os.O_CREAT | os.O_CLOEXEC)
+            with suppress(BlockingIOError, FileNotFoundError):
+                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                if os.fstat(descriptor).st_ino == path.stat().st_ino:
+                    return Turn(path, descriptor)
+            os.close(descriptor)
         except OSError as error:
             raise StoreUnavailableError(f"turns of requests: {error}") from error
         return None
