@@ -122,7 +122,7 @@ async def open_services(settings: Settings) -> AsyncIterator[Services]:
     """
     store = await asyncio.to_thread(open_store, settings)
     if access_for(settings).key_required and not await asyncio.to_thread(has_keys, store):
-        logger.warning("API keys are required and there is none: roboprompt keys create NAME --scope admin")
+        logger.warning("API keys are required and there is none: roboprompt keys add NAME --scope admin")
     models = ModelRegistry(llm_settings(settings))
     pose_servers = PoseServers(settings.pose_servers)
     services = Services.wire(

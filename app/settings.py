@@ -1,11 +1,12 @@
 """The service's settings, read once from the environment: `ROBOPROMPT_...`."""
 
 import os
+from ipaddress import ip_network
 from pathlib import Path
 from typing import Annotated, Literal
 
 from dotenv import dotenv_values
-from pydantic import Field, SecretStr
+from pydantic import Field, SecretStr, field_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
 from app.llm.settings import CompatibleServer, default_cache_folder
@@ -50,6 +51,13 @@ class Settings(BaseSettings):
         Literal["auto", "on", "off"],
         Field(description="whether API keys are required; auto: as soon as others than this machine can connect"),
     ] = "auto"
+    trusted_proxies: Annotated[
+        tuple[str, ...],
+        Field(
+            description="JSON list of addresses or networks of reverse proxies whose X-Forwarded-For and -Proto are "
+            "believed by `roboprompt serve`; empty: nobody's"
+        ),
+    ] = ()
     rate_limit_per_s: Annotated[
         float | None,
         Field(ge=0, description="requests of one key or address; 0: any number; empty: 20 where keys are required"),
@@ -93,6 +101,13 @@ class Settings(BaseSettings):
     otel_endpoint: Annotated[
         str | None, Field(description="OpenTelemetry collector that gets traces, e.g. http://127.0.0.1:4318")
     ] = None
+
+    @field_validator("trusted_proxies")
+    @classmethod
+    def _are_networks(cls, proxies: tuple[str, ...]) -> tuple[str, ...]:
+        for proxy in proxies:
+            ip_network(proxy)
+        return proxies
 
     # The fields of app.llm.settings.LlmSettings, which says what they mean.
     default_model: Annotated[str, Field(description="asked when a request names no model")] = "embedded/gemma-3-270m"

@@ -2,9 +2,7 @@
 
 import math
 import re
-from collections.abc import Mapping
 from dataclasses import dataclass
-from http.cookies import CookieError, SimpleCookie
 from urllib.parse import quote, urlsplit
 
 from fastapi import FastAPI
@@ -13,24 +11,25 @@ from starlette.responses import Response
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from app.api.access_rules import HEALTH, LOGIN, PAGES, READY, SAFE_METHODS, accepted_scopes
+from app.api.credentials import Credential, Headers, credential_of
 from app.api.problems import Kind, problem, store_problem
 from app.api.rate_limit import RateLimit
 from app.pipeline.addresses import is_loopback
-from app.services.api_keys import Caller, audit_name
+from app.services.api_keys import Caller, ExpiredKeyError, audit_name
 from app.services.container import Services
 from app.store.audit import acting
 from app.store.errors import StoreError
+from app.store.visibility import Visibility, seeing
 
-COOKIE = "roboprompt_key"
-Headers = Mapping[bytes, bytes]
 _UNAUTHENTICATED = Kind(401, "unauthenticated", "An API key is needed")
 _FORBIDDEN = Kind(403, "forbidden", "This is not allowed")
 _TOO_MANY = Kind(429, "too-many-requests", "Too many requests")
 _MALFORMED = Kind(400, "http", "The request cannot be read")
 _TOO_LONG = Kind(414, "address-too-long", "The address is too long")
 _HOST = re.compile(r"(\[[\da-f:.]+\]|[\w.~-]+)(:\d*)?", re.ASCII | re.IGNORECASE)
+_EVERYTHING = Visibility()
 _CHALLENGE = 'Bearer realm="roboprompt"'
-HOW = "send `Authorization: Bearer KEY` or `X-API-Key: KEY`; `roboprompt keys create` makes one"
+HOW = "send `Authorization: Bearer KEY` or `X-API-Key: KEY`; `roboprompt keys add` makes one"
 
 
 @dataclass(frozen=True)
@@ -73,7 +72,7 @@ class AccessControl:
         if refusal is not None:
             await refusal(scope, receive, send)
             return
-        with acting(audit_name(caller)):
+        with acting(audit_name(caller)), seeing(_EVERYTHING if caller is None else caller.visibility):
             await self._app(scope, receive, send)
 
     async def _admitted(self, scope: Scope) -> tuple[Response | None, Caller | None]:
@@ -87,30 +86,35 @@ class AccessControl:
             return None, None
         if len(scope["query_string"]) > self._access.max_query_chars:
             return problem(_TOO_LONG, f"its query may have at most {self._access.max_query_chars} characters"), None
-        if (refusal := self._foreign(method, host, headers)) is not None:
+        credential = credential_of(headers)
+        if (refusal := self._foreign(method, host, headers, credential)) is not None:
             return refusal, None
+        caller, unknown = None, "the key is not known, or was revoked"
         try:
-            caller = await self._caller(headers) if self._access.key_required else None
+            caller = await self._caller(credential) if self._access.key_required else None
         except StoreError as error:
             return store_problem(error), None
+        except ExpiredKeyError as error:
+            unknown = str(error)
         address = scope["client"][0] if scope["client"] else ""
         welcome = caller is not None or not self._access.key_required
         is_page = welcome and method in SAFE_METHODS and path.startswith(PAGES)
         if not is_page and (wait_s := self._rate.wait_s(address if caller is None else caller.key_id)):
             seconds = str(math.ceil(wait_s))
             return problem(_TOO_MANY, f"try again in {seconds} s", headers={"Retry-After": seconds}), None
-        return self._unwelcome(method, path, headers, caller) if self._access.key_required else None, caller
+        said = unknown if credential.token else "there is no key"
+        return self._unwelcome(method, path, headers, caller, said) if self._access.key_required else None, caller
 
     async def _may_know(self, path: str, headers: Headers) -> bool:
         """Whether the caller of a health check may read what it finds."""
         if path != READY or not self._access.key_required:
             return True
         try:
-            return await self._caller(headers) is not None
-        except StoreError:
+            return await self._caller(credential_of(headers)) is not None
+        except (StoreError, ExpiredKeyError):
             return False
 
-    def _foreign(self, method: str, host: str, headers: Headers) -> Response | None:
+    def _foreign(self, method: str, host: str, headers: Headers, credential: Credential) -> Response | None:
         """Refuse what another website's scripts send, with the user's cookie or from the user's own machine.
 
         Args:
@@ -120,7 +124,7 @@ class AccessControl:
             remedy = "a service that others reach by name says ROBOPROMPT_AUTH=on, or off"
             return problem(_FORBIDDEN, f"the request names the host {host[:100]!r}, not this machine: {remedy}")
         origin = headers.get(b"origin")
-        if method in SAFE_METHODS or (origin is None and not _is_by_cookie(headers)):
+        if method in SAFE_METHODS or (origin is None and not credential.by_cookie):
             return None
         if origin is None or not host or _authority_of(origin) != headers[b"host"]:
             return problem(
@@ -128,20 +132,28 @@ class AccessControl:
             )
         return None
 
-    async def _caller(self, headers: Headers) -> Caller | None:
+    async def _caller(self, credential: Credential) -> Caller | None:
         services: Services = self._owner.state.services
-        token = token_of(headers)
-        return await services.keys.recognise(token) if token else None
+        if not credential.token:
+            return None
+        known = services.sessions if credential.by_cookie else services.keys
+        return await known.recognise(credential.token)
 
-    def _unwelcome(self, method: str, path: str, headers: Headers, caller: Caller | None) -> Response | None:
+    def _unwelcome(
+        self, method: str, path: str, headers: Headers, caller: Caller | None, unknown: str
+    ) -> Response | None:
+        """Why the caller may not do this, or None.
+
+        Args:
+            unknown: why nobody was recognised, if so.
+        """
         accepted = accepted_scopes(method, path)
         if not accepted:
             return None
         if caller is None:
             if method == "GET" and b"text/html" in headers.get(b"accept", b""):
                 return RedirectResponse(f"{LOGIN}?next={quote(path)}", 303)
-            said = "the key is not known, or was revoked" if token_of(headers) else "there is no key"
-            return problem(_UNAUTHENTICATED, f"{said}: {HOW}", headers={"WWW-Authenticate": _CHALLENGE})
+            return problem(_UNAUTHENTICATED, f"{unknown}: {HOW}", headers={"WWW-Authenticate": _CHALLENGE})
         if caller.may(accepted):
             return None
         needed = " or ".join(sorted(accepted))
@@ -163,23 +175,3 @@ def _authority_of(origin: bytes) -> bytes:
         return urlsplit(origin.decode("latin-1")).netloc.encode("latin-1")
     except ValueError:
         return b""
-
-
-def token_of(headers: Headers) -> str:
-    """The key that a request carries: as bearer, in `X-API-Key`, or in the cookie of the login page; else empty."""
-    scheme, _, token = headers.get(b"authorization", b"").decode("latin-1").partition(" ")
-    if scheme.lower() == "bearer":
-        return token.strip()
-    if key := headers.get(b"x-api-key", b"").decode("latin-1"):
-        return key.strip()
-    if cookie := headers.get(b"cookie", b"").decode("latin-1"):
-        try:
-            morsel = SimpleCookie(cookie).get(COOKIE)
-        except CookieError:
-            return ""
-        return "" if morsel is None else morsel.value
-    return ""
-
-
-def _is_by_cookie(headers: Headers) -> bool:
-    return COOKIE.encode() in headers.get(b"cookie", b"") and not headers.keys() & {b"authorization", b"x-api-key"}

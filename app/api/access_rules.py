@@ -1,4 +1,7 @@
-"""Which scopes let a request in. What is not listed is the strictest: reading needs `read`, changing `admin`."""
+"""Which scopes let a request in. What is not listed is the strictest: reading needs `read`, changing `admin`.
+
+Which tasks and whose predictions a key sees, `app.services.api_keys.caller_from` decides and the store's queries heed.
+"""
 
 import re
 
@@ -17,10 +20,12 @@ _RULES = tuple(
     for method, path, *scopes in (
         # the limits of motion that a robot keeps to
         ("GET", f"/tasks/{_NAME}", "read", "predict"),
+        # with `predict` alone: those that the key itself asked for
+        ("GET", "/predictions", "read", "predict"),
+        ("GET", f"/predictions/{_NAME}", "read", "predict"),
+        ("GET", f"/predictions/{_NAME}/images/{_NAME}/overlay", "read", "predict"),
         # it predicts, with whatever model it names
         ("GET", f"/tasks/{_NAME}/check", "predict"),
-        # whether an upload has been done already
-        ("GET", f"/uploads/{_NAME}", "read", "upload"),
         ("POST", "/episodes", "upload"),
         # whether an upload that was cut off came through
         ("GET", f"/uploads/{_NAME}", "read", "upload"),

@@ -16,6 +16,7 @@ from app.services.task_settings import TaskSettings
 from app.services.task_stats import Standing, TaskStats
 from app.store.records import ConfigurationCounts, EpisodeRecord, JobRecord, PredictionRecord, TaskRecord
 from app.store.values import JsonObject, KeyframeRecord, ObjectRecord
+from app.store.visibility import present
 
 
 def episode_document(record: EpisodeRecord, task: TaskRecord) -> JsonObject:
@@ -124,9 +125,14 @@ def _asked(question: Question, prompt: Prompt) -> JsonObject:
         "representation": question.style.representation,
         "prompt_format": question.style.prompt_format,
         "demonstration_ids": list(question.template.demonstration_ids),
-        "prompt": {"system": prompt.system, "user": prompt.user},
+        "prompt": _prompt(prompt.system, prompt.user),
         "prefix_hash": question.template.cache_key,
     }
+
+
+def _prompt(system: str, user: str) -> JsonObject | None:
+    """A `PromptOut`, for those who may read the demonstrations in it."""
+    return {"system": system, "user": user} if present().demonstrations else None
 
 
 def _understood(grounded: Grounded | None) -> JsonObject:
@@ -196,7 +202,7 @@ def stored_prediction_document(record: PredictionRecord) -> JsonObject:
         **{name: getattr(record, name) for name in same},
         **_understood(grounded),
         "demonstration_ids": list(record.demonstration_ids),
-        "prompt": {"system": record.prompt_system, "user": record.prompt_user},
+        "prompt": _prompt(record.prompt_system, record.prompt_user),
         "actions": None if record.actions is None else list(record.actions),
         "objects": [item.to_json() for item in record.objects],
         "cameras": [item.name for item in record.cameras],
@@ -207,6 +213,7 @@ def stored_prediction_document(record: PredictionRecord) -> JsonObject:
         "findings": None if record.findings is None else list(record.findings),
         "request": record.request,
         "outcome": outcome,
+        "key_id": record.key_id,
         "created_at": record.created_at.isoformat(),
     }
 

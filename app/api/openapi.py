@@ -7,8 +7,8 @@ from fastapi.openapi.utils import get_openapi
 from pydantic import BaseModel
 from pydantic.json_schema import models_json_schema
 
-from app.api.access import COOKIE
 from app.api.access_rules import HEALTH, accepted_scopes
+from app.api.credentials import COOKIE
 from app.api.schemas.poses import PosesBody
 from app.api.schemas.requests import EpisodeJson, EpisodeMetadata, PredictBody
 from app.api.schemas.responses import Problem
@@ -17,14 +17,14 @@ _HAND_READ = (EpisodeJson, EpisodeMetadata, PosesBody, PredictBody, Problem)
 _BINARY = {"type": "string", "format": "binary"}
 
 _SCHEMES: dict[str, Any] = {
-    "bearer": {"type": "http", "scheme": "bearer", "description": "a key of `roboprompt keys create`"},
+    "bearer": {"type": "http", "scheme": "bearer", "description": "a key of `roboprompt keys add`"},
     "header": {"type": "apiKey", "in": "header", "name": "X-API-Key"},
     "cookie": {"type": "apiKey", "in": "cookie", "name": COOKIE, "description": "set by the login page"},
 }
 _STATUSES = {"401": "Unauthenticated", "403": "Forbidden", "414": "AddressTooLong", "429": "TooManyRequests"}
 _MEANINGS = {
     "Unauthenticated": "keys are required, and there is none or it is not valid",
-    "Forbidden": "the key lacks the scope, or a page of another website asks",
+    "Forbidden": "the key lacks the scope or is for other tasks, or a page of another website asks",
     "AddressTooLong": "the address's query is too long",
     "TooManyRequests": "of this key or address; Retry-After says when to come back",
 }

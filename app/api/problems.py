@@ -42,7 +42,15 @@ from app.services.errors import (
     UnsafeReplyError,
     UnsupportedReplyError,
 )
-from app.store.errors import ConflictError, CorruptDataError, NotFoundError, StoreError, StoreUnavailableError
+from app.store.errors import (
+    ConflictError,
+    CorruptDataError,
+    ForbiddenError,
+    ForbiddenTaskError,
+    NotFoundError,
+    StoreError,
+    StoreUnavailableError,
+)
 
 MEDIA_TYPE = "application/problem+json"
 # What an error repeats of a request: characters of a bad value, of a field's name, of a message; and how many errors.
@@ -86,6 +94,7 @@ KINDS: Mapping[type[Exception], Kind] = {
     ModelResponseError: Kind(502, "model-error", "The LLM answered with an error"),
     LanguageModelError: Kind(502, "model-error", "The LLM answered with an error"),
     NotFoundError: Kind(404, "not-found", "Not found"),
+    ForbiddenError: Kind(403, "forbidden", "This is not allowed"),
     ConflictError: Kind(409, "conflict", "The request contradicts what is stored"),
     StoreUnavailableError: Kind(503, "store-unavailable", "The store does not answer"),
     CorruptDataError: Kind(500, "corrupt-data", "Stored data is damaged"),
@@ -171,6 +180,8 @@ def own_problem(request: Request, error: RoboPromptError) -> JSONResponse:
         return problem(kind, str(error), [_own_entry(error)])
     if isinstance(error, UnknownModelError):
         return problem(kind, str(error), [{"field": "model", "message": str(error), "valid": None}])
+    if isinstance(error, ForbiddenTaskError):
+        return problem(kind, str(error), [{"field": "task", "message": str(error), "valid": ", ".join(error.allowed)}])
     if isinstance(error, UnparsableReplyError):
         return problem(kind, str(error), reply_text=error.reply_text, prediction_id=error.prediction_id)
     if isinstance(error, UnsafeReplyError):

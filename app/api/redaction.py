@@ -3,7 +3,7 @@
 import logging
 import re
 
-_KEY = re.compile(r"rp_[0-9a-f]{12}_[\w-]{8,}")
+_KEY = re.compile(r"rps?_[0-9a-f]{12}_[\w-]{8,}")
 _HIDDEN = "rp_(hidden)"
 
 

@@ -25,7 +25,7 @@ def serve(
 ) -> None:
     """Run the service until Ctrl-C.
 
-    Where others than this machine can connect (--host), API keys are required: `roboprompt keys create`.
+    Where others than this machine can connect (--host), API keys are required: `roboprompt keys add`.
     Everything else is set by ROBOPROMPT_ variables, see docs/settings.md; no file is read for them but --env-file.
     """
     import uvicorn
@@ -52,6 +52,8 @@ def serve(
         limit_concurrency=settings.max_connections,
         ws="none",
         server_header=False,
+        proxy_headers=bool(settings.trusted_proxies),
+        forwarded_allow_ips=list(settings.trusted_proxies),
         timeout_graceful_shutdown=GRACE_S,
         **logging,
     )

@@ -7,25 +7,42 @@ passwords, which people choose.
 import asyncio
 import hashlib
 import hmac
+import logging
 import secrets
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 
 import anyio.to_thread
 
-from app.pipeline.errors import InvalidInputError
+from app.pipeline.errors import InvalidInputError, RoboPromptError
 from app.pipeline.wording import checked_name
 from app.store import api_keys, audit
 from app.store.api_keys import ApiKeyRecord
+from app.store.errors import StoreError
 from app.store.store import Store
+from app.store.visibility import Visibility
 
 SCOPES = ("read", "upload", "predict", "admin")
 PREFIX = "rp"
 SECRET_BYTES = 32
 KNOWN_FOR_S = 5.0  # a revoked key is refused no later than this, by every worker
+USE_NOTED_EVERY = timedelta(minutes=1)  # of one key; a write costs a sync of the disk
 _NOBODY = "0" * 64
+logger = logging.getLogger(__name__)
+
+
+class ExpiredKeyError(RoboPromptError):
+    """The key was right and has expired.
+
+    Args:
+        name: of the key.
+        expired_at: when.
+    """
+
+    def __init__(self, name: str, expired_at: datetime) -> None:
+        super().__init__(f"the key {name!r} expired at {expired_at:%Y-%m-%d %H:%M} UTC")
 
 
 @dataclass(frozen=True)
@@ -34,11 +51,13 @@ class Caller:
 
     Attributes:
         scopes: what the caller may do; `admin` includes the others.
+        visibility: what the caller may see.
     """
 
     key_id: str
     name: str
     scopes: frozenset[str]
+    visibility: Visibility
 
     def may(self, accepted: frozenset[str]) -> bool:
         """Whether one of the `accepted` scopes is the caller's."""
@@ -51,7 +70,7 @@ def audit_name(caller: Caller | None) -> str:
 
 
 class KeyRing:
-    """Recognises keys without a database read per request. For one event loop.
+    """Recognises keys without a database read per request, and notes when they are used. For one event loop.
 
     Args:
         known_for_s: how long what was read of the keys holds.
@@ -61,13 +80,17 @@ class KeyRing:
         self._store = store
         self._known_for_s = known_for_s
         self._records: Mapping[str, ApiKeyRecord] = {}
+        self._callers: dict[str, Caller] = {}
         self._read_at_s = -float("inf")
         self._reading = asyncio.Lock()
+        self._noted_at_s: dict[str, float] = {}
+        self._noting: set[asyncio.Task[None]] = set()
 
     async def recognise(self, token: str) -> Caller | None:
         """Whose key it is, or None if it is nobody's, or was revoked.
 
         Raises:
+            ExpiredKeyError: if it has expired.
             StoreUnavailableError: if the keys cannot be read: then nobody is let in.
         """
         records = await self._current()
@@ -76,7 +99,49 @@ class KeyRing:
         expected = _NOBODY if record is None else record.digest
         if not hmac.compare_digest(digest_of(token), expected) or record is None:
             return None
-        return Caller(record.id, record.name, frozenset(record.scopes))
+        return self._admitted(record)
+
+    async def has(self, key_id: str) -> bool:
+        """Whether there is a key of this id that was not revoked."""
+        return key_id in await self._current()
+
+    async def caller_of(self, key_id: str) -> Caller | None:
+        """Whose key has this id, for those who have proved otherwise that they have it.
+
+        Raises:
+            as `recognise`.
+        """
+        record = (await self._current()).get(key_id)
+        return None if record is None else self._admitted(record)
+
+    async def aclose(self) -> None:
+        """Finish what is being written."""
+        await asyncio.gather(*self._noting)
+
+    def _admitted(self, record: ApiKeyRecord) -> Caller:
+        if record.expires_at is not None and record.expires_at <= datetime.now(UTC):
+            raise ExpiredKeyError(record.name, record.expires_at)
+        self._note_use(record.id)
+        return self._callers[record.id]
+
+    def _note_use(self, key_id: str) -> None:
+        """Let it be written down in the background, if it was not lately: no request waits for that."""
+        now_s = time.monotonic()
+        if now_s - self._noted_at_s.get(key_id, -float("inf")) >= USE_NOTED_EVERY.total_seconds():
+            self._noted_at_s[key_id] = now_s
+            writing = asyncio.create_task(self._write_use(key_id))
+            self._noting.add(writing)
+            writing.add_done_callback(self._noting.discard)
+
+    async def _write_use(self, key_id: str) -> None:
+        def write() -> None:
+            with self._store.write() as connection:
+                api_keys.note_use(connection, key_id, USE_NOTED_EVERY)
+
+        try:
+            await anyio.to_thread.run_sync(write)
+        except StoreError as error:
+            logger.warning("when a key was used could not be written down: %s", error)
 
     async def _current(self) -> Mapping[str, ApiKeyRecord]:
         if time.monotonic() - self._read_at_s > self._known_for_s:
@@ -84,6 +149,7 @@ class KeyRing:
                 if time.monotonic() - self._read_at_s > self._known_for_s:
                     started_s = time.monotonic()
                     self._records = await anyio.to_thread.run_sync(self._read)
+                    self._callers = {record.id: caller_from(record) for record in self._records.values()}
                     self._read_at_s = started_s
         return self._records
 
@@ -92,19 +158,44 @@ class KeyRing:
             return {record.id: record for record in api_keys.valid(connection)}
 
 
-def create_key(store: Store, name: str, scopes: Sequence[str]) -> str:
+def caller_from(record: ApiKeyRecord) -> Caller:
+    """The caller that has this key. What a scope lets see is decided here, and only here."""
+    scopes = frozenset(record.scopes)
+    admin = "admin" in scopes
+    reads = admin or "read" in scopes
+    visibility = Visibility(record.id, record.tasks, others=reads, demonstrations=reads, judges_others=admin)
+    return Caller(record.id, record.name, scopes, visibility)
+
+
+def create_key(
+    store: Store,
+    name: str,
+    scopes: Sequence[str],
+    tasks: Sequence[str] | None = None,
+    expires_at: datetime | None = None,
+) -> str:
     """Make a key and store its digest; returns the key, which nobody can read again. Synchronous.
 
+    Args:
+        tasks: the only ones that the key is for, which need not exist yet; None or empty: any.
+        expires_at: from then on the key is refused; aware.
+
     Raises:
-        InvalidInputError: for a name that is none, and unknown or no scopes.
+        InvalidInputError: for a name that is none, unknown or no scopes, or an end that has passed.
     """
     checked_name("name", name)
     if not scopes or not set(scopes) <= set(SCOPES):
         raise InvalidInputError("scopes", f"is {', '.join(scopes) or 'empty'}", ", ".join(SCOPES))
+    for task in tasks or ():
+        checked_name("task", task)
+    now = datetime.now(UTC)
+    if expires_at is not None and expires_at <= now:
+        raise InvalidInputError("expires", f"is {expires_at:%Y-%m-%d %H:%M} UTC, which has passed", "a later time")
     key_id = secrets.token_hex(6)
     token = f"{PREFIX}_{key_id}_{secrets.token_urlsafe(SECRET_BYTES)}"
     chosen = tuple(scope for scope in SCOPES if scope in scopes)
-    record = ApiKeyRecord(key_id, name, digest_of(token), chosen, datetime.now(UTC))
+    only = tuple(dict.fromkeys(tasks)) if tasks else None
+    record = ApiKeyRecord(key_id, name, digest_of(token), chosen, now, tasks=only, expires_at=expires_at)
     with store.write() as connection:
         api_keys.add(connection, record)
     return token

@@ -20,6 +20,7 @@ from app.services.prefix_warmer import PrefixWarmer
 from app.services.record_prediction import PredictionRecorder
 from app.services.repeated_predictions import RepeatedPredictions
 from app.services.run_jobs import RunJobs
+from app.services.sessions import Sessions
 from app.services.upload_episode import UploadEpisode
 from app.services.write_question import QuestionWriter
 from app.store.store import Store
@@ -41,6 +42,7 @@ class Services:
     prefix_warmer: PrefixWarmer
     metrics: Metrics
     keys: KeyRing
+    sessions: Sessions
     repeated_predictions: RepeatedPredictions
     limits: Limits
     run_jobs: RunJobs
@@ -77,6 +79,7 @@ class Services:
         record = PredictionRecorder(store, metrics)
         predict = PredictActions(models, write_question, warmer, record, store.under_way, of_motion)
         unrecorded = PredictActions(models, write_question, warmer, leave_unrecorded, store.under_way, of_motion)
+        keys = KeyRing(store)
         configure = ConfigureTask(store, pose_servers, extract_at_once)
         return cls(
             store=store,
@@ -90,7 +93,8 @@ class Services:
             check_task=CheckTask(store, profile_of, unrecorded),
             prefix_warmer=warmer,
             metrics=metrics,
-            keys=KeyRing(store),
+            keys=keys,
+            sessions=Sessions(store, keys),
             repeated_predictions=RepeatedPredictions(store, of_motion),
             limits=limits,
             run_jobs=RunJobs(store, on_done=warmer.changed),
@@ -99,4 +103,5 @@ class Services:
     async def aclose(self) -> None:
         """Stop the models, then close the store."""
         await self.models.aclose()
+        await self.keys.aclose()
         await anyio.to_thread.run_sync(self.store.close)

@@ -1,5 +1,10 @@
 """A prediction that is asked for again with the same `Idempotency-Key` is answered as the first was, if it is safe."""
 
+import asyncio
+import time
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+
 import anyio.to_thread
 from sqlalchemy import Connection
 
@@ -10,11 +15,16 @@ from app.services.errors import UnsafeReplyError
 from app.services.previous_step import previous_step
 from app.services.question import PredictRequest
 from app.store import idempotency
+from app.store.errors import ConflictError
 from app.store.records import StoredResponse
 from app.store.store import Store
+from app.store.turns import Turn
 from app.store.values import JsonObject
+from app.store.visibility import present
 
 SCOPE = idempotency.PREDICT
+MAX_WAIT_S = 60.0  # for a request with the same key
+FIRST_LOOK_S, LONGEST_BETWEEN_LOOKS_S = 0.02, 0.5  # at whether the one before has ended
 
 
 class RepeatedPredictions:
@@ -26,6 +36,25 @@ class RepeatedPredictions:
     def __init__(self, store: Store, limits: CurrentLimits) -> None:
         self._store = store
         self._limits = limits
+
+    @asynccontextmanager
+    async def alone(self, key: str) -> AsyncIterator[None]:
+        """No other request of the caller with this key is under way in any process here: the first one asks the LLM.
+
+        Raises:
+            ConflictError: if another one is for longer than `MAX_WAIT_S`.
+        """
+        name, deadline_s, pause_s = f"{SCOPE} {present().key_id} {key}", time.monotonic() + MAX_WAIT_S, FIRST_LOOK_S
+        while (turn := await self._take(name)) is None:
+            if time.monotonic() > deadline_s:
+                raise ConflictError(f"a request with the Idempotency-Key {key!r} is under way: send it again later")
+            await asyncio.sleep(pause_s)
+            pause_s = min(2 * pause_s, LONGEST_BETWEEN_LOOKS_S)
+        with turn:
+            yield
+
+    async def _take(self, name: str) -> Turn | None:
+        return await anyio.to_thread.run_sync(self._store.turns.take, name)
 
     async def answer_to(self, key: str, digest: str, request: PredictRequest) -> JsonObject | None:
         """What the same request was answered with, or None if it is new.

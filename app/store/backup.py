@@ -21,7 +21,7 @@ from app.store.errors import StoreUnavailableError
 from app.store.migration import migrate
 from app.store.private import private_opener
 from app.store.store import Store
-from app.store.tables import metadata
+from app.store.tables import metadata, sessions
 
 DATABASE_NAME = "roboprompt.db"
 BLOB_PREFIX = "blobs/"
@@ -66,7 +66,8 @@ def _snapshot(store: Store, path: Path) -> tuple[dict[str, int], set[str]]:
     try:
         migrate(snapshot)
         with store.read() as source, snapshot.write() as target:
-            rows, digests = copy_rows(source, target), episodes.blob_digests(source)
+            # Whoever has the file must not be logged in with it.
+            rows, digests = copy_rows(source, target, {sessions.name}), episodes.blob_digests(source)
         with snapshot.engine.connect() as connection:  # one file, without a log beside it
             connection.exec_driver_sql("ROLLBACK")
             connection.exec_driver_sql("PRAGMA journal_mode=DELETE")

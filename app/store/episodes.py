@@ -15,6 +15,7 @@ from app.store.errors import NotFoundError
 from app.store.pages import Page, fetch_page
 from app.store.records import DemonstrationRecord, EpisodeDraft, EpisodeRecord, Extraction, SceneRecord
 from app.store.values import CameraRecord, KeyframeRecord, ObjectRecord
+from app.store.visibility import of_visible_tasks, present
 
 _EPISODES = tables.episodes
 _DIGEST = re.compile(r'"([0-9a-f]{64})"')
@@ -72,14 +73,15 @@ def get(connection: Connection, episode_id: str) -> EpisodeRecord:
         NotFoundError: if there is none of that id.
     """
     row = connection.execute(select(*_WITHOUT_TRAJECTORY).where(_EPISODES.c.id == episode_id)).first()
-    if row is None:
+    if row is None or not present().has_task(row.task):
         raise NotFoundError("episode", episode_id)
     return record_of(row)
 
 
 def exist(connection: Connection, episode_id: str) -> bool:
     """Whether there is an episode of that id."""
-    return bool(connection.scalar(select(exists().where(_EPISODES.c.id == episode_id))))
+    query = select(_EPISODES.c.id).where(_EPISODES.c.id == episode_id)
+    return connection.scalar(of_visible_tasks(query, _EPISODES.c.task)) is not None
 
 
 def get_trajectories(connection: Connection, ids: Sequence[str]) -> tuple[Trajectory, ...]:
@@ -103,7 +105,8 @@ def get_trajectory(connection: Connection, episode_id: str) -> Trajectory:
         NotFoundError: if there is no episode of that id.
         CorruptDataError: if the stored bytes are damaged.
     """
-    blob = connection.scalar(select(_EPISODES.c.trajectory).where(_EPISODES.c.id == episode_id))
+    query = select(_EPISODES.c.trajectory).where(_EPISODES.c.id == episode_id)
+    blob = connection.scalar(of_visible_tasks(query, _EPISODES.c.task))
     if blob is None:
         raise NotFoundError("episode", episode_id)
     return trajectories.unpack(blob, episode_id)
@@ -117,9 +120,7 @@ def list_page(
     instruction_contains: str = "",
 ) -> Page[EpisodeRecord]:
     """Episodes, newest first, of one task or of all, whose instruction contains the text in any case."""
-    query = select(*LISTED)
-    if task is not None:
-        query = query.where(_EPISODES.c.task == task)
+    query = of_visible_tasks(select(*LISTED), _EPISODES.c.task, task)
     if instruction_contains:
         query = query.where(_EPISODES.c.instruction.icontains(instruction_contains, autoescape=True))
     rows, next_cursor = fetch_page(connection, _EPISODES, query, limit, cursor)
@@ -140,8 +141,8 @@ def instructions(connection: Connection, task: str, limit: int = 50) -> tuple[st
 
 
 def newest_by_task(connection: Connection) -> dict[str, EpisodeRecord]:
-    """The newest episode of every task that has one."""
-    newest = select(func.max(_EPISODES.c.sequence)).group_by(_EPISODES.c.task)
+    """The newest episode of every task that is seen and has one."""
+    newest = of_visible_tasks(select(func.max(_EPISODES.c.sequence)), _EPISODES.c.task).group_by(_EPISODES.c.task)
     query = select(*LISTED).where(_EPISODES.c.sequence.in_(newest))
     return {row.task: record_of(row) for row in connection.execute(query)}
 
@@ -183,7 +184,7 @@ def remove(connection: Connection, episode_id: str) -> str:
         NotFoundError: if there is none of that id.
     """
     task: str | None = connection.scalar(select(_EPISODES.c.task).where(_EPISODES.c.id == episode_id))
-    if task is None:
+    if task is None or not present().has_task(task):
         raise NotFoundError("episode", episode_id)
     tasks.lock(connection, task)  # an upload under way would not be seen below
     if connection.execute(delete(_EPISODES).where(_EPISODES.c.id == episode_id)).rowcount == 0:

@@ -14,6 +14,7 @@ from sqlalchemy import Connection, Text, cast, delete, func, select
 from app.store import audit, tables
 from app.store.errors import NotFoundError
 from app.store.idempotency import PREDICT, UPLOAD
+from app.store.visibility import of_visible_predictions, present
 
 _TASKS, _EPISODES, _PREDICTIONS = tables.tasks, tables.episodes, tables.predictions
 _JOBS, _STAGED, _KEYS = tables.jobs, tables.staged_extractions, tables.idempotency_keys
@@ -27,7 +28,8 @@ def erase_prediction(connection: Connection, prediction_id: str) -> None:
     Raises:
         NotFoundError: if there is none of that id.
     """
-    if not erase_predictions(connection, [prediction_id]):
+    seen = of_visible_predictions(select(_PREDICTIONS.c.id).where(_PREDICTIONS.c.id == prediction_id))
+    if connection.scalar(seen) is None or not erase_predictions(connection, [prediction_id]):
         raise NotFoundError("prediction", prediction_id)
     audit.record(connection, "prediction.deleted", prediction_id)
 
@@ -45,6 +47,7 @@ def erase_task(connection: Connection, name: str) -> None:
     Raises:
         NotFoundError: if there is none of that name.
     """
+    present().require_task(name)
     # Whoever adds an episode or a prediction waits, and then finds no task.
     if connection.execute(select(_TASKS.c.name).where(_TASKS.c.name == name).with_for_update()).first() is None:
         raise NotFoundError("task", name)

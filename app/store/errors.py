@@ -1,5 +1,7 @@
 """What the store can refuse; a branch of the tree in `app.pipeline.errors`."""
 
+from collections.abc import Sequence
+
 from app.pipeline.errors import RoboPromptError
 
 
@@ -8,6 +10,8 @@ class StoreError(RoboPromptError):
 
     ├── NotFoundError          nothing of that kind and id is stored
     ├── ConflictError          the request contradicts what is stored
+    ├── ForbiddenError         the key that asks may not see or do this
+    │   └── ForbiddenTaskError the key is for other tasks
     ├── StoreUnavailableError  disk full, read-only, locked or unreachable: a later attempt may succeed
     ├── SchemaVersionError     the database was written by newer code
     └── CorruptDataError       a stored value is damaged or gone
@@ -30,6 +34,28 @@ class NotFoundError(StoreError):
 
 class ConflictError(StoreError):
     """The request contradicts what is stored; the message says what and how to go on."""
+
+
+class ForbiddenError(StoreError):
+    """The key that asks may not see or do this; the message says what would be needed."""
+
+
+class ForbiddenTaskError(ForbiddenError):
+    """The key that asks is for other tasks.
+
+    Args:
+        task: the one that was asked for.
+        allowed: those that the key is for.
+    """
+
+    def __init__(self, task: str, allowed: Sequence[str]) -> None:
+        super().__init__(f"the key is not for the task {task!r}, only for {', '.join(map(repr, allowed))}")
+        self.task = task
+        self.allowed = tuple(allowed)
+
+    def __reduce__(self) -> tuple[type["ForbiddenTaskError"], tuple[str, tuple[str, ...]]]:
+        """See `InvalidInputError`."""
+        return type(self), (self.task, self.allowed)
 
 
 class StoreUnavailableError(StoreError):

@@ -1,13 +1,19 @@
-"""Answers to requests that carried an `Idempotency-Key`. Each query runs on the caller's transaction."""
+"""Answers to requests that carried an `Idempotency-Key`. Each query runs on the caller's transaction.
+
+An answer belongs to the API key that got it: another one with the same `Idempotency-Key` gets its own. Uploads from
+before that, or to a service without keys, belong to nobody: whoever sends the same content again gets their answer.
+"""
 
 from datetime import UTC, datetime, timedelta
+from typing import Any
 
-from sqlalchemy import Connection, delete, insert, select
+from sqlalchemy import Connection, Row, delete, insert, select
 
 from app.store import tables
 from app.store.database import lock, writes
 from app.store.errors import ConflictError
 from app.store.records import StoredResponse
+from app.store.visibility import NOBODY, present
 
 UPLOAD, PREDICT = "POST /episodes", "POST /predict"  # scopes
 # After this a key may be used again. An upload's is kept: a dataset imported twice adds nothing, however much later.
@@ -28,8 +34,11 @@ def find(connection: Connection, scope: str, key: str, request_digest: str) -> S
         ConflictError: if the key came with different content.
     """
     if writes(connection):
-        lock(connection, f"{scope} {key}")
-    row = connection.execute(select(_KEYS).where(_KEYS.c.scope == scope, _KEYS.c.key == key)).first()
+        lock(connection, f"{scope} {present().key_id} {key}")
+    row = _row(connection, scope, key, present().key_id)
+    if row is None and scope == UPLOAD:
+        unowned = _row(connection, scope, key, NOBODY)
+        row = unowned if unowned is not None and unowned.request_digest == request_digest else None
     if row is None or (scope in KEPT_FOR and row.created_at < datetime.now(UTC) - KEPT_FOR[scope]):
         return None
     if row.request_digest != request_digest:
@@ -40,14 +49,15 @@ def find(connection: Connection, scope: str, key: str, request_digest: str) -> S
 
 
 def answered(connection: Connection, scope: str, key: str) -> StoredResponse | None:
-    """What any request with the key was answered with, or None if there was none."""
-    row = connection.execute(select(_KEYS).where(_KEYS.c.scope == scope, _KEYS.c.key == key)).first()
+    """What the caller's request with the key was answered with, or None if there was none."""
+    row = _row(connection, scope, key, present().key_id) or _row(connection, scope, key, NOBODY)
     return None if row is None else StoredResponse(row.status, row.response)
 
 
 def forget(connection: Connection, scope: str, key: str) -> None:
-    """Let the key be used again: what the request did was undone since."""
-    connection.execute(delete(_KEYS).where(_KEYS.c.scope == scope, _KEYS.c.key == key))
+    """Let the caller use the key again: what the request did was undone since."""
+    own = (_KEYS.c.scope == scope, _KEYS.c.owner == present().key_id, _KEYS.c.key == key)
+    connection.execute(delete(_KEYS).where(*own))
 
 
 def save(connection: Connection, scope: str, key: str, request_digest: str, answer: StoredResponse) -> None:
@@ -60,6 +70,7 @@ def save(connection: Connection, scope: str, key: str, request_digest: str, answ
         connection.execute(delete(_KEYS).where(_KEYS.c.scope == scope, _KEYS.c.created_at < now - KEPT_FOR[scope]))
     values = {
         "scope": scope,
+        "owner": present().key_id,
         "key": key,
         "request_digest": request_digest,
         "status": answer.status,
@@ -67,3 +78,8 @@ def save(connection: Connection, scope: str, key: str, request_digest: str, answ
         "created_at": now,
     }
     connection.execute(insert(_KEYS).values(values))
+
+
+def _row(connection: Connection, scope: str, key: str, owner: str) -> Row[Any] | None:
+    query = select(_KEYS).where(_KEYS.c.scope == scope, _KEYS.c.owner == owner, _KEYS.c.key == key)
+    return connection.execute(query).first()

@@ -15,6 +15,7 @@ from app.store.errors import ConflictError, NotFoundError
 from app.store.pages import Page, fetch_page
 from app.store.records import EpisodeRecord, Extraction, JobRecord
 from app.store.values import JsonObject
+from app.store.visibility import of_visible_tasks, present
 
 _JOBS, _STAGED, _EPISODES = tables.jobs, tables.staged_extractions, tables.episodes
 _OPEN = _JOBS.c.status.in_(("queued", "running"))
@@ -57,7 +58,7 @@ def get(connection: Connection, job_id: str) -> JobRecord:
         NotFoundError: if there is none of that id.
     """
     row = connection.execute(select(_JOBS).where(_JOBS.c.id == job_id)).first()
-    if row is None:
+    if row is None or not present().has_task(row.task):
         raise NotFoundError("job", job_id)
     return _record(row)
 
@@ -65,8 +66,8 @@ def get(connection: Connection, job_id: str) -> JobRecord:
 def list_page(
     connection: Connection, task: str | None = None, limit: int = 50, cursor: int | None = None
 ) -> Page[JobRecord]:
-    """Jobs, newest first, of one task or of all."""
-    query = select(_JOBS) if task is None else select(_JOBS).where(_JOBS.c.task == task)
+    """Jobs, newest first, of one task or of all that are seen."""
+    query = of_visible_tasks(select(_JOBS), _JOBS.c.task, task)
     rows, next_cursor = fetch_page(connection, _JOBS, query, limit, cursor)
     return Page(tuple(map(_record, rows)), next_cursor)
 

@@ -10,6 +10,7 @@ from sqlalchemy import ColumnElement, Connection, Row, Select, and_, func, or_, 
 
 from app.store import tables
 from app.store.records import PredictionStatus
+from app.store.visibility import of_visible_predictions
 
 Fate = Literal["failure", "refused", "unknown", "success"]
 FATES: tuple[Fate, ...] = get_args(Fate)  # in the order in which a person who looks for faults wants them
@@ -70,8 +71,9 @@ class PredictionFilter:
     fate: Fate | None = None
 
     def narrow(self, query: Select[Any]) -> Select[Any]:
-        """`query` on predictions, of those that fit."""
-        for name in ("task", "model", "representation", "prompt_format"):
+        """`query` on predictions, of those that fit and are seen."""
+        query = of_visible_predictions(query, self.task)
+        for name in ("model", "representation", "prompt_format"):
             if (value := getattr(self, name)) is not None:
                 query = query.where(_P.c[name] == value)
         if self.num_demonstrations is not None:
@@ -136,8 +138,8 @@ def list_page(
 
 
 def models(connection: Connection) -> tuple[str, ...]:
-    """Every model that was ever asked, by name."""
-    return tuple(connection.scalars(select(_P.c.model).distinct().order_by(_P.c.model)))
+    """Every model that was ever asked for a prediction that is seen, by name."""
+    return tuple(connection.scalars(of_visible_predictions(select(_P.c.model)).distinct().order_by(_P.c.model)))
 
 
 def configurations(connection: Connection, task: str | None = None) -> tuple[ConfigurationCounts, ...]:

@@ -13,6 +13,7 @@ from app.store.errors import NotFoundError
 from app.store.pages import Page, fetch_page
 from app.store.records import ConfigurationCounts, PredictionDraft, PredictionRecord
 from app.store.values import CameraRecord, ObjectRecord
+from app.store.visibility import of_visible_predictions, present
 
 _PREDICTIONS = tables.predictions
 _INSERT = insert(_PREDICTIONS).returning(_PREDICTIONS.c.sequence)
@@ -20,13 +21,13 @@ _OUTCOMES = {"success": True, "failure": False, "unknown": None}
 
 
 def add(connection: Connection, draft: PredictionDraft) -> PredictionRecord:
-    """Store a prediction.
+    """Store a prediction; it belongs to the key whose request this is.
 
     Raises:
         NotFoundError: if its task has been deleted since it was asked for.
     """
     fields = {field.name: getattr(draft, field.name) for field in fields_of(PredictionDraft)}
-    values = {**fields, "id": uuid4().hex, "created_at": datetime.now(UTC)}
+    values = {**fields, "id": uuid4().hex, "created_at": datetime.now(UTC), "key_id": present().key_id or None}
     seen = {name: [item.to_json() for item in fields[name]] or None for name in ("objects", "cameras")}
     try:
         sequence = connection.execute(_INSERT, {**values, **seen}).scalar_one()
@@ -39,10 +40,10 @@ def get(connection: Connection, prediction_id: str) -> PredictionRecord:
     """The prediction.
 
     Raises:
-        NotFoundError: if there is none of that id.
+        NotFoundError: if there is none of that id that is seen.
     """
     row = connection.execute(select(_PREDICTIONS).where(_PREDICTIONS.c.id == prediction_id)).first()
-    if row is None:
+    if row is None or not present().has_prediction(row.task, row.key_id):
         raise NotFoundError("prediction", prediction_id)
     return _record(row)
 
@@ -54,10 +55,8 @@ def list_page(
     limit: int = 50,
     cursor: int | None = None,
 ) -> Page[PredictionRecord]:
-    """Predictions, newest first, of one task or of all, with any outcome or one."""
-    query = select(_PREDICTIONS)
-    if task is not None:
-        query = query.where(_PREDICTIONS.c.task == task)
+    """Predictions that are seen, newest first, of one task or of all, with any outcome or one."""
+    query = of_visible_predictions(select(_PREDICTIONS), task)
     if outcome is not None:
         query = query.where(_PREDICTIONS.c.outcome_success.is_(_OUTCOMES[outcome]))
     rows, next_cursor = fetch_page(connection, _PREDICTIONS, query, limit, cursor)
@@ -68,8 +67,10 @@ def record_outcome(connection: Connection, prediction_id: str, success: bool, no
     """Write down how the robot fared; a later outcome replaces an earlier one.
 
     Raises:
-        NotFoundError: if there is no prediction of that id.
+        NotFoundError: if there is no prediction of that id that is seen.
+        ForbiddenError: if another key asked for it.
     """
+    present().require_own(get(connection, prediction_id).key_id)
     values = {"outcome_success": success, "outcome_note": note, "outcome_at": datetime.now(UTC)}
     connection.execute(update(_PREDICTIONS).where(_PREDICTIONS.c.id == prediction_id).values(values))
     return get(connection, prediction_id)
@@ -96,7 +97,7 @@ def configuration_counts(connection: Connection, task: str) -> tuple[Configurati
         "failures": func.count().filter(outcome.is_(False)),
     }
     columns = [column.label(name) for name, column in {**configuration, **counts}.items()]
-    query = select(*columns).where(_PREDICTIONS.c.task == task).group_by(*columns[: len(configuration)])
+    query = of_visible_predictions(select(*columns), task).group_by(*columns[: len(configuration)])
     return tuple(ConfigurationCounts(**row._mapping) for row in connection.execute(query.order_by(*columns[:2])))
 
 

@@ -10,7 +10,7 @@ from app.store.errors import StoreUnavailableError
 FOLDER_MODE, FILE_MODE = 0o700, 0o600
 OTHERS = 0o077
 # What a data folder has; one with other folders and none of these is somebody's home, or the system's.
-MARKS = ("roboprompt.db", "blobs", "under_way", "llm", "cache", ".swept")
+MARKS = ("roboprompt.db", "blobs", "under_way", "turns", "llm", "cache", ".swept")
 
 logger = logging.getLogger(__name__)
 
@@ -23,14 +23,15 @@ def private_opener(path: str, flags: int) -> int:
 def private_file(path: Path) -> None:
     """Make the file if it is not there, and take it from others if it is.
 
+    A file that is there is never opened: to close it would drop every lock that this process holds on it, SQLite's
+    among them (https://sqlite.org/howtocorrupt.html, 2.2), and another process would then delete the log in use.
+
     Raises:
         OSError: if it cannot be made.
     """
     try:
         os.close(os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_CLOEXEC", 0), FILE_MODE))
     except FileExistsError:
-        # Not opened: to close it again would drop the locks that SQLite holds on it for this whole process, and another
-        # process would then delete the log (https://sqlite.org/howtocorrupt.html, "close()").
         status = path.stat()
         if status.st_mode & OTHERS and status.st_uid == os.geteuid():
             path.chmod(FILE_MODE)

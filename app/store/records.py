@@ -177,7 +177,11 @@ class PredictionDraft:
 
 @dataclass(frozen=True, kw_only=True)
 class PredictionRecord(PredictionDraft):
-    """A stored prediction; its outcome is None until somebody records one."""
+    """A stored prediction; its outcome is None until somebody records one.
+
+    Attributes:
+        key_id: of the API key that asked for it; None where none was needed, and in rows from before it was kept.
+    """
 
     id: str
     sequence: int
@@ -185,6 +189,7 @@ class PredictionRecord(PredictionDraft):
     outcome_success: bool | None
     outcome_note: str | None
     outcome_at: datetime | None
+    key_id: str | None = None
 
 
 @dataclass(frozen=True)

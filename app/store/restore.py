@@ -62,7 +62,7 @@ def restore(store: Store, path: Path, *, with_keys: bool = False) -> BackupSumma
 
 def _left_out(source: Connection, target: Connection, *, with_keys: bool) -> set[str]:
     """The tables that a restore does not bring."""
-    kept = set() if with_keys else {tables.api_keys.name}
+    kept = {tables.sessions.name} if with_keys else {tables.sessions.name, tables.api_keys.name}
     if audit.newest(target) is not None or not _is_whole(source):
         kept.add(tables.audit_log.name)
     return kept
@@ -88,7 +88,9 @@ def _restored(source: Connection, path: Path, *, with_keys: bool) -> dict[str, A
 
 
 def _require_empty(connection: Connection, *, with_keys: bool) -> None:
-    ours = {tables.audit_log.name} if with_keys else {tables.audit_log.name, tables.api_keys.name}
+    ours = {tables.audit_log.name, tables.sessions.name}
+    if not with_keys:
+        ours.add(tables.api_keys.name)
     for table in (item for item in metadata.sorted_tables if item.name not in ours):
         if connection.scalar(select(exists(select(1).select_from(table)))):
             raise ConflictError(f"the store has something already ({table.name}): restore into an empty one")

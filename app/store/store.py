@@ -16,6 +16,7 @@ from app.store.database import SERVER_CONNECTIONS, Database
 from app.store.errors import StoreUnavailableError
 from app.store.migration import migrate
 from app.store.private import private_folder, private_opener
+from app.store.turns import Turns
 from app.store.under_way import UnderWayNotes
 
 # An upload commits its row within seconds of putting its blobs.
@@ -35,6 +36,7 @@ class Store:
     Attributes:
         blobs: images; put them before the row that refers to them is committed.
         under_way: predictions that are not finished, for people who watch.
+        turns: for what only one request may do at a time.
     """
 
     def __init__(self, database: Database, blobs: BlobStore, data_dir: Path) -> None:
@@ -42,6 +44,7 @@ class Store:
         self._data_dir = data_dir
         self.blobs = blobs
         self.under_way = UnderWayNotes(data_dir / "under_way")
+        self.turns = Turns(data_dir / "turns")
 
     @classmethod
     def open(

@@ -116,7 +116,9 @@ predictions = Table(
     Column("samples", Json),
     Column("grounding", Json),
     Column("findings", Json),
+    Column("key_id", String(16)),
     Index(None, "task", "sequence"),
+    Index(None, "key_id", "sequence"),
     sqlite_autoincrement=True,
 )
 
@@ -124,6 +126,7 @@ idempotency_keys = Table(
     "idempotency_keys",
     metadata,
     Column("scope", String(64), primary_key=True),
+    Column("owner", String(16), primary_key=True, server_default=""),
     Column("key", String(255), primary_key=True),
     Column("request_digest", String(64), nullable=False),
     Column("status", Integer, nullable=False),
@@ -140,6 +143,18 @@ api_keys = Table(
     Column("scopes", Json, nullable=False),
     Column("created_at", UtcDateTime, nullable=False),
     Column("revoked_at", UtcDateTime),
+    Column("tasks", Json),
+    Column("expires_at", UtcDateTime),
+    Column("last_used_at", UtcDateTime),
+)
+
+sessions = Table(
+    "sessions",
+    metadata,
+    Column("digest", String(64), primary_key=True),
+    Column("key_id", String(16), ForeignKey("api_keys.id"), nullable=False, index=True),
+    Column("created_at", UtcDateTime, nullable=False),
+    Column("expires_at", UtcDateTime, nullable=False),
 )
 
 jobs = Table(

@@ -12,6 +12,7 @@ from app.store import tables
 from app.store.errors import ConflictError, NotFoundError
 from app.store.records import TaskCounts, TaskRecord
 from app.store.values import JsonObject
+from app.store.visibility import of_visible_predictions, of_visible_tasks, present
 
 _TASKS = tables.tasks
 # Every prediction asks this, and building the statement would take as long as running it.
@@ -24,7 +25,9 @@ def get(connection: Connection, name: str) -> TaskRecord:
 
     Raises:
         NotFoundError: if there is none of that name.
+        ForbiddenTaskError: if the key that asks is for others.
     """
+    present().require_task(name)
     if (row := connection.execute(_GET, {"name": name}).first()) is None:
         raise NotFoundError("task", name)
     return _record(row)
@@ -53,6 +56,7 @@ def lock(connection: Connection, name: str) -> TaskRecord:
 
 
 def _locked(connection: Connection, name: str) -> TaskRecord | None:
+    present().require_task(name)
     # NO KEY: predictions that refer to the task are inserted meanwhile. SQLite, where writers are alone, ignores it.
     row = connection.execute(_GET.with_for_update(key_share=True), {"name": name}).first()
     return None if row is None else _record(row)
@@ -60,12 +64,14 @@ def _locked(connection: Connection, name: str) -> TaskRecord | None:
 
 def exists(connection: Connection, name: str) -> bool:
     """Whether there is a task of that name."""
+    present().require_task(name)
     return connection.execute(_GET, {"name": name}).first() is not None
 
 
 def list_all(connection: Connection) -> tuple[TaskRecord, ...]:
-    """Every task, by name."""
-    return tuple(_record(row) for row in connection.execute(select(_TASKS).order_by(_TASKS.c.name)))
+    """Every task that is seen, by name."""
+    query = of_visible_tasks(select(_TASKS), _TASKS.c.name)
+    return tuple(_record(row) for row in connection.execute(query.order_by(_TASKS.c.name)))
 
 
 def most_recently_used(connection: Connection, limit: int) -> tuple[str, ...]:
@@ -122,7 +128,7 @@ def require_version(connection: Connection, name: str, version: int) -> None:
 
 
 def counts(connection: Connection) -> dict[str, TaskCounts]:
-    """How much is stored of every task."""
+    """How much is stored of every task that is seen."""
     episodes, predictions = tables.episodes, tables.predictions
     episode_counts = connection.execute(select(episodes.c.task, func.count()).group_by(episodes.c.task))
     outcomes = select(
@@ -130,10 +136,11 @@ def counts(connection: Connection) -> dict[str, TaskCounts]:
         func.count(),
         func.count().filter(predictions.c.outcome_success.is_(True)),
         func.count().filter(predictions.c.outcome_success.is_(False)),
-    ).group_by(predictions.c.task)
+    )
+    outcomes = of_visible_predictions(outcomes).group_by(predictions.c.task)
     num_episodes: dict[str, int] = {row[0]: row[1] for row in episode_counts}
     num_predictions: dict[str, Sequence[int]] = {row[0]: row[1:] for row in connection.execute(outcomes)}
-    names = connection.scalars(select(_TASKS.c.name).order_by(_TASKS.c.name))
+    names = connection.scalars(of_visible_tasks(select(_TASKS.c.name), _TASKS.c.name).order_by(_TASKS.c.name))
     return {name: TaskCounts(num_episodes.get(name, 0), *num_predictions.get(name, (0, 0, 0))) for name in names}
 
 

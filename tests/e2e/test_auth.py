@@ -8,7 +8,7 @@ import httpx
 import pytest
 from typer.testing import CliRunner
 
-from app.api.access import COOKIE
+from app.api.credentials import COOKIE
 from app.cli import application
 from app.client.client import RoboPromptClient
 from app.client.errors import ServiceProblemError
@@ -62,8 +62,13 @@ def bearer(token):
     return {"authorization": f"Bearer {token}"}
 
 
+def log_in(address, token):
+    """What the cookie of a browser holds that has logged in."""
+    return httpx.post(f"{address}/ui/login", data={"key": token}).cookies[COOKIE]
+
+
 REQUESTS = {
-    "read": [("GET", path) for path in ("/episodes", "/predictions", "/models", "/metrics", "/docs", "/openapi.json")],
+    "read": [("GET", path) for path in ("/episodes", "/tasks", "/models", "/metrics", "/docs", "/openapi.json")],
     "upload": [("POST", "/episodes"), ("POST", "/tasks/none/object_models/learn")],
     "predict": [("POST", "/predict"), ("POST", "/poses"), ("POST", "/predictions/none/outcome")],
     "admin": [("PUT", "/tasks/other"), ("DELETE", "/episodes/none"), ("POST", "/nothing")],
@@ -91,7 +96,8 @@ def test_a_robots_key_does_what_a_robot_does(address, tokens):
         assert client.motion_limits("pick").workspace is not None
         with pytest.raises(ServiceProblemError, match="needs admin"):
             client.configure_task("pick", num_demonstrations=3)
-    assert httpx.post(f"{address}/predict", json=QUESTION, headers=bearer(tokens["robot"])).status_code == 200
+    asked = {**QUESTION, "model": "nearest", "dry_run": False}
+    assert httpx.post(f"{address}/predict", json=asked, headers=bearer(tokens["robot"])).status_code == 200
 
 
 def test_the_client_takes_its_key_from_the_environment(address, tokens, monkeypatch):
@@ -125,11 +131,13 @@ def test_a_key_that_is_none(http, tokens, spoilt):
     assert tokens["admin"] not in answer.text
 
 
-def test_the_three_carriers(http, tokens):
+def test_the_three_carriers(http, address, tokens):
     token = tokens["read"]
     for headers in (bearer(token), {"authorization": f"bearer  {token}"}, {"x-api-key": token}):
         assert http.get("/episodes", headers=headers).status_code == 200
-    assert http.get("/episodes", headers={"cookie": f"other=1; {COOKIE}={token}"}).status_code == 200
+    session = log_in(address, token)
+    assert http.get("/episodes", headers={"cookie": f"other=1; {COOKIE}={session}"}).status_code == 200
+    assert http.get("/episodes", headers={"cookie": f"{COOKIE}={token}"}).status_code == 401
     assert http.get("/episodes", headers={"cookie": f'{COOKIE}="'}).status_code == 401
     assert http.get("/episodes", params={"key": token, "api_key": token}).status_code == 401
 
@@ -144,7 +152,7 @@ def test_revocation_and_the_command_line(http, data):
     _, listed, _ = keys("list", data=data)
     key_id = token.split("_")[1]
     (line,) = [line for line in listed.splitlines() if key_id in line]
-    assert "short lived  read,upload" in line
+    assert "short lived  read,upload  all tasks" in line
     assert token not in listed
     assert keys("revoke", key_id, data=data)[0] == 0
     time.sleep(5.1)
@@ -162,8 +170,8 @@ def test_keys_are_stored_as_digests(data, tokens):
 
 
 @pytest.mark.parametrize("origin", ["https://evil.example", "null", "http://127.0.0.1:1"])
-def test_other_websites_change_nothing(http, tokens, origin):
-    for headers in (bearer(tokens["admin"]), {"cookie": f"{COOKIE}={tokens['admin']}"}):
+def test_other_websites_change_nothing(http, address, tokens, origin):
+    for headers in (bearer(tokens["admin"]), {"cookie": f"{COOKIE}={log_in(address, tokens['admin'])}"}):
         answer = http.put("/tasks/other", json={}, headers={**headers, "origin": origin})
         assert answer.status_code == 403
         assert "other websites" in answer.json()["detail"]
@@ -171,7 +179,7 @@ def test_other_websites_change_nothing(http, tokens, origin):
 
 
 def test_a_cookie_changes_nothing_without_an_origin(http, address, tokens):
-    cookie = {"cookie": f"{COOKIE}={tokens['admin']}"}
+    cookie = {"cookie": f"{COOKIE}={log_in(address, tokens['admin'])}"}
     assert http.put("/tasks/by_cookie", json={}, headers=cookie).status_code == 403
     assert http.put("/tasks/by_cookie", json={}, headers={**cookie, "origin": address}).status_code == 200
 

@@ -1,4 +1,6 @@
 import sqlite3
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -123,3 +125,24 @@ def test_data_directory_that_cannot_be_made(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(StoreUnavailableError, match="data directory"):
         Store.open(tmp_path / "file" / "data")
+
+
+LOOK = "import sqlite3, sys; print(*sqlite3.connect(sys.argv[1]).execute('SELECT name FROM tasks').fetchall())"
+
+
+def test_a_further_connection_keeps_the_locks(database: Database) -> None:
+    """Without them another process that ends deletes the log, and what is written after that is lost."""
+
+    def seen_by_another_process() -> str:
+        path = str(database.engine.url.database)
+        return subprocess.run([sys.executable, "-c", LOOK, path], check=True, capture_output=True, text=True).stdout
+
+    def write(name: str) -> None:
+        with database.write() as connection:
+            tasks.get_or_create(connection, name, {})
+
+    with database.read(), database.read():  # the second makes a connection beside the first
+        write("a")
+    assert "a" in seen_by_another_process()
+    write("b")
+    assert "b" in seen_by_another_process()

@@ -101,9 +101,8 @@ def list_episodes(
     """Episodes, newest first."""
     services.limits.check_page(limit)
     with services.store.read() as connection:
-        known = {record.name: record for record in tasks.list_all(connection)}
-        if task is not None and task not in known:
-            raise NotFoundError("task", task)
+        listed = tasks.list_all(connection) if task is None else [tasks.get(connection, task)]
+        known = {record.name: record for record in listed}
         page = episodes.list_page(connection, task, limit, cursor)
     documents = [episode_document(record, known[record.task]) for record in page.items]
     return JSONResponse({"episodes": documents, "next_cursor": page.next_cursor})

@@ -1,4 +1,4 @@
-"""How a browser gets in where keys are required: the key goes into a cookie that no script can read."""
+"""How a browser gets in where keys are required: a session for its key, in a cookie that no script can read."""
 
 from string import Template
 from typing import Annotated
@@ -6,9 +6,10 @@ from typing import Annotated
 from fastapi import APIRouter, Form, Request, Response
 from fastapi.responses import HTMLResponse, RedirectResponse
 
-from app.api.access import COOKIE
 from app.api.access_rules import LOGIN, LOGOUT
+from app.api.credentials import COOKIE, session_of
 from app.api.routes import Wired
+from app.services.api_keys import ExpiredKeyError
 
 HOME = "/ui"
 _PAGE = Template("""<!doctype html>
@@ -47,18 +48,25 @@ async def login(
     key: Annotated[str, Form(max_length=200)] = "",
     next: str = HOME,  # noqa: A002
 ) -> Response:
-    """Keep the key in a cookie, if it is one."""
-    if await services.keys.recognise(key.strip()) is None:
+    """Begin a session, if it is a key."""
+    try:
+        caller = await services.keys.recognise(key.strip())
+    except ExpiredKeyError:
+        return _page("This key has expired.", 401)
+    if caller is None:
         return _page("This key is not known, or was revoked.", 401)
+    token = await services.sessions.begin(caller)
     response = RedirectResponse(next if _is_local(next) else HOME, 303)
     secure = request.url.scheme == "https"
-    response.set_cookie(COOKIE, key.strip(), httponly=True, samesite="strict", secure=secure)
+    response.set_cookie(COOKIE, token, httponly=True, samesite="strict", secure=secure)
     return response
 
 
 @router.post(LOGOUT)
-async def logout() -> Response:
-    """Forget the key."""
+async def logout(request: Request, services: Wired) -> Response:
+    """End the session: its token is worth nothing from now on, wherever a copy of it is."""
+    if token := session_of(dict(request.scope["headers"])):  # as the door reads it
+        await services.sessions.end(token)
     response = RedirectResponse(LOGIN, 303)
     response.delete_cookie(COOKIE, httponly=True, samesite="strict")
     return response

@@ -3,7 +3,7 @@
 import json
 import time
 from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable
-from contextlib import aclosing
+from contextlib import AsyncExitStack, aclosing
 from functools import partial
 
 from fastapi import APIRouter, Request, Response
@@ -26,6 +26,7 @@ from app.services.prediction import PredictedAction, Prediction
 from app.services.question import PredictRequest, Question
 from app.services.upload_episode import content_digest
 from app.store.values import JsonObject
+from app.store.visibility import present
 
 EVENT_STREAM = "text/event-stream"
 STREAMED: dict[int | str, dict[str, object]] = {
@@ -42,6 +43,7 @@ router = APIRouter(tags=["predictions"])
     responses=STREAMED
     | problems(
         _400="the body cannot be read",
+        _403="the key lacks the scope, is for other tasks, or may not read the demonstrations that a dry run shows",
         _404="no such task or episode",
         _409="the task has no demonstrations yet, or the idempotency key came with other content",
         _413="the body is too large",
@@ -74,24 +76,29 @@ async def predict(request: Request, services: Wired, idempotency_key: Idempotenc
     streamed = EVENT_STREAM in request.headers.get("accept", "")
     keep = _not_kept
     timings_ms: dict[str, float] = {}
-    async with image_work(request).room(request, body, services.limits) as decode:
-        query, asked = await questioned(decode, body, services.limits)
-        if idempotency_key is not None and not asked.dry_run:
-            digest = await decode(content_digest, body.document, body.parts)
-            if (known := await services.repeated_predictions.answer_to(idempotency_key, digest, query)) is not None:
-                return EventSourceResponse(_events_again(known)) if streamed else JSONResponse(known)
-            keep = partial(services.repeated_predictions.remember, idempotency_key, digest, query.without_frames())
-        question = await services.predict_actions.prepare(query, timings_ms, ask_meaning=not asked.dry_run)
-        del query  # the room is given back, and with it what was decoded
-    if asked.dry_run:
-        return JSONResponse(dry_run_document(question, timings_ms))
-    if streamed:
-        answer = services.predict_actions.answer(question, timings_ms, started_s, piecewise=True)
-        # What fails before the first action is answered with its own status.
-        first = await anext(answer)
-        return EventSourceResponse(_events(request, question, first, answer, keep))
-    prediction = await services.predict_actions.complete(question, timings_ms, started_s)
-    return JSONResponse(await keep(prediction_document(prediction)))
+    async with AsyncExitStack() as turn:
+        if idempotency_key is not None:
+            await turn.enter_async_context(services.repeated_predictions.alone(idempotency_key))
+        async with image_work(request).room(request, body, services.limits) as decode:
+            query, asked = await questioned(decode, body, services.limits)
+            if asked.dry_run:
+                present().require_demonstrations()
+            if idempotency_key is not None and not asked.dry_run:
+                digest = await decode(content_digest, body.document, body.parts)
+                if (known := await services.repeated_predictions.answer_to(idempotency_key, digest, query)) is not None:
+                    return EventSourceResponse(_events_again(known)) if streamed else JSONResponse(known)
+                keep = partial(services.repeated_predictions.remember, idempotency_key, digest, query.without_frames())
+            question = await services.predict_actions.prepare(query, timings_ms, ask_meaning=not asked.dry_run)
+            del query  # the room is given back, and with it what was decoded
+        if asked.dry_run:
+            return JSONResponse(dry_run_document(question, timings_ms))
+        if streamed:
+            answer = services.predict_actions.answer(question, timings_ms, started_s, piecewise=True)
+            # What fails before the first action is answered with its own status.
+            first = await anext(answer)
+            return EventSourceResponse(_events(request, question, first, answer, keep, turn.pop_all()))
+        prediction = await services.predict_actions.complete(question, timings_ms, started_s)
+        return JSONResponse(await keep(prediction_document(prediction)))
 
 
 async def questioned(decode: Decode, body: Body, limits: Limits) -> tuple[PredictRequest, PredictBody]:
@@ -110,10 +117,19 @@ _Item = PredictedAction | TextDelta | Prediction
 
 
 async def _events(
-    request: Request, question: Question, first: _Item, answer: AsyncGenerator[_Item, None], keep: _Keep
+    request: Request,
+    question: Question,
+    first: _Item,
+    answer: AsyncGenerator[_Item, None],
+    keep: _Keep,
+    turn: AsyncExitStack,
 ) -> AsyncIterator[bytes]:
-    """The answer as server-sent events; what is doubtful beforehand comes first."""
-    async with aclosing(answer):
+    """The answer as server-sent events; what is doubtful beforehand comes first.
+
+    Args:
+        turn: left at the end; a repeated request waits for it.
+    """
+    async with turn, aclosing(answer):
         try:
             listed = [finding.to_json() for finding in question.findings]
             yield format_sse_event(event="findings", data_str=json.dumps({"findings": listed}))

@@ -71,7 +71,10 @@ def delete_prediction(services: Wired, prediction_id: str) -> Response:
     responses=problems(_404="no such prediction", _422="a value is not valid"),
 )
 def record_outcome(services: Wired, prediction_id: str, outcome: OutcomeBody) -> Response:
-    """Tell how the robot fared; a later outcome replaces an earlier one."""
+    """Tell how the robot fared; a later outcome replaces an earlier one.
+
+    The key that asked for the prediction may, and one with the scope `admin`.
+    """
     with services.store.write() as connection:
         record = predictions.record_outcome(connection, prediction_id, outcome.success, outcome.note)
     services.metrics.observe_outcome(record.model, success=outcome.success)

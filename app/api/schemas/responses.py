@@ -233,6 +233,11 @@ class UnderstoodOut(BaseModel):
     grounding: list[GroundingOut]
 
 
+ShownPrompt = Annotated[
+    PromptOut | None, Field(description="null for a key that may not read the demonstrations in it (scope read)")
+]
+
+
 class PredictionOut(UnderstoodOut):
     """Actions for the robot, and where they come from."""
 
@@ -243,7 +248,7 @@ class PredictionOut(UnderstoodOut):
     representation: str
     prompt_format: str
     demonstration_ids: list[str]
-    prompt: PromptOut
+    prompt: ShownPrompt
     prefix_hash: Annotated[str, Field(description="equal for equal prompts up to the query: what an LLM's cache keeps")]
     reply_text: str
     usage: UsageOut
@@ -289,7 +294,7 @@ class StoredPrediction(UnderstoodOut):
     representation: str
     prompt_format: str
     demonstration_ids: list[str]
-    prompt: PromptOut
+    prompt: ShownPrompt
     reply_text: str | None
     actions: list[ActionOut] | None
     objects: Annotated[list[ObservedObjectOut], Field(description="empty where they were not kept yet")]
@@ -304,6 +309,7 @@ class StoredPrediction(UnderstoodOut):
     ]
     request: dict[str, Any]
     outcome: OutcomeOut | None
+    key_id: Annotated[str | None, Field(description="of the API key that asked for it, where keys are required")] = None
     created_at: datetime
 
 

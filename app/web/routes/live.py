@@ -15,6 +15,7 @@ from app.services.container import Services
 from app.store import jobs, prediction_lists
 from app.store.records import JobRecord
 from app.store.under_way import UnderWay
+from app.store.visibility import present
 from app.web.page import HEADERS, PageRoute, render, render_part
 
 NUM_JOBS = 10  # the newest
@@ -78,7 +79,7 @@ def live_part(request: Request, services: Wired) -> Response:
 
 
 def _now(services: Services) -> tuple[list[Running], list[JobProgress]]:
-    notes = services.store.under_way.all()
+    notes = tuple(note for note in services.store.under_way.all() if present().has_task(note.task))
     with services.store.read() as connection:
         latest = jobs.list_page(connection, limit=NUM_JOBS).items
         return list(_timed(connection, notes)), [JobProgress.of(record) for record in latest]

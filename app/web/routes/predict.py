@@ -20,6 +20,7 @@ from app.services.task_settings import PromptFormat, Representation
 from app.store import episodes, tasks
 from app.store.errors import NotFoundError
 from app.store.values import ObjectRecord
+from app.store.visibility import present
 from app.web.page import HEADERS, PageRoute, render, render_part
 from app.web.predict_form import ImageKind, form_again, form_of_task, image_digest
 from app.web.scene import scene
@@ -84,6 +85,7 @@ def episode_image(services: Wired, episode_id: str, camera: str, kind: ImageKind
 @documents.post("/ui/predict/prompt")
 async def predict_prompt(request: Request, services: Wired) -> Response:
     """The prompt that a request to `/predict` would put to its LLM, in colours, and the scene; no LLM is asked."""
+    present().require_demonstrations()
     body = await read_body(request)
     async with image_work(request).room(request, body, services.limits) as decode:
         query, _ = await questioned(decode, body, services.limits)

@@ -1,0 +1,112 @@
+"""What the request that is answered here may see. The door sets it, the queries heed it: no route can forget it."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass
+from typing import Any
+
+from sqlalchemy import ColumnElement, Select
+
+from app.store import tables
+from app.store.errors import ForbiddenError, ForbiddenTaskError
+
+NOBODY = ""  # in the place of a key's id: the command line, or a service that requires no keys
+_PREDICTIONS = tables.predictions
+
+
+@dataclass(frozen=True)
+class Visibility:
+    """What one key may see; without arguments everything.
+
+    Attributes:
+        key_id: whose request it is.
+        tasks: the only tasks that the key is for; None: any.
+        others: whether predictions that others asked for are seen.
+        demonstrations: whether what was taught is seen: prompts, which hold it, too.
+        judges_others: whether the outcome of others' predictions may be recorded.
+    """
+
+    key_id: str = NOBODY
+    tasks: tuple[str, ...] | None = None
+    others: bool = True
+    demonstrations: bool = True
+    judges_others: bool = True
+
+    def has_task(self, name: str) -> bool:
+        """Whether the key is for this task."""
+        return self.tasks is None or name in self.tasks
+
+    def require_task(self, name: str) -> None:
+        """Refuse a task that the key is not for, whether or not there is one of that name.
+
+        Raises:
+            ForbiddenTaskError.
+        """
+        if self.tasks is not None and name not in self.tasks:
+            raise ForbiddenTaskError(name, self.tasks)
+
+    def has_prediction(self, task: str, key_id: str | None) -> bool:
+        """Whether a prediction of that task, asked for by that key, is seen."""
+        return self.has_task(task) and (self.others or key_id == self.key_id)
+
+    def require_own(self, key_id: str | None) -> None:
+        """Refuse to record the outcome of what another key asked for.
+
+        Raises:
+            ForbiddenError.
+        """
+        if not self.judges_others and key_id != self.key_id:
+            raise ForbiddenError("another key asked for this prediction: that key records its outcome, or an admin key")
+
+    def require_demonstrations(self) -> None:
+        """Refuse to show what was taught to who may not read it.
+
+        Raises:
+            ForbiddenError.
+        """
+        if not self.demonstrations:
+            raise ForbiddenError("a dry run shows the demonstrations: this needs a key with the scope read, too")
+
+
+_EVERYTHING = Visibility()
+_present: ContextVar[Visibility] = ContextVar("visibility", default=_EVERYTHING)
+
+
+def present() -> Visibility:
+    """What may be seen here and now."""
+    return _present.get()
+
+
+@contextmanager
+def seeing(visibility: Visibility) -> Iterator[None]:
+    """Let queries that run within show no more than this."""
+    token = _present.set(visibility)
+    try:
+        yield
+    finally:
+        _present.reset(token)
+
+
+def of_visible_tasks(query: Select[Any], task: ColumnElement[Any], name: str | None = None) -> Select[Any]:
+    """`query`, narrowed to a task, or to those that are seen.
+
+    Raises:
+        ForbiddenTaskError: if `name` is a task that is not.
+    """
+    if name is not None:
+        present().require_task(name)
+        return query.where(task == name)
+    tasks = present().tasks
+    return query if tasks is None else query.where(task.in_(tasks))
+
+
+def of_visible_predictions(query: Select[Any], task: str | None = None) -> Select[Any]:
+    """`query` on predictions, narrowed to those of a task, or of all tasks, that are seen.
+
+    Raises:
+        ForbiddenTaskError: if `task` is not seen.
+    """
+    query = of_visible_tasks(query, _PREDICTIONS.c.task, task)
+    visibility = present()
+    return query if visibility.others else query.where(_PREDICTIONS.c.key_id == visibility.key_id)
