@@ -175,7 +175,7 @@ def test_a_closed_loop_keeps_its_demonstrations(taught):
     second = ask(services, replace(CLOSED, after=first.id))
     assert second.question.template.demonstration_ids == first.question.template.demonstration_ids
     services.configure_task("pick", {"keyframes": {"rule": "uniform", "interval": 4}})
-    with pytest.raises(ConflictError, match="begin the closed loop anew"):
+    with pytest.raises(ConflictError, match="begin the closed loop again"):
         ask(services, replace(CLOSED, after=second.id))
 
 
