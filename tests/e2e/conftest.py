@@ -12,7 +12,11 @@ SCRIPTED_REPLY = "I would rather not move today."
 
 @pytest.fixture(scope="session")
 def url(tmp_path_factory):
-    environment = {"ROBOPROMPT_SCRIPTED_REPLIES": json.dumps([SCRIPTED_REPLY]), "ROBOPROMPT_MAX_BODY_MB": "20"}
+    environment = {
+        "ROBOPROMPT_SCRIPTED_REPLIES": json.dumps([SCRIPTED_REPLY]),
+        "ROBOPROMPT_MAX_BODY_MB": "20",
+        "ROBOPROMPT_WARM_UP": "false",  # the LLM would read every upload; test_warm_up.py has its own service
+    }
     with running_server(tmp_path_factory.mktemp("data"), environment) as address:
         yield address
 

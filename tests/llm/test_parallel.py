@@ -13,7 +13,7 @@ from app.llm.weights import find_weights
 from tests.llm.test_embedded import PROFILE
 from tests.llm.texts import asking, object_frame_prompt
 
-NUM_REQUESTS, NUM_TASKS, SLOTS = 8, 6, 4
+NUM_REQUESTS, NUM_TASKS, SLOTS = 6, 4, 4
 
 
 @pytest.fixture(scope="module")
