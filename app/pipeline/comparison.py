@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from app.pipeline.arrays import Array
 from app.pipeline.episode import Demonstration, ObjectPose
-from app.pipeline.language import template
+from app.pipeline.language.mentions import template
 from app.pipeline.representation.anchors import Anchor, choose_anchors, in_order, relative_action, tilted_objects
 
 

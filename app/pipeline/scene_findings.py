@@ -7,7 +7,7 @@ import numpy as np
 
 from app.pipeline.episode import Demonstration, ObjectPose
 from app.pipeline.findings import Finding, Severity
-from app.pipeline.language import mention_order
+from app.pipeline.language.mentions import mention_order
 from app.pipeline.shown_places import FIXED_M, ShownPlaces, estimated_error_m
 
 ENOUGH = 3  # demonstrations from which on their places say something about what was taught

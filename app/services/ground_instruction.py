@@ -7,7 +7,8 @@ from functools import lru_cache
 import numpy as np
 
 from app.pipeline.episode import ObjectPose
-from app.pipeline.language import Grounded, Grounding, Layout, Taught
+from app.pipeline.language.grounding import Grounded, Grounding, Taught
+from app.pipeline.language.space import Layout
 from app.services.english import is_english
 from app.services.previous_step import PreviousStep
 from app.services.question import PredictRequest

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from sqlalchemy import Connection
 
 from app.pipeline.errors import InvalidInputError
-from app.pipeline.language import Grounded
+from app.pipeline.language.grounding import Grounded
 from app.pipeline.motion_limits import Pose
 from app.services.templates import PromptStyle, Template
 from app.store import predictions

@@ -14,7 +14,7 @@ from app.pipeline.camera import Camera, RgbdFrame
 from app.pipeline.episode import EndEffectorAction, ObjectPose
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.findings import Finding
-from app.pipeline.language import Grounded
+from app.pipeline.language.grounding import Grounded
 from app.pipeline.motion_limits import Pose
 from app.pipeline.plans.support import PlacedPlan
 from app.pipeline.prompt import Prompt, PromptTemplate

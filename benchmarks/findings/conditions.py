@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from app.evaluation.noise import disturbed
 from app.pipeline.episode import ObjectPose
-from app.pipeline.language import mention_order
+from app.pipeline.language.mentions import mention_order
 from app.pipeline.noise import MEAN_ERROR_M
 from app.sim.demonstrate import RecordedDemonstration, Recordings, SceneView
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from app.pipeline.language import Taught
+from app.pipeline.language.grounding import Taught
 from app.services.english import is_english
 from app.sim.tasks import TASKS, make_task
 

@@ -12,7 +12,7 @@ from typing import TypeVar
 import numpy as np
 
 from app.pipeline.episode import Demonstration
-from app.pipeline.language import template
+from app.pipeline.language.mentions import template
 from app.pipeline.plans.agreement import agreed, two_ways
 from app.pipeline.plans.alignment import Recording, aligned
 from app.pipeline.plans.rows import PlanRow, plan_rows

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from app.pipeline.arrays import Array
 from app.pipeline.episode import Demonstration, EndEffectorAction, ObjectPose
 from app.pipeline.errors import UnsupportedActionError
-from app.pipeline.language import clauses, mention_order, template
+from app.pipeline.language.mentions import clauses, mention_order, template
 from app.pipeline.plans.rows import PlanRow, plan_rows
 from app.pipeline.representation.anchors import Anchor, anchor_frame, tilted_objects
 

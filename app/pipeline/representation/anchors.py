@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from app.pipeline.arrays import Array
 from app.pipeline.episode import Demonstration, EndEffectorAction, ObjectPose
 from app.pipeline.geometry import tilt_rad, yaw_rad
-from app.pipeline.language import mention_order
+from app.pipeline.language.mentions import mention_order
 
 Frame = Literal["w", "o", "world", "start"]
 OBJECT_FRAMES: tuple[Frame, ...] = ("w", "o")

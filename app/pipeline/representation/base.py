@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 from app.pipeline.episode import Demonstration, EndEffectorAction, ObjectPose
-from app.pipeline.language import clauses
+from app.pipeline.language.mentions import clauses
 
 
 class Codec(Protocol):

@@ -24,7 +24,7 @@ from app.pipeline.arrays import Array
 from app.pipeline.episode import Demonstration, EndEffectorAction, ObjectPose
 from app.pipeline.errors import ReplyParseError
 from app.pipeline.geometry import yaw_rad
-from app.pipeline.language import clauses, mention_order, template
+from app.pipeline.language.mentions import clauses, mention_order, template
 from app.pipeline.representation.anchors import (
     OBJECT_FRAMES,
     START,

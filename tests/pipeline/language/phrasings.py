@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from app.pipeline.language import Layout, Taught
+from app.pipeline.language.grounding import Taught
+from app.pipeline.language.space import Layout
 from app.services.english import is_english
 
 # In the robot's frame: x forward, y left, z up.

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from app.pipeline.errors import UnfamiliarInstructionError, UngroundedInstructionError
-from app.pipeline.language import Grounded, Grounding, Layout, Taught
+from app.pipeline.language.grounding import Grounded, Grounding, Taught
+from app.pipeline.language.space import Layout
 from app.services.english import is_english
 
 BUTTONS = ("red button", "blue button")

@@ -1,6 +1,6 @@
 import pytest
 
-from app.pipeline.language import clauses, mention_order, template
+from app.pipeline.language.mentions import clauses, mention_order, template
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@
 import pytest
 
 from app.pipeline.errors import UnfamiliarInstructionError, UngroundedInstructionError
-from app.pipeline.language import clauses, mention_order
+from app.pipeline.language.mentions import clauses, mention_order
 from tests.pipeline.language.phrasings import (
     LAYOUTS,
     PHRASINGS,

@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from app.pipeline.language import Layout, space
+from app.pipeline.language import space
+from app.pipeline.language.space import Layout
 
 ROW = {"a": (0.3, 0.3, 0.8), "b": (0.3, 0.1, 0.8), "c": (0.3, -0.1, 0.8), "d": (0.5, -0.3, 0.8)}
 ALL = tuple(ROW)
