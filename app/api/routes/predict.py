@@ -17,8 +17,8 @@ from app.api.image_work import Decode, image_work
 from app.api.openapi import body_of
 from app.api.problems import own_problem
 from app.api.routes import IdempotencyKey, Wired, problems
+from app.api.schemas.predictions import DryRunOut, PredictionOut, UnderstoodOut
 from app.api.schemas.requests import PredictBody
-from app.api.schemas.responses import DryRunOut, PredictionOut, UnderstoodOut
 from app.llm.base import TextDelta
 from app.pipeline.errors import RoboPromptError
 from app.services.limits import Limits

@@ -7,8 +7,8 @@ from fastapi.responses import JSONResponse
 
 from app.api.documents import stored_prediction_document
 from app.api.routes import Cursor, Limit, Wired, problems
+from app.api.schemas.predictions import PredictionPage, StoredPrediction
 from app.api.schemas.requests import OutcomeBody
-from app.api.schemas.responses import PredictionPage, StoredPrediction
 from app.store import erasure, predictions
 
 router = APIRouter(tags=["predictions"])

@@ -1,0 +1,182 @@
+"""What the service answers about predictions."""
+
+from datetime import datetime
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, Field
+
+from app.api.schemas.findings import FindingOut
+from app.api.schemas.responses import Bins, ObservedObjectOut
+
+
+class AnchorOut(BaseModel):
+    """What an action hangs on: the robot that sees the object move can move the action with it."""
+
+    object: Annotated[str | None, Field(description="null for the frames world and start")]
+    frame: Annotated[
+        Literal["w", "o", "world", "start"],
+        Field(
+            description="w: world axes at the object; o: the object's axes (only its yaw where it stands upright); "
+            "world: the world frame; start: world axes where the end effector was at first"
+        ),
+    ]
+    offset_m: Annotated[list[float], Field(description="(3) from the origin, along these axes")]
+    rotation_xyzw: Annotated[list[float], Field(description="(4) from these axes")]
+    tolerance_m: Annotated[float, Field(description="within which most demonstrations lie")]
+    tolerance_deg: float
+
+
+class ActionOut(BaseModel):
+    """An end-effector target in the world frame."""
+
+    position: list[float]
+    quaternion_xyzw: list[float]
+    gripper_open: bool
+    bins: Bins
+    clamped: bool
+    anchor: Annotated[AnchorOut | None, Field(description="null where no demonstrated row is known")] = None
+
+
+class PromptOut(BaseModel):
+    """What the LLM read."""
+
+    system: str
+    user: str
+
+
+class UsageOut(BaseModel):
+    """Tokens; cached ones were not evaluated again."""
+
+    prompt_tokens: int
+    cached_tokens: int
+    completion_tokens: int
+
+
+Step = Annotated[
+    int | None, Field(description="of a closed loop, from 0; without actions it has ended. null without a closed loop")
+]
+
+
+class SampleOut(BaseModel):
+    """One of several replies to a question."""
+
+    seed: int
+    reply_text: str | None
+    num_actions: Annotated[int | None, Field(description="null where the reply is not a list of valid actions")]
+    used: Annotated[bool, Field(description="whether it entered the median")]
+    error: str | None
+
+
+class SamplesOut(BaseModel):
+    """Several replies to a question; the actions are the median of those that were used."""
+
+    asked: int
+    used: int
+    replies: list[SampleOut]
+
+
+Samples = Annotated[SamplesOut | None, Field(description="null where one reply was asked for")]
+
+
+class GroundingOut(BaseModel):
+    """What a phrase of the instruction was taken for."""
+
+    phrase: str
+    object: str
+    by: Literal["name", "alias", "spelling", "colour", "relation", "taught", "llm"]
+
+
+class UnderstoodOut(BaseModel):
+    """How the instruction was understood."""
+
+    canonical_instruction: Annotated[
+        str | None, Field(description="what prompts say: the objects by their names, in the form of a taught one")
+    ]
+    grounding: list[GroundingOut]
+
+
+ShownPrompt = Annotated[
+    PromptOut | None, Field(description="null for a key that may not read the demonstrations in it (scope read)")
+]
+
+
+class PredictionOut(UnderstoodOut):
+    """Actions for the robot, and where they come from."""
+
+    id: str
+    actions: list[ActionOut]
+    objects: Annotated[list[ObservedObjectOut], Field(description="as they were observed, in the task's order")]
+    model: str
+    representation: str
+    prompt_format: str
+    demonstration_ids: list[str]
+    prompt: ShownPrompt
+    prefix_hash: Annotated[str, Field(description="equal for equal prompts up to the query: what an LLM's cache keeps")]
+    reply_text: str
+    usage: UsageOut
+    timings_ms: dict[str, float]
+    step: Step = None
+    samples: Samples = None
+    findings: Annotated[list[FindingOut], Field(description="what deserves a look before the robot moves")] = []
+
+
+class DryRunOut(UnderstoodOut):
+    """The prompt as an LLM would read it."""
+
+    id: None = None
+    objects: list[ObservedObjectOut]
+    model: str
+    representation: str
+    prompt_format: str
+    demonstration_ids: list[str]
+    prompt: PromptOut
+    prefix_hash: Annotated[str, Field(description="equal for equal prompts up to the query: what an LLM's cache keeps")]
+    grammar: str | None
+    findings: list[FindingOut] = []
+    timings_ms: dict[str, float]
+
+
+class OutcomeOut(BaseModel):
+    """How the robot fared."""
+
+    success: bool
+    note: str | None
+    recorded_at: datetime
+
+
+class StoredPrediction(UnderstoodOut):
+    """A prediction as it was recorded, also where it failed."""
+
+    id: str
+    task: str
+    instruction: str
+    status: Literal["ok", "parse_error", "unsafe_action", "unsupported", "model_error"]
+    error: str | None
+    model: str
+    representation: str
+    prompt_format: str
+    demonstration_ids: list[str]
+    prompt: ShownPrompt
+    reply_text: str | None
+    actions: list[ActionOut] | None
+    objects: Annotated[list[ObservedObjectOut], Field(description="empty where they were not kept yet")]
+    cameras: Annotated[list[str], Field(description="whose images were sent")]
+    usage: dict[str, int]
+    timings_ms: dict[str, float]
+    step: Step = None
+    samples: Samples = None
+    findings: Annotated[
+        list[FindingOut] | None,
+        Field(description="what deserves a look, causes first; null where they were not kept yet"),
+    ]
+    request: dict[str, Any]
+    outcome: OutcomeOut | None
+    key_id: Annotated[str | None, Field(description="of the API key that asked for it, where keys are required")] = None
+    created_at: datetime
+
+
+class PredictionPage(BaseModel):
+    """Predictions, newest first."""
+
+    predictions: list[StoredPrediction]
+    next_cursor: int | None
