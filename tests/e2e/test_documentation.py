@@ -2,7 +2,7 @@
 
 import re
 
-from app.api.schemas import examples, responses
+from app.api.schemas import examples, predictions, responses
 
 
 def test_examples_can_be_sent_as_they_are(http):
