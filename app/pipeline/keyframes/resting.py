@@ -22,6 +22,7 @@ ON_THE_WAY = 0.2  # the share of keyframes that may lie on a straight way; one a
 STRAIGHT = 1.5  # tolerances
 MOST_BENT = 0.25  # the share of grasps and releases that may be come to otherwise
 BENT = 0.15  # of its length: a way in joint space that bends more is no single motion
+WIDE, WINDING = 3.0, 0.3  # in tolerances, and of its length in joint space: a way that bends more has a corner
 MISSED_CORNERS = 0.5  # the share of corners that may be passed without a rest; one always may
 CORNER_DEG = 60.0
 ARM_M, STEP_M = 0.03, 0.005  # a corner is recognised by the ways of this length before and after it
@@ -53,6 +54,7 @@ def manner_of(trajectory: Trajectory, times_s: Array, delta_rad_s: float = SIMUL
         and len(keyframes) <= MAX_KEYFRAMES
         and all(_rests_nearby(frame, rests, times_s) for frame in switches)
         and _straight_to_switches(trajectory, keyframes, switches, times_s)
+        and not _passes_corners(trajectory, keyframes, times_s)
         and _few_missed_corners(trajectory, rests)
     )
     return "rests" if at_keyframes else "flows"
@@ -83,18 +85,28 @@ def _straight_to_switches(
     for before, here in pairwise([0, *keyframes]):
         if any(abs(times_s[here] - times_s[frame]) <= NEARBY_S for frame in switches):
             bend = Path.between(trajectory, before, here, TOLERANCE_M, TOLERANCE_DEG).bend
-            bent += bend > STRAIGHT and not _straight_in_joints(trajectory, before, here, times_s)
+            bent += bend > STRAIGHT and _bend_in_joints(trajectory, before, here, times_s) > BENT
     return bent <= MOST_BENT * len(switches)
 
 
-def _straight_in_joints(trajectory: Trajectory, first: int, last: int, times_s: Array) -> bool:
-    """Whether all joints move from one frame to another in proportion, as arms do on a free way."""
+def _passes_corners(trajectory: Trajectory, keyframes: Sequence[int], times_s: Array) -> bool:
+    """Whether some way between keyframes is several motions, in space and in the joints: a pose was passed on it."""
+    return any(
+        Path.between(trajectory, before, here, TOLERANCE_M, TOLERANCE_DEG).bend > WIDE
+        and _bend_in_joints(trajectory, before, here, times_s) > WINDING
+        for before, here in pairwise([0, *keyframes])
+        if here > before + 1
+    )
+
+
+def _bend_in_joints(trajectory: Trajectory, first: int, last: int, times_s: Array) -> float:
+    """How far the joints leave moving in proportion, as arms do on a free way, as a share of the length of the way."""
     steps_s = np.diff(times_s[first : last + 1])[:, None]
     way_rad = np.cumsum(trajectory.joint_velocities_rad_s[first + 1 : last + 1] * steps_s, axis=0)
     end_rad = way_rad[-1]
     length_rad = max(float(np.linalg.norm(end_rad)), 1e-9)
     along = np.outer(way_rad @ end_rad / length_rad**2, end_rad)
-    return float(np.linalg.norm(way_rad - along, axis=1).max()) <= BENT * length_rad
+    return float(np.linalg.norm(way_rad - along, axis=1).max()) / length_rad
 
 
 def _few_missed_corners(trajectory: Trajectory, rests: npt.NDArray[np.bool_]) -> bool:
