@@ -10,7 +10,7 @@ from app.pipeline.keyframes import RULES, KeyframeRule, find_keyframes, manner_o
 from app.pipeline.keyframes.rule import TOLERANCE_DEG, TOLERANCE_M
 from app.pipeline.timeline import frame_times_s
 
-from ..recordings import flowing, pick_and_place, resting
+from ..recordings import Motion, flowing, pick_and_place, resting
 from .test_published import trajectory
 
 PICK_M, PLACE_M = (0.3, 0.1, 0.8), (0.0, -0.2, 0.82)
@@ -69,6 +69,18 @@ def test_a_hand_that_flows_is_followed(hz):
     recorded = pick_and_place(PICK_M, PLACE_M, move=flowing).at(hz)
     assert manner_of(recorded, frame_times_s(recorded)) == "flows"
     assert find_keyframes(recorded, KeyframeRule("auto")) == by_waypoints(recorded)
+
+
+@pytest.mark.parametrize("hz", [10, 20, 60])
+def test_a_pose_that_is_passed_between_two_rests_is_found(hz):
+    """A sweep: the hand rests where it grasps the broom and at the end, and turns behind the dirt without a rest."""
+    above_m, grasp_m, behind_m, end_m = (0.2, 0.1, 1.0), (0.2, 0.1, 0.85), (0.1, -0.1, 0.85), (0.4, -0.15, 0.85)
+    knots = ((0, above_m), (0.4, above_m), (1.4, grasp_m), (2.0, grasp_m), (3.2, behind_m), (5.0, end_m), (5.6, end_m))
+    recorded = Motion(knots, switches=(1.7,), blend_s=0.2).at(hz)
+    assert manner_of(recorded, frame_times_s(recorded)) == "flows"
+    places_m = recorded.positions_m[[keyframe.frame for keyframe in find_keyframes(recorded, KeyframeRule("auto"))]]
+    assert np.linalg.norm(places_m - behind_m, axis=1).min() < 0.02
+    assert np.linalg.norm(recorded.positions_m[list(merged(recorded))] - behind_m, axis=1).min() > 0.1
 
 
 def hesitating(seed, rest_s):
