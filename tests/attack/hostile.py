@@ -1,8 +1,8 @@
 """How a hostile request is written down: what is sent, and what must come back."""
 
+import dataclasses
 import json
 import socket
-from dataclasses import dataclass
 from urllib.parse import urlsplit
 
 JSON = {"content-type": "application/json"}
@@ -12,7 +12,7 @@ RAW_TIMEOUT_S = 5.0
 LIMITED = "limited"  # a task with bounds of motion that no row may change
 
 
-@dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True)
 class Attack:
     """A request.
 
@@ -26,7 +26,7 @@ class Attack:
     status: int
     field: str | None = None
     body: bytes | None = None
-    headers: dict = field(default_factory=dict)
+    headers: dict = dataclasses.field(default_factory=dict)
 
     def sent(self, http):
         """The answer."""
