@@ -8,7 +8,7 @@ from urllib.parse import urlsplit
 JSON = {"content-type": "application/json"}
 MSGPACK = {"content-type": "application/msgpack"}
 BOUNDARY = "frontier"
-RAW_TIMEOUT_S = 5.0
+RAW_TIMEOUT_S = 2.0
 LIMITED = "limited"  # a task with bounds of motion that no row may change
 
 

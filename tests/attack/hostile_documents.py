@@ -52,11 +52,11 @@ LIMITS = {
     "boxes as an object": limits('{"keep_out": {"0": ' + BOX + "}}"),
     "a bound whose name has a letter in Cyrillic": limits('{"max_st\u0435p_m": 0.5}'),
     "a bound whose name ends in a space": limits('{"max_step_m ": 0.5}'),
-    "null twice": limits("null"),
+    "no bounds at all": limits("null"),
     "a list of bounds": limits('[{"max_step_m": 9}]'),
-    "the same key twice, the second lax": limits('{"max_step_m": 0.1, "max_step_m": 1e308, "max_step_m": null}'),
+    "the same bound twice, the second lax": limits('{"max_step_m": 0.1, "max_step_m": null}', 400, None),
     "the same settings twice, the second lax": settings(
-        '{"motion_limits": {"max_step_m": 0.1}, "motion_limits": {"max_step_m": null}}', 422, "motion_limits"
+        '{"motion_limits": {"max_step_m": 0.1}, "motion_limits": {"max_step_m": null}}', 400
     ),
     "workspace of NaN": settings('{"workspace": {"min": [NaN, 0, 0]}}', 422, "workspace"),
     "workspace wider than any float": settings(
@@ -74,7 +74,23 @@ LIMITS = {
 }
 
 BODIES = {
-    "settings after a byte order mark": settings(b"\xef\xbb\xbf{}", 422),
+    "lists 40,000 deep behind two content types": Attack(
+        "PUT",
+        TASK,
+        400,
+        None,
+        b"[" * 40_000 + b"]" * 40_000,
+        [("content-type", "application/json"), ("content-type", "multipart/form-data")],
+    ),
+    "330,000 lists behind two content types": Attack(
+        "PUT",
+        TASK,
+        413,
+        None,
+        b"[" + b"[]," * 330_000 + b"[]]",
+        [("content-type", "application/json"), ("content-type", "multipart/form-data")],
+    ),
+    "settings after a byte order mark": settings(b'\xef\xbb\xbf{"robot_base": [NaN, 0, 0]}', 422, "robot_base"),
     "question after a byte order mark": posted("/predict", b"\xef\xbb\xbf" + json.dumps(QUESTION).encode(), 400),
     "settings that are not UTF-8": settings(b'{"system_prompt": "\xff\xfe"}', 400),
     "question that is not UTF-8": posted("/predict", asking(b'"model": "\xc3\x28"'), 400),

@@ -15,6 +15,7 @@ from tests.episodes import arrays, camera, metadata, npz, pick_trajectory
 
 PLACE_M = (0.1, 0.1, 0.78)
 WIDTH, HEIGHT = 64, 48
+PIXELS, SHAPE = WIDTH * HEIGHT, f"({HEIGHT}, {WIDTH})"
 RECORDED = arrays(pick_trajectory(PLACE_M))
 GREY = np.full((HEIGHT, WIDTH, 3), 90, np.uint8)
 PNG = cv2.imencode(".png", GREY)[1].tobytes()
@@ -30,13 +31,13 @@ def recording(data, field="trajectory"):
     return Attack("POST", "/episodes", 422, field, body, headers)
 
 
-def picture(data, kind="rgb", path="/episodes"):
+def picture(data, kind="rgb", field=None):
     """An upload of a good trajectory and this image."""
     document = {**metadata("hostile", {"cube": PLACE_M}), "cameras": [camera("c", WIDTH, HEIGHT)]}
     parts = [part(b"metadata", json.dumps(document).encode(), b"m.json")]
     parts += [part(b"trajectory", npz(**RECORDED), b"t.npz"), part(f"{kind}_c".encode(), data, b"i")]
     body, headers = form(*parts)
-    return Attack("POST", path, 422, f"{kind}_c", body, headers)
+    return Attack("POST", "/episodes", 422, field or f"{kind}_c", body, headers)
 
 
 def npy(header, data=b"", version=(1, 0)):
@@ -162,14 +163,14 @@ ARCHIVES = {
 }
 IMAGES = {
     "PNG with a wrong checksum of its header": picture(PNG[:29] + b"\0\0\0\0" + PNG[33:]),
-    "PNG of 2^31 columns": picture(png_of(header_of(2**31, 1))),
-    "PNG of 2^31 columns and rows": picture(png_of(header_of(2**31, 2**31))),
+    "PNG of 2^31 columns": picture(png_of(header_of(2**31, 1)), field="images"),
+    "PNG of 2^31 columns and rows": picture(png_of(header_of(2**31, 2**31)), field="images"),
     "PNG of no columns": picture(png_of(header_of(0, HEIGHT))),
     "PNG of 16-bit palette": picture(png_of(header_of(WIDTH, HEIGHT, 16, 3))),
     "PNG of a palette that is not there": picture(png_of(header_of(WIDTH, HEIGHT, 8, 3))),
     "PNG of an unknown kind of colours": picture(png_of(header_of(WIDTH, HEIGHT, 8, 7))),
     "PNG interlaced in an unknown way": picture(png_of(header_of(WIDTH, HEIGHT, interlaced=9))),
-    "PNG whose header comes last": picture(SIGNATURE + PNG[33:-12] + PNG[8:33] + END),
+    "PNG whose header comes last": picture(SIGNATURE + PNG[33:-12] + PNG[8:33] + END, field="images"),
     "PNG without pixels": picture(SIGNATURE + header_of(WIDTH, HEIGHT) + END),
     "PNG whose chunk claims 4 GB": picture(PNG[:33] + b"\xff\xff\xff\xffIDAT" + END),
     "PNG of another size than the other image": picture(png_of(header_of(1, 1), b"\0" * 4), "depth"),
@@ -181,16 +182,12 @@ IMAGES = {
     "WebP": picture(cv2.imencode(".webp", GREY)[1].tobytes()),
     "SVG with an entity": picture(b'<!DOCTYPE svg [<!ENTITY x SYSTEM "file:///etc/passwd">]><svg>&x;</svg>'),
     "TIFF behind a PNG's signature": picture(SIGNATURE + b"II*\0\x08\0\0\0" + END),
-    "JPEG without tables": picture(JPEG.replace(b"\xff\xc4", b"\xff\xef")),
+    "JPEG of codes that are none": picture(patched(JPEG, b"\xff\xc4", 5, b"\xff" * 16)),
     "JPEG of no rows": picture(patched(JPEG, b"\xff\xc0", 5, b"\0\0")),
-    "JPEG of 65,535 columns and rows": picture(patched(JPEG, b"\xff\xc0", 5, b"\xff\xff\xff\xff")),
-    "JPEG whose segment ends before it begins": picture(JPEG[:4] + b"\0\0" + JPEG[6:]),
+    "JPEG of 65,535 columns and rows": picture(patched(JPEG, b"\xff\xc0", 5, b"\xff\xff\xff\xff"), field="images"),
+    "JPEG whose frame ends before it begins": picture(patched(JPEG, b"\xff\xc0", 2, b"\0\0")),
     "JPEG of twelve bits": picture(patched(JPEG, b"\xff\xc0", 4, b"\x0c")),
-    "array of negative depth": picture(
-        described("'<f4'", f"({HEIGHT}, {WIDTH})", data=b"\0\0\x80\xbf" * WIDTH * HEIGHT), "depth"
-    ),
-    "array of ids beyond 32 bits": picture(
-        described("'<i8'", f"({HEIGHT}, {WIDTH})", data=b"\xff\xff\xff\x7f" * 2 * WIDTH * HEIGHT), "mask"
-    ),
+    "array of negative depth": picture(described("'<f4'", SHAPE, data=b"\0\0\x80\xbf" * PIXELS), "depth"),
+    "array of ids beyond 32 bits": picture(described("'<i8'", SHAPE, data=b"\xff\xff\xff\x7f" * 2 * PIXELS), "mask"),
     "array of 2^31 rows of nothing": picture(described("'|u1'", f"({2**31}, 0, 3)")),
 }
