@@ -22,6 +22,9 @@ PNG = cv2.imencode(".png", GREY)[1].tobytes()
 JPEG = cv2.imencode(".jpg", np.random.default_rng(0).integers(0, 255, GREY.shape, np.uint8))[1].tobytes()
 END = b"\0\0\0\0IEND\xaeB`\x82"
 SIGNATURE = PNG[:8]
+# A segment of EXIF with the orientation 6.
+_ORIENTATION = b"Exif\0\0MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x06\0\0\0\0\0\0"
+ON_ITS_SIDE = b"\xff\xe1" + struct.pack(">H", len(_ORIENTATION) + 2) + _ORIENTATION
 
 
 def recording(data, field="trajectory"):
@@ -38,6 +41,13 @@ def picture(data, kind="rgb", field=None):
     parts += [part(b"trajectory", npz(**RECORDED), b"t.npz"), part(f"{kind}_c".encode(), data, b"i")]
     body, headers = form(*parts)
     return Attack("POST", "/episodes", 422, field or f"{kind}_c", body, headers)
+
+
+def shown(data):
+    """A dry run with this image."""
+    document = {**QUESTION, "dry_run": True, "cameras": [camera("c", WIDTH, HEIGHT)]}
+    body, headers = form(part(b"metadata", json.dumps(document).encode(), b"m.json"), part(b"rgb_c", data, b"i"))
+    return Attack("POST", "/predict", 200, None, body, headers)
 
 
 def npy(header, data=b"", version=(1, 0)):
@@ -176,6 +186,8 @@ IMAGES = {
     "PNG of another size than the other image": picture(png_of(header_of(1, 1), b"\0" * 4), "depth"),
     "PNG of 8 bits as depth": picture(PNG, "depth"),
     "PNG in colours as a mask": picture(PNG, "mask"),
+    "PNG with an archive behind it": picture(PNG + GOOD),
+    "JPEG with an archive behind it": picture(JPEG + GOOD),
     "TIFF": picture(b"II*\0\x08\0\0\0" + b"\0" * 64),
     "GIF": picture(b"GIF89a\x40\0\x30\0\0\0\0;"),
     "BMP": picture(cv2.imencode(".bmp", GREY)[1].tobytes()),
@@ -190,4 +202,14 @@ IMAGES = {
     "array of negative depth": picture(described("'<f4'", SHAPE, data=b"\0\0\x80\xbf" * PIXELS), "depth"),
     "array of ids beyond 32 bits": picture(described("'<i8'", SHAPE, data=b"\xff\xff\xff\x7f" * 2 * PIXELS), "mask"),
     "array of 2^31 rows of nothing": picture(described("'|u1'", f"({2**31}, 0, 3)")),
+}
+# Uncommon, and images all the same.
+ODD_IMAGES = {
+    "PNG interlaced": png_of(header_of(WIDTH, HEIGHT, interlaced=1), b"\0" * 20_000),
+    "PNG of 16 bits a channel": png_of(header_of(WIDTH, HEIGHT, 16, 6), b"\0" * HEIGHT * (1 + WIDTH * 8)),
+    "PNG of one bit": png_of(header_of(WIDTH, HEIGHT, 1, 0), b"\0" * HEIGHT * (1 + WIDTH // 8)),
+    "PNG that moves": PNG[:33] + png_chunk(b"acTL", struct.pack(">II", 2**31 - 1, 0)) + PNG[33:],
+    "PNG whose profile is none": PNG[:33] + png_chunk(b"iCCP", b"x" * 200) + PNG[33:],
+    "JPEG that lies on its side": JPEG[:2] + ON_ITS_SIDE + JPEG[2:],
+    "array with its columns first": described("'|u1'", f"({HEIGHT}, {WIDTH}, 3)", "True", b"\0" * 3 * PIXELS),
 }

@@ -5,8 +5,9 @@ import pytest
 from tests.attack.hostile import LIMITED, first_line_of
 from tests.attack.hostile_addresses import ADDRESSES, RAW
 from tests.attack.hostile_documents import BODIES, LIMITS
-from tests.attack.hostile_files import ARCHIVES, IMAGES
+from tests.attack.hostile_files import ARCHIVES, IMAGES, ODD_IMAGES, shown
 from tests.attack.hostile_forms import FORMS
+from tests.attack.payloads import QUESTION
 from tests.attack.watch import peak_mb, watched
 
 MAX_GROWTH_MB = 200
@@ -79,3 +80,48 @@ def test_hostile_bytes(service, http, before_mb, kept, name):
     assert peak_mb(service.process_id) - before_mb < MAX_GROWTH_MB, toll
     kept["now"] = stored(http)
     assert kept["now"] == before
+
+
+@pytest.mark.parametrize("name", ODD_IMAGES)
+def test_an_odd_image(service, http, before_mb, kept, name):
+    with watched(service.process_id, service.url) as toll:
+        answer = shown(ODD_IMAGES[name]).sent(http)
+    assert answer.status_code == 200, answer.text[:500]
+    assert toll.longest_s < MAX_WAIT_S, toll
+    assert peak_mb(service.process_id) - before_mb < MAX_GROWTH_MB, toll
+    assert stored(http) == kept["now"]
+
+
+@pytest.mark.parametrize(
+    "bounds",
+    [
+        {"max_step_m": 5e-324, "max_step_rotation_deg": 5e-324, "hand_radius_m": 5e-324},
+        {"max_step_m": 1e308, "max_step_rotation_deg": 180, "hand_radius_m": 1},
+        {"keep_out": [{"min": [-1e308] * 3, "max": [1e308] * 3}]},
+        {"keep_out": [{"min": [-0.0] * 3, "max": [5e-324] * 3}]},
+    ],
+    ids=["subnormal", "largest", "all of space", "no size to speak of"],
+)
+def test_odd_bounds_are_kept_to_the_bit(http, bounds):
+    try:
+        document = http.put("/tasks/odd", json={"motion_limits": bounds}).json()
+        assert {name: document["motion_limits"][name] for name in bounds} == bounds
+        assert http.get("/tasks/odd").json() == document
+    finally:
+        assert http.delete("/tasks/odd").status_code == 204
+
+
+@pytest.mark.parametrize(
+    ("accept", "media_type"),
+    [
+        ("text/event-stream", "text/event-stream"),
+        ("TEXT/Event-Stream; q=0.1, */*", "text/event-stream"),
+        ("text/event-stream;q=0, application/json", "application/json"),
+        ("text/event-stream ; q = 0.000, */*", "application/json"),
+        ("text/event-streams", "application/json"),
+        (",;,q=1,text/*;" * 700, "application/json"),
+    ],
+)
+def test_a_stream_comes_only_where_it_is_accepted(http, accept, media_type):
+    answer = http.post("/predict", json=QUESTION, headers={"accept": accept})
+    assert (answer.status_code, answer.headers["content-type"].partition(";")[0]) == (200, media_type)
