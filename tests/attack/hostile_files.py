@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from tests.attack.hostile import Attack, form, part
-from tests.attack.payloads import png_chunk
+from tests.attack.payloads import QUESTION, png_chunk
 from tests.episodes import arrays, camera, metadata, npz, pick_trajectory
 
 PLACE_M = (0.1, 0.1, 0.78)

@@ -7,7 +7,6 @@ from tests.attack.hostile_addresses import ADDRESSES, RAW
 from tests.attack.hostile_documents import BODIES, LIMITS
 from tests.attack.hostile_files import ARCHIVES, IMAGES, ODD_IMAGES, shown
 from tests.attack.hostile_forms import FORMS
-from tests.attack.payloads import QUESTION
 from tests.attack.watch import peak_mb, watched
 
 MAX_GROWTH_MB = 200
@@ -109,19 +108,3 @@ def test_odd_bounds_are_kept_to_the_bit(http, bounds):
         assert http.get("/tasks/odd").json() == document
     finally:
         assert http.delete("/tasks/odd").status_code == 204
-
-
-@pytest.mark.parametrize(
-    ("accept", "media_type"),
-    [
-        ("text/event-stream", "text/event-stream"),
-        ("TEXT/Event-Stream; q=0.1, */*", "text/event-stream"),
-        ("text/event-stream;q=0, application/json", "application/json"),
-        ("text/event-stream ; q = 0.000, */*", "application/json"),
-        ("text/event-streams", "application/json"),
-        (",;,q=1,text/*;" * 700, "application/json"),
-    ],
-)
-def test_a_stream_comes_only_where_it_is_accepted(http, accept, media_type):
-    answer = http.post("/predict", json=QUESTION, headers={"accept": accept})
-    assert (answer.status_code, answer.headers["content-type"].partition(";")[0]) == (200, media_type)
