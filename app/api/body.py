@@ -7,6 +7,7 @@ from typing import Any
 
 from fastapi import Request
 from pydantic_core import from_json
+from python_multipart.multipart import parse_options_header
 from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import UploadFile
 from starlette.exceptions import HTTPException
@@ -20,6 +21,7 @@ from app.pipeline.packed_array import is_packed_array, npy_from_packed
 IMAGE_PREFIXES = ("rgb_", "depth_", "mask_")
 TRAJECTORY = "trajectory"
 MAX_PARTS = 64
+UTF_8 = ("utf-8", "utf8", "us-ascii")
 TINY_BYTES = 16_384  # takes less time to decode than a change of thread
 _BASE64_PIECE = 4 * 262_144  # whole groups of four, 1 MB: other threads have their turn after each
 
@@ -52,7 +54,7 @@ async def read_body(request: Request, *, packed: bool = False) -> Body:
         HTTPException: 415 for another content type, 413 if it is too large, 400 if it is damaged.
         InvalidInputError: for a part that cannot be read as what its name says.
     """
-    content_type = content_type_of(dict(request.scope["headers"]))
+    content_type = content_type_of(request.scope["headers"])
     most = request.app.state.body_limits.document
     if content_type == MULTIPART:
         return await _read_multipart(request, most)
@@ -65,6 +67,7 @@ async def read_body(request: Request, *, packed: bool = False) -> Body:
 
 
 async def _read_multipart(request: Request, most: int) -> Body:
+    _check_charset(request.headers["content-type"])
     parts: dict[str, bytes] = {}
     async with request.form(max_files=MAX_PARTS, max_fields=MAX_PARTS, max_part_size=most) as form:
         for name, value in form.multi_items():
@@ -77,6 +80,13 @@ async def _read_multipart(request: Request, most: int) -> Body:
     _check_document(len(metadata), most)
     document = await run_in_threadpool(_metadata, metadata) if len(metadata) > TINY_BYTES else _metadata(metadata)
     return Body(document, parts)
+
+
+def _check_charset(content_type: str) -> None:
+    """Refuse other charsets than UTF-8: of Python's codecs some raise what no form expects, some take very long."""
+    charset = parse_options_header(content_type)[1].get(b"charset", b"utf-8").decode("latin-1")
+    if charset.lower() not in UTF_8:
+        raise HTTPException(415, f"charset {charset!r:.100}: write the form in UTF-8")
 
 
 def _metadata(data: bytes) -> dict[str, Any]:

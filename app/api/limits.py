@@ -1,5 +1,6 @@
 """No request larger than the operator allows, whether it tells its length or not, nor too much at once."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from starlette.exceptions import HTTPException
@@ -50,9 +51,10 @@ class BodyLimits:
         return min(self.largest, self.inline if images else self.document), budget
 
 
-def content_type_of(headers: dict[bytes, bytes]) -> str:
-    """Without its parameters; empty if there is none."""
-    return headers.get(b"content-type", b"").decode("latin-1").partition(";")[0].strip().lower()
+def content_type_of(headers: Iterable[tuple[bytes, bytes]]) -> str:
+    """Without its parameters; empty if there is none. Of several the first counts, as where the body is read."""
+    first = next((value for name, value in headers if name == b"content-type"), b"")
+    return first.decode("latin-1").partition(";")[0].strip().lower()
 
 
 class BodyLimit:
@@ -68,7 +70,7 @@ class BodyLimit:
             await self._app(scope, receive, send)
             return
         headers = dict(scope["headers"])
-        most, budget = self._limits.of(scope["method"], scope["path"], content_type_of(headers))
+        most, budget = self._limits.of(scope["method"], scope["path"], content_type_of(scope["headers"]))
         declared = int(headers.get(b"content-length", b"0"))
         received = 0
 

@@ -124,7 +124,8 @@ def _decodable_png(field: str, data: bytes, max_pixels: int) -> bytes:
     width, height = png.size(data)
     _check_pixels(field, width * height, max_pixels)
     if (pixels := png.pixels_only(data)) is None:
-        raise InvalidInputError(field, f"has more than {png.MAX_CHUNKS} chunks", f"at most {png.MAX_CHUNKS} chunks")
+        fault = f"has more than {png.MAX_CHUNKS} chunks, or one that claims more bytes than the file has"
+        raise InvalidInputError(field, fault, f"at most {png.MAX_CHUNKS} chunks, all of them within the file")
     return pixels
 
 

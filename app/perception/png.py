@@ -18,10 +18,13 @@ def size(data: bytes) -> tuple[int, int]:
 
 
 def pixels_only(data: bytes) -> bytes | None:
-    """The file without the chunks that its pixels do not need; None if it has too many to be a picture."""
+    """The file without the chunks that its pixels do not need; None if it has too many to be a picture.
+
+    Also None if a chunk claims more bytes than there are: the decoder would make room for all of them, up to 4 GB.
+    """
     kept: list[tuple[int, int]] = []
     for number, (kind, start, end) in enumerate(_chunks(data)):
-        if number == MAX_CHUNKS:
+        if number == MAX_CHUNKS or end > len(data):
             return None
         if kind in _OF_PIXELS:
             if kept and kept[-1][1] == start:

@@ -47,6 +47,11 @@ class Workspace:
         if (self.max_m <= self.min_m).any():
             low, high = self.min_m.tolist(), self.max_m.tolist()
             raise InvalidInputError("workspace", f"min {low} is not below max {high}", "min < max on every axis")
+        with np.errstate(over="ignore"):
+            bounded = np.isfinite(self.max_m - self.min_m).all()
+        if not bounded:  # there are no bins of infinite size
+            low, high = self.min_m.tolist(), self.max_m.tolist()
+            raise InvalidInputError("workspace", f"min {low} and max {high} are too far apart", "a box of finite size")
 
     @classmethod
     def rlbench(cls) -> "Workspace":

@@ -13,6 +13,7 @@ from pydantic import (
     BeforeValidator,
     ConfigDict,
     Field,
+    Strict,
     ValidationInfo,
     field_validator,
     model_validator,
@@ -33,7 +34,8 @@ from app.pipeline.representation import check_style
 from app.pipeline.wording import check_aliases_of, checked_aliases, checked_name
 from app.pipeline.workspace import RLBENCH_MAX_M, RLBENCH_MIN_M, Workspace
 
-Point = tuple[float, float, float]
+Number = Annotated[float, Strict()]  # neither true nor "0.1"
+Point = tuple[Number, Number, Number]
 Representation = Literal["absolute", "object_frame", "action_tokens"]
 PromptFormat = Literal["paper", "authors", "kat"]
 Preset = Literal["auto", "rlbench"]
@@ -103,15 +105,15 @@ class KeyframeSettings(_Settings):
     """
 
     rule: Rule = "auto"
-    delta_rad_s: Annotated[float, Field(gt=0, description="0.1 in simulation, 0.01 on a real robot")] = (
+    delta_rad_s: Annotated[Number, Field(gt=0, description="0.1 in simulation, 0.01 on a real robot")] = (
         SIMULATION_DELTA_RAD_S
     )
     interval: Annotated[int, Field(ge=1, le=10_000)] = 5
     tolerance_m: Annotated[
-        float,
+        Number,
         Field(gt=0, le=1, description="waypoints: how far the hand may stray from straight motion"),
     ] = TOLERANCE_M
-    tolerance_deg: Annotated[float, Field(gt=0, le=180, description="the same of its rotation")] = TOLERANCE_DEG
+    tolerance_deg: Annotated[Number, Field(gt=0, le=180, description="the same of its rotation")] = TOLERANCE_DEG
 
     def keyframe_rule(self) -> KeyframeRule:
         """As the pipeline wants it."""
@@ -153,12 +155,12 @@ class MotionLimitsSettings(_Settings):
         BeforeValidator(lambda value: () if value is None else value, tuple[KeepOutBox, ...] | None),
     ] = ()
     max_step_m: Annotated[
-        float | None,
+        Number | None,
         Field(gt=0, description="between consecutive targets; requests then need `end_effector`"),
     ] = None
-    max_step_rotation_deg: Annotated[float | None, Field(gt=0, le=180, description="as max_step_m, in degrees")] = None
+    max_step_rotation_deg: Annotated[Number | None, Field(gt=0, le=180, description="as max_step_m, in degrees")] = None
     hand_radius_m: Annotated[
-        float, Field(ge=0, le=1, description="of a sphere around the end effector, which keeps out of the boxes")
+        Number, Field(ge=0, le=1, description="of a sphere around the end effector, which keeps out of the boxes")
     ] = HAND_RADIUS_M
 
 
@@ -209,7 +211,7 @@ class TaskSettings(_Settings):
         Point, Field(description="where the robot's base stands, metres, world frame; it looks along +x, left is +y")
     ] = (0.0, 0.0, 0.0)
     yaw_symmetry_deg: Annotated[
-        dict[str, Annotated[float, AfterValidator(_symmetry)]],
+        dict[str, Annotated[Number, AfterValidator(_symmetry)]],
         Field(
             description="per object the turn about its z axis that leaves it unchanged: cube 90, cuboid 180, round 0"
         ),

@@ -65,6 +65,14 @@ def test_too_many_chunks_are_refused():
         decode_rgb("rgb", data)
 
 
+@pytest.mark.parametrize("kind", [b"IDAT", b"PLTE", b"tEXt"])
+def test_a_chunk_larger_than_its_file_is_refused_before_there_is_room_for_it(kind):
+    data = PNG[:33] + b"\xff\xff\xff\xff" + kind + PNG[33:]
+    assert png.pixels_only(data) is None
+    with pytest.raises(InvalidInputError, match="claims more bytes than the file has"):
+        decode_rgb("rgb", data)
+
+
 @pytest.mark.parametrize("data", [BASELINE, PNG, npy(RGB), npy(RGB[..., 0])])
 def test_pixels_are_counted_without_decoding(data):
     assert num_pixels(data) == 2400

@@ -193,3 +193,9 @@ def test_it_grows_by_no_more_than_what_it_does_not_hold(places_m):
 def test_what_stands_on_a_table_gets_most_of_its_room_above():
     box = Workspace.around(np.array([[0.4, 0.0, 0.02], [0.5, 0.1, 0.2]]))
     assert (box.min_m.tolist(), box.max_m.tolist()) == ([-0.05, -0.45, -0.05], [0.95, 0.55, 1.0])
+
+
+def test_a_box_of_infinite_size_is_refused():
+    with pytest.raises(InvalidInputError, match="too far apart"):
+        Workspace(np.array([0, 0, -1e308]), np.array([1, 1, 1e308]))
+    assert np.isfinite(Workspace(np.zeros(3), np.full(3, 1e308)).bin_size_m).all()

@@ -1,6 +1,7 @@
 """Prediction: what the robot sees now -> what it should do."""
 
 import json
+import re
 import time
 from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable
 from contextlib import AsyncExitStack, aclosing
@@ -29,6 +30,7 @@ from app.store.values import JsonObject
 from app.store.visibility import present
 
 EVENT_STREAM = "text/event-stream"
+REFUSED_QUALITY = re.compile(r"q\s*=\s*0(\.0*)?")
 STREAMED: dict[int | str, dict[str, object]] = {
     200: {"content": {EVENT_STREAM: {"schema": {"type": "string"}, "example": "event: action\ndata: {...}\n\n"}}}
 }
@@ -73,7 +75,7 @@ async def predict(request: Request, services: Wired, idempotency_key: Idempotenc
     """
     started_s = time.perf_counter()
     body = await read_body(request, packed=True)
-    streamed = EVENT_STREAM in request.headers.get("accept", "")
+    streamed = _wants_events(request.headers.get("accept", ""))
     keep = _not_kept
     timings_ms: dict[str, float] = {}
     async with AsyncExitStack() as turn:
@@ -99,6 +101,15 @@ async def predict(request: Request, services: Wired, idempotency_key: Idempotenc
             return EventSourceResponse(_events(request, question, first, answer, keep, turn.pop_all()))
         prediction = await services.predict_actions.complete(question, timings_ms, started_s)
         return JSONResponse(await keep(prediction_document(prediction)))
+
+
+def _wants_events(accept: str) -> bool:
+    """Whether the Accept header names the stream of events, and not only to refuse it (`q=0`)."""
+    for item in accept.lower().split(","):
+        media_type, *parameters = (word.strip() for word in item.split(";"))
+        if media_type == EVENT_STREAM:
+            return not any(REFUSED_QUALITY.fullmatch(word) for word in parameters)
+    return False
 
 
 async def questioned(decode: Decode, body: Body, limits: Limits) -> tuple[PredictRequest, PredictBody]:

@@ -13,6 +13,7 @@ from app.api.schemas import examples
 from app.api.schemas.checks import TaskCheckOut
 from app.api.schemas.poses import LearnBody, LearnedOut
 from app.api.schemas.responses import JobOut, TaskList, TaskOut, TaskStatsOut
+from app.api.unique_keys import UniqueKeysRoute
 from app.services.container import Services
 from app.services.task_settings import TaskSettings
 from app.services.task_stats import task_stats
@@ -23,7 +24,7 @@ _EXAMPLES: dict[str, Example] = {"press": {"value": examples.TASK}}
 _ACCEPTED: dict[int | str, dict[str, object]] = {202: {"model": JobOut, "description": "a job extracts the episodes"}}
 _EVERYTHING = LearnBody()
 Model = Annotated[str | None, Query(min_length=1, max_length=200, description="an LLM to ask, by its name")]
-router = APIRouter(tags=["tasks"])
+router = APIRouter(tags=["tasks"], route_class=UniqueKeysRoute)
 
 
 @router.get("/tasks", operation_id="list_tasks", response_model=TaskList)

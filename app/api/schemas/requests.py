@@ -4,7 +4,7 @@ import json
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Strict
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from app.api.schemas import examples
 from app.perception.base import ObjectQuery
@@ -15,10 +15,9 @@ from app.pipeline.motion_limits import Pose
 from app.pipeline.reply import MAX_ACTIONS
 from app.services.question import Unsupported
 from app.services.select_demonstrations import Selection
-from app.services.task_settings import PromptFormat, Representation, SystemPrompt, plain_text
+from app.services.task_settings import Number, PromptFormat, Representation, SystemPrompt, plain_text
 
 MAX_EXTRA_BYTES = 65_536
-Number = Annotated[float, Strict()]  # neither true nor "0.1"
 Position = tuple[Number, Number, Number]
 Quaternion = tuple[Number, Number, Number, Number]
 Row4 = tuple[Number, Number, Number, Number]
