@@ -54,6 +54,7 @@ def llm_settings(settings: Settings) -> LlmSettings:
         embedded_threads=settings.embedded_threads,
         embedded_slots=settings.embedded_slots,
         embedded_context_tokens=settings.embedded_context_tokens,
+        embedded_vocabulary=settings.embedded_vocabulary,
         embedded_shared_folder=settings.embedded_shared_folder,
         scripted_replies=settings.scripted_replies,
         llm_concurrent_requests=settings.llm_concurrent_requests,

@@ -9,7 +9,7 @@ from dotenv import dotenv_values
 from pydantic import Field, SecretStr, field_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
-from app.llm.settings import CompatibleServer, default_cache_folder
+from app.llm.settings import CompatibleServer, Vocabulary, default_cache_folder
 
 MEGABYTE = 1_000_000
 PREFIX = "ROBOPROMPT_"
@@ -137,6 +137,9 @@ class Settings(BaseSettings):
     embedded_threads: Annotated[int | None, Field(ge=1, description="CPU threads; empty: one per core")] = None
     embedded_slots: Annotated[int, Field(ge=1, description="predictions that share an embedded model at once")] = 4
     embedded_context_tokens: Annotated[int, Field(ge=512, description="longest prompt plus reply")] = 8192
+    embedded_vocabulary: Annotated[
+        Vocabulary, Field(description="trimmed: half the wait and memory; whole: always the model as packaged")
+    ] = "trimmed"
     embedded_shared_folder: Annotated[
         Path | None, Field(description="workers share one embedded model through it; `serve --workers` sets it")
     ] = None

@@ -14,7 +14,8 @@ from app.llm.guard import Limits
 from app.llm.openai_compatible import OpenAiCompatibleModel
 from app.llm.openai_wire import SERVERS, Quirks, quirks_of
 from app.llm.settings import LlmSettings, variable
-from app.llm.weights import PACKAGED, find_weights
+from app.llm.vocabulary import TrimmedModel
+from app.llm.weights import PACKAGED, find_trimmed_weights, find_weights
 
 ENTRY_POINT_GROUP = "roboprompt.llm"
 
@@ -67,7 +68,10 @@ def _embedded(model: str, settings: LlmSettings) -> LanguageModel:
         raise ModelUnavailableError("embedded models need llama.cpp: pip install xllamacpp")
     sizes = (settings.embedded_threads, settings.embedded_slots, settings.embedded_context_tokens)
     options = EmbeddedOptions(*sizes, settings.embedded_shared_folder)
-    return EmbeddedModel(_embedded_profile(model), weights, options)
+    whole = EmbeddedModel(_embedded_profile(model), weights, options)
+    if (trimmed := find_trimmed_weights(model, settings)) is None:
+        return whole
+    return TrimmedModel(EmbeddedModel(_embedded_profile(model), trimmed, options), whole)
 
 
 def _embedded_profile(model: str) -> ModelProfile:

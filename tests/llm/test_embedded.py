@@ -14,7 +14,7 @@ from app.llm.embedded import EmbeddedModel, EmbeddedOptions
 from app.llm.llama_process import LlamaOptions, LlamaProcess
 from app.llm.openai_compatible import OpenAiCompatibleModel
 from app.llm.openai_wire import LLAMA_CPP
-from app.llm.weights import find_weights
+from app.llm.weights import find_trimmed_weights
 from app.pipeline.prompt import Prompt
 from tests.llm.processes import child_pids
 from tests.llm.texts import ENDLESS, asking, object_frame_prompt
@@ -27,7 +27,7 @@ OPTIONS = EmbeddedOptions(threads=1, slots=2, context_tokens=512)
 @asynccontextmanager
 async def started(settings):
     """A model of its own, and the processes that it starts."""
-    model = EmbeddedModel(PROFILE, find_weights("gemma-3-270m", settings), OPTIONS)
+    model = EmbeddedModel(PROFILE, find_trimmed_weights("gemma-3-270m", settings), OPTIONS)
     try:
         yield model
     finally:
@@ -208,7 +208,7 @@ def test_strangers_on_the_machine_are_refused(llama_server):
 
 
 def test_the_server_ends_with_its_parents_input(settings):
-    path = find_weights("gemma-3-270m", settings)()
+    path = find_trimmed_weights("gemma-3-270m", settings)()
     process = LlamaProcess(LlamaOptions(str(path), slots=1, context_tokens=512, threads=1))
     host, port = process.base_url.removeprefix("http://").removesuffix("/v1").split(":")
     assert process.running

@@ -11,7 +11,7 @@ import httpx
 import pytest
 
 from app.llm.embedded import EmbeddedModel, EmbeddedOptions
-from app.llm.weights import find_weights
+from app.llm.weights import find_trimmed_weights
 from app.pipeline.prompt import Prompt
 from tests.llm.test_embedded import PROFILE
 from tests.llm.texts import asking, object_frame_prompt
@@ -44,7 +44,7 @@ def question(request):
 
 
 def fresh_model(settings):
-    return EmbeddedModel(PROFILE, find_weights("gemma-3-270m", settings), OPTIONS)
+    return EmbeddedModel(PROFILE, find_trimmed_weights("gemma-3-270m", settings), OPTIONS)
 
 
 def fresh_answer(settings, question):

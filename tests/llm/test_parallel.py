@@ -9,7 +9,7 @@ import asyncio
 import pytest
 
 from app.llm.embedded import EmbeddedModel, EmbeddedOptions
-from app.llm.weights import find_weights
+from app.llm.weights import find_trimmed_weights
 from tests.llm.test_embedded import PROFILE
 from tests.llm.texts import asking, object_frame_prompt
 
@@ -19,7 +19,7 @@ NUM_REQUESTS, NUM_TASKS, SLOTS = 6, 4, 4
 @pytest.fixture(scope="module")
 def model(settings, run):
     options = EmbeddedOptions(threads=2, slots=SLOTS, context_tokens=512)
-    made = EmbeddedModel(PROFILE, find_weights("gemma-3-270m", settings), options)
+    made = EmbeddedModel(PROFILE, find_trimmed_weights("gemma-3-270m", settings), options)
     yield made
     run(made.aclose())
 
