@@ -14,8 +14,8 @@ from app.api.access import Access
 from app.api.app import create_app
 from app.api.limits import BodyLimits
 from app.api.redaction import hide_keys_in_access_log
+from app.llm.llm_settings import LlmSettings
 from app.llm.registry import ModelRegistry
-from app.llm.settings import LlmSettings
 from app.pipeline.addresses import is_loopback
 from app.pipeline.errors import RoboPromptError
 from app.services.api_keys import has_keys

@@ -9,7 +9,7 @@ from dotenv import dotenv_values
 from pydantic import Field, SecretStr, field_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
-from app.llm.settings import CompatibleServer, Vocabulary, default_cache_folder
+from app.llm.llm_settings import CompatibleServer, Vocabulary, default_cache_folder
 
 MEGABYTE = 1_000_000
 PREFIX = "ROBOPROMPT_"
@@ -109,7 +109,7 @@ class Settings(BaseSettings):
             ip_network(proxy)
         return proxies
 
-    # The fields of app.llm.settings.LlmSettings, which says what they mean.
+    # The fields of app.llm.llm_settings.LlmSettings, which says what they mean.
     default_model: Annotated[str, Field(description="asked when a request names no model")] = "embedded/gemma-3-270m"
     openai_api_key: Annotated[SecretStr, Field(description="for openai/MODEL")] = SecretStr("")
     openai_base_url: Annotated[str, Field(description="for openai/MODEL")] = "https://api.openai.com/v1"

@@ -17,8 +17,8 @@ import httpx
 
 from app.client.client import PredictedActions, RoboPromptClient
 from app.llm.base import CompletionRequest, TextDelta
+from app.llm.llm_settings import LlmSettings
 from app.llm.registry import ModelRegistry
-from app.llm.settings import LlmSettings
 from app.pipeline.prompt import Prompt
 from benchmarks import scenes
 from benchmarks.processes import service

@@ -12,7 +12,7 @@ from sqlalchemy import insert, select
 
 from app.client.client import RoboPromptClient
 from app.llm.base import CompletionRequest
-from app.llm.scripted import ScriptedModel
+from app.llm.computed import ScriptedModel
 from app.pipeline.prompt import Prompt
 from app.store import tables
 from app.store.store import Store

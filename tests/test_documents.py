@@ -7,7 +7,7 @@ from collections import defaultdict
 from pathlib import Path
 
 from app.api.schemas import examples
-from app.llm.settings import LlmSettings
+from app.llm.llm_settings import LlmSettings
 from app.pipeline.findings import SEVERITIES
 from app.services.prediction_findings import FAILURES
 from app.settings import Settings

@@ -1,1 +1,1 @@
-"""LLM backends: text in, text out; one a file, all of them a `base.LanguageModel`, chosen by name in `registry`."""
+"""LLM backends: text in, text out; one a file or package, each a `base.LanguageModel`, chosen by name in `registry`."""

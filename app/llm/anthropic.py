@@ -1,9 +1,172 @@
-"""Anthropic's Claude models through the Messages API."""
+"""Anthropic's Claude models through the Messages API: requests in its format, and its streamed replies as Chunks.
 
-from app.llm.anthropic_wire import EventParser, request_body, request_headers
-from app.llm.base import Completion, CompletionRequest, ModelProfile
+The format is that of https://platform.claude.com/docs/en/api/messages and .../build-with-claude/streaming; where models
+differ, `MODELS` says how.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from pydantic import BaseModel, Field, ValidationError
+
+from app.llm.base import Completion, CompletionRequest, ModelProfile, ModelResponseError, Usage
 from app.llm.sse import SseEndpoint
-from app.llm.streaming import Pieces, assembled, whole_within_deadline, within_deadline
+from app.llm.streaming import Chunk, Pieces, assembled, error_message, whole_within_deadline, within_deadline
+
+# ("Versions" of the documentation) The newer one has no field `temperature` for any model.
+VERSION = "2026-10-21"
+VERSION_WITH_TEMPERATURE = "2023-06-01"
+# Room for the tokens that a model thinks before it replies: they count against the limit of the reply's length.
+THINKING_TOKENS = 8192
+RETRYABLE = ("overloaded_error", "api_error", "rate_limit_error")  # errors within a stream that may pass
+
+
+@dataclass(frozen=True)
+class Quirks:
+    """What a model takes. A pattern to continue needs no thinking, and greedy decoding suits it best.
+
+    Attributes:
+        fields: of every request; they turn thinking off, or down where it cannot be turned off.
+        thinks: thinking stays on.
+        temperature: the model can be asked to decode greedily.
+    """
+
+    fields: Mapping[str, Any]
+    thinks: bool = False
+    temperature: bool = False
+
+
+_OFF = Quirks({"thinking": {"type": "disabled"}})
+_ALWAYS = Quirks({"output_config": {"effort": "low"}}, thinks=True)
+_OLDER = Quirks({}, temperature=True)
+# By how the model's name begins, the first that fits. From the models' pages and migration guides: thinking is on by
+# default since Claude 5, and `temperature` refused since Opus 4.7.
+MODELS: Mapping[str, Quirks] = {
+    "claude-opus-5-5": _ALWAYS,
+    "claude-fable-": _ALWAYS,
+    "claude-sonnet-5-5": Quirks({"thinking": {"type": "between_tools"}}),
+    "claude-haiku-5": _OFF,
+    "claude-sonnet-5": _OFF,
+    "claude-opus-5": _OFF,
+    "claude-opus-4-7": Quirks({}),
+    "claude-opus-4-8": Quirks({}),
+    "claude-opus-4": _OLDER,
+    "claude-sonnet-4": _OLDER,
+    "claude-haiku-4": _OLDER,
+    "claude-3": _OLDER,
+}
+UNKNOWN = Quirks({}, thinks=True)  # no field that a model may refuse, and room in case it thinks
+_FINISH_REASONS = {
+    "end_turn": "stop",
+    "stop_sequence": "stop",
+    "max_tokens": "length",
+    "model_context_window_exceeded": "length",
+}
+
+
+class _Usage(BaseModel):
+    input_tokens: int | None = None
+    cache_creation_input_tokens: int | None = None
+    cache_read_input_tokens: int | None = None
+    output_tokens: int | None = None
+
+
+class _Delta(BaseModel):
+    type: str = ""
+    text: str = ""
+    stop_reason: str | None = None
+
+
+class _Message(BaseModel):
+    usage: _Usage = Field(default_factory=_Usage)
+
+
+class _Event(BaseModel):
+    type: str
+    message: _Message | None = None
+    delta: _Delta | None = None
+    usage: _Usage | None = None
+    error: Any = None
+
+
+def quirks_of(model: str) -> Quirks:
+    """The quirks of a model."""
+    return next((quirks for start, quirks in MODELS.items() if model.startswith(start)), UNKNOWN)
+
+
+def request_headers(model: str, api_key: str) -> dict[str, str]:
+    """What every request for the model carries."""
+    version = VERSION_WITH_TEMPERATURE if quirks_of(model).temperature else VERSION
+    return {"x-api-key": api_key, "anthropic-version": version}
+
+
+def request_body(request: CompletionRequest, model: str) -> dict[str, Any]:
+    """The JSON body that asks for `request` as a stream. The API has no seed."""
+    prompt, quirks = request.prompt, quirks_of(model)
+    body: dict[str, Any] = {
+        "model": model,
+        "max_tokens": request.max_tokens + (THINKING_TOKENS if quirks.thinks else 0),
+        "stream": True,
+        "messages": [{"role": "user", "content": _user_content(request)}],
+        **quirks.fields,
+    }
+    if prompt.system:
+        body["system"] = prompt.system
+    if quirks.temperature:
+        body["temperature"] = request.temperature
+    # the API refuses a stop sequence without a visible character; `streaming.assembled` stops there all the same
+    if stop := [text for text in prompt.stop if text.strip()]:
+        body["stop_sequences"] = stop
+    return body
+
+
+def _user_content(request: CompletionRequest) -> list[dict[str, Any]]:
+    """The user message in two parts; everything up to the end of the first, with the system prompt, is cached."""
+    prefix = {"type": "text", "text": request.prompt.prefix, "cache_control": {"type": "ephemeral"}}
+    query = {"type": "text", "text": request.prompt.query}
+    return [prefix, query] if request.prompt.prefix else [query]  # the API refuses an empty text
+
+
+class EventParser:
+    """Reads the events of one reply; its usage comes in parts."""
+
+    def __init__(self) -> None:
+        self._usage = Usage()
+
+    def __call__(self, data: str) -> Chunk | None:
+        """What the `data` of one event says; None at the end.
+
+        Raises:
+            ModelResponseError: if it is an error, or not in Anthropic's format.
+        """
+        try:
+            event = _Event.model_validate_json(data)
+        except ValidationError:
+            raise ModelResponseError(f"the reply is not in Anthropic's format: {data[:200]!r}") from None
+        match event:
+            case _Event(type="error"):
+                passing = isinstance(event.error, dict) and event.error.get("type") in RETRYABLE
+                raise ModelResponseError(f"the reply broke off: {error_message(data)}", retryable=passing)
+            case _Event(type="message_start", message=_Message(usage=usage)):
+                return Chunk(usage=self._counted(usage))
+            case _Event(type="content_block_delta", delta=_Delta(type="text_delta", text=text)):
+                return Chunk(text)
+            case _Event(type="message_delta", delta=_Delta(stop_reason=str(reason)), usage=usage):
+                return Chunk("", _FINISH_REASONS.get(reason, reason), self._counted(usage or _Usage()))
+            case _Event(type="message_stop"):
+                return None
+        return Chunk()  # pings, thinking, and what the API may add
+
+    def _counted(self, usage: _Usage) -> Usage:
+        """The usage so far; later counts are totals."""
+        before = self._usage
+        cached = before.cached_tokens if usage.cache_read_input_tokens is None else usage.cache_read_input_tokens
+        prompt = before.prompt_tokens
+        if usage.input_tokens is not None:  # counts neither what was read from the cache nor what was written to it
+            prompt = usage.input_tokens + cached + (usage.cache_creation_input_tokens or 0)
+        self._usage = Usage(prompt, cached, usage.output_tokens or before.completion_tokens)
+        return self._usage
 
 
 class AnthropicModel:

@@ -5,17 +5,16 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import entry_points
 
-from app.llm import nearest, regression, scripted
+from app.llm import computed, yardsticks
 from app.llm.anthropic import AnthropicModel
 from app.llm.base import LanguageModel, ModelProfile, ModelUnavailableError, UnknownModelError
 from app.llm.computed import ComputedModel, from_text
-from app.llm.embedded import EmbeddedModel, EmbeddedOptions
 from app.llm.guard import Limits
-from app.llm.openai_compatible import OpenAiCompatibleModel
-from app.llm.openai_wire import SERVERS, Quirks, quirks_of
-from app.llm.settings import LlmSettings, variable
-from app.llm.vocabulary import TrimmedModel
-from app.llm.weights import PACKAGED, find_trimmed_weights, find_weights
+from app.llm.llama.embedded import EmbeddedModel, EmbeddedOptions
+from app.llm.llama.vocabulary import TrimmedModel
+from app.llm.llama.weights import PACKAGED, find_trimmed_weights, find_weights
+from app.llm.llm_settings import LlmSettings, variable
+from app.llm.openai_compatible import SERVERS, OpenAiCompatibleModel, Quirks, quirks_of
 
 ENTRY_POINT_GROUP = "roboprompt.llm"
 
@@ -179,19 +178,19 @@ def _compatible_profile(model: str, settings: LlmSettings) -> ModelProfile:
 
 def _regression(model: str, settings: LlmSettings) -> LanguageModel:
     _refuse_model_name("regression", model)
-    return ComputedModel(regression.PROFILE, from_text(regression.regressed_reply))
+    return ComputedModel(yardsticks.REGRESSION, from_text(yardsticks.regressed_reply))
 
 
 def _nearest(model: str, settings: LlmSettings) -> LanguageModel:
     _refuse_model_name("nearest", model)
-    return ComputedModel(nearest.PROFILE, from_text(nearest.copied_reply))
+    return ComputedModel(yardsticks.NEAREST, from_text(yardsticks.copied_reply))
 
 
 def _scripted(model: str, settings: LlmSettings) -> LanguageModel:
     _refuse_model_name("scripted", model)
     if not settings.scripted_replies:
         raise ModelUnavailableError(f"scripted has nothing to say: set {variable('scripted_replies')}")
-    return scripted.ScriptedModel(settings.scripted_replies)
+    return computed.ScriptedModel(settings.scripted_replies)
 
 
 def _require_model_name(backend: str, model: str) -> None:
@@ -217,7 +216,7 @@ BUILT_IN: Mapping[str, Backend] = {
         lambda settings: [_compatible_profile(settings.compatible_model, settings)],
         _network_limits,
     ),
-    "nearest": Backend(_nearest, lambda settings: [nearest.PROFILE]),
-    "regression": Backend(_regression, lambda settings: [regression.PROFILE]),
-    "scripted": Backend(_scripted, lambda settings: [scripted.PROFILE] if settings.scripted_replies else []),
+    "nearest": Backend(_nearest, lambda settings: [yardsticks.NEAREST]),
+    "regression": Backend(_regression, lambda settings: [yardsticks.REGRESSION]),
+    "scripted": Backend(_scripted, lambda settings: [computed.SCRIPTED] if settings.scripted_replies else []),
 }

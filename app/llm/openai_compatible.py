@@ -1,11 +1,211 @@
-"""Any server that speaks OpenAI's HTTP API: OpenAI, vLLM, SGLang, Ollama, llama.cpp, OpenRouter."""
+"""Any server that speaks OpenAI's HTTP API: OpenAI, vLLM, SGLang, Ollama, llama.cpp, OpenRouter.
 
+A CompletionRequest becomes the body of a request, and each event of the streamed reply a Chunk. The format is that of
+https://platform.openai.com/docs/api-reference (chat/completions and completions); where servers differ, `QUIRKS` says
+how.
+"""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
+from urllib.parse import urlsplit
 
-from app.llm.base import Completion, CompletionRequest, ModelProfile
-from app.llm.openai_wire import Quirks, parse_event, quirks_of, request_body, request_path
+from pydantic import BaseModel, Field, ValidationError
+
+from app.llm.base import Completion, CompletionRequest, ModelProfile, ModelResponseError, Usage
+from app.llm.llm_settings import CompatibleServer, Style
 from app.llm.sse import SseEndpoint
-from app.llm.streaming import Pieces, assembled, whole_within_deadline, within_deadline
+from app.llm.streaming import Chunk, Pieces, assembled, error_message, whole_within_deadline, within_deadline
+
+END = "[DONE]"
+# Room for the tokens that a model thinks before it replies: they count against the limit of the reply's length.
+# OpenAI's guide "Reasoning models" advises to reserve 25,000 at first; a pattern to continue takes far fewer.
+THINKING_TOKENS = 8192
+
+
+@dataclass(frozen=True)
+class Quirks:
+    """How a server's format differs from the common one.
+
+    Attributes:
+        max_tokens_field: what the limit of the reply's length is called.
+        cache_key_field: what routes requests with the same prefix to the same cache, if the server knows such a field.
+        prefix_mark: put on the part of the message up to which the server caches, if it has to be marked.
+        grammar_path: the field, within fields, that takes a GBNF grammar.
+        schema: the chat endpoint holds replies to a JSON Schema in `response_format`, also to one of a bare list.
+        extra: further fields of every request.
+        openai: the server has OpenAI's own models, which have quirks of their own.
+    """
+
+    max_tokens_field: str = "max_tokens"
+    cache_key_field: str | None = None
+    prefix_mark: tuple[str, Mapping[str, str]] | None = None
+    grammar_path: tuple[str, ...] = ()
+    schema: bool = False
+    extra: tuple[tuple[str, Any], ...] = ()
+    openai: bool = False
+
+
+# `cache_prompt` keeps the prompt. llama.cpp notices that the client has gone when it sends something, with
+# `return_progress` also while it reads the prompt. (llama.cpp, tools/server/README.md)
+LLAMA_CPP = Quirks(grammar_path=("grammar",), extra=(("cache_prompt", True), ("return_progress", True)))
+# "Structured Outputs" of vLLM's documentation, since 0.12; its default backend xgrammar reads GBNF.
+VLLM = Quirks(grammar_path=("structured_outputs", "grammar"))
+# "Structured Outputs" of SGLang's documentation: xgrammar, "currently uses the GGML BNF format".
+SGLANG = Quirks(grammar_path=("ebnf",))
+# The field's name up to vLLM 0.11.
+OLD_VLLM = Quirks(grammar_path=("guided_grammar",))
+# Ollama and LM Studio take no grammar ("OpenAI compatibility" and "Structured output" of their documentations). OpenAI
+# wants an object at the top of a schema, which no demonstration shows: its models are left to continue the pattern.
+JSON_SCHEMA = Quirks(schema=True)
+SERVERS: Mapping[CompatibleServer, Quirks] = {
+    "other": Quirks(),
+    "llama_cpp": LLAMA_CPP,
+    "vllm": VLLM,
+    "old_vllm": OLD_VLLM,
+    "sglang": SGLANG,
+    "ollama": JSON_SCHEMA,
+    "lm_studio": JSON_SCHEMA,
+}
+# by the host of the base URL
+HOSTS: Mapping[str, Quirks] = {
+    "api.openai.com": Quirks(max_tokens_field="max_completion_tokens", cache_key_field="prompt_cache_key", openai=True),
+    "openrouter.ai": Quirks(prefix_mark=("cache_control", {"type": "ephemeral"})),
+}
+# From GPT-5.6 on, OpenAI caches up to the end of the last message, which differs from query to query, unless the
+# request says where the prefix ends ("Prompt caching" of OpenAI's guides: prompt_cache_breakpoint and
+# prompt_cache_options).
+EXPLICIT_CACHE_SINCE = (5, 6)
+EXPLICIT_CACHE = Quirks(
+    prefix_mark=("prompt_cache_breakpoint", {"mode": "explicit"}),
+    extra=(("prompt_cache_options", {"mode": "explicit"}),),
+)
+# Models that reason before they reply refuse these fields (OpenAI's guide "Reasoning models").
+REASONING_MODELS = re.compile(r"o[134](-|$)|gpt-([5-9]|\d\d)")
+REFUSED_BY_REASONING_MODELS = ("temperature", "stop", "seed")
+
+
+class _Details(BaseModel):
+    cached_tokens: int | None = None
+
+
+class _Usage(BaseModel):
+    prompt_tokens: int = 0
+    completion_tokens: int = 0
+    prompt_tokens_details: _Details | None = None
+
+
+class _Delta(BaseModel):
+    content: str | None = None
+
+
+class _Choice(BaseModel):
+    text: str | None = None
+    delta: _Delta | None = None
+    finish_reason: str | None = None
+
+
+class _Event(BaseModel):
+    choices: list[_Choice] = Field(default_factory=list)
+    usage: _Usage | None = None
+    error: Any = None
+
+
+def quirks_of(base_url: str) -> Quirks:
+    """The quirks of the server at `base_url`."""
+    return HOSTS.get(urlsplit(base_url).hostname or "", Quirks())
+
+
+def request_path(style: Style) -> str:
+    """The endpoint, relative to the base URL."""
+    return "chat/completions" if style == "chat" else "completions"
+
+
+def request_body(request: CompletionRequest, model: str, style: Style, quirks: Quirks) -> dict[str, Any]:
+    """The JSON body that asks for `request` as a stream with usage.
+
+    Args:
+        model: the server's name of the model.
+    """
+    prompt, thinks = request.prompt, REASONING_MODELS.match(model)
+    if quirks.openai and _version(model) >= EXPLICIT_CACHE_SINCE:
+        quirks = replace(quirks, prefix_mark=EXPLICIT_CACHE.prefix_mark, extra=EXPLICIT_CACHE.extra)
+    body: dict[str, Any] = {
+        "model": model,
+        quirks.max_tokens_field: request.max_tokens + (THINKING_TOKENS if thinks else 0),
+        "temperature": request.temperature,
+        "seed": request.seed,
+        "stream": True,
+        "stream_options": {"include_usage": True},
+        **dict(quirks.extra),
+    }
+    if style == "chat":
+        system = [{"role": "system", "content": prompt.system}] if prompt.system else []
+        body["messages"] = [*system, {"role": "user", "content": _user_content(request, quirks)}]
+    else:
+        body["prompt"] = f"{prompt.system}\n{prompt.user}" if prompt.system else prompt.user
+    if prompt.stop:
+        body["stop"] = list(prompt.stop)
+    if quirks.cache_key_field and request.cache_key:
+        body[quirks.cache_key_field] = request.cache_key
+    if quirks.grammar_path and prompt.grammar:
+        body |= _nested(quirks.grammar_path, prompt.grammar)
+    if quirks.schema and prompt.schema and style == "chat":
+        schema = {"name": "actions", "schema": dict(prompt.schema)}
+        body["response_format"] = {"type": "json_schema", "json_schema": schema}
+    return {name: value for name, value in body.items() if not (thinks and name in REFUSED_BY_REASONING_MODELS)}
+
+
+def _version(model: str) -> tuple[int, int]:
+    """Of a GPT model; (0, 0) for others."""
+    found = re.match(r"gpt-(\d+)(?:\.(\d+))?", model)
+    return (int(found[1]), int(found[2] or 0)) if found else (0, 0)
+
+
+def _nested(path: tuple[str, ...], value: str) -> dict[str, Any]:
+    """`value` at a path of fields."""
+    return {path[0]: _nested(path[1:], value) if path[1:] else value}
+
+
+def _user_content(request: CompletionRequest, quirks: Quirks) -> str | list[dict[str, Any]]:
+    """The user message; in two parts, the first marked, where the server caches up to a mark."""
+    prompt = request.prompt
+    if not (quirks.prefix_mark and prompt.prefix):
+        return prompt.user
+    field, mark = quirks.prefix_mark
+    return [
+        {"type": "text", "text": prompt.prefix, field: dict(mark)},
+        {"type": "text", "text": prompt.query},
+    ]
+
+
+def parse_event(data: str) -> Chunk | None:
+    """What the `data` of one event says; None at the end.
+
+    Raises:
+        ModelResponseError: if it is an error, or not in OpenAI's format.
+    """
+    if data == END:
+        return None
+    try:
+        event = _Event.model_validate_json(data)
+    except ValidationError:
+        raise ModelResponseError(f"the reply is not in OpenAI's format: {data[:200]!r}") from None
+    if event.error:
+        raise ModelResponseError(f"the reply broke off: {error_message(data)}")
+    usage = _usage(event.usage) if event.usage else None
+    if not event.choices:
+        return Chunk(usage=usage)
+    choice = event.choices[0]
+    text = choice.text or (choice.delta.content if choice.delta else None) or ""
+    return Chunk(text, choice.finish_reason, usage)
+
+
+def _usage(usage: _Usage) -> Usage:
+    cached = usage.prompt_tokens_details.cached_tokens if usage.prompt_tokens_details else None
+    return Usage(usage.prompt_tokens, cached or 0, usage.completion_tokens)
 
 
 class OpenAiCompatibleModel:

@@ -25,7 +25,7 @@ from app.llm.base import (
     ModelUnavailableError,
     TextDelta,
 )
-from app.llm.settings import variable
+from app.llm.llm_settings import variable
 from app.llm.streaming import Pieces, in_one_piece, whole
 
 

@@ -16,10 +16,9 @@ from app.llm.base import (
     StartedModel,
     UnknownModelError,
 )
-from app.llm.guard import Guard
+from app.llm.guard import Guard, ResilientModel
+from app.llm.llm_settings import LlmSettings
 from app.llm.recording import RecordingModel, ReplayedModel
-from app.llm.resilient import ResilientModel
-from app.llm.settings import LlmSettings
 
 # Names come from requests, and each model holds connections or a process: so many are kept beside those that backends
 # offer and the default one, which always have a place.

@@ -59,7 +59,7 @@ def test_the_llms_key_is_for_this_user_only(url, data):
 
 def llama_pids(data):
     """The llama.cpp processes whose grandparent serves `data`."""
-    return [pid for pid in pids("llama_child") if str(data) in command_of(parent_of(parent_of(pid)))]
+    return [pid for pid in pids("llama/child") if str(data) in command_of(parent_of(parent_of(pid)))]
 
 
 def pids(word):

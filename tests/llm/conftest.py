@@ -3,10 +3,10 @@ import asyncio
 import pytest
 
 from app.llm.backends import BUILT_IN
-from app.llm.llama_process import LlamaOptions, LlamaProcess
+from app.llm.llama.process import LlamaOptions, LlamaProcess
+from app.llm.llama.weights import find_weights
+from app.llm.llm_settings import LlmSettings
 from app.llm.registry import ModelRegistry
-from app.llm.settings import LlmSettings
-from app.llm.weights import find_weights
 
 
 @pytest.fixture(scope="session")

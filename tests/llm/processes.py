@@ -10,7 +10,7 @@ def child_pids():
         try:
             with open(f"/proc/{pid}/stat") as stat, open(f"/proc/{pid}/cmdline") as command:
                 fields = stat.read().rpartition(")")[2].split()
-                if int(fields[1]) == os.getpid() and fields[0] != "Z" and "llama_child" in command.read():
+                if int(fields[1]) == os.getpid() and fields[0] != "Z" and "llama/child" in command.read():
                     pids.append(int(pid))
         except OSError:
             continue

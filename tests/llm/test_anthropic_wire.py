@@ -2,15 +2,7 @@ import json
 
 import pytest
 
-from app.llm.anthropic_wire import (
-    MODELS,
-    THINKING_TOKENS,
-    UNKNOWN,
-    EventParser,
-    quirks_of,
-    request_body,
-    request_headers,
-)
+from app.llm.anthropic import MODELS, THINKING_TOKENS, UNKNOWN, EventParser, quirks_of, request_body, request_headers
 from app.llm.base import ModelResponseError, Usage
 from app.pipeline.prompt import Prompt
 from tests.llm.claude import BLOCK, PING, STOP, ended, failed, said, started, thought

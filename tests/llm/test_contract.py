@@ -6,12 +6,10 @@ from contextlib import aclosing
 
 import pytest
 
-from app.llm import nearest, regression
+from app.llm import yardsticks
 from app.llm.base import Completion, ModelProfile, ModelTimeoutError, ModelUnavailableError, TextDelta
-from app.llm.computed import ComputedModel, from_text
-from app.llm.openai_compatible import OpenAiCompatibleModel
-from app.llm.openai_wire import LLAMA_CPP
-from app.llm.scripted import ScriptedModel
+from app.llm.computed import ComputedModel, ScriptedModel, from_text
+from app.llm.openai_compatible import LLAMA_CPP, OpenAiCompatibleModel
 from tests.llm.texts import ENDLESS, REPLY, absolute_prompt, asking, object_frame_prompt
 
 LLMS = ("embedded", "completion", "chat")
@@ -28,8 +26,8 @@ def models(gemma, llama_server, run):
     }
     made |= {
         "embedded": gemma,
-        "nearest": ComputedModel(nearest.PROFILE, from_text(nearest.copied_reply)),
-        "regression": ComputedModel(regression.PROFILE, from_text(regression.regressed_reply)),
+        "nearest": ComputedModel(yardsticks.NEAREST, from_text(yardsticks.copied_reply)),
+        "regression": ComputedModel(yardsticks.REGRESSION, from_text(yardsticks.regressed_reply)),
         "scripted": ScriptedModel([REPLY + "\nand more"]),
     }
     yield made

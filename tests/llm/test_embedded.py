@@ -10,11 +10,10 @@ import httpx
 import pytest
 
 from app.llm.base import ModelProfile, ModelResponseError, ModelUnavailableError
-from app.llm.embedded import EmbeddedModel, EmbeddedOptions
-from app.llm.llama_process import LlamaOptions, LlamaProcess
-from app.llm.openai_compatible import OpenAiCompatibleModel
-from app.llm.openai_wire import LLAMA_CPP
-from app.llm.weights import find_trimmed_weights
+from app.llm.llama.embedded import EmbeddedModel, EmbeddedOptions
+from app.llm.llama.process import LlamaOptions, LlamaProcess
+from app.llm.llama.weights import find_trimmed_weights
+from app.llm.openai_compatible import LLAMA_CPP, OpenAiCompatibleModel
 from app.pipeline.prompt import Prompt
 from tests.llm.processes import child_pids
 from tests.llm.texts import ENDLESS, asking, object_frame_prompt

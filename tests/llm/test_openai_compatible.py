@@ -17,8 +17,7 @@ from app.llm.base import (
     ModelUnavailableError,
     Usage,
 )
-from app.llm.openai_compatible import OpenAiCompatibleModel
-from app.llm.openai_wire import LLAMA_CPP
+from app.llm.openai_compatible import LLAMA_CPP, OpenAiCompatibleModel
 from app.llm.sse import MAX_WIRE_BYTES
 from app.llm.streaming import MAX_REPLY_CHARACTERS
 from app.pipeline.prompt import Prompt

@@ -8,8 +8,8 @@ import asyncio
 
 import pytest
 
-from app.llm.embedded import EmbeddedModel, EmbeddedOptions
-from app.llm.weights import find_trimmed_weights
+from app.llm.llama.embedded import EmbeddedModel, EmbeddedOptions
+from app.llm.llama.weights import find_trimmed_weights
 from tests.llm.test_embedded import PROFILE
 from tests.llm.texts import asking, object_frame_prompt
 

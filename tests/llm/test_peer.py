@@ -6,8 +6,8 @@ import pytest
 
 from app.llm.backends import BUILT_IN
 from app.llm.base import Completion, TextDelta
+from app.llm.llm_settings import LlmSettings
 from app.llm.registry import ModelRegistry
-from app.llm.settings import LlmSettings
 from app.pipeline.prompt import Prompt
 from app.pipeline.representation.lists import Column, list_schema
 from tests.llm.texts import REPLY, asking, object_frame_prompt

@@ -15,10 +15,10 @@ from app.llm.base import (
     TextDelta,
     Usage,
 )
+from app.llm.computed import ScriptedModel
+from app.llm.llm_settings import LlmSettings
 from app.llm.recording import RecordingModel, ReplayedModel, hash_of, question_of
 from app.llm.registry import ModelRegistry
-from app.llm.scripted import ScriptedModel
-from app.llm.settings import LlmSettings
 from app.pipeline.prompt import Prompt
 from tests.llm import claude
 from tests.llm.loopback import in_turn, loopback, status, streamed

@@ -18,9 +18,9 @@ from app.llm.base import (
     ModelUnavailableError,
     UnknownModelError,
 )
+from app.llm.computed import SCRIPTED, ScriptedModel
+from app.llm.llm_settings import LlmSettings, variable
 from app.llm.registry import MAX_MODELS, ModelRegistry
-from app.llm.scripted import PROFILE, ScriptedModel
-from app.llm.settings import LlmSettings, variable
 from tests.llm.loopback import after, loopback, status
 from tests.llm.processes import child_pids
 from tests.llm.texts import asking, object_frame_prompt
@@ -198,7 +198,7 @@ def test_all_models_are_closed_together():
     def create(model, settings):
         return Closing(["a"], profile=ModelProfile(f"own/{model}", "chat", grammar=False, representation="absolute"))
 
-    registry = ModelRegistry(LlmSettings(), {"own": Backend(create, lambda settings: [PROFILE])})
+    registry = ModelRegistry(LlmSettings(), {"own": Backend(create, lambda settings: [SCRIPTED])})
     for name in ("own/a", "own/b", "own/a"):
         registry.get(name)
     asyncio.run(registry.aclose())
@@ -261,7 +261,7 @@ def test_a_profile_keeps_nothing_and_what_is_offered_has_a_place_of_its_own(make
     assert registry.get("openai/kept") is kept
 
 
-own_backend = Backend(lambda model, settings: ScriptedModel([model]), lambda settings: [PROFILE])
+own_backend = Backend(lambda model, settings: ScriptedModel([model]), lambda settings: [SCRIPTED])
 
 
 def test_another_package_adds_a_backend_but_replaces_none(monkeypatch):

@@ -5,7 +5,7 @@ import pytest
 
 from app.llm.base import ModelResponseError
 from app.llm.computed import ComputedModel, from_text
-from app.llm.regression import PROFILE, regressed_reply
+from app.llm.yardsticks import REGRESSION, regressed_reply
 from tests.llm.texts import absolute_prompt, asking
 
 
@@ -89,6 +89,6 @@ def test_a_prompt_that_it_cannot_use_is_an_error(prefix, reason):
 
 
 def test_the_backend_answers_the_services_prompt():
-    completion = asyncio.run(ComputedModel(PROFILE, from_text(regressed_reply)).complete(asking(absolute_prompt())))
+    completion = asyncio.run(ComputedModel(REGRESSION, from_text(regressed_reply)).complete(asking(absolute_prompt())))
     assert completion.text == "[[44, 55, 26, 0, 39, 0, 1], [44, 55, 17, 0, 39, 0, 0]]"
     assert completion.finish_reason == "stop"

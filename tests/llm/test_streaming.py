@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from app.llm.base import Completion, ModelResponseError, ModelTimeoutError, TextDelta, Usage
-from app.llm.scripted import ScriptedModel
+from app.llm.computed import ScriptedModel
 from app.llm.streaming import StopStrings, whole, within_deadline
 from app.pipeline.prompt import Prompt
 from tests.llm.texts import asking

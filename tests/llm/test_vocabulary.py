@@ -8,12 +8,12 @@ from io import BytesIO
 import httpx
 import pytest
 
-from app.llm import gguf
 from app.llm.base import Completion
-from app.llm.llama_process import LlamaOptions, LlamaProcess
-from app.llm.scripted import ScriptedModel
-from app.llm.vocabulary import MATRIX, TrimmedModel, covers, kept_tokens
-from app.llm.weights import find_trimmed_weights, find_weights
+from app.llm.computed import ScriptedModel
+from app.llm.llama import gguf
+from app.llm.llama.process import LlamaOptions, LlamaProcess
+from app.llm.llama.vocabulary import MATRIX, TrimmedModel, covers, kept_tokens
+from app.llm.llama.weights import find_trimmed_weights, find_weights
 from app.pipeline.prompt import SYSTEM_PROMPTS, Prompt
 from tests.llm.texts import asking, object_frame_prompt
 

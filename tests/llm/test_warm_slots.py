@@ -4,8 +4,8 @@ import asyncio
 
 import pytest
 
-from app.llm import warm_slots
-from app.llm.warm_slots import WarmSlots
+from app.llm.llama import warm_slots
+from app.llm.llama.warm_slots import WarmSlots
 
 
 class Requests:

@@ -5,10 +5,10 @@ from concurrent.futures import ProcessPoolExecutor
 
 import pytest
 
-from app.llm import weights
 from app.llm.base import ModelUnavailableError, UnknownModelError
-from app.llm.settings import LlmSettings
-from app.llm.weights import find_weights
+from app.llm.llama import weights
+from app.llm.llama.weights import find_weights
+from app.llm.llm_settings import LlmSettings
 
 
 def test_gemma_is_assembled_once(settings):

@@ -6,9 +6,9 @@ import pytest
 
 from app.llm.backends import Backend
 from app.llm.base import ModelUnavailableError
+from app.llm.computed import SCRIPTED, ScriptedModel
+from app.llm.llm_settings import LlmSettings
 from app.llm.registry import ModelRegistry
-from app.llm.scripted import PROFILE, ScriptedModel
-from app.llm.settings import LlmSettings
 from app.services.container import Services
 from app.store.store import Store
 
@@ -29,7 +29,7 @@ def scripted(store):
     Replies that are exceptions are raised.
     """
 
-    def wire(*replies, asked=None, profile=PROFILE, **options):
+    def wire(*replies, asked=None, profile=SCRIPTED, **options):
         turns, kept = cycle(replies), [] if asked is None else asked
 
         def script(request):

@@ -4,7 +4,7 @@ from dataclasses import replace
 import pytest
 
 from app.llm.base import ModelTimeoutError, ModelUnavailableError
-from app.llm.scripted import PROFILE
+from app.llm.computed import SCRIPTED
 from app.perception.base import ObjectQuery
 from app.pipeline.errors import UnfamiliarInstructionError
 from app.services.errors import UnparsableReplyError
@@ -133,7 +133,7 @@ def test_what_the_chat_model_does_not_find_is_refused(store, taught, reply):
 def test_other_models_and_dry_runs_ask_nobody(store, taught):
     asked = []
     with pytest.raises(UnfamiliarInstructionError):
-        ask(taught("1", ONE_ACTION, asked=asked, profile=replace(PROFILE, style="completion")), UNCLEAR)
+        ask(taught("1", ONE_ACTION, asked=asked, profile=replace(SCRIPTED, style="completion")), UNCLEAR)
     chat = taught("1", ONE_ACTION, asked=asked)
     with pytest.raises(UnfamiliarInstructionError):
         asyncio.run(chat.predict_actions.prepare(UNCLEAR, {}, ask_meaning=False))

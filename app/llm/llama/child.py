@@ -1,4 +1,4 @@
-"""The program of the process that `llama_process.LlamaProcess` starts: llama.cpp's HTTP server on a loopback port.
+"""The program of the process that `process.LlamaProcess` starts: llama.cpp's HTTP server on a loopback port.
 
 A process of its own, because `xllamacpp.Server` holds Python's global lock while it loads a model (no event loop would
 turn meanwhile), and because llama.cpp ends its process when an assertion of its own fails.

