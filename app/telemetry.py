@@ -9,7 +9,7 @@ from opentelemetry.sdk.trace import TracerProvider
 from opentelemetry.sdk.trace.export import BatchSpanProcessor
 
 from app.pipeline.addresses import is_own_machine
-from app.services import timing
+from app.services import measures
 
 
 class Tracing:
@@ -30,9 +30,9 @@ class Tracing:
         """Trace `app` from now on."""
         urls = "healthz,readyz,metrics"
         FastAPIInstrumentor.instrument_app(app, tracer_provider=self._provider, excluded_urls=urls)
-        timing.trace_with(self._provider.get_tracer("roboprompt"))
+        measures.trace_with(self._provider.get_tracer("roboprompt"))
 
     def close(self) -> None:
         """Send what is left. Blocking: call it in a thread."""
-        timing.trace_with(None)
+        measures.trace_with(None)
         self._provider.shutdown()

@@ -10,7 +10,7 @@ import kubernetes_validate
 import pytest
 import yaml
 
-from app.services.metrics import Metrics
+from app.services.measures import Metrics
 from app.settings import Settings
 
 DOCKER = Path(__file__).parents[1] / "docker"

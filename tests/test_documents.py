@@ -9,7 +9,7 @@ from pathlib import Path
 from app.api.schemas import examples
 from app.llm.llm_settings import LlmSettings
 from app.pipeline.findings import SEVERITIES
-from app.services.prediction_findings import FAILURES
+from app.services.predict.doubts import FAILURES
 from app.settings import Settings
 
 ROOT = Path(__file__).parents[1]

@@ -4,7 +4,7 @@ from collections.abc import Collection, Sequence
 
 from app.pipeline.check.replies import ReplyCheck
 from app.pipeline.check.report import EpisodeCheck, Off, PlanCheck, RowCheck
-from app.services.check_task import CheckedTask
+from app.services.teach.check import CheckedTask
 from app.store.values import JsonObject
 
 

@@ -10,10 +10,9 @@ from app.pipeline.metadata import camera_json
 from app.pipeline.prompt import Prompt
 from app.pipeline.representation import fit_codec
 from app.pipeline.workspace import Workspace, discretize_action, object_bins
-from app.services.prediction import Prediction
-from app.services.question import Question
+from app.services.predict.evidence import Standing, TaskStats
+from app.services.predict.question import Prediction, Question
 from app.services.task_settings import TaskSettings
-from app.services.task_stats import Standing, TaskStats
 from app.store.records import ConfigurationCounts, EpisodeRecord, JobRecord, PredictionRecord, TaskRecord
 from app.store.values import JsonObject, KeyframeRecord, ObjectRecord
 from app.store.visibility import present

@@ -22,7 +22,7 @@ from starlette.requests import ClientDisconnect
 
 from app.api.body import Body, images_of
 from app.perception.images import num_pixels
-from app.services.limits import Limits
+from app.services.request_limits import Limits
 
 MAX_WAIT_S = 20.0  # for room, for a decoder, and for its work, each
 REQUESTS_IN_MEMORY = 2  # of the largest that are allowed, or more of smaller ones

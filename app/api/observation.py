@@ -9,7 +9,7 @@ from uuid import uuid4
 from fastapi import FastAPI
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from app.services.log_fields import request_fields
+from app.services.measures import request_fields
 
 logger = logging.getLogger(__name__)
 REQUEST_ID = b"x-request-id"

@@ -36,12 +36,7 @@ from app.pipeline.errors import (
     UnfamiliarInstructionError,
     UngroundedInstructionError,
 )
-from app.services.errors import (
-    NoDemonstrationsError,
-    UnparsableReplyError,
-    UnsafeReplyError,
-    UnsupportedReplyError,
-)
+from app.services.refusals import NoDemonstrationsError, UnparsableReplyError, UnsafeReplyError, UnsupportedReplyError
 from app.store.errors import (
     ConflictError,
     CorruptDataError,

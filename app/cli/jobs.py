@@ -57,7 +57,7 @@ def jobs(
 def _work(settings: "Settings", executor: "Executor") -> dict[str, float]:
     """Jobs and episodes worked at, and the seconds it took."""
     from app.bootstrap import open_store
-    from app.services.run_jobs import RunJobs
+    from app.services.teach.reextract import RunJobs
 
     store = open_store(settings)
     num_jobs, num_episodes, begun_s = 0, 0, time.perf_counter()
@@ -101,7 +101,7 @@ def _extract_chunk(
     address: tuple[str, str | None, str | None], records: "Sequence[EpisodeRecord]", wanted: "TaskSettings"
 ) -> "list[Extraction] | RoboPromptError":
     """In a worker. Errors are returned: Ray would raise them with its own text."""
-    from app.services.extraction import extract_all_again
+    from app.services.teach.extract import extract_all_again
 
     try:
         return extract_all_again(_opened(*address), records, wanted)

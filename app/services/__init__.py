@@ -1,1 +1,1 @@
-"""Use cases, one verb a file: what the service does, without knowing the web."""
+"""Use cases, one a file: what the service does, without knowing the web."""

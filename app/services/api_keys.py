@@ -1,7 +1,8 @@
-"""Who may do what: keys are made, recognised and taken back.
+"""Who may do what: keys are made, recognised and taken back, and browsers log in with them.
 
 A key is 256 random bits, so that nobody can guess one, and SHA-256 of it is as good as any slow hash: those are for
-passwords, which people choose.
+passwords, which people choose. A browser that has logged in has a token of its own, which ends on the server when it
+logs out.
 """
 
 import asyncio
@@ -18,7 +19,7 @@ import anyio.to_thread
 
 from app.pipeline.errors import InvalidInputError, RoboPromptError
 from app.pipeline.wording import checked_name
-from app.store import api_keys, audit
+from app.store import api_keys, audit, sessions
 from app.store.api_keys import ApiKeyRecord
 from app.store.errors import StoreError
 from app.store.store import Store
@@ -26,11 +27,13 @@ from app.store.visibility import Visibility
 
 SCOPES = ("read", "upload", "predict", "admin")
 PREFIX = "rp"
+SESSION_PREFIX = "rps"
 SECRET_BYTES = 32
 KNOWN_FOR_S = 5.0  # a revoked key is refused no later than this, by every worker
 USE_NOTED_EVERY = timedelta(minutes=1)  # of one key; a write costs a sync of the disk
 _NOBODY = "0" * 64
 logger = logging.getLogger(__name__)
+LONGEST = timedelta(days=7)
 
 
 class ExpiredKeyError(RoboPromptError):
@@ -210,3 +213,59 @@ def has_keys(store: Store) -> bool:
 def digest_of(token: str) -> str:
     """SHA-256 in hexadecimal."""
     return hashlib.sha256(token.encode(errors="surrogatepass")).hexdigest()
+
+
+class Sessions:
+    """Begins, recognises and ends sessions. Every worker reads the same database: what has ended has ended for all."""
+
+    def __init__(self, store: Store, keys: KeyRing) -> None:
+        self._store = store
+        self._keys = keys
+
+    async def begin(self, caller: Caller) -> str:
+        """A new session of this caller's key: the token for its cookie.
+
+        Raises:
+            StoreError: if it cannot be stored.
+        """
+        token = f"{SESSION_PREFIX}_{caller.key_id}_{secrets.token_urlsafe(SECRET_BYTES)}"
+
+        def write() -> None:
+            with self._store.write() as connection:
+                sessions.begin(connection, digest_of(token), caller.key_id, datetime.now(UTC) + LONGEST)
+
+        await anyio.to_thread.run_sync(write)
+        return token
+
+    async def recognise(self, token: str) -> Caller | None:
+        """Whose session it is, or None if it is nobody's, has ended, or its key was revoked.
+
+        The database is asked only about tokens that name a valid key, so that junk costs nothing.
+
+        Raises:
+            ExpiredKeyError: if its key has expired.
+            StoreUnavailableError: if sessions cannot be read.
+        """
+        prefix, _, rest = token.partition("_")
+        key_id = rest.partition("_")[0]
+        if prefix != SESSION_PREFIX or not await self._keys.has(key_id):
+            return None
+
+        def read() -> str | None:
+            with self._store.read() as connection:
+                return sessions.key_of(connection, digest_of(token))
+
+        return await self._keys.caller_of(key_id) if await anyio.to_thread.run_sync(read) == key_id else None
+
+    async def end(self, token: str) -> None:
+        """End the session, if it is one.
+
+        Raises:
+            StoreError: if that cannot be stored.
+        """
+
+        def write() -> None:
+            with self._store.write() as connection:
+                sessions.end(connection, digest_of(token))
+
+        await anyio.to_thread.run_sync(write)

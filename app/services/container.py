@@ -6,23 +6,22 @@ import anyio.to_thread
 
 from app.llm.base import ModelProfile
 from app.llm.registry import ModelRegistry
-from app.services.api_keys import KeyRing
-from app.services.check_task import CheckTask, leave_unrecorded
-from app.services.configure_task import MAX_AT_ONCE, ConfigureTask
-from app.services.current_limits import CurrentLimits
-from app.services.draw_overlay import DrawOverlay
-from app.services.learn_object_models import LearnObjectModels
-from app.services.limits import Limits
-from app.services.metrics import Metrics
+from app.services.api_keys import KeyRing, Sessions
+from app.services.measures import Metrics
+from app.services.motion_bounds import CurrentLimits
 from app.services.pose_servers import PoseServers
-from app.services.predict_actions import PredictActions
-from app.services.prefix_warmer import PrefixWarmer
-from app.services.record_prediction import PredictionRecorder
-from app.services.repeated_predictions import RepeatedPredictions
-from app.services.run_jobs import RunJobs
-from app.services.sessions import Sessions
-from app.services.upload_episode import UploadEpisode
-from app.services.write_question import QuestionWriter
+from app.services.predict.ask import PredictActions
+from app.services.predict.record import PredictionRecorder
+from app.services.predict.repeat import RepeatedPredictions
+from app.services.predict.warm import PrefixWarmer
+from app.services.predict.write import QuestionWriter
+from app.services.request_limits import Limits
+from app.services.scene_images import DrawOverlay
+from app.services.teach.check import CheckTask, leave_unrecorded
+from app.services.teach.configure import MAX_AT_ONCE, ConfigureTask
+from app.services.teach.learn import LearnObjectModels
+from app.services.teach.reextract import RunJobs
+from app.services.teach.upload import UploadEpisode
 from app.store.store import Store
 
 

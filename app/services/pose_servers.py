@@ -1,14 +1,28 @@
-"""To which servers images may be sent: who may configure a task must not thereby reach every address from here."""
+"""Pose servers: which of them may be sent images, and this service as one of them.
+
+Who may configure a task must not thereby reach every address from here. `POST /poses` offers objects' poses to other
+instances, apart from any task.
+"""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import httpx
 
+from app.perception.base import ObjectQuery
+from app.perception.models import model_from_json
+from app.perception.object_model import ObjectModel
+from app.perception.poses_wire import PoseQuestion
+from app.perception.registry import estimate_poses
+from app.perception.remote_model import RemoteModel
 from app.pipeline.addresses import is_loopback
+from app.pipeline.camera import RgbdFrame
+from app.pipeline.episode import ObjectPose
 from app.pipeline.errors import InvalidInputError
+from app.pipeline.prompt import check_object_names
 
 SETTING = "ROBOPROMPT_POSE_SERVERS"
+REMEDY = 'an object model, e.g. {"estimator": "cuboid", "size_m": [0.05, 0.05, 0.05], "color": "red"}, or mask_ids'
 
 
 class PoseServers:
@@ -49,3 +63,32 @@ def _below(url: httpx.URL, prefix: httpx.URL) -> bool:
 
 def _port(url: httpx.URL) -> int | None:
     return url.port or {"http": 80, "https": 443}.get(url.scheme)
+
+
+def find_poses(questions: Sequence[PoseQuestion], frames: Sequence[RgbdFrame]) -> tuple[ObjectPose, ...]:
+    """One pose per question, in their order; objects without a model are found by their masks.
+
+    Raises:
+        as PoseEstimator.estimate; InvalidInputError for a model that is not valid, or is for a further server.
+    """
+    names = [question.name for question in questions]
+    check_object_names(names, list(dict.fromkeys(names)))
+    queries = [ObjectQuery(item.name, mask_ids=item.mask_ids, model=_model(item)) for item in questions]
+    return estimate_poses("masks", queries, frames)
+
+
+def _model(question: PoseQuestion) -> ObjectModel | None:
+    where = f"objects[{question.name}].model"
+    if question.model is None:
+        if not question.mask_ids:
+            raise InvalidInputError(where, "is missing", REMEDY)
+        return None
+    try:
+        model = model_from_json(question.name, question.model)
+    except InvalidInputError as error:
+        field = error.field.replace(f"object_models[{question.name}]", where, 1)
+        raise InvalidInputError(field, error.message, error.valid) from None
+    if isinstance(model, RemoteModel):
+        # a server that asked on could be sent round in circles
+        raise InvalidInputError(f"{where}.estimator", "is 'remote'", "cuboid, markers, masks")
+    return model

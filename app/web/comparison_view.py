@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from app.services.explain_prediction import configuration
+from app.services.predict.evidence import configuration
 from app.store.prediction_lists import ConfigurationCounts
 from app.store.records import PredictionRecord
 from app.store.values import JsonObject

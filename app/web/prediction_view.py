@@ -7,8 +7,8 @@ from sqlalchemy import Connection
 
 from app.pipeline.comparison import ActionDeviation
 from app.pipeline.prompt_colours import Span, prompt_spans
-from app.services.demonstrations import demonstrations_of
-from app.services.explain_prediction import Explanation, explain_prediction
+from app.services.predict.evidence import Explanation, explain_prediction
+from app.services.predict.select import demonstrations_of
 from app.services.task_settings import TaskSettings
 from app.store import episodes, predictions, tasks
 from app.store.prediction_lists import Fate

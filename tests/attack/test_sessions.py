@@ -8,8 +8,7 @@ import pytest
 from sqlalchemy import update
 
 from app.api.credentials import COOKIE
-from app.services.api_keys import KNOWN_FOR_S, create_key
-from app.services.sessions import LONGEST
+from app.services.api_keys import KNOWN_FOR_S, LONGEST, create_key
 from app.store import api_keys, sessions, tables
 from app.store.store import Store
 from tests.e2e.processes import killable_server

@@ -11,9 +11,8 @@ import pytest
 from app.llm.base import ModelResponseError, TextDelta
 from app.perception.base import ObjectQuery
 from app.pipeline.errors import InvalidInputError
-from app.services.errors import UnparsableReplyError, UnsupportedReplyError
-from app.services.prediction import PredictedAction, Prediction
-from app.services.question import PredictRequest
+from app.services.predict.question import PredictedAction, Prediction, PredictRequest
+from app.services.refusals import UnparsableReplyError, UnsupportedReplyError
 from app.store import predictions
 from app.store.errors import ConflictError
 from tests.services.test_predict_actions import ask, recorded

@@ -11,12 +11,12 @@ from app.perception.base import ObjectQuery
 from app.pipeline.episode import Episode
 from app.pipeline.errors import InvalidInputError, UnfamiliarInstructionError, UngroundedInstructionError
 from app.pipeline.motion_limits import Pose
-from app.services.ground_instruction import ground_instruction
-from app.services.prediction_findings import findings_before
-from app.services.previous_step import PreviousStep
-from app.services.question import PredictRequest
-from app.services.upload_episode import Upload
-from app.services.write_question import QuestionWriter
+from app.services.predict.doubts import findings_before
+from app.services.predict.instruction import ground_instruction
+from app.services.predict.question import PredictRequest
+from app.services.predict.template import PreviousStep
+from app.services.predict.write import QuestionWriter
+from app.services.teach.upload import Upload
 from app.store import predictions
 from tests.episodes import pick_trajectory
 from tests.services.conftest import ONE_ACTION

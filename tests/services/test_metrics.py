@@ -1,4 +1,4 @@
-from app.services.metrics import MAX_MODELS, Metrics
+from app.services.measures import MAX_MODELS, Metrics
 
 
 def test_names_of_models_do_not_become_any_number_of_labels():

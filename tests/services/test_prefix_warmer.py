@@ -7,9 +7,9 @@ import anyio
 import pytest
 
 from app.llm.base import Completion, ModelProfile
-from app.services import prefix_warmer
-from app.services.prefix_warmer import PrefixWarmer
-from app.services.write_question import QuestionWriter
+from app.services.predict import warm
+from app.services.predict.warm import PrefixWarmer
+from app.services.predict.write import QuestionWriter
 from app.store import predictions
 from app.store.store import Store
 from tests.store.drafts import episode_draft, prediction_draft, upload
@@ -71,7 +71,7 @@ async def until(condition):
 
 @pytest.fixture(autouse=True)
 def short_debounce(monkeypatch):
-    monkeypatch.setattr(prefix_warmer, "DEBOUNCE_S", 0.1)
+    monkeypatch.setattr(warm, "DEBOUNCE_S", 0.1)
 
 
 def three_tasks(store):
@@ -98,7 +98,7 @@ def test_most_recently_used_tasks_are_warmed_one_at_a_time(store):
 
 
 def test_uploads_in_a_row_are_warmed_once(store, monkeypatch):
-    monkeypatch.setattr(prefix_warmer, "DEBOUNCE_S", 1.0)  # longer than any upload takes
+    monkeypatch.setattr(warm, "DEBOUNCE_S", 1.0)  # longer than any upload takes
 
     async def scenario():
         model = SlowModel()

@@ -6,8 +6,8 @@ import pytest
 
 from app.perception.base import ObjectQuery
 from app.pipeline.camera import Camera, RgbdFrame
-from app.services import write_question
-from app.services.question import PredictRequest
+from app.services.predict import write
+from app.services.predict.question import PredictRequest
 from app.store.errors import ConflictError
 from tests.services.test_upload_episode import respond, upload
 
@@ -24,13 +24,13 @@ def services(scripted):
 
 def looking(monkeypatch, meanwhile):
     """Let something happen whenever poses are estimated."""
-    estimate = write_question.estimate_poses
+    estimate = write.estimate_poses
 
     def estimate_slowly(*arguments, **options):
         meanwhile()
         return estimate(*arguments, **options)
 
-    monkeypatch.setattr(write_question, "estimate_poses", estimate_slowly)
+    monkeypatch.setattr(write, "estimate_poses", estimate_slowly)
 
 
 def prepare(services, request):

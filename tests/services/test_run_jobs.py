@@ -7,8 +7,9 @@ from datetime import timedelta
 import pytest
 
 from app.pipeline.errors import InvalidInputError
-from app.services import extraction, run_jobs
-from app.services.run_jobs import RunJobs
+from app.services.teach import extract as extraction
+from app.services.teach import reextract
+from app.services.teach.reextract import RunJobs
 from app.store import episodes, jobs, tasks
 from app.store.errors import ConflictError, NotFoundError
 from app.store.store import Store
@@ -28,7 +29,7 @@ def store(request, tmp_path):
 
 @pytest.fixture
 def services(scripted, monkeypatch):
-    monkeypatch.setattr(run_jobs, "BATCH", 2)
+    monkeypatch.setattr(reextract, "BATCH", 2)
     services = scripted("[]")
     services.configure_task._max_at_once = 4
     for _ in range(5):

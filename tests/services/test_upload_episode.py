@@ -5,7 +5,7 @@ import pytest
 from app.perception.base import ObjectQuery
 from app.pipeline.episode import Episode
 from app.pipeline.errors import InvalidInputError, ObjectSetError
-from app.services.upload_episode import Upload, UploadEpisode, content_digest
+from app.services.teach.upload import Upload, UploadEpisode, content_digest
 from app.store import tasks
 from app.store.errors import ConflictError, NotFoundError
 from tests.episodes import pick_trajectory

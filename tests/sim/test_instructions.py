@@ -3,7 +3,7 @@
 import pytest
 
 from app.pipeline.language.grounding import Taught
-from app.services.english import is_english
+from app.services.predict.instruction import is_english
 from app.sim.tasks import TASKS, make_task
 
 MAX_VARIATIONS = 100  # of a task; they are drawn evenly

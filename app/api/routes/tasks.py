@@ -15,8 +15,8 @@ from app.api.schemas.poses import LearnBody, LearnedOut
 from app.api.schemas.responses import JobOut, TaskList, TaskOut, TaskStatsOut
 from app.api.unique_keys import UniqueKeysRoute
 from app.services.container import Services
+from app.services.predict.evidence import task_stats
 from app.services.task_settings import TaskSettings
-from app.services.task_stats import task_stats
 from app.store import episodes, erasure, tasks
 from app.store.records import JobRecord, TaskRecord
 

@@ -5,7 +5,7 @@ from fastapi.responses import JSONResponse
 
 from app.api.routes import Wired, problems
 from app.api.schemas.responses import UploadOut
-from app.services.upload_episode import SCOPE
+from app.services.teach.upload import SCOPE
 from app.store import episodes, idempotency
 from app.store.errors import NotFoundError
 

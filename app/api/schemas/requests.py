@@ -13,8 +13,8 @@ from app.pipeline.camera import Camera
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.motion_limits import Pose
 from app.pipeline.reply import MAX_ACTIONS
-from app.services.question import Unsupported
-from app.services.select_demonstrations import Selection
+from app.services.predict.question import Unsupported
+from app.services.predict.select import Selection
 from app.services.task_settings import Number, PromptFormat, Representation, SystemPrompt, plain_text
 
 MAX_EXTRA_BYTES = 65_536

@@ -17,7 +17,7 @@ from app.pipeline.episode import Trajectory
 from app.pipeline.keyframes import Rule
 from app.pipeline.timeline import frame_times_s, gripper_stretches
 from app.services.container import Services
-from app.services.demonstrations import demonstrations_of
+from app.services.predict.select import demonstrations_of
 from app.services.task_settings import KeyframeSettings, TaskSettings
 from app.store import episodes, tasks
 from app.store.records import DemonstrationRecord, EpisodeRecord, TaskRecord

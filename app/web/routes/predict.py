@@ -14,8 +14,8 @@ from app.api.routes import Wired
 from app.api.routes.predict import questioned
 from app.pipeline.prompt import SYSTEM_PROMPTS
 from app.pipeline.prompt_colours import prompt_spans
-from app.services.question import Question
-from app.services.select_demonstrations import Selection
+from app.services.predict.question import Question
+from app.services.predict.select import Selection
 from app.services.task_settings import PromptFormat, Representation
 from app.store import episodes, tasks
 from app.store.errors import NotFoundError

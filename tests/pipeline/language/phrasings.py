@@ -4,7 +4,7 @@ import numpy as np
 
 from app.pipeline.language.grounding import Taught
 from app.pipeline.language.space import Layout
-from app.services.english import is_english
+from app.services.predict.instruction import is_english
 
 # In the robot's frame: x forward, y left, z up.
 PLACES_M = {

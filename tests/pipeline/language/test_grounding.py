@@ -9,7 +9,7 @@ import pytest
 from app.pipeline.errors import UnfamiliarInstructionError, UngroundedInstructionError
 from app.pipeline.language.grounding import Grounded, Grounding, Taught
 from app.pipeline.language.space import Layout
-from app.services.english import is_english
+from app.services.predict.instruction import is_english
 
 BUTTONS = ("red button", "blue button")
 PUSH = ["push the red button", "push the blue button"]

@@ -14,9 +14,9 @@ from app.pipeline.errors import ReplyParseError, UnsupportedActionError
 from app.pipeline.findings import Finding
 from app.pipeline.plans.support import PlacedRow
 from app.pipeline.prompt import Prompt
-from app.services.dialogue import Dialogue, usage_sum
-from app.services.question import Question
-from app.services.timing import Timings, timed
+from app.services.measures import Timings, timed
+from app.services.predict.dialogue import Dialogue, usage_sum
+from app.services.predict.question import Question
 from app.store.values import JsonObject
 
 

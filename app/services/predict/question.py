@@ -1,4 +1,4 @@
-"""What a robot asks, and the question for the LLM that is made of it by `write_question`."""
+"""What a robot asks, the question for the LLM that `write` makes of it, and what a prediction gives."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from app.llm.base import ModelProfile
+from app.llm.base import Completion, ModelProfile
 from app.perception.base import ObjectQuery
 from app.perception.frames import ImageBytes
 from app.pipeline.camera import Camera, RgbdFrame
@@ -16,12 +16,14 @@ from app.pipeline.errors import InvalidInputError
 from app.pipeline.findings import Finding
 from app.pipeline.language.grounding import Grounded
 from app.pipeline.motion_limits import Pose
-from app.pipeline.plans.support import PlacedPlan
+from app.pipeline.plans.support import PlacedPlan, PlacedRow
 from app.pipeline.prompt import Prompt, PromptTemplate
 from app.pipeline.reply import MAX_ACTIONS
-from app.services.select_demonstrations import Selection
+from app.pipeline.representation.anchors import relative_pose
+from app.pipeline.workspace import DiscreteAction
+from app.services.predict.select import Selection
+from app.services.predict.template import PromptStyle, Template
 from app.services.task_settings import TaskSettings
-from app.services.templates import PromptStyle, Template
 from app.store.values import JsonObject
 
 SAMPLES_TEMPERATURE = 0.5
@@ -149,3 +151,61 @@ class Question:
     def prompt(self) -> Prompt:
         """The prompt that asks for the first of the instructions."""
         return self.written.ask(self.objects, self.instructions[0], self.request.max_actions, self.so_far)
+
+
+@dataclass(frozen=True)
+class PredictedAction:
+    """An action with its bins.
+
+    Attributes:
+        row: the demonstrated row that it carries out; None where none is known.
+    """
+
+    action: EndEffectorAction
+    discrete: DiscreteAction
+    row: PlacedRow | None = None
+
+    def to_json(self) -> JsonObject:
+        """As clients get it."""
+        return {
+            "position": self.action.position_m.tolist(),
+            "quaternion_xyzw": self.action.quaternion_xyzw.tolist(),
+            "gripper_open": self.action.gripper_open,
+            "bins": list(self.discrete.bins),
+            "clamped": self.discrete.clamped,
+            "anchor": self._anchor(),
+        }
+
+    def _anchor(self) -> JsonObject | None:
+        """What the action hangs on, so that a robot that looks again can follow it."""
+        if (row := self.row) is None:
+            return None
+        offset_m, rotation = relative_pose(row.origin_m, row.axes, self.action)
+        return {
+            "object": row.anchor.object_name or None,
+            "frame": row.anchor.frame,
+            "offset_m": offset_m.tolist(),
+            "rotation_xyzw": rotation.as_quat(canonical=True).tolist(),
+            "tolerance_m": row.tolerance_m,
+            "tolerance_deg": row.tolerance_deg,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """A recorded answer.
+
+    Attributes:
+        prompt: the last that the LLM was asked: with several instructions it holds the replies to those before.
+        samples: where several replies were asked for, each of them.
+        findings: what deserves a look.
+    """
+
+    id: str
+    question: Question
+    prompt: Prompt
+    actions: tuple[PredictedAction, ...]
+    completion: Completion
+    timings_ms: dict[str, float]
+    samples: tuple[JsonObject, ...] | None = None
+    findings: tuple[Finding, ...] = ()

@@ -17,12 +17,11 @@ from app.pipeline.recording_findings import check_moves
 from app.pipeline.timeline import frame_times_s
 from app.pipeline.units import check_recording_units
 from app.pipeline.wording import checked_name
-from app.services.extraction import Extracted, extract
-from app.services.log_fields import note
+from app.services.measures import note
 from app.services.pose_servers import PoseServers
-from app.services.stored_images import put_images
+from app.services.scene_images import put_images
 from app.services.task_settings import TaskSettings
-from app.services.workspaces import with_room_for
+from app.services.teach.extract import Extracted, extract, with_room_for
 from app.store import episodes, idempotency, predictions, tasks
 from app.store.errors import ConflictError, NotFoundError
 from app.store.records import EpisodeDraft, EpisodeRecord, StoredResponse, TaskRecord

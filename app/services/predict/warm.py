@@ -13,7 +13,7 @@ from app.llm.base import CompletionRequest, LanguageModelError
 from app.llm.registry import ModelRegistry
 from app.pipeline.errors import RoboPromptError
 from app.pipeline.prompt import Prompt
-from app.services.write_question import QuestionWriter
+from app.services.predict.write import QuestionWriter
 from app.store import tasks
 from app.store.store import Store
 

@@ -15,19 +15,24 @@ from app.pipeline.representation import KAT_FORMAT
 from app.pipeline.units import check_scene_units
 from app.pipeline.wording import checked_instruction
 from app.services.cache import Cache
-from app.services.demonstrations import read_demonstrations, stepwise_demonstrations
-from app.services.english import is_english
-from app.services.errors import NoDemonstrationsError
-from app.services.ground_instruction import ground_instruction
-from app.services.limits import Limits
+from app.services.measures import Timings, timed
 from app.services.pose_servers import PoseServers
-from app.services.prediction_findings import findings_before
-from app.services.previous_step import PreviousStep, previous_step
-from app.services.question import PredictRequest, Question
-from app.services.select_demonstrations import DemonstrationSelector
+from app.services.predict.doubts import findings_before
+from app.services.predict.instruction import ground_instruction, is_english
+from app.services.predict.question import PredictRequest, Question
+from app.services.predict.select import DemonstrationSelector, read_demonstrations, stepwise_demonstrations
+from app.services.predict.template import (
+    CAPACITY,
+    PreviousStep,
+    PromptStyle,
+    Template,
+    TemplateKey,
+    make_template,
+    previous_step,
+)
+from app.services.refusals import NoDemonstrationsError
+from app.services.request_limits import Limits
 from app.services.task_settings import TaskSettings
-from app.services.templates import CAPACITY, PromptStyle, Template, TemplateKey, make_template
-from app.services.timing import Timings, timed
 from app.store import episodes, tasks
 from app.store.errors import ConflictError
 from app.store.records import TaskRecord

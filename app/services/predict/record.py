@@ -8,15 +8,12 @@ from typing import Protocol
 import anyio.to_thread
 from sqlalchemy import Connection
 
-from app.services.dialogue import Dialogue
-from app.services.log_fields import note
-from app.services.metrics import Metrics
-from app.services.prediction import PredictedAction
-from app.services.prediction_findings import findings_of
-from app.services.question import Question
-from app.services.sampled_dialogue import SampledDialogue
-from app.services.stored_images import put_images
-from app.services.timing import Timings, timed
+from app.services.measures import Metrics, Timings, note, timed
+from app.services.predict.dialogue import Dialogue
+from app.services.predict.doubts import findings_of
+from app.services.predict.question import PredictedAction, Question
+from app.services.predict.sampled import SampledDialogue
+from app.services.scene_images import put_images
 from app.store import predictions
 from app.store.records import PredictionDraft, PredictionStatus
 from app.store.store import Store

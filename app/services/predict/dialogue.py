@@ -13,9 +13,9 @@ from app.pipeline.findings import Finding
 from app.pipeline.plans.support import PlacedRow
 from app.pipeline.prompt import Prompt
 from app.pipeline.reply import ReplyReader
-from app.services.question import Question
-from app.services.support_check import SupportCheck
-from app.services.timing import Timings, timed
+from app.services.measures import Timings, timed
+from app.services.predict.doubts import SupportCheck
+from app.services.predict.question import Question
 from app.store.values import JsonObject
 
 AGAIN_TEMPERATURE = 0.3  # of the second try: a greedy one would say the same again

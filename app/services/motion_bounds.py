@@ -1,6 +1,10 @@
-"""The bounds of motion that hold at this moment: they may have been tightened while an LLM was writing."""
+"""A task's bounds of motion: those that hold at this moment, and what the audit log says of a change.
 
-from collections.abc import Sequence
+They may have been tightened while an LLM was writing.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import anyio.to_thread
 from sqlalchemy import Connection
@@ -9,12 +13,13 @@ from app.pipeline.episode import EndEffectorAction
 from app.pipeline.motion_guard import MotionGuard
 from app.pipeline.motion_limits import MotionLimits
 from app.services.cache import Cache
-from app.services.question import Question
+from app.services.predict.question import Question
 from app.services.task_settings import TaskSettings
-from app.store import tasks
+from app.store import audit, tasks
 from app.store.store import Store
 
 CAPACITY = 64
+BOUNDS = ("workspace", "motion_limits")  # settings that decide which actions are unsafe
 
 
 class CurrentLimits:
@@ -83,3 +88,27 @@ class ActionCheck:
 
     def _guarding(self, limits: MotionLimits) -> MotionGuard:
         return MotionGuard(limits, self._question.request.max_actions, self._question.end_effector)
+
+
+def record_limits(
+    connection: Connection,
+    task: str,
+    before: Mapping[str, Any],
+    after: Mapping[str, Any],
+    *,
+    action: str = "limits.changed",
+    actor: str | None = None,
+) -> None:
+    """Add an entry if the settings' bounds differ.
+
+    Args:
+        before, after: settings, as JSON.
+    """
+    changed = [name for name in BOUNDS if before.get(name) != after.get(name)]
+    if changed:
+        details = {when: {name: values.get(name) for name in changed} for when, values in _both(before, after)}
+        audit.record(connection, action, task, details, actor)
+
+
+def _both(before: Mapping[str, Any], after: Mapping[str, Any]) -> tuple[tuple[str, Mapping[str, Any]], ...]:
+    return ("before", before), ("after", after)

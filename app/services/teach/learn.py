@@ -9,9 +9,9 @@ from app.perception.base import ObjectQuery
 from app.perception.labelled_scene import LabelledScene
 from app.perception.learn import learn_models
 from app.pipeline.errors import InvalidInputError
-from app.services.configure_task import ConfigureTask
-from app.services.errors import NoDemonstrationsError
-from app.services.stored_images import read_frame
+from app.services.refusals import NoDemonstrationsError
+from app.services.scene_images import read_frame
+from app.services.teach.configure import ConfigureTask
 from app.store import episodes, tasks
 from app.store.records import EpisodeRecord, TaskRecord
 from app.store.store import Store

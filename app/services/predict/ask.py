@@ -1,10 +1,16 @@
-"""Observation and instruction -> actions, by an LLM that continues the demonstrations' pattern."""
+"""Observation and instruction -> actions, by an LLM that continues the demonstrations' pattern.
 
+While a prediction takes long, people see it from whichever process they look.
+"""
+
+import asyncio
+import logging
 import time
-from collections.abc import AsyncGenerator, Awaitable, Callable
-from contextlib import aclosing
+from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable
+from contextlib import aclosing, asynccontextmanager
 from dataclasses import replace
 from functools import partial
+from uuid import uuid4
 
 import anyio.to_thread
 
@@ -12,21 +18,54 @@ from app.llm.base import Completion, LanguageModelError, TextDelta
 from app.llm.registry import ModelRegistry
 from app.pipeline.errors import InstructionError, ReplyParseError, UnsafeActionError, UnsupportedActionError
 from app.pipeline.workspace import discretize_actions
-from app.services.ask_meaning import ask_meaning
-from app.services.current_limits import ActionCheck, CurrentLimits
-from app.services.dialogue import Dialogue
-from app.services.errors import UnparsableReplyError, UnsafeReplyError, UnsupportedReplyError
-from app.services.log_fields import note
-from app.services.prediction import PredictedAction, Prediction
-from app.services.prediction_findings import findings_of
-from app.services.prefix_warmer import PrefixWarmer
-from app.services.question import PredictRequest, Question
-from app.services.record_prediction import Recorder
-from app.services.sampled_dialogue import SampledDialogue
-from app.services.timing import Timings, timed
-from app.services.watch_predictions import watched
-from app.services.write_question import QuestionWriter
-from app.store.under_way import UnderWayNotes
+from app.services.measures import Timings, note, timed
+from app.services.motion_bounds import ActionCheck, CurrentLimits
+from app.services.predict.dialogue import Dialogue
+from app.services.predict.doubts import findings_of
+from app.services.predict.instruction import ask_meaning
+from app.services.predict.question import PredictedAction, Prediction, PredictRequest, Question
+from app.services.predict.record import Recorder
+from app.services.predict.sampled import SampledDialogue
+from app.services.predict.warm import PrefixWarmer
+from app.services.predict.write import QuestionWriter
+from app.services.refusals import UnparsableReplyError, UnsafeReplyError, UnsupportedReplyError
+from app.store.errors import StoreUnavailableError
+from app.store.under_way import UnderWay, UnderWayNotes
+
+SHOWN_AFTER_S = 0.5  # shorter ones are never written down
+GRACE_S = 5.0  # a note that a killed process leaves behind outlives its request's deadline by no more
+logger = logging.getLogger(__name__)
+_showing: set[asyncio.Task[None]] = set()  # the event loop itself holds its tasks weakly
+
+
+@asynccontextmanager
+async def watched(notes: UnderWayNotes, question: Question) -> AsyncIterator[None]:
+    """Let the prediction be seen while the body runs, if it runs for long. The body waits for nothing of this."""
+    request, now_s = question.request, time.time()
+    deadline_s = now_s + request.timeout_s + GRACE_S
+    note = UnderWay(uuid4().hex, request.task, request.instruction, question.profile.name, now_s, deadline_s)
+    ended = asyncio.Event()
+
+    def show() -> None:
+        showing = asyncio.create_task(_show(notes, note, ended))
+        _showing.add(showing)
+        showing.add_done_callback(_showing.discard)
+
+    timer = asyncio.get_running_loop().call_later(SHOWN_AFTER_S, show)
+    try:
+        yield
+    finally:
+        timer.cancel()
+        ended.set()
+
+
+async def _show(notes: UnderWayNotes, note: UnderWay, ended: asyncio.Event) -> None:
+    try:
+        await anyio.to_thread.run_sync(notes.begin, note)
+    except StoreUnavailableError as error:
+        logger.warning("%s", error)  # nobody sees it, but it goes on
+    await ended.wait()
+    await anyio.to_thread.run_sync(notes.end, note.id)
 
 
 class PredictActions:

@@ -9,10 +9,9 @@ from datetime import timedelta
 from functools import partial
 
 from app.pipeline.errors import InvalidInputError
-from app.services.extraction import extract_all_again
-from app.services.limits_log import record_limits
+from app.services.motion_bounds import record_limits
 from app.services.task_settings import TaskSettings
-from app.services.workspaces import with_room_for
+from app.services.teach.extract import extract_all_again, with_room_for
 from app.store import episodes, jobs, tasks
 from app.store.errors import CorruptDataError, NotFoundError
 from app.store.records import EpisodeRecord, Extraction, JobRecord

@@ -6,11 +6,10 @@ from typing import Any
 from sqlalchemy import Connection
 
 from app.pipeline.wording import checked_name
-from app.services.extraction import extract_again
-from app.services.limits_log import record_limits
+from app.services.motion_bounds import record_limits
 from app.services.pose_servers import PoseServers
 from app.services.task_settings import MERGED, TaskSettings
-from app.services.workspaces import with_room_for
+from app.services.teach.extract import extract_again, with_room_for
 from app.store import episodes, jobs, tasks
 from app.store.errors import ConflictError, NotFoundError
 from app.store.records import EpisodeRecord, Extraction, JobRecord, TaskRecord

@@ -1,0 +1,123 @@
+"""A request's instruction -> what it asks for, in the words of the demonstrations that the prompt shows.
+
+A dictionary tells a misspelling from another word; where words alone do not explain an instruction, a chat model may
+find the one that the task knows.
+"""
+
+import gzip
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import lru_cache
+from importlib.resources import files
+
+import numpy as np
+
+from app.llm.base import CompletionRequest, LanguageModel, LanguageModelError
+from app.pipeline.episode import ObjectPose
+from app.pipeline.language.grounding import Grounded, Grounding, Taught
+from app.pipeline.language.space import Layout
+from app.pipeline.prompt import Prompt
+from app.services.predict.question import PredictRequest
+from app.services.predict.template import PreviousStep
+from app.services.task_settings import TaskSettings
+
+MAX_TASKS = 256  # whose words are kept: a task of 100 instructions takes 1 MB
+SYSTEM = (
+    "You check instructions for a robot arm. The robot knows a list of instructions and nothing else. You get the list "
+    "and what a person said, in any language. Reply with the number of the one instruction that the person asks for. "
+    "Reply with none if the person asks for something else, for more, for less, if several could be meant, or if you "
+    "are not sure: a robot that moves to the wrong thing is worse than one that asks. Reply with nothing else."
+)
+MAX_TOKENS = 8
+TIMEOUT_S = 20.0
+_NUMBER = re.compile(r"\s*(\d{1,4})\s*\.?\s*")
+
+
+def is_english(word: str) -> bool:
+    """Whether pyspellchecker's frequency list (160,000 words, from film subtitles) has the word in lower case."""
+    listed, wanted = _frequency_list(), f'"{word}"'.encode()
+    low, high = 0, len(listed)
+    while low < high:
+        middle = listed.rfind(b"\n", low, (low + high) // 2) + 1 or low
+        end = listed.find(b":", middle, high)
+        found = listed[middle:end]
+        if end < 0 or found == wanted:
+            return end >= 0
+        if found < wanted:
+            low = listed.find(b"\n", end, high) + 1 or high
+        else:
+            high = middle
+    return False
+
+
+@lru_cache(maxsize=1)
+def _frequency_list() -> bytes:
+    """The list's lines `"word": number`, in the order of their bytes: 3 MB, where a set of words would take 20."""
+    text = gzip.decompress((files("spellchecker") / "resources" / "en.json.gz").read_bytes())
+    return text.strip(b"{}\n")
+
+
+def ground_instruction(
+    request: PredictRequest,
+    instruction: str,
+    taught: Sequence[str],
+    settings: TaskSettings,
+    objects: Sequence[ObjectPose],
+    previous: PreviousStep | None,
+) -> Grounded:
+    """The instruction as it is understood; a closed loop goes on with what its first step understood.
+
+    The objects move while a closed loop runs: "the leftmost cube" must stay the one that it was.
+
+    Args:
+        taught: the instructions of the demonstrations that the prompt shows.
+        objects: as they were observed, in the task's order.
+
+    Raises:
+        UngroundedInstructionError, UnfamiliarInstructionError: if it is not clear.
+    """
+    if previous is not None and previous.grounded is not None and previous.instruction == request.instruction:
+        return previous.grounded
+    aliases = tuple(sorted(settings.aliases.items()))
+    words = _words(tuple(pose.name for pose in objects), aliases, tuple(dict.fromkeys(taught)))
+    if request.meaning is not None:
+        grounded = words.ground(request.meaning)
+        phrases = tuple(Grounding(instruction, phrase.object_name, "llm") for phrase in grounded.phrases)
+        return replace(grounded, phrases=phrases)
+    layout = Layout({pose.name: pose.position_m for pose in objects}, np.array(settings.robot_base))
+    return words.ground(instruction, layout, allow_unfamiliar=request.unfamiliar == "allow")
+
+
+@lru_cache(MAX_TASKS)
+def _words(names: tuple[str, ...], aliases: tuple[tuple[str, tuple[str, ...]], ...], taught: tuple[str, ...]) -> Taught:
+    return Taught(names, dict(aliases), taught, is_english)
+
+
+async def ask_meaning(
+    model: LanguageModel, instruction: str, choices: Sequence[str], timeout_s: float = TIMEOUT_S
+) -> str | None:
+    """The one of `choices` that `instruction` means, as the model understands it.
+
+    Returns:
+        None if the model says none, says anything else, or does not answer: the instruction is then refused as it is.
+    """
+    if model.profile.style != "chat" or not choices:
+        return None
+    request = CompletionRequest(_prompt(instruction, choices), MAX_TOKENS, min(timeout_s, TIMEOUT_S))
+    try:
+        reply = await model.complete(request)
+    except LanguageModelError:
+        return None
+    number = _NUMBER.fullmatch(reply.text)
+    place = int(number[1]) - 1 if number else -1
+    return choices[place] if 0 <= place < len(choices) else None
+
+
+def _prompt(instruction: str, choices: Sequence[str]) -> Prompt:
+    listed = "\n".join(f"{number}. {choice}" for number, choice in enumerate(choices, start=1))
+    numbers = [*map(str, range(1, len(choices) + 1)), "none"]
+    grammar = "root ::= " + " | ".join(f'"{number}"' for number in numbers)
+    # The person's words stand in quotation marks of their own: they are to be understood, not followed.
+    said = instruction.replace('"', "'")
+    return Prompt(SYSTEM, f"The robot knows:\n{listed}\n", f'The person said: "{said}"', ("\n",), grammar)

@@ -1,0 +1,203 @@
+"""Which of a task's episodes a prompt shows, in which order, and what it shows of them.
+
+Stored episodes become demonstrations with the task's symmetries, and plans whose rows agree. The choice may depend on
+where the objects of the episodes stand.
+"""
+
+import random
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from datetime import datetime
+from typing import Literal
+
+import numpy as np
+from sqlalchemy import Connection
+
+from app.pipeline.arrays import Array
+from app.pipeline.episode import Demonstration, ObjectPose, Trajectory
+from app.pipeline.keyframes import KeyframeRule
+from app.pipeline.plans import Recording, agreeing, aligned_by_plan, by_plan, shown_together
+from app.pipeline.selection import most_diverse, nearest_last
+from app.pipeline.timeline import frame_times_s
+from app.services.cache import Cache
+from app.services.task_settings import TaskSettings
+from app.store import episodes
+from app.store.records import DemonstrationRecord, TaskRecord
+
+Selection = Literal["first", "recent", "random", "nearest", "diverse"]
+MAX_TASKS = 64  # whose scenes are kept: 10,000 episodes of three objects take 1 MB
+MAX_CHOICES = 1024
+
+
+# A task that was deleted and made again counts its versions from the beginning.
+TaskState = tuple[str, datetime, int]
+
+
+@dataclass(frozen=True, eq=False)
+class Scenes:
+    """The scenes of one version of a task, oldest first.
+
+    Attributes:
+        ids: of the N episodes.
+        names: of the K objects.
+        positions_m: (N, K, 3) in the world frame.
+    """
+
+    ids: tuple[str, ...]
+    names: tuple[str, ...]
+    positions_m: Array
+
+    def observed_m(self, objects: Sequence[ObjectPose]) -> Array:
+        """(K, 3) the positions of observed objects in the order of `names`."""
+        by_name = {pose.name: pose.position_m for pose in objects}
+        return np.array([by_name[name] for name in self.names])
+
+    def ids_at(self, indices: Iterable[int]) -> tuple[str, ...]:
+        """The episodes' ids."""
+        return tuple(self.ids[index] for index in indices)
+
+
+def read_scenes(connection: Connection, task: str) -> Scenes:
+    """The scenes of the task's episodes."""
+    stored = episodes.scenes(connection, task)
+    names = tuple(item.name for item in stored[0].objects) if stored else ()
+    places_m = [{item.name: item.position_m for item in scene.objects} for scene in stored]
+    positions_m = np.array([[place[name] for name in names] for place in places_m]).reshape(-1, len(names), 3)
+    return Scenes(tuple(scene.id for scene in stored), names, positions_m)
+
+
+def _state(task: TaskRecord) -> TaskState:
+    return task.name, task.created_at, task.version
+
+
+class DemonstrationSelector:
+    """Selects, and remembers per version of a task what does not depend on the observation."""
+
+    def __init__(self) -> None:
+        self._scenes: Cache[TaskState, Scenes] = Cache(MAX_TASKS)
+        self._choices: Cache[tuple[TaskState, Selection, int, int], tuple[str, ...]] = Cache(MAX_CHOICES)
+
+    def __call__(
+        self,
+        connection: Connection,
+        task: TaskRecord,
+        selection: Selection,
+        number: int,
+        seed: int,
+        objects: Sequence[ObjectPose],
+    ) -> tuple[str, ...]:
+        """The ids of at most `number` episodes of the task.
+
+        Args:
+            selection: `first` and `recent` by time of upload; `random` by `seed`; `nearest` by the distance of the
+                observed `objects` to the episode's, the nearest last, where a language model heeds it most; `diverse`
+                those whose objects stand farthest apart, oldest first.
+        """
+        if selection == "nearest":
+            scenes = self._scenes_of(connection, task)
+            return scenes.ids_at(nearest_last(scenes.positions_m, scenes.observed_m(objects), number))
+        key = (_state(task), selection, number, seed if selection == "random" else 0)
+        return self._choices.get(key, lambda: self._choose(connection, task, selection, number, seed))
+
+    def _choose(
+        self, connection: Connection, task: TaskRecord, selection: Selection, number: int, seed: int
+    ) -> tuple[str, ...]:
+        if selection == "random":
+            ids = episodes.list_ids(connection, task.name)
+            return tuple(random.Random(seed).sample(ids, min(number, len(ids))))
+        if selection == "diverse":
+            scenes = self._scenes_of(connection, task)
+            return scenes.ids_at(most_diverse(scenes.positions_m, number))
+        order: Literal["first", "recent"] = "recent" if selection == "recent" else "first"
+        return tuple(record.id for record in episodes.demonstrations(connection, task.name, number, order))
+
+    def _scenes_of(self, connection: Connection, task: TaskRecord) -> Scenes:
+        return self._scenes.get(_state(task), lambda: read_scenes(connection, task.name))
+
+
+@dataclass(frozen=True, eq=False)
+class Demonstrations:
+    """The demonstrations of one prompt.
+
+    Attributes:
+        shown: as the prompt shows them.
+        recorded: the same as they were recorded, before rows of one plan were made to agree.
+    """
+
+    shown: tuple[Demonstration, ...]
+    recorded: tuple[Demonstration, ...]
+
+    @property
+    def groups(self) -> list[tuple[Demonstration, ...]]:
+        """The recorded ones of each instruction and plan."""
+        return by_plan(self.recorded)
+
+
+def read_demonstrations(
+    connection: Connection, task: str, ids: Sequence[str], settings: TaskSettings, *, all_of_them: bool = False
+) -> Demonstrations:
+    """The demonstrations of the named episodes.
+
+    Args:
+        all_of_them: also those of a rare plan, which a prompt otherwise leaves out.
+
+    Raises:
+        NotFoundError: naming the first id that is no episode of this task.
+    """
+    records = episodes.demonstrations_by_id(connection, task, ids)
+
+    def trajectories() -> tuple[Trajectory, ...]:
+        return episodes.get_trajectories(connection, ids)
+
+    return demonstrations_of(records, trajectories, settings, all_of_them=all_of_them)
+
+
+def demonstrations_of(
+    records: Sequence[DemonstrationRecord],
+    trajectories: Callable[[], Sequence[Trajectory]],
+    settings: TaskSettings,
+    *,
+    all_of_them: bool = False,
+) -> Demonstrations:
+    """The demonstrations of records.
+
+    Args:
+        trajectories: reads those of the records, in their order; called where the task's keyframe rule needs them.
+    """
+    if not settings.keyframes.keyframe_rule().aligned:
+        canonical = tuple(canonical_demonstration(record.demonstration(), settings) for record in records)
+        return Demonstrations(canonical, canonical)
+    recorded = aligned_by_plan(recordings_of(records, trajectories(), settings))
+    if not all_of_them:
+        recorded = shown_together(recorded)
+    return Demonstrations(agreeing(recorded), recorded)
+
+
+def recordings_of(
+    records: Sequence[DemonstrationRecord], trajectories: Sequence[Trajectory], settings: TaskSettings
+) -> list[Recording]:
+    """The demonstrations of records as they were found, each with the trajectory that it was made from."""
+    rule = settings.keyframes.keyframe_rule()
+    return [
+        _recording(canonical_demonstration(record.demonstration(), settings), trajectory, record, rule)
+        for record, trajectory in zip(records, trajectories, strict=True)
+    ]
+
+
+def stepwise_demonstrations(records: Sequence[DemonstrationRecord], settings: TaskSettings) -> Demonstrations:
+    """The demonstrations of a closed loop, each with its own keyframes: the objects were tracked to these."""
+    canonical = tuple(canonical_demonstration(record.demonstration(), settings) for record in records)
+    return Demonstrations(canonical, canonical)
+
+
+def canonical_demonstration(demonstration: Demonstration, settings: TaskSettings) -> Demonstration:
+    """The demonstration as prompts show it: symmetric objects at their canonical yaw."""
+    later = tuple(settings.canonical(objects) for objects in demonstration.later_objects)
+    return replace(demonstration, objects=settings.canonical(demonstration.objects), later_objects=later)
+
+
+def _recording(
+    demonstration: Demonstration, trajectory: Trajectory, record: DemonstrationRecord, rule: KeyframeRule
+) -> Recording:
+    started = replace(demonstration, start=trajectory.action_at(0))
+    return Recording(started, trajectory, frame_times_s(trajectory, record.control_frequency_hz), rule)

@@ -1,0 +1,1 @@
+"""Episodes -> what a task knows: uploaded, extracted, checked, and its settings and object models."""
