@@ -16,11 +16,10 @@ from rich.console import Console
 from rich.table import Table
 from scipy.spatial.transform import Rotation
 
-from app.perception.base import ObjectQuery
-from app.perception.cuboid import CuboidPoses
-from app.perception.cuboid_model import CuboidModel
-from app.perception.labelled_scene import LabelledScene
-from app.perception.learn import learn_models
+from app.perception.base import LabelledScene, ObjectQuery
+from app.perception.cuboid.estimator import CuboidPoses
+from app.perception.cuboid.learn import learn_models
+from app.perception.cuboid.model import CuboidModel
 from app.pipeline.camera import RgbdFrame
 from app.pipeline.episode import ObjectPose
 from app.pipeline.errors import InvalidInputError

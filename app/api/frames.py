@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from app.api.body import IMAGE_PREFIXES
 from app.api.image_work import stop_if_unwanted
 from app.api.schemas.requests import CameraIn
-from app.perception.frames import ImageBytes, decode_frame
+from app.perception.images import ImageBytes, decode_frame
 from app.pipeline.camera import RgbdFrame
 from app.pipeline.errors import InvalidInputError
 

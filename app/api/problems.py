@@ -21,7 +21,7 @@ from app.llm.base import (
     ModelUnavailableError,
     UnknownModelError,
 )
-from app.perception.errors import (
+from app.perception.remote import (
     PoseServerError,
     PoseServerReplyError,
     PoseServerTimeoutError,

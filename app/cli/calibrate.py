@@ -44,13 +44,13 @@ def calibrate(
     """
     import numpy as np
 
-    from app.perception.calibrate import calibrate as find_pose
-    from app.perception.charuco import CharucoBoard
+    from app.perception.calibration import CharucoBoard
+    from app.perception.calibration import calibrate as find_pose
     from app.perception.images import decode_rgb
-    from app.perception.rigid import rigid
     from app.pipeline.arrays import unit_quaternions
     from app.pipeline.camera import Camera
     from app.pipeline.errors import InvalidInputError
+    from app.pipeline.geometry import rigid
     from app.pipeline.metadata import camera_json
 
     console = Console(stderr=True)
@@ -81,7 +81,7 @@ def calibration_board(
     """Write the picture of a ChArUco board, to be printed and glued to something flat."""
     import cv2
 
-    from app.perception.charuco import PRINT_DPI, CharucoBoard
+    from app.perception.calibration import PRINT_DPI, CharucoBoard
     from app.pipeline.errors import InvalidInputError
 
     try:

@@ -1,1 +1,1 @@
-"""Object poses from what the robot sees: one estimator a file, one Protocol (`base.PoseEstimator`)."""
+"""Object poses from what the robot sees: estimators by name in `registry`, each a `base.PoseEstimator`."""

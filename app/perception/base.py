@@ -1,8 +1,14 @@
-"""What every pose estimator offers: g(V, M_j) of the paper (section III-C)."""
+"""What every pose estimator offers: g(V, M_j) of the paper (section III-C).
+
+The simplest is `GivenPoses`: poses that the request itself carries. A labelled scene is a first frame with what is
+known of its objects; from such scenes models are learned.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, Self
+
+import numpy as np
 
 from app.perception.models import model_from_json
 from app.perception.object_model import ObjectModel
@@ -59,3 +65,30 @@ class PoseEstimator(Protocol):
             UncertainPoseError: if an object is seen, but its pose is not certain; names it, the cameras and why.
         """
         ...
+
+
+class GivenPoses:
+    """Takes each object's pose from its query; looks at no image."""
+
+    def estimate(self, objects: Sequence[ObjectQuery], frames: Sequence[RgbdFrame]) -> tuple[ObjectPose, ...]:
+        return tuple(self._pose(query) for query in objects)
+
+    def _pose(self, query: ObjectQuery) -> ObjectPose:
+        if query.position_m is None:
+            remedy = "a position [x, y, z] in metres, or images and the task's object_models to find it in them"
+            raise InvalidInputError(f"objects[{query.name}].position", "is missing", remedy)
+        rotation = None if query.quaternion_xyzw is None else np.array(query.quaternion_xyzw)
+        return ObjectPose(query.name, np.array(query.position_m), rotation, estimator="given")
+
+
+@dataclass(frozen=True, eq=False)
+class LabelledScene:
+    """A first frame with what is known of its objects.
+
+    Attributes:
+        frames: RGB-D of one or more cameras; with masks for objects that have mask ids.
+        objects: each with mask ids, a position, or both; a position makes the model's origin that of the object.
+    """
+
+    frames: tuple[RgbdFrame, ...]
+    objects: tuple[ObjectQuery, ...]

@@ -1,4 +1,4 @@
-"""Encoded images -> arrays, without trusting what they claim to be.
+"""Encoded images -> arrays, and a camera's to an RgbdFrame, without trusting what they claim to be.
 
 An image is a PNG, a JPEG or a `.npy` array. What its decoding takes is read from its headers before: a PNG of 389 kB
 can unfold to 1.2 GB, and a JPEG of 75 kB can take nine seconds.
@@ -6,13 +6,15 @@ can unfold to 1.2 GB, and a JPEG of 75 kB can take nine seconds.
 
 import sys
 from contextlib import suppress
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
-from app.perception import jpeg, png
+from app.perception import image_headers
+from app.pipeline.camera import Camera, RgbdFrame
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.npy import array_from_npy
 
@@ -74,9 +76,9 @@ def decode_mask(field: str, data: bytes, max_pixels: int = MAX_PIXELS) -> npt.ND
 
 def as_image(data: bytes, kind: Literal["rgb", "depth", "mask"], depth_scale: float) -> tuple[bytes, str]:
     """Stored image bytes as a file that a browser can show, with its media type; arrays become a PNG."""
-    if data.startswith(jpeg.SIGNATURE):
+    if data.startswith(image_headers.JPEG_SIGNATURE):
         return data, "image/jpeg"
-    if data.startswith(png.SIGNATURE):
+    if data.startswith(image_headers.PNG_SIGNATURE):
         return data, "image/png"
     if kind == "rgb":
         image: npt.NDArray[np.integer[Any]] = decode_rgb("rgb", data, STORED_PIXELS)[..., ::-1]
@@ -93,10 +95,10 @@ def _decode(
 ) -> npt.NDArray[np.generic]:
     if not data:
         raise InvalidInputError(field, "is empty", _VALID[kind])
-    is_png = data.startswith(png.SIGNATURE)
-    if not is_png and not data.startswith(jpeg.SIGNATURE):
+    is_png = data.startswith(image_headers.PNG_SIGNATURE)
+    if not is_png and not data.startswith(image_headers.JPEG_SIGNATURE):
         raise InvalidInputError(field, f"begins with {data[:8]!r}", _VALID[kind])
-    if (png.END if is_png else jpeg.END) not in data[-64:]:
+    if (image_headers.PNG_END if is_png else image_headers.JPEG_END) not in data[-64:]:
         raise InvalidInputError(field, f"is cut off after {len(data)} bytes", _VALID[kind])
     data = _decodable_png(field, data, max_pixels) if is_png else _decodable_jpeg(field, data, max_pixels)
     try:
@@ -115,25 +117,27 @@ def num_pixels(data: bytes) -> int:
             shape = array_from_npy("", data, "").shape
             return shape[0] * shape[1] if len(shape) >= 2 else 0
         return 0
-    width, height = png.size(data) if data.startswith(png.SIGNATURE) else jpeg.size(data)
+    width, height = (
+        image_headers.png_size(data) if data.startswith(image_headers.PNG_SIGNATURE) else image_headers.jpeg_size(data)
+    )
     return width * height
 
 
 def _decodable_png(field: str, data: bytes, max_pixels: int) -> bytes:
     """What of the file is to be decoded."""
-    width, height = png.size(data)
+    width, height = image_headers.png_size(data)
     _check_pixels(field, width * height, max_pixels)
-    if (pixels := png.pixels_only(data)) is None:
-        fault = f"has more than {png.MAX_CHUNKS} chunks, or one that claims more bytes than the file has"
-        raise InvalidInputError(field, fault, f"at most {png.MAX_CHUNKS} chunks, all of them within the file")
+    if (pixels := image_headers.pixels_only(data)) is None:
+        fault = f"has more than {image_headers.MAX_CHUNKS} chunks, or one that claims more bytes than the file has"
+        raise InvalidInputError(field, fault, f"at most {image_headers.MAX_CHUNKS} chunks, all of them within the file")
     return pixels
 
 
 def _decodable_jpeg(field: str, data: bytes, max_pixels: int) -> bytes:
-    width, height = jpeg.size(data)
+    width, height = image_headers.jpeg_size(data)
     _check_pixels(field, width * height, max_pixels)
-    if (scans := jpeg.num_scans(data)) > jpeg.MAX_SCANS:
-        raise InvalidInputError(field, f"has {scans} scans", f"a JPEG of at most {jpeg.MAX_SCANS} scans")
+    if (scans := image_headers.num_scans(data)) > image_headers.MAX_SCANS:
+        raise InvalidInputError(field, f"has {scans} scans", f"a JPEG of at most {image_headers.MAX_SCANS} scans")
     return data
 
 
@@ -147,3 +151,27 @@ def _load_npy(field: str, data: bytes, kind: str, max_pixels: int) -> npt.NDArra
 def _check_pixels(field: str, pixels: int, max_pixels: int) -> None:
     if not 0 < pixels <= max_pixels:
         raise InvalidInputError(field, f"claims {pixels} pixels", f"1 to {max_pixels} pixels")
+
+
+@dataclass(frozen=True)
+class ImageBytes:
+    """One camera's images as they were uploaded; None where there is none."""
+
+    rgb: bytes | None = None
+    depth: bytes | None = None
+    mask: bytes | None = None
+
+
+def decode_frame(camera: Camera, images: ImageBytes, max_pixels: int = MAX_PIXELS) -> RgbdFrame:
+    """The camera's frame.
+
+    Raises:
+        InvalidInputError: naming the part (rgb_NAME, depth_NAME, mask_NAME) that is damaged or does not fit.
+    """
+    name = camera.name
+    return RgbdFrame(
+        camera,
+        None if images.rgb is None else decode_rgb(f"rgb_{name}", images.rgb, max_pixels),
+        None if images.depth is None else decode_depth(f"depth_{name}", images.depth, camera.depth_scale, max_pixels),
+        None if images.mask is None else decode_mask(f"mask_{name}", images.mask, max_pixels),
+    )

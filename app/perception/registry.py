@@ -2,10 +2,9 @@
 
 from collections.abc import Sequence
 
-from app.perception.base import ObjectQuery, PoseEstimator
-from app.perception.cuboid import CuboidPoses
-from app.perception.given import GivenPoses
-from app.perception.markers import MarkerPoses
+from app.perception.base import GivenPoses, ObjectQuery, PoseEstimator
+from app.perception.cuboid.estimator import CuboidPoses
+from app.perception.markers.estimator import MarkerPoses
 from app.perception.masks import MaskedPoints
 from app.perception.remote import RemotePoses
 from app.pipeline.camera import RgbdFrame

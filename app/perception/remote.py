@@ -1,20 +1,168 @@
-"""Poses from a server, asked over HTTP: FoundationPose, a detector on a GPU, another instance of this service."""
+"""Poses from a server, asked over HTTP: FoundationPose, a detector on a GPU, another instance of this service.
+
+One question to the server has a deadline and retries, and each of its refusals a meaning.
+"""
 
 import asyncio
-from collections.abc import Sequence
-from dataclasses import replace
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import httpx
 
 from app.perception.base import ObjectQuery
-from app.perception.errors import PoseServerReplyError
-from app.perception.pose_server import PoseServer
-from app.perception.poses_wire import PoseAnswer, PoseQuestion, answers_from_json, request_parts
-from app.perception.remote_model import RemoteModel
+from app.perception.models import RemoteModel
+from app.perception.poses_wire import Part, PoseAnswer, PoseQuestion, answers_from_json, request_parts
 from app.perception.sightings import Miss, Sighting, fused
+from app.pipeline.addresses import without_proxy
 from app.pipeline.camera import RgbdFrame
 from app.pipeline.episode import ObjectPose
-from app.pipeline.errors import InvalidInputError
+from app.pipeline.errors import InvalidInputError, ObjectNotVisibleError, RoboPromptError, UncertainPoseError
 
+FIRST_PAUSE_S = 0.2  # doubled for each further try
+MAX_REPLY_BYTES = 1_000_000  # a pose takes 300
+MAX_SHOWN_CHARS = 300
+BUSY = frozenset({429, 502, 503, 504})
+# The service's own problems (RFC 9457), by the end of their type
+PROBLEMS: Mapping[str, type[InvalidInputError]] = {
+    "object-not-visible": ObjectNotVisibleError,
+    "uncertain-pose": UncertainPoseError,
+}
 Asked = tuple[ObjectQuery, RemoteModel]
+
+
+class PoseServerError(RoboPromptError):
+    """A server that was to find objects did not.
+
+    ├── PoseServerUnavailableError  it cannot be reached, or says that it is not ready
+    ├── PoseServerTimeoutError      no answer within the object model's timeout_s
+    └── PoseServerReplyError        it answered with an error or with something unintelligible
+    """
+
+
+class PoseServerUnavailableError(PoseServerError):
+    """It cannot be reached, or says that it is not ready."""
+
+
+class PoseServerTimeoutError(PoseServerError):
+    """No answer within the object model's timeout_s."""
+
+
+class PoseServerReplyError(PoseServerError):
+    """It answered with an error or with something unintelligible."""
+
+
+class _NotReadyError(Exception):
+    """Worth another try; carries why."""
+
+    def __init__(self, reason: str, pause_s: float = 0.0) -> None:
+        super().__init__(reason)
+        self.pause_s = pause_s
+
+
+@dataclass(frozen=True)
+class PoseServer:
+    """A server.
+
+    Attributes:
+        url: that questions are posted to.
+        timeout_s: for a question, all tries together.
+    """
+
+    url: str
+    timeout_s: float
+
+    async def ask(self, parts: Mapping[str, Part]) -> Any:  # noqa: ANN401
+        """The reply's JSON document.
+
+        Raises:
+            InvalidInputError: if the server refuses what it was sent (422): its own error, or the nearest to it.
+            PoseServerUnavailableError: if it could not be reached, or was busy, until the end of `timeout_s`.
+            PoseServerTimeoutError: if it took the question but did not answer within `timeout_s`.
+            PoseServerReplyError: for any other status, and for a reply that is not JSON or too large.
+        """
+        trouble = ""
+        try:
+            async with asyncio.timeout(self.timeout_s), self._client() as client:
+                pause_s = FIRST_PAUSE_S
+                while True:
+                    try:
+                        return await self._try(client, parts)
+                    except _NotReadyError as error:
+                        trouble = str(error)
+                        await asyncio.sleep(max(pause_s, error.pause_s))
+                        pause_s *= 2
+        except TimeoutError:
+            if trouble:
+                message = f"the pose server {self.url} was not ready for {self.timeout_s:g} s: {trouble}"
+                raise PoseServerUnavailableError(message) from None
+            message = f"the pose server {self.url} did not answer within {self.timeout_s:g} s"
+            raise PoseServerTimeoutError(message) from None
+
+    def _client(self) -> httpx.AsyncClient:
+        return httpx.AsyncClient(
+            headers={"Accept-Encoding": "identity"},  # nothing that unfolds
+            timeout=None,  # the deadline covers everything
+            verify=self.url.startswith("https:"),  # reading the certificates takes 20 to 90 ms
+            mounts=without_proxy(self.url),
+        )
+
+    async def _try(self, client: httpx.AsyncClient, parts: Mapping[str, Part]) -> Any:  # noqa: ANN401
+        try:
+            async with client.stream("POST", self.url, files=dict(parts)) as response:
+                body = await _read(response)
+        except httpx.TransportError as error:
+            raise _NotReadyError(str(error) or type(error).__name__) from error
+        except httpx.HTTPError as error:
+            raise PoseServerReplyError(f"the reply of {self.url} cannot be read: {error}") from error
+        if response.status_code in BUSY:
+            raise _NotReadyError(_shown(response, body), _retry_after_s(response))
+        document = _json(body)
+        if response.status_code == httpx.codes.UNPROCESSABLE_ENTITY:
+            raise self._refusal(response, body, document)
+        if response.status_code != httpx.codes.OK or document is None:
+            raise PoseServerReplyError(f"the pose server {self.url} answered {_shown(response, body)}")
+        return document
+
+    def _refusal(self, response: httpx.Response, body: bytes, problem: object) -> InvalidInputError:
+        """A 422 of the service's own kind as the error that it was there; of another kind, as far as it is known."""
+        if not isinstance(problem, dict) or not isinstance(problem.get("errors"), list) or not problem["errors"]:
+            return InvalidInputError("cameras", f"the pose server {self.url} refused them: {_shown(response, body)}")
+        first = problem["errors"][0] if isinstance(problem["errors"][0], dict) else {}
+        kind = PROBLEMS.get(str(problem.get("type", "")).rpartition("/")[2], InvalidInputError)
+        message = f"{_cut(first.get('message'))} (says the pose server {self.url})"
+        return kind(_cut(first.get("field")) or "cameras", message, _cut(first.get("valid")) or None)
+
+
+async def _read(response: httpx.Response) -> bytes:
+    body = b""
+    async for chunk in response.aiter_raw():
+        body += chunk
+        if len(body) > MAX_REPLY_BYTES:
+            raise PoseServerReplyError(f"{response.url} replied with more than {MAX_REPLY_BYTES} bytes")
+    return body
+
+
+def _json(body: bytes) -> Any:  # noqa: ANN401
+    """The document, or None."""
+    try:
+        return json.loads(body)
+    except (ValueError, RecursionError):
+        return None
+
+
+def _shown(response: httpx.Response, body: bytes) -> str:
+    return f"HTTP {response.status_code}: {_cut(body.decode(errors='replace'))}"
+
+
+def _cut(text: object) -> str:
+    return "" if text is None else str(text)[:MAX_SHOWN_CHARS]
+
+
+def _retry_after_s(response: httpx.Response) -> float:
+    value = response.headers.get("retry-after", "")
+    return float(value) if value.isdecimal() else 0.0
 
 
 class RemotePoses:

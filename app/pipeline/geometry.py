@@ -1,9 +1,10 @@
-"""Points, frames and rotations, thin over scipy's Rotation."""
+"""Points, frames and rotations, thin over scipy's Rotation; rigid transforms are (4, 4) matrices."""
 
 import math
 from dataclasses import replace
 
 import numpy as np
+import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from app.pipeline.arrays import Array
@@ -73,3 +74,19 @@ def canonical_pose(pose: ObjectPose, yaw_symmetry_deg: float | None) -> ObjectPo
     nearest = np.lexsort((yaws_rad, np.abs(yaws_rad).round(6)))[0]
     turned = rotation * Rotation.from_euler("z", turns_rad[nearest])
     return replace(pose, quaternion_xyzw=turned.as_quat(canonical=True))
+
+
+def rigid(position_m: npt.ArrayLike, quaternion_xyzw: npt.ArrayLike) -> Array:
+    """From a frame with this pose to the frame in which the pose is given."""
+    transform: Array = np.eye(4)
+    transform[:3, :3] = Rotation.from_quat(quaternion_xyzw).as_matrix()
+    transform[:3, 3] = position_m
+    return transform
+
+
+def inverse(transform: Array) -> Array:
+    """The way back."""
+    back: Array = np.eye(4)
+    back[:3, :3] = transform[:3, :3].T
+    back[:3, 3] = -transform[:3, :3].T @ transform[:3, 3]
+    return back

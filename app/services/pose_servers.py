@@ -10,11 +10,10 @@ from typing import Any
 import httpx
 
 from app.perception.base import ObjectQuery
-from app.perception.models import model_from_json
+from app.perception.models import RemoteModel, model_from_json
 from app.perception.object_model import ObjectModel
 from app.perception.poses_wire import PoseQuestion
 from app.perception.registry import estimate_poses
-from app.perception.remote_model import RemoteModel
 from app.pipeline.addresses import is_loopback
 from app.pipeline.camera import RgbdFrame
 from app.pipeline.episode import ObjectPose

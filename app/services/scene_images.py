@@ -5,8 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import cv2
 
 from app.perception.base import ObjectQuery
-from app.perception.frames import ImageBytes, decode_frame
-from app.perception.images import STORED_PIXELS
+from app.perception.images import STORED_PIXELS, ImageBytes, decode_frame
 from app.perception.overlay import draw_overlay
 from app.pipeline.camera import Camera, RgbdFrame
 from app.services.task_settings import TaskSettings

@@ -11,8 +11,7 @@ import pytest
 from app.client.client import RoboPromptClient
 from app.llm.base import CompletionRequest, ModelProfile
 from app.llm.openai_compatible import OpenAiCompatibleModel
-from app.perception.errors import PoseServerReplyError
-from app.perception.pose_server import PoseServer
+from app.perception.remote import PoseServer, PoseServerReplyError
 from app.pipeline.prompt import Prompt
 
 REPLY = {"choices": [{"text": "[[1]]", "finish_reason": "stop"}]}

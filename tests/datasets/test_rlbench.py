@@ -10,7 +10,7 @@ from app.datasets.objects import KnownObjects
 from app.datasets.options import ImportOptions
 from app.datasets.recording import ObjectEntry
 from app.datasets.rlbench_pickle import load_demo
-from app.perception.frames import ImageBytes, decode_frame
+from app.perception.images import ImageBytes, decode_frame
 from app.pipeline.geometry import backproject
 from app.pipeline.keyframes import KeyframeRule, find_keyframes
 from app.pipeline.metadata import camera_from_json

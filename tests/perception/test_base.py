@@ -3,8 +3,7 @@ from dataclasses import asdict
 
 import pytest
 
-from app.perception.base import ObjectQuery
-from app.perception.given import GivenPoses
+from app.perception.base import GivenPoses, ObjectQuery
 from app.perception.masks import MaskedPoints
 from app.perception.registry import ESTIMATORS, pose_estimator
 from app.pipeline.errors import InvalidInputError

@@ -5,11 +5,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from app.perception.calibrate import calibrate
-from app.perception.charuco import CharucoBoard
-from app.perception.rigid import rigid
+from app.perception.calibration import CharucoBoard, calibrate
 from app.pipeline.camera import Camera
 from app.pipeline.errors import InvalidInputError
+from app.pipeline.geometry import rigid
 from tests.perception.flat_scene import Quad, camera, noisy, render
 
 BOARD = CharucoBoard(5, 7, 0.035, 0.026)

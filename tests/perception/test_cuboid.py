@@ -5,9 +5,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from app.perception.base import ObjectQuery
-from app.perception.cuboid import CuboidPoses
-from app.perception.cuboid_model import COLORS, ColorModel, CuboidModel, Rank
-from app.perception.masks_model import MasksModel
+from app.perception.cuboid.estimator import CuboidPoses
+from app.perception.cuboid.model import COLORS, ColorModel, CuboidModel, Rank
+from app.perception.models import MasksModel
 from app.pipeline.errors import InvalidInputError, ObjectNotVisibleError, UncertainPoseError
 from app.pipeline.geometry import yaw_rad
 from tests.perception.flat_scene import camera

@@ -2,7 +2,7 @@ import cv2
 import numpy as np
 import pytest
 
-from app.perception.frames import ImageBytes, decode_frame
+from app.perception.images import ImageBytes, decode_frame
 from app.pipeline.camera import Camera
 from app.pipeline.errors import InvalidInputError
 

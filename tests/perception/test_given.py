@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from app.perception.base import ObjectQuery
-from app.perception.given import GivenPoses
+from app.perception.base import GivenPoses, ObjectQuery
 from app.pipeline.errors import InvalidInputError
 
 

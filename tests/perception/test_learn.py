@@ -3,11 +3,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.perception.base import ObjectQuery
-from app.perception.color import color_mask, to_hsv
-from app.perception.cuboid import CuboidPoses
-from app.perception.labelled_scene import LabelledScene
-from app.perception.learn import learn_models
+from app.perception.base import LabelledScene, ObjectQuery
+from app.perception.cuboid.estimator import CuboidPoses
+from app.perception.cuboid.learn import learn_models
+from app.perception.cuboid.pieces import color_mask, to_hsv
 from app.pipeline.errors import InvalidInputError
 from tests.perception.solid_scene import FRONT, LEFT, Solid, cube, labelled, shoot
 

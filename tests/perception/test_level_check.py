@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.perception.level_check import check_level
+from app.perception.frame_checks import check_level
 from app.pipeline.errors import InvalidInputError
 from tests.perception.solid_scene import FRONT, LEFT, cube, shoot
 

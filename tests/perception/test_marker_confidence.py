@@ -3,10 +3,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.perception.marker_confidence import confidence, depth_contradiction
-from app.perception.marker_fit import MarkerFit
-from app.perception.marker_model import Marker
-from app.perception.marker_view import MarkerView
+from app.perception.markers.estimator import confidence, depth_contradiction
+from app.perception.markers.fit import MarkerFit
+from app.perception.markers.model import Marker
+from app.perception.markers.view import MarkerView
 from app.pipeline.camera import Camera
 
 CAMERA = Camera("front", 600, 600, 320, 240, np.eye(4))

@@ -3,7 +3,7 @@ import json
 import numpy as np
 import pytest
 
-from app.perception.marker_model import Marker, MarkersModel
+from app.perception.markers.model import Marker, MarkersModel
 from app.perception.models import model_from_json
 from app.pipeline.errors import InvalidInputError
 

@@ -4,12 +4,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from app.perception.base import ObjectQuery
-from app.perception.marker_detection import find_markers
-from app.perception.marker_model import Marker, MarkersModel
-from app.perception.markers import MarkerPoses
-from app.perception.rigid import inverse
+from app.perception.markers.detection import find_markers
+from app.perception.markers.estimator import MarkerPoses
+from app.perception.markers.model import Marker, MarkersModel
 from app.pipeline.camera import RgbdFrame
 from app.pipeline.errors import InvalidInputError, ObjectNotVisibleError, UncertainPoseError
+from app.pipeline.geometry import inverse
 from tests.perception.flat_scene import camera, marker_quad, noisy, render
 
 DICTIONARY = "DICT_4X4_50"

@@ -4,7 +4,7 @@ from scipy.spatial.transform import Rotation
 
 from app.perception.base import ObjectQuery
 from app.perception.masks import MaskedPoints
-from app.perception.masks_model import MasksModel
+from app.perception.models import MasksModel
 from app.pipeline.errors import UncertainPoseError
 from app.pipeline.geometry import yaw_rad
 from tests.perception.solid_scene import FRONT, LEFT, Solid, cube, shoot

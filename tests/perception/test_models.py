@@ -4,9 +4,8 @@ from dataclasses import asdict
 import pytest
 
 from app.perception.base import ObjectQuery
-from app.perception.cuboid_model import ColorModel, CuboidModel, Rank
-from app.perception.masks_model import MasksModel
-from app.perception.models import MODELS, model_from_json
+from app.perception.cuboid.model import ColorModel, CuboidModel, Rank
+from app.perception.models import MODELS, MasksModel, model_from_json
 from app.perception.registry import ESTIMATORS
 from app.pipeline.errors import InvalidInputError
 

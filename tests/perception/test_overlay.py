@@ -2,11 +2,10 @@ import numpy as np
 import pytest
 
 from app.perception.base import ObjectQuery
-from app.perception.cuboid_model import ColorModel, CuboidModel
-from app.perception.marker_model import Marker, MarkersModel
-from app.perception.outlines import outlines
-from app.perception.overlay import AXIS_COLORS, PALETTE, draw_overlay
-from app.perception.remote_model import RemoteModel
+from app.perception.cuboid.model import ColorModel, CuboidModel
+from app.perception.markers.model import Marker, MarkersModel
+from app.perception.models import RemoteModel
+from app.perception.overlay import AXIS_COLORS, PALETTE, draw_overlay, outlines
 from app.pipeline.camera import Camera, RgbdFrame
 from app.pipeline.episode import ObjectPose
 from app.pipeline.errors import InvalidInputError

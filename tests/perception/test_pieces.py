@@ -1,8 +1,7 @@
 import numpy as np
 
-from app.perception.color import color_mask, to_hsv
-from app.perception.cuboid_model import COLORS, ColorModel
-from app.perception.pieces import find_parts, find_pieces, full_mask
+from app.perception.cuboid.model import COLORS, ColorModel
+from app.perception.cuboid.pieces import color_mask, find_parts, find_pieces, full_mask, to_hsv
 from tests.perception.solid_scene import Solid, cube, shoot
 
 CUBE_M = np.full(3, 0.05)

@@ -3,7 +3,7 @@ import json
 import numpy as np
 import pytest
 
-from app.perception.frames import ImageBytes, decode_frame
+from app.perception.images import ImageBytes, decode_frame
 from app.perception.poses_wire import PoseQuestion, answers_from_json, poses_document, request_parts
 from app.pipeline.camera import Camera, RgbdFrame
 from app.pipeline.episode import ObjectPose

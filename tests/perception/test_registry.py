@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from app.perception.base import ObjectQuery
-from app.perception.masks_model import MasksModel
-from app.perception.models import MODELS, model_from_json
+from app.perception.models import MODELS, MasksModel, model_from_json
 from app.perception.registry import ESTIMATORS, estimate_poses
 from app.pipeline.errors import InvalidInputError
 from tests.perception.solid_scene import FRONT, LEFT, cube, shoot

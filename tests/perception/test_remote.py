@@ -7,10 +7,14 @@ import numpy as np
 import pytest
 
 from app.perception.base import ObjectQuery
-from app.perception.errors import PoseServerReplyError, PoseServerTimeoutError, PoseServerUnavailableError
-from app.perception.pose_server import MAX_REPLY_BYTES
-from app.perception.remote import RemotePoses
-from app.perception.remote_model import RemoteModel
+from app.perception.models import RemoteModel
+from app.perception.remote import (
+    MAX_REPLY_BYTES,
+    PoseServerReplyError,
+    PoseServerTimeoutError,
+    PoseServerUnavailableError,
+    RemotePoses,
+)
 from app.pipeline.camera import Camera, RgbdFrame
 from app.pipeline.errors import InvalidInputError, ObjectNotVisibleError, UncertainPoseError
 from tests.perception.pose_server_loopback import send, serving

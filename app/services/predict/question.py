@@ -9,7 +9,7 @@ import numpy as np
 
 from app.llm.base import Completion, ModelProfile
 from app.perception.base import ObjectQuery
-from app.perception.frames import ImageBytes
+from app.perception.images import ImageBytes
 from app.pipeline.camera import Camera, RgbdFrame
 from app.pipeline.episode import EndEffectorAction, ObjectPose
 from app.pipeline.errors import InvalidInputError

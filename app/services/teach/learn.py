@@ -5,9 +5,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from app.perception.base import ObjectQuery
-from app.perception.labelled_scene import LabelledScene
-from app.perception.learn import learn_models
+from app.perception.base import LabelledScene, ObjectQuery
+from app.perception.cuboid.learn import learn_models
 from app.pipeline.errors import InvalidInputError
 from app.services.refusals import NoDemonstrationsError
 from app.services.scene_images import read_frame

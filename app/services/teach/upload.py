@@ -9,7 +9,7 @@ import numpy as np
 from sqlalchemy import Connection
 
 from app.perception.base import ObjectQuery
-from app.perception.frames import ImageBytes
+from app.perception.images import ImageBytes
 from app.pipeline.episode import Episode, ObjectPose
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.prompt import check_object_names

@@ -1,4 +1,8 @@
-"""Whether what a camera sees agrees with its calibration: tables and floors are level."""
+"""Whether images can show what an estimator looks for: with depth, and by cameras that stand as they are calibrated.
+
+Images that cannot are refused for what is wrong with them. Tables and floors are level; a camera that sees them tilted
+is not where its calibration says.
+"""
 
 import numpy as np
 
@@ -7,11 +11,36 @@ from app.pipeline.camera import RgbdFrame
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.geometry import pixels_to_world
 
+NEAREST_M, FARTHEST_M = 0.05, 20.0  # the middle depth of a robot's workspace lies between
 STRIDE_PX = 16
 NUM_TRIALS = 60
 FLAT_M = 0.006  # points nearer to a plane than this belong to it: three sigma at 1 m, times the square of the distance
 ENOUGH_SHARE = 0.25  # of the points, for a plane to count as table or floor
 MAX_TILT_DEG, STEEP_DEG = 5.0, 40.0  # beyond the latter it is a wall or a ramp, not a table
+
+
+def check_rgbd(frame: RgbdFrame) -> None:
+    """Refuse a frame without colours or without usable depth.
+
+    Raises:
+        InvalidInputError: naming rgb_NAME, depth_NAME or the camera's depth_scale.
+    """
+    name = frame.camera.name
+    if frame.rgb is None:
+        raise InvalidInputError(f"rgb_{name}", "is missing", "a colour image beside the depth image")
+    if frame.depth_m is None:
+        raise InvalidInputError(f"depth_{name}", "is missing", "a depth image beside the colour image")
+    sample = frame.depth_m[::4, ::4]
+    known = sample[sample > 0]
+    if not len(known):
+        raise InvalidInputError(
+            f"depth_{name}", "is 0 (unknown) everywhere", "depths of the scene, 0 only where unknown"
+        )
+    middle_m = float(np.median(known))
+    if not NEAREST_M < middle_m < FARTHEST_M:
+        message = f"puts half of the scene farther than {middle_m:.3g} m" if middle_m > 1 else f"is {middle_m:.3g} m"
+        remedy = "metres in a .npy array; a 16-bit PNG in units of depth_scale, 0.001 for millimetres"
+        raise InvalidInputError(f"depth_{name}", f"{message} (median); the scale is wrong", remedy)
 
 
 def check_level(frame: RgbdFrame) -> None:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from app.perception.cuboid_model import CuboidModel
+from app.perception.cuboid.model import CuboidModel
 from app.perception.sightings import Sighting
 from app.pipeline.arrays import Array
 from app.pipeline.errors import UncertainPoseError

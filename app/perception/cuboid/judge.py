@@ -6,9 +6,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from app.perception.cuboid_fit import Fit, View
-from app.perception.pieces import Piece, full_mask
-from app.perception.upright_shape import Shape, outline_points_m, surface_distances_m
+from app.perception.cuboid.fit import Fit, Shape, View, outline_points_m, surface_distances_m
+from app.perception.cuboid.pieces import Piece, full_mask
 from app.pipeline.arrays import Array
 from app.pipeline.camera import Camera, RgbdFrame
 from app.pipeline.geometry import pixels_to_world

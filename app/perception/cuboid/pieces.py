@@ -1,4 +1,4 @@
-"""A colour mask -> the separate things that it shows."""
+"""Which pixels have an object's colour, and the separate things that they show."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -7,11 +7,14 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from app.perception.upright_shape import Shape
+from app.perception.cuboid.fit import Shape
+from app.perception.cuboid.model import ColorModel
 from app.pipeline.arrays import Array
 from app.pipeline.camera import Camera, RgbdFrame
 from app.pipeline.geometry import pixels_to_world
 
+HsvImage = npt.NDArray[np.uint8]  # (H, W, 3)
+HUE_STEPS_PER_DEG = 256 / 360  # OpenCV's HSV_FULL
 Bytes = npt.NDArray[np.uint8]
 MIN_PIXELS = 20
 CROSS: Bytes = np.asarray(cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3)), np.uint8)
@@ -20,6 +23,20 @@ MIN_SHARE = 0.06  # of the pixels that the whole object would have: what is smal
 STEP_PIXELS = 8.0  # a step in depth by more pixel widths than this, within 3x3 pixels, parts two things
 MAX_PIECES = 12
 SLACK_M, SLACK_FACTOR = 0.012, 1.1  # for depth noise, when pieces are put together
+
+
+def to_hsv(rgb: npt.NDArray[np.uint8]) -> HsvImage:
+    """(H, W, 3): hue in 256 steps of a turn, saturation and value in 0..255."""
+    return np.asarray(cv2.cvtColor(rgb, cv2.COLOR_RGB2HSV_FULL), np.uint8)
+
+
+def color_mask(hsv: HsvImage, color: ColorModel) -> npt.NDArray[np.uint8]:
+    """(H, W), 255 where a pixel has the colour."""
+    first, last = (round(hue * HUE_STEPS_PER_DEG) % 256 for hue in color.hue_deg)
+    (low_s, high_s), (low_v, high_v) = ((round(255 * x) for x in pair) for pair in (color.saturation, color.value))
+    spans = [(first, last)] if first <= last else [(first, 255), (0, last)]
+    masks = [cv2.inRange(hsv, (low, low_s, low_v), (high, high_s, high_v)) for low, high in spans]
+    return np.asarray(masks[0] if len(masks) == 1 else cv2.bitwise_or(*masks), np.uint8)
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,8 +3,8 @@
 import numpy as np
 import numpy.typing as npt
 
-from app.perception.cuboid_fit import View
-from app.perception.pieces import CROSS, Piece, eroded, inner, mask_in
+from app.perception.cuboid.fit import View
+from app.perception.cuboid.pieces import CROSS, Piece, eroded, inner, mask_in
 from app.pipeline.arrays import Array
 from app.pipeline.camera import Camera, RgbdFrame
 from app.pipeline.geometry import pixels_to_world

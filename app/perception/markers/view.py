@@ -6,8 +6,8 @@ from typing import Self
 import cv2
 import numpy as np
 
-from app.perception.marker_detection import SeenMarker
-from app.perception.marker_model import Marker
+from app.perception.markers.detection import SeenMarker
+from app.perception.markers.model import Marker
 from app.pipeline.arrays import Array
 from app.pipeline.camera import Camera, RgbdFrame
 

@@ -7,15 +7,13 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from app.perception.base import ObjectQuery
-from app.perception.color import HsvImage, color_mask, to_hsv
-from app.perception.cuboid_fit import fit_upright
-from app.perception.cuboid_judge import judge
-from app.perception.cuboid_model import CuboidModel
-from app.perception.cuboid_view import view_of
-from app.perception.depth_checks import check_rgbd
-from app.perception.instances import chosen, instances
-from app.perception.level_check import check_level
-from app.perception.pieces import Piece, find_pieces
+from app.perception.cuboid.fit import fit_upright
+from app.perception.cuboid.instances import chosen, instances
+from app.perception.cuboid.judge import judge
+from app.perception.cuboid.model import CuboidModel
+from app.perception.cuboid.pieces import HsvImage, Piece, color_mask, find_pieces, to_hsv
+from app.perception.cuboid.view import view_of
+from app.perception.frame_checks import check_level, check_rgbd
 from app.perception.sightings import Miss, Sighting, fused
 from app.pipeline.arrays import Array
 from app.pipeline.camera import RgbdFrame
