@@ -14,8 +14,8 @@ from app.cli.progress import counted
 from app.client.client import DEFAULT_URL, RoboPromptClient
 from app.client.errors import ServiceProblemError, ServiceUnreachableError
 from app.datasets.archive import write_archive
-from app.datasets.errors import DatasetError
-from app.datasets.lerobot_writer import write_lerobot
+from app.datasets.bounds import DatasetError
+from app.datasets.lerobot.writer import write_lerobot
 from app.datasets.recording import Parcel
 from app.datasets.rerun import write_rerun
 

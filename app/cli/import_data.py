@@ -15,12 +15,10 @@ from app.cli.progress import counted
 from app.client.client import DEFAULT_URL, RoboPromptClient
 from app.client.errors import ServiceProblemError, ServiceUnreachableError
 from app.datasets.apart import open_apart
-from app.datasets.errors import DatasetError
+from app.datasets.bounds import MAX_UNPACKED_BYTES, MEGABYTE, DatasetError, ReadLimits
 from app.datasets.formats import FORMATS
-from app.datasets.limits import MAX_UNPACKED_BYTES, MEGABYTE, ReadLimits
 from app.datasets.mapping import read_changes
-from app.datasets.objects import KnownObjects, read_objects
-from app.datasets.options import ImportOptions
+from app.datasets.options import ImportOptions, KnownObjects, read_objects
 from app.datasets.recording import Dataset
 from app.pipeline.errors import InvalidInputError
 

@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 from app.client.client import RoboPromptClient
 from app.client.errors import ServiceProblemError
-from app.datasets.errors import DamagedError
+from app.datasets.bounds import DamagedError
 from app.datasets.recording import Dataset, Entry, Parcel, canonical_json
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.keyframes import KeyframeRule, find_keyframes

@@ -1,13 +1,14 @@
 """Datasets read by processes of their own, within limits of memory and time.
 
 Files of unknown origin are read by large libraries in C; what breaks one of them breaks a process that holds no key and
-nothing else to lose. It answers with bytes and texts, never with objects.
+nothing else to lose. It answers with bytes and texts, never with objects: each message is a length, then MessagePack.
 """
 
 import json
 import os
 import pickle
 import signal
+import struct
 import subprocess
 import sys
 import threading
@@ -16,20 +17,60 @@ from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from queue import Empty, SimpleQueue
-from typing import Any
+from typing import IO, Any
 
-from app.datasets.errors import DamagedError, DatasetError, MissingPackageError
-from app.datasets.framing import read_frame, write_frame
-from app.datasets.limits import MEGABYTE, REMEDY, ReadLimits
+import msgpack
+
+from app.datasets.bounds import MEGABYTE, REMEDY, DamagedError, DatasetError, MissingPackageError, ReadLimits
 from app.datasets.options import ImportOptions
 from app.datasets.recording import Dataset, Entry, Parcel
 from app.pipeline.errors import InvalidInputError
 
+_LENGTH = struct.Struct(">Q")
 # What Python and its libraries need to start; keys and addresses of services are left out.
 KEPT_VARIABLES = ("PATH", "LANG", "LC_ALL", "LC_CTYPE", "TMPDIR", "TEMP", "SYSTEMROOT", "LD_LIBRARY_PATH")
 # Address space that libraries reserve for every core at once would count as memory.
 FRUGAL = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MALLOC_ARENA_MAX": "2"}
 FRAMING_BYTES = 10 * MEGABYTE
+
+
+def write_frame(stream: IO[bytes], message: object) -> None:
+    """Send bytes as they are, anything else in MessagePack; raises OSError."""
+    data = message if isinstance(message, bytes) else msgpack.packb(message)
+    stream.write(_LENGTH.pack(len(data)))
+    stream.write(data)
+    stream.flush()
+
+
+def read_bytes(stream: IO[bytes], max_bytes: int) -> bytes:
+    """What `write_frame` has sent.
+
+    Raises:
+        EOFError: if the other side has ended.
+        ValueError: if it is larger than `max_bytes`.
+    """
+    head = stream.read(_LENGTH.size)
+    if len(head) < _LENGTH.size:
+        raise EOFError
+    (length,) = _LENGTH.unpack(head)
+    if length > max_bytes:
+        raise ValueError(f"a message of {length} bytes, expected at most {max_bytes}")
+    data = stream.read(length)
+    if len(data) < length:
+        raise EOFError
+    return data
+
+
+def read_frame(stream: IO[bytes], max_bytes: int) -> dict[str, Any]:
+    """A message in MessagePack.
+
+    Raises:
+        EOFError, ValueError: as `read_bytes`, or if it is no such message.
+    """
+    message = msgpack.unpackb(read_bytes(stream, max_bytes))
+    if not isinstance(message, dict):
+        raise ValueError("a message that is no mapping")
+    return message
 
 
 @contextmanager

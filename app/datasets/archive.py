@@ -13,8 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from app.datasets.errors import DamagedError, DatasetError
-from app.datasets.limits import Budget
+from app.datasets.bounds import Budget, DamagedError, DatasetError
 from app.datasets.options import ImportOptions
 from app.datasets.recording import Dataset, Entry, Parcel, canonical_json, checked_metadata
 from app.datasets.writing import in_one_step

@@ -1,17 +1,23 @@
-"""A table of named arrays and a mapping of its columns -> Trajectory and objects."""
+"""A table of named arrays and a mapping of its columns -> Trajectory and objects, and one episode's Recording.
+
+The mapping and the user's options say what the columns are.
+"""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from app.datasets.mapping import FeatureMap, RotationFormat
-from app.datasets.recording import ObjectEntry
+from app.datasets.options import ImportOptions
+from app.datasets.recording import ObjectEntry, Recording
 from app.pipeline.arrays import Array
+from app.pipeline.camera import Camera
 from app.pipeline.episode import Trajectory
 from app.pipeline.errors import InvalidInputError
+from app.pipeline.metadata import camera_from_json
 
 Columns = Mapping[str, np.ndarray[Any, Any]]
 _SELECTOR = re.compile(r"(?P<column>.*?)(?:\[(?P<start>-?\d+)(?P<cut>:(?P<stop>-?\d*))?\])?")
@@ -133,3 +139,64 @@ def _required(columns: Columns, selector: str | None, part: str) -> Array:
 
 def _missing(part: str, why: str, columns: Columns) -> InvalidInputError:
     return InvalidInputError(part, why, f"--feature {part}=COLUMN, one of {', '.join(columns)}")
+
+
+def recording_of(
+    *,
+    name: str,
+    source: str,
+    task: str,
+    instruction: str | None,
+    columns: Columns,
+    frequency_hz: float,
+    mapping: FeatureMap,
+    options: ImportOptions,
+    image: Callable[[str], bytes],
+    image_columns: Sequence[str] = (),
+) -> Recording:
+    """The recording.
+
+    Args:
+        name: of the episode in its dataset.
+        source: the format, kept with the episode.
+        task, instruction: what the dataset says; options go before.
+        image: the encoded first image of a column; raises DamagedError.
+        image_columns: those that have images, whether the mapping uses them or not.
+
+    Raises:
+        InvalidInputError: for a part that is missing or not as it must be.
+    """
+    if (said := options.instruction or instruction) is None:
+        raise InvalidInputError("instruction", "the dataset names none", "--instruction 'what the robot does'")
+    trajectory = trajectory_of(columns, mapping, frequency_hz)
+    cameras, images = _cameras(mapping, options, image)
+    used = {column for item in mapping.cameras for column in (item.rgb, item.depth)}
+    unused = [column for column in image_columns if column not in used]
+    derived = mapping.joint_velocities is None
+    notes = [
+        *(["joint velocities: derived from joint positions"] if derived else []),
+        *([f"calibration of {', '.join(unused)}: images are left out"] if unused else []),
+    ]
+    return Recording(
+        task=options.task or task,
+        instruction=said,
+        trajectory=trajectory,
+        control_frequency_hz=frequency_hz,
+        objects=objects_of(trajectory, mapping) or options.objects.of(name),
+        cameras=cameras,
+        images=images,
+        extra={"source": source, "episode": name},
+        notes=tuple(notes),
+    )
+
+
+def _cameras(
+    mapping: FeatureMap, options: ImportOptions, image: Callable[[str], bytes]
+) -> tuple[tuple[Camera, ...], dict[str, bytes]]:
+    cameras, images = [], {}
+    for item in mapping.cameras:
+        if options.wants(item.name):
+            cameras.append(camera_from_json(item.calibration))
+            columns = {f"rgb_{item.name}": item.rgb, f"depth_{item.name}": item.depth}
+            images.update({part: image(column) for part, column in columns.items() if column is not None})
+    return tuple(cameras), images

@@ -17,7 +17,7 @@ from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, Literal, get_args
 
-from app.datasets.errors import DatasetError
+from app.datasets.bounds import DatasetError
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.metadata import camera_from_json
 

@@ -9,8 +9,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-from app.datasets.errors import DamagedError, MissingPackageError
-from app.datasets.limits import Budget
+from app.datasets.bounds import Budget, DamagedError, MissingPackageError
 
 MAX_MESSAGE_BYTES = 1_000_000  # of joints, a pose or a number; images are never decoded
 OBJECT_BYTES = 500  # what Python needs for a message beside its numbers

@@ -14,10 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from app.datasets.errors import DamagedError, MissingPackageError
-from app.datasets.inside import inside
-from app.datasets.limits import Budget
-from app.datasets.mapped import recording_of
+from app.datasets.bounds import Budget, DamagedError, MissingPackageError, inside
+from app.datasets.columns import recording_of
 from app.datasets.mapping import FeatureMap
 from app.datasets.mcap_chunks import read_messages
 from app.datasets.options import ImportOptions, as_name

@@ -6,10 +6,9 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from app.datasets.errors import DamagedError, DatasetError, MissingPackageError
+from app.datasets.apart import read_bytes, read_frame, write_frame
+from app.datasets.bounds import MEGABYTE, DamagedError, DatasetError, MissingPackageError, ReadLimits
 from app.datasets.formats import open_dataset
-from app.datasets.framing import read_bytes, read_frame, write_frame
-from app.datasets.limits import MEGABYTE, ReadLimits
 from app.datasets.recording import Dataset, Parcel, canonical_json
 from app.pipeline.errors import InvalidInputError
 

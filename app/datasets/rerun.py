@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from app.datasets.errors import MissingPackageError
+from app.datasets.bounds import MissingPackageError
 from app.datasets.recording import Parcel
 from app.datasets.writing import in_one_step
 from app.pipeline.episode import Trajectory

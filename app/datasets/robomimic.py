@@ -3,9 +3,12 @@
 robosuite moves one arm by end-effector poses and opens the gripper where the action's last number is negative. Objects
 are the observations `NAME_pos` with `NAME_quat`; files that only have `object`, a vector of the task's own making, need
 a mapping or an objects file. Other layouts of the same kind (LIBERO) are read with a mapping.
+
+Only what lies in the file itself is read: links, storage and virtual datasets of HDF5 may also lead to any other file.
 """
 
 import json
+import math
 import re
 from functools import partial
 from pathlib import Path
@@ -13,15 +16,13 @@ from typing import Any
 
 import numpy as np
 
-from app.datasets.errors import DamagedError, DatasetError
-from app.datasets.hdf5_tree import child, members, numbers, open_file
-from app.datasets.images import depth_png, rgb_png
-from app.datasets.limits import Budget
-from app.datasets.mapped import recording_of
+from app.datasets.bounds import Budget, DamagedError, DatasetError, MissingPackageError
+from app.datasets.columns import recording_of
 from app.datasets.mapping import FeatureMap
 from app.datasets.options import ImportOptions, as_name
-from app.datasets.recording import Dataset, Entry, Parcel
+from app.datasets.recording import Dataset, Entry, Parcel, depth_png, rgb_png
 
+MAX_LINKS = 8  # of soft links one after the other: they may lead in a circle
 SUFFIXES = (".hdf5", ".h5")
 CONTROL_FREQUENCY_HZ = 20.0  # robosuite's default, where env_args does not say
 DEFAULTS = {
@@ -33,6 +34,72 @@ DEFAULTS = {
 GRIPPER = "actions[-1]"
 _OBJECT = re.compile(r"obs/(?!robot\d)(?P<name>(?!.*_to_).+)_pos")
 _WORD = re.compile(r"(?<=[a-z0-9])(?=[A-Z])")
+
+
+def open_file(path: object) -> Any:  # noqa: ANN401
+    """The file, as h5py opens it; raises MissingPackageError, OSError."""
+    return _h5py().File(path, "r")
+
+
+def child(group: Any, name: str, links_left: int = MAX_LINKS) -> Any:  # noqa: ANN401
+    """The member of a group.
+
+    Raises:
+        DamagedError: if it is a link to another file.
+        KeyError: if there is none.
+    """
+    h5py = _h5py()
+    where = f"{group.file.filename}: {group.name.rstrip('/')}/{name}"
+    if not isinstance(group, h5py.Group):
+        raise DamagedError(group.file.filename, f"{group.name} is no group")
+    if (link := group.get(name, getlink=True)) is None:
+        raise KeyError(f"{where} is missing")
+    if isinstance(link, h5py.HardLink):
+        return _own(group[name], where)
+    if not isinstance(link, h5py.SoftLink) or not links_left:
+        raise DamagedError(where, "is a link to another file, or in a circle: copy what it shows into this file")
+    found = group.file if link.path.startswith("/") else group
+    for part in filter(None, link.path.split("/")):
+        found = child(found, part, links_left - 1)
+    return found
+
+
+def members(group: Any) -> dict[str, Any]:  # noqa: ANN401
+    """Every member of a group by its name.
+
+    Raises:
+        DamagedError: if one is a link to another file.
+    """
+    return {name: child(group, name) for name in group}
+
+
+def numbers(dataset: Any, budget: Budget, *, first: bool = False) -> np.ndarray[Any, Any]:  # noqa: ANN401
+    """The dataset's numbers, or only those of its first frame, if the budget allows them.
+
+    Raises:
+        DamagedError: if they are too many.
+    """
+    shape = dataset.shape[1:] if first else dataset.shape
+    stored = shape if dataset.chunks is None else dataset.chunks  # a chunk is unpacked as a whole
+    num_bytes = max(math.prod(shape), math.prod(stored)) * dataset.dtype.itemsize
+    budget.take(num_bytes, f"{dataset.file.filename}: {dataset.name}")
+    found: np.ndarray[Any, Any] = dataset[0] if first else dataset[()]
+    return found
+
+
+def _own(item: Any, where: str) -> Any:  # noqa: ANN401
+    """`item`, if its bytes are in this file."""
+    if isinstance(item, _h5py().Dataset) and (item.external or item.is_virtual):
+        raise DamagedError(where, "takes its numbers from another file: copy them into this one")
+    return item
+
+
+def _h5py() -> Any:  # noqa: ANN401
+    try:
+        import h5py
+    except ImportError as error:
+        raise MissingPackageError("HDF5 files", "h5py") from error
+    return h5py
 
 
 def looks_like(path: Path) -> bool:

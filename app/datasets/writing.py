@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from uuid import uuid4
 
-from app.datasets.errors import DatasetError
+from app.datasets.bounds import DatasetError
 
 
 @contextmanager

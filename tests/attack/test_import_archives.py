@@ -8,7 +8,7 @@ import pytest
 
 from app.cli.importer import check_dataset
 from app.datasets.apart import open_apart
-from app.datasets.errors import DatasetError
+from app.datasets.bounds import DatasetError
 from app.datasets.formats import open_dataset
 from app.datasets.options import ImportOptions
 from app.pipeline.errors import InvalidInputError
@@ -85,7 +85,7 @@ def test_the_reader_knows_no_keys(monkeypatch, tmp_path):
 
 
 def test_a_reader_that_takes_too_long_is_ended(tmp_path):
-    from app.datasets.limits import ReadLimits
+    from app.datasets.bounds import ReadLimits
 
     path = archive(tmp_path / "a.zip")
     with (

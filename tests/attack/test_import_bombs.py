@@ -17,7 +17,7 @@ import pytest
 from mcap.writer import Writer
 from pyarrow import parquet
 
-from app.datasets.lerobot_writer import write_lerobot
+from app.datasets.lerobot.writer import write_lerobot
 from tests.datasets import test_mcap as mcap
 from tests.datasets.parcels import parcels
 

@@ -9,14 +9,12 @@ import h5py
 import numpy as np
 import pytest
 
-from app.datasets.errors import DamagedError, DatasetError
+from app.datasets.bounds import Budget, DamagedError, DatasetError
 from app.datasets.formats import open_dataset
-from app.datasets.lerobot_files import Info, Place
-from app.datasets.lerobot_images import first_image
-from app.datasets.lerobot_writer import write_lerobot
-from app.datasets.limits import Budget
-from app.datasets.objects import KnownObjects
-from app.datasets.options import ImportOptions
+from app.datasets.lerobot.files import Info, Place
+from app.datasets.lerobot.reader import first_image
+from app.datasets.lerobot.writer import write_lerobot
+from app.datasets.options import ImportOptions, KnownObjects
 from app.datasets.recording import ObjectEntry
 from tests.datasets import peract_folder as peract
 from tests.datasets.parcels import parcels

@@ -4,12 +4,10 @@ import numpy as np
 import pytest
 
 from app.datasets.apart import open_apart
-from app.datasets.errors import DamagedError
-from app.datasets.limits import Budget, ReadLimits
-from app.datasets.objects import KnownObjects
-from app.datasets.options import ImportOptions
+from app.datasets.bounds import Budget, DamagedError, ReadLimits
+from app.datasets.options import ImportOptions, KnownObjects
 from app.datasets.recording import ObjectEntry
-from app.datasets.rlbench_pickle import load_demo
+from app.datasets.rlbench.low_dim import load_demo
 from tests.attack import hostile_pickles as pickles
 from tests.datasets import peract_folder as peract
 from tests.episodes import pick_trajectory

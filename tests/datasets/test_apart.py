@@ -2,7 +2,7 @@ import pytest
 
 from app.datasets.apart import open_apart
 from app.datasets.archive import write_archive
-from app.datasets.errors import DatasetError
+from app.datasets.bounds import DatasetError
 from app.datasets.formats import open_dataset
 from app.datasets.options import ImportOptions
 from app.pipeline.errors import InvalidInputError

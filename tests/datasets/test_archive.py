@@ -3,7 +3,7 @@ import zipfile
 import pytest
 
 from app.datasets.archive import write_archive
-from app.datasets.errors import DamagedError, DatasetError
+from app.datasets.bounds import DamagedError, DatasetError
 from app.datasets.formats import open_dataset
 from app.datasets.options import ImportOptions
 from tests.datasets.parcels import parcels

@@ -7,11 +7,10 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from app.datasets.errors import DamagedError, DatasetError, MissingPackageError
+from app.datasets.bounds import DamagedError, DatasetError, MissingPackageError
 from app.datasets.formats import open_dataset
-from app.datasets.lerobot_writer import write_lerobot
-from app.datasets.objects import KnownObjects
-from app.datasets.options import ImportOptions
+from app.datasets.lerobot.writer import write_lerobot
+from app.datasets.options import ImportOptions, KnownObjects
 from app.datasets.recording import ObjectEntry
 from app.perception.images import decode_rgb
 from app.pipeline.trajectory_npz import trajectory_from_npz

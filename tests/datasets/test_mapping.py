@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from app.datasets.bounds import DatasetError
 from app.datasets.columns import objects_of, quaternions_xyzw, selected, trajectory_of
-from app.datasets.errors import DatasetError
 from app.datasets.mapping import FeatureMap, read_changes
 from app.pipeline.errors import InvalidInputError
 

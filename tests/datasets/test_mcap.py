@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 from mcap_ros2.writer import Writer
 
-from app.datasets.errors import DamagedError, MissingPackageError
+from app.datasets.bounds import DamagedError, MissingPackageError
 from app.datasets.formats import open_dataset
-from app.datasets.objects import KnownObjects
-from app.datasets.options import ImportOptions
+from app.datasets.options import ImportOptions, KnownObjects
 from app.datasets.recording import ObjectEntry
 from app.pipeline.keyframes import merged
 from app.pipeline.trajectory_npz import trajectory_from_npz

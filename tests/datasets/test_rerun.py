@@ -2,7 +2,7 @@ import sys
 
 import pytest
 
-from app.datasets.errors import MissingPackageError
+from app.datasets.bounds import MissingPackageError
 from app.datasets.rerun import write_rerun
 from tests.datasets.parcels import parcels
 

@@ -3,13 +3,11 @@ import pickle
 import numpy as np
 import pytest
 
-from app.datasets.errors import DamagedError, DatasetError
+from app.datasets.bounds import Budget, DamagedError, DatasetError, ReadLimits
 from app.datasets.formats import open_dataset
-from app.datasets.limits import Budget, ReadLimits
-from app.datasets.objects import KnownObjects
-from app.datasets.options import ImportOptions
+from app.datasets.options import ImportOptions, KnownObjects
 from app.datasets.recording import ObjectEntry
-from app.datasets.rlbench_pickle import load_demo
+from app.datasets.rlbench.low_dim import load_demo
 from app.perception.images import ImageBytes, decode_frame
 from app.pipeline.geometry import backproject
 from app.pipeline.keyframes import KeyframeRule, find_keyframes

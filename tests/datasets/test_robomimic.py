@@ -5,7 +5,7 @@ import h5py
 import numpy as np
 import pytest
 
-from app.datasets.errors import DamagedError, DatasetError, MissingPackageError
+from app.datasets.bounds import DamagedError, DatasetError, MissingPackageError
 from app.datasets.formats import open_dataset
 from app.datasets.options import ImportOptions
 from app.perception.images import decode_rgb

@@ -1,36 +1,115 @@
 """Episodes -> a LeRobot dataset, version 3.0, that the package `lerobot` loads.
 
 `observation.state` and `action` (the next frame's state) are what policies train on; the other columns hold the
-trajectory bit by bit. The first frame's images stand in meta/roboprompt: LeRobot knows only cameras that saw every
-frame, and to repeat the first would pretend so.
+trajectory bit by bit. Statistics of the columns normalise what a policy sees. The first frame's images stand in
+meta/roboprompt: LeRobot knows only cameras that saw every frame, and to repeat the first would pretend so.
 """
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from app.datasets import lerobot
-from app.datasets.errors import DatasetError
-from app.datasets.lerobot_scenes import Scene, write_scene
-from app.datasets.lerobot_stats import statistics
-from app.datasets.lerobot_tables import write_data, write_episodes, write_tasks
+from app.datasets.bounds import DatasetError
+from app.datasets.lerobot import reader
+from app.datasets.lerobot.parquet import require_arrow
+from app.datasets.lerobot.scenes import Scene, write_scene
 from app.datasets.recording import Parcel
 from app.datasets.writing import in_one_step
 from app.pipeline.episode import Trajectory
 from app.pipeline.trajectory_npz import trajectory_from_npz
 
+QUANTILES = {"q01": 0.01, "q10": 0.10, "q50": 0.50, "q90": 0.90, "q99": 0.99}  # lerobot/datasets/compute_stats.py
+_INDEX = "__index_level_0__"
 Columns = dict[str, np.ndarray[Any, Any]]
 DATA_PATH = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 _STATE = ["x_m", "y_m", "z_m", "qx", "qy", "qz", "qw", "gripper_open"]
 _NAMES = {
     "observation.state": _STATE,
     "action": _STATE,
-    lerobot.POSITIONS: ["x_m", "y_m", "z_m"],
-    lerobot.QUATERNIONS: ["qx", "qy", "qz", "qw"],
+    reader.POSITIONS: ["x_m", "y_m", "z_m"],
+    reader.QUATERNIONS: ["qx", "qy", "qz", "qw"],
 }
+
+
+def statistics(columns: Mapping[str, np.ndarray[Any, Any]]) -> dict[str, dict[str, list[float]]]:
+    """Of each column (T,) or (T, k): a list of k numbers under min, max, mean, std, count and quantiles."""
+    return {name: _of(column.reshape(len(column), -1)) for name, column in columns.items()}
+
+
+def _of(column: np.ndarray[Any, Any]) -> dict[str, list[float]]:
+    quantiles = np.quantile(column, list(QUANTILES.values()), axis=0)
+    return {
+        "min": column.min(axis=0).tolist(),
+        "max": column.max(axis=0).tolist(),
+        "mean": column.mean(axis=0, dtype=np.float64).tolist(),
+        "std": column.std(axis=0, dtype=np.float64).tolist(),
+        "count": [len(column)],
+        **{name: row.tolist() for name, row in zip(QUANTILES, quantiles, strict=True)},
+    }
+
+
+def write_data(path: Path, episodes: Sequence[Columns]) -> None:
+    """The frames of all episodes in one file, a row group for each episode."""
+    arrow, parquet = require_arrow()
+    path.parent.mkdir(parents=True)
+    tables = [arrow.table({name: _column(arrow, values) for name, values in columns.items()}) for columns in episodes]
+    with parquet.ParquetWriter(path, tables[0].schema) as writer:
+        for table in tables:
+            writer.write_table(table)
+
+
+def write_tasks(path: Path, tasks: Sequence[str]) -> None:
+    """The instructions with their numbers; the instruction is the index of the frame that pandas makes of the file."""
+    arrow, parquet = require_arrow()
+    table = arrow.table({"task_index": np.arange(len(tasks)), _INDEX: list(tasks)})
+    columns = (("task_index", "task_index", "int64", "int64"), (None, _INDEX, "unicode", "object"))
+    described = [
+        {
+            "name": name,
+            "field_name": field,
+            "pandas_type": kind,
+            "numpy_type": stored,
+            "metadata": None,
+        }
+        for name, field, kind, stored in columns
+    ]
+    metadata = {"pandas": json.dumps({"index_columns": [_INDEX], "column_indexes": [], "columns": described})}
+    parquet.write_table(table.replace_schema_metadata(metadata), path)
+
+
+def write_episodes(
+    path: Path, episodes: Sequence[Columns], instructions: Sequence[str], stats: Sequence[Mapping[str, Any]]
+) -> None:
+    """Where each episode's rows are, and its statistics."""
+    arrow, parquet = require_arrow()
+    path.parent.mkdir(parents=True)
+    rows = []
+    for index, (columns, instruction, of_columns) in enumerate(zip(episodes, instructions, stats, strict=True)):
+        first = int(columns["index"][0])
+        rows.append(
+            {
+                "episode_index": index,
+                "tasks": [instruction],
+                "length": len(columns["index"]),
+                "data/chunk_index": 0,
+                "data/file_index": 0,
+                "dataset_from_index": first,
+                "dataset_to_index": first + len(columns["index"]),
+                **{f"stats/{name}/{kind}": v for name, item in of_columns.items() for kind, v in item.items()},
+                "meta/episodes/chunk_index": 0,
+                "meta/episodes/file_index": 0,
+            }
+        )
+    parquet.write_table(arrow.Table.from_pylist(rows), path)
+
+
+def _column(arrow: Any, values: np.ndarray[Any, Any]) -> Any:  # noqa: ANN401
+    if values.ndim == 1:
+        return arrow.array(values)
+    return arrow.FixedSizeListArray.from_arrays(arrow.array(values.ravel()), values.shape[1])
 
 
 def write_lerobot(target: Path, parcels: Iterable[Parcel]) -> int:
@@ -96,18 +175,18 @@ def _columns(trajectory: Trajectory) -> Columns:
     state = np.concatenate(pose, axis=1).astype(np.float32)
     num_frames = len(trajectory)
     optional = {
-        lerobot.JOINT_POSITIONS: trajectory.joint_positions_rad,
-        lerobot.TIMES: trajectory.timestamps_s,
-        lerobot.OBJECT_POSITIONS: _flat(trajectory.object_positions_m),
-        lerobot.OBJECT_QUATERNIONS: _flat(trajectory.object_quaternions_xyzw),
+        reader.JOINT_POSITIONS: trajectory.joint_positions_rad,
+        reader.TIMES: trajectory.timestamps_s,
+        reader.OBJECT_POSITIONS: _flat(trajectory.object_positions_m),
+        reader.OBJECT_QUATERNIONS: _flat(trajectory.object_quaternions_xyzw),
     }
     return {
         "observation.state": state,
         "action": state[np.minimum(np.arange(num_frames) + 1, num_frames - 1)],
-        lerobot.JOINT_VELOCITIES: trajectory.joint_velocities_rad_s,
-        lerobot.POSITIONS: trajectory.positions_m,
-        lerobot.QUATERNIONS: trajectory.quaternions_xyzw,
-        lerobot.GRIPPER: trajectory.gripper_open.astype(np.float32),
+        reader.JOINT_VELOCITIES: trajectory.joint_velocities_rad_s,
+        reader.POSITIONS: trajectory.positions_m,
+        reader.QUATERNIONS: trajectory.quaternions_xyzw,
+        reader.GRIPPER: trajectory.gripper_open.astype(np.float32),
         **{name: array for name, array in optional.items() if array is not None},
     }
 

@@ -17,12 +17,11 @@ from typing import Any
 
 import numpy as np
 
-from app.datasets.errors import DamagedError
-from app.datasets.limits import Budget
+from app.datasets.bounds import Budget, DamagedError
 from app.datasets.options import ImportOptions, as_name
 from app.datasets.recording import Dataset, Entry, ObjectEntry, Parcel, Recording
-from app.datasets.rlbench_images import calibrated_cameras, read_images, visible_ids
-from app.datasets.rlbench_pickle import Record, load_demo, load_descriptions, load_number
+from app.datasets.rlbench.cameras import calibrated_cameras, read_images, visible_ids
+from app.datasets.rlbench.low_dim import Record, load_demo, load_descriptions, load_number
 from app.pipeline.arrays import Array
 from app.pipeline.camera import Camera
 from app.pipeline.episode import Trajectory

@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from app.datasets.errors import DamagedError, MissingPackageError
-from app.datasets.limits import Budget
+from app.datasets.bounds import Budget, DamagedError, MissingPackageError
 
 ROWS_AT_ONCE = 4096
 FEW_ROWS = 16  # of images

@@ -10,9 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from app.datasets.errors import DamagedError
-from app.datasets.inside import read_inside
-from app.datasets.limits import Budget
+from app.datasets.bounds import Budget, DamagedError, read_inside
 from app.datasets.recording import canonical_json, checked_metadata
 
 FOLDER = Path("meta/roboprompt")

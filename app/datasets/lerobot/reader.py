@@ -1,27 +1,31 @@
-"""LeRobot datasets, versions 3.0, 2.1 and 2.0, without the package `lerobot`.
+"""LeRobot datasets, versions 3.0, 2.1 and 2.0 -> Recordings.
 
 A dataset that this project exported carries its scenes with it (`meta/roboprompt`) and needs nothing else. Of others
-the mapping says what their columns are; a column that is named like one of `DEFAULTS` needs no mapping.
+the mapping says what their columns are; a column that is named like one of `DEFAULTS` needs no mapping. An episode's
+first frame of a camera is an embedded image, or the first picture of a video.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
-from app.datasets.columns import Columns, trajectory_of
-from app.datasets.errors import DamagedError
-from app.datasets.lerobot_files import INFO, Info, Place, read_info, read_places
-from app.datasets.lerobot_images import first_image
-from app.datasets.lerobot_scenes import Scene, read_scene
-from app.datasets.limits import Budget
-from app.datasets.mapped import recording_of
+import numpy as np
+
+from app.datasets.bounds import Budget, DamagedError, MissingPackageError, read_inside
+from app.datasets.columns import Columns, recording_of, trajectory_of
+from app.datasets.lerobot.files import INFO, Info, Place, path_of, read_info, read_places
+from app.datasets.lerobot.parquet import numbers_of, read_table, read_value
+from app.datasets.lerobot.scenes import Scene, read_scene
 from app.datasets.mapping import FeatureMap
 from app.datasets.options import ImportOptions, as_name
-from app.datasets.parquet import numbers_of, read_table
-from app.datasets.recording import Dataset, Entry, Parcel
+from app.datasets.recording import Dataset, Entry, Parcel, rgb_png
 from app.pipeline.trajectory_npz import npz_from_trajectory
 
+# FFmpeg tells a container by its content, and some name other files or addresses to play: those are left out.
+VIDEO_OPTIONS = {"format_whitelist": "mov,matroska,avi", "protocol_whitelist": "file"}
+RGB_BYTES = 3
+NEAR_S = 0.5  # of a frame's duration: the picture that is shown at a time begins within it
 JOINT_VELOCITIES = "observation.joint_velocities"
 JOINT_POSITIONS = "observation.joint_positions"
 POSITIONS = "observation.end_effector_position"
@@ -39,6 +43,62 @@ DEFAULTS = {
     "timestamps": TIMES,
 }
 FILES_IN_MEMORY = 2  # neighbouring episodes share a file of up to 100 MB
+
+
+def first_image(root: Path, info: Info, place: Place, budget: Budget, feature: str) -> bytes:
+    """The encoded first image of the episode.
+
+    Raises:
+        DamagedError: if it is not where it should be.
+        MissingPackageError: for a video without the package that decodes it.
+    """
+    if feature not in info.features:
+        raise DamagedError(root, f"has no images {feature}")
+    if info.features[feature]["dtype"] == "image":
+        return _embedded(root, place, feature, budget)
+    path, start_s = _video(root, info, place, feature)
+    return _first_picture(path, start_s, info.fps, budget)
+
+
+def _embedded(root: Path, place: Place, feature: str, budget: Budget) -> bytes:
+    value = read_value(place.data_file, feature, place.first_row or 0, budget)
+    image: Mapping[str, Any] = value if isinstance(value, dict) else {}
+    if image.get("bytes"):
+        return bytes(image["bytes"])
+    if image.get("path"):
+        return read_inside(root, str(image["path"]), budget)
+    raise DamagedError(place.data_file, f"{feature} has no image in row {place.first_row or 0}")
+
+
+def _video(root: Path, info: Info, place: Place, feature: str) -> tuple[Path, float]:
+    """The video file, and when in it the episode begins, s."""
+    if info.video_path is None:
+        raise DamagedError(root / "meta/info.json", f"names no video_path for {feature}")
+    if info.version == "v3.0":
+        numbers = {f"{name}_index": place.row[f"videos/{feature}/{name}_index"] for name in ("chunk", "file")}
+        path = path_of(root, info.video_path, video_key=feature, **numbers)
+        return path, float(place.row[f"videos/{feature}/from_timestamp"])
+    chunk = place.index // info.chunks_size
+    return path_of(root, info.video_path, video_key=feature, episode_chunk=chunk, episode_index=place.index), 0.0
+
+
+def _first_picture(path: Path, start_s: float, fps: float, budget: Budget) -> bytes:
+    try:
+        import av
+    except ImportError as error:
+        raise MissingPackageError("videos of LeRobot datasets", "av") from error
+    try:
+        with av.open(str(path), container_options=VIDEO_OPTIONS) as container:
+            stream = container.streams.video[0]
+            budget.take(stream.width * stream.height * RGB_BYTES, path)
+            if start_s > 0 and stream.time_base is not None:
+                container.seek(int(start_s / stream.time_base), stream=stream)
+            for picture in container.decode(stream):
+                if picture.time is not None and picture.time >= start_s - NEAR_S / fps:
+                    return rgb_png(np.asarray(picture.to_ndarray(format="rgb24"), np.uint8))
+    except (OSError, ValueError, IndexError) as error:  # av's own errors are among both
+        raise DamagedError(path, f"cannot be decoded: {error}") from error
+    raise DamagedError(path, f"ends before {start_s:.3f} s")
 
 
 def looks_like(path: Path) -> bool:

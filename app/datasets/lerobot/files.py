@@ -10,10 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from app.datasets.errors import DatasetError
-from app.datasets.inside import inside, read_inside
-from app.datasets.limits import Budget
-from app.datasets.parquet import column_names, read_table
+from app.datasets.bounds import Budget, DatasetError, inside, read_inside
+from app.datasets.lerobot.parquet import column_names, read_table
 
 INFO = Path("meta/info.json")
 VERSIONS = ("v3.0", "v2.1", "v2.0")

@@ -14,10 +14,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from app.datasets.errors import DamagedError
-from app.datasets.images import depth_png, mask_png
-from app.datasets.inside import read_inside
-from app.datasets.limits import Budget
+from app.datasets.bounds import Budget, DamagedError, read_inside
+from app.datasets.recording import depth_png, mask_png
 from app.pipeline.arrays import Array, finite_array
 from app.pipeline.camera import Camera
 

@@ -1,0 +1,144 @@
+"""What a dataset may be: which files it may name, how much it may take, and the errors of one that is otherwise.
+
+Paths and links of a dataset's folder may name any file of this machine, and a small file can say that it unpacks to any
+size.
+"""
+
+import os
+import stat
+from dataclasses import dataclass
+from pathlib import Path
+
+from app.pipeline.errors import RoboPromptError
+
+MEGABYTE = 1_000_000
+MAX_UNPACKED_BYTES = 500 * MEGABYTE
+REMEDY = "--max-unpacked-mb allows more, if you trust where it comes from"
+
+
+class DatasetError(RoboPromptError):
+    """A dataset as a whole cannot be read or written; the message says what and how to go on."""
+
+
+class MissingPackageError(DatasetError):
+    """A format needs a package that is not installed.
+
+    Args:
+        purpose: what it is needed for, e.g. ``"LeRobot datasets"``.
+        requirement: what to install.
+    """
+
+    def __init__(self, purpose: str, requirement: str) -> None:
+        super().__init__(f"{purpose} need a package that is not installed: pip install {requirement}")
+
+
+class DamagedError(DatasetError):
+    """One file of a dataset is damaged or lacks something; the others are fine.
+
+    Args:
+        file: which, as the user finds it.
+        reason: what is wrong with it.
+    """
+
+    def __init__(self, file: object, reason: object) -> None:
+        super().__init__(f"{file}: {reason}")
+
+
+@dataclass(frozen=True)
+class ReadLimits:
+    """Bounds of what is read for one episode, and for the list of episodes.
+
+    Attributes:
+        unpacked_bytes: what its files hold when they are unpacked.
+        seconds: until it is read.
+    """
+
+    unpacked_bytes: int = MAX_UNPACKED_BYTES
+    seconds: float = 300.0
+
+    @property
+    def memory_bytes(self) -> int:
+        """What the process that reads may take beside its code: what is unpacked, a copy of it, and room to work."""
+        return 2 * self.unpacked_bytes + 500 * MEGABYTE
+
+
+class Budget:
+    """Counts unpacked bytes and refuses those that are too many.
+
+    Args:
+        where: the file, for messages.
+    """
+
+    def __init__(self, where: object, limits: ReadLimits) -> None:
+        self._where = where
+        self._limit_bytes = limits.unpacked_bytes
+        self._taken_bytes = 0
+
+    @property
+    def left_bytes(self) -> int:
+        """What may still be taken."""
+        return self._limit_bytes - self._taken_bytes
+
+    def take(self, num_bytes: int, where: object = None) -> None:
+        """Count what is about to be unpacked, or was.
+
+        Args:
+            where: instead of the budget's own place.
+
+        Raises:
+            DamagedError: if it is more than what is left, or no size at all.
+        """
+        if num_bytes < 0:
+            raise DamagedError(where or self._where, f"says that it holds {num_bytes} bytes")
+        if num_bytes > self.left_bytes:
+            limit = f"{self._limit_bytes / MEGABYTE:g} MB"
+            raise DamagedError(where or self._where, f"unpacks to more than {limit}: {REMEDY}")
+        self._taken_bytes += num_bytes
+
+
+def inside(root: Path, path: Path | str) -> Path:
+    """Where `path`, below `root` if it is relative, really is; it need not exist.
+
+    Args:
+        root: the dataset's folder, resolved.
+
+    Raises:
+        DamagedError: if that is not below `root`, by `..`, an absolute path or a link.
+    """
+    named = root / path
+    try:
+        found = named.resolve()
+    except (OSError, RuntimeError, ValueError) as error:  # RuntimeError: links in a circle; ValueError: a NUL
+        raise DamagedError(repr(str(named)), f"is no path: {error}") from error
+    if not any(found.is_relative_to(folder) for folder in _folders(root)):
+        raise DamagedError(
+            named, f"leads out of the dataset, to {found}: if it belongs to it, put the file itself there"
+        )
+    return found
+
+
+def read_inside(root: Path, path: Path | str, budget: Budget) -> bytes:
+    """The bytes of a regular file below `root`.
+
+    Raises:
+        DamagedError: naming the file that cannot be read, is too large, a device or a pipe, or elsewhere.
+    """
+    found = inside(root, path)
+    try:
+        # Opening a pipe would wait for somebody who writes to it.
+        with open(os.open(found, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0)), "rb") as file:
+            status = os.fstat(file.fileno())
+            if not stat.S_ISREG(status.st_mode):
+                raise DamagedError(found, "is not a regular file")
+            budget.take(status.st_size, found)
+            return file.read(status.st_size)
+    except OSError as error:
+        raise DamagedError(found, f"cannot be read: {error.strerror or error}") from error
+
+
+def _folders(root: Path) -> tuple[Path, ...]:
+    """The root; of a snapshot in Hugging Face's cache also the folder that its links lead to."""
+    repository = root.parent.parent
+    if root.parent.name == "snapshots" and repository.name.startswith("datasets--"):
+        return root, repository / "blobs"
+    return (root,)

@@ -1,0 +1,1 @@
+"""Folders that RLBench's and PerAct's dataset generators write, without RLBench."""
