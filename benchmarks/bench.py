@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
-from app.evaluation.provenance import commit, machine, versions
+from app.evaluation.run_record import commit, machine, versions
 from benchmarks import embedded, service_time, transport
 from benchmarks.embedded import Measured
 from benchmarks.processes import ROUNDS, Cost

@@ -36,12 +36,11 @@ def demo(
     Starts the real service on a free port, with its embedded LLM. Writes a report with pictures, failures first.
     """
     # The simulator is an extra that `roboprompt serve` does without.
-    from app.evaluation.demo import run_demo
     from app.evaluation.methods import methods_beside, with_poses
     from app.evaluation.plan import Plan
     from app.evaluation.report import write_report
-    from app.evaluation.scores import errors_of
-    from app.evaluation.summary import results_table, summary
+    from app.evaluation.run import run_demo
+    from app.evaluation.scores import errors_of, results_table, summary
     from app.pipeline.representation import REPRESENTATIONS
     from app.sim.tasks import TASKS as SIMULATED
 

@@ -84,11 +84,10 @@ def evaluate(
     """
     # The simulator is an extra that `roboprompt serve` does without.
     from app.client.errors import ServiceProblemError, ServiceUnreachableError
-    from app.evaluation.errors import EvaluationError
-    from app.evaluation.methods import chosen, with_noise, with_poses, with_shift
+    from app.evaluation.failures import EvaluationError
+    from app.evaluation.methods import SWEEPS, chosen, with_noise, with_poses, with_shift
     from app.evaluation.plan import Plan
     from app.evaluation.sweep_run import SweepRun
-    from app.evaluation.sweeps import SWEEPS
     from app.sim.tasks import TASKS
 
     check_names("--sweep", [sweep], SWEEPS)

@@ -36,8 +36,8 @@ def jobs(
     ROBOPROMPT_WORK_AT_JOBS=false it leaves jobs to this command. Every machine of a Ray cluster must reach both: a
     PostgreSQL and an object store by URL, or a shared folder.
     """
-    from app.evaluation.errors import EvaluationError
     from app.evaluation.executors import LocalExecutor
+    from app.evaluation.failures import EvaluationError
     from app.evaluation.ray_executor import RayExecutor
 
     settings = settings_of(data, env_file)

@@ -1,12 +1,13 @@
-"""What to run."""
+"""What to run, what of it a ledger has already, and whether the two belong together."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from app.evaluation.failures import OtherModelError
 from app.evaluation.ledger import Ledger, digest_of
-from app.evaluation.records import FIRST_TEST_SEED, Crash, Method, Trial
-from app.evaluation.teach import Recording
+from app.evaluation.records import FIRST_TEST_SEED, Crash, Evaluation, Method, TaskEvaluation, Trial
+from app.evaluation.teach import Lesson, Recording
 from app.evaluation.trials import Cell
 from app.sim.demonstrate import Recordings
 
@@ -88,3 +89,41 @@ class Plan:
     def remaining(self, ledger: Ledger) -> list[Cell]:
         """The trials to be run: those without an outcome, and those that crashed."""
         return [cell for cell in self.cells() if not isinstance(self.outcome(ledger, cell), Trial)]
+
+
+def evaluation_of(
+    plan: Plan,
+    ledger: Ledger,
+    taught: Mapping[str, Lesson] | None = None,
+    duration_s: float = 0.0,
+    models: Sequence[Mapping[str, Any]] = (),
+) -> Evaluation:
+    """What the ledger has of the plan."""
+    outcomes = [outcome for cell in plan.cells() if (outcome := plan.outcome(ledger, cell)) is not None]
+    tasks = tuple(
+        TaskEvaluation(
+            task,
+            taught[task].taught if taught and task in taught else (),
+            tuple(outcome for outcome in outcomes if isinstance(outcome, Trial) and outcome.task == task),
+            tuple(outcome for outcome in outcomes if isinstance(outcome, Crash) and outcome.task == task),
+        )
+        for task in plan.tasks
+    )
+    return Evaluation(plan.command, plan.methods, tasks, duration_s, tuple(models))
+
+
+def check_default_model(plan: Plan, ledger: Ledger, models: Sequence[Mapping[str, Any]]) -> None:
+    """Refuse to go on with another LLM where methods leave it to the service.
+
+    Raises:
+        OtherModelError.
+    """
+    default = next(model["name"] for model in models if model["default"])
+    for cell in plan.cells():
+        outcome = plan.outcome(ledger, cell)
+        if not cell.method.asks_service or "model" in cell.method.options or not isinstance(outcome, Trial):
+            continue
+        used = (outcome.answer or {"model": default})["model"]
+        if used != default:
+            remedy = f"give --model {used}, or another folder"
+            raise OtherModelError(f"the results are of {used}, but the service's default model is {default}: {remedy}")

@@ -9,10 +9,8 @@ from matplotlib.figure import Figure
 
 from app.evaluation import paper
 from app.evaluation.records import Evaluation, Method
-from app.evaluation.report.charts import success_chart
-from app.evaluation.report.results import results_of
-from app.evaluation.report.theme import FONT_SIZE, LIGHT, new_figure, style_axes
-from app.evaluation.scores import mean_rate, pooled_score, task_score, trials_of
+from app.evaluation.report.charts import FONT_SIZE, LIGHT, new_figure, style_axes, success_chart
+from app.evaluation.scores import mean_rate, pooled_score, results_of, task_score, trials_of
 
 FORMATS = ("png", "svg")
 SIZE_IN = (6.4, 4.0)

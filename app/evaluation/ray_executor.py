@@ -7,8 +7,8 @@ from concurrent.futures import Future
 from importlib import import_module
 from typing import Any
 
-from app.evaluation.errors import RayMissingError
 from app.evaluation.executors import Result
+from app.evaluation.failures import RayMissingError
 
 LOCAL = "local"
 

@@ -28,9 +28,9 @@ class Method:
         options: for `POST /predict`.
         settings: for `PUT /tasks/{name}`, beside those of every evaluation; methods that differ here are taught under
             different task names.
-        noise: added to poses, as a multiple of the error in `app.evaluation.noise`.
+        noise: added to poses, as a multiple of the error in `app.evaluation.paper`.
         noise_on: whether it is added to the poses of demonstrations and tests, or of tests alone.
-        poses: whether the service is given the objects' poses, or finds them in images (`app.evaluation.vision`).
+        poses: whether the service is given the objects' poses, or finds them in images (`app.evaluation.teach`).
         stored: episodes that the task must have for the service to choose from, if more than it shows.
         source: where the actions come from; `closed loop` asks the service for one at a time, `robot loop` once for
             all, and the robot carries them out one by one; others do not ask it.

@@ -1,36 +1,73 @@
-"""A whole run: tasks taught, then every remaining trial, each kept as it ends."""
+"""A whole run: tasks taught, then every remaining trial, each kept as it ends; how long each phase takes is noted.
+
+A demo is a run of which only the report stays.
+"""
 
 import secrets
+import tempfile
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Future
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor, as_completed
+from contextlib import closing, contextmanager
+from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any
+from pathlib import Path
+from typing import Any, Literal, TypeVar
 
 from rich.progress import Progress
 
 from app.client.client import RoboPromptClient
 from app.client.errors import ServiceProblemError, ServiceUnreachableError
-from app.evaluation.errors import NotLearnedError, ServiceLostError
-from app.evaluation.executors import Executor
+from app.evaluation.executors import Executor, LocalExecutor
+from app.evaluation.failures import NotLearnedError, ServiceLostError
+from app.evaluation.illustrate import illustrated
 from app.evaluation.ledger import Ledger
-from app.evaluation.plan import Plan
+from app.evaluation.plan import Plan, check_default_model, evaluation_of
 from app.evaluation.records import Crash, Evaluation, Method
-from app.evaluation.resume import check_default_model, evaluation_of
-from app.evaluation.teach import Lesson, record, suffix_of, upload, variants
-from app.evaluation.threads import in_threads
-from app.evaluation.timing import Timing
+from app.evaluation.server import service
+from app.evaluation.teach import FIRST_LABELLED_SEED, LABELLED_SCENES, Lesson, record, suffix_of, upload, variants
 from app.evaluation.trials import Cell, Laboratory
-from app.evaluation.vision import FIRST_LABELLED_SEED, LABELLED_SCENES
 from app.sim.demonstrate import RecordedDemonstration
 
+Item = TypeVar("Item")
+Phase = Literal["demonstrations_s", "trials_s", "report_s"]
 TEACHING_THREADS = 2  # one task is uploaded while the next is recorded
 MAX_UNREACHABLE = 5  # trials in a row; then the service is gone and not just busy
 
 _Recorded = tuple[RecordedDemonstration, ...]
 Lessons = Mapping[str, Lesson | Exception]  # by the suffix of the task's name; or why it could not be taught
+
+
+def in_threads(
+    work: Callable[[Item], None], items: Sequence[Item], threads: int, on_done: Callable[[Future[None]], None]
+) -> None:
+    """Work on the items, in their order; stopped by Ctrl-C or an error of `on_done`, what is under way still ends."""
+    with ThreadPoolExecutor(threads) as pool:
+        try:
+            for future in as_completed([pool.submit(work, item) for item in items]):
+                on_done(future)
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+
+
+@dataclass
+class Timing:
+    """Seconds on the clock."""
+
+    demonstrations_s: float = 0.0
+    trials_s: float = 0.0
+    report_s: float = 0.0
+
+    @contextmanager
+    def measured(self, phase: Phase) -> Iterator[None]:
+        """Note how long the block takes, however it ends."""
+        started = time.perf_counter()
+        try:
+            yield
+        finally:
+            setattr(self, phase, time.perf_counter() - started)
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,3 +175,19 @@ class Run:
             self.ledger.append(Crash(cell.task, cell.seed, cell.method.label, message), digest)
             raise
         self.ledger.append(trial, digest)
+
+
+def run_demo(plan: Plan, progress: Progress) -> Evaluation:
+    """Run the plan on a service of its own; with pictures for the report.
+
+    Raises:
+        ServerStartError, ServiceLostError.
+    """
+    with (
+        tempfile.TemporaryDirectory(prefix="roboprompt-") as folder,
+        Ledger(Path(folder) / "results.jsonl") as ledger,
+        closing(LocalExecutor()) as executor,
+        service(warm_up=plan.asks_default_model) as client,
+    ):
+        evaluation = Run(plan, ledger, client, executor, progress)()
+        return replace(evaluation, tasks=tuple(illustrated(evaluation, executor, progress)))

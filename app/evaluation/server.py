@@ -13,7 +13,7 @@ from pathlib import Path
 import httpx
 
 from app.client.client import RoboPromptClient
-from app.evaluation.errors import ServerStartError
+from app.evaluation.failures import ServerStartError
 
 # Whoever requires keys of a service, for which the environment is meant, does not require them of this one.
 WITHOUT_KEYS = {"ROBOPROMPT_AUTH": "auto"}

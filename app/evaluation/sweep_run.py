@@ -7,22 +7,20 @@ from typing import Any
 
 from rich.progress import Progress
 
-from app.evaluation.errors import ServiceLostError
 from app.evaluation.executors import Executor, LocalExecutor
+from app.evaluation.failures import ServiceLostError
 from app.evaluation.illustrate import illustrated
 from app.evaluation.ledger import Ledger
-from app.evaluation.plan import Plan
+from app.evaluation.methods import SWEEPS
+from app.evaluation.plan import Plan, evaluation_of
 from app.evaluation.plots import write_plots
 from app.evaluation.ray_executor import RayExecutor
 from app.evaluation.records import Evaluation
 from app.evaluation.report import write_report
-from app.evaluation.resume import evaluation_of
-from app.evaluation.run import Run
+from app.evaluation.run import Run, Timing
 from app.evaluation.run_record import RunRecord, Session
 from app.evaluation.server import service
-from app.evaluation.sweeps import SWEEPS
 from app.evaluation.tables import markdown, sweep_summary
-from app.evaluation.timing import Timing
 
 
 @dataclass(frozen=True, eq=False)

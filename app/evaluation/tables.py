@@ -10,8 +10,16 @@ from rich.table import Table
 
 from app.evaluation import paper
 from app.evaluation.records import Evaluation, Method, TaskEvaluation, Trial
-from app.evaluation.scores import NOTHING, errors_of, mean_rate, of_method, pooled_score, task_score, trials_of
-from app.evaluation.summary import method_summary
+from app.evaluation.scores import (
+    NOTHING,
+    errors_of,
+    mean_rate,
+    method_summary,
+    of_method,
+    pooled_score,
+    task_score,
+    trials_of,
+)
 
 HOW_TO_READ = (
     "Successes/trials on unseen scenes with Wilson's 95 % interval; the mean is over tasks. Errors are trials that"

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from app.evaluation.report.film import captions, film_grid, film_tiles
+from app.evaluation.report.pictures import captions, film_grid, film_tiles
 from app.sim.demonstrate import RecordedDemonstration, record_demonstration
 from app.sim.tasks import TASKS
 

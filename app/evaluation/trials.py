@@ -1,25 +1,29 @@
-"""One scene under one method: predict over HTTP, execute in the simulation, tell the service the outcome."""
+"""One scene under one method: predict over HTTP, execute in the simulation, tell the service how it went.
+
+The baseline that only remembers asks nobody: it takes the demonstration whose scene is most like the one at hand.
+"""
 
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any, Generic, TypeVar
 
+import numpy as np
+from scipy.spatial.transform import Rotation
+
 from app.client.client import RoboPromptClient
 from app.client.errors import ServiceProblemError
 from app.client.robot import Observation
-from app.evaluation.closed_loop import USELESS_REPLY, ClosedLoopResult, run_in_closed_loop
 from app.evaluation.executors import Executor, call
-from app.evaluation.nearest import replayed
-from app.evaluation.noise import disturbed
-from app.evaluation.records import Method, Source, Trial
-from app.evaluation.robot_loop import run_in_robot_loop
-from app.evaluation.teach import Lesson
-from app.evaluation.vision import UNSEEN, images_only
+from app.evaluation.paper import disturbed
+from app.evaluation.records import Method, Source, TaughtEpisode, Trial
+from app.evaluation.robot_loops import USELESS_REPLY, ClosedLoopResult, run_in_closed_loop, run_in_robot_loop
+from app.evaluation.teach import UNSEEN, Lesson, images_only
 from app.pipeline.camera import RgbdFrame
-from app.pipeline.episode import EndEffectorAction
+from app.pipeline.episode import EndEffectorAction, ObjectPose
+from app.pipeline.geometry import canonical_pose
 from app.pipeline.keyframes import merged
 from app.pipeline.workspace import Workspace, discretize_action, undiscretize_action
 from app.sim.demonstrate import (
@@ -32,6 +36,38 @@ from app.sim.demonstrate import (
     view_scene,
 )
 from app.sim.tasks import TASKS
+
+LEVER_M = 0.1  # a turn counts as far as it moves a point at this distance; the length of KAT's triplets
+
+
+def replayed(
+    taught: Sequence[TaughtEpisode],
+    instruction: str,
+    objects: Sequence[ObjectPose],
+    yaw_symmetry_deg: Mapping[str, float],
+) -> tuple[EndEffectorAction, ...]:
+    """The keyframes that the service found in the demonstration whose object poses are nearest to `objects`.
+
+    Only demonstrations of the same instruction are considered, where there are any. The distance is the sum over the
+    objects of their shifts in metres and of their turns times 10 cm, up to their symmetry.
+    """
+    alike = [item for item in taught if item.recorded.scene.instruction == instruction] or list(taught)
+    observed = {pose.name: canonical_pose(pose, yaw_symmetry_deg.get(pose.name)) for pose in objects}
+
+    def distance_m(item: TaughtEpisode) -> float:
+        poses = [ObjectPose(o["name"], o["position"], o["quaternion_xyzw"]) for o in item.document["objects"]]
+        return sum(_distance_m(canonical_pose(p, yaw_symmetry_deg.get(p.name)), observed[p.name]) for p in poses)
+
+    nearest = min(alike, key=distance_m)
+    return tuple(nearest.recorded.trajectory.action_at(item["index"]) for item in nearest.document["keyframes"])
+
+
+def _distance_m(a: ObjectPose, b: ObjectPose) -> float:
+    shift_m = float(np.linalg.norm(a.position_m - b.position_m))
+    if a.quaternion_xyzw is None or b.quaternion_xyzw is None:
+        return shift_m
+    turn_rad = (Rotation.from_quat(a.quaternion_xyzw).inv() * Rotation.from_quat(b.quaternion_xyzw)).magnitude()
+    return shift_m + LEVER_M * float(turn_rad)
 
 
 @dataclass(frozen=True)

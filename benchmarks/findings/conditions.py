@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from app.evaluation.noise import disturbed
+from app.evaluation.paper import disturbed
 from app.pipeline.episode import ObjectPose
 from app.pipeline.language.mentions import mention_order
 from app.pipeline.noise import MEAN_ERROR_M

@@ -24,7 +24,7 @@ def _no_work(monkeypatch):
     def begun(*arguments, **settings):
         raise AssertionError("work has begun")
 
-    monkeypatch.setattr("app.evaluation.demo.service", begun)
+    monkeypatch.setattr("app.evaluation.run.service", begun)
     monkeypatch.setattr("app.evaluation.sweep_run.service", begun)
     monkeypatch.setattr("uvicorn.run", begun)
     monkeypatch.delenv("ROBOPROMPT_OPENAI_API_KEY", raising=False)

@@ -4,7 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.evaluation.errors import LedgerDamagedError, LedgerInUseError
+from app.evaluation.failures import LedgerDamagedError, LedgerInUseError
 from app.evaluation.ledger import Ledger, digest_of
 from app.evaluation.records import Crash, Method
 from tests.evaluation.trials import ACTION, ANSWER, OBJECTS, trial

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from app.evaluation.nearest import replayed
 from app.evaluation.records import TaughtEpisode
+from app.evaluation.trials import replayed
 from app.pipeline.episode import ObjectPose, Trajectory
 from app.pipeline.metadata import object_json
 from app.sim.demonstrate import RecordedDemonstration, SceneView

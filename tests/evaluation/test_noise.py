@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from app.evaluation.noise import disturbed
+from app.evaluation.paper import disturbed
 from app.pipeline.episode import ObjectPose
 
 POSE = ObjectPose("cube", [0.2, -0.1, 0.8], Rotation.from_euler("xyz", [0.2, -0.4, 1.0]).as_quat())

@@ -5,11 +5,9 @@ import pytest
 from matplotlib.figure import Figure
 from PIL import Image
 
-from app.evaluation.report.charts import success_chart
-from app.evaluation.report.results import Result
-from app.evaluation.report.speed_plot import speed_plot
-from app.evaluation.report.theme import DARK, LIGHT, THEMES
-from app.evaluation.report.units import duration_text, tokens_text
+from app.evaluation.report.charts import DARK, LIGHT, THEMES, speed_plot, success_chart
+from app.evaluation.report.page import duration_text, tokens_text
+from app.evaluation.scores import Result
 from app.pipeline.episode import Trajectory
 from app.pipeline.keyframes import SIMULATION_DELTA_RAD_S
 from app.pipeline.success_rate import SuccessRate

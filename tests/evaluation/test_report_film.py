@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from app.evaluation.report.film import LAST_FRAME_MS, MAX_COLUMNS, captions, film_grid, film_tiles, write_gif
+from app.evaluation.report.pictures import LAST_FRAME_MS, MAX_COLUMNS, captions, film_grid, film_tiles, write_gif
 
 COLOURS = [(200, 30, 30), (30, 200, 30), (30, 30, 200), (200, 200, 30), (30, 200, 200)]
 

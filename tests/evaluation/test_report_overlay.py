@@ -2,8 +2,15 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from app.evaluation.report.labels import Label, draw_labels
-from app.evaluation.report.overlay import ACTION_COLOUR, AXIS_COLOURS, AXIS_LENGTH_M, draw_scene, project
+from app.evaluation.report.drawing import (
+    ACTION_COLOUR,
+    AXIS_COLOURS,
+    AXIS_LENGTH_M,
+    Label,
+    draw_labels,
+    draw_scene,
+    project,
+)
 from app.pipeline.camera import Camera, RgbdFrame
 from app.pipeline.episode import EndEffectorAction, ObjectPose
 from app.pipeline.geometry import backproject

@@ -7,8 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from app.cli import application
-from app.evaluation.documents import document_of, outcome_of
-from app.evaluation.ledger import digest_of
+from app.evaluation.ledger import digest_of, document_of, outcome_of
 from app.evaluation.methods import COPY, with_shift
 from app.evaluation.records import REPLAY, Method
 from app.pipeline.errors import InvalidInputError

@@ -11,14 +11,13 @@ from rich.progress import Progress
 
 from app.client.client import RoboPromptClient
 from app.client.errors import ServiceUnreachableError
-from app.evaluation.errors import OtherModelError, ServiceLostError
+from app.evaluation.failures import OtherModelError, ServiceLostError
 from app.evaluation.illustrate import illustrated
 from app.evaluation.ledger import Ledger
 from app.evaluation.methods import NEAREST, REGRESSION
-from app.evaluation.noise import disturbed
-from app.evaluation.plan import Plan
+from app.evaluation.paper import disturbed
+from app.evaluation.plan import Plan, evaluation_of
 from app.evaluation.records import EXPERT, REPLAY, Crash, Evaluation, Method
-from app.evaluation.resume import evaluation_of
 from app.evaluation.run import Run
 from app.evaluation.server import free_port, running_server
 from app.sim.demonstrate import view_scene

@@ -7,6 +7,7 @@ from app.evaluation.methods import (
     NEAREST,
     REGRESSION,
     SIMPLE_NAMES,
+    SWEEPS,
     chosen,
     methods_beside,
     with_models,
@@ -14,7 +15,6 @@ from app.evaluation.methods import (
     with_poses,
 )
 from app.evaluation.records import EXPERT, REPLAY, Method
-from app.evaluation.sweeps import SWEEPS
 from app.evaluation.teach import suffix_of, variants
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.wording import NAME_PATTERN

@@ -4,12 +4,11 @@ from dataclasses import replace
 import pytest
 from rich.console import Console
 
+from app.evaluation.methods import SWEEPS
 from app.evaluation.plots import write_plots
 from app.evaluation.records import Crash, Evaluation, Method, TaskEvaluation
-from app.evaluation.report.results import results_of
-from app.evaluation.summary import results_table
-from app.evaluation.summary import summary as demo_summary
-from app.evaluation.sweeps import SWEEPS
+from app.evaluation.scores import results_of, results_table
+from app.evaluation.scores import summary as demo_summary
 from app.evaluation.tables import markdown, sweep_summary, terminal_table
 from tests.evaluation.trials import ANSWER, trial
 

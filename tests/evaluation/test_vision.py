@@ -14,8 +14,7 @@ from app.evaluation.ledger import Ledger
 from app.evaluation.methods import REGRESSION, with_poses
 from app.evaluation.plan import Plan
 from app.evaluation.server import running_server
-from app.evaluation.teach import Lesson
-from app.evaluation.vision import FIRST_LABELLED_SEED, images_only
+from app.evaluation.teach import FIRST_LABELLED_SEED, Lesson, images_only
 from app.sim.demonstrate import view_scene
 from tests.evaluation.test_run import InlineExecutor
 

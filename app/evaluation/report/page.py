@@ -1,4 +1,4 @@
-"""An evaluation -> a folder with `index.html` and its images."""
+"""An evaluation -> a folder with `index.html` and its images; numbers are written as people read them."""
 
 import re
 from collections.abc import Iterable
@@ -6,15 +6,36 @@ from pathlib import Path
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
+from app.evaluation.illustrate import detailed_failures, detailed_successes, failures_in_order
 from app.evaluation.records import Evaluation, Method, TaskEvaluation, Trial
 from app.evaluation.report.charts import success_chart
-from app.evaluation.report.demonstration import demonstration_view
 from app.evaluation.report.pictures import Picture, PictureFolder
-from app.evaluation.report.results import Result, results_of
-from app.evaluation.report.selection import detailed_failures, detailed_successes, failures_in_order
-from app.evaluation.report.trial import trial_view
-from app.evaluation.report.units import duration_text, percent_text, tokens_text
-from app.evaluation.report.views import PageView, TaskView, TrialView
+from app.evaluation.report.views import PageView, TaskView, TrialView, demonstration_view, trial_view
+from app.evaluation.scores import Result, results_of
+
+NOTHING = "\N{EN DASH}"
+
+
+def duration_text(seconds: float | None) -> str:
+    """For example ``6.3 ms``, ``1.24 s``, ``2 min 5 s``; a dash for None."""
+    if seconds is None:
+        return NOTHING
+    if seconds < 1:
+        return f"{1000 * seconds:.3g} ms"
+    if seconds < 100:
+        return f"{seconds:.3g} s"
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes} min {rest} s"
+
+
+def tokens_text(tokens: float | None) -> str:
+    """A whole number with thousands set apart; a dash for None."""
+    return NOTHING if tokens is None else f"{tokens:,.0f}"
+
+
+def percent_text(share: float) -> str:
+    """A share in [0, 1] as whole percent, without the sign."""
+    return f"{100 * share:.0f}"
 
 
 def write_report(evaluation: Evaluation, folder: Path, illustrated: Iterable[TaskEvaluation] | None = None) -> Path:

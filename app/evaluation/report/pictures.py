@@ -1,17 +1,73 @@
-"""Image files of a report, each with what a page needs to show it."""
+"""Image files of a report, each with what a page needs to show it.
+
+The pictures of a rollout stand side by side, or follow one after the other.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from PIL import Image
+import cv2
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
 
-from app.evaluation.report.film import film_grid, write_gif
-from app.evaluation.report.theme import THEMES, Draw, save
+from app.evaluation.report.charts import THEMES, Draw, save
 from app.sim.rendering import RgbImage
 
+TILE_WIDTH_PX = 320
+CAPTION_HEIGHT_PX = 26
+CAPTION_FONT_PX = 15
+GAP_PX = 4
+MAX_COLUMNS = 4
+BACKGROUND = (24, 28, 34)
+CAPTION_COLOUR = (240, 242, 245)
+FRAME_MS = 700
+LAST_FRAME_MS = 2000
+GIF_COLOURS = 128
 JPEG_QUALITY = 85
 IMAGES = "images"
+
+
+def captions(num_images: int, num_actions: int | None) -> list[str]:
+    """What the pictures of a film strip show, of a rollout of `num_actions` (None: unknown)."""
+    of_all = "" if num_actions is None else f" of {num_actions}"
+    return ["before"] + [f"after action {k}{of_all}" for k in range(1, num_images)]
+
+
+def film_tiles(images: Sequence[RgbImage], texts: Sequence[str]) -> list[RgbImage]:
+    """Each image (H, W, 3) scaled down to a width of 320 pixels, its caption below."""
+    return [_captioned(image, text) for image, text in zip(images, texts, strict=True)]
+
+
+def film_grid(tiles: Sequence[RgbImage]) -> RgbImage:
+    """Tiles of one size row by row, at most four in a row."""
+    columns = min(len(tiles), MAX_COLUMNS)
+    rows = -(-len(tiles) // columns)
+    height, width = tiles[0].shape[0] + GAP_PX, tiles[0].shape[1] + GAP_PX
+    grid = np.empty((rows * height + GAP_PX, columns * width + GAP_PX, 3), np.uint8)
+    grid[:] = BACKGROUND
+    for k, tile in enumerate(tiles):
+        top, left = k // columns * height + GAP_PX, k % columns * width + GAP_PX
+        grid[top : top + tile.shape[0], left : left + tile.shape[1]] = tile
+    return grid
+
+
+def write_gif(path: Path, tiles: Sequence[RgbImage]) -> None:
+    """An endless animation that rests on its last picture."""
+    first, *rest = [Image.fromarray(tile).quantize(GIF_COLOURS) for tile in tiles]
+    durations_ms = [FRAME_MS] * len(rest) + [LAST_FRAME_MS]
+    first.save(path, save_all=True, append_images=rest, duration=durations_ms, loop=0)
+
+
+def _captioned(image: RgbImage, text: str) -> RgbImage:
+    height, width = image.shape[:2]
+    tile_height = round(height * TILE_WIDTH_PX / width)
+    canvas = Image.new("RGB", (TILE_WIDTH_PX, tile_height + CAPTION_HEIGHT_PX), BACKGROUND)
+    canvas.paste(Image.fromarray(cv2.resize(image, (TILE_WIDTH_PX, tile_height), interpolation=cv2.INTER_AREA)))
+    middle = (TILE_WIDTH_PX / 2, tile_height + CAPTION_HEIGHT_PX / 2)
+    font = ImageFont.load_default(CAPTION_FONT_PX)
+    ImageDraw.Draw(canvas).text(middle, text, CAPTION_COLOUR, font, anchor="mm")
+    return np.asarray(canvas)
 
 
 @dataclass(frozen=True)

@@ -1,11 +1,24 @@
-"""What the page's templates show. Texts are as users and LLMs wrote them; the templates escape them."""
+"""What the page's templates show of demonstrations and trials.
 
+Texts are as users and LLMs wrote them; the templates escape them.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
-from app.evaluation.records import Trial
-from app.evaluation.report.pictures import Picture
-from app.evaluation.report.results import Result
-from app.pipeline.prompt_colours import Span
+import numpy as np
+
+from app.evaluation.records import TaughtEpisode, Trial
+from app.evaluation.report.charts import speed_plot
+from app.evaluation.report.drawing import draw_scene
+from app.evaluation.report.pictures import Picture, PictureFolder, captions, film_tiles
+from app.evaluation.scores import Result
+from app.pipeline.episode import EndEffectorAction, ObjectPose
+from app.pipeline.prompt_colours import Span, prompt_spans
+from app.pipeline.timeline import frame_times_s
+from app.sim.demonstrate import SceneView
+from app.sim.film import CAMERA
 
 Spans = tuple[Span, ...]
 
@@ -74,3 +87,97 @@ class PageView:
     duration_s: float
     chart: Picture
     tasks: tuple[TaskView, ...]
+
+
+def demonstration_view(pictures: PictureFolder, name: str, taught: TaughtEpisode) -> DemonstrationView:
+    """Draw what the service found in a demonstration; `name` begins the names of its images."""
+    document, scene = taught.document, taught.recorded.scene
+    actions = [action_of(item) for item in document["keyframes"]]
+    return DemonstrationView(
+        seed=scene.seed,
+        instruction=document["instruction"],
+        scene=scene_picture(pictures, f"{name}-scene", scene, _poses(document), actions),
+        speed=_speed_picture(pictures, f"{name}-speed", taught),
+        num_keyframes=len(actions),
+        observation=prompt_spans(document["observation_text"], "absolute", "paper"),
+        actions=prompt_spans(document["actions_text"], "absolute", "paper"),
+        estimators=", ".join(dict.fromkeys(item["estimator"] for item in document["objects"])),
+    )
+
+
+def scene_picture(
+    pictures: PictureFolder,
+    name: str,
+    scene: SceneView,
+    poses: Sequence[ObjectPose],
+    actions: Sequence[EndEffectorAction] = (),
+) -> Picture | None:
+    """The image of camera `front` with object poses and actions; None for a scene without images."""
+    alt = f"The scene before the arm moves, with the axes of {_listed(pose.name for pose in poses)}"
+    if actions:
+        alt += f" and the path of {len(actions)} actions"
+    for frame in scene.frames:
+        if frame.camera.name == CAMERA and frame.rgb is not None:
+            return pictures.photo(name, draw_scene(frame.rgb, frame.camera, poses, actions), alt)
+    return None
+
+
+def action_of(item: Mapping[str, Any]) -> EndEffectorAction:
+    """An action of one of the service's documents."""
+    return EndEffectorAction(np.array(item["position"]), np.array(item["quaternion_xyzw"]), item["gripper_open"])
+
+
+def _poses(document: Mapping[str, Any]) -> list[ObjectPose]:
+    return [ObjectPose(item["name"], item["position"], item["quaternion_xyzw"]) for item in document["objects"]]
+
+
+def _speed_picture(pictures: PictureFolder, name: str, taught: TaughtEpisode) -> Picture:
+    recorded = taught.recorded
+    trajectory, frequency_hz = recorded.trajectory, recorded.control_frequency_hz
+    keyframes = [item["index"] for item in taught.document["keyframes"]]
+    times_s = frame_times_s(trajectory, frequency_hz)
+    listed = _listed(f"{times_s[index]:.1f}" for index in keyframes)
+    alt = f"Joint speed over {times_s[-1]:.1f} s; {len(keyframes)} keyframes, at {listed} s"
+    return pictures.chart(name, lambda theme: speed_plot(trajectory, frequency_hz, keyframes, theme), alt)
+
+
+def _listed(words: Iterable[str]) -> str:
+    *most, last = list(words) or ["nothing"]
+    return f"{', '.join(most)} and {last}" if most else last
+
+
+def trial_view(pictures: PictureFolder, name: str, trial: Trial) -> TrialView:
+    """Draw what a trial planned and what happened; `name` begins the names of its images."""
+    answer = trial.answer
+    actions = [] if answer is None else [action_of(item) for item in answer["actions"]]
+    film_strip, animation = _film(pictures, name, trial)
+    return TrialView(
+        trial,
+        scene=scene_picture(pictures, f"{name}-scene", trial.scene, trial.scene.objects, actions),
+        film_strip=film_strip,
+        animation=animation,
+        system_prompt="" if answer is None else answer["prompt"]["system"],
+        prompt=_spans(trial, "" if answer is None else answer["prompt"]["user"]),
+        reply=_spans(trial, "" if answer is None else answer["reply_text"]),
+    )
+
+
+def _spans(trial: Trial, text: str) -> Spans | None:
+    """`text` of the trial's answer; None without one."""
+    if trial.answer is None:
+        return None
+    return prompt_spans(text, trial.answer["representation"], trial.answer["prompt_format"])
+
+
+def _film(pictures: PictureFolder, name: str, trial: Trial) -> tuple[Picture | None, Picture | None]:
+    """The film strip, and the animation where there is motion to show."""
+    images = () if trial.execution is None else trial.execution.film_strip
+    if not images:
+        return None, None
+    texts = captions(len(images), None if trial.answer is None else len(trial.answer["actions"]))
+    tiles = film_tiles(images, texts)
+    happened = f"{trial.task}, seed {trial.seed}, {trial.method}"
+    strip = pictures.film_strip(f"{name}-film", tiles, f"Film strip of {happened}: {texts[0]} to {texts[-1]}")
+    if len(tiles) == 1:
+        return strip, None
+    return strip, pictures.animation(f"{name}-film", tiles, f"The same pictures of {happened} as an animation")

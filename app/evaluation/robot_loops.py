@@ -1,18 +1,25 @@
-"""A trial in closed loop: the simulated robot observes and asks before every action."""
+"""Trials in closed loop: the simulated robot observes and asks again while it acts.
+
+Either before every action, or by the robot's own loop in a scene that somebody changes between the answer and the
+motion.
+"""
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from app.client.answers import PredictedActions
 from app.client.client import RoboPromptClient
-from app.client.errors import ServiceProblemError
-from app.client.loop import run_closed_loop
+from app.client.errors import ObjectLostError, ServiceProblemError
+from app.client.loop import run_closed_loop, run_task
 from app.client.robot import MotionError, Observation, Robot
-from app.evaluation.noise import disturbed
+from app.evaluation.paper import disturbed
 from app.pipeline.episode import EndEffectorAction
+from app.pipeline.errors import UnsafeActionError
 from app.sim.demonstrate import RolloutResult, judge, robot_in_scene
+from app.sim.robot import SimulatedPanda
+from app.sim.shift import shift_free_objects
 from app.sim.tasks import TASKS
 
 # the problems that are the LLM's failure, not the service's
@@ -101,3 +108,92 @@ def _together(steps: Sequence[PredictedActions]) -> Mapping[str, Any] | None:
 def _sums(documents: Sequence[Mapping[str, float]]) -> dict[str, float]:
     keys = dict.fromkeys(key for document in documents for key in document)
     return {key: sum(document.get(key, 0) for document in documents) for key in keys}
+
+
+class ShiftedPanda:
+    """A simulated robot whose free objects are moved once it has looked for the first time.
+
+    Attributes:
+        actions: carried out, and the one that failed.
+        num_done: how many were carried out.
+    """
+
+    def __init__(self, robot: SimulatedPanda, shift_m: float, seed: int, noise: float = 0.0) -> None:
+        self._robot, self._shift_m, self._seed, self._noise = robot, shift_m, seed, noise
+        self._looks = 0
+        self._shifted = shift_m == 0
+        self.actions: list[EndEffectorAction] = []
+        self.num_done = 0
+        self.stop = robot.stop
+
+    def observe(self) -> Observation:
+        """The objects as they lie, up to the noise of an estimator."""
+        self._looks += 1
+        if self._looks > 1:
+            self._change()
+        seen = self._robot.observe()
+        return replace(seen, objects=disturbed(seen.objects, self._noise, self._seed))
+
+    def execute(self, action: EndEffectorAction) -> None:
+        """As the robot does."""
+        self._change()
+        self.actions.append(action)
+        self._robot.execute(action)
+        self.num_done += 1
+
+    def _change(self) -> None:
+        if not self._shifted:
+            shift_free_objects(self._robot.task, self._shift_m, self._seed)
+            self._shifted = True
+
+
+class _Client(RoboPromptClient):
+    """Keeps what it was answered, also where carrying it out fails."""
+
+    predicted: PredictedActions | None = None
+
+    def predict(self, *arguments: Any, **options: Any) -> PredictedActions:  # noqa: ANN401
+        self.predicted = super().predict(*arguments, **options)
+        return self.predicted
+
+
+def run_in_robot_loop(
+    url: str,
+    name: str,
+    task: str,
+    seed: int,
+    noise: float,
+    options: Mapping[str, Any],
+    shift_m: float,
+    look_again: bool,
+) -> ClosedLoopResult:
+    """Run a trial; for a worker process, which must reach the service.
+
+    Args:
+        name: of the task at the service.
+        look_again: whether the robot looks again, so that its actions follow.
+
+    Raises:
+        ServiceProblemError, ServiceUnreachableError, InvalidInputError: nothing is known about the method.
+    """
+    started = time.perf_counter()
+    panda = robot_in_scene(task, seed, TASKS[task].test_variation(seed), images=False)
+    robot = ShiftedPanda(panda, shift_m, seed, noise)
+    error, blocked = "", ""
+    with _Client(url) as client:
+        try:
+            run_task(
+                client, robot, name, panda.task.instruction, look_again=look_again, on_danger="go", **dict(options)
+            )
+        except (MotionError, ObjectLostError, UnsafeActionError) as failure:
+            blocked = str(failure)
+        except ServiceProblemError as problem:
+            if problem.problem.get("type") not in USELESS_REPLY:
+                raise
+            error = str(problem)
+        failure_text = error or blocked or judge(panda)
+        if client.predicted is not None:
+            client.record_outcome(client.predicted.id, not failure_text, failure_text or None)
+    execution = RolloutResult(task, seed, robot.num_done, not failure_text, failure_text, ())
+    answer = None if client.predicted is None else client.predicted.response
+    return ClosedLoopResult(tuple(robot.actions), answer, error, execution, time.perf_counter() - started)
