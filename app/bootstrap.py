@@ -12,8 +12,8 @@ from fastapi import FastAPI
 
 from app.api.access import Access
 from app.api.app import create_app
-from app.api.limits import BodyLimits
-from app.api.redaction import hide_keys_in_access_log
+from app.api.body_limits import BodyLimits
+from app.api.observation import hide_keys_in_access_log
 from app.llm.llm_settings import LlmSettings
 from app.llm.registry import ModelRegistry
 from app.pipeline.addresses import is_loopback

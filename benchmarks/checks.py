@@ -25,7 +25,7 @@ from rich.table import Table
 from starlette.types import Receive, Scope, Send
 
 from app.api.access import Access, AccessControl
-from app.api.security_headers import SecurityHeaders
+from app.api.app import SecurityHeaders
 from app.client.client import RoboPromptClient
 from app.client.robot import Observation
 from app.evaluation.server import running_server

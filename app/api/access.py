@@ -1,7 +1,12 @@
-"""Who is let in: API keys, scopes, rate limit, and no other website's scripts. Before anything of a body is read."""
+"""Who is let in: API keys, scopes, rate limit, and no other website's scripts. Before anything of a body is read.
+
+A rate is limited by a token bucket for each key, or for each address where there is no key.
+"""
 
 import math
 import re
+import time
+from collections import OrderedDict
 from dataclasses import dataclass
 from urllib.parse import quote, urlsplit
 
@@ -10,10 +15,18 @@ from fastapi.responses import RedirectResponse
 from starlette.responses import Response
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from app.api.access_rules import HEALTH, LOGIN, PAGES, READY, SAFE_METHODS, accepted_scopes
-from app.api.credentials import Credential, Headers, credential_of
+from app.api.access_rules import (
+    HEALTH,
+    LOGIN,
+    PAGES,
+    READY,
+    SAFE_METHODS,
+    Credential,
+    Headers,
+    accepted_scopes,
+    credential_of,
+)
 from app.api.problems import Kind, problem, store_problem
-from app.api.rate_limit import RateLimit
 from app.pipeline.addresses import is_loopback
 from app.services.api_keys import Caller, ExpiredKeyError, audit_name
 from app.services.container import Services
@@ -21,6 +34,7 @@ from app.store.audit import acting
 from app.store.errors import StoreError
 from app.store.visibility import Visibility, seeing
 
+MAX_CALLERS = 10_000  # who has not been heard of for longest is forgotten, and starts with a full bucket
 _UNAUTHENTICATED = Kind(401, "unauthenticated", "An API key is needed")
 _FORBIDDEN = Kind(403, "forbidden", "This is not allowed")
 _TOO_MANY = Kind(429, "too-many-requests", "Too many requests")
@@ -30,6 +44,33 @@ _HOST = re.compile(r"(\[[\da-f:.]+\]|[\w.~-]+)(:\d*)?", re.ASCII | re.IGNORECASE
 _EVERYTHING = Visibility()
 _CHALLENGE = 'Bearer realm="roboprompt"'
 HOW = "send `Authorization: Bearer KEY` or `X-API-Key: KEY`; `roboprompt keys add` makes one"
+
+
+class RateLimit:
+    """Token buckets of one process: with several workers each has its own.
+
+    Args:
+        requests_per_s: in the long run; 0: as many as anybody likes.
+        burst: at once.
+    """
+
+    def __init__(self, requests_per_s: float, burst: int) -> None:
+        self._rate = requests_per_s
+        self._burst = burst
+        self._buckets: OrderedDict[str, tuple[float, float]] = OrderedDict()
+
+    def wait_s(self, caller: str) -> float:
+        """Take a token; 0 if there was one, else how long until there is."""
+        if not self._rate:
+            return 0.0
+        now = time.monotonic()
+        tokens, since = self._buckets.pop(caller, (float(self._burst), now))
+        tokens = min(self._burst, tokens + (now - since) * self._rate)
+        allowed = tokens >= 1
+        self._buckets[caller] = (tokens - 1 if allowed else tokens, now)
+        if len(self._buckets) > MAX_CALLERS:
+            self._buckets.popitem(last=False)
+        return 0.0 if allowed else (1 - tokens) / self._rate
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,13 @@
-"""Which scopes let a request in. What is not listed is the strictest: reading needs `read`, changing `admin`.
+"""What a request carries to say who sends it, and which scopes let it in.
 
-Which tasks and whose predictions a key sees, `app.services.api_keys.caller_from` decides and the store's queries heed.
+What is not listed is the strictest: reading needs `read`, changing `admin`. Which tasks and whose predictions a key
+sees, `app.services.api_keys.caller_from` decides and the store's queries heed.
 """
 
 import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from http.cookies import CookieError, SimpleCookie
 
 SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
 # Opening one takes dozens of requests for scripts and pictures, so that they do not count against the rate limit.
@@ -39,6 +43,8 @@ _RULES = tuple(
     )
 )
 _READ, _ADMIN = frozenset({"read"}), frozenset({"admin"})
+COOKIE = "roboprompt_session"
+Headers = Mapping[bytes, bytes]
 
 
 def accepted_scopes(method: str, path: str) -> frozenset[str]:
@@ -53,3 +59,39 @@ def accepted_scopes(method: str, path: str) -> frozenset[str]:
         if method == listed and pattern.fullmatch(path):
             return scopes
     return _READ if method in SAFE_METHODS else _ADMIN
+
+
+@dataclass(frozen=True)
+class Credential:
+    """A key, or a browser's session.
+
+    Attributes:
+        token: empty if the request carries neither.
+        by_cookie: the browser sends it by itself, also where another website makes it ask.
+    """
+
+    token: str
+    by_cookie: bool = False
+
+
+def credential_of(headers: Headers) -> Credential:
+    """A key as bearer or in `X-API-Key`, else the session in the cookie of the login page."""
+    scheme, _, token = headers.get(b"authorization", b"").decode("latin-1").partition(" ")
+    if scheme.lower() == "bearer":
+        return Credential(token.strip())
+    if key := headers.get(b"x-api-key", b"").decode("latin-1"):
+        return Credential(key.strip())
+    token = session_of(headers)
+    return Credential(token, by_cookie=bool(token))
+
+
+def session_of(headers: Headers) -> str:
+    """The session in the cookie; empty if there is none."""
+    cookies = headers.get(b"cookie", b"").decode("latin-1")
+    if COOKIE not in cookies:
+        return ""
+    try:
+        morsel = SimpleCookie(cookies).get(COOKIE)
+    except CookieError:
+        return ""
+    return "" if morsel is None else morsel.value

@@ -1,13 +1,13 @@
 """Room for requests with images: so many pixels in memory, few decoders at once, and none for clients that have left.
 
 A thread cannot be ended from outside. What it does is bounded beforehand (`app.perception.images`, `Limits`), and
-between two images it looks whether anybody still waits.
+between two images it looks whether anybody still waits. Cameras and image parts become RgbdFrames.
 """
 
 import asyncio
 import os
 from collections import deque
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping, Sequence
 from contextlib import asynccontextmanager, suppress
 from functools import partial
 from typing import ParamSpec, Protocol, TypeVar
@@ -20,8 +20,11 @@ from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
 
-from app.api.body import Body, images_of
-from app.perception.images import num_pixels
+from app.api.body import IMAGE_PREFIXES, Body, images_of
+from app.api.schemas.requests import CameraIn
+from app.perception.images import ImageBytes, decode_frame, num_pixels
+from app.pipeline.camera import RgbdFrame
+from app.pipeline.errors import InvalidInputError
 from app.services.request_limits import Limits
 
 MAX_WAIT_S = 20.0  # for room, for a decoder, and for its work, each
@@ -143,3 +146,37 @@ class _Room:
             amount, _, admitted = self._waiting.popleft()
             self._used += amount
             admitted.set()
+
+
+def split_images(cameras: Sequence[CameraIn], parts: Mapping[str, bytes]) -> dict[str, ImageBytes]:
+    """The image parts by camera.
+
+    Raises:
+        InvalidInputError: for a part that is no image, or belongs to no camera; for a camera named twice.
+    """
+    names = [camera.name for camera in cameras]
+    if twice := [name for name in names if names.count(name) > 1]:
+        raise InvalidInputError("cameras", f"{twice[0]!r} appears twice", "each camera once")
+    for part in parts:
+        if not part.startswith(IMAGE_PREFIXES):
+            raise InvalidInputError(part, "is not a part of this request", "metadata, rgb_NAME, depth_NAME, mask_NAME")
+        if (camera := part.partition("_")[2]) not in names:
+            known = ", ".join(names) or "none: add it to metadata.cameras"
+            raise InvalidInputError(part, f"there is no camera {camera!r} in metadata.cameras", known)
+    return {name: ImageBytes(*(parts.get(f"{prefix}{name}") for prefix in IMAGE_PREFIXES)) for name in names}
+
+
+def decode_frames(
+    cameras: Sequence[CameraIn], images: Mapping[str, ImageBytes], max_pixels: int
+) -> tuple[RgbdFrame, ...]:
+    """The frames of all cameras, in their order.
+
+    Raises:
+        InvalidInputError: naming the image part or the camera's field.
+    """
+    return tuple(_decoded(item, images[item.name], max_pixels) for item in cameras)
+
+
+def _decoded(camera: CameraIn, images: ImageBytes, max_pixels: int) -> RgbdFrame:
+    stop_if_unwanted()
+    return decode_frame(camera.camera(), images, max_pixels)

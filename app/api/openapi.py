@@ -7,8 +7,7 @@ from fastapi.openapi.utils import get_openapi
 from pydantic import BaseModel
 from pydantic.json_schema import models_json_schema
 
-from app.api.access_rules import HEALTH, accepted_scopes
-from app.api.credentials import COOKIE
+from app.api.access_rules import COOKIE, HEALTH, accepted_scopes
 from app.api.schemas.poses import PosesBody
 from app.api.schemas.requests import EpisodeJson, EpisodeMetadata, PredictBody
 from app.api.schemas.responses import Problem

@@ -13,7 +13,7 @@ from pydantic import ValidationError
 from starlette.exceptions import HTTPException
 from starlette.responses import Response
 
-from app.api.credentials import COOKIE
+from app.api.access_rules import COOKIE
 from app.api.problems import problem_of
 from app.pipeline.errors import RoboPromptError
 from app.web.assets import PLOTLY_ADDRESS, STATIC_ADDRESS

@@ -3,7 +3,7 @@ import random
 
 import pytest
 
-from app.api.json_budget import JsonBudget, JsonBudgetError
+from app.api.body_limits import JsonBudget, JsonBudgetError
 
 RANDOM = random.Random(0)
 

@@ -8,7 +8,7 @@ import pytest
 from fastapi import APIRouter, FastAPI
 
 from app.api.problems import install_problem_handlers
-from app.api.unique_keys import UniqueKeysRoute
+from app.api.routes.tasks import UniqueKeysRoute
 
 JSON = {"content-type": "application/json"}
 router = APIRouter(route_class=UniqueKeysRoute)

@@ -10,7 +10,7 @@ import cv2
 import httpx
 import numpy as np
 
-from app.api.credentials import COOKIE
+from app.api.access_rules import COOKIE
 from app.services.api_keys import create_key
 from app.store import api_keys
 from app.store.store import Store

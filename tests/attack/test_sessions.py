@@ -7,7 +7,7 @@ import httpx
 import pytest
 from sqlalchemy import update
 
-from app.api.credentials import COOKIE
+from app.api.access_rules import COOKIE
 from app.services.api_keys import KNOWN_FOR_S, LONGEST, create_key
 from app.store import api_keys, sessions, tables
 from app.store.store import Store

@@ -7,7 +7,7 @@ import httpx
 import msgpack
 import pytest
 
-from app.api.credentials import COOKIE
+from app.api.access_rules import COOKIE
 from tests.attack.tenants import Tenants, question, running_tenants, taught, with_pictures
 
 HTML = {"accept": "text/html"}

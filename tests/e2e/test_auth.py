@@ -8,7 +8,7 @@ import httpx
 import pytest
 from typer.testing import CliRunner
 
-from app.api.credentials import COOKIE
+from app.api.access_rules import COOKIE
 from app.cli import application
 from app.client.client import RoboPromptClient
 from app.client.errors import ServiceProblemError

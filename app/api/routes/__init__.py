@@ -1,4 +1,4 @@
-"""The addresses of the service, one resource a file."""
+"""The addresses of the service, by subject."""
 
 from typing import Annotated
 

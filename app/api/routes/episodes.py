@@ -1,4 +1,7 @@
-"""Episodes: upload, list, look at, delete."""
+"""Episodes: upload, list, look at, delete; and what became of an upload.
+
+Whoever goes on with an import that was cut off asks for the latter.
+"""
 
 from typing import Annotated, Any, Literal
 
@@ -8,20 +11,19 @@ from starlette.concurrency import run_in_threadpool
 
 from app.api.body import Body, read_body
 from app.api.documents import episode_document, metadata_document
-from app.api.frames import decode_frames, split_images
-from app.api.image_work import image_work
+from app.api.image_work import decode_frames, image_work, split_images
 from app.api.openapi import body_of
 from app.api.routes import Cursor, IdempotencyKey, Limit, Wired, problems
 from app.api.schemas.requests import EpisodeJson, EpisodeMetadata
-from app.api.schemas.responses import EpisodeOut, EpisodePage, UploadedEpisodeOut
+from app.api.schemas.responses import EpisodeOut, EpisodePage, UploadedEpisodeOut, UploadOut
 from app.perception.images import as_image
 from app.pipeline.episode import Episode, Trajectory
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.trajectory_npz import npz_from_trajectory, trajectory_from_arrays, trajectory_from_npz
 from app.services.container import Services
 from app.services.request_limits import Limits
-from app.services.teach.upload import Upload, content_digest
-from app.store import episodes, tasks
+from app.services.teach.upload import SCOPE, Upload, content_digest
+from app.store import episodes, idempotency, tasks
 from app.store.errors import NotFoundError
 from app.store.values import JsonObject
 
@@ -204,3 +206,18 @@ def _image(
         return Response(data, media_type="application/octet-stream")
     data, media_type = as_image(data, kind, stored.depth_scale)
     return Response(data, media_type=media_type)
+
+
+@router.get(
+    "/uploads/{idempotency_key}",
+    operation_id="get_upload",
+    response_model=UploadOut,
+    responses=problems(_404="nothing was uploaded with this key, or it was deleted since"),
+)
+def get_upload(services: Wired, idempotency_key: str) -> Response:
+    """The episode that an upload with this `Idempotency-Key` made."""
+    with services.store.read() as connection:
+        stored = idempotency.answered(connection, SCOPE, idempotency_key)
+        if stored is None or not episodes.exist(connection, stored.response["id"]):
+            raise NotFoundError("upload", idempotency_key)
+    return JSONResponse({"episode_id": stored.response["id"]})

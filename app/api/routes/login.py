@@ -6,8 +6,7 @@ from typing import Annotated
 from fastapi import APIRouter, Form, Request, Response
 from fastapi.responses import HTMLResponse, RedirectResponse
 
-from app.api.access_rules import LOGIN, LOGOUT
-from app.api.credentials import COOKIE, session_of
+from app.api.access_rules import COOKIE, LOGIN, LOGOUT, session_of
 from app.api.routes import Wired
 from app.services.api_keys import ExpiredKeyError
 

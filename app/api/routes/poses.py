@@ -1,11 +1,13 @@
-"""Poses alone: what another instance of the service, or anybody else, asks of this one's estimators."""
+"""What images show, apart from episodes and predictions: poses alone, and pictures of what was found, drawn over.
+
+Another instance of the service, or anybody else, may ask this one's estimators for poses.
+"""
 
 from fastapi import APIRouter, Request, Response
 from fastapi.responses import JSONResponse
 
 from app.api.body import Body, read_body
-from app.api.frames import decode_frames, split_images
-from app.api.image_work import image_work
+from app.api.image_work import decode_frames, image_work, split_images
 from app.api.openapi import body_of
 from app.api.routes import Wired, problems
 from app.api.schemas.poses import PosesBody, PosesOut
@@ -15,6 +17,11 @@ from app.services.request_limits import Limits
 from app.store.values import JsonObject
 
 router = APIRouter(tags=["poses"])
+PNG = "image/png"
+_RESPONSES: dict[int | str, dict[str, object]] = {
+    200: {"description": "the image with masks, outlines, axes and names", "content": {PNG: {}}}
+}
+overlays_router = APIRouter()
 
 
 @router.post(
@@ -46,3 +53,29 @@ def _find(body: Body, limits: Limits) -> JsonObject:
     frames = decode_frames(asked.cameras, split_images(asked.cameras, body.parts), limits.max_image_pixels)
     questions = [PoseQuestion(item.name, item.mask_ids, item.model) for item in asked.objects]
     return poses_document(find_poses(questions, frames))
+
+
+@overlays_router.get(
+    "/episodes/{episode_id}/images/{camera}/overlay",
+    operation_id="get_episode_overlay",
+    tags=["episodes"],
+    response_class=Response,
+    responses=_RESPONSES | problems(_404="no such episode or camera, or no colour image"),
+)
+async def episode_overlay(request: Request, services: Wired, episode_id: str, camera: str) -> Response:
+    """A camera's first image with the objects as they were found."""
+    draw = services.draw_overlay.of_episode
+    return Response(await image_work(request).run(request, draw, episode_id, camera), media_type=PNG)
+
+
+@overlays_router.get(
+    "/predictions/{prediction_id}/images/{camera}/overlay",
+    operation_id="get_prediction_overlay",
+    tags=["predictions"],
+    response_class=Response,
+    responses=_RESPONSES | problems(_404="no such prediction or camera, or no colour image"),
+)
+async def prediction_overlay(request: Request, services: Wired, prediction_id: str, camera: str) -> Response:
+    """What the robot saw when it asked, with the objects as they were found."""
+    draw = services.draw_overlay.of_prediction
+    return Response(await image_work(request).run(request, draw, prediction_id, camera), media_type=PNG)

@@ -13,8 +13,7 @@ from fastapi.sse import EventSourceResponse, format_sse_event
 
 from app.api.body import Body, read_body
 from app.api.documents import dry_run_document, prediction_document, understood_document
-from app.api.frames import decode_frames, split_images
-from app.api.image_work import Decode, image_work
+from app.api.image_work import Decode, decode_frames, image_work, split_images
 from app.api.openapi import body_of
 from app.api.problems import own_problem
 from app.api.routes import IdempotencyKey, Wired, problems

@@ -1,29 +1,135 @@
-"""Tasks: their settings and what is stored of them."""
+"""Tasks: their settings, what is stored of them, and what a check of their demonstrations finds out.
 
-from typing import Annotated
+Their JSON bodies name each member once: of a bound that is given twice, nobody knows which one was meant.
+"""
 
-from fastapi import APIRouter, Body, Query, Response
+import json
+from collections.abc import Callable, Collection, Coroutine, Sequence
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Body, Query, Request, Response
 from fastapi.openapi.models import Example
 from fastapi.responses import JSONResponse
+from fastapi.routing import APIRoute
+from starlette.exceptions import HTTPException
 
-from app.api.check_document import check_document
 from app.api.documents import job_document, stats_document, task_document
 from app.api.routes import Wired, problems
 from app.api.schemas import examples
-from app.api.schemas.checks import TaskCheckOut
 from app.api.schemas.poses import LearnBody, LearnedOut
+from app.api.schemas.predictions import TaskCheckOut
 from app.api.schemas.responses import JobOut, TaskList, TaskOut, TaskStatsOut
-from app.api.unique_keys import UniqueKeysRoute
+from app.pipeline.check.replies import ReplyCheck
+from app.pipeline.check.report import EpisodeCheck, Off, PlanCheck, RowCheck
 from app.services.container import Services
 from app.services.predict.evidence import task_stats
 from app.services.task_settings import TaskSettings
+from app.services.teach.check import CheckedTask
 from app.store import episodes, erasure, tasks
 from app.store.records import JobRecord, TaskRecord
+from app.store.values import JsonObject
 
+MAX_SHOWN = 80
 _EXAMPLES: dict[str, Example] = {"press": {"value": examples.TASK}}
 _ACCEPTED: dict[int | str, dict[str, object]] = {202: {"model": JobOut, "description": "a job extracts the episodes"}}
 _EVERYTHING = LearnBody()
 Model = Annotated[str | None, Query(min_length=1, max_length=200, description="an LLM to ask, by its name")]
+
+
+class UniqueKeysRoute(APIRoute):
+    """Answers 400 to a JSON object, at any depth, that has the same key twice."""
+
+    def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
+        """The route's handler, called with a request that reads JSON so."""
+        handle = super().get_route_handler()
+
+        async def handle_unique(request: Request) -> Response:
+            return await handle(_Request(request.scope, request.receive))
+
+        return handle_unique
+
+
+class _Request(Request):
+    async def json(self) -> Any:  # noqa: ANN401
+        return json.loads(await self.body(), object_pairs_hook=_unique)
+
+
+def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    members: dict[str, Any] = {}
+    for key, value in pairs:
+        if key in members:
+            raise HTTPException(400, f"the key {key[:MAX_SHOWN]!a} appears twice in one object: name each once")
+        members[key] = value
+    return members
+
+
+def check_document(checked: CheckedTask) -> JsonObject:
+    """A `TaskCheckOut`."""
+    check = checked.check
+    return {
+        "task": checked.task,
+        "rule": check.rule,
+        "num_episodes": checked.num_episodes,
+        "num_checked": check.num_episodes,
+        "findings": [finding.to_json() for finding in checked.findings],
+        "plans": [_plan(plan, check.unlike_ids) for plan in check.plans],
+        "unlike_episode_ids": list(check.unlike_ids),
+        "model": checked.model,
+        "replies": [_reply(reply) for reply in checked.replies],
+    }
+
+
+def _plan(plan: PlanCheck, unlike_ids: Collection[str]) -> JsonObject:
+    return {
+        "instructions": list(plan.instructions),
+        "shown": plan.shown,
+        "rows": [_row(row) for row in plan.rows],
+        "episodes": [_episode(episode, unlike_ids) for episode in plan.episodes],
+    }
+
+
+def _row(row: RowCheck) -> JsonObject:
+    named = (("error", row.error), ("worst", row.worst), ("varies", row.varies))
+    return {
+        "objects": list(row.objects),
+        "frame": row.frame,
+        "gripper_open": row.gripper_open,
+        "switches": row.switches,
+        "worst_episode_id": row.worst_id,
+        **{f"{name}_cm": None if off is None else _cm(off.m) for name, off in named},
+        **{f"{name}_deg": None if off is None else round(off.deg, 1) for name, off in named},
+    }
+
+
+def _episode(episode: EpisodeCheck, unlike_ids: Collection[str]) -> JsonObject:
+    return {
+        "id": episode.id,
+        "instruction": episode.instruction,
+        "manner": episode.manner,
+        **_errors(episode.errors),
+        "path_cm": _cm(episode.path_m),
+        "unlike_others": episode.id in unlike_ids,
+    }
+
+
+def _reply(reply: ReplyCheck) -> JsonObject:
+    return {
+        "episode_id": reply.id,
+        "num_actions": reply.num_actions,
+        **_errors(reply.errors),
+        "problem": reply.problem or None,
+        "wrong": reply.is_wrong,
+    }
+
+
+def _errors(errors: Sequence[Off]) -> JsonObject:
+    return {"error_cm": [_cm(off.m) for off in errors], "error_deg": [round(off.deg, 1) for off in errors]}
+
+
+def _cm(distance_m: float) -> float:
+    return round(100 * distance_m, 2)
+
+
 router = APIRouter(tags=["tasks"], route_class=UniqueKeysRoute)
 
 

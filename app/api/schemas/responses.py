@@ -1,14 +1,27 @@
-"""What the service answers. Routes build these documents themselves; a test holds them against the models."""
+"""What the service answers. Routes build these documents themselves; a test holds them against the models.
+
+Every answer carries its doubts in one form.
+"""
 
 from datetime import datetime
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, Field
+from pydantic import BaseModel, ConfigDict, Field
 
-from app.api.schemas.findings import FindingOut
 from app.services.task_settings import TaskSettings
 
 Bins = Annotated[list[int], Field(description="x y z (0..99), roll pitch yaw (0..71), gripper (1 = open)")]
+
+
+class FindingOut(BaseModel):
+    """A doubt: what deserves a look, and the numbers behind it as further members."""
+
+    model_config = ConfigDict(extra="allow")
+
+    code: str
+    severity: Literal["info", "warning", "danger"]
+    message: str
+    where: Annotated[str, Field(description="path of what it is about; empty for the whole")]
 
 
 class KeyframeOut(BaseModel):
