@@ -17,7 +17,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from app.cli.importer import import_dataset, prepare_tasks
+from app.cli.import_data import import_dataset, prepare_tasks
 from app.client.client import RoboPromptClient
 from app.datasets.archive import open_archive, write_archive
 from app.datasets.options import ImportOptions

@@ -13,7 +13,6 @@ from app.cli import (
     demo,
     evaluate,
     export_data,
-    films,
     import_data,
     jobs,
     keys,
@@ -30,7 +29,7 @@ application.command("restore")(backup.restore)
 application.command("jobs")(jobs.jobs)
 application.command("demo")(demo.demo)
 application.command("eval")(evaluate.evaluate)
-application.command("films")(films.films)
+application.command("films")(demo.films)
 application.command("teach-objects")(teach_objects.teach_objects)
 application.command("check")(check.check)
 application.command("calibrate")(calibrate.calibrate)

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from app.cli.opened_store import EnvFile, opened_store
+from app.cli.shared import EnvFile, opened_store
 from app.store import audit as log
 
 

@@ -12,7 +12,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from app.cli.checks import check_models, check_names, check_service
+from app.cli.shared import check_models, check_names, check_service
 
 if TYPE_CHECKING:
     from app.evaluation.plan import Plan

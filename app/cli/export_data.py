@@ -1,16 +1,17 @@
-"""`roboprompt export`: a task's episodes for other tools, or for another service."""
+"""`roboprompt export`: a task's episodes for other tools, or for another service.
+
+A task of a service -> its settings and its episodes, as they were uploaded.
+"""
 
 import json
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
 
-from app.cli.checks import URL_HELP, check_service, the_url
-from app.cli.exporter import download, episode_ids, task_settings
-from app.cli.progress import counted
+from app.cli.shared import URL_HELP, check_service, counted, the_url
 from app.client.client import DEFAULT_URL, RoboPromptClient
 from app.client.errors import ServiceProblemError, ServiceUnreachableError
 from app.datasets.archive import write_archive
@@ -18,8 +19,64 @@ from app.datasets.bounds import DatasetError
 from app.datasets.lerobot.writer import write_lerobot
 from app.datasets.recording import Parcel
 from app.datasets.rerun import write_rerun
+from app.services.task_settings import TaskSettings
 
+PAGE = 200
+_IMAGES = ("rgb", "depth", "mask")
 Target = Annotated[Path | None, typer.Option()]
+
+
+def task_settings(client: RoboPromptClient, task: str) -> dict[str, Any]:
+    """What was set of the task.
+
+    Raises:
+        ServiceProblemError, ServiceUnreachableError.
+    """
+    document = client.get(f"/tasks/{task}")
+    return {name: document[name] for name in TaskSettings.model_fields}
+
+
+def episode_ids(client: RoboPromptClient, task: str) -> list[str]:
+    """The ids of the task's episodes, oldest first.
+
+    Raises:
+        ServiceProblemError, ServiceUnreachableError.
+    """
+    ids: list[str] = []
+    cursor: dict[str, int] = {}
+    while True:
+        page = client.get("/episodes", task=task, limit=PAGE, **cursor)
+        ids += [item["id"] for item in page["episodes"]]
+        if page["next_cursor"] is None:
+            return ids[::-1]
+        cursor = {"cursor": page["next_cursor"]}
+
+
+def download(client: RoboPromptClient, ids: list[str]) -> Iterator[Parcel]:
+    """The episodes in the given order, every byte as it was uploaded.
+
+    Raises:
+        ServiceProblemError, ServiceUnreachableError.
+    """
+    for episode_id in ids:
+        address = f"/episodes/{episode_id}"
+        metadata = client.get(f"{address}/metadata")
+        files = {"trajectory": client.get_bytes(f"{address}/trajectory")}
+        for camera in metadata["cameras"]:
+            for kind in _IMAGES:
+                if (data := _image(client, f"{address}/images/{camera['name']}/{kind}")) is not None:
+                    files[f"{kind}_{camera['name']}"] = data
+        yield Parcel(metadata, files)
+
+
+def _image(client: RoboPromptClient, address: str) -> bytes | None:
+    """The image as it was uploaded, or None if the camera has none of that kind."""
+    try:
+        return client.get_bytes(address, original=True)
+    except ServiceProblemError as error:
+        if error.status == 404:
+            return None
+        raise
 
 
 def export_data(

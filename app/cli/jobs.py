@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
-from app.cli.opened_store import EnvFile, settings_of
+from app.cli.shared import EnvFile, settings_of
 from app.pipeline.errors import RoboPromptError
 
 if TYPE_CHECKING:

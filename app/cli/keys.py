@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from app.cli.opened_store import EnvFile, opened_store
+from app.cli.shared import EnvFile, opened_store
 
 if TYPE_CHECKING:
     from app.store.api_keys import ApiKeyRecord

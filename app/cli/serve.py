@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from app.cli.checks import check_port
-from app.cli.opened_store import EnvFile, settings_of
+from app.cli.shared import EnvFile, check_port, settings_of
 
 if TYPE_CHECKING:
     from app.settings import Settings

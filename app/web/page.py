@@ -1,9 +1,16 @@
-"""A page: a template and what it shows, with headers that let it load nothing from elsewhere; errors in words."""
+"""A page: a template and what it shows, with headers that let it load nothing from elsewhere; errors in words.
+
+Numbers, dates and problems are written as people read them, and lists show small pictures.
+"""
 
 import json
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Mapping
+from datetime import UTC, datetime
+from math import sqrt
+from statistics import NormalDist
 from typing import Any
 
+import cv2
 from fastapi import Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import HTMLResponse
@@ -15,11 +22,16 @@ from starlette.responses import Response
 
 from app.api.access_rules import COOKIE
 from app.api.problems import problem_of
+from app.perception.images import decode_rgb
 from app.pipeline.errors import RoboPromptError
+from app.store.blobs import BlobStore
+from app.store.records import TaskCounts
+from app.store.values import CameraRecord
 from app.web.assets import PLOTLY_ADDRESS, STATIC_ADDRESS
-from app.web.formats import FILTERS, interval_text
-from app.web.thumbnails import pictured
 
+NOTHING = "\N{EN DASH}"
+WIDTH_PX = 192  # twice what lists show, for dense screens
+JPEG_QUALITY = 80
 # plotly.js sets style attributes and draws pictures of its own; scripts come from this server only, none is inline.
 CONTENT_SECURITY_POLICY = "; ".join((
     "default-src 'none'",
@@ -46,6 +58,83 @@ NAVIGATION = (
     ("Now", "/ui/live"),
     ("API", "/docs"),
 )
+
+
+def date_text(moment: datetime) -> str:
+    """For example ``2026-03-01 14:05 UTC``."""
+    return f"{moment.astimezone(UTC):%Y-%m-%d %H:%M} UTC"
+
+
+def number_text(number: float) -> str:
+    """With thousands set apart."""
+    return f"{number:,}"
+
+
+def metres_text(position_m: tuple[float, ...]) -> str:
+    """Coordinates to the millimetre."""
+    return ", ".join(f"{value:.3f}" for value in position_m)
+
+
+def share_text(share: float | None) -> str:
+    """A share in [0, 1] as whole percent; a dash for None."""
+    return NOTHING if share is None else f"{100 * share:.0f}\N{NO-BREAK SPACE}%"
+
+
+def success_rate(counts: TaskCounts) -> float | None:
+    """The share of successes among the predictions whose outcome was recorded; None without any."""
+    recorded = counts.successes + counts.failures
+    return counts.successes / recorded if recorded else None
+
+
+def interval_text(successes: int, failures: int) -> str:
+    """Wilson's 95 % interval of the rate of success, in whole percent; a dash without any trial."""
+    trials = successes + failures
+    if not trials:
+        return NOTHING
+    z2 = NormalDist().inv_cdf(0.975) ** 2
+    centre = (successes + z2 / 2) / (trials + z2)
+    half = sqrt(z2 * (successes * failures / trials + z2 / 4)) / (trials + z2)
+    low, high = (100 * max(0.0, centre - half), 100 * min(1.0, centre + half))
+    return f"{low:.0f}{NOTHING}{high:.0f}\N{NO-BREAK SPACE}%"
+
+
+FATE_TEXTS = {"failure": "failed", "refused": "no actions", "unknown": "no outcome", "success": "succeeded"}
+
+
+def plural(number: int, one: str, many: str = "") -> str:
+    """``1 episode``, ``2 episodes``."""
+    return f"{number_text(number)} {one if number == 1 else many or one + 's'}"
+
+
+FILTERS: Mapping[str, Any] = {
+    "date": date_text,
+    "number": number_text,
+    "metres": metres_text,
+    "share": share_text,
+    "success_rate": success_rate,
+    "plural": plural,
+    "fate": FATE_TEXTS.__getitem__,
+}
+
+
+def thumbnail(blobs: BlobStore, camera: CameraRecord) -> bytes | None:
+    """A JPEG of the camera's colour image; None if it has none.
+
+    Raises:
+        CorruptDataError, StoreUnavailableError: if the image cannot be read.
+    """
+    if camera.rgb_digest is None:
+        return None
+    rgb = decode_rgb(f"rgb_{camera.name}", blobs.read(camera.rgb_digest))
+    height, width = rgb.shape[:2]
+    size = (WIDTH_PX, max(1, round(height * WIDTH_PX / width)))
+    small = cv2.resize(rgb, size, interpolation=cv2.INTER_AREA)
+    return cv2.imencode(".jpg", small[..., ::-1], (cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY))[1].tobytes()
+
+
+def pictured(cameras: tuple[CameraRecord, ...]) -> str | None:
+    """The name of the first camera with a colour image."""
+    return next((camera.name for camera in cameras if camera.rgb_digest is not None), None)
 
 
 def _environment() -> Environment:

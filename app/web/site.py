@@ -7,25 +7,22 @@ from starlette.responses import Response
 
 from app.web.assets import serve_assets
 from app.web.page import PageRoute
-from app.web.routes import check, episode, episodes, live, pictures, predict, predictions, tasks, upload
+from app.web.routes import episode, live, predict, predictions, tasks
 
 HOME = "/ui/tasks"
 _entrances = APIRouter(route_class=PageRoute)
 _ROUTERS = (
     _entrances,
     tasks.router,
-    check.router,
-    episodes.router,
     episode.router,
     episode.documents,
-    upload.router,
     predict.router,
     predict.documents,
     predictions.router,
     predictions.documents,
     live.router,
     live.documents,
-    pictures.router,
+    tasks.pictures,
 )
 
 

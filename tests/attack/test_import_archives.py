@@ -6,7 +6,7 @@ import zipfile
 
 import pytest
 
-from app.cli.importer import check_dataset
+from app.cli.import_data import check_dataset
 from app.datasets.apart import open_apart
 from app.datasets.bounds import DatasetError
 from app.datasets.formats import open_dataset

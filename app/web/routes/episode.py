@@ -1,5 +1,9 @@
-"""One episode: what was recorded, what was made of it, and what another keyframe rule would make."""
+"""One episode: what was recorded, what was made of it, and what another keyframe rule would find.
 
+It is also shown as the LLM reads it, in each representation.
+"""
+
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Annotated
@@ -13,8 +17,11 @@ from app.api.documents import episode_document
 from app.api.routes import Wired
 from app.llm.base import LanguageModelError
 from app.pipeline.arrays import Array
-from app.pipeline.episode import Trajectory
+from app.pipeline.episode import Demonstration, Trajectory
+from app.pipeline.errors import InvalidInputError
 from app.pipeline.keyframes import Rule
+from app.pipeline.prompt_colours import Span, prompt_spans
+from app.pipeline.representation import KAT_FORMAT, REPRESENTATIONS, fit_codec
 from app.pipeline.timeline import frame_times_s, gripper_stretches
 from app.services.container import Services
 from app.services.predict.select import demonstrations_of
@@ -22,7 +29,6 @@ from app.services.task_settings import KeyframeSettings, TaskSettings
 from app.store import episodes, tasks
 from app.store.records import DemonstrationRecord, EpisodeRecord, TaskRecord
 from app.store.values import JsonObject
-from app.web.episode_texts import EpisodeText, episode_texts
 from app.web.keyframe_preview import Preview, preview
 from app.web.page import HEADERS, PageRoute, render, render_part
 from app.web.scene import scene
@@ -36,6 +42,49 @@ ABOUT_RULES: dict[Rule, str] = {
     "authors": "their published code",
     "uniform": "every n-th frame",
 }
+
+
+@dataclass(frozen=True)
+class EpisodeText:
+    """A demonstration's part of a prompt.
+
+    Attributes:
+        usual: whether a request that names no representation gets this one.
+        spans: coloured as in the paper; empty where there is an error.
+        error: why it cannot be written so, in words.
+    """
+
+    representation: str
+    prompt_format: str
+    usual: bool
+    spans: tuple[Span, ...]
+    error: str = ""
+
+
+def episode_texts(
+    demonstrations: Sequence[Demonstration],
+    shown: int,
+    settings: TaskSettings,
+    usual_representation: str,
+    usual_format: str,
+) -> tuple[EpisodeText, ...]:
+    """One of the demonstrations of a prompt in each representation, the usual first.
+
+    Args:
+        demonstrations: as the prompt shows them.
+        shown: which of the demonstrations, all of which the representations are fitted to.
+    """
+    texts = []
+    for name in sorted(REPRESENTATIONS, key=lambda name: name != usual_representation):
+        usual = name == usual_representation
+        prompt_format = usual_format if usual or usual_format != KAT_FORMAT else "paper"
+        try:
+            codec = fit_codec(name, prompt_format, demonstrations, settings.workspace.workspace())
+            text, error = codec.demonstration_text(demonstrations[shown]), ""
+        except InvalidInputError as refused:
+            text, error = "", str(refused)
+        texts.append(EpisodeText(name, prompt_format, usual, prompt_spans(text, name, prompt_format), error))
+    return tuple(texts)
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,9 +11,8 @@ from app.api.routes import Wired
 from app.pipeline.errors import InvalidInputError
 from app.store import prediction_lists, tasks
 from app.store.prediction_lists import FATES, Fate, ListCursor, Order, PredictionFilter
-from app.web.comparison_view import compare
 from app.web.page import HEADERS, PageRoute, render, render_part
-from app.web.prediction_view import view_prediction
+from app.web.prediction_views import compare, view_prediction
 
 PAGE_SIZE = 50
 NUM_OTHERS = 20  # to compare with

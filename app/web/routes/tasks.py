@@ -1,4 +1,8 @@
-"""The tasks: what there is, how much of it, and how it fares."""
+"""The tasks: what there is, how much of it, how it fares, and the list of their episodes with small pictures.
+
+What a task's demonstrations make of each other is a page of its own, because it takes seconds. Uploads go by drag and
+drop; the scripts of that page send what they find to POST /episodes.
+"""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -6,14 +10,19 @@ from typing import Annotated
 from fastapi import APIRouter, Query, Request
 from starlette.responses import Response
 
-from app.api.routes import Wired
+from app.api.image_work import image_work
+from app.api.routes import Cursor, Wired
+from app.services.container import Services
 from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks
+from app.store.errors import NotFoundError
 from app.store.records import EpisodeRecord, TaskCounts, TaskRecord
-from app.web.page import PageRoute, render
-from app.web.thumbnails import pictured
+from app.web.page import PageRoute, pictured, render, thumbnail
 
 router = APIRouter(route_class=PageRoute)
+PAGE_SIZE = 50
+HEADERS = {"Cache-Control": "private, max-age=31536000, immutable"}  # an episode's images never change
+pictures = APIRouter()
 
 
 @dataclass(frozen=True)
@@ -54,3 +63,60 @@ def tasks_page(
 
 def _contains(record: TaskRecord, text: str) -> bool:
     return any(text.casefold() in name.casefold() for name in (record.name, *(record.object_names or ())))
+
+
+@router.get("/ui/tasks/{name}/check")
+def check_page(request: Request, services: Wired, name: str) -> Response:
+    """Each demonstration, predicted from the others."""
+    return render(request, "check.html", checked=services.check_task.without_model(name))
+
+
+@router.get("/ui/episodes")
+def episodes_page(
+    request: Request,
+    services: Wired,
+    task: Annotated[str, Query(max_length=64)] = "",
+    containing: Annotated[str, Query(alias="q", max_length=500)] = "",
+    cursor: Cursor = None,
+) -> Response:
+    """Episodes, newest first, of a task or of all."""
+    with services.store.read() as connection:
+        counts = tasks.counts(connection)
+        chosen = tasks.get(connection, task) if task else None
+        page = episodes.list_page(connection, task or None, PAGE_SIZE, cursor, containing)
+    return render(
+        request,
+        "episodes.html",
+        page=page,
+        cameras={record.id: pictured(record.cameras) for record in page.items},
+        names=list(counts),
+        chosen=chosen,
+        settings=None if chosen is None else TaskSettings.model_validate(chosen.settings),
+        counts=counts[task] if task else TaskCounts(sum(item.episodes for item in counts.values())),
+        task=task,
+        containing=containing,
+        first=cursor is None,
+    )
+
+
+@router.get("/ui/upload")
+def upload_page(request: Request) -> Response:
+    """Where demonstrations are dropped."""
+    return render(request, "upload.html")
+
+
+@pictures.get("/ui/episodes/{episode_id}/thumbnails/{camera}")
+async def episode_thumbnail(request: Request, services: Wired, episode_id: str, camera: str) -> Response:
+    """A small picture of a camera's first image."""
+    data = await image_work(request).run(request, _thumbnail, services, episode_id, camera)
+    return Response(data, media_type="image/jpeg", headers=HEADERS)
+
+
+def _thumbnail(services: Services, episode_id: str, camera: str) -> bytes:
+    with services.store.read() as connection:
+        record = episodes.get(connection, episode_id)
+    stored = next((item for item in record.cameras if item.name == camera), None)
+    data = None if stored is None else thumbnail(services.store.blobs, stored)
+    if data is None:
+        raise NotFoundError(f"rgb image of episode {episode_id}", camera)
+    return data

@@ -1,15 +1,34 @@
-"""What a command checks before any work starts; each refusal names the option and what would be valid."""
+"""What commands share: what they check before any work starts, the store that the settings name, and a progress bar.
 
-from collections.abc import Collection, Sequence
+Each refusal names the option and what would be valid.
+"""
+
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, TypeVar
 
 import typer
 from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from app.client.client import DEFAULT_URL, RoboPromptClient
 from app.client.errors import ServiceProblemError, ServiceUnreachableError
+from app.pipeline.errors import RoboPromptError
+from app.settings import Settings, load_env_file
+from app.store.store import Store
 
 MAX_PORT = 65535
 URL_HELP = "of the running service"
+DOT_ENV = Path(".env")
+EnvFile = Annotated[
+    Path | None,
+    typer.Option(
+        exists=True, dir_okay=False, help="lines NAME=VALUE of settings; what the environment says goes first"
+    ),
+]
+T = TypeVar("T")
+PACE_S = 60.0  # the time left follows from the pace of the last minute
 
 
 def check_names(option: str, given: Sequence[str], known: Collection[str]) -> None:
@@ -78,3 +97,42 @@ def _why_not_there(name: str, url: str) -> str | None:
     if slash and any(other.startswith(f"{backend}/") for other in offered):
         return None
     return f"there is no model {name!r}; there are {', '.join(offered)}"
+
+
+def settings_of(data: Path | None, env_file: Path | None) -> Settings:
+    """The settings of the environment and of the file, if one is named.
+
+    Args:
+        data: instead of the data folder that they name.
+    """
+    if env_file is not None:
+        load_env_file(env_file)
+    elif DOT_ENV.is_file():  # whoever relies on it must learn that it has no effect
+        typer.echo("the file .env in this folder is not read: if it is yours, say --env-file .env", err=True)
+    return Settings() if data is None else Settings(data=data)
+
+
+@contextmanager
+def opened_store(data: Path | None, env_file: Path | None) -> Iterator[Store]:
+    """The store; what it refuses is said in a sentence, and the exit status is 1."""
+    from app.bootstrap import open_store
+
+    try:
+        store = open_store(settings_of(data, env_file))
+        try:
+            yield store
+        finally:
+            store.close()
+    except RoboPromptError as error:
+        typer.echo(str(error), err=True)
+        raise typer.Exit(1) from None
+
+
+def counted(items: Iterable[T], total: int, doing: str, console: Console) -> Iterator[T]:
+    """The items, while a bar counts them."""
+    columns = (TextColumn(doing), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console, speed_estimate_period=PACE_S) as progress:
+        bar = progress.add_task(doing, total=total)
+        for item in items:
+            yield item
+            progress.advance(bar)
