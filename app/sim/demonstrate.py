@@ -10,16 +10,15 @@ from typing import Literal
 from app.client.robot import MotionError
 from app.pipeline.camera import RgbdFrame
 from app.pipeline.episode import EndEffectorAction, ObjectPose, Trajectory
-from app.sim.cameras import CAMERA_NAMES
-from app.sim.film import FilmStrip
 from app.sim.guided import GuidedPanda
 from app.sim.moves import Move, action_from_move, moves_from_actions
 from app.sim.person import Person
 from app.sim.recorder import GripperState, Recorder
-from app.sim.rendering import RgbImage
+from app.sim.rendering import FilmStrip, RgbImage
 from app.sim.robot import DWELL_S, SimulatedPanda
 from app.sim.shift import shift_free_objects
 from app.sim.tasks import make_task
+from app.sim.world import CAMERA_NAMES
 
 # How experts are recorded: at rest at each of their poses, or passing them as a person does (`app.sim.person`)
 Recordings = Literal["rests", "continuous"]

@@ -7,11 +7,10 @@ from app.client.robot import MotionError
 from app.sim import panda
 from app.sim.motion import JointMotion
 from app.sim.moves import Move
-from app.sim.pacing import Pace
 from app.sim.person import Person, Step
 from app.sim.planner import Path
 from app.sim.robot import GRIPPER_S, VELOCITY_LEAD_S, SimulatedPanda
-from app.sim.route import joined
+from app.sim.route import Pace, joined
 from app.sim.tasks.base import SimTask
 from app.sim.world import TIMESTEP_S
 

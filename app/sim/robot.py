@@ -11,14 +11,13 @@ from app.pipeline.arrays import Array
 from app.pipeline.episode import EndEffectorAction
 from app.pipeline.motion_limits import Pose as EndEffectorPose
 from app.sim import panda
-from app.sim.cameras import CAMERA_NAMES
 from app.sim.kinematics import Kinematics
 from app.sim.motion import time_path
 from app.sim.moves import Move, Pose, moves_from_actions
 from app.sim.planner import Path, Planner
 from app.sim.rendering import open_renderer
 from app.sim.tasks.base import SimTask
-from app.sim.world import BASE_POSITION_M, TIMESTEP_S
+from app.sim.world import BASE_POSITION_M, CAMERA_NAMES, TIMESTEP_S
 
 GRIPPER_S = 0.5  # the Franka Hand closes at up to 0.1 m/s (data sheet): 0.4 s for its whole travel, and time to grip
 STOP_S = 0.1

@@ -14,7 +14,7 @@ from app.evaluation.report.drawing import (
 from app.pipeline.camera import Camera, RgbdFrame
 from app.pipeline.episode import EndEffectorAction, ObjectPose
 from app.pipeline.geometry import backproject
-from app.sim.cameras import calibrated
+from app.sim.world import calibrated
 
 CAMERA = calibrated("front")
 GREY = np.full((480, 640, 3), 128, np.uint8)

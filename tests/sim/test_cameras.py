@@ -11,13 +11,11 @@ from scipy.spatial.transform import Rotation
 
 from app.pipeline.geometry import backproject
 from app.sim import rendering
-from app.sim.cameras import CAMERA_NAMES, HEIGHT_PX, WIDTH_PX, calibrated
 from app.sim.opengl import select_backend
-from app.sim.raycast import RayCaster
-from app.sim.rendering import OpenGLRenderer, open_renderer, opengl_works
+from app.sim.rendering import OpenGLRenderer, RayCaster, open_renderer, opengl_works
 from app.sim.tasks import make_task
-from app.sim.tasks.stack_cube import HALF_SIZE_M
-from app.sim.world import SKY_RGB, TABLE_TOP_M
+from app.sim.tasks.cubes import HALF_SIZE_M
+from app.sim.world import CAMERA_NAMES, HEIGHT_PX, SKY_RGB, TABLE_TOP_M, WIDTH_PX, calibrated
 
 needs_opengl = pytest.mark.skipif(not opengl_works(), reason="no OpenGL on this machine: rays are cast instead")
 RENDERERS = [RayCaster, pytest.param(OpenGLRenderer, marks=needs_opengl)]

@@ -4,7 +4,7 @@ from app.pipeline.episode import EndEffectorAction
 from app.pipeline.keyframes import merged
 from app.sim.demonstrate import record_demonstration, rollout
 from app.sim.tasks import make_task
-from app.sim.tasks.push_multiple_buttons import MAX_PRESSES, SEQUENCES, PushMultipleButtons
+from app.sim.tasks.buttons import MAX_PRESSES, SEQUENCES, PushMultipleButtons
 
 NAME = PushMultipleButtons.name
 YELLOW_THEN_RED = SEQUENCES.index(("yellow", "red"))

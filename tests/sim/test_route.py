@@ -4,9 +4,8 @@ import pytest
 from app.sim import panda
 from app.sim.kinematics import Kinematics
 from app.sim.moves import move_to, tool_down
-from app.sim.pacing import Pace
 from app.sim.planner import Planner
-from app.sim.route import joined
+from app.sim.route import Pace, joined
 from app.sim.world import BASE_POSITION_M, HOME_RAD, TIMESTEP_S
 
 CORNERS_M = np.array([[0.10, -0.10, 0.95], [0.10, -0.10, 0.85], [0.30, -0.10, 0.85], [0.30, 0.15, 0.95]])

@@ -18,7 +18,7 @@ from app.pipeline.episode import EndEffectorAction, ObjectPose
 from app.pipeline.prompt_colours import Span, prompt_spans
 from app.pipeline.timeline import frame_times_s
 from app.sim.demonstrate import SceneView
-from app.sim.film import CAMERA
+from app.sim.rendering import CAMERA
 
 Spans = tuple[Span, ...]
 

@@ -4,24 +4,20 @@ from collections.abc import Mapping
 
 from app.pipeline.errors import InvalidInputError
 from app.sim.tasks.base import SimTask
+from app.sim.tasks.buttons import PushButton, PushButtonReal, PushMultipleButtons
 from app.sim.tasks.close_jar import CloseJar
 from app.sim.tasks.close_laptop import CloseLaptop
-from app.sim.tasks.destack_cube import DestackCube
+from app.sim.tasks.cubes import DestackCube, StackCube
+from app.sim.tasks.drawers import OpenDrawer, PutInDrawer
 from app.sim.tasks.meat_off_grill import MeatOffGrill
-from app.sim.tasks.open_drawer import OpenDrawer
 from app.sim.tasks.place_cups import PlaceCups
 from app.sim.tasks.place_wine import PlaceWine
-from app.sim.tasks.push_button import PushButton
-from app.sim.tasks.push_button_real import PushButtonReal
-from app.sim.tasks.push_multiple_buttons import PushMultipleButtons
 from app.sim.tasks.put_in_cupboard import PutInCupboard
-from app.sim.tasks.put_in_drawer import PutInDrawer
 from app.sim.tasks.put_in_safe import PutInSafe
 from app.sim.tasks.screw_bulb import ScrewBulb
 from app.sim.tasks.slide_block import SlideBlock
 from app.sim.tasks.sort_shape import SortShape
 from app.sim.tasks.stack_blocks import StackBlocks
-from app.sim.tasks.stack_cube import StackCube
 from app.sim.tasks.stack_cups import StackCups
 from app.sim.tasks.sweep_to_dustpan import SweepToDustpan
 from app.sim.tasks.turn_tap import TurnTap

@@ -1,6 +1,10 @@
-"""The scene that all button tasks share: four coloured buttons on the table."""
+"""The button tasks: `push_button`, `push_button_real` and `push_multiple_buttons`.
+
+They share their scene: four coloured buttons on the table.
+"""
 
 from abc import abstractmethod
+from itertools import chain, product
 
 import numpy as np
 
@@ -22,6 +26,10 @@ CLEARANCES_M = (0.07, 0.12)  # by way
 SPRING_N_M, PRELOAD_M = 150.0, 0.004
 MIN_DISTANCE_M = 0.13
 LOW_M, HIGH_M = (0.03, -0.30), (0.38, 0.30)
+MAX_PRESSES = 6  # paper, appendix "Real robots experiments"
+# Variation k asks for the k-th: first the single presses, then all pairs, ...
+SEQUENCES = tuple(chain.from_iterable(product(COLOURS, repeat=length) for length in range(1, MAX_PRESSES + 1)))
+TEST_STREAM = 1  # keeps the draw of a test's sequence apart from that of the same seed's scene
 
 
 class ButtonTask(SimTask):
@@ -82,3 +90,49 @@ class ButtonTask(SimTask):
             move_to(pushed, down, gripper_open=False, within_m=0.0),
             move_to(above, down, gripper_open=False),
         ]
+
+
+class PushButton(ButtonTask):
+    """Success: the named button has been pressed once or more and no other has."""
+
+    name = "push_button"
+
+    @property
+    def asked(self) -> tuple[str, ...]:
+        return (COLOURS[self.variation],)
+
+    def succeeded(self) -> bool:
+        return set(self.events) == set(self.asked)
+
+
+class PushButtonReal(PushButton):
+    """The scene, instructions and success of `push_button`, which has the real task's four colours already.
+
+    The paper reports the simulated and the real button task apart; so does an evaluation by these two names.
+    """
+
+    name = "push_button_real"
+
+
+class PushMultipleButtons(ButtonTask):
+    """The scene of `push_button`. Demonstrations press one button; tests ask for 1 to 6 presses, colours repeating.
+
+    As in the paper, a test's number of presses is uniform in 1..6 and each colour is drawn at random. Success: the
+    buttons have been pressed in exactly the order asked for, with no other press.
+    """
+
+    name = "push_multiple_buttons"
+    test_only_variations = len(SEQUENCES) - len(COLOURS)
+
+    @classmethod
+    def test_variation(cls, seed: int) -> int:
+        random = np.random.default_rng((TEST_STREAM, seed))
+        colours = random.choice(COLOURS, random.integers(1, MAX_PRESSES, endpoint=True))
+        return SEQUENCES.index(tuple(colours.tolist()))
+
+    @property
+    def asked(self) -> tuple[str, ...]:
+        return SEQUENCES[self.variation]
+
+    def succeeded(self) -> bool:
+        return self.events == list(self.asked)

@@ -1,10 +1,13 @@
-"""What the drawer tasks share: a cabinet of three drawers, and how its bottom drawer is opened."""
+"""The drawer tasks: `open_drawer` opens the bottom drawer, `put_in_drawer` also puts a block into it.
+
+They share a cabinet of three drawers, and how its bottom drawer is opened. The block lies on top of the cabinet.
+"""
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from app.pipeline.arrays import Array
-from app.sim.moves import UP, Move, move_to, tool_down
+from app.sim.moves import UP, Move, move_to, nearest_yaw_rad, pick, place, tool_down
 from app.sim.scene import Part, about_z
 from app.sim.tasks.base import SimTask
 from app.sim.tasks.cases import BOARD_M, add_case
@@ -26,6 +29,16 @@ RISES_M = (0.06, 0.11)  # by way: of the approach, above the handle
 FACING_RAD = np.radians(-70.0)
 MAX_TURN_RAD = np.pi / 8  # RLBench: within 22.5 degrees
 HANDLE_LOW_M, HANDLE_HIGH_M = (0.16, -0.28), (0.30, -0.10)
+OPEN_M = 0.15  # RLBench's condition on the drawer's joint
+HALF_SIZE_M = 0.020
+MASS_KG = 0.05
+# Where the block lies on the cabinet, behind the handle and beside it; further back the arm would not reach over it
+LOW_M, HIGH_M = (0.045, -0.06), (0.110, 0.06)
+CLEARANCE_M = 0.08
+RISE_M = 0.30  # over the open drawer, before and after: as high as over the block
+# Where the gripper opens: in the open drawer's front part, clear of the drawers above; and its height
+BEHIND_HANDLE_M, DROP_HEIGHT_M = 0.075, 0.005
+INSIDE_HALF_HEIGHT_M = 0.025  # of the drawer, about the handle's centre: from its floor to its front's upper edge
 
 
 class DrawerTask(SimTask):
@@ -83,3 +96,64 @@ def _add_drawer(drawer: Part) -> None:
     drawer.box((half_length, half_width, 0.003), "white", at_m=[middle, 0, floor], mass_kg=0.2)
     for y_m in (-half_width + 0.004, half_width - 0.004):
         drawer.box((half_length, 0.003, 0.025), "white", at_m=[middle, y_m, -0.009], mass_kg=0.05)
+
+
+class OpenDrawer(DrawerTask):
+    """Success: the bottom drawer is open by 15 cm (of 18)."""
+
+    name = "open_drawer"
+    object_names = ("bottom drawer",)
+
+    def build(self, random: np.random.Generator) -> None:
+        self.add_cabinet(random)
+
+    @property
+    def instruction(self) -> str:
+        return "open the bottom drawer"
+
+    def expert(self) -> list[Move]:
+        return self.open_bottom_drawer()
+
+    def succeeded(self) -> bool:
+        return self.joint_position("bottom") > OPEN_M
+
+
+class PutInDrawer(DrawerTask):
+    """The closed cabinet of `open_drawer`, and a block on top of it.
+
+    The block lies 4.5..11 cm behind the bottom handle and up to 6 cm to its sides, turned at random. Its pose is its
+    centre. Success: the block is inside the bottom drawer and the gripper holds nothing.
+    """
+
+    name = "put_in_drawer"
+    object_names = ("block", "bottom drawer")
+    yaw_symmetry_deg = dict.fromkeys(("block",), 90.0)
+
+    def build(self, random: np.random.Generator) -> None:
+        handle, turn = self.add_cabinet(random)
+        at_m = [*random.uniform(LOW_M, HIGH_M), TOP_ABOVE_HANDLE_M + HALF_SIZE_M]
+        block = self.add_part("block", handle + turn.apply(at_m), about_z(random.uniform(-np.pi, np.pi)), free=True)
+        block.box((HALF_SIZE_M,) * 3, "red", mass_kg=MASS_KG)
+
+    @property
+    def instruction(self) -> str:
+        return "put the block in the bottom drawer"
+
+    def expert(self) -> list[Move]:
+        drawer, into = self.position_m("bottom drawer"), self.rotation("bottom drawer")
+        drop_m = drawer + into.apply([BEHIND_HANDLE_M - PULL_M, 0, DROP_HEIGHT_M])
+        release = tool_down(self.yaw_rad("bottom drawer"))
+        grasp = tool_down(nearest_yaw_rad(self.yaw_rad("block"), np.pi / 2))
+        return [
+            *self.open_bottom_drawer(),
+            move_to(drop_m + RISE_M * UP, release, gripper_open=True),
+            *pick(self.position_m("block"), grasp, CLEARANCE_M, straight=True),
+            *place(drop_m, release, RISE_M, straight=True),
+        ]
+
+    def succeeded(self) -> bool:
+        to_drawer = self.rotation("bottom drawer").inv()
+        x, y, z = to_drawer.apply(self.position_m("block") - self.position_m("bottom drawer"))
+        behind_front = 0 < x - HANDLE_FROM_FRONT_M < 2 * HALF_DEPTH_M
+        inside = behind_front and abs(y) < HALF_WIDTH_M and abs(z) < INSIDE_HALF_HEIGHT_M
+        return bool(inside) and self.gripper_holds_nothing()
