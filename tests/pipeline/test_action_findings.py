@@ -2,8 +2,8 @@
 
 import pytest
 
-from app.pipeline.action_findings import ActionDoubt, action_findings
 from app.pipeline.errors import UnsupportedActionError
+from app.pipeline.prediction_findings import ActionDoubt, action_findings
 
 
 def unsupported(index):

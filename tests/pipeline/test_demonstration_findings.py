@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from app.pipeline.demonstration_findings import scatter_findings
 from app.pipeline.plans.support import Support
+from app.pipeline.prediction_findings import scatter_findings
 from tests.pipeline.scenes import action, demonstration, pose
 
 INSTRUCTION = "pick up the cube"

@@ -8,8 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import ObjectPose
 from app.pipeline.noise import disturbed
-from app.pipeline.scene_findings import scene_findings
-from app.pipeline.shown_places import ShownPlaces, estimated_error_m
+from app.pipeline.scene_findings import ShownPlaces, estimated_error_m, scene_findings
 from tests.pipeline.scenes import demonstration, pose, rotated
 
 STACK = "stack the red cube on the blue cube"

@@ -19,7 +19,7 @@ from app.api.schemas import examples
 from app.api.schemas.poses import LearnBody, LearnedOut
 from app.api.schemas.predictions import TaskCheckOut
 from app.api.schemas.responses import JobOut, TaskList, TaskOut, TaskStatsOut
-from app.pipeline.check.replies import ReplyCheck
+from app.pipeline.check.left_out import ReplyCheck
 from app.pipeline.check.report import EpisodeCheck, Off, PlanCheck, RowCheck
 from app.services.container import Services
 from app.services.predict.evidence import task_stats

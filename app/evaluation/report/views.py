@@ -14,9 +14,8 @@ from app.evaluation.report.charts import speed_plot
 from app.evaluation.report.drawing import draw_scene
 from app.evaluation.report.pictures import Picture, PictureFolder, captions, film_tiles
 from app.evaluation.scores import Result
-from app.pipeline.episode import EndEffectorAction, ObjectPose
+from app.pipeline.episode import EndEffectorAction, ObjectPose, frame_times_s
 from app.pipeline.prompt_colours import Span, prompt_spans
-from app.pipeline.timeline import frame_times_s
 from app.sim.demonstrate import SceneView
 from app.sim.rendering import CAMERA
 

@@ -4,8 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from app.pipeline.check.causes import find_causes
-from app.pipeline.check.left_out import left_out, median_off, variation
-from app.pipeline.check.path import paths_off_m
+from app.pipeline.check.left_out import left_out, median_off, paths_off_m, variation
 from app.pipeline.check.report import EpisodeCheck, Off, PlanCheck, RowCheck, TaskCheck
 from app.pipeline.keyframes import manner_of
 from app.pipeline.plans import (

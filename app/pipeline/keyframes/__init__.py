@@ -1,11 +1,18 @@
 """Which frames of a trajectory matter: the robot rests, or the gripper opens or closes (paper, section III-B)."""
 
-from app.pipeline.episode import Trajectory
-from app.pipeline.keyframes.published import authors, merged, uniform
+from app.pipeline.episode import CONTROL_FREQUENCY_HZ, Trajectory, frame_times_s
 from app.pipeline.keyframes.resting import Manner, manner_of
-from app.pipeline.keyframes.rule import RULES, SIMULATION_DELTA_RAD_S, Keyframe, KeyframeRule, Rule
+from app.pipeline.keyframes.rule import (
+    RULES,
+    SIMULATION_DELTA_RAD_S,
+    Keyframe,
+    KeyframeRule,
+    Rule,
+    authors,
+    merged,
+    uniform,
+)
 from app.pipeline.keyframes.waypoints import waypoints
-from app.pipeline.timeline import CONTROL_FREQUENCY_HZ, frame_times_s
 
 __all__ = [
     "RULES",

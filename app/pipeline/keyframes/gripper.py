@@ -6,7 +6,7 @@ import numpy as np
 
 from app.pipeline.arrays import Array
 from app.pipeline.episode import Trajectory
-from app.pipeline.keyframes.published import gripper_changes
+from app.pipeline.keyframes.rule import gripper_changes
 
 BLIP_S = 0.1  # fingers need longer to close on something
 # The hand is slowest where it grasps or lets go. Fingers that are recorded a moment before (a command) or after (they

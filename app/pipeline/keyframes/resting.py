@@ -11,8 +11,14 @@ from app.pipeline.arrays import Array
 from app.pipeline.episode import Trajectory
 from app.pipeline.keyframes.gripper import at_start, gripper_switches
 from app.pipeline.keyframes.path import Path
-from app.pipeline.keyframes.published import merged, resting_frames
-from app.pipeline.keyframes.rule import MAX_KEYFRAMES, SIMULATION_DELTA_RAD_S, TOLERANCE_DEG, TOLERANCE_M
+from app.pipeline.keyframes.rule import (
+    MAX_KEYFRAMES,
+    SIMULATION_DELTA_RAD_S,
+    TOLERANCE_DEG,
+    TOLERANCE_M,
+    merged,
+    resting_frames,
+)
 
 Manner = Literal["rests", "hesitates", "flows"]
 

@@ -5,8 +5,7 @@ from dataclasses import dataclass, replace
 
 from app.pipeline.language import grammar, verbs
 from app.pipeline.language.phrases import NounPhrase, NounPhrases
-from app.pipeline.language.tables import PhraseTable
-from app.pipeline.language.words import NUMBERS, Word
+from app.pipeline.language.words import NUMBERS, PhraseTable, Word
 
 DIRECT = ""  # the role of a direct object; the others are named after prepositions
 MAX_OBJECTS = 8  # of one role

@@ -2,9 +2,8 @@
 
 from app.pipeline.language.colours import BASIC
 from app.pipeline.language.space import Pick, extreme, in_the_middle, on_side
-from app.pipeline.language.tables import Phrase, PhraseTable
-from app.pipeline.language.tables import phrases as _phrases
-from app.pipeline.language.words import NUMBERS
+from app.pipeline.language.words import NUMBERS, Phrase, PhraseTable
+from app.pipeline.language.words import phrases as _phrases
 
 DETERMINERS = frozenset(["the", "a", "an", "that", "this", "your"])
 GENERIC_NOUNS = frozenset(["one", "thing", "object", "item"])

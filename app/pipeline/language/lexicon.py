@@ -5,8 +5,17 @@ from functools import cached_property
 
 from app.pipeline.language import colours, verbs
 from app.pipeline.language.grammar import ADJECTIVES, FUNCTION_WORDS, GENERIC_NOUNS, NEVER_LOOSE, NOUN_KINDS
-from app.pipeline.language.tables import Phrase, PhraseTable
-from app.pipeline.language.words import NUMBERS, IsWord, Speller, Token, Word, is_plural_of, tokens_of
+from app.pipeline.language.words import (
+    NUMBERS,
+    IsWord,
+    Phrase,
+    PhraseTable,
+    Speller,
+    Token,
+    Word,
+    is_plural_of,
+    tokens_of,
+)
 
 _NOUNS = GENERIC_NOUNS.union(*NOUN_KINDS)
 

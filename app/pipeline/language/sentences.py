@@ -11,8 +11,7 @@ from typing import Literal
 from app.pipeline.language import grammar
 from app.pipeline.language.clause_parser import DIRECT, Clause, Clauses
 from app.pipeline.language.phrases import NounPhrases
-from app.pipeline.language.tables import PhraseTable
-from app.pipeline.language.words import Word
+from app.pipeline.language.words import PhraseTable, Word
 
 Mood = Literal["do", "not", "skip", "rather"]
 _PICKING = frozenset(

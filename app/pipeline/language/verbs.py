@@ -9,8 +9,7 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from functools import lru_cache
 
-from app.pipeline.language.tables import PhraseTable
-from app.pipeline.language.words import verb_forms
+from app.pipeline.language.words import PhraseTable, verb_forms
 
 DESTINATIONS = frozenset({"to", "on", "in", "against", "next to"})
 

@@ -1,12 +1,16 @@
-"""An instruction's words: cut out, put into their base form, and corrected where they are misspelt."""
+"""An instruction's words: cut out, put into their base form, and corrected where they are misspelt.
+
+Tables of phrases are looked up at every word.
+"""
 
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 from rapidfuzz.distance import OSA
 
+Phrase = tuple[str, ...]
 IsWord = Callable[[str], bool]
 
 _TOKEN = re.compile(r"[^\W_]+-most\b|[^\W_]+(?:['\u2019][^\W_]+)*|[^\w\s]")
@@ -26,6 +30,35 @@ NUMBERS = {
 MIN_CORRECTED_CHARS = 3  # of three letters only an exchange of neighbours is corrected: "rug" is no misspelt "mug"
 MIN_FREE_CHARS = 4
 MIN_TWO_ERRORS_CHARS = 8
+
+
+class PhraseTable:
+    """A set of phrases, found by their first word."""
+
+    def __init__(self, phrases: Iterable[Phrase]) -> None:
+        self._by_first: dict[str, list[Phrase]] = {}
+        for phrase in sorted(phrases, key=len, reverse=True):
+            self._by_first.setdefault(phrase[0], []).append(phrase)
+
+    def __iter__(self) -> Iterator[Phrase]:
+        return (phrase for phrases in self._by_first.values() for phrase in phrases)
+
+    def all_at(self, texts: Sequence[str], at: int) -> Iterator[Phrase]:
+        """The phrases that stand there, the longest first."""
+        if at < len(texts):
+            for phrase in self._by_first.get(texts[at], ()):
+                if len(phrase) == 1 or tuple(texts[at : at + len(phrase)]) == phrase:
+                    yield phrase
+
+    def end_at(self, texts: Sequence[str], at: int) -> int | None:
+        """Where the longest phrase that stands there ends; None if none does."""
+        phrase = next(self.all_at(texts, at), None)
+        return None if phrase is None else at + len(phrase)
+
+
+def phrases(text: str) -> PhraseTable:
+    """The phrases that a text lists, with commas between them."""
+    return PhraseTable(tuple(part.split()) for part in text.split(","))
 
 
 class Token(NamedTuple):

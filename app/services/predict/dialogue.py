@@ -6,11 +6,11 @@ from contextlib import aclosing
 from dataclasses import replace
 
 from app.llm.base import Completion, CompletionRequest, LanguageModel, ModelTimeoutError, TextDelta, Usage
-from app.pipeline.action_findings import ActionDoubt, action_findings
 from app.pipeline.episode import EndEffectorAction
 from app.pipeline.errors import ReplyParseError, UnsupportedActionError
 from app.pipeline.findings import Finding
 from app.pipeline.plans.support import PlacedRow
+from app.pipeline.prediction_findings import ActionDoubt, action_findings
 from app.pipeline.prompt import Prompt
 from app.pipeline.reply import ReplyReader
 from app.services.measures import Timings, timed

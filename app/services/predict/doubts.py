@@ -7,12 +7,11 @@ what its demonstrations support.
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Protocol
 
-from app.pipeline.action_findings import ActionDoubt
-from app.pipeline.demonstration_findings import scatter_findings
 from app.pipeline.episode import EndEffectorAction
 from app.pipeline.errors import UnsupportedActionError
 from app.pipeline.findings import Finding
 from app.pipeline.plans.support import PlacedRow, SupportGuard
+from app.pipeline.prediction_findings import ActionDoubt, scatter_findings
 from app.pipeline.scene_findings import scene_findings
 from app.pipeline.workspace import ROTATION_BIN_DEG
 from app.services.predict.question import Question

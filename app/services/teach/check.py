@@ -10,7 +10,7 @@ from sqlalchemy import Connection
 from app.llm.base import ModelProfile
 from app.perception.base import ObjectQuery
 from app.pipeline.check import check_demonstrations
-from app.pipeline.check.replies import ReplyCheck, check_reply, reply_findings
+from app.pipeline.check.left_out import ReplyCheck, check_reply, reply_findings
 from app.pipeline.check.report import EpisodeCheck, TaskCheck
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.findings import Finding
