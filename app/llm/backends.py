@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import entry_points
 
-from app.llm import computed, yardsticks
+from app.llm import computed
 from app.llm.anthropic import AnthropicModel
 from app.llm.base import LanguageModel, ModelProfile, ModelUnavailableError, UnknownModelError
 from app.llm.computed import ComputedModel, from_text
@@ -178,12 +178,12 @@ def _compatible_profile(model: str, settings: LlmSettings) -> ModelProfile:
 
 def _regression(model: str, settings: LlmSettings) -> LanguageModel:
     _refuse_model_name("regression", model)
-    return ComputedModel(yardsticks.REGRESSION, from_text(yardsticks.regressed_reply))
+    return ComputedModel(computed.REGRESSION, from_text(computed.regressed_reply))
 
 
 def _nearest(model: str, settings: LlmSettings) -> LanguageModel:
     _refuse_model_name("nearest", model)
-    return ComputedModel(yardsticks.NEAREST, from_text(yardsticks.copied_reply))
+    return ComputedModel(computed.NEAREST, from_text(computed.copied_reply))
 
 
 def _scripted(model: str, settings: LlmSettings) -> LanguageModel:
@@ -216,7 +216,7 @@ BUILT_IN: Mapping[str, Backend] = {
         lambda settings: [_compatible_profile(settings.compatible_model, settings)],
         _network_limits,
     ),
-    "nearest": Backend(_nearest, lambda settings: [yardsticks.NEAREST]),
-    "regression": Backend(_regression, lambda settings: [yardsticks.REGRESSION]),
+    "nearest": Backend(_nearest, lambda settings: [computed.NEAREST]),
+    "regression": Backend(_regression, lambda settings: [computed.REGRESSION]),
     "scripted": Backend(_scripted, lambda settings: [computed.SCRIPTED] if settings.scripted_replies else []),
 }

@@ -15,7 +15,7 @@ from app.services.predict.record import PredictionRecorder
 from app.services.predict.repeat import RepeatedPredictions
 from app.services.predict.warm import PrefixWarmer
 from app.services.predict.write import QuestionWriter
-from app.services.request_limits import Limits
+from app.services.refusals import Limits
 from app.services.scene_images import DrawOverlay
 from app.services.teach.check import CheckTask, leave_unrecorded
 from app.services.teach.configure import MAX_AT_ONCE, ConfigureTask

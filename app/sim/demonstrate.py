@@ -10,9 +10,8 @@ from typing import Literal
 from app.client.robot import MotionError
 from app.pipeline.camera import RgbdFrame
 from app.pipeline.episode import EndEffectorAction, ObjectPose, Trajectory
-from app.sim.guided import GuidedPanda
+from app.sim.guided import GuidedPanda, Person
 from app.sim.moves import Move, action_from_move, moves_from_actions
-from app.sim.person import Person
 from app.sim.recorder import GripperState, Recorder
 from app.sim.rendering import FilmStrip, RgbImage
 from app.sim.robot import DWELL_S, SimulatedPanda
@@ -20,7 +19,7 @@ from app.sim.shift import shift_free_objects
 from app.sim.tasks import make_task
 from app.sim.world import CAMERA_NAMES
 
-# How experts are recorded: at rest at each of their poses, or passing them as a person does (`app.sim.person`)
+# How experts are recorded: at rest at each of their poses, or passing them as a person does (`app.sim.guided`)
 Recordings = Literal["rests", "continuous"]
 GRIPPER_STATES: Mapping[Recordings, GripperState] = {"rests": "commanded", "continuous": "measured"}
 DWELL_SAMPLES = 2  # of every rest, so that keyframe rules see it at any rate

@@ -34,7 +34,7 @@ class Move:
     Attributes:
         straight: along a straight line; otherwise the arm takes the quickest way, as for a first approach.
         within_m: how closely a motion without rests passes the pose; 0: it must be at the pose. None: at the pose where
-            the gripper opens or closes there, otherwise as closely as the person likes (`app.sim.person`).
+            the gripper opens or closes there, otherwise as closely as the person likes (`app.sim.guided`).
     """
 
     pose: Pose

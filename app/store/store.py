@@ -16,8 +16,7 @@ from app.store.database import SERVER_CONNECTIONS, Database
 from app.store.errors import StoreUnavailableError
 from app.store.migration import migrate
 from app.store.private import private_folder, private_opener
-from app.store.turns import Turns
-from app.store.under_way import UnderWayNotes
+from app.store.processes import Turns, UnderWayNotes
 
 # An upload commits its row within seconds of putting its blobs.
 SWEEP_GRACE = timedelta(hours=1)

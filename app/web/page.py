@@ -1,24 +1,31 @@
 """A page: a template and what it shows, with headers that let it load nothing from elsewhere; errors in words.
 
-Numbers, dates and problems are written as people read them, and lists show small pictures.
+Numbers, dates and problems are written as people read them, and lists show small pictures. Browsers keep our own style
+sheet and scripts, and plotly.js from its installed package.
 """
 
+import hashlib
 import json
 from collections.abc import Callable, Coroutine, Mapping
 from datetime import UTC, datetime
+from importlib.metadata import version
+from importlib.resources import files
 from math import sqrt
+from pathlib import Path
 from statistics import NormalDist
 from typing import Any
 
 import cv2
-from fastapi import Request
+from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
-from fastapi.responses import HTMLResponse
+from fastapi.responses import FileResponse, HTMLResponse
 from fastapi.routing import APIRoute
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from pydantic import ValidationError
 from starlette.exceptions import HTTPException
 from starlette.responses import Response
+from starlette.staticfiles import StaticFiles
+from starlette.types import Scope
 
 from app.api.access_rules import COOKIE
 from app.api.problems import problem_of
@@ -27,8 +34,10 @@ from app.pipeline.errors import RoboPromptError
 from app.store.blobs import BlobStore
 from app.store.records import TaskCounts
 from app.store.values import CameraRecord
-from app.web.assets import PLOTLY_ADDRESS, STATIC_ADDRESS
 
+FOLDER = Path(__file__).parent / "static"
+FOREVER = "public, max-age=31536000, immutable"  # an address changes with its content
+PLOTLY_ADDRESS = f"/ui/vendor/plotly-{version('plotly')}.min.js"
 NOTHING = "\N{EN DASH}"
 WIDTH_PX = 192  # twice what lists show, for dense screens
 JPEG_QUALITY = 80
@@ -58,6 +67,35 @@ NAVIGATION = (
     ("Now", "/ui/live"),
     ("API", "/docs"),
 )
+
+
+def _digest() -> str:
+    """Equal for equal files: part of their addresses, so that scripts that import each other stay of one version."""
+    digest = hashlib.sha256()
+    for path in sorted(FOLDER.iterdir()):
+        digest.update(f"\0{path.name}\0".encode() + path.read_bytes())
+    return digest.hexdigest()[:12]
+
+
+STATIC_ADDRESS = f"/ui/static/{_digest()}"
+
+
+class _Immutable(StaticFiles):
+    async def get_response(self, path: str, scope: Scope) -> Response:
+        response = await super().get_response(path, scope)
+        response.headers["Cache-Control"] = FOREVER
+        return response
+
+
+def serve_assets(app: FastAPI) -> None:
+    """Let `app` serve them under `/ui`."""
+    app.mount(STATIC_ADDRESS, _Immutable(directory=FOLDER), name="ui-static")
+    plotly = str(files("plotly") / "package_data" / "plotly.min.js")
+
+    def serve_plotly() -> Response:
+        return FileResponse(plotly, media_type="text/javascript", headers={"Cache-Control": FOREVER})
+
+    app.add_api_route(PLOTLY_ADDRESS, serve_plotly, include_in_schema=False)
 
 
 def date_text(moment: datetime) -> str:

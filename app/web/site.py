@@ -5,8 +5,7 @@ from fastapi.responses import RedirectResponse
 from starlette.exceptions import HTTPException
 from starlette.responses import Response
 
-from app.web.assets import serve_assets
-from app.web.page import PageRoute
+from app.web.page import PageRoute, serve_assets
 from app.web.routes import episode, live, predict, predictions, tasks
 
 HOME = "/ui/tasks"

@@ -8,8 +8,8 @@ import pytest
 from app.services.api_keys import create_key
 from app.store.backup import back_up
 from app.store.errors import StoreUnavailableError
+from app.store.processes import UnderWay
 from app.store.store import Store
-from app.store.under_way import UnderWay
 from tests.store.drafts import episode_draft, upload
 
 

@@ -6,7 +6,7 @@ from contextlib import aclosing
 
 import pytest
 
-from app.llm import yardsticks
+from app.llm import computed
 from app.llm.base import Completion, ModelProfile, ModelTimeoutError, ModelUnavailableError, TextDelta
 from app.llm.computed import ComputedModel, ScriptedModel, from_text
 from app.llm.openai_compatible import LLAMA_CPP, OpenAiCompatibleModel
@@ -26,8 +26,8 @@ def models(gemma, llama_server, run):
     }
     made |= {
         "embedded": gemma,
-        "nearest": ComputedModel(yardsticks.NEAREST, from_text(yardsticks.copied_reply)),
-        "regression": ComputedModel(yardsticks.REGRESSION, from_text(yardsticks.regressed_reply)),
+        "nearest": ComputedModel(computed.NEAREST, from_text(computed.copied_reply)),
+        "regression": ComputedModel(computed.REGRESSION, from_text(computed.regressed_reply)),
         "scripted": ScriptedModel([REPLY + "\nand more"]),
     }
     yield made

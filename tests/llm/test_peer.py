@@ -9,7 +9,7 @@ from app.llm.base import Completion, TextDelta
 from app.llm.llm_settings import LlmSettings
 from app.llm.registry import ModelRegistry
 from app.pipeline.prompt import Prompt
-from app.pipeline.representation.lists import Column, list_schema
+from app.pipeline.representation.absolute import Column, list_schema
 from tests.llm.texts import REPLY, asking, object_frame_prompt
 
 NAME = "openai_compatible/gemma"

@@ -4,8 +4,7 @@ import random
 import pytest
 
 from app.llm.base import ModelResponseError
-from app.llm.computed import ComputedModel, from_text
-from app.llm.yardsticks import REGRESSION, regressed_reply
+from app.llm.computed import REGRESSION, ComputedModel, from_text, regressed_reply
 from tests.llm.texts import absolute_prompt, asking
 
 

@@ -4,9 +4,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from app.perception.base import ObjectQuery
-from app.perception.markers.detection import find_markers
 from app.perception.markers.estimator import MarkerPoses
 from app.perception.markers.model import Marker, MarkersModel
+from app.perception.markers.view import find_markers
 from app.pipeline.camera import RgbdFrame
 from app.pipeline.errors import InvalidInputError, ObjectNotVisibleError, UncertainPoseError
 from app.pipeline.geometry import inverse

@@ -5,8 +5,7 @@ import pytest
 
 from app.pipeline.errors import InvalidInputError
 from app.sim.demonstrate import record_demonstration
-from app.sim.guided import GuidedPanda
-from app.sim.person import ROUNDING_M, Person
+from app.sim.guided import ROUNDING_M, GuidedPanda, Person
 from app.sim.recorder import Recorder, measured_open
 from app.sim.tasks import TASKS, make_task
 

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
+from app.sim.guided import HESITATION_SPEED_M_S, OVERSHOOT_M, ROUNDING_M, TOOL_SPEED_M_S, Person
 from app.sim.moves import Pose, move_to, pick, tool_down
-from app.sim.person import HESITATION_SPEED_M_S, OVERSHOOT_M, ROUNDING_M, TOOL_SPEED_M_S, Person
 from app.sim.route import Route
 from app.sim.tasks import TASKS, make_task
 

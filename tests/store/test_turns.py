@@ -6,12 +6,12 @@ from pathlib import Path
 import pytest
 
 from app.store.errors import StoreUnavailableError
-from app.store.turns import Turns
+from app.store.processes import Turns
 
 HOLDER = """
 import sys
 from pathlib import Path
-from app.store.turns import Turns
+from app.store.processes import Turns
 turn = Turns(Path(sys.argv[1])).take("a")
 print("taken" if turn else "refused", flush=True)
 sys.stdin.read()

@@ -3,7 +3,7 @@ import time
 import pytest
 
 from app.store.errors import StoreUnavailableError
-from app.store.under_way import UnderWay, UnderWayNotes
+from app.store.processes import UnderWay, UnderWayNotes
 
 
 def note(name, started_s=0.0, left_s=60.0):

@@ -2,7 +2,7 @@
 
 import re
 
-from app.web.assets import PLOTLY_ADDRESS
+from app.web.page import PLOTLY_ADDRESS
 
 
 def test_pages_may_load_nothing_from_elsewhere(http):

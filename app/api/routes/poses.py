@@ -13,7 +13,7 @@ from app.api.routes import Wired, problems
 from app.api.schemas.poses import PosesBody, PosesOut
 from app.perception.poses_wire import PoseQuestion, poses_document
 from app.services.pose_servers import find_poses
-from app.services.request_limits import Limits
+from app.services.refusals import Limits
 from app.store.values import JsonObject
 
 router = APIRouter(tags=["poses"])

@@ -22,7 +22,7 @@ from app.api.schemas.requests import PredictBody
 from app.llm.base import TextDelta
 from app.pipeline.errors import RoboPromptError
 from app.services.predict.question import PredictedAction, Prediction, PredictRequest, Question
-from app.services.request_limits import Limits
+from app.services.refusals import Limits
 from app.services.teach.upload import content_digest
 from app.store.values import JsonObject
 from app.store.visibility import present

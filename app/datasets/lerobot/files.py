@@ -1,6 +1,10 @@
 """The files of a LeRobot dataset, version 3.0 or 2.1 -> where each episode's rows, images and instruction are.
 
-v3.0 keeps many episodes in a file and says in meta/episodes which rows are whose; v2.1 has a file for each.
+v3.0 keeps many episodes in a file and says in meta/episodes which rows are whose; v2.1 has a file for each. What a
+LeRobot dataset has no place for stands beside its own files: objects, calibrated cameras and their first images.
+
+    meta/roboprompt/episode_000000/metadata.json   as it was uploaded
+                                   rgb_front       the image files, byte for byte
 """
 
 import json
@@ -10,13 +14,55 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from app.datasets.bounds import Budget, DatasetError, inside, read_inside
+from app.datasets.bounds import Budget, DamagedError, DatasetError, inside, read_inside
 from app.datasets.lerobot.parquet import column_names, read_table
+from app.datasets.recording import canonical_json, checked_metadata
 
+FOLDER = Path("meta/roboprompt")
+METADATA = "metadata.json"
 INFO = Path("meta/info.json")
 VERSIONS = ("v3.0", "v2.1", "v2.0")
 _PLACE = re.compile(r"\{(?P<name>\w+)(?::0?(?P<width>\d))?(?P<decimal>d?)\}")
 _NUMBERS = ("float16", "float32", "float64", "int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "bool")
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """An episode's metadata and its image files by the names of their parts."""
+
+    metadata: Mapping[str, Any]
+    images: Mapping[str, bytes]
+
+
+def read_scene(root: Path, index: int, budget: Budget) -> Scene | None:
+    """The scene of the episode, or None if the dataset does not carry it.
+
+    Raises:
+        DamagedError: naming the file that cannot be read.
+    """
+    folder = _folder(root, index)
+    if not folder.exists():
+        return None
+    path = folder / METADATA
+    try:
+        metadata = checked_metadata(path, json.loads(read_inside(root, path, budget)))
+    except ValueError as error:
+        raise DamagedError(path, f"is not JSON: {error}") from error
+    names = sorted(item.name for item in folder.iterdir() if item.name != METADATA)
+    return Scene(metadata, {name: read_inside(root, folder / name, budget) for name in names})
+
+
+def write_scene(root: Path, index: int, scene: Scene) -> None:
+    """The inverse of `read_scene`."""
+    folder = _folder(root, index)
+    folder.mkdir(parents=True)
+    (folder / METADATA).write_bytes(canonical_json(scene.metadata))
+    for name, data in scene.images.items():
+        (folder / name).write_bytes(data)
+
+
+def _folder(root: Path, index: int) -> Path:
+    return root / FOLDER / f"episode_{int(index):06d}"
 
 
 @dataclass(frozen=True)

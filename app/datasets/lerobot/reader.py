@@ -14,9 +14,8 @@ import numpy as np
 
 from app.datasets.bounds import Budget, DamagedError, MissingPackageError, read_inside
 from app.datasets.columns import Columns, recording_of, trajectory_of
-from app.datasets.lerobot.files import INFO, Info, Place, path_of, read_info, read_places
+from app.datasets.lerobot.files import INFO, Info, Place, Scene, path_of, read_info, read_places, read_scene
 from app.datasets.lerobot.parquet import numbers_of, read_table, read_value
-from app.datasets.lerobot.scenes import Scene, read_scene
 from app.datasets.mapping import FeatureMap
 from app.datasets.options import ImportOptions, as_name
 from app.datasets.recording import Dataset, Entry, Parcel, rgb_png

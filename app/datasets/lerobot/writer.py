@@ -14,8 +14,8 @@ import numpy as np
 
 from app.datasets.bounds import DatasetError
 from app.datasets.lerobot import reader
+from app.datasets.lerobot.files import Scene, write_scene
 from app.datasets.lerobot.parquet import require_arrow
-from app.datasets.lerobot.scenes import Scene, write_scene
 from app.datasets.recording import Parcel
 from app.datasets.writing import in_one_step
 from app.pipeline.episode import Trajectory

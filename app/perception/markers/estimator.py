@@ -13,10 +13,9 @@ from scipy.spatial.transform import Rotation
 
 from app.perception.base import ObjectQuery
 from app.perception.frame_checks import check_rgbd
-from app.perception.markers.detection import SeenMarker, find_markers
 from app.perception.markers.fit import MarkerFit, fit_markers
 from app.perception.markers.model import MarkersModel
-from app.perception.markers.view import MarkerView
+from app.perception.markers.view import MarkerView, SeenMarker, find_markers
 from app.perception.sightings import Miss, Sighting, fused
 from app.pipeline.camera import Camera, RgbdFrame
 from app.pipeline.episode import ObjectPose

@@ -1,18 +1,146 @@
-"""A marker as one camera sees it: its corners in the image, and points of its face by depth."""
+"""Markers as one camera sees them: their corners to a tenth of a pixel, and points of their faces by depth.
 
+ArUco and AprilTag markers are detected by OpenCV, which puts the corners of a small marker some 2 % inwards (all but
+its AprilTag refinement, which takes 90 ms): each side is measured again across its black-to-white edge.
+"""
+
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Self
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
-from app.perception.markers.detection import SeenMarker
-from app.perception.markers.model import Marker
+from app.perception.markers.model import Marker, marker_dictionary
 from app.pipeline.arrays import Array
 from app.pipeline.camera import Camera, RgbdFrame
 
+ROUNDS = 2
+SAMPLES = 16  # a side
+END_SHARE = 0.12  # of a side, left out at both ends, where two edges blur into each other
+PROFILE = 13  # samples across an edge
+MAX_REACH_PX = 3.0  # to both sides of an edge
+REACH_CELLS = 0.6  # the border is one cell wide: what lies beyond is another edge
+FLAT = 1e-6  # grey values: keeps a side without any edge from dividing by zero
+GreyImage = npt.NDArray[np.uint8]
+
+# With these, 115 of 120 markers of 14 px (4 cm, 1.2 m away, seen from the side) are found in noisy renderings; with
+# OpenCV's own settings 76, at twice the size 102.
+PIXELS_PER_CELL = 12
+CELL_MARGIN = 0.3
+ENLARGED_WINDOWS_PX = (7, 23)  # of the adaptive threshold: the two that find most, of OpenCV's three
+MAX_ENLARGED_PIXELS = 1_000_000  # a larger image shows enough as it is
+SIGMA_PX = 0.1  # of a corner: twice what noisy renderings show, for no lens is modelled exactly
+SMALL_SIGMA_PX = 0.35  # where a cell is one pixel wide, less where it is wider: neighbouring edges blur into each other
 FACE_SHARE = 0.75  # of a face's side, around its middle: depth at its edge mixes with what lies behind
 _CORNERS = np.array([[-0.5, 0.5, 0.0], [0.5, 0.5, 0.0], [0.5, -0.5, 0.0], [-0.5, -0.5, 0.0]])
+
+
+def sides_px(corners_px: Array) -> Array:
+    """(M,) the length of each marker's shortest side."""
+    sides: Array = np.linalg.norm(np.roll(corners_px, -1, axis=1) - corners_px, axis=2).min(axis=1)
+    return sides
+
+
+def refined_corners(grey: npt.NDArray[np.float32], corners_px: Array, cells: int) -> Array:
+    """(M, 4, 2) corners as the intersections of the lines through their sides' edge points."""
+    reach_px = np.minimum(MAX_REACH_PX, REACH_CELLS * sides_px(corners_px) / cells)
+    for _ in range(ROUNDS):
+        lines = _sides(grey, corners_px, reach_px)
+        crossings = np.cross(np.roll(lines, 1, axis=1), lines)
+        with np.errstate(divide="ignore", invalid="ignore"):  # parallel lines cross nowhere near
+            refined = crossings[..., :2] / crossings[..., 2:]
+        # where the edge is not near the detector's, e.g. under a finger, the detector's corner is the better one
+        near = np.linalg.norm(refined - corners_px, axis=2) < 2 * reach_px[:, None]
+        corners_px = np.where(near[..., None], refined, corners_px)
+    return corners_px
+
+
+def _sides(grey: npt.NDArray[np.float32], corners_px: Array, reach_px: Array) -> Array:
+    """(M, 4, 3) homogeneous lines along which grey rises most steeply, from each corner to the next."""
+    along = np.roll(corners_px, -1, axis=1) - corners_px
+    outward = np.stack([along[..., 1], -along[..., 0]], axis=-1) / np.linalg.norm(along, axis=2, keepdims=True)
+    shares = np.linspace(END_SHARE, 1 - END_SHARE, SAMPLES)
+    feet = corners_px[:, :, None] + shares[:, None] * along[:, :, None]  # (M, 4, SAMPLES, 2)
+    offsets_px = np.linspace(-1, 1, PROFILE) * reach_px[:, None, None, None]
+    places = feet[..., None, :] + offsets_px[..., None] * outward[:, :, None, None]
+    columns, rows = np.moveaxis(places.astype(np.float32).reshape(-1, PROFILE, 2), -1, 0)
+    profiles = cv2.remap(grey, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    rises = np.maximum(np.diff(profiles.reshape(places.shape[:-1]), axis=-1), 0)
+    steepness = rises.sum(axis=-1) + FLAT
+    middles_px = (offsets_px[..., 1:] + offsets_px[..., :-1]) / 2
+    edges = feet + ((rises * middles_px).sum(axis=-1) / steepness)[..., None] * outward[:, :, None]
+    return _lines(edges, steepness)
+
+
+def _lines(points: Array, weights: Array) -> Array:
+    """The weighted least-squares lines (..., 3) through (..., N, 2) points."""
+    shares = (weights / weights.sum(axis=-1, keepdims=True))[..., None]
+    middle = (points * shares).sum(axis=-2)
+    centred = points - middle[..., None, :]
+    normal = np.linalg.eigh(np.swapaxes(centred * shares, -1, -2) @ centred)[1][..., 0]
+    return np.concatenate([normal, -(normal * middle).sum(axis=-1, keepdims=True)], axis=-1)
+
+
+@dataclass(frozen=True, eq=False)
+class SeenMarker:
+    """A marker in an image.
+
+    Attributes:
+        corners_px: (4, 2) column and row of its black border's corners: top left, then clockwise as it was printed.
+        corner_sigma_px: their standard deviation.
+    """
+
+    id: int
+    corners_px: Array
+    corner_sigma_px: float
+
+
+def find_markers(rgb: npt.NDArray[np.uint8], dictionary: str, wanted: Collection[int]) -> tuple[SeenMarker, ...]:
+    """The markers with `wanted` ids in an (H, W, 3) image; an id appears as often as it is seen.
+
+    Where some are not seen at once, they are looked for in the image at twice its size, which takes 8 ms more at
+    640x480.
+    """
+    grey = np.asarray(cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY), np.uint8)
+    found = [item for item in _detected(grey, dictionary, _options()) if item[0] in wanted]
+    if not {id_ for id_, _ in found}.issuperset(wanted) and grey.size <= MAX_ENLARGED_PIXELS:
+        larger = [item for item in _enlarged(grey, dictionary) if item[0] in wanted]
+        seen = {id_ for id_, _ in larger}
+        found = larger + [item for item in found if item[0] not in seen]
+    if not found:
+        return ()
+    cells = marker_dictionary(dictionary).markerSize + 2
+    corners = refined_corners(grey.astype(np.float32), np.array([quad for _, quad in found]), cells)
+    sigmas_px = np.maximum(SIGMA_PX, SMALL_SIGMA_PX * cells / sides_px(corners))
+    seen_markers = zip((id_ for id_, _ in found), corners, sigmas_px.tolist(), strict=True)
+    return tuple(SeenMarker(*marker) for marker in seen_markers)
+
+
+def _detected(grey: GreyImage, dictionary: str, options: cv2.aruco.DetectorParameters) -> list[tuple[int, Array]]:
+    """Ids and (4, 2) corners as OpenCV has them."""
+    quads, ids, _ = cv2.aruco.ArucoDetector(marker_dictionary(dictionary), options).detectMarkers(grey)
+    if not quads:
+        return []
+    corners = np.array(quads, np.float64).reshape(-1, 4, 2)
+    return [(int(id_), quad) for id_, quad in zip(np.ravel(ids), corners, strict=True)]
+
+
+def _enlarged(grey: GreyImage, dictionary: str) -> list[tuple[int, Array]]:
+    options = _options()
+    options.adaptiveThreshWinSizeMin, options.adaptiveThreshWinSizeMax = ENLARGED_WINDOWS_PX
+    options.adaptiveThreshWinSizeStep = ENLARGED_WINDOWS_PX[1] - ENLARGED_WINDOWS_PX[0]
+    larger = np.asarray(cv2.resize(grey, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC), np.uint8)
+    # pixel centres are whole numbers: two small ones share the place of the larger one between them
+    return [(id_, (corners_px + 0.5) / 2 - 0.5) for id_, corners_px in _detected(larger, dictionary, options)]
+
+
+def _options() -> cv2.aruco.DetectorParameters:
+    options = cv2.aruco.DetectorParameters()
+    options.perspectiveRemovePixelPerCell = PIXELS_PER_CELL
+    options.perspectiveRemoveIgnoredMarginPerCell = CELL_MARGIN
+    return options
 
 
 @dataclass(frozen=True, eq=False)

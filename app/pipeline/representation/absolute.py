@@ -1,12 +1,17 @@
-"""The paper's representation: each action is seven bins in the world frame (section III-C and III-D)."""
+"""The paper's representation: each action is seven bins in the world frame (section III-C and III-D).
 
-from collections.abc import Mapping, Sequence
+A reply is one list of rows of integers, ``[[46, 74, ...], ...]``: what the paper's prompt asks for.
+"""
+
+import json
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Self
+from typing import NamedTuple, Self
 
 from app.pipeline.episode import Demonstration, EndEffectorAction, ObjectPose
+from app.pipeline.errors import ReplyParseError
 from app.pipeline.representation.base import row_count_bounds
-from app.pipeline.representation.lists import Column, list_grammar, list_rows, list_schema, row_integers
 from app.pipeline.workspace import (
     POSITION_BINS,
     ROTATION_BINS,
@@ -15,6 +20,104 @@ from app.pipeline.workspace import (
     object_bins,
     undiscretize_actions,
 )
+
+_FENCED = re.compile(r"```(?:json)?\s*(.*?)```", re.DOTALL)
+_LIST_START = re.compile(r"\[\s*(?=\[)")
+_NEXT_ROW = re.compile(r"[\s,]*(\[[^\[\]{}]*\])")
+_ACTION_LIST = re.compile(r"\[\s*[-+\d\[]")
+
+
+class Column(NamedTuple):
+    """One integer of a row: its name and the values that it may have, both ends included."""
+
+    name: str
+    low: int
+    high: int
+
+
+def list_grammar(row_rules: str, fewest: int, most: int) -> str:
+    """The GBNF grammar of a list of `fewest` to `most` rows, given the rules that make up `row`."""
+    return f'root ::= "[" row (", " row){{{fewest - 1},{most - 1}}} "]"\n{row_rules}'
+
+
+def list_schema(columns: Sequence[Column], fewest: int, most: int) -> Mapping[str, object]:
+    """The JSON Schema of the same lists."""
+    row = {
+        "type": "array",
+        "prefixItems": [{"type": "integer", "minimum": low, "maximum": high} for _, low, high in columns],
+        "minItems": len(columns),
+        "maxItems": len(columns),
+    }
+    return {"type": "array", "items": row, "minItems": fewest, "maxItems": most}
+
+
+def list_rows(reply_text: str, complete: bool) -> list[str]:
+    """The rows of a reply as texts: those closed so far, or with `complete` all of its one list.
+
+    Raises:
+        ReplyParseError: if a complete reply is not one list of rows, perhaps in prose or in a code fence.
+    """
+    if complete:
+        return [json.dumps(row) for row in _single_list(reply_text)]
+    return list(_complete_rows(reply_text))
+
+
+def row_integers(row: str, index: int, columns: Sequence[Column]) -> tuple[int, ...]:
+    """The integers of the row at `index`, one in range for each column; an integral float counts as one.
+
+    Raises:
+        ReplyParseError: naming the action and the column.
+    """
+    try:
+        values = json.loads(row)
+    except ValueError:
+        raise ReplyParseError(f"action {index} is not a list of numbers", row) from None
+    if len(values) != len(columns):
+        raise ReplyParseError(f"action {index} has {len(values)} elements, expected {len(columns)} numbers", row)
+    return tuple(_integer(value, index, column, row) for value, column in zip(values, columns, strict=True))
+
+
+def _integer(value: object, index: int, column: Column, row: str) -> int:
+    name, low, high = column
+    if isinstance(value, int | float) and not isinstance(value, bool) and low <= value <= high and value == int(value):
+        return int(value)
+    raise ReplyParseError(f"action {index}: {name} is {value!r:.40}, expected an integer from {low} to {high}", row)
+
+
+def _complete_rows(reply_text: str) -> Iterator[str]:
+    """The rows that are closed in the first list of lists of a reply that still arrives."""
+    match = _LIST_START.search(reply_text)
+    while match and (match := _NEXT_ROW.match(reply_text, match.end())):
+        yield match.group(1)
+
+
+def _single_list(reply_text: str) -> list[object]:
+    """The one list of rows in a reply that may wrap it in prose or in a code fence."""
+    fenced = _FENCED.findall(reply_text)
+    if len(fenced) > 1:
+        raise ReplyParseError(f"the reply has {len(fenced)} code fences, expected one list of actions", reply_text)
+    lists = list(_lists_of_actions(fenced[0] if fenced else reply_text))
+    if len(lists) != 1:
+        raise ReplyParseError(f"the reply has {len(lists)} lists of actions, expected one", reply_text)
+    found = lists[0]
+    rows: list[object] = found if isinstance(found[0], list) else [found]
+    for index, row in enumerate(rows):
+        if not isinstance(row, list) or any(isinstance(value, list | dict) for value in row):
+            raise ReplyParseError(f"action {index} is not a list of numbers", reply_text)
+    return rows
+
+
+def _lists_of_actions(text: str) -> Iterator[list[object]]:
+    """Each outermost JSON list in `text` that begins like a row or a list of rows."""
+    decoder = json.JSONDecoder()
+    end = 0
+    while match := _ACTION_LIST.search(text, end):
+        try:
+            value, end = decoder.raw_decode(text, match.start())
+        except (ValueError, RecursionError):
+            raise ReplyParseError("the reply's list of actions is not complete or not valid", text) from None
+        yield value
+
 
 _COLUMNS = (
     *(Column(name, 0, POSITION_BINS - 1) for name in ("x", "y", "z")),

@@ -16,9 +16,8 @@ from scipy.spatial.transform import Rotation
 from app.pipeline.arrays import Array
 from app.pipeline.episode import Demonstration, EndEffectorAction, ObjectPose
 from app.pipeline.errors import ReplyParseError
-from app.pipeline.representation.absolute import AbsoluteCodec
+from app.pipeline.representation.absolute import AbsoluteCodec, Column, list_grammar, list_schema, row_integers
 from app.pipeline.representation.base import row_count_bounds
-from app.pipeline.representation.lists import Column, list_grammar, list_schema, row_integers
 
 MM_PER_M = 1000
 LEVER_MM = 100

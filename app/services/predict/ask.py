@@ -30,7 +30,7 @@ from app.services.predict.warm import PrefixWarmer
 from app.services.predict.write import QuestionWriter
 from app.services.refusals import UnparsableReplyError, UnsafeReplyError, UnsupportedReplyError
 from app.store.errors import StoreUnavailableError
-from app.store.under_way import UnderWay, UnderWayNotes
+from app.store.processes import UnderWay, UnderWayNotes
 
 SHOWN_AFTER_S = 0.5  # shorter ones are never written down
 GRACE_S = 5.0  # a note that a killed process leaves behind outlives its request's deadline by no more

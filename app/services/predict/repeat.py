@@ -16,9 +16,9 @@ from app.services.predict.template import previous_step
 from app.services.refusals import UnsafeReplyError
 from app.store import idempotency
 from app.store.errors import ConflictError
+from app.store.processes import Turn
 from app.store.records import StoredResponse
 from app.store.store import Store
-from app.store.turns import Turn
 from app.store.values import JsonObject
 from app.store.visibility import present
 

@@ -30,8 +30,7 @@ from app.services.predict.template import (
     make_template,
     previous_step,
 )
-from app.services.refusals import NoDemonstrationsError
-from app.services.request_limits import Limits
+from app.services.refusals import Limits, NoDemonstrationsError
 from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks
 from app.store.errors import ConflictError

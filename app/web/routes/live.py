@@ -13,8 +13,8 @@ from starlette.responses import Response
 from app.api.routes import Wired
 from app.services.container import Services
 from app.store import jobs, prediction_lists
+from app.store.processes import UnderWay
 from app.store.records import JobRecord
-from app.store.under_way import UnderWay
 from app.store.visibility import present
 from app.web.page import HEADERS, PageRoute, render, render_part
 

@@ -1,0 +1,125 @@
+"""What the processes of a data directory know of each other, by files: whose turn it is, and what is under way.
+
+One at a time takes its turn by a locked file, which the system frees if its holder dies.
+
+What language models are working at stands in small files, for people who watch. Nothing depends on them, so they are
+not synced; what a killed process leaves behind ends at its deadline.
+"""
+
+import fcntl
+import hashlib
+import json
+import os
+import time
+import weakref
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from app.store.errors import StoreUnavailableError
+from app.store.private import FOLDER_MODE, private_opener
+
+
+class Turn:
+    """The turn that somebody has; leave it by `with`. One that is only dropped is left, too."""
+
+    def __init__(self, path: Path, descriptor: int) -> None:
+        self._path = path
+        self._close = weakref.finalize(self, os.close, descriptor)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self._path.unlink(missing_ok=True)  # before it is unlocked: who has it open finds that it is not there
+        self._close()
+
+
+class Turns:
+    """The turns of one data directory. Synchronous."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    def take(self, name: str) -> Turn | None:
+        """The turn of that name, or None while somebody else has it.
+
+        Raises:
+            StoreUnavailableError: if the folder cannot be written.
+        """
+        path = self._folder / hashlib.sha256(name.encode(errors="surrogatepass")).hexdigest()
+        try:
+            self._folder.mkdir(FOLDER_MODE, exist_ok=True)
+            descriptor = private_opener(str(path), os.O_RDWR | os.O_CREAT | os.O_CLOEXEC)
+            with suppress(BlockingIOError, FileNotFoundError):
+                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                if os.fstat(descriptor).st_ino == path.stat().st_ino:
+                    return Turn(path, descriptor)
+            os.close(descriptor)
+        except OSError as error:
+            raise StoreUnavailableError(f"turns of requests: {error}") from error
+        return None
+
+
+@dataclass(frozen=True)
+class UnderWay:
+    """A prediction that is not finished.
+
+    Attributes:
+        started_s, deadline_s: seconds since the epoch.
+    """
+
+    id: str
+    task: str
+    instruction: str
+    model: str
+    started_s: float
+    deadline_s: float
+
+
+class UnderWayNotes:
+    """The notes of one data directory. Synchronous: call it in a thread."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    def begin(self, note: UnderWay) -> None:
+        """Let others see it.
+
+        Raises:
+            StoreUnavailableError: if it cannot be written.
+        """
+        path = self._path(note.id)
+        unfinished = path.with_suffix(".tmp")
+        try:
+            self._folder.mkdir(FOLDER_MODE, exist_ok=True)
+            with open(unfinished, "w", opener=private_opener) as file:
+                json.dump(asdict(note), file)
+            unfinished.rename(path)
+        except OSError as error:
+            raise StoreUnavailableError(f"note of a prediction under way: {error}") from error
+
+    def end(self, note_id: str) -> None:
+        """Forget it, if it is there."""
+        self._path(note_id).unlink(missing_ok=True)
+
+    def all(self) -> tuple[UnderWay, ...]:
+        """Everything under way, the oldest first; what is past its deadline is forgotten."""
+        return tuple(sorted(self._living(time.time()), key=lambda note: note.started_s))
+
+    def _living(self, now_s: float) -> Iterator[UnderWay]:
+        for path in self._folder.glob("*.json"):
+            try:
+                note = UnderWay(**json.loads(path.read_text()))
+            except FileNotFoundError:
+                continue  # it ended just now
+            if note.deadline_s < now_s:
+                self.end(note.id)
+            else:
+                yield note
+
+    def _path(self, note_id: str) -> Path:
+        return self._folder / f"{note_id}.json"
