@@ -9,7 +9,6 @@ from uuid import uuid4
 
 from sqlalchemy import Connection, Row, Select, Text, bindparam, cast, delete, exists, func, insert, select, update
 
-from app.pipeline.episode import Trajectory
 from app.store import audit, tables, tasks, trajectories
 from app.store.errors import NotFoundError
 from app.store.pages import Page, fetch_page
@@ -82,34 +81,6 @@ def exist(connection: Connection, episode_id: str) -> bool:
     """Whether there is an episode of that id."""
     query = select(_EPISODES.c.id).where(_EPISODES.c.id == episode_id)
     return connection.scalar(of_visible_tasks(query, _EPISODES.c.task)) is not None
-
-
-def get_trajectories(connection: Connection, ids: Sequence[str]) -> tuple[Trajectory, ...]:
-    """The trajectories of several episodes, in the order of `ids`.
-
-    Raises:
-        NotFoundError, CorruptDataError: as `get_trajectory`.
-    """
-    query = select(_EPISODES.c.id, _EPISODES.c.trajectory).where(_EPISODES.c.id.in_(ids))
-    found: dict[str, bytes] = {row.id: row.trajectory for row in connection.execute(query)}
-    for episode_id in ids:
-        if episode_id not in found:
-            raise NotFoundError("episode", episode_id)
-    return tuple(trajectories.unpack(found[episode_id], episode_id) for episode_id in ids)
-
-
-def get_trajectory(connection: Connection, episode_id: str) -> Trajectory:
-    """The episode's trajectory, as it was stored.
-
-    Raises:
-        NotFoundError: if there is no episode of that id.
-        CorruptDataError: if the stored bytes are damaged.
-    """
-    query = select(_EPISODES.c.trajectory).where(_EPISODES.c.id == episode_id)
-    blob = connection.scalar(of_visible_tasks(query, _EPISODES.c.task))
-    if blob is None:
-        raise NotFoundError("episode", episode_id)
-    return trajectories.unpack(blob, episode_id)
 
 
 def list_page(

@@ -1,4 +1,4 @@
-"""A Trajectory <-> one compressed blob; every float64 comes back bit for bit.
+"""A Trajectory <-> one compressed blob, written and read with its episode; every float64 comes back bit for bit.
 
 Layout: `_HEADER` (magic, T, which optional arrays follow), then zlib of a (channels, T) float64 matrix whose bytes are
 regrouped by significance: all first bytes, all second bytes, and so on. Neighbouring frames share their high bytes.
@@ -9,13 +9,17 @@ Measured on 16 recorded simulated episodes, 35.4 kB raw per 200 frames: 28.1 kB 
 
 import struct
 import zlib
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from sqlalchemy import Connection, select
 
 from app.pipeline.arrays import Array
 from app.pipeline.episode import NUM_JOINTS, Trajectory
-from app.store.errors import CorruptDataError
+from app.store import tables
+from app.store.errors import CorruptDataError, NotFoundError
+from app.store.visibility import of_visible_tasks
 
 _MAGIC = b"RPT1"
 _HEADER = struct.Struct("<4sIB")
@@ -82,3 +86,31 @@ def _restored(channels: dict[str, Array]) -> Trajectory:
     for name in arrays.keys() & _PER_OBJECT.keys():
         arrays[name] = arrays[name].reshape(len(arrays[name]), -1, _PER_OBJECT[name][1])
     return Trajectory(**arrays)
+
+
+def get_trajectories(connection: Connection, ids: Sequence[str]) -> tuple[Trajectory, ...]:
+    """The trajectories of several episodes, in the order of `ids`.
+
+    Raises:
+        NotFoundError, CorruptDataError: as `get_trajectory`.
+    """
+    query = select(tables.episodes.c.id, tables.episodes.c.trajectory).where(tables.episodes.c.id.in_(ids))
+    found: dict[str, bytes] = {row.id: row.trajectory for row in connection.execute(query)}
+    for episode_id in ids:
+        if episode_id not in found:
+            raise NotFoundError("episode", episode_id)
+    return tuple(unpack(found[episode_id], episode_id) for episode_id in ids)
+
+
+def get_trajectory(connection: Connection, episode_id: str) -> Trajectory:
+    """The episode's trajectory, as it was stored.
+
+    Raises:
+        NotFoundError: if there is no episode of that id.
+        CorruptDataError: if the stored bytes are damaged.
+    """
+    query = select(tables.episodes.c.trajectory).where(tables.episodes.c.id == episode_id)
+    blob = connection.scalar(of_visible_tasks(query, tables.episodes.c.task))
+    if blob is None:
+        raise NotFoundError("episode", episode_id)
+    return unpack(blob, episode_id)

@@ -17,6 +17,7 @@ from app.services.task_settings import TaskSettings
 from app.store import episodes, predictions, tasks
 from app.store.prediction_lists import ConfigurationCounts, Fate
 from app.store.records import DemonstrationRecord, EpisodeRecord, PredictionRecord
+from app.store.trajectories import get_trajectories
 from app.store.values import JsonObject
 from app.web.scene import frame, scene
 
@@ -99,9 +100,7 @@ def view_prediction(connection: Connection, prediction_id: str) -> PredictionVie
         DemonstrationRecord(e.id, e.instruction, e.objects, e.keyframes, e.control_frequency_hz) for e in shown.values()
     ]
     ids = [item.id for item in records]
-    demonstrations = demonstrations_of(
-        records, lambda: episodes.get_trajectories(connection, ids), settings, all_of_them=True
-    )
+    demonstrations = demonstrations_of(records, lambda: get_trajectories(connection, ids), settings, all_of_them=True)
     return PredictionView(record, settings, shown, explain_prediction(record, demonstrations))
 
 

@@ -21,6 +21,7 @@ import numpy as np
 from app.evaluation.server import free_port
 from app.store import episodes, predictions
 from app.store.store import Store
+from app.store.trajectories import get_trajectory
 from tests.episodes import arrays, camera, metadata, multipart, npz, pick_trajectory
 
 REPLY = "[[50, 50, 20, 0, 36, 36, 1]]"
@@ -182,7 +183,7 @@ def check(data, load):
             stored = episodes.all_of(connection, TASK) if load.episodes else ()
             by_id = {record.id: record for record in stored}
             for number, id_ in load.episodes.items():
-                trajectory = episodes.get_trajectory(connection, id_)
+                trajectory = get_trajectory(connection, id_)
                 expected = pick_trajectory(position_of(number))
                 assert trajectory.positions_m.tobytes() == expected.positions_m.tobytes(), f"episode {number}"
                 assert by_id[id_].cameras[0].rgb_digest == hashlib.sha256(image_of(number)).hexdigest()
@@ -191,7 +192,7 @@ def check(data, load):
             digests = episodes.blob_digests(connection)
             for record in stored:
                 assert record.keyframes
-                assert len(episodes.get_trajectory(connection, record.id)) == record.num_frames
+                assert len(get_trajectory(connection, record.id)) == record.num_frames
         for digest in digests:
             store.blobs.read(digest)
         swept = store.sweep(timedelta(0))

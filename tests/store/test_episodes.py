@@ -10,6 +10,7 @@ from app.store import episodes, tables, tasks
 from app.store.errors import ConflictError, CorruptDataError, NotFoundError
 from app.store.records import Extraction
 from app.store.store import Store
+from app.store.trajectories import get_trajectory
 from app.store.values import CameraRecord, KeyframeRecord, ObjectRecord
 
 from .drafts import TASK, camera_record, episode_draft, object_record, upload
@@ -21,7 +22,7 @@ def test_everything_comes_back(store: Store) -> None:
     added = upload(store, draft)
     with store.read() as connection:
         stored = episodes.get(connection, added.id)
-        trajectory = episodes.get_trajectory(connection, added.id)
+        trajectory = get_trajectory(connection, added.id)
     assert stored == added
     for name in ("task", "instruction", "keyframes", "objects", "given_objects", "cameras", "extra"):
         assert getattr(stored, name) == getattr(draft, name), name
@@ -41,7 +42,7 @@ def test_records_become_the_pipelines_values_and_back() -> None:
 
 def test_unknown_episode(store: Store) -> None:
     with store.write() as connection:
-        for query in (episodes.get, episodes.get_trajectory, episodes.remove):
+        for query in (episodes.get, get_trajectory, episodes.remove):
             with pytest.raises(NotFoundError, match="there is no episode 'nope'"):
                 query(connection, "nope")
 
@@ -51,7 +52,7 @@ def test_damaged_trajectory_names_its_episode(store: Store) -> None:
     with store.write() as connection:
         connection.execute(update(tables.episodes).values(trajectory=b"RPT1 what is this"))
         with pytest.raises(CorruptDataError, match=f"trajectory {added.id} is damaged"):
-            episodes.get_trajectory(connection, added.id)
+            get_trajectory(connection, added.id)
 
 
 def test_first_episode_fixes_the_object_names_in_its_order(store: Store) -> None:

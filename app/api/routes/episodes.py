@@ -23,7 +23,7 @@ from app.pipeline.trajectory_npz import npz_from_trajectory, trajectory_from_arr
 from app.services.container import Services
 from app.services.refusals import Limits
 from app.services.teach.upload import SCOPE, Upload, content_digest
-from app.store import episodes, idempotency, tasks
+from app.store import episodes, idempotency, tasks, trajectories
 from app.store.errors import NotFoundError
 from app.store.values import JsonObject
 
@@ -163,7 +163,7 @@ def delete_episode(services: Wired, episode_id: str) -> Response:
 def get_trajectory(services: Wired, episode_id: str) -> Response:
     """The trajectory as a .npz file with the arrays of the upload."""
     with services.store.read() as connection:
-        trajectory = episodes.get_trajectory(connection, episode_id)
+        trajectory = trajectories.get_trajectory(connection, episode_id)
     headers = {"Content-Disposition": f'attachment; filename="{episode_id}.npz"'}
     return Response(npz_from_trajectory(trajectory), media_type="application/octet-stream", headers=headers)
 

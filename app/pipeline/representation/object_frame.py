@@ -12,12 +12,10 @@ binning costs nothing.
 
 import re
 import string
-from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from app.pipeline.arrays import Array
@@ -31,20 +29,21 @@ from app.pipeline.representation.anchors import (
     WORLD,
     Anchor,
     anchor_frame,
-    choose_anchors,
     in_order,
-    relative_action,
     tilted_objects,
 )
 from app.pipeline.representation.base import row_count_bounds
-from app.pipeline.representation.row_patterns import RowPattern, plans_grammar
+from app.pipeline.representation.object_rows import (
+    OFFSET_UNIT_M,
+    Row,
+    RowPattern,
+    fit_rows,
+    groups_of,
+    plans_grammar,
+    row_text,
+)
 from app.pipeline.workspace import ROTATION_BINS, Workspace, position_bins, rotation_bins, rotation_from_bins, yaw_bin
 
-Integers = npt.NDArray[np.int_]
-
-OFFSET_UNIT_M = 0.005
-# Integers that differ by no more than this over the demonstrations are made equal: small models copy them better.
-JITTER_UNITS = 1
 LETTERS = string.ascii_uppercase
 _ROW = re.compile(
     r"(\d{1,3}) ([A-Z]{1,2} [wo]|world|start): ([+-]\d{1,3}) ([+-]\d{1,3}) ([+-]\d{1,3})"
@@ -56,15 +55,6 @@ _GRAMMAR_TAIL = """b ::= d " " d " " d " " r " " r " " r " " [01]
 d ::= [+-] ([0-9] | [1-9] [0-9] | [1-9] [0-9] [0-9])
 r ::= [0-9] | [1-6] [0-9] | "7" [01]
 """
-
-
-@dataclass(frozen=True)
-class _Row:
-    """One action in integers: the anchor, six numbers (offset in units, rotation bins) and the gripper."""
-
-    anchor: Anchor
-    numbers: tuple[int, ...]
-    gripper_open: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +73,7 @@ class ObjectFrameCodec:
     demonstrations: tuple[Demonstration, ...]
     with_instruction: bool
     tilted: frozenset[str]
-    table: tuple[tuple[_Row, ...], ...]
+    table: tuple[tuple[Row, ...], ...]
     first_row: int = 1
     stop: tuple[str, ...] = ("\n",)
     separator: str = "\n"
@@ -94,9 +84,9 @@ class ObjectFrameCodec:
     ) -> "ObjectFrameCodec":
         """Choose each row's anchor and make equal what differs by rounding only."""
         tilted = tilted_objects(demonstrations)
-        table: list[tuple[_Row, ...]] = [()] * len(demonstrations)
-        for places in _groups(demonstrations).values():
-            for place, rows in zip(places, _fit_rows([demonstrations[k] for k in places], tilted), strict=True):
+        table: list[tuple[Row, ...]] = [()] * len(demonstrations)
+        for places in groups_of(demonstrations).values():
+            for place, rows in zip(places, fit_rows([demonstrations[k] for k in places], tilted), strict=True):
                 table[place] = rows
         return cls(workspace, tuple(demonstrations), with_instruction, tilted, tuple(table))
 
@@ -123,7 +113,7 @@ class ObjectFrameCodec:
         rows = self.table[_place(self.demonstrations, demonstration)]
         anchors = [_anchor_text(row.anchor, demonstration.objects, demonstration.instruction) for row in rows]
         numbered = enumerate(zip(rows, anchors, strict=True), start=self.first_row)
-        return "; ".join(_row_text(number, anchor, row) for number, (row, anchor) in numbered)
+        return "; ".join(row_text(number, anchor, row) for number, (row, anchor) in numbered)
 
     def demonstration_text(self, demonstration: Demonstration) -> str:
         observation = self.observation_text(demonstration.objects, demonstration.instruction)
@@ -152,7 +142,7 @@ class ObjectFrameCodec:
         asked = len(clauses(instruction))
         if any(len(clauses(d.instruction)) != asked for d in self.demonstrations):
             return None
-        groups = _groups(self.demonstrations)
+        groups = groups_of(self.demonstrations)
         wanted = template([pose.name for pose in self.demonstrations[0].objects], instruction)
         chosen = [places for (asks, *_), places in groups.items() if asks == wanted] or list(groups.values())
         return [self._patterns(places, instruction) for places in chosen]
@@ -249,16 +239,6 @@ class ObjectFrameCodec:
         return frames[anchor], numbers
 
 
-def _groups(demonstrations: Sequence[Demonstration]) -> dict[tuple[str, int | None, int], list[int]]:
-    """The places of demonstrations with the same rows: what they ask for, their plan and number of actions."""
-    groups: dict[tuple[str, int | None, int], list[int]] = defaultdict(list)
-    for place, demonstration in enumerate(demonstrations):
-        names = [pose.name for pose in demonstration.objects]
-        asks = template(names, demonstration.instruction)
-        groups[asks, demonstration.plan, len(demonstration.actions)].append(place)
-    return groups
-
-
 def _place(demonstrations: Sequence[Demonstration], wanted: Demonstration) -> int:
     """Where a demonstration, or an equal copy of it, stands among those that the codec was fitted to."""
     for place, known in enumerate(demonstrations):
@@ -298,39 +278,3 @@ def _letter(place: int) -> str:
 
 def _has_rotation(pose: ObjectPose) -> bool:
     return pose.quaternion_xyzw is not None
-
-
-def _fit_rows(group: Sequence[Demonstration], tilted: frozenset[str]) -> list[tuple[_Row, ...]]:
-    """The rows of each demonstration of a group that asks for the same thing in the same number of actions."""
-    fitted: list[list[_Row]] = [[] for _ in group]
-    planned = all(demonstration.plan is not None for demonstration in group)
-    for k, anchors in enumerate(choose_anchors(group, tilted, beyond_objects=planned)):
-        numbers = np.array([_integers(d, k, anchor, tilted) for d, anchor in zip(group, anchors, strict=True)])
-        for rows, demonstration, anchor, values in zip(fitted, group, anchors, _calmed(numbers), strict=True):
-            rows.append(_Row(anchor, tuple(values.tolist()), demonstration.actions[k].gripper_open))
-    return [tuple(rows) for rows in fitted]
-
-
-def _integers(demonstration: Demonstration, k: int, anchor: Anchor, tilted: frozenset[str]) -> tuple[int, ...]:
-    offset_m, rotation = relative_action(demonstration, k, anchor, tilted)
-    return (*np.rint(offset_m / OFFSET_UNIT_M).astype(int).tolist(), *rotation_bins(rotation))
-
-
-def _calmed(numbers: Integers) -> Integers:
-    """(N, 6) integers of one row over N demonstrations; columns that differ by rounding only get their median."""
-    reference = numbers[0].copy()
-    reference[:3] = 0
-    half = ROTATION_BINS // 2
-    relative = numbers - reference
-    relative[:, 3:] = (relative[:, 3:] + half) % ROTATION_BINS - half
-    median = np.sort(relative, axis=0)[len(relative) // 2]
-    calm = np.abs(relative - median).max(axis=0) <= JITTER_UNITS
-    calmed: Integers = np.where(calm, median, relative) + reference
-    calmed[:, 3:] %= ROTATION_BINS
-    return calmed
-
-
-def _row_text(number: int, anchor: str, row: _Row) -> str:
-    offset = " ".join(f"{value:+d}" for value in row.numbers[:3])
-    rotation = " ".join(map(str, row.numbers[3:]))
-    return f"{number} {anchor}: {offset} {rotation} {int(row.gripper_open)}"

@@ -21,6 +21,7 @@ from app.services.cache import Cache
 from app.services.task_settings import TaskSettings
 from app.store import episodes
 from app.store.records import DemonstrationRecord, TaskRecord
+from app.store.trajectories import get_trajectories
 
 Selection = Literal["first", "recent", "random", "nearest", "diverse"]
 MAX_TASKS = 64  # whose scenes are kept: 10,000 episodes of three objects take 1 MB
@@ -178,7 +179,7 @@ def read_demonstrations(
     records = episodes.demonstrations_by_id(connection, task, ids)
 
     def trajectories() -> tuple[Trajectory, ...]:
-        return episodes.get_trajectories(connection, ids)
+        return get_trajectories(connection, ids)
 
     return demonstrations_of(records, trajectories, settings, all_of_them=all_of_them)
 

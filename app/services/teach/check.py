@@ -28,6 +28,7 @@ from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks
 from app.store.records import PredictionStatus, TaskRecord
 from app.store.store import Store
+from app.store.trajectories import get_trajectories
 
 MOST_CHECKED = 30  # demonstrations, the task's first; prompts have 10 unless somebody wants more
 MOST_ASKED = 10  # of them that an LLM is asked about, some seconds each
@@ -115,7 +116,7 @@ class CheckTask:
         settings = TaskSettings.model_validate(task.settings)
         with self._store.read() as connection:
             records = episodes.demonstrations(connection, task.name, MOST_CHECKED)
-            trajectories = episodes.get_trajectories(connection, [record.id for record in records])
+            trajectories = get_trajectories(connection, [record.id for record in records])
             num_episodes = episodes.number_of(connection, task.name)
         if not records:
             raise NoDemonstrationsError(task.name)

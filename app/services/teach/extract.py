@@ -19,9 +19,9 @@ from app.pipeline.keyframes import find_keyframes
 from app.pipeline.recording_findings import recording_findings
 from app.services.scene_images import read_frame
 from app.services.task_settings import TaskSettings
-from app.store import episodes
 from app.store.records import EpisodeRecord, Extraction
 from app.store.store import Store
+from app.store.trajectories import get_trajectory
 from app.store.values import KeyframeRecord, ObjectRecord
 
 
@@ -88,7 +88,7 @@ def extract_again(store: Store, record: EpisodeRecord, settings: TaskSettings) -
         CorruptDataError: if what is stored of it is damaged.
     """
     with store.read() as connection:
-        trajectory = episodes.get_trajectory(connection, record.id)
+        trajectory = get_trajectory(connection, record.id)
     try:
         names = [item.name for item in record.objects]
         queries = tuple(map(ObjectQuery.from_json, record.given_objects))

@@ -27,6 +27,7 @@ from app.services.predict.select import demonstrations_of
 from app.services.task_settings import KeyframeSettings, TaskSettings
 from app.store import episodes, tasks
 from app.store.records import DemonstrationRecord, EpisodeRecord, TaskRecord
+from app.store.trajectories import get_trajectories, get_trajectory
 from app.store.values import JsonObject
 from app.web.keyframe_preview import Preview, preview
 from app.web.page import HEADERS, PageRoute, render, render_part
@@ -110,7 +111,7 @@ class _Recording:
 def _recording(services: Services, episode_id: str) -> _Recording:
     with services.store.read() as connection:
         record = episodes.get(connection, episode_id)
-        return _Recording(record, tasks.get(connection, record.task), episodes.get_trajectory(connection, episode_id))
+        return _Recording(record, tasks.get(connection, record.task), get_trajectory(connection, episode_id))
 
 
 @router.get("/ui/episodes/{episode_id}")
@@ -198,7 +199,7 @@ def _texts(services: Services, recording: _Recording) -> tuple[tuple[EpisodeText
         ids.append(record.id)
     representation, prompt_format, whose = _usual_style(services, settings)
     with services.store.read() as connection:
-        read = partial(episodes.get_trajectories, connection, ids)
+        read = partial(get_trajectories, connection, ids)
         demonstrations = demonstrations_of(prompted, read, settings, all_of_them=True).shown
     texts = episode_texts(demonstrations, ids.index(record.id), settings, representation, prompt_format)
     return texts, f"{where} {whose}"

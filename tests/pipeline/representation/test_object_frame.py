@@ -6,7 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from app.pipeline.reply import parse_reply
-from app.pipeline.representation.object_frame import OFFSET_UNIT_M, ObjectFrameCodec
+from app.pipeline.representation.object_frame import ObjectFrameCodec
+from app.pipeline.representation.object_rows import OFFSET_UNIT_M
 
 from ..gbnf import matches
 from ..scenes import WORKSPACE, action, angle_deg, demonstration, pose, rotated
