@@ -21,8 +21,8 @@ from app.pipeline.errors import RoboPromptError
 from app.services.api_keys import has_keys
 from app.services.container import Services
 from app.services.keep_house import KeepHouse, Retention
+from app.services.limits import Limits
 from app.services.pose_servers import PoseServers
-from app.services.refusals import Limits
 from app.settings import MEGABYTE, Settings
 from app.store.store import SWEEP_GRACE, Store
 from app.web.site import install_pages

@@ -33,7 +33,7 @@ from app.pipeline.episode import EndEffectorAction, ObjectPose, Trajectory
 from app.pipeline.motion_guard import MotionGuard
 from app.pipeline.motion_limits import Box, MotionLimits, Pose
 from app.services.api_keys import KeyRing, create_key
-from app.services.refusals import Limits
+from app.services.limits import Limits
 from app.store.store import Store
 
 ROUND = 20  # requests to one service before the other's turn

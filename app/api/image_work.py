@@ -25,7 +25,7 @@ from app.api.schemas.requests import CameraIn
 from app.perception.images import ImageBytes, decode_frame, num_pixels
 from app.pipeline.camera import RgbdFrame
 from app.pipeline.errors import InvalidInputError
-from app.services.refusals import Limits
+from app.services.limits import Limits
 
 MAX_WAIT_S = 20.0  # for room, for a decoder, and for its work, each
 REQUESTS_IN_MEMORY = 2  # of the largest that are allowed, or more of smaller ones

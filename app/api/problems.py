@@ -36,7 +36,7 @@ from app.pipeline.errors import (
     UnfamiliarInstructionError,
     UngroundedInstructionError,
 )
-from app.services.refusals import NoDemonstrationsError, UnparsableReplyError, UnsafeReplyError, UnsupportedReplyError
+from app.services.limits import NoDemonstrationsError, UnparsableReplyError, UnsafeReplyError, UnsupportedReplyError
 from app.store.errors import (
     ConflictError,
     CorruptDataError,

@@ -16,7 +16,7 @@ from app.cli.shared import check_models, check_names, check_service
 
 if TYPE_CHECKING:
     from app.evaluation.plan import Plan
-    from app.evaluation.records import Method
+    from app.evaluation.results import Method
     from app.evaluation.sweep_run import SweepResult
 
 SWEEP_NAMES = "main, formats, keyframes, demonstrations, selection, system_prompts, noise, poses, experts, loop, models"
@@ -158,8 +158,8 @@ def _refusing(choose: Callable[[], tuple["Method", ...]], option: str) -> tuple[
 
 
 def _tell(console: Console, result: "SweepResult", folder: Path, command: str) -> None:
+    from app.evaluation.result_tables import terminal_table
     from app.evaluation.scores import errors_of
-    from app.evaluation.tables import terminal_table
 
     console.print(terminal_table(result.evaluation, console.width))
     errors = [f"error in {number} trials: {message}" for message, number in errors_of(result.evaluation)]

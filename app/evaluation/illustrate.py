@@ -12,7 +12,7 @@ from itertools import chain, zip_longest
 from rich.progress import Progress
 
 from app.evaluation.executors import Executor
-from app.evaluation.records import Evaluation, Method, TaskEvaluation, TaughtEpisode, Trial
+from app.evaluation.results import Evaluation, Method, TaskEvaluation, TaughtEpisode, Trial
 from app.pipeline.episode import EndEffectorAction
 from app.sim.demonstrate import RolloutResult, SceneView, rollout, view_scene
 from app.sim.tasks import TASKS

@@ -18,7 +18,7 @@ from typing import Any, Self
 import numpy as np
 
 from app.evaluation.failures import LedgerDamagedError, LedgerInUseError
-from app.evaluation.records import Crash, Method, Trial
+from app.evaluation.results import Crash, Method, Trial
 from app.pipeline.episode import EndEffectorAction, ObjectPose
 from app.pipeline.metadata import object_json
 from app.sim.demonstrate import RolloutResult, SceneView

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from app.evaluation.records import EXPERT, REPLAY, Method, NoiseOn, Poses
+from app.evaluation.results import EXPERT, REPLAY, Method, NoiseOn, Poses
 from app.pipeline.errors import InvalidInputError
 
 PAPER = {"representation": "absolute", "prompt_format": "paper", "system_prompt": "a"}

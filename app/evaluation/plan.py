@@ -6,7 +6,7 @@ from typing import Any
 
 from app.evaluation.failures import OtherModelError
 from app.evaluation.ledger import Ledger, digest_of
-from app.evaluation.records import FIRST_TEST_SEED, Crash, Evaluation, Method, TaskEvaluation, Trial
+from app.evaluation.results import FIRST_TEST_SEED, Crash, Evaluation, Method, TaskEvaluation, Trial
 from app.evaluation.teach import Lesson, Recording
 from app.evaluation.trials import Cell
 from app.sim.demonstrate import Recordings

@@ -8,8 +8,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from app.evaluation import paper
-from app.evaluation.records import Evaluation, Method
 from app.evaluation.report.charts import FONT_SIZE, LIGHT, new_figure, style_axes, success_chart
+from app.evaluation.results import Evaluation, Method
 from app.evaluation.scores import mean_rate, pooled_score, results_of, task_score, trials_of
 
 FORMATS = ("png", "svg")

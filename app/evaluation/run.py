@@ -24,7 +24,7 @@ from app.evaluation.failures import NotLearnedError, ServiceLostError
 from app.evaluation.illustrate import illustrated
 from app.evaluation.ledger import Ledger
 from app.evaluation.plan import Plan, check_default_model, evaluation_of
-from app.evaluation.records import Crash, Evaluation, Method
+from app.evaluation.results import Crash, Evaluation, Method
 from app.evaluation.server import service
 from app.evaluation.teach import FIRST_LABELLED_SEED, LABELLED_SCENES, Lesson, record, suffix_of, upload, variants
 from app.evaluation.trials import Cell, Laboratory

@@ -14,7 +14,7 @@ from typing import Any, get_args
 
 from app.evaluation.executors import usable_cores
 from app.evaluation.plan import Plan
-from app.evaluation.records import Evaluation
+from app.evaluation.results import Evaluation
 from app.evaluation.run import Phase, Timing
 
 # What can change a result: the service and its LLM, the simulation, the arithmetic below them.

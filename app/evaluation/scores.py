@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from app.evaluation.records import Crash, Evaluation, Method, TaskEvaluation, Trial
+from app.evaluation.results import Crash, Evaluation, Method, TaskEvaluation, Trial
 from app.pipeline.success_rate import SuccessRate
 
 Outcome = TypeVar("Outcome", Trial, Crash)

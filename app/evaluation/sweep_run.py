@@ -15,12 +15,12 @@ from app.evaluation.methods import SWEEPS
 from app.evaluation.plan import Plan, evaluation_of
 from app.evaluation.plots import write_plots
 from app.evaluation.ray_executor import RayExecutor
-from app.evaluation.records import Evaluation
 from app.evaluation.report import write_report
+from app.evaluation.result_tables import markdown, sweep_summary
+from app.evaluation.results import Evaluation
 from app.evaluation.run import Run, Timing
 from app.evaluation.run_record import RunRecord, Session
 from app.evaluation.server import service
-from app.evaluation.tables import markdown, sweep_summary
 
 
 @dataclass(frozen=True, eq=False)

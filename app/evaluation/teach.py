@@ -17,7 +17,7 @@ from app.client.robot import Observation
 from app.evaluation.executors import Executor
 from app.evaluation.failures import ExpertFailedError, NotLearnedError
 from app.evaluation.paper import disturbed
-from app.evaluation.records import Method, TaughtEpisode
+from app.evaluation.results import Method, TaughtEpisode
 from app.pipeline.camera import RgbdFrame
 from app.pipeline.episode import ObjectPose
 from app.sim.demonstrate import RecordedDemonstration, Recordings, record_demonstration

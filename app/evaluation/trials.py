@@ -18,7 +18,7 @@ from app.client.errors import ServiceProblemError
 from app.client.robot import Observation
 from app.evaluation.executors import Executor, call
 from app.evaluation.paper import disturbed
-from app.evaluation.records import Method, Source, TaughtEpisode, Trial
+from app.evaluation.results import Method, Source, TaughtEpisode, Trial
 from app.evaluation.robot_loops import USELESS_REPLY, ClosedLoopResult, run_in_closed_loop, run_in_robot_loop
 from app.evaluation.teach import UNSEEN, Lesson, images_only
 from app.pipeline.camera import RgbdFrame

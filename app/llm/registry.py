@@ -18,7 +18,7 @@ from app.llm.base import (
 )
 from app.llm.guard import Guard, ResilientModel
 from app.llm.llm_settings import LlmSettings
-from app.llm.recording import RecordingModel, ReplayedModel
+from app.llm.recorded import RecordingModel, ReplayedModel
 
 # Names come from requests, and each model holds connections or a process: so many are kept beside those that backends
 # offer and the default one, which always have a place.

@@ -7,6 +7,7 @@ import anyio.to_thread
 from app.llm.base import ModelProfile
 from app.llm.registry import ModelRegistry
 from app.services.api_keys import KeyRing, Sessions
+from app.services.limits import Limits
 from app.services.measures import Metrics
 from app.services.motion_bounds import CurrentLimits
 from app.services.pose_servers import PoseServers
@@ -15,7 +16,6 @@ from app.services.predict.record import PredictionRecorder
 from app.services.predict.repeat import RepeatedPredictions
 from app.services.predict.warm import PrefixWarmer
 from app.services.predict.write import QuestionWriter
-from app.services.refusals import Limits
 from app.services.scene_images import DrawOverlay
 from app.services.teach.check import CheckTask, leave_unrecorded
 from app.services.teach.configure import MAX_AT_ONCE, ConfigureTask

@@ -11,7 +11,7 @@ from app.pipeline.keyframes import find_keyframes
 from app.pipeline.workspace import discretize_action
 from app.services.task_settings import KeyframeSettings, TaskSettings
 from app.store.values import JsonObject
-from app.web.scene import frame
+from app.web.scene3d import frame
 
 MAX_SHOWN = 300  # a rule that takes every frame of a long episode would bring a browser to its knees
 

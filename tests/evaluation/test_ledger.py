@@ -6,7 +6,7 @@ import pytest
 
 from app.evaluation.failures import LedgerDamagedError, LedgerInUseError
 from app.evaluation.ledger import Ledger, digest_of
-from app.evaluation.records import Crash, Method
+from app.evaluation.results import Crash, Method
 from tests.evaluation.trials import ACTION, ANSWER, OBJECTS, trial
 
 SOLVED = trial("stack_cube", 100_000, "default", succeeded=True, answer=ANSWER)

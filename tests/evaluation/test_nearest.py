@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from app.evaluation.records import TaughtEpisode
+from app.evaluation.results import TaughtEpisode
 from app.evaluation.trials import replayed
 from app.pipeline.episode import ObjectPose, Trajectory
 from app.pipeline.metadata import object_json

@@ -12,8 +12,8 @@ from PIL import Image
 from app.client.client import RoboPromptClient
 from app.client.robot import Observation
 from app.evaluation.illustrate import MAX_FAILURES
-from app.evaluation.records import REPLAY, Evaluation, Method, TaskEvaluation, TaughtEpisode, Trial
 from app.evaluation.report import write_report
+from app.evaluation.results import REPLAY, Evaluation, Method, TaskEvaluation, TaughtEpisode, Trial
 from app.evaluation.server import running_server
 from app.sim.demonstrate import record_demonstration, rollout, view_scene
 

@@ -17,7 +17,7 @@ from app.evaluation.ledger import Ledger
 from app.evaluation.methods import NEAREST, REGRESSION
 from app.evaluation.paper import disturbed
 from app.evaluation.plan import Plan, evaluation_of
-from app.evaluation.records import EXPERT, REPLAY, Crash, Evaluation, Method
+from app.evaluation.results import EXPERT, REPLAY, Crash, Evaluation, Method
 from app.evaluation.run import Run
 from app.evaluation.server import free_port, running_server
 from app.sim.demonstrate import view_scene

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from app.cli import application
 from app.evaluation.methods import REGRESSION
 from app.evaluation.plan import Plan
-from app.evaluation.records import REPLAY
+from app.evaluation.results import REPLAY
 from app.evaluation.sweep_run import SweepRun
 from tests.evaluation.processes import alive, descendants
 

@@ -14,7 +14,7 @@ from app.evaluation.methods import (
     with_noise,
     with_poses,
 )
-from app.evaluation.records import EXPERT, REPLAY, Method
+from app.evaluation.results import EXPERT, REPLAY, Method
 from app.evaluation.teach import suffix_of, variants
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.wording import NAME_PATTERN

@@ -6,10 +6,10 @@ from rich.console import Console
 
 from app.evaluation.methods import SWEEPS
 from app.evaluation.plots import write_plots
-from app.evaluation.records import Crash, Evaluation, Method, TaskEvaluation
+from app.evaluation.result_tables import markdown, sweep_summary, terminal_table
+from app.evaluation.results import Crash, Evaluation, Method, TaskEvaluation
 from app.evaluation.scores import results_of, results_table
 from app.evaluation.scores import summary as demo_summary
-from app.evaluation.tables import markdown, sweep_summary, terminal_table
 from tests.evaluation.trials import ANSWER, trial
 
 OURS, OTHER = Method("default"), Method("noisy", noise=1.5)

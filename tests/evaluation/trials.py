@@ -1,6 +1,6 @@
 """Trials for tests, without simulation."""
 
-from app.evaluation.records import Trial
+from app.evaluation.results import Trial
 from app.pipeline.episode import EndEffectorAction, ObjectPose
 from app.sim.demonstrate import RolloutResult, SceneView
 

@@ -17,7 +17,7 @@ from app.llm.base import (
 )
 from app.llm.computed import ScriptedModel
 from app.llm.llm_settings import LlmSettings
-from app.llm.recording import RecordingModel, ReplayedModel, hash_of, question_of
+from app.llm.recorded import RecordingModel, ReplayedModel, hash_of, question_of
 from app.llm.registry import ModelRegistry
 from app.pipeline.prompt import Prompt
 from tests.llm import claude

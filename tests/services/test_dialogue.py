@@ -11,8 +11,8 @@ import pytest
 from app.llm.base import ModelResponseError, TextDelta
 from app.perception.base import ObjectQuery
 from app.pipeline.errors import InvalidInputError
+from app.services.limits import UnparsableReplyError, UnsupportedReplyError
 from app.services.predict.question import PredictedAction, Prediction, PredictRequest
-from app.services.refusals import UnparsableReplyError, UnsupportedReplyError
 from app.store import predictions
 from app.store.errors import ConflictError
 from tests.services.test_predict_actions import ask, recorded

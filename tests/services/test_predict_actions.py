@@ -7,8 +7,8 @@ from app.llm.base import ModelTimeoutError, ModelUnavailableError
 from app.llm.computed import SCRIPTED
 from app.perception.base import ObjectQuery
 from app.pipeline.errors import UnfamiliarInstructionError
+from app.services.limits import UnparsableReplyError
 from app.services.predict.question import PredictRequest
-from app.services.refusals import UnparsableReplyError
 from app.store import predictions
 from tests.services.conftest import ONE_ACTION
 from tests.services.test_upload_episode import respond, upload

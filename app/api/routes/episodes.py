@@ -21,7 +21,7 @@ from app.pipeline.episode import Episode, Trajectory
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.trajectory_npz import npz_from_trajectory, trajectory_from_arrays, trajectory_from_npz
 from app.services.container import Services
-from app.services.refusals import Limits
+from app.services.limits import Limits
 from app.services.teach.upload import SCOPE, Upload, content_digest
 from app.store import episodes, idempotency, tasks, trajectories
 from app.store.errors import NotFoundError

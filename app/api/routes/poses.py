@@ -12,8 +12,8 @@ from app.api.openapi import body_of
 from app.api.routes import Wired, problems
 from app.api.schemas.poses import PosesBody, PosesOut
 from app.perception.poses_wire import PoseQuestion, poses_document
+from app.services.limits import Limits
 from app.services.pose_servers import find_poses
-from app.services.refusals import Limits
 from app.store.values import JsonObject
 
 router = APIRouter(tags=["poses"])

@@ -7,10 +7,10 @@ from pathlib import Path
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from app.evaluation.illustrate import detailed_failures, detailed_successes, failures_in_order
-from app.evaluation.records import Evaluation, Method, TaskEvaluation, Trial
 from app.evaluation.report.charts import success_chart
 from app.evaluation.report.pictures import Picture, PictureFolder
 from app.evaluation.report.views import PageView, TaskView, TrialView, demonstration_view, trial_view
+from app.evaluation.results import Evaluation, Method, TaskEvaluation, Trial
 from app.evaluation.scores import Result, results_of
 
 NOTHING = "\N{EN DASH}"

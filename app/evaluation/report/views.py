@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from app.evaluation.records import TaughtEpisode, Trial
 from app.evaluation.report.charts import speed_plot
 from app.evaluation.report.drawing import draw_scene
 from app.evaluation.report.pictures import Picture, PictureFolder, captions, film_tiles
+from app.evaluation.results import TaughtEpisode, Trial
 from app.evaluation.scores import Result
 from app.pipeline.episode import EndEffectorAction, ObjectPose, frame_times_s
 from app.pipeline.prompt_colours import Span, prompt_spans

@@ -18,6 +18,7 @@ from app.llm.base import Completion, LanguageModelError, TextDelta
 from app.llm.registry import ModelRegistry
 from app.pipeline.errors import InstructionError, ReplyParseError, UnsafeActionError, UnsupportedActionError
 from app.pipeline.workspace import discretize_actions
+from app.services.limits import UnparsableReplyError, UnsafeReplyError, UnsupportedReplyError
 from app.services.measures import Timings, note, timed
 from app.services.motion_bounds import ActionCheck, CurrentLimits
 from app.services.predict.dialogue import Dialogue
@@ -28,7 +29,6 @@ from app.services.predict.record import Recorder
 from app.services.predict.sampled import SampledDialogue
 from app.services.predict.warm import PrefixWarmer
 from app.services.predict.write import QuestionWriter
-from app.services.refusals import UnparsableReplyError, UnsafeReplyError, UnsupportedReplyError
 from app.store.errors import StoreUnavailableError
 from app.store.processes import UnderWay, UnderWayNotes
 

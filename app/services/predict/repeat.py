@@ -10,10 +10,10 @@ from sqlalchemy import Connection
 
 from app.pipeline.errors import UnsafeActionError
 from app.pipeline.motion_guard import MotionGuard, action_from_json
+from app.services.limits import UnsafeReplyError
 from app.services.motion_bounds import CurrentLimits
 from app.services.predict.question import PredictRequest
 from app.services.predict.template import previous_step
-from app.services.refusals import UnsafeReplyError
 from app.store import idempotency
 from app.store.errors import ConflictError
 from app.store.processes import Turn

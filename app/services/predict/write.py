@@ -15,6 +15,7 @@ from app.pipeline.representation import KAT_FORMAT
 from app.pipeline.units import check_scene_units
 from app.pipeline.wording import checked_instruction
 from app.services.cache import Cache
+from app.services.limits import Limits, NoDemonstrationsError
 from app.services.measures import Timings, timed
 from app.services.pose_servers import PoseServers
 from app.services.predict.doubts import findings_before
@@ -30,7 +31,6 @@ from app.services.predict.template import (
     make_template,
     previous_step,
 )
-from app.services.refusals import Limits, NoDemonstrationsError
 from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks
 from app.store.errors import ConflictError

@@ -17,13 +17,13 @@ from app.pipeline.findings import Finding
 from app.pipeline.motion_limits import Pose
 from app.pipeline.plans import Recording
 from app.services.cache import Cache
+from app.services.limits import NoDemonstrationsError, UnparsableReplyError, UnsafeReplyError, UnsupportedReplyError
 from app.services.measures import Timings
 from app.services.predict.ask import PredictActions
 from app.services.predict.dialogue import Dialogue
 from app.services.predict.question import PredictedAction, PredictRequest, Question
 from app.services.predict.sampled import SampledDialogue
 from app.services.predict.select import recordings_of
-from app.services.refusals import NoDemonstrationsError, UnparsableReplyError, UnsafeReplyError, UnsupportedReplyError
 from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks
 from app.store.records import PredictionStatus, TaskRecord

@@ -8,7 +8,7 @@ from typing import Any
 from app.perception.base import LabelledScene, ObjectQuery
 from app.perception.cuboid.learn import learn_models
 from app.pipeline.errors import InvalidInputError
-from app.services.refusals import NoDemonstrationsError
+from app.services.limits import NoDemonstrationsError
 from app.services.scene_images import read_frame
 from app.services.teach.configure import ConfigureTask
 from app.store import episodes, tasks

@@ -31,7 +31,7 @@ from app.store.trajectories import get_trajectories, get_trajectory
 from app.store.values import JsonObject
 from app.web.keyframe_preview import Preview, preview
 from app.web.page import HEADERS, PageRoute, render, render_part
-from app.web.scene import scene
+from app.web.scene3d import scene
 
 router = APIRouter(route_class=PageRoute)
 documents = APIRouter()

@@ -29,7 +29,7 @@ from app.store.records import EpisodeRecord, TaskRecord
 from app.store.values import CameraRecord, JsonObject, ObjectRecord
 from app.store.visibility import present
 from app.web.page import HEADERS, PageRoute, render, render_part
-from app.web.scene import scene
+from app.web.scene3d import scene
 
 NUM_EPISODES = 100  # offered to take a scene from
 SETTINGS = (

@@ -1,4 +1,4 @@
-// The 3D view of a scene (app/web/scene.py): workspace box, path, end-effector frames, objects.
+// The 3D view of a scene (app/web/scene3d.py): workspace box, path, end-effector frames, objects.
 
 import { element } from "./dom.js";
 import { CONFIG, colour, layout, plotly } from "./plot.js";
@@ -150,7 +150,7 @@ function shown(items) {
   return markers(items, { name: "shown", mode: "markers", marker: { size: 4, color: colour("object"), symbol: "circle", opacity: 0.35 } });
 }
 
-/** The directions of x, y and z, a row each, as `frame` of app/web/scene.py gives them. */
+/** The directions of x, y and z, a row each, as `frame` of app/web/scene3d.py gives them. */
 export function axesOf([x, y, z, w]) {
   return [
     [1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)],

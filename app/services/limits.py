@@ -1,6 +1,6 @@
-"""What a use case can refuse beyond the method's and the store's own errors, and how much a request may ask for.
+"""How much a request may ask for, and what a use case can refuse beyond the method's and the store's own errors.
 
-The errors are a branch of `app.pipeline.errors`. Each bound can be set, see docs/settings.md.
+Each bound can be set, see docs/settings.md. The errors are a branch of `app.pipeline.errors`.
 """
 
 from collections.abc import Iterable, Sequence

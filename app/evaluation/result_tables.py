@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.table import Table
 
 from app.evaluation import paper
-from app.evaluation.records import Evaluation, Method, TaskEvaluation, Trial
+from app.evaluation.results import Evaluation, Method, TaskEvaluation, Trial
 from app.evaluation.scores import (
     NOTHING,
     errors_of,
