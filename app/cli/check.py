@@ -9,8 +9,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from app.client.client import RoboPromptClient
-from app.client.connection import DEFAULT_URL
+from app.client.client import DEFAULT_URL, RoboPromptClient
 from app.client.errors import ServiceProblemError, ServiceUnreachableError
 
 COLOURS = {"info": "cyan", "warning": "yellow", "danger": "red"}

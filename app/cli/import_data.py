@@ -12,8 +12,7 @@ import typer
 from rich.console import Console
 
 from app.cli.shared import URL_HELP, counted, the_url
-from app.client.client import RoboPromptClient
-from app.client.connection import DEFAULT_URL
+from app.client.client import DEFAULT_URL, RoboPromptClient
 from app.client.errors import ServiceProblemError, ServiceUnreachableError
 from app.datasets.apart import open_apart
 from app.datasets.bounds import MAX_UNPACKED_BYTES, MEGABYTE, DamagedError, DatasetError, ReadLimits

@@ -12,8 +12,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from app.client.client import RoboPromptClient
-from app.client.connection import DEFAULT_URL
+from app.client.client import DEFAULT_URL, RoboPromptClient
 from app.client.errors import ServiceProblemError, ServiceUnreachableError
 from app.pipeline.errors import RoboPromptError
 from app.settings import Settings, load_env_file

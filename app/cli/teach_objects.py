@@ -7,8 +7,7 @@ import typer
 from rich.console import Console
 
 from app.cli.shared import URL_HELP, check_service
-from app.client.client import RoboPromptClient
-from app.client.connection import DEFAULT_URL
+from app.client.client import DEFAULT_URL, RoboPromptClient
 from app.client.errors import ServiceProblemError, ServiceUnreachableError
 
 

@@ -14,8 +14,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, get_args
 
-from app.client.client import RoboPromptClient
-from app.client.connection import DEFAULT_URL
+from app.client.client import DEFAULT_URL, RoboPromptClient
 from app.client.danger import OnDanger
 from app.client.errors import DangerError, ObjectLostError, ServiceProblemError, ServiceUnreachableError
 from app.client.loop import NotConfirmedError, run_closed_loop, run_task

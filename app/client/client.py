@@ -2,17 +2,20 @@
 
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any
+from contextlib import contextmanager
+from json import JSONDecodeError
+from types import TracebackType
+from typing import Any, Self
 from uuid import uuid4
 
 import httpx
-from httpx_sse import connect_sse
+from httpx_sse import SSEError, connect_sse
 
 from app.client.answers import PredictedActions, problem_of
-from app.client.connection import DEFAULT_URL, Connection, connected
 from app.client.encoding import Part, packed_request, request_parts, scene_json
 from app.client.errors import ServiceProblemError, ServiceUnreachableError
 from app.client.robot import Observation
+from app.pipeline.addresses import without_proxy
 from app.pipeline.camera import RgbdFrame
 from app.pipeline.episode import EndEffectorAction, ObjectPose, Trajectory
 from app.pipeline.metadata import camera_json
@@ -21,12 +24,15 @@ from app.pipeline.motion_limits import MotionLimits
 from app.pipeline.trajectory_npz import npz_from_trajectory
 
 KEY_VARIABLE = "ROBOPROMPT_API_KEY"
+DEFAULT_URL = "http://127.0.0.1:8000"
+MAX_PORT = 65535
 LEARNING_TIMEOUT_S = 600.0
 CHECK_TIMEOUT_S = 1260.0  # ten predictions of at most two minutes each
+KEPT_S = 2.0  # idle connections: the service closes them after 5 s, and a request that crosses this is lost
 MARGIN_S = 10.0  # the service answers within the request's own deadline; this is for the way there and back
 
 
-class RoboPromptClient(Connection):
+class RoboPromptClient:
     """Uploads demonstrations and asks for actions. Use it as a context manager, or call `close`.
 
     Args:
@@ -47,8 +53,41 @@ class RoboPromptClient(Connection):
     ) -> None:
         key = os.environ.get(KEY_VARIABLE, "") if api_key is None else api_key
         headers = {"Authorization": f"Bearer {key}"} if key else {}
-        super().__init__(connection or connected(url, headers))
+        self._http = connection or _connection(url, headers)
         self._compress = compress
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self.close()
+
+    @property
+    def url(self) -> str:
+        """Where the service listens."""
+        return str(self._http.base_url)
+
+    def close(self) -> None:
+        """Close the connections."""
+        self._http.close()
+
+    def ping(self) -> None:
+        """Ask whether the service is there.
+
+        Raises:
+            ServiceUnreachableError: if nobody answers, or somebody else does.
+            ServiceProblemError: if it refuses.
+        """
+        try:
+            known = self.get("/healthz").get("checks") is not None
+        except ServiceProblemError as error:
+            if "type" in error.problem:
+                raise
+            known = False
+        if not known:
+            raise ServiceUnreachableError(f"{self.url}: what answers there is no RoboPrompt service")
 
     def configure_task(self, task: str, **settings: Any) -> dict[str, Any]:  # noqa: ANN401
         """Set a task's settings, see `PUT /tasks/{name}`; returns all of them."""
@@ -222,6 +261,14 @@ class RoboPromptClient(Connection):
         """Tell the service how the robot fared with a prediction."""
         return self._send("POST", f"/predictions/{prediction_id}/outcome", json={"success": success, "note": note})
 
+    def get(self, path: str, **parameters: Any) -> dict[str, Any]:  # noqa: ANN401
+        """Any document that the service offers, e.g. ``get("/episodes", task="open_drawer")``."""
+        return self._send("GET", path, params=parameters)
+
+    def get_bytes(self, path: str, **parameters: Any) -> bytes:  # noqa: ANN401
+        """Any file that the service offers, e.g. ``get_bytes(f"/episodes/{id}/trajectory")``."""
+        return self._request("GET", path, params=parameters).content
+
     def _question(
         self,
         task: str,
@@ -240,3 +287,44 @@ class RoboPromptClient(Connection):
             return {"files": request_parts(document, observation.frames)}
         packed = packed_request(document, observation.frames)
         return {"content": packed, "headers": {"Content-Type": "application/msgpack"}}
+
+    def _send(self, method: str, path: str, **arguments: Any) -> dict[str, Any]:  # noqa: ANN401
+        try:
+            document = self._request(method, path, **arguments).json()
+        except ValueError:
+            document = None
+        if not isinstance(document, dict):
+            what = f"{method} {self._address(path)}: what answers there is no RoboPrompt service"
+            raise ServiceUnreachableError(what)
+        return document
+
+    def _request(self, method: str, path: str, **arguments: Any) -> httpx.Response:  # noqa: ANN401
+        with self._transport_errors(method, path):
+            response = self._http.request(method, path, **arguments)
+        if response.is_error:
+            raise ServiceProblemError(response.status_code, problem_of(response))
+        return response
+
+    @contextmanager
+    def _transport_errors(self, method: str, path: str) -> Iterator[None]:
+        try:
+            yield
+        except (httpx.TransportError, SSEError, JSONDecodeError) as error:
+            what = f"{method} {self._address(path)}: {error or type(error).__name__}"
+            raise ServiceUnreachableError(what, timed_out=isinstance(error, httpx.TimeoutException)) from error
+
+    def _address(self, path: str) -> str:
+        return f"{self.url.rstrip('/')}/{path.lstrip('/')}"
+
+
+def _connection(url: str, headers: Mapping[str, str]) -> httpx.Client:
+    """A connection to an address with a scheme and a host."""
+    refusal = f"{url!r} is no address of a service (valid: one like {DEFAULT_URL})"
+    try:
+        parsed = httpx.URL(url)
+        if parsed.scheme not in ("http", "https") or not parsed.host or (parsed.port or 0) > MAX_PORT:
+            raise ServiceUnreachableError(refusal)
+        limits = httpx.Limits(keepalive_expiry=KEPT_S)
+        return httpx.Client(base_url=parsed, timeout=60, headers=headers, mounts=without_proxy(url), limits=limits)
+    except (httpx.InvalidURL, ValueError) as error:
+        raise ServiceUnreachableError(refusal) from error

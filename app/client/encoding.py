@@ -9,9 +9,9 @@ import msgpack
 import numpy as np
 
 from app.client.robot import Observation
-from app.pipeline.array_bytes import packed_array
 from app.pipeline.camera import RgbdFrame
 from app.pipeline.metadata import camera_json, object_json
+from app.pipeline.packed_array import packed_array
 
 Part = tuple[str, bytes, str]
 JPEG_QUALITY = 95

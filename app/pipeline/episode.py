@@ -1,12 +1,10 @@
 """What a robot records and what the method makes of it (paper, section III-A).
 
-Every value is checked when it is constructed. Positions are in metres in the world frame; quaternions are xyzw. A
-trajectory can be seen over time.
+Every value is checked when it is constructed. Positions are in metres in the world frame; quaternions are xyzw.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
 from typing import Any, Self
 
 import numpy as np
@@ -20,7 +18,6 @@ from app.pipeline.wording import checked_instruction, checked_name
 NUM_JOINTS = 7
 MIN_FREQUENCY_HZ, MAX_FREQUENCY_HZ = 0.01, 100_000.0  # slower than any recorder, and faster
 MOST_WIDTH_M = 0.2  # that a gripper opens
-CONTROL_FREQUENCY_HZ = 20.0  # of RLBench's demonstrations
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,17 +224,3 @@ class Demonstration:
     def object(self, name: str) -> ObjectPose:
         """The pose of the object of that name, which there is."""
         return next(pose for pose in self.objects if pose.name == name)
-
-
-def frame_times_s(trajectory: Trajectory, control_frequency_hz: float = CONTROL_FREQUENCY_HZ) -> Array:
-    """(T,) from the first frame on."""
-    if trajectory.timestamps_s is not None:
-        return trajectory.timestamps_s - float(trajectory.timestamps_s[0])
-    times_s: Array = np.arange(len(trajectory)) / control_frequency_hz
-    return times_s
-
-
-def gripper_stretches(gripper_open: Sequence[bool]) -> list[tuple[int, int, bool]]:
-    """First frame, frame after the last, and state of each stretch in which the gripper stays open or closed."""
-    edges = [0, *(np.flatnonzero(np.diff(gripper_open)) + 1).tolist(), len(gripper_open)]
-    return [(first, end, bool(gripper_open[first])) for first, end in pairwise(edges)]

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from app.pipeline.array_bytes import array_from_npy
 from app.pipeline.arrays import finite_array
 from app.pipeline.episode import Trajectory
 from app.pipeline.errors import InvalidInputError
+from app.pipeline.npy import array_from_npy
 
 REQUIRED = ("joint_velocities", "end_effector_positions", "end_effector_quaternions_xyzw", "gripper_open")
 OPTIONAL = ("timestamps", "joint_positions", "object_positions", "object_quaternions_xyzw")

@@ -4,7 +4,8 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Literal
 
-from app.pipeline.episode import CONTROL_FREQUENCY_HZ, Demonstration, Trajectory
+from app.pipeline.episode import Demonstration, Trajectory
+from app.pipeline.timeline import CONTROL_FREQUENCY_HZ
 from app.store.values import CameraRecord, JsonObject, KeyframeRecord, ObjectRecord
 
 PredictionStatus = Literal["ok", "parse_error", "unsafe_action", "unsupported", "model_error"]

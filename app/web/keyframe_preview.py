@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from app.pipeline.arrays import Array
-from app.pipeline.episode import CONTROL_FREQUENCY_HZ, Trajectory
+from app.pipeline.episode import Trajectory
 from app.pipeline.keyframes import find_keyframes
+from app.pipeline.timeline import CONTROL_FREQUENCY_HZ
 from app.pipeline.workspace import discretize_action
 from app.services.task_settings import KeyframeSettings, TaskSettings
 from app.store.values import JsonObject

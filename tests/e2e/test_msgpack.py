@@ -7,8 +7,8 @@ import pytest
 from app.client.client import RoboPromptClient
 from app.client.encoding import packed_request
 from app.client.robot import Observation
-from app.pipeline.array_bytes import packed_array
 from app.pipeline.metadata import camera_json
+from app.pipeline.packed_array import packed_array
 from tests.e2e.vision import INSTRUCTION, MODELS, NAMES, assert_found, frames, seen, teach
 from tests.perception.solid_scene import cube
 

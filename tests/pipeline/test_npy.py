@@ -3,8 +3,8 @@ import io
 import numpy as np
 import pytest
 
-from app.pipeline.array_bytes import array_from_npy
 from app.pipeline.errors import InvalidInputError
+from app.pipeline.npy import array_from_npy
 
 from ..npy import HOSTILE, npy, npy_that_claims
 

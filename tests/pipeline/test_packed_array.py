@@ -5,8 +5,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
-from app.pipeline.array_bytes import DTYPES, array_from_npy, is_packed_array, npy_from_packed, packed_array
 from app.pipeline.errors import InvalidInputError
+from app.pipeline.npy import array_from_npy
+from app.pipeline.packed_array import DTYPES, is_packed_array, npy_from_packed, packed_array
 
 IMAGE = {"__ndarray__": True, "data": bytes(6), "dtype": "|u1", "shape": [1, 2, 3]}
 

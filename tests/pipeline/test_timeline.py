@@ -1,6 +1,7 @@
 import numpy as np
 
-from app.pipeline.episode import Trajectory, frame_times_s, gripper_stretches
+from app.pipeline.episode import Trajectory
+from app.pipeline.timeline import frame_times_s, gripper_stretches
 
 
 def trajectory(timestamps_s=None):

@@ -14,8 +14,9 @@ from matplotlib.figure import Figure
 
 from app.evaluation.scores import Result
 from app.pipeline.arrays import Array
-from app.pipeline.episode import Trajectory, frame_times_s, gripper_stretches
+from app.pipeline.episode import Trajectory
 from app.pipeline.keyframes import SIMULATION_DELTA_RAD_S
+from app.pipeline.timeline import frame_times_s, gripper_stretches
 
 DOTS_PER_INCH = 160
 FONT_SIZE = 9.0

@@ -14,8 +14,9 @@ from app.evaluation.report.drawing import draw_scene
 from app.evaluation.report.pictures import Picture, PictureFolder, captions, film_tiles
 from app.evaluation.results import TaughtEpisode, Trial
 from app.evaluation.scores import Result
-from app.pipeline.episode import EndEffectorAction, ObjectPose, frame_times_s
+from app.pipeline.episode import EndEffectorAction, ObjectPose
 from app.pipeline.prompt_colours import Span, prompt_spans
+from app.pipeline.timeline import frame_times_s
 from app.sim.demonstrate import SceneView
 from app.sim.rendering import CAMERA
 

@@ -12,11 +12,12 @@ import numpy as np
 from app.perception.base import ObjectQuery
 from app.perception.registry import estimate_poses
 from app.pipeline.camera import RgbdFrame
-from app.pipeline.episode import ObjectPose, Trajectory, frame_times_s
+from app.pipeline.episode import ObjectPose, Trajectory
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.findings import Finding
 from app.pipeline.keyframes import find_keyframes
 from app.pipeline.recording_findings import recording_findings
+from app.pipeline.timeline import frame_times_s
 from app.services.scene_images import read_frame
 from app.services.task_settings import TaskSettings
 from app.store.records import EpisodeRecord, Extraction

@@ -10,10 +10,11 @@ from sqlalchemy import Connection
 
 from app.perception.base import ObjectQuery
 from app.perception.images import ImageBytes
-from app.pipeline.episode import Episode, ObjectPose, frame_times_s
+from app.pipeline.episode import Episode, ObjectPose
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.prompt import check_object_names
 from app.pipeline.recording_findings import check_moves
+from app.pipeline.timeline import frame_times_s
 from app.pipeline.units import check_recording_units
 from app.pipeline.wording import checked_name
 from app.services.measures import note

@@ -6,9 +6,10 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.episode import Demonstration, ObjectPose, Trajectory, frame_times_s
+from app.pipeline.episode import Demonstration, ObjectPose, Trajectory
 from app.pipeline.keyframes import KeyframeRule, find_keyframes
 from app.pipeline.plans import Recording
+from app.pipeline.timeline import frame_times_s
 
 HZ = 20.0
 STEP_M = 0.0125  # a quarter of a metre in a second

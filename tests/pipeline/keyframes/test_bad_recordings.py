@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from app.pipeline.episode import Trajectory, frame_times_s
+from app.pipeline.episode import Trajectory
 from app.pipeline.errors import InvalidInputError
 from app.pipeline.keyframes import RULES, KeyframeRule, find_keyframes, manner_of, waypoints
+from app.pipeline.timeline import frame_times_s
 
 from ..recordings import flowing
 

@@ -1,8 +1,7 @@
-"""Arrays as bytes, never a pickle and without trusting what they claim to be: `.npy` files, and arrays in MessagePack.
+"""Arrays inside MessagePack: raw bytes with type and shape, in openpi's convention, but never a pickle.
 
-In MessagePack an array is raw bytes with type and shape, in openpi's convention: the map ``{"__ndarray__": true,
-"data": bytes, "dtype": "|u1", "shape": [480, 640, 3]}`` (openpi's ``msgpack_numpy.py``, which packs the keys as bytes;
-both are read).
+An array is the map ``{"__ndarray__": true, "data": bytes, "dtype": "|u1", "shape": [480, 640, 3]}`` (openpi's
+``msgpack_numpy.py``, which packs the keys as bytes; both are read).
 """
 
 import io
@@ -15,44 +14,10 @@ import numpy.typing as npt
 
 from app.pipeline.errors import InvalidInputError
 
-# Version 3.0 differs from 2.0 in the encoding of field names only.
-_READ_HEADER = {
-    (1, 0): np.lib.format.read_array_header_1_0,
-    (2, 0): np.lib.format.read_array_header_2_0,
-    (3, 0): np.lib.format.read_array_header_2_0,
-}
 MARK = "__ndarray__"
 MAX_DIMENSIONS = 3
 DTYPES = ("|b1", "|u1", "<u2", "<u4", "<i4", "<i8", "<f2", "<f4", "<f8")
 _VALID = f"a map of {MARK}, data, dtype ({', '.join(DTYPES)}) and shape (at most {MAX_DIMENSIONS} lengths)"
-
-
-def array_from_npy(field: str, data: bytes, valid: str) -> npt.NDArray[np.generic]:
-    """The array in `data`, of any shape and type but objects; read-only, because it is a view of `data`.
-
-    Args:
-        field: what an error names.
-        valid: what an error says would be accepted.
-
-    Raises:
-        InvalidInputError: if it is damaged, contains a pickle, or its header claims another size than it has.
-    """
-    stream = io.BytesIO(data)
-    try:
-        version = np.lib.format.read_magic(stream)
-        shape, by_columns, dtype = _READ_HEADER[version](stream)
-        if dtype.hasobject:
-            raise InvalidInputError(field, "contains a pickle, which is never loaded", valid)
-        claimed, size = math.prod(shape) * dtype.itemsize, len(data) - stream.tell()
-        if claimed != size:  # before numpy makes room for what is claimed
-            raise InvalidInputError(field, f"claims {claimed} bytes of numbers, has {size}", valid)
-        flat = np.frombuffer(data, dtype, offset=stream.tell())
-        array: npt.NDArray[np.generic] = flat.reshape(shape, order="F" if by_columns else "C")
-    except InvalidInputError:
-        raise
-    except Exception as error:  # on a hostile header numpy raises whatever Python's own parser does
-        raise InvalidInputError(field, f"is a damaged .npy array: {str(error)[:200]}", valid) from None
-    return array
 
 
 def packed_array(array: npt.NDArray[Any]) -> dict[str, Any]:
