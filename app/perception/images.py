@@ -22,6 +22,8 @@ from app.pipeline.npy import array_from_npy
 MAX_PIXELS = 16_000_000
 STORED_PIXELS = sys.maxsize  # what is stored was checked when it came
 _NPY = b"\x93NUMPY"
+# Calibrations belong to the sensor's rows and columns, and so do depth and masks: no header may turn the picture.
+_COLOR = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
 _VALID = {
     "rgb": "a PNG or JPEG of 8 bits a channel, or a .npy array (H, W, 3) uint8",
     "depth": "a 16-bit PNG in units of the camera's depth_scale, or a .npy array (H, W) of metres",
@@ -36,7 +38,7 @@ def decode_rgb(field: str, data: bytes, max_pixels: int = MAX_PIXELS) -> npt.NDA
         if array.ndim != 3 or array.shape[2] != 3 or array.dtype != np.uint8:
             raise InvalidInputError(field, f"is an array {array.shape} {array.dtype}", _VALID["rgb"])
         return np.ascontiguousarray(array)
-    image = _decode(field, data, cv2.IMREAD_COLOR, "rgb", max_pixels)
+    image = _decode(field, data, _COLOR, "rgb", max_pixels)
     return np.ascontiguousarray(image[..., ::-1])
 
 
@@ -128,7 +130,8 @@ def _decodable_png(field: str, data: bytes, max_pixels: int) -> bytes:
     width, height = image_headers.png_size(data)
     _check_pixels(field, width * height, max_pixels)
     if (pixels := image_headers.pixels_only(data)) is None:
-        fault = f"has more than {image_headers.MAX_CHUNKS} chunks, or one that claims more bytes than the file has"
+        most = image_headers.MAX_CHUNKS
+        fault = f"is damaged: it has more than {most} chunks, or one that claims more bytes than the file has"
         raise InvalidInputError(field, fault, f"at most {image_headers.MAX_CHUNKS} chunks, all of them within the file")
     return pixels
 

@@ -78,10 +78,20 @@ class PromptTemplate:
     rotated: frozenset[str]
 
     @classmethod
-    def write(cls, codec: Codec, demonstrations: Sequence[Demonstration], system: str) -> "PromptTemplate":
-        """The demonstrations in their order, each as observation, actions and separator."""
+    def write(
+        cls,
+        codec: Codec,
+        demonstrations: Sequence[Demonstration],
+        system: str,
+        written: Sequence[Demonstration] | None = None,
+    ) -> "PromptTemplate":
+        """The demonstrations in their order, each as observation, actions and separator.
+
+        Args:
+            written: those of them that the text shows; None: all.
+        """
         known = [{pose.name for pose in d.objects if pose.quaternion_xyzw is not None} for d in demonstrations]
-        prefix = "".join(codec.demonstration_text(d) for d in demonstrations)
+        prefix = "".join(codec.demonstration_text(d) for d in (demonstrations if written is None else written))
         return cls(codec, system, prefix, frozenset(set.intersection(*known)))
 
     def posed(self, objects: Sequence[ObjectPose]) -> tuple[ObjectPose, ...]:

@@ -34,7 +34,16 @@ from app.pipeline.representation import check_style
 from app.pipeline.wording import check_aliases_of, checked_aliases, checked_name
 from app.pipeline.workspace import RLBENCH_MAX_M, RLBENCH_MIN_M, Workspace
 
+
+def _no_truth_value(value: object) -> object:
+    if isinstance(value, bool):
+        raise ValueError(f"{value} is no number")
+    return value
+
+
 Number = Annotated[float, Strict()]  # neither true nor "0.1"
+# Numbers that the address of a page may carry as text.
+Threshold = Annotated[float, BeforeValidator(_no_truth_value)]
 Point = tuple[Number, Number, Number]
 Representation = Literal["absolute", "object_frame", "action_tokens"]
 PromptFormat = Literal["paper", "authors", "kat"]
@@ -105,15 +114,15 @@ class KeyframeSettings(_Settings):
     """
 
     rule: Rule = "auto"
-    delta_rad_s: Annotated[Number, Field(gt=0, description="0.1 in simulation, 0.01 on a real robot")] = (
+    delta_rad_s: Annotated[Threshold, Field(gt=0, description="0.1 in simulation, 0.01 on a real robot")] = (
         SIMULATION_DELTA_RAD_S
     )
     interval: Annotated[int, Field(ge=1, le=10_000)] = 5
     tolerance_m: Annotated[
-        Number,
+        Threshold,
         Field(gt=0, le=1, description="waypoints: how far the hand may stray from straight motion"),
     ] = TOLERANCE_M
-    tolerance_deg: Annotated[Number, Field(gt=0, le=180, description="the same of its rotation")] = TOLERANCE_DEG
+    tolerance_deg: Annotated[Threshold, Field(gt=0, le=180, description="the same of its rotation")] = TOLERANCE_DEG
 
     def keyframe_rule(self) -> KeyframeRule:
         """As the pipeline wants it."""

@@ -1,4 +1,4 @@
-"""The trimmed vocabulary reads the prompts of robots token for token as the whole one, and gives the same replies."""
+"""The trimmed vocabulary reads numbers and common words as the same tokens as the whole one: the replies are equal."""
 
 import asyncio
 import struct
@@ -14,7 +14,7 @@ from app.llm.llama import gguf
 from app.llm.llama.process import LlamaOptions, LlamaProcess
 from app.llm.llama.vocabulary import MATRIX, TrimmedModel, covers, kept_tokens
 from app.llm.llama.weights import find_trimmed_weights, find_weights
-from app.pipeline.prompt import SYSTEM_PROMPTS, Prompt
+from app.pipeline.prompt import Prompt
 from tests.llm.texts import asking, object_frame_prompt
 
 DIM = 32  # numbers in a row; a block of Q8_0
@@ -114,18 +114,19 @@ def pieces(server, text):
 
 TEXTS = {
     "object_frame": object_frame_prompt().user,
-    "system": SYSTEM_PROMPTS["a"],
-    "paper": "{'red block': [54, 39, 19, 0, 36, 36], 'café': [1, 2, 3, 0, 0, 71]}>[[54, 39, 20, 0, 36, 1]], ",
-    "words": (
-        "sweep the dust into the dustpan; unplug the charger; put the wine bottle in the cupboard; screw in the bulb; "
-        "maroon, lime, azure, teal, olive, magenta, cyan button; screwdriver, spatula, mug, sponge, kettle, stapler"
-    ),
+    "paper": "{'red block': [54, 39, 19, 0, 36, 36], 'cup': [1, 2, 3, 0, 0, 71]}>[[54, 39, 20, 0, 36, 1]], ",
+    "words": "put the blue cup on the wooden table; open the drawer, close the box, push the button next to the lamp",
 }
 
 
 @pytest.mark.parametrize("text", TEXTS.values(), ids=TEXTS)
 def test_prompts_are_read_as_the_same_tokens(llama_server, trimmed_server, text):
     assert pieces(trimmed_server, text) == pieces(llama_server, text)
+
+
+def test_rare_words_are_read_in_pieces(trimmed_server):
+    text = " maroon screwdriver"
+    assert pieces(trimmed_server, text) == [" mar", "oon", " scre", "wdriver"]
 
 
 def test_replies_are_the_same(llama_server, trimmed_server):

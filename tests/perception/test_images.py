@@ -195,3 +195,15 @@ def test_stored_images_become_what_a_browser_shows():
     data, _ = as_image(npy(np.array([[0.5, np.nan], [1e6, 0.25]])), "depth", 0.001)
     shown = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     np.testing.assert_array_equal(shown, [[500, 0], [65535, 250]])
+
+
+def test_a_header_does_not_turn_the_picture():
+    """Orientation 6 of EXIF: shown after a quarter turn."""
+    image = np.zeros((8, 16, 3), np.uint8)
+    image[:, 8:] = 255
+    jpeg_bytes = cv2.imencode(".jpg", image)[1].tobytes()
+    orientation = b"Exif\0\0MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x06\0\0\0\0\0\0"
+    segment = b"\xff\xe1" + (len(orientation) + 2).to_bytes(2) + orientation
+    turned = jpeg_bytes[:2] + segment + jpeg_bytes[2:]
+    assert cv2.imdecode(np.frombuffer(turned, np.uint8), cv2.IMREAD_COLOR).shape == (16, 8, 3)
+    assert (decode_rgb("rgb_c", turned) == decode_rgb("rgb_c", jpeg_bytes)).all()

@@ -12,6 +12,7 @@ binning costs nothing.
 
 import re
 import string
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -44,6 +45,8 @@ from app.pipeline.representation.object_rows import (
 )
 from app.pipeline.workspace import ROTATION_BINS, Workspace, position_bins, rotation_bins, rotation_from_bins, yaw_bin
 
+# So many demonstrations with the same rows are written; further ones would be read at every start and say nothing new.
+MOST_REPEATED = 3
 LETTERS = string.ascii_uppercase
 _ROW = re.compile(
     r"(\d{1,3}) ([A-Z]{1,2} [wo]|world|start): ([+-]\d{1,3}) ([+-]\d{1,3}) ([+-]\d{1,3})"
@@ -118,6 +121,21 @@ class ObjectFrameCodec:
     def demonstration_text(self, demonstration: Demonstration) -> str:
         observation = self.observation_text(demonstration.objects, demonstration.instruction)
         return f"{observation} {self.actions_text(demonstration)}{self.separator}"
+
+    def telling(self) -> tuple[Demonstration, ...]:
+        """The demonstrations that a prompt needs, in their order.
+
+        Where all that ask for the same thing have the same rows, the last few show them as well as all do. Where rows
+        differ, all are needed: they show how often each variant occurs, and in which scenes.
+        """
+        asking: dict[str, list[int]] = defaultdict(list)
+        for (asks, *_), places in groups_of(self.demonstrations).items():
+            asking[asks] += places
+        needed: set[int] = set()
+        for places in asking.values():
+            texts = {self.actions_text(self.demonstrations[place]) for place in places}
+            needed.update(sorted(places)[-MOST_REPEATED:] if len(texts) == 1 else places)
+        return tuple(self.demonstrations[place] for place in sorted(needed))
 
     def schema(self, instruction: str, max_actions: int) -> None:
         """Its rows are no JSON."""

@@ -19,6 +19,7 @@ from app.pipeline.plans.support import Support
 from app.pipeline.prompt import PromptTemplate, system_prompt_text
 from app.pipeline.representation import fit_codec, fit_step
 from app.pipeline.representation.base import Codec
+from app.pipeline.representation.object_frame import ObjectFrameCodec
 from app.pipeline.workspace import Workspace
 from app.services.predict.select import Demonstrations
 from app.services.task_settings import TaskSettings
@@ -99,7 +100,9 @@ def _prompt_template(
     system = system_prompt_text(style.system_prompt)
     names = (style.representation, style.prompt_format)
     if not style.closed_loop:
-        return PromptTemplate.write(fit_codec(*names, demonstrations, workspace), demonstrations, system)
+        codec = fit_codec(*names, demonstrations, workspace)
+        written = codec.telling() if isinstance(codec, ObjectFrameCodec) else demonstrations
+        return PromptTemplate.write(codec, demonstrations, system, written)
 
     def fit(shown: Sequence[Demonstration], step: int) -> Codec:
         return fit_step(*names, shown, workspace, step)

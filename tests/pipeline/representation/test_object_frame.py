@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from app.pipeline.reply import parse_reply
-from app.pipeline.representation.object_frame import ObjectFrameCodec
+from app.pipeline.representation.object_frame import MOST_REPEATED, ObjectFrameCodec
 from app.pipeline.representation.object_rows import OFFSET_UNIT_M
 
 from ..gbnf import matches
@@ -44,7 +44,7 @@ def lifts(offsets_m=((0, 0, 0.1),) * 3, yaws_deg=(0, 0, 0), follow=False):
         ),
     ],
 )
-def test_actions_are_told_in_the_frame_in_which_they_agree(shown, expected):
+def test_actions_are_written_in_the_frame_in_which_they_agree(shown, expected):
     codec = fitted(*shown)
     assert [codec.actions_text(demonstration) for demonstration in shown] == [expected] * 3
 
@@ -156,3 +156,27 @@ def test_a_demonstration_comes_back_within_half_a_unit(shown):
 @given(random_demonstrations(2, 4))
 def test_calmed_demonstrations_come_back_within_one_and_a_half_units(shown):
     check_round_trip(shown, max_offset_units=1.5, max_rotation_bins=1.5)
+
+
+def lifted(place, instruction=LIFT, height_m=0.1):
+    """One demonstration with the cup at `place` cm along x."""
+    position_m = np.array([place / 100, 0, 0.705])
+    touch = action(position_m + UP * (height_m / 0.2), (180, 0, 0), False)
+    return demonstration(instruction, [pose("cup", position_m, 0)], [touch])
+
+
+def test_of_demonstrations_with_the_same_rows_the_last_few_are_written():
+    shown = [lifted(place) for place in range(0, 50, 5)]
+    assert fitted(*shown).telling() == tuple(shown[-MOST_REPEATED:])
+
+
+def test_all_demonstrations_are_written_where_rows_differ():
+    shown = [lifted(place, height_m=0.1 if place else 0.3) for place in range(0, 50, 5)]
+    assert fitted(*shown).telling() == tuple(shown)
+
+
+def test_each_thing_to_ask_for_keeps_its_demonstrations():
+    lifts = [lifted(place) for place in range(0, 25, 5)]
+    taps = [lifted(place, "tap the cup", 0.2) for place in range(0, 25, 5)]
+    mixed = [item for pair in zip(lifts, taps, strict=True) for item in pair]
+    assert fitted(*mixed).telling() == tuple(mixed[-2 * MOST_REPEATED :])
