@@ -72,7 +72,7 @@ def test_what_is_missing_is_said(make_registry, name, remedy):
 
 def test_every_variable_that_a_message_names_is_a_setting():
     assert variable("openai_api_key") == "ROBOPROMPT_OPENAI_API_KEY"
-    sources = [path.read_text() for path in Path(backends.__file__).parent.glob("*.py")]
+    sources = [path.read_text() for path in Path(backends.__file__).parent.rglob("*.py")]
     named = {name for source in sources for name in re.findall(r"variable\([\"'](\w+)", source)}
     assert {"openai_api_key", "packages_folder"} <= named
     assert named <= {field.name for field in fields(LlmSettings)}
