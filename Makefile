@@ -8,9 +8,10 @@ DEV_STAMP := .venv/.installed-dev
 
 setup: $(STAMP)
 
-$(STAMP): requirements.lock pyproject.toml
+$(STAMP): requirements.lock pyproject.toml client/pyproject.toml
 	$(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --require-hashes --requirement requirements.lock
+	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable ./client
 	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable .
 	touch $(STAMP)
 
@@ -73,9 +74,9 @@ format: dev
 openapi: setup
 	$(BIN)/python -m app.api.export_openapi > openapi/openapi.json
 
-# Versions and hashes only: the lock names no package registry.
+# Versions and hashes only: the lock names no package registry, and not our own package in client/.
 COMPILE := $(BIN)/uv pip compile --universal --python-version 3.11 --generate-hashes --no-annotate --no-header \
-	--no-emit-index-url --quiet
+	--no-emit-index-url --no-emit-package roboprompt-client --quiet
 LOCK := $(COMPILE) pyproject.toml --extra server --extra sim --extra datasets --extra editable
 
 lock:

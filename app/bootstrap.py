@@ -16,8 +16,6 @@ from app.api.body_limits import BodyLimits
 from app.api.observation import hide_keys_in_access_log
 from app.llm.llm_settings import LlmSettings
 from app.llm.registry import ModelRegistry
-from app.pipeline.addresses import is_loopback
-from app.pipeline.errors import RoboPromptError
 from app.services.api_keys import has_keys
 from app.services.container import Services
 from app.services.keep_house import KeepHouse, Retention
@@ -26,6 +24,8 @@ from app.services.pose_servers import PoseServers
 from app.settings import MEGABYTE, Settings
 from app.store.store import SWEEP_GRACE, Store
 from app.web.site import install_pages
+from roboprompt_client.addresses import is_loopback
+from roboprompt_client.errors import RoboPromptError
 
 DEFAULT_RATE_PER_S = 20.0
 JOB_POLL_S = 1.0

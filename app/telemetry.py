@@ -8,8 +8,8 @@ from opentelemetry.sdk.resources import Resource
 from opentelemetry.sdk.trace import TracerProvider
 from opentelemetry.sdk.trace.export import BatchSpanProcessor
 
-from app.pipeline.addresses import is_own_machine
 from app.services import measures
+from roboprompt_client.addresses import is_own_machine
 
 
 class Tracing:

@@ -26,15 +26,15 @@ from starlette.types import Receive, Scope, Send
 
 from app.api.access import Access, AccessControl
 from app.api.app import SecurityHeaders
-from app.client.client import RoboPromptClient
-from app.client.robot import Observation
 from app.evaluation.server import running_server
-from app.pipeline.episode import EndEffectorAction, ObjectPose, Trajectory
-from app.pipeline.motion_guard import MotionGuard
-from app.pipeline.motion_limits import Box, MotionLimits, Pose
 from app.services.api_keys import KeyRing, create_key
 from app.services.limits import Limits
 from app.store.store import Store
+from roboprompt_client.client import RoboPromptClient
+from roboprompt_client.motion_guard import MotionGuard
+from roboprompt_client.motion_limits import Box, MotionLimits, Pose
+from roboprompt_client.robot import Observation
+from roboprompt_client.trajectory import EndEffectorAction, ObjectPose, Trajectory
 
 ROUND = 20  # requests to one service before the other's turn
 TASK, INSTRUCTION = "pick", "pick up the cube"

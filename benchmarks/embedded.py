@@ -15,13 +15,14 @@ from typing import Any
 
 import httpx
 
-from app.client.client import PredictedActions, RoboPromptClient
 from app.llm.base import CompletionRequest, TextDelta
 from app.llm.llm_settings import LlmSettings
 from app.llm.registry import ModelRegistry
 from app.pipeline.prompt import Prompt
 from benchmarks import scenes
 from benchmarks.processes import service
+from roboprompt_client.answers import PredictedActions
+from roboprompt_client.client import RoboPromptClient
 
 NUM_DEMONSTRATIONS = 10
 NUM_PROMPTS = 4  # as many as the embedded model keeps slots

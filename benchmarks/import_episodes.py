@@ -18,14 +18,14 @@ import cv2
 import numpy as np
 
 from app.cli.import_data import import_dataset, prepare_tasks
-from app.client.client import RoboPromptClient
 from app.datasets.archive import open_archive, write_archive
 from app.datasets.options import ImportOptions
 from app.datasets.recording import ObjectEntry, Parcel, Recording, canonical_json
 from app.evaluation.server import running_server
-from app.pipeline.camera import Camera
-from app.pipeline.episode import Trajectory
-from app.pipeline.trajectory_npz import trajectory_from_npz
+from roboprompt_client.camera import Camera
+from roboprompt_client.client import RoboPromptClient
+from roboprompt_client.trajectory import Trajectory
+from roboprompt_client.trajectory_npz import trajectory_from_npz
 
 FRAMES, WIDTH_PX, HEIGHT_PX = 200, 640, 480
 DWELL_FRAMES = 40

@@ -20,14 +20,14 @@ from app.perception.base import LabelledScene, ObjectQuery
 from app.perception.cuboid.estimator import CuboidPoses
 from app.perception.cuboid.learn import learn_models
 from app.perception.cuboid.model import CuboidModel
-from app.pipeline.camera import RgbdFrame
-from app.pipeline.episode import ObjectPose
-from app.pipeline.errors import InvalidInputError
 from app.pipeline.geometry import canonical_pose
 from app.sim.demonstrate import SceneView, view_scene
 from app.sim.tasks.cubes import HALF_SIZE_M
 from app.sim.world import TABLE_TOP_M
 from benchmarks.camera_noise import as_a_camera_sees_it
+from roboprompt_client.camera import RgbdFrame
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.trajectory import ObjectPose
 
 TASKS = ("stack_cube", "destack_cube", "push_button", "stack_blocks", "slide_block")
 FIRST_TEST_SEED = 1000

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from app.client.robot import Observation
-from app.pipeline.episode import ObjectPose, Trajectory
+from roboprompt_client.robot import Observation
+from roboprompt_client.trajectory import ObjectPose, Trajectory
 
 INSTRUCTION = "put the cube into the box"
 _STEPS = 4  # frames of each move and of each rest

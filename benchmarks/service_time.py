@@ -10,7 +10,6 @@ from typing import Any
 import httpx
 from sqlalchemy import insert, select
 
-from app.client.client import RoboPromptClient
 from app.llm.base import CompletionRequest
 from app.llm.computed import ScriptedModel
 from app.pipeline.prompt import Prompt
@@ -18,6 +17,7 @@ from app.store import tables
 from app.store.store import Store
 from benchmarks import scenes
 from benchmarks.processes import Cost, cost, running, service
+from roboprompt_client.client import RoboPromptClient
 
 NUM_DEMONSTRATIONS = 10
 NUM_STORED = 100_000

@@ -13,12 +13,12 @@ import msgpack
 import numpy as np
 from websockets.sync.client import connect
 
-from app.client.encoding import packed_request, request_parts
-from app.pipeline.camera import Camera, RgbdFrame
-from app.pipeline.metadata import camera_json
 from benchmarks.peers import pack_array
 from benchmarks.processes import Cost, cost, running, service
 from benchmarks.service_time import REPLY, asked, teach
+from roboprompt_client.camera import Camera, RgbdFrame
+from roboprompt_client.encoding import packed_request, request_parts
+from roboprompt_client.metadata import camera_json
 
 WIDTH, HEIGHT = 640, 480
 NUM_REQUESTS = 240

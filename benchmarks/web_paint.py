@@ -15,13 +15,13 @@ from rich.console import Console
 from rich.table import Table
 
 from app.evaluation.server import running_server
-from app.pipeline.camera import Camera
-from app.pipeline.episode import ObjectPose, Trajectory
 from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks
 from app.store.records import EpisodeDraft
 from app.store.store import Store
 from app.store.values import CameraRecord, KeyframeRecord, ObjectRecord
+from roboprompt_client.camera import Camera
+from roboprompt_client.trajectory import ObjectPose, Trajectory
 
 CHROMIUM = "/usr/bin/chromium"
 NUM_TASKS = 22  # as many as the simulation has

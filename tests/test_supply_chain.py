@@ -5,6 +5,7 @@ import json
 import re
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ from cyclonedx.schema import SchemaVersion
 from cyclonedx.validation.json import JsonStrictValidator
 
 ROOT = Path(__file__).parents[1]
+CLIENT = tomllib.loads((ROOT / "client/pyproject.toml").read_text())["project"]
 PINNED = re.compile(r"^([\w.-]+)(?:\[[^\]]*\])?==([^\s;\\]+)", re.MULTILINE)
 
 
@@ -23,10 +25,10 @@ def commands(path):
 
 @pytest.mark.parametrize("path", ["docker/Dockerfile", "docker/compose.yaml", "Makefile", ".ci/run"])
 def test_pip_takes_nothing_without_its_hash(path):
-    """Or it takes our own wheel or folder alone."""
+    """Or it takes our own wheels or folder alone."""
     for command in commands(path):
         if re.search(r"\bpip\b.* install\b", command):
-            ours = "--no-deps" in command and re.search(r"( \.| dist/roboprompt-\*\.whl)$", command)
+            ours = "--no-deps" in command and re.search(r"( \.| \./client| dist/roboprompt\*\.whl)$", command)
             assert "--require-hashes" in command or ours, command
 
 
@@ -68,14 +70,17 @@ def test_the_bill_lists_what_the_image_installs(made):
     text = (made / "roboprompt.cdx.json").read_text()
     assert JsonStrictValidator(SchemaVersion.V1_6).validate_str(text) is None
     bill = json.loads(text)
-    assert {item["name"]: item["version"] for item in bill["components"]} == versions("docker/server.lock")
+    installed = {item["name"]: item["version"] for item in bill["components"]}
+    assert installed.pop("roboprompt-client") == CLIENT["version"]
+    assert installed == versions("docker/server.lock")
     assert all(item["hashes"] for item in bill["components"])
 
 
-def test_the_provenance_names_the_wheel_and_the_commit(made):
+def test_the_provenance_names_the_wheels_and_the_commit(made):
     statement = json.loads((made / "roboprompt.provenance.json").read_text())
-    (subject,) = statement["subject"]
-    assert subject["digest"]["sha256"] == hashlib.sha256((made / subject["name"]).read_bytes()).hexdigest()
+    assert [subject["name"].split("-")[0] for subject in statement["subject"]] == ["roboprompt", "roboprompt_client"]
+    for subject in statement["subject"]:
+        assert subject["digest"]["sha256"] == hashlib.sha256((made / subject["name"]).read_bytes()).hexdigest()
     materials = {
         item["uri"]: item["digest"] for item in statement["predicate"]["buildDefinition"]["resolvedDependencies"]
     }

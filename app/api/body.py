@@ -26,8 +26,8 @@ from app.api.body_limits import (
     JsonBudgetError,
     content_type_of,
 )
-from app.pipeline.errors import InvalidInputError
-from app.pipeline.packed_array import is_packed_array, npy_from_packed
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.packed_array import is_packed_array, npy_from_packed
 
 # Lists and maps are made as long as they claim to be, before their items are read.
 MAX_ITEMS = 4096

@@ -6,7 +6,6 @@ from typing import Any
 from app.llm.base import ModelProfile
 from app.pipeline.episode import Demonstration
 from app.pipeline.language.grounding import Grounded
-from app.pipeline.metadata import camera_json
 from app.pipeline.prompt import Prompt
 from app.pipeline.representation import fit_codec
 from app.pipeline.workspace import Workspace, discretize_action, object_bins
@@ -16,6 +15,7 @@ from app.services.task_settings import TaskSettings
 from app.store.records import ConfigurationCounts, EpisodeRecord, JobRecord, PredictionRecord, TaskRecord
 from app.store.values import JsonObject, KeyframeRecord, ObjectRecord
 from app.store.visibility import present
+from roboprompt_client.metadata import camera_json
 
 
 def episode_document(record: EpisodeRecord, task: TaskRecord) -> JsonObject:

@@ -28,10 +28,8 @@ from app.perception.remote import (
     PoseServerUnavailableError,
 )
 from app.pipeline.errors import (
-    InvalidInputError,
     ObjectNotVisibleError,
     ObjectSetError,
-    RoboPromptError,
     UncertainPoseError,
     UnfamiliarInstructionError,
     UngroundedInstructionError,
@@ -46,6 +44,7 @@ from app.store.errors import (
     StoreError,
     StoreUnavailableError,
 )
+from roboprompt_client.errors import InvalidInputError, RoboPromptError
 
 MEDIA_TYPE = "application/problem+json"
 # What an error repeats of a request: characters of a bad value, of a field's name, of a message; and how many errors.

@@ -47,11 +47,11 @@ def calibrate(
     from app.perception.calibration import CharucoBoard
     from app.perception.calibration import calibrate as find_pose
     from app.perception.images import decode_rgb
-    from app.pipeline.arrays import unit_quaternions
-    from app.pipeline.camera import Camera
-    from app.pipeline.errors import InvalidInputError
     from app.pipeline.geometry import rigid
-    from app.pipeline.metadata import camera_json
+    from roboprompt_client.arrays import unit_quaternions
+    from roboprompt_client.camera import Camera
+    from roboprompt_client.errors import InvalidInputError
+    from roboprompt_client.metadata import camera_json
 
     console = Console(stderr=True)
     try:
@@ -82,7 +82,7 @@ def calibration_board(
     import cv2
 
     from app.perception.calibration import PRINT_DPI, CharucoBoard
-    from app.pipeline.errors import InvalidInputError
+    from roboprompt_client.errors import InvalidInputError
 
     try:
         board = CharucoBoard(columns, rows, square_m, marker_m, dictionary, legacy)

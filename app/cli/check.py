@@ -9,8 +9,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from app.client.client import DEFAULT_URL, RoboPromptClient
-from app.client.errors import ServiceProblemError, ServiceUnreachableError
+from roboprompt_client.client import DEFAULT_URL, RoboPromptClient
+from roboprompt_client.errors import ServiceProblemError, ServiceUnreachableError
 
 COLOURS = {"info": "cyan", "warning": "yellow", "danger": "red"}
 SHOWN_CHARS = 8  # of an episode's id

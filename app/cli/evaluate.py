@@ -83,12 +83,12 @@ def evaluate(
     Results are kept as they come: the same command with the same --out goes on where an earlier one stopped.
     """
     # The simulator is an extra that `roboprompt serve` does without.
-    from app.client.errors import ServiceProblemError, ServiceUnreachableError
     from app.evaluation.failures import EvaluationError
     from app.evaluation.methods import SWEEPS, chosen, with_noise, with_poses, with_shift
     from app.evaluation.plan import Plan
     from app.evaluation.sweep_run import SweepRun
     from app.sim.tasks import TASKS
+    from roboprompt_client.errors import ServiceProblemError, ServiceUnreachableError
 
     check_names("--sweep", [sweep], SWEEPS)
     check_names("--task", task or (), TASKS)
@@ -149,7 +149,7 @@ def _scenes(plan: "Plan") -> dict[str, object]:
 
 
 def _refusing(choose: Callable[[], tuple["Method", ...]], option: str) -> tuple["Method", ...]:
-    from app.pipeline.errors import InvalidInputError
+    from roboprompt_client.errors import InvalidInputError
 
     try:
         return choose()

@@ -12,14 +12,14 @@ import typer
 from rich.console import Console
 
 from app.cli.shared import URL_HELP, check_service, counted, the_url
-from app.client.client import DEFAULT_URL, RoboPromptClient
-from app.client.errors import ServiceProblemError, ServiceUnreachableError
 from app.datasets.archive import write_archive
 from app.datasets.bounds import DatasetError
 from app.datasets.lerobot.writer import write_lerobot
 from app.datasets.recording import Parcel
 from app.datasets.rerun import write_rerun
 from app.services.task_settings import TaskSettings
+from roboprompt_client.client import DEFAULT_URL, RoboPromptClient
+from roboprompt_client.errors import ServiceProblemError, ServiceUnreachableError
 
 PAGE = 200
 _IMAGES = ("rgb", "depth", "mask")

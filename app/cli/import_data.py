@@ -12,17 +12,16 @@ import typer
 from rich.console import Console
 
 from app.cli.shared import URL_HELP, counted, the_url
-from app.client.client import DEFAULT_URL, RoboPromptClient
-from app.client.errors import ServiceProblemError, ServiceUnreachableError
 from app.datasets.apart import open_apart
 from app.datasets.bounds import MAX_UNPACKED_BYTES, MEGABYTE, DamagedError, DatasetError, ReadLimits
 from app.datasets.formats import FORMATS
 from app.datasets.mapping import read_changes
 from app.datasets.options import ImportOptions, KnownObjects, read_objects
 from app.datasets.recording import Dataset, Entry, Parcel, canonical_json
-from app.pipeline.errors import InvalidInputError
 from app.pipeline.keyframes import KeyframeRule, find_keyframes
-from app.pipeline.trajectory_npz import trajectory_from_npz
+from roboprompt_client.client import DEFAULT_URL, RoboPromptClient
+from roboprompt_client.errors import InvalidInputError, ServiceProblemError, ServiceUnreachableError
+from roboprompt_client.trajectory_npz import trajectory_from_npz
 
 Status = Literal["imported", "already_there", "damaged", "refused"]
 READERS = 2  # threads that read ahead of the upload

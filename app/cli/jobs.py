@@ -11,7 +11,7 @@ import typer
 from rich.console import Console
 
 from app.cli.shared import EnvFile, settings_of
-from app.pipeline.errors import RoboPromptError
+from roboprompt_client.errors import RoboPromptError
 
 if TYPE_CHECKING:
     from app.evaluation.executors import Executor

@@ -12,11 +12,10 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from app.client.client import DEFAULT_URL, RoboPromptClient
-from app.client.errors import ServiceProblemError, ServiceUnreachableError
-from app.pipeline.errors import RoboPromptError
 from app.settings import Settings, load_env_file
 from app.store.store import Store
+from roboprompt_client.client import DEFAULT_URL, RoboPromptClient
+from roboprompt_client.errors import RoboPromptError, ServiceProblemError, ServiceUnreachableError
 
 MAX_PORT = 65535
 URL_HELP = "of the running service"

@@ -7,8 +7,8 @@ import typer
 from rich.console import Console
 
 from app.cli.shared import URL_HELP, check_service
-from app.client.client import DEFAULT_URL, RoboPromptClient
-from app.client.errors import ServiceProblemError, ServiceUnreachableError
+from roboprompt_client.client import DEFAULT_URL, RoboPromptClient
+from roboprompt_client.errors import ServiceProblemError, ServiceUnreachableError
 
 
 def teach_objects(

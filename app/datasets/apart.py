@@ -24,7 +24,7 @@ import msgpack
 from app.datasets.bounds import MEGABYTE, REMEDY, DamagedError, DatasetError, MissingPackageError, ReadLimits
 from app.datasets.options import ImportOptions
 from app.datasets.recording import Dataset, Entry, Parcel
-from app.pipeline.errors import InvalidInputError
+from roboprompt_client.errors import InvalidInputError
 
 _LENGTH = struct.Struct(">Q")
 # What Python and its libraries need to start; keys and addresses of services are left out.

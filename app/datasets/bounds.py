@@ -9,7 +9,7 @@ import stat
 from dataclasses import dataclass
 from pathlib import Path
 
-from app.pipeline.errors import RoboPromptError
+from roboprompt_client.errors import RoboPromptError
 
 MEGABYTE = 1_000_000
 MAX_UNPACKED_BYTES = 500 * MEGABYTE

@@ -13,11 +13,11 @@ from scipy.spatial.transform import Rotation
 from app.datasets.mapping import FeatureMap, RotationFormat
 from app.datasets.options import ImportOptions
 from app.datasets.recording import ObjectEntry, Recording
-from app.pipeline.arrays import Array
-from app.pipeline.camera import Camera
-from app.pipeline.episode import Trajectory
-from app.pipeline.errors import InvalidInputError
-from app.pipeline.metadata import camera_from_json
+from roboprompt_client.arrays import Array
+from roboprompt_client.camera import Camera
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.metadata import camera_from_json
+from roboprompt_client.trajectory import Trajectory
 
 Columns = Mapping[str, np.ndarray[Any, Any]]
 _SELECTOR = re.compile(r"(?P<column>.*?)(?:\[(?P<start>-?\d+)(?P<cut>:(?P<stop>-?\d*))?\])?")

@@ -20,13 +20,13 @@ from app.datasets.mapping import FeatureMap
 from app.datasets.mcap_chunks import read_messages
 from app.datasets.options import ImportOptions, as_name
 from app.datasets.recording import Dataset, Entry, Parcel
-from app.pipeline.arrays import Array
-from app.pipeline.episode import NUM_JOINTS
-from app.pipeline.errors import InvalidInputError
+from roboprompt_client.arrays import Array
+from roboprompt_client.errors import InvalidInputError
 
 SUFFIX = ".mcap"
 JOINTS = "sensor_msgs/msg/JointState"
 NANOSECONDS = 1e-9
+ARM_JOINTS = 7  # what follows them in a JointState are usually fingers; another arm names its columns
 
 
 @dataclass
@@ -141,7 +141,7 @@ def _on_clock(tracks: dict[str, Track], clock_s: Array) -> tuple[dict[str, Array
 
 def _mapping(columns: dict[str, Array], joints: str, options: ImportOptions) -> FeatureMap:
     found = {"timestamps": "time"}
-    arm = f"[0:{NUM_JOINTS}]"
+    arm = f"[0:{ARM_JOINTS}]"
     for part, name in (("joint_velocities", "velocity"), ("joint_positions", "position")):
         if f"{joints}.{name}" in columns:
             found[part] = f"{joints}.{name}{arm}"

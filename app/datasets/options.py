@@ -19,7 +19,7 @@ from typing import Any
 
 from app.datasets.bounds import DatasetError, ReadLimits
 from app.datasets.recording import ObjectEntry
-from app.pipeline.wording import NAME_PATTERN
+from roboprompt_client.wording import NAME_PATTERN
 
 Objects = tuple[ObjectEntry, ...]
 _FIELDS = {"name", "position", "quaternion_xyzw", "mask_ids", "low_dim_state"}

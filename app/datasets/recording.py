@@ -11,12 +11,12 @@ import numpy as np
 import numpy.typing as npt
 
 from app.datasets.bounds import DamagedError
-from app.pipeline.arrays import Array
-from app.pipeline.camera import Camera
-from app.pipeline.episode import Trajectory
-from app.pipeline.metadata import camera_json
-from app.pipeline.trajectory_npz import npz_from_trajectory
-from app.pipeline.wording import checked_instruction, checked_name
+from roboprompt_client.arrays import Array
+from roboprompt_client.camera import Camera
+from roboprompt_client.metadata import camera_json
+from roboprompt_client.trajectory import Trajectory
+from roboprompt_client.trajectory_npz import npz_from_trajectory
+from roboprompt_client.wording import checked_instruction, checked_name
 
 FINE_M, COARSE_M = 0.0001, 0.001  # metres a unit: 16 bits reach 6.5 m or 65 m
 _MAX_UNITS = np.iinfo(np.uint16).max

@@ -9,9 +9,9 @@ import numpy as np
 from app.datasets.bounds import MissingPackageError
 from app.datasets.recording import Parcel
 from app.datasets.writing import in_one_step
-from app.pipeline.episode import Trajectory
-from app.pipeline.metadata import camera_from_json
-from app.pipeline.trajectory_npz import trajectory_from_npz
+from roboprompt_client.metadata import camera_from_json
+from roboprompt_client.trajectory import Trajectory
+from roboprompt_client.trajectory_npz import trajectory_from_npz
 
 MEDIA_TYPES = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg"}
 OBJECT_RADIUS_M = 0.01

@@ -11,7 +11,7 @@ EvaluationError
 └── RayMissingError      Ray is not installed
 """
 
-from app.pipeline.errors import RoboPromptError
+from roboprompt_client.errors import RoboPromptError
 
 
 class EvaluationError(RoboPromptError):

@@ -13,9 +13,9 @@ from rich.progress import Progress
 
 from app.evaluation.executors import Executor
 from app.evaluation.results import Evaluation, Method, TaskEvaluation, TaughtEpisode, Trial
-from app.pipeline.episode import EndEffectorAction
 from app.sim.demonstrate import RolloutResult, SceneView, rollout, view_scene
 from app.sim.tasks import TASKS
+from roboprompt_client.trajectory import EndEffectorAction
 
 MAX_FAILURES = 12  # a task
 MAX_SUCCESSES = 2  # a task

@@ -19,9 +19,9 @@ import numpy as np
 
 from app.evaluation.failures import LedgerDamagedError, LedgerInUseError
 from app.evaluation.results import Crash, Method, Trial
-from app.pipeline.episode import EndEffectorAction, ObjectPose
-from app.pipeline.metadata import object_json
 from app.sim.demonstrate import RolloutResult, SceneView
+from roboprompt_client.metadata import object_json
+from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
 
 Document = Mapping[str, Any]
 DIGEST_CHARS = 12

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from app.evaluation.results import EXPERT, REPLAY, Method, NoiseOn, Poses
-from app.pipeline.errors import InvalidInputError
+from roboprompt_client.errors import InvalidInputError
 
 PAPER = {"representation": "absolute", "prompt_format": "paper", "system_prompt": "a"}
 KAT = {"representation": "action_tokens", "prompt_format": "kat"}

@@ -13,7 +13,7 @@ from statistics import fmean
 import numpy as np
 
 from app.pipeline import noise
-from app.pipeline.episode import ObjectPose
+from roboprompt_client.trajectory import ObjectPose
 
 _RLBENCH_TASKS = (
     "close_jar",

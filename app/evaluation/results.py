@@ -5,9 +5,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from app.pipeline.episode import EndEffectorAction
-from app.pipeline.errors import InvalidInputError
 from app.sim.demonstrate import RecordedDemonstration, RolloutResult, SceneView
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.trajectory import EndEffectorAction
 
 # How the errors of timeouts begin: status 504 of the service, or no answer of the service itself
 TIMED_OUT = re.compile(r"^(ServiceProblemError: 504 |ServiceUnreachableError: .*(timed out|Timeout)|TimeoutError)")
@@ -35,7 +35,7 @@ class Method:
         source: where the actions come from; `closed loop` asks the service for one at a time, `robot loop` once for
             all, and the robot carries them out one by one; others do not ask it.
         shift_m: how far the free objects are moved between answer and first action; for the `robot loop`.
-        look_again: whether the robot then looks again (`app.client.look_again`).
+        look_again: whether the robot then looks again (`roboprompt_client.look_again`).
     """
 
     label: str

@@ -9,18 +9,17 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from app.client.answers import PredictedActions
-from app.client.client import RoboPromptClient
-from app.client.errors import ObjectLostError, ServiceProblemError
-from app.client.loop import run_closed_loop, run_task
-from app.client.robot import MotionError, Observation, Robot
 from app.evaluation.paper import disturbed
-from app.pipeline.episode import EndEffectorAction
-from app.pipeline.errors import UnsafeActionError
 from app.sim.demonstrate import RolloutResult, judge, robot_in_scene
 from app.sim.robot import SimulatedPanda
 from app.sim.shift import shift_free_objects
 from app.sim.tasks import TASKS
+from roboprompt_client.answers import PredictedActions
+from roboprompt_client.client import RoboPromptClient
+from roboprompt_client.errors import MotionError, ObjectLostError, ServiceProblemError, UnsafeActionError
+from roboprompt_client.loop import run_closed_loop, run_task
+from roboprompt_client.robot import Observation, Robot
+from roboprompt_client.trajectory import EndEffectorAction
 
 # the problems that are the LLM's failure, not the service's
 USELESS_REPLY = frozenset({"/problems/unparsable-reply", "/problems/unsafe-action", "/problems/unsupported"})

@@ -17,8 +17,6 @@ from typing import Any, Literal, TypeVar
 
 from rich.progress import Progress
 
-from app.client.client import RoboPromptClient
-from app.client.errors import ServiceProblemError, ServiceUnreachableError
 from app.evaluation.executors import Executor, LocalExecutor
 from app.evaluation.failures import NotLearnedError, ServiceLostError
 from app.evaluation.illustrate import illustrated
@@ -29,6 +27,8 @@ from app.evaluation.server import service
 from app.evaluation.teach import FIRST_LABELLED_SEED, LABELLED_SCENES, Lesson, record, suffix_of, upload, variants
 from app.evaluation.trials import Cell, Laboratory
 from app.sim.demonstrate import RecordedDemonstration
+from roboprompt_client.client import RoboPromptClient
+from roboprompt_client.errors import ServiceProblemError, ServiceUnreachableError
 
 Item = TypeVar("Item")
 Phase = Literal["demonstrations_s", "trials_s", "report_s"]

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import httpx
 
-from app.client.client import RoboPromptClient
 from app.evaluation.failures import ServerStartError
+from roboprompt_client.client import RoboPromptClient
 
 # Whoever requires keys of a service, for which the environment is meant, does not require them of this one.
 WITHOUT_KEYS = {"ROBOPROMPT_AUTH": "auto"}

@@ -12,16 +12,16 @@ from dataclasses import dataclass, replace
 from itertools import count
 from typing import Any
 
-from app.client.client import RoboPromptClient
-from app.client.robot import Observation
 from app.evaluation.executors import Executor
 from app.evaluation.failures import ExpertFailedError, NotLearnedError
 from app.evaluation.paper import disturbed
 from app.evaluation.results import Method, TaughtEpisode
-from app.pipeline.camera import RgbdFrame
-from app.pipeline.episode import ObjectPose
 from app.sim.demonstrate import RecordedDemonstration, Recordings, record_demonstration
 from app.sim.tasks import TASKS
+from roboprompt_client.camera import RgbdFrame
+from roboprompt_client.client import RoboPromptClient
+from roboprompt_client.robot import Observation
+from roboprompt_client.trajectory import ObjectPose
 
 FIRST_LABELLED_SEED = 50_000  # neither demonstrations nor tests are drawn from these
 LABELLED_SCENES = 6

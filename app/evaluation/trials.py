@@ -13,16 +13,11 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from app.client.client import RoboPromptClient
-from app.client.errors import ServiceProblemError
-from app.client.robot import Observation
 from app.evaluation.executors import Executor, call
 from app.evaluation.paper import disturbed
 from app.evaluation.results import Method, Source, TaughtEpisode, Trial
 from app.evaluation.robot_loops import USELESS_REPLY, ClosedLoopResult, run_in_closed_loop, run_in_robot_loop
 from app.evaluation.teach import UNSEEN, Lesson, images_only
-from app.pipeline.camera import RgbdFrame
-from app.pipeline.episode import EndEffectorAction, ObjectPose
 from app.pipeline.geometry import canonical_pose
 from app.pipeline.keyframes import merged
 from app.pipeline.workspace import Workspace, discretize_action, undiscretize_action
@@ -36,6 +31,11 @@ from app.sim.demonstrate import (
     view_scene,
 )
 from app.sim.tasks import TASKS
+from roboprompt_client.camera import RgbdFrame
+from roboprompt_client.client import RoboPromptClient
+from roboprompt_client.errors import ServiceProblemError
+from roboprompt_client.robot import Observation
+from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
 
 LEVER_M = 0.1  # a turn counts as far as it moves a point at this distance; the length of KAT's triplets
 

@@ -4,8 +4,8 @@ from collections.abc import AsyncGenerator
 from dataclasses import dataclass, field
 from typing import Literal, Protocol, runtime_checkable
 
-from app.pipeline.errors import RoboPromptError
 from app.pipeline.prompt import Prompt
+from roboprompt_client.errors import RoboPromptError
 
 
 class LanguageModelError(RoboPromptError):

@@ -12,10 +12,10 @@ import numpy as np
 
 from app.perception.models import model_from_json
 from app.perception.object_model import ObjectModel
-from app.pipeline.camera import RgbdFrame
-from app.pipeline.episode import ObjectPose
-from app.pipeline.errors import InvalidInputError
-from app.pipeline.wording import checked_name
+from roboprompt_client.camera import RgbdFrame
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.trajectory import ObjectPose
+from roboprompt_client.wording import checked_name
 
 
 @dataclass(frozen=True)

@@ -12,10 +12,10 @@ import numpy.typing as npt
 
 from app.perception.markers.model import DICTIONARIES, marker_dictionary
 from app.perception.object_model import number, one_of
-from app.pipeline.arrays import Array
-from app.pipeline.camera import Camera
-from app.pipeline.errors import InvalidInputError
 from app.pipeline.geometry import inverse
+from roboprompt_client.arrays import Array
+from roboprompt_client.camera import Camera
+from roboprompt_client.errors import InvalidInputError
 
 MAX_SQUARES = 100  # a side
 PRINT_DPI = 300

@@ -6,10 +6,10 @@ is not where its calibration says.
 
 import numpy as np
 
-from app.pipeline.arrays import Array
-from app.pipeline.camera import RgbdFrame
-from app.pipeline.errors import InvalidInputError
 from app.pipeline.geometry import pixels_to_world
+from roboprompt_client.arrays import Array
+from roboprompt_client.camera import RgbdFrame
+from roboprompt_client.errors import InvalidInputError
 
 NEAREST_M, FARTHEST_M = 0.05, 20.0  # the middle depth of a robot's workspace lies between
 STRIDE_PX = 16

@@ -17,11 +17,12 @@ from app.perception.cuboid.pieces import Piece, piece_points_m, trimmed
 from app.perception.cuboid.view import view_of
 from app.perception.models import MasksModel
 from app.perception.sightings import Miss, Sighting, fused
-from app.pipeline.arrays import Array
-from app.pipeline.camera import RgbdFrame
-from app.pipeline.episode import ObjectPose
-from app.pipeline.errors import InvalidInputError, ObjectNotVisibleError
+from app.pipeline.errors import ObjectNotVisibleError
 from app.pipeline.geometry import backproject
+from roboprompt_client.arrays import Array
+from roboprompt_client.camera import RgbdFrame
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.trajectory import ObjectPose
 
 MIN_POINTS = 40
 LONGER_BY = 1.15  # a longer side gives a heading from this ratio on

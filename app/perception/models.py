@@ -13,7 +13,7 @@ import httpx
 from app.perception.cuboid.model import CuboidModel
 from app.perception.markers.model import MarkersModel
 from app.perception.object_model import MIN_CONFIDENCE, ObjectModel, number, one_of, within
-from app.pipeline.errors import InvalidInputError
+from roboprompt_client.errors import InvalidInputError
 
 MAX_TIMEOUT_S = 300.0
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import MISSING, asdict, dataclass, field, fields
 from typing import Any, Self
 
-from app.pipeline.errors import InvalidInputError
+from roboprompt_client.errors import InvalidInputError
 
 MIN_CONFIDENCE = 0.5  # below this a pose is refused, unless the model says otherwise
 

@@ -17,11 +17,11 @@ from app.perception.cuboid.model import CuboidModel
 from app.perception.cuboid.pieces import color_mask, to_hsv
 from app.perception.markers.model import Marker, MarkersModel
 from app.perception.object_model import ObjectModel
-from app.pipeline.arrays import Array
-from app.pipeline.camera import Camera, RgbdFrame
-from app.pipeline.episode import ObjectPose
-from app.pipeline.errors import InvalidInputError
 from app.pipeline.geometry import rigid, transform_points
+from roboprompt_client.arrays import Array
+from roboprompt_client.camera import Camera, RgbdFrame
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.trajectory import ObjectPose
 
 RgbImage = npt.NDArray[np.uint8]
 Color = tuple[int, int, int]

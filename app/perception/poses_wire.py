@@ -14,11 +14,11 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from app.pipeline.arrays import finite_array, unit_quaternions
-from app.pipeline.camera import RgbdFrame
-from app.pipeline.episode import ObjectPose
-from app.pipeline.errors import InvalidInputError
-from app.pipeline.metadata import camera_json
+from roboprompt_client.arrays import finite_array, unit_quaternions
+from roboprompt_client.camera import RgbdFrame
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.metadata import camera_json
+from roboprompt_client.trajectory import ObjectPose
 
 Part = tuple[str, bytes, str]
 _MAX_UINT16 = np.iinfo(np.uint16).max

@@ -7,9 +7,9 @@ from app.perception.cuboid.estimator import CuboidPoses
 from app.perception.markers.estimator import MarkerPoses
 from app.perception.masks import MaskedPoints
 from app.perception.remote import RemotePoses
-from app.pipeline.camera import RgbdFrame
-from app.pipeline.episode import ObjectPose
-from app.pipeline.errors import InvalidInputError
+from roboprompt_client.camera import RgbdFrame
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.trajectory import ObjectPose
 
 ESTIMATORS: dict[str, PoseEstimator] = {
     "given": GivenPoses(),

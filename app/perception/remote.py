@@ -15,10 +15,11 @@ from app.perception.base import ObjectQuery
 from app.perception.models import RemoteModel
 from app.perception.poses_wire import Part, PoseAnswer, PoseQuestion, answers_from_json, request_parts
 from app.perception.sightings import Miss, Sighting, fused
-from app.pipeline.addresses import without_proxy
-from app.pipeline.camera import RgbdFrame
-from app.pipeline.episode import ObjectPose
-from app.pipeline.errors import InvalidInputError, ObjectNotVisibleError, RoboPromptError, UncertainPoseError
+from app.pipeline.errors import ObjectNotVisibleError, UncertainPoseError
+from roboprompt_client.addresses import without_proxy
+from roboprompt_client.camera import RgbdFrame
+from roboprompt_client.errors import InvalidInputError, RoboPromptError
+from roboprompt_client.trajectory import ObjectPose
 
 FIRST_PAUSE_S = 0.2  # doubled for each further try
 MAX_REPLY_BYTES = 1_000_000  # a pose takes 300

@@ -9,10 +9,10 @@ from scipy.spatial.transform import Rotation
 
 from app.perception.base import ObjectQuery
 from app.perception.object_model import MIN_CONFIDENCE
-from app.pipeline.arrays import Array
-from app.pipeline.episode import ObjectPose
 from app.pipeline.errors import ObjectNotVisibleError, UncertainPoseError
 from app.pipeline.geometry import canonical_pose
+from roboprompt_client.arrays import Array
+from roboprompt_client.trajectory import ObjectPose
 
 NOTED_DISTANCE_M = 0.01  # cameras that differ by more are mentioned in the pose's reason
 MAX_DISTANCE_M = 0.03  # by more than this, no pose is given: one of them must be wrong

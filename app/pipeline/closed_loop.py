@@ -14,10 +14,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import zip_longest
 
-from app.pipeline.episode import Demonstration, EndEffectorAction, ObjectPose
-from app.pipeline.errors import InvalidInputError, ReplyParseError
+from app.pipeline.episode import Demonstration
+from app.pipeline.errors import ReplyParseError
 from app.pipeline.prompt import PromptTemplate
 from app.pipeline.representation.base import Codec
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
 
 DONE = "done"
 FitStep = Callable[[Sequence[Demonstration], int], Codec]

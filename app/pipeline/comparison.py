@@ -6,10 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.arrays import Array
-from app.pipeline.episode import Demonstration, ObjectPose
+from app.pipeline.episode import Demonstration
 from app.pipeline.language.mentions import template
 from app.pipeline.representation.anchors import Anchor, choose_anchors, in_order, relative_action, tilted_objects
+from roboprompt_client.arrays import Array
+from roboprompt_client.trajectory import ObjectPose
 
 
 @dataclass(frozen=True)

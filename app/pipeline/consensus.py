@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.episode import EndEffectorAction
 from app.pipeline.errors import ReplyParseError
+from roboprompt_client.trajectory import EndEffectorAction
 
 
 @dataclass(frozen=True)

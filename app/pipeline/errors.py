@@ -1,6 +1,6 @@
 """Everything that the method can refuse.
 
-    RoboPromptError
+    RoboPromptError                in roboprompt_client.errors, as InvalidInputError and UnsafeActionError are
     ├── InvalidInputError          a value that the caller sent is not acceptable; names field and remedy
     │   ├── ObjectSetError         the objects differ from the task's
     │   ├── ObjectNotVisibleError  no camera sees an object
@@ -16,29 +16,7 @@ Other packages (llm, store, services) hang their own branches under RoboPromptEr
 status once.
 """
 
-
-class RoboPromptError(Exception):
-    """Base of every error that this project raises on purpose."""
-
-
-class InvalidInputError(RoboPromptError, ValueError):
-    """A value that does not satisfy the method's requirements.
-
-    Args:
-        field: path of the value as the caller knows it, e.g. ``trajectory.joint_velocities``.
-        message: what is wrong, with the offending value.
-        valid: what would be accepted.
-    """
-
-    def __init__(self, field: str, message: str, valid: str | None = None) -> None:
-        super().__init__(f"{field}: {message}" + (f" (valid: {valid})" if valid else ""))
-        self.field = field
-        self.message = message
-        self.valid = valid
-
-    def __reduce__(self) -> tuple[type["InvalidInputError"], tuple[str, str, str | None]]:
-        """Exceptions are rebuilt from their text only, which processes that raise them for others cannot use."""
-        return type(self), (self.field, self.message, self.valid)
+from roboprompt_client.errors import InvalidInputError, RoboPromptError
 
 
 class ObjectSetError(InvalidInputError):
@@ -83,23 +61,6 @@ class ReplyParseError(RoboPromptError):
         super().__init__(message)
         self.message = message
         self.reply_text = reply_text
-
-
-class UnsafeActionError(RoboPromptError):
-    """An action that no robot may carry out. It is reported, never clipped.
-
-    Args:
-        index: of the action, from 0.
-        quantity: which of its members, e.g. ``position.z``.
-        message: what is wrong with it, with the value.
-        bound: what would be allowed.
-    """
-
-    def __init__(self, index: int, quantity: str, message: str, bound: str) -> None:
-        super().__init__(f"action {index}: {quantity} {message} (allowed: {bound})")
-        self.field = f"actions[{index}].{quantity}"
-        self.message = message
-        self.bound = bound
 
 
 class UnsupportedActionError(RoboPromptError):

@@ -3,9 +3,11 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from app.pipeline.episode import Demonstration, ObjectPose
-from app.pipeline.errors import InvalidInputError, ObjectSetError
+from app.pipeline.episode import Demonstration
+from app.pipeline.errors import ObjectSetError
 from app.pipeline.representation.base import Codec
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.trajectory import ObjectPose
 
 # The paper's system prompt (a) and its paraphrases (b) and (c), appendix B; one in the manner of KAT (arXiv 2403.19578)
 # that says the same as its authors' in other words; "none" for models that only continue text.

@@ -4,13 +4,13 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from app.pipeline.arrays import Array
-from app.pipeline.episode import Trajectory
-from app.pipeline.errors import InvalidInputError
 from app.pipeline.findings import Finding
 from app.pipeline.keyframes import Keyframe, KeyframeRule, manner_of
 from app.pipeline.keyframes.gripper import at_start, gripper_switches, hand_speeds_m_s
 from app.pipeline.keyframes.rule import MAX_KEYFRAMES
+from roboprompt_client.arrays import Array
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.trajectory import Trajectory
 
 LEAST_MOTION_M = 0.005
 LEAST_MOTION_DEG = 3.0

@@ -4,11 +4,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from app.pipeline.episode import EndEffectorAction, ObjectPose
 from app.pipeline.errors import ReplyParseError
 from app.pipeline.representation.base import Codec
+from roboprompt_client.motion_limits import MAX_ACTIONS
+from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
 
-MAX_ACTIONS = 25  # paper, section IV-B: the steps that an episode may take
 MAX_REPLY_CHARS = 100_000
 
 

@@ -11,12 +11,13 @@ from itertools import chain, combinations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.arrays import Array
-from app.pipeline.episode import Demonstration, ObjectPose
+from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding, Severity
 from app.pipeline.geometry import yaw_rad
 from app.pipeline.language.mentions import mention_order
 from app.pipeline.noise import MEAN_ERROR_M, MEAN_ERROR_RAD, MEAN_LENGTH
+from roboprompt_client.arrays import Array
+from roboprompt_client.trajectory import ObjectPose
 
 FIXED_M = 0.01  # what varies by less is the same in all demonstrations
 FIXED_DEG = 3.0

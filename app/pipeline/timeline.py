@@ -5,8 +5,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from app.pipeline.arrays import Array
-from app.pipeline.episode import Trajectory
+from roboprompt_client.arrays import Array
+from roboprompt_client.trajectory import Trajectory
 
 CONTROL_FREQUENCY_HZ = 20.0  # of RLBench's demonstrations
 

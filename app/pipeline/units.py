@@ -5,11 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.arrays import Array
-from app.pipeline.episode import ObjectPose, Trajectory
-from app.pipeline.errors import InvalidInputError
 from app.pipeline.keyframes.gripper import hand_speeds_m_s
 from app.pipeline.workspace import Workspace
+from roboprompt_client.arrays import Array
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.trajectory import ObjectPose, Trajectory
 
 MOST_MOTION_M = 3.0  # along an axis: no arm on a table reaches farther
 MOST_AWAY_M = 3.0  # of an object from all places where the hand was

@@ -17,13 +17,13 @@ from datetime import UTC, datetime, timedelta
 
 import anyio.to_thread
 
-from app.pipeline.errors import InvalidInputError, RoboPromptError
-from app.pipeline.wording import checked_name
 from app.store import api_keys, audit, sessions
 from app.store.api_keys import ApiKeyRecord
 from app.store.errors import StoreError
 from app.store.store import Store
 from app.store.visibility import Visibility
+from roboprompt_client.errors import InvalidInputError, RoboPromptError
+from roboprompt_client.wording import checked_name
 
 SCOPES = ("read", "upload", "predict", "admin")
 PREFIX = "rp"

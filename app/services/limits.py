@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 
 from app.perception.images import MAX_PIXELS
-from app.pipeline.errors import InvalidInputError, RoboPromptError, UnsafeActionError, UnsupportedActionError
-from app.pipeline.trajectory_npz import MAX_FRAMES, MAX_UNPACKED_BYTES
-from app.pipeline.wording import MAX_INSTRUCTION_CHARS, MAX_NAME_CHARS
+from app.pipeline.errors import UnsupportedActionError
+from roboprompt_client.errors import InvalidInputError, RoboPromptError, UnsafeActionError
+from roboprompt_client.trajectory_npz import MAX_FRAMES, MAX_UNPACKED_BYTES
+from roboprompt_client.wording import MAX_INSTRUCTION_CHARS, MAX_NAME_CHARS
 
 
 class ServiceError(RoboPromptError):

@@ -9,14 +9,14 @@ from typing import Any
 import anyio.to_thread
 from sqlalchemy import Connection
 
-from app.pipeline.episode import EndEffectorAction
-from app.pipeline.motion_guard import MotionGuard
-from app.pipeline.motion_limits import MotionLimits
 from app.services.cache import Cache
 from app.services.predict.question import Question
 from app.services.task_settings import TaskSettings
 from app.store import audit, tasks
 from app.store.store import Store
+from roboprompt_client.motion_guard import MotionGuard
+from roboprompt_client.motion_limits import MotionLimits
+from roboprompt_client.trajectory import EndEffectorAction
 
 CAPACITY = 64
 BOUNDS = ("workspace", "motion_limits")  # settings that decide which actions are unsafe

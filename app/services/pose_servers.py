@@ -14,11 +14,11 @@ from app.perception.models import RemoteModel, model_from_json
 from app.perception.object_model import ObjectModel
 from app.perception.poses_wire import PoseQuestion
 from app.perception.registry import estimate_poses
-from app.pipeline.addresses import is_loopback
-from app.pipeline.camera import RgbdFrame
-from app.pipeline.episode import ObjectPose
-from app.pipeline.errors import InvalidInputError
 from app.pipeline.prompt import check_object_names
+from roboprompt_client.addresses import is_loopback
+from roboprompt_client.camera import RgbdFrame
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.trajectory import ObjectPose
 
 SETTING = "ROBOPROMPT_POSE_SERVERS"
 REMEDY = 'an object model, e.g. {"estimator": "cuboid", "size_m": [0.05, 0.05, 0.05], "color": "red"}, or mask_ids'

@@ -7,13 +7,13 @@ import cv2
 from app.perception.base import ObjectQuery
 from app.perception.images import STORED_PIXELS, ImageBytes, decode_frame
 from app.perception.overlay import draw_overlay
-from app.pipeline.camera import Camera, RgbdFrame
 from app.services.task_settings import TaskSettings
 from app.store import episodes, predictions, tasks
 from app.store.blobs import BlobStore
 from app.store.errors import NotFoundError
 from app.store.store import Store
 from app.store.values import CameraRecord, ObjectRecord
+from roboprompt_client.camera import Camera, RgbdFrame
 
 
 def put_images(

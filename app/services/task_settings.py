@@ -22,17 +22,18 @@ from pydantic import (
 from app.perception.base import ObjectQuery
 from app.perception.models import model_from_json
 from app.perception.registry import pose_estimator
-from app.pipeline.arrays import Array
-from app.pipeline.episode import ObjectPose
-from app.pipeline.errors import InvalidInputError
 from app.pipeline.geometry import canonical_pose
 from app.pipeline.keyframes import SIMULATION_DELTA_RAD_S, KeyframeRule, Rule
 from app.pipeline.keyframes.rule import TOLERANCE_DEG, TOLERANCE_M
-from app.pipeline.motion_limits import HAND_RADIUS_M, Box, MotionLimits
 from app.pipeline.prompt import MAX_SYSTEM_PROMPT_CHARS
 from app.pipeline.representation import check_style
-from app.pipeline.wording import check_aliases_of, checked_aliases, checked_name
+from app.pipeline.wording import check_aliases_of, checked_aliases
 from app.pipeline.workspace import RLBENCH_MAX_M, RLBENCH_MIN_M, Workspace
+from roboprompt_client.arrays import Array
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.motion_limits import HAND_RADIUS_M, Box, MotionLimits
+from roboprompt_client.trajectory import MOST_JOINTS, MOST_WIDTH_M, ObjectPose, Trajectory
+from roboprompt_client.wording import checked_name
 
 
 def _no_truth_value(value: object) -> object:
@@ -212,6 +213,18 @@ class TaskSettings(_Settings):
     prompt_format: PromptFormat | None = None
     system_prompt: SystemPrompt | None = None
     num_demonstrations: Annotated[int, Field(ge=1, le=100)] = 10
+    num_joints: Annotated[
+        int | None, Field(ge=1, le=MOST_JOINTS, description="of the arm; null: the first episode decides")
+    ] = None
+    gripper_open_above_m: Annotated[
+        Number | None,
+        Field(
+            ge=0,
+            le=MOST_WIDTH_M,
+            description="the measured `gripper_width` above which the gripper counts as open;"
+            " null: the middle between the extremes of each recording",
+        ),
+    ] = None
     aliases: Annotated[
         dict[str, Annotated[tuple[str, ...], Field(max_length=32)]],
         Field(description="per object what people call it besides its name; no two objects share one"),
@@ -261,8 +274,23 @@ class TaskSettings(_Settings):
 
     def reads_unlike(self, other: "TaskSettings") -> bool:
         """Whether keyframes or poses may come out differently."""
-        mine, others = ((item.keyframes, item.pose_estimator, item.object_models) for item in (self, other))
+        mine, others = (
+            (item.keyframes, item.pose_estimator, item.object_models, item.gripper_open_above_m)
+            for item in (self, other)
+        )
         return mine != others
+
+    def with_joints_of(self, trajectory: Trajectory) -> "TaskSettings":
+        """The settings, with the number of joints once an episode has told it.
+
+        Raises:
+            InvalidInputError: if the trajectory is another arm's.
+        """
+        found = trajectory.num_joints
+        if found and self.num_joints not in (None, found):
+            message = f"has {found} joints, but the task's arm has {self.num_joints}"
+            raise InvalidInputError("trajectory.joint_velocities", message, f"shape (T, {self.num_joints})")
+        return self.model_copy(update={"num_joints": found}) if found else self
 
     def check_models(self, names: Iterable[str]) -> None:
         """Refuse models and aliases of objects that are not among the task's `names`."""

@@ -7,9 +7,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from app.client.robot import MotionError
-from app.pipeline.camera import RgbdFrame
-from app.pipeline.episode import EndEffectorAction, ObjectPose, Trajectory
 from app.sim.guided import GuidedPanda, Person
 from app.sim.moves import Move, action_from_move, moves_from_actions
 from app.sim.recorder import GripperState, Recorder
@@ -18,6 +15,9 @@ from app.sim.robot import DWELL_S, SimulatedPanda
 from app.sim.shift import shift_free_objects
 from app.sim.tasks import make_task
 from app.sim.world import CAMERA_NAMES
+from roboprompt_client.camera import RgbdFrame
+from roboprompt_client.errors import MotionError
+from roboprompt_client.trajectory import EndEffectorAction, ObjectPose, Trajectory
 
 # How experts are recorded: at rest at each of their poses, or passing them as a person does (`app.sim.guided`)
 Recordings = Literal["rests", "continuous"]

@@ -10,8 +10,6 @@ from functools import partial
 
 import numpy as np
 
-from app.client.robot import MotionError
-from app.pipeline.arrays import Array
 from app.sim import panda
 from app.sim.motion import JointMotion
 from app.sim.moves import Move, Pose
@@ -20,6 +18,8 @@ from app.sim.robot import GRIPPER_S, VELOCITY_LEAD_S, SimulatedPanda
 from app.sim.route import Pace, Route, joined
 from app.sim.tasks.base import SimTask
 from app.sim.world import TIMESTEP_S
+from roboprompt_client.arrays import Array
+from roboprompt_client.errors import MotionError
 
 STREAM = 3  # keeps the draw of habits apart from that of the same seed's scene
 

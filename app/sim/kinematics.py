@@ -8,9 +8,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.arrays import Array
 from app.sim import panda
 from app.sim.moves import Pose
+from roboprompt_client.arrays import Array
 
 POSITION_TOLERANCE_M = 1e-3
 ROTATION_TOLERANCE_RAD = np.radians(0.5)

@@ -7,10 +7,10 @@ import numpy.typing as npt
 import ruckig
 from scipy.interpolate import CubicSpline
 
-from app.pipeline.arrays import Array
 from app.sim import panda
 from app.sim.kinematics import Kinematics
 from app.sim.planner import Path
+from roboprompt_client.arrays import Array
 
 # Fractions of Franka's limits: brisk, and within what the position servos follow to a millimetre
 VELOCITY_SHARE, FREE_ACCELERATION_SHARE, LINE_ACCELERATION_SHARE, JERK_SHARE = 0.5, 0.25, 0.3, 0.05

@@ -7,8 +7,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.arrays import Array
-from app.pipeline.episode import EndEffectorAction
+from roboprompt_client.arrays import Array
+from roboprompt_client.trajectory import EndEffectorAction
 
 LOOSE_M = 0.03  # as close as it takes to a pose that only leads to another
 UP = np.array([0.0, 0.0, 1.0])

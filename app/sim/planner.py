@@ -10,11 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
-from app.client.robot import MotionError
-from app.pipeline.arrays import Array
 from app.sim import panda
 from app.sim.kinematics import Kinematics
 from app.sim.moves import Move, Pose
+from roboprompt_client.arrays import Array
+from roboprompt_client.errors import MotionError
 
 LINE_STEP_M, LINE_STEP_RAD = 0.02, 0.08
 LINE_ITERATIONS = 25

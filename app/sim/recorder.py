@@ -8,10 +8,10 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.arrays import Array
-from app.pipeline.episode import ObjectPose, Trajectory
-from app.pipeline.errors import InvalidInputError
 from app.sim import panda
+from roboprompt_client.arrays import Array
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.trajectory import ObjectPose, Trajectory
 
 GripperState = Literal["measured", "commanded"]
 TIME_TOLERANCE_S = 1e-9

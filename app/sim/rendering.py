@@ -14,10 +14,10 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from app.pipeline.arrays import Array
-from app.pipeline.camera import Camera, RgbdFrame
 from app.sim.opengl import NO_OPENGL
 from app.sim.world import HEIGHT_PX, MAIN_LIGHT_DIRECTION, SKY_RGB, WIDTH_PX, calibrated
+from roboprompt_client.arrays import Array
+from roboprompt_client.camera import Camera, RgbdFrame
 
 RANGE_M = 10.0
 TO_LIGHT = -np.array(MAIN_LIGHT_DIRECTION) / np.linalg.norm(MAIN_LIGHT_DIRECTION)

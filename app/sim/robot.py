@@ -6,10 +6,6 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from app.client.robot import MotionError, Observation
-from app.pipeline.arrays import Array
-from app.pipeline.episode import EndEffectorAction
-from app.pipeline.motion_limits import Pose as EndEffectorPose
 from app.sim import panda
 from app.sim.kinematics import Kinematics
 from app.sim.motion import time_path
@@ -18,6 +14,11 @@ from app.sim.planner import Path, Planner
 from app.sim.rendering import open_renderer
 from app.sim.tasks.base import SimTask
 from app.sim.world import BASE_POSITION_M, CAMERA_NAMES, TIMESTEP_S
+from roboprompt_client.arrays import Array
+from roboprompt_client.errors import MotionError
+from roboprompt_client.motion_limits import Pose as EndEffectorPose
+from roboprompt_client.robot import Observation
+from roboprompt_client.trajectory import EndEffectorAction
 
 GRIPPER_S = 0.5  # the Franka Hand closes at up to 0.1 m/s (data sheet): 0.4 s for its whole travel, and time to grip
 STOP_S = 0.1
@@ -29,7 +30,7 @@ VELOCITY_LEAD_S = panda.SERVO_DAMPING / panda.SERVO_STIFFNESS
 
 
 class SimulatedPanda:
-    """A Panda in a task's scene; implements `app.client.robot.Robot`. Simulated time passes only while it acts.
+    """A Panda in a task's scene; implements `roboprompt_client.robot.Robot`. Simulated time passes only while it acts.
 
     Args:
         task: the scene; the arm is where its data says.

@@ -12,11 +12,11 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline, CubicSpline, make_interp_spline
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.arrays import Array
 from app.sim import panda
 from app.sim.kinematics import Kinematics
 from app.sim.motion import METRES_PER_RAD, VELOCITY_SHARE, JointMotion
 from app.sim.planner import Path
+from roboprompt_client.arrays import Array
 
 SAMPLE_M = 0.003
 JOINT_METRES_PER_RAD = 0.1  # so that a change of posture with the tool at rest has a length, too

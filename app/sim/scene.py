@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.arrays import Array
 from app.sim.world import OBJECT_CONTACT
+from roboprompt_client.arrays import Array
 
 COLOURS = {
     "red": (0.85, 0.10, 0.10),

@@ -4,10 +4,10 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.arrays import Array
-from app.pipeline.errors import InvalidInputError
 from app.sim.tasks import TASKS
 from app.sim.tasks.base import SETTLE_S, SimTask
+from roboprompt_client.arrays import Array
+from roboprompt_client.errors import InvalidInputError
 
 TRIALS = 60
 DEEPEST_M = 0.0005  # solids that rest on each other sink in by less

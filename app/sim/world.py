@@ -9,9 +9,9 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.arrays import Array
-from app.pipeline.camera import Camera
 from app.sim import panda
+from roboprompt_client.arrays import Array
+from roboprompt_client.camera import Camera
 
 WIDTH_PX, HEIGHT_PX = 640, 480
 OPENCV_TO_MUJOCO = np.diag([1.0, -1.0, -1.0])  # the camera's axes: y up instead of down, z backward instead of forward

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from app.pipeline.errors import RoboPromptError
+from roboprompt_client.errors import RoboPromptError
 
 
 class StoreError(RoboPromptError):

@@ -4,9 +4,10 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Literal
 
-from app.pipeline.episode import Demonstration, Trajectory
+from app.pipeline.episode import Demonstration
 from app.pipeline.timeline import CONTROL_FREQUENCY_HZ
 from app.store.values import CameraRecord, JsonObject, KeyframeRecord, ObjectRecord
+from roboprompt_client.trajectory import Trajectory
 
 PredictionStatus = Literal["ok", "parse_error", "unsafe_action", "unsupported", "model_error"]
 JobStatus = Literal["queued", "running", "done", "failed"]

@@ -10,9 +10,9 @@ from typing import Any, Self
 
 import numpy as np
 
-from app.pipeline.arrays import Array
-from app.pipeline.camera import Camera
-from app.pipeline.episode import EndEffectorAction, ObjectPose
+from roboprompt_client.arrays import Array
+from roboprompt_client.camera import Camera
+from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
 
 JsonObject = dict[str, Any]
 

@@ -5,14 +5,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from app.pipeline.arrays import Array
-from app.pipeline.episode import Trajectory
 from app.pipeline.keyframes import find_keyframes
 from app.pipeline.timeline import CONTROL_FREQUENCY_HZ
 from app.pipeline.workspace import discretize_action
 from app.services.task_settings import KeyframeSettings, TaskSettings
 from app.store.values import JsonObject
 from app.web.scene3d import frame
+from roboprompt_client.arrays import Array
+from roboprompt_client.trajectory import Trajectory
 
 MAX_SHOWN = 300  # a rule that takes every frame of a long episode would bring a browser to its knees
 

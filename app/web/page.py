@@ -30,10 +30,10 @@ from starlette.types import Scope
 from app.api.access_rules import COOKIE
 from app.api.problems import problem_of
 from app.perception.images import decode_rgb
-from app.pipeline.errors import RoboPromptError
 from app.store.blobs import BlobStore
 from app.store.records import TaskCounts
 from app.store.values import CameraRecord
+from roboprompt_client.errors import RoboPromptError
 
 FOLDER = Path(__file__).parent / "static"
 FOREVER = "public, max-age=31536000, immutable"  # an address changes with its content

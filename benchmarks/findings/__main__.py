@@ -12,11 +12,11 @@ import time
 from dataclasses import asdict
 from pathlib import Path
 
-from app.client.client import RoboPromptClient
 from app.evaluation.server import running_server
 from app.sim.tasks import TASKS
 from benchmarks.findings.table import tables, totals
 from benchmarks.findings.trials import Outcomes, trials
+from roboprompt_client.client import RoboPromptClient
 
 SERVICE = {"ROBOPROMPT_WARM_UP": "false", "ROBOPROMPT_DEFAULT_MODEL": "nearest"}
 

@@ -8,10 +8,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from app.evaluation.paper import disturbed
-from app.pipeline.episode import ObjectPose
 from app.pipeline.language.mentions import mention_order
 from app.pipeline.noise import MEAN_ERROR_M
 from app.sim.demonstrate import RecordedDemonstration, Recordings, SceneView
+from roboprompt_client.trajectory import ObjectPose
 
 Poses = tuple[ObjectPose, ...]
 ELSEWHERE_M = 0.20

@@ -8,13 +8,13 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
-from app.client.client import RoboPromptClient
-from app.client.errors import ServiceProblemError
-from app.client.robot import Observation
-from app.pipeline.episode import EndEffectorAction
 from app.sim.demonstrate import RecordedDemonstration, SceneView, record_demonstration, rollout, view_scene
 from app.sim.tasks import TASKS
 from benchmarks.findings.conditions import CONDITIONS, Condition, Lesson
+from roboprompt_client.client import RoboPromptClient
+from roboprompt_client.errors import ServiceProblemError
+from roboprompt_client.robot import Observation
+from roboprompt_client.trajectory import EndEffectorAction
 
 DEMONSTRATIONS = 10
 UNSEEN_FROM = 100_000  # scenes are drawn from so many seeds after the demonstrations

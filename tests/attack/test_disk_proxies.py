@@ -8,11 +8,11 @@ from threading import Thread
 import httpx
 import pytest
 
-from app.client.client import RoboPromptClient
 from app.llm.base import CompletionRequest, ModelProfile
 from app.llm.openai_compatible import OpenAiCompatibleModel
 from app.perception.remote import PoseServer, PoseServerReplyError
 from app.pipeline.prompt import Prompt
+from roboprompt_client.client import RoboPromptClient
 
 REPLY = {"choices": [{"text": "[[1]]", "finish_reason": "stop"}]}
 

@@ -11,7 +11,7 @@ from app.datasets.apart import open_apart
 from app.datasets.bounds import DatasetError
 from app.datasets.formats import open_dataset
 from app.datasets.options import ImportOptions
-from app.pipeline.errors import InvalidInputError
+from roboprompt_client.errors import InvalidInputError
 
 METADATA = {"task": "pick", "instruction": "x", "objects": [{"name": "cube", "position": [0, 0, 0]}]}
 

@@ -9,8 +9,8 @@ import pytest
 from typer.testing import CliRunner
 
 from app.cli import application
-from app.client import __main__ as script
 from app.evaluation.server import free_port
+from roboprompt_client import cli as script
 
 
 def said(run):
@@ -138,7 +138,7 @@ def test_the_robots_script_says_what_objects_it_wants(content, expected, monkeyp
     file = tmp_path / "objects.json"
     if content is not None:
         file.write_text(content)
-    monkeypatch.setattr("app.client.client.RoboPromptClient.check", lambda self: None)
+    monkeypatch.setattr("roboprompt_client.client.RoboPromptClient.ping", lambda self: None)
     words = ("predict", "--task", "x", "--instruction", "x", "--objects", str(file))
     code, errors = run_script(monkeypatch, capsys, *words)
     assert (code, len(errors.splitlines())) == (1, 1)
@@ -167,7 +167,7 @@ def test_models_of_a_running_service(monkeypatch):
     )
     answers = {"/healthz": {"status": "ok", "checks": {}}, "/models": {"models": list(offered)}}
     monkeypatch.setattr(
-        "app.client.client.RoboPromptClient.get", lambda self, path: json.loads(json.dumps(answers[path]))
+        "roboprompt_client.client.RoboPromptClient.get", lambda self, path: json.loads(json.dumps(answers[path]))
     )
     for model, expected in (
         ("openai/gpt-4o", "openai/gpt-4o: set a key"),

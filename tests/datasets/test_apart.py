@@ -5,7 +5,7 @@ from app.datasets.archive import write_archive
 from app.datasets.bounds import DatasetError
 from app.datasets.formats import open_dataset
 from app.datasets.options import ImportOptions
-from app.pipeline.errors import InvalidInputError
+from roboprompt_client.errors import InvalidInputError
 from tests.datasets.parcels import parcels
 
 

@@ -13,7 +13,7 @@ from app.datasets.lerobot.writer import write_lerobot
 from app.datasets.options import ImportOptions, KnownObjects
 from app.datasets.recording import ObjectEntry
 from app.perception.images import decode_rgb
-from app.pipeline.trajectory_npz import trajectory_from_npz
+from roboprompt_client.trajectory_npz import trajectory_from_npz
 from tests.datasets.parcels import parcel, parcels
 from tests.episodes import camera, png
 

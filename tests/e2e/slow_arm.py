@@ -1,4 +1,4 @@
-"""A robot for `python -m app.client run --robot`: it writes what it is told into the file that ARM_LOG names."""
+"""A robot for `roboprompt-robot run --robot`: it writes what it is told into the file that ARM_LOG names."""
 
 import os
 import time
@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from app.client.robot import Observation
-from app.pipeline.episode import ObjectPose
+from roboprompt_client.robot import Observation
+from roboprompt_client.trajectory import ObjectPose
 
 
 class SlowArm:

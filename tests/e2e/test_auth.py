@@ -10,10 +10,10 @@ from typer.testing import CliRunner
 
 from app.api.access_rules import COOKIE
 from app.cli import application
-from app.client.client import RoboPromptClient
-from app.client.errors import ServiceProblemError
 from app.services.api_keys import SCOPES, create_key
 from app.store.store import Store
+from roboprompt_client.client import RoboPromptClient
+from roboprompt_client.errors import ServiceProblemError
 from tests.e2e.processes import killable_server
 from tests.episodes import metadata, upload
 

@@ -9,9 +9,9 @@ from typer.testing import CliRunner
 
 from app.api.schemas.predictions import TaskCheckOut
 from app.cli import application
-from app.client.client import RoboPromptClient
-from app.client.errors import ServiceProblemError
-from app.client.robot import Observation
+from roboprompt_client.client import RoboPromptClient
+from roboprompt_client.errors import ServiceProblemError
+from roboprompt_client.robot import Observation
 from tests.pipeline.check.recordings import recorded, slipped
 
 

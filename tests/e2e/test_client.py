@@ -7,12 +7,12 @@ import sys
 import numpy as np
 import pytest
 
-from app.client.client import RoboPromptClient
-from app.client.errors import ServiceProblemError, ServiceUnreachableError
-from app.client.robot import Observation
 from app.evaluation.server import free_port
-from app.pipeline.camera import Camera, RgbdFrame
-from app.pipeline.episode import ObjectPose
+from roboprompt_client.camera import Camera, RgbdFrame
+from roboprompt_client.client import RoboPromptClient
+from roboprompt_client.errors import ServiceProblemError, ServiceUnreachableError
+from roboprompt_client.robot import Observation
+from roboprompt_client.trajectory import ObjectPose
 from tests.episodes import arrays, npz, pick_trajectory
 
 PLACES_M = [(0.11, 0.02, 0.78), (0.21, -0.13, 0.78), (0.3, 0.2, 0.78), (0.05, -0.2, 0.78)]
@@ -85,7 +85,10 @@ def test_the_script(url, tmp_path):
 
     def run(*words):
         return subprocess.run(
-            [sys.executable, "-m", "app.client", "--url", url, *words], capture_output=True, text=True, timeout=60
+            [sys.executable, "-m", "roboprompt_client", "--url", url, *words],
+            capture_output=True,
+            text=True,
+            timeout=60,
         )
 
     assert len(json.loads(run("upload", *scene, str(trajectory)).stdout)["keyframes"]) == 3
@@ -97,7 +100,7 @@ def test_the_script(url, tmp_path):
 
 
 def test_the_script_needs_nothing_of_the_server():
-    code = "import sys, app.client.__main__; print([m for m in sys.modules if m.split('.')[0] in NAMES])"
-    names = "NAMES = {'fastapi', 'pydantic', 'sqlalchemy', 'uvicorn', 'mujoco', 'typer'}; "
+    code = "import sys, roboprompt_client.cli; print([m for m in sys.modules if m.split('.')[0] in NAMES])"
+    names = "NAMES = {'fastapi', 'pydantic', 'sqlalchemy', 'uvicorn', 'mujoco', 'typer', 'scipy', 'app'}; "
     done = subprocess.run([sys.executable, "-c", names + code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"

@@ -11,7 +11,7 @@ from app.cli import application
 from app.datasets.archive import write_archive
 from app.evaluation.server import free_port, running_server
 from app.pipeline.keyframes import merged
-from app.pipeline.trajectory_npz import trajectory_from_npz
+from roboprompt_client.trajectory_npz import trajectory_from_npz
 from tests.datasets import peract_folder as peract
 from tests.datasets.parcels import parcels
 from tests.episodes import arrays, camera, metadata, multipart, npz, pick_trajectory, png

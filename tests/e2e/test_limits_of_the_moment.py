@@ -11,10 +11,9 @@ from itertools import count
 import httpx
 import pytest
 
-from app.client.client import RoboPromptClient
-from app.client.errors import ServiceProblemError
-from app.client.loop import run_task
-from app.pipeline.errors import InvalidInputError
+from roboprompt_client.client import RoboPromptClient
+from roboprompt_client.errors import InvalidInputError, ServiceProblemError
+from roboprompt_client.loop import run_task
 from tests.e2e.processes import killable_server
 from tests.e2e.test_safety import NEAR, PICK, QUERY_M, located, teach
 from tests.e2e.test_stream import Arm, seen
@@ -225,7 +224,7 @@ def test_the_script_tells_where_the_arm_is(service, tmp_path):
     command = [
         sys.executable,
         "-m",
-        "app.client",
+        "roboprompt_client",
         "--url",
         client.url,
         "predict",

@@ -43,7 +43,7 @@ def images(**parts):
 
 
 CASES = {
-    "wrong shape": (with_array("joint_velocities", np.zeros((5, 6))), "trajectory.joint_velocities"),
+    "wrong shape": (with_array("joint_velocities", np.zeros((5, 17))), "trajectory.joint_velocities"),
     "lengths differ": (with_array("gripper_open", np.ones(3)), "trajectory.gripper_open"),
     "no frames": (
         {"npz": npz(**{name: array[:0] for name, array in GOOD.items()})},

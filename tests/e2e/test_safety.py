@@ -13,11 +13,10 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 import numpy as np
 import pytest
 
-from app.client.client import RoboPromptClient
-from app.client.errors import ServiceProblemError, ServiceUnreachableError
-from app.client.loop import run_closed_loop, run_task
-from app.pipeline.errors import InvalidInputError, UnsafeActionError
-from app.pipeline.motion_limits import Box, MotionLimits, Pose
+from roboprompt_client.client import RoboPromptClient
+from roboprompt_client.errors import InvalidInputError, ServiceProblemError, ServiceUnreachableError, UnsafeActionError
+from roboprompt_client.loop import run_closed_loop, run_task
+from roboprompt_client.motion_limits import Box, MotionLimits, Pose
 from tests.e2e.processes import killable_server, slow_llm
 from tests.e2e.test_stream import Arm, seen, tracked
 from tests.episodes import pick_trajectory
@@ -207,8 +206,8 @@ def test_a_service_that_is_killed_between_the_steps_of_a_closed_loop_stops_the_r
 
 
 def script(url, log, *options, arm_seconds=0.0, **kinds):
-    """`python -m app.client run` with an arm that takes its time."""
-    command = [sys.executable, "-m", "app.client", "--url", url, "run", "--robot", "tests.e2e.slow_arm:SlowArm"]
+    """`roboprompt-robot run` with an arm that takes its time."""
+    command = [sys.executable, "-m", "roboprompt_client", "--url", url, "run", "--robot", "tests.e2e.slow_arm:SlowArm"]
     environment = {**os.environ, "ARM_LOG": str(log), "ARM_SECONDS": str(arm_seconds)}
     return subprocess.Popen(
         [*command, "--instruction", PICK, *options], env=environment, stderr=subprocess.PIPE, stdout=subprocess.PIPE,

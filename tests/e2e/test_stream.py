@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 from httpx_sse import connect_sse
 
-from app.client.answers import PredictedActions
-from app.client.client import RoboPromptClient
-from app.client.errors import ServiceProblemError, ServiceUnreachableError
-from app.client.loop import NotConfirmedError, run_closed_loop, run_task
-from app.client.robot import MotionError, Observation
 from app.evaluation.server import running_server
-from app.pipeline.episode import EndEffectorAction, ObjectPose
-from app.pipeline.motion_limits import MotionLimits
+from roboprompt_client.answers import PredictedActions
+from roboprompt_client.client import RoboPromptClient
+from roboprompt_client.errors import MotionError, NotConfirmedError, ServiceProblemError, ServiceUnreachableError
+from roboprompt_client.loop import run_closed_loop, run_task
+from roboprompt_client.motion_limits import MotionLimits
+from roboprompt_client.robot import Observation
+from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
 from tests.episodes import pick_trajectory
 
 PLACES_M = np.random.default_rng(3).uniform([0.0, -0.3, 0.77], [0.4, 0.3, 0.79], (10, 3)).round(4)

@@ -4,9 +4,9 @@ from scipy.spatial.transform import Rotation
 
 from app.evaluation.results import TaughtEpisode
 from app.evaluation.trials import replayed
-from app.pipeline.episode import ObjectPose, Trajectory
-from app.pipeline.metadata import object_json
 from app.sim.demonstrate import RecordedDemonstration, SceneView
+from roboprompt_client.metadata import object_json
+from roboprompt_client.trajectory import ObjectPose, Trajectory
 
 KEYFRAMES = [3, 5]
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from app.evaluation.paper import disturbed
-from app.pipeline.episode import ObjectPose
+from roboprompt_client.trajectory import ObjectPose
 
 POSE = ObjectPose("cube", [0.2, -0.1, 0.8], Rotation.from_euler("xyz", [0.2, -0.4, 1.0]).as_quat())
 

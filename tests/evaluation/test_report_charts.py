@@ -8,9 +8,9 @@ from PIL import Image
 from app.evaluation.report.charts import DARK, LIGHT, THEMES, speed_plot, success_chart
 from app.evaluation.report.page import duration_text, tokens_text
 from app.evaluation.scores import Result
-from app.pipeline.episode import Trajectory
 from app.pipeline.keyframes import SIMULATION_DELTA_RAD_S
 from app.pipeline.success_rate import SuccessRate
+from roboprompt_client.trajectory import Trajectory
 
 
 def trajectory(timestamps_s=None):

@@ -11,10 +11,10 @@ from app.evaluation.report.drawing import (
     draw_scene,
     project,
 )
-from app.pipeline.camera import Camera, RgbdFrame
-from app.pipeline.episode import EndEffectorAction, ObjectPose
 from app.pipeline.geometry import backproject
 from app.sim.world import calibrated
+from roboprompt_client.camera import Camera, RgbdFrame
+from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
 
 CAMERA = calibrated("front")
 GREY = np.full((480, 640, 3), 128, np.uint8)

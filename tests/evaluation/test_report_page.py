@@ -9,13 +9,13 @@ from urllib.parse import urlsplit
 import pytest
 from PIL import Image
 
-from app.client.client import RoboPromptClient
-from app.client.robot import Observation
 from app.evaluation.illustrate import MAX_FAILURES
 from app.evaluation.report import write_report
 from app.evaluation.results import REPLAY, Evaluation, Method, TaskEvaluation, TaughtEpisode, Trial
 from app.evaluation.server import running_server
 from app.sim.demonstrate import record_demonstration, rollout, view_scene
+from roboprompt_client.client import RoboPromptClient
+from roboprompt_client.robot import Observation
 
 TASK = "open_drawer"
 METHOD = Method("regression", {"model": "regression"})

@@ -10,7 +10,7 @@ from app.cli import application
 from app.evaluation.ledger import digest_of, document_of, outcome_of
 from app.evaluation.methods import COPY, with_shift
 from app.evaluation.results import REPLAY, Method
-from app.pipeline.errors import InvalidInputError
+from roboprompt_client.errors import InvalidInputError
 from tests.evaluation.trials import trial
 
 

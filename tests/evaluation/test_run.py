@@ -9,8 +9,6 @@ import numpy as np
 import pytest
 from rich.progress import Progress
 
-from app.client.client import RoboPromptClient
-from app.client.errors import ServiceUnreachableError
 from app.evaluation.failures import OtherModelError, ServiceLostError
 from app.evaluation.illustrate import illustrated
 from app.evaluation.ledger import Ledger
@@ -21,6 +19,8 @@ from app.evaluation.results import EXPERT, REPLAY, Crash, Evaluation, Method
 from app.evaluation.run import Run
 from app.evaluation.server import free_port, running_server
 from app.sim.demonstrate import view_scene
+from roboprompt_client.client import RoboPromptClient
+from roboprompt_client.errors import ServiceUnreachableError
 
 NOISY = Method("noisy", {"model": "regression"}, noise=2.0)
 SPARSE = Method("uniform", {"model": "regression"}, settings={"keyframes": {"rule": "uniform", "interval": 40}})

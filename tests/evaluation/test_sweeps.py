@@ -16,10 +16,10 @@ from app.evaluation.methods import (
 )
 from app.evaluation.results import EXPERT, REPLAY, Method
 from app.evaluation.teach import suffix_of, variants
-from app.pipeline.errors import InvalidInputError
-from app.pipeline.wording import NAME_PATTERN
 from app.services.task_settings import TaskSettings
 from app.sim.tasks import TASKS
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.wording import NAME_PATTERN
 
 SCENE = {"task": "stack_cube", "instruction": "stack", "objects": [{"name": "cube", "position": [0, 0, 1]}]}
 

@@ -6,7 +6,7 @@ import pytest
 from app.perception.base import GivenPoses, ObjectQuery
 from app.perception.masks import MaskedPoints
 from app.perception.registry import ESTIMATORS, pose_estimator
-from app.pipeline.errors import InvalidInputError
+from roboprompt_client.errors import InvalidInputError
 
 
 @pytest.mark.parametrize(

@@ -6,9 +6,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from app.perception.calibration import CharucoBoard, calibrate
-from app.pipeline.camera import Camera
-from app.pipeline.errors import InvalidInputError
 from app.pipeline.geometry import rigid
+from roboprompt_client.camera import Camera
+from roboprompt_client.errors import InvalidInputError
 from tests.perception.flat_scene import Quad, camera, noisy, render
 
 BOARD = CharucoBoard(5, 7, 0.035, 0.026)

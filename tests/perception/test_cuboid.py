@@ -8,8 +8,9 @@ from app.perception.base import ObjectQuery
 from app.perception.cuboid.estimator import CuboidPoses
 from app.perception.cuboid.model import COLORS, ColorModel, CuboidModel, Rank
 from app.perception.models import MasksModel
-from app.pipeline.errors import InvalidInputError, ObjectNotVisibleError, UncertainPoseError
+from app.pipeline.errors import ObjectNotVisibleError, UncertainPoseError
 from app.pipeline.geometry import yaw_rad
+from roboprompt_client.errors import InvalidInputError
 from tests.perception.flat_scene import camera
 from tests.perception.solid_scene import FRONT, LEFT, Solid, cube, shoot
 

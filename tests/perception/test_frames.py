@@ -3,8 +3,8 @@ import numpy as np
 import pytest
 
 from app.perception.images import ImageBytes, decode_frame
-from app.pipeline.camera import Camera
-from app.pipeline.errors import InvalidInputError
+from roboprompt_client.camera import Camera
+from roboprompt_client.errors import InvalidInputError
 
 CAMERA = Camera("front", 60, 60, 2.5, 1.5, np.eye(4), depth_scale=0.002)
 RGB = np.random.default_rng(0).integers(0, 256, (4, 6, 3), np.uint8)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from app.perception.base import GivenPoses, ObjectQuery
-from app.pipeline.errors import InvalidInputError
+from roboprompt_client.errors import InvalidInputError
 
 
 def test_poses_are_taken_as_they_come():

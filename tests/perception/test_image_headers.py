@@ -6,7 +6,7 @@ import pytest
 
 from app.perception import image_headers
 from app.perception.images import decode_depth, decode_rgb, num_pixels
-from app.pipeline.errors import InvalidInputError
+from roboprompt_client.errors import InvalidInputError
 from tests.attack.payloads import START_OF_SCAN, many_scans, png_chunk, png_with
 from tests.npy import HOSTILE, npy
 

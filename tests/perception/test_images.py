@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from app.perception.images import MAX_PIXELS, as_image, decode_depth, decode_mask, decode_rgb
-from app.pipeline.errors import InvalidInputError
+from roboprompt_client.errors import InvalidInputError
 
 from ..npy import HOSTILE, npy
 

@@ -7,7 +7,7 @@ from app.perception.base import LabelledScene, ObjectQuery
 from app.perception.cuboid.estimator import CuboidPoses
 from app.perception.cuboid.learn import learn_models
 from app.perception.cuboid.pieces import color_mask, to_hsv
-from app.pipeline.errors import InvalidInputError
+from roboprompt_client.errors import InvalidInputError
 from tests.perception.solid_scene import FRONT, LEFT, Solid, cube, labelled, shoot
 
 BAR_M = (0.08, 0.04, 0.03)

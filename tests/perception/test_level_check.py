@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from app.perception.frame_checks import check_level
-from app.pipeline.errors import InvalidInputError
+from roboprompt_client.errors import InvalidInputError
 from tests.perception.solid_scene import FRONT, LEFT, cube, shoot
 
 

@@ -7,7 +7,7 @@ from app.perception.markers.estimator import confidence, depth_contradiction
 from app.perception.markers.fit import MarkerFit
 from app.perception.markers.model import Marker
 from app.perception.markers.view import MarkerView
-from app.pipeline.camera import Camera
+from roboprompt_client.camera import Camera
 
 CAMERA = Camera("front", 600, 600, 320, 240, np.eye(4))
 GOOD = MarkerFit(np.eye(4), 5.0, 0.1, 0.001, np.radians(1))

@@ -5,7 +5,7 @@ import pytest
 
 from app.perception.markers.model import Marker, MarkersModel
 from app.perception.models import model_from_json
-from app.pipeline.errors import InvalidInputError
+from roboprompt_client.errors import InvalidInputError
 
 SHIFTED = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.025), (0.0, 0.0, 0.0, 1.0))
 DOCUMENT = {"estimator": "markers", "dictionary": "DICT_APRILTAG_36h11", "markers": [{"id": 7, "size_m": 0.03}]}

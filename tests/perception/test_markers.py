@@ -7,9 +7,10 @@ from app.perception.base import ObjectQuery
 from app.perception.markers.estimator import MarkerPoses
 from app.perception.markers.model import Marker, MarkersModel
 from app.perception.markers.view import find_markers
-from app.pipeline.camera import RgbdFrame
-from app.pipeline.errors import InvalidInputError, ObjectNotVisibleError, UncertainPoseError
+from app.pipeline.errors import ObjectNotVisibleError, UncertainPoseError
 from app.pipeline.geometry import inverse
+from roboprompt_client.camera import RgbdFrame
+from roboprompt_client.errors import InvalidInputError
 from tests.perception.flat_scene import camera, marker_quad, noisy, render
 
 DICTIONARY = "DICT_4X4_50"

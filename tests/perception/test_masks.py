@@ -3,8 +3,9 @@ import pytest
 
 from app.perception.base import ObjectQuery
 from app.perception.masks import MaskedPoints
-from app.pipeline.camera import Camera, RgbdFrame
-from app.pipeline.errors import InvalidInputError, ObjectNotVisibleError
+from app.pipeline.errors import ObjectNotVisibleError
+from roboprompt_client.camera import Camera, RgbdFrame
+from roboprompt_client.errors import InvalidInputError
 
 HEIGHT, WIDTH, F_PX = 4, 6, 100
 CUP, PLATE = 98, 7

@@ -7,7 +7,7 @@ from app.perception.base import ObjectQuery
 from app.perception.cuboid.model import ColorModel, CuboidModel, Rank
 from app.perception.models import MODELS, MasksModel, model_from_json
 from app.perception.registry import ESTIMATORS
-from app.pipeline.errors import InvalidInputError
+from roboprompt_client.errors import InvalidInputError
 
 CUBOID = {"estimator": "cuboid", "size_m": [0.05, 0.05, 0.05], "color": "red"}
 FULL = CuboidModel(

@@ -6,9 +6,9 @@ from app.perception.cuboid.model import ColorModel, CuboidModel
 from app.perception.markers.model import Marker, MarkersModel
 from app.perception.models import RemoteModel
 from app.perception.overlay import AXIS_COLORS, PALETTE, draw_overlay, outlines
-from app.pipeline.camera import Camera, RgbdFrame
-from app.pipeline.episode import ObjectPose
-from app.pipeline.errors import InvalidInputError
+from roboprompt_client.camera import Camera, RgbdFrame
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.trajectory import ObjectPose
 
 HEIGHT, WIDTH = 240, 320
 GREY = 200

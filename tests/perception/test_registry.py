@@ -6,7 +6,7 @@ import pytest
 from app.perception.base import ObjectQuery
 from app.perception.models import MODELS, MasksModel, model_from_json
 from app.perception.registry import ESTIMATORS, estimate_poses
-from app.pipeline.errors import InvalidInputError
+from roboprompt_client.errors import InvalidInputError
 from tests.perception.solid_scene import FRONT, LEFT, cube, shoot
 
 SOLIDS = (cube("red", 0.05, 0.1), cube("blue", -0.1, -0.05))

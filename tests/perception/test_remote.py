@@ -15,8 +15,9 @@ from app.perception.remote import (
     PoseServerUnavailableError,
     RemotePoses,
 )
-from app.pipeline.camera import Camera, RgbdFrame
-from app.pipeline.errors import InvalidInputError, ObjectNotVisibleError, UncertainPoseError
+from app.pipeline.errors import ObjectNotVisibleError, UncertainPoseError
+from roboprompt_client.camera import Camera, RgbdFrame
+from roboprompt_client.errors import InvalidInputError
 from tests.perception.pose_server_loopback import send, serving
 
 TURNED = [0.0, 0.0, 0.6, 0.8]

@@ -3,7 +3,7 @@ import json
 import pytest
 
 from app.perception.models import RemoteModel, model_from_json
-from app.pipeline.errors import InvalidInputError
+from roboprompt_client.errors import InvalidInputError
 
 URL = "http://127.0.0.1:8000/poses"
 

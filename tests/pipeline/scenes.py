@@ -4,8 +4,9 @@ import numpy as np
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.episode import Demonstration, EndEffectorAction, ObjectPose
+from app.pipeline.episode import Demonstration
 from app.pipeline.workspace import Workspace
+from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
 
 WORKSPACE = Workspace.rlbench()
 DOWN_DEG = (180, 0, 0)

@@ -3,9 +3,10 @@ import pytest
 
 from app.pipeline.closed_loop import ClosedLoopTemplate
 from app.pipeline.episode import Demonstration
-from app.pipeline.errors import InvalidInputError, ReplyParseError
+from app.pipeline.errors import ReplyParseError
 from app.pipeline.reply import parse_reply
 from app.pipeline.representation import fit_step
+from roboprompt_client.errors import InvalidInputError
 
 from .gbnf import matches
 from .scenes import WORKSPACE, action, pose

@@ -3,7 +3,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from app.pipeline.comparison import action_deviations, object_reach
-from app.pipeline.episode import Demonstration, EndEffectorAction, ObjectPose
+from app.pipeline.episode import Demonstration
+from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
 
 DOWN = np.array([1.0, 0.0, 0.0, 0.0])
 OFFSETS_M = ([0.0, 0.0, 0.1], [0.0, 0.0, 0.0], [0.0, 0.0, 0.2])

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from app.pipeline.consensus import consensus, median_action
-from app.pipeline.episode import EndEffectorAction
 from app.pipeline.errors import ReplyParseError
+from roboprompt_client.trajectory import EndEffectorAction
 
 
 def action(x_m, yaw_deg=0.0, is_open=True):

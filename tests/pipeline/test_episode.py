@@ -3,10 +3,12 @@ import math
 import numpy as np
 import pytest
 
-from app.pipeline.arrays import finite_array, unit_quaternions
-from app.pipeline.camera import Camera, RgbdFrame
-from app.pipeline.episode import EndEffectorAction, Episode, ObjectPose, Trajectory, checked_instruction, checked_name
-from app.pipeline.errors import InvalidInputError, RoboPromptError
+from app.pipeline.episode import Episode
+from roboprompt_client.arrays import finite_array, unit_quaternions
+from roboprompt_client.camera import Camera, RgbdFrame
+from roboprompt_client.errors import InvalidInputError, RoboPromptError
+from roboprompt_client.trajectory import EndEffectorAction, ObjectPose, Trajectory
+from roboprompt_client.wording import checked_instruction, checked_name
 
 from .scenes import rotated
 
@@ -28,6 +30,7 @@ VALID = {
     "joint_positions_rad": np.ones((T, 7)),
     "object_positions_m": np.ones((T, 2, 3)),
     "object_quaternions_xyzw": np.tile([0.0, 0.6, 0.0, 0.8], (T, 2, 1)),
+    "gripper_width_m": np.linspace(0, 0.08, T),
 }
 VELOCITIES, POSITIONS, QUATERNIONS = (
     "trajectory.joint_velocities",
@@ -40,7 +43,8 @@ VELOCITIES, POSITIONS, QUATERNIONS = (
     ("changes", "field"),
     [
         ({"joint_velocities_rad_s": np.ones((0, 7))}, VELOCITIES),
-        ({"joint_velocities_rad_s": np.ones((T, 6))}, VELOCITIES),
+        ({"joint_velocities_rad_s": np.ones((T, 17))}, VELOCITIES),
+        ({"joint_velocities_rad_s": np.ones((T, 6))}, "trajectory.joint_positions"),
         ({"joint_velocities_rad_s": np.ones(7)}, VELOCITIES),
         ({"joint_velocities_rad_s": np.ones((T, 7, 1))}, VELOCITIES),
         ({"joint_velocities_rad_s": with_element(np.ones((T, 7)), math.nan)}, VELOCITIES),
@@ -67,6 +71,9 @@ VELOCITIES, POSITIONS, QUATERNIONS = (
         ({"object_positions_m": None}, "trajectory.object_quaternions_xyzw"),
         ({"object_quaternions_xyzw": np.ones((T, 2, 4))}, "trajectory.object_quaternions_xyzw"),
         ({"object_positions_m": np.ones((T, 3, 3))}, "trajectory.object_quaternions_xyzw"),
+        ({"gripper_width_m": np.full(T, 80.0)}, "trajectory.gripper_width"),
+        ({"gripper_width_m": np.full(T, -0.01)}, "trajectory.gripper_width"),
+        ({"gripper_width_m": np.ones((T, 1))}, "trajectory.gripper_width"),
         ({"joint_positions_rad": with_element(np.ones((T, 7)), math.inf)}, "trajectory.joint_positions"),
     ],
 )

@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.camera import Camera, RgbdFrame
-from app.pipeline.errors import InvalidInputError
 from app.pipeline.geometry import backproject, canonical_pose, tilt_rad, transform_points, yaw_rad
+from roboprompt_client.camera import Camera, RgbdFrame
+from roboprompt_client.errors import InvalidInputError
 
 from .scenes import angle_deg, pose, positions, rotated, rotations
 

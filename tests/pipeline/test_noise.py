@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.episode import ObjectPose
 from app.pipeline.noise import MEAN_ERROR_M, MEAN_ERROR_RAD, disturbed
+from roboprompt_client.trajectory import ObjectPose
 
 PLACE_M = np.array([0.2, -0.1, 0.8])
 TURN = Rotation.from_euler("xyz", [0.2, -0.4, 1.0])

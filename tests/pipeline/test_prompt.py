@@ -1,8 +1,9 @@
 import pytest
 
-from app.pipeline.errors import InvalidInputError, ObjectSetError
+from app.pipeline.errors import ObjectSetError
 from app.pipeline.prompt import PromptTemplate, check_object_names, objects_of_task, system_prompt_text
 from app.pipeline.representation import fit_codec
+from roboprompt_client.errors import InvalidInputError
 
 from .gbnf import matches
 from .scenes import WORKSPACE, action, demonstration, pose

@@ -2,11 +2,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.pipeline.episode import Demonstration, EndEffectorAction, ObjectPose
+from app.pipeline.episode import Demonstration
 from app.pipeline.prompt import SYSTEM_PROMPTS, PromptTemplate
 from app.pipeline.prompt_colours import prompt_spans
 from app.pipeline.representation import PROMPT_FORMATS, REPRESENTATIONS, fit_codec
 from app.pipeline.workspace import Workspace
+from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
 
 FORMATS = [(representation, form) for representation in REPRESENTATIONS for form in PROMPT_FORMATS]
 DOWN = [1.0, 0.0, 0.0, 0.0]

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
-from app.pipeline.errors import InvalidInputError
 from app.pipeline.prompt import PromptTemplate
 from app.pipeline.representation import fit_codec
-from app.pipeline.wording import INSTRUCTION_FORBIDDEN, checked_instruction, checked_name
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.wording import INSTRUCTION_FORBIDDEN, checked_instruction, checked_name
 
 from .scenes import WORKSPACE, action, demonstration, pose
 

@@ -1,8 +1,9 @@
 import pytest
 
 from app.pipeline.errors import ReplyParseError
-from app.pipeline.reply import MAX_ACTIONS, ReplyReader, parse_reply
+from app.pipeline.reply import ReplyReader, parse_reply
 from app.pipeline.representation import fit_codec
+from roboprompt_client.motion_limits import MAX_ACTIONS
 
 from .scenes import WORKSPACE, action, demonstration, pose, same_actions
 

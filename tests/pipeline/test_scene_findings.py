@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.episode import ObjectPose
 from app.pipeline.noise import disturbed
 from app.pipeline.scene_findings import ShownPlaces, estimated_error_m, scene_findings
+from roboprompt_client.trajectory import ObjectPose
 from tests.pipeline.scenes import demonstration, pose, rotated
 
 STACK = "stack the red cube on the blue cube"

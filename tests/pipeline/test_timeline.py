@@ -1,7 +1,7 @@
 import numpy as np
 
-from app.pipeline.episode import Trajectory
 from app.pipeline.timeline import frame_times_s, gripper_stretches
+from roboprompt_client.trajectory import Trajectory
 
 
 def trajectory(timestamps_s=None):

@@ -6,7 +6,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.errors import InvalidInputError
 from app.pipeline.workspace import (
     POSITION_BINS,
     ROTATION_BINS,
@@ -20,6 +19,7 @@ from app.pipeline.workspace import (
     undiscretize_action,
     yaw_bin,
 )
+from roboprompt_client.errors import InvalidInputError
 
 from .scenes import WORKSPACE, action, angle_deg, pose, positions, rotated, rotations
 

@@ -13,11 +13,13 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from app.perception.images import decode_depth, decode_mask, decode_rgb
-from app.pipeline.episode import Trajectory
-from app.pipeline.errors import InvalidInputError, ReplyParseError
-from app.pipeline.reply import MAX_ACTIONS, parse_reply
+from app.pipeline.errors import ReplyParseError
+from app.pipeline.reply import parse_reply
 from app.pipeline.representation import fit_codec
-from app.pipeline.trajectory_npz import trajectory_from_npz
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.motion_limits import MAX_ACTIONS
+from roboprompt_client.trajectory import Trajectory
+from roboprompt_client.trajectory_npz import trajectory_from_npz
 from tests.episodes import arrays, npz, pick_trajectory
 from tests.pipeline.scenes import WORKSPACE, action, demonstration, pose
 

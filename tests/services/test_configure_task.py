@@ -1,9 +1,9 @@
 import pytest
 from pydantic import ValidationError
 
-from app.pipeline.errors import InvalidInputError
 from app.store import episodes
 from app.store.errors import ConflictError
+from roboprompt_client.errors import InvalidInputError
 from tests.services.test_upload_episode import respond, upload
 
 

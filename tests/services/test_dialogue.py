@@ -10,11 +10,11 @@ import pytest
 
 from app.llm.base import ModelResponseError, TextDelta
 from app.perception.base import ObjectQuery
-from app.pipeline.errors import InvalidInputError
 from app.services.limits import UnparsableReplyError, UnsupportedReplyError
 from app.services.predict.question import PredictedAction, Prediction, PredictRequest
 from app.store import predictions
 from app.store.errors import ConflictError
+from roboprompt_client.errors import InvalidInputError
 from tests.services.test_predict_actions import ask, recorded
 from tests.services.test_upload_episode import respond, upload
 

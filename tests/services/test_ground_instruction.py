@@ -9,8 +9,7 @@ from pydantic import ValidationError
 from app.llm.base import ModelProfile
 from app.perception.base import ObjectQuery
 from app.pipeline.episode import Episode
-from app.pipeline.errors import InvalidInputError, UnfamiliarInstructionError, UngroundedInstructionError
-from app.pipeline.motion_limits import Pose
+from app.pipeline.errors import UnfamiliarInstructionError, UngroundedInstructionError
 from app.services.predict.doubts import findings_before
 from app.services.predict.instruction import ground_instruction
 from app.services.predict.question import PredictRequest
@@ -18,6 +17,8 @@ from app.services.predict.template import PreviousStep
 from app.services.predict.write import QuestionWriter
 from app.services.teach.upload import Upload
 from app.store import predictions
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.motion_limits import Pose
 from tests.episodes import pick_trajectory
 from tests.services.conftest import ONE_ACTION
 from tests.services.test_dialogue import RELATIVE

@@ -1,7 +1,7 @@
 import pytest
 
-from app.pipeline.errors import InvalidInputError
 from app.services.limits import Limits
+from roboprompt_client.errors import InvalidInputError
 
 TIGHT = Limits(
     max_objects=2, max_cameras=1, max_name_chars=5, max_instruction_chars=10, max_prompt_chars=100, model_files=False

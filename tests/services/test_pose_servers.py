@@ -1,7 +1,7 @@
 import pytest
 
-from app.pipeline.errors import InvalidInputError
 from app.services.pose_servers import PoseServers
+from roboprompt_client.errors import InvalidInputError
 
 LISTED = ("https://gpu-box:9000/poses", "http://10.0.0.5/")
 

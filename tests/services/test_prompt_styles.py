@@ -5,11 +5,11 @@ from pydantic import ValidationError
 
 from app.api.documents import episode_document
 from app.llm.base import ModelProfile
-from app.pipeline.errors import InvalidInputError
 from app.services.predict.question import PredictRequest
 from app.services.predict.write import QuestionWriter
 from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks
+from roboprompt_client.errors import InvalidInputError
 from tests.services.test_predict_actions import REQUEST
 from tests.services.test_upload_episode import respond, upload
 

@@ -5,10 +5,10 @@ import asyncio
 import pytest
 
 from app.perception.base import ObjectQuery
-from app.pipeline.camera import Camera, RgbdFrame
 from app.services.predict import write
 from app.services.predict.question import PredictRequest
 from app.store.errors import ConflictError
+from roboprompt_client.camera import Camera, RgbdFrame
 from tests.services.test_upload_episode import respond, upload
 
 FRAME = RgbdFrame(Camera("front", 60, 60, 31.5, 23.5, [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]))

@@ -6,13 +6,13 @@ from datetime import timedelta
 
 import pytest
 
-from app.pipeline.errors import InvalidInputError
 from app.services.teach import extract as extraction
 from app.services.teach import reextract
 from app.services.teach.reextract import RunJobs
 from app.store import episodes, jobs, tasks
 from app.store.errors import ConflictError, NotFoundError
 from app.store.store import Store
+from roboprompt_client.errors import InvalidInputError
 from tests.services.test_upload_episode import respond, upload
 
 UNIFORM = {"keyframes": {"rule": "uniform", "interval": 10}}

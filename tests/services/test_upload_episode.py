@@ -4,10 +4,11 @@ import pytest
 
 from app.perception.base import ObjectQuery
 from app.pipeline.episode import Episode
-from app.pipeline.errors import InvalidInputError, ObjectSetError
+from app.pipeline.errors import ObjectSetError
 from app.services.teach.upload import Upload, UploadEpisode, content_digest
 from app.store import tasks
 from app.store.errors import ConflictError, NotFoundError
+from roboprompt_client.errors import InvalidInputError
 from tests.episodes import pick_trajectory
 
 PLACE_M = (0.1, 0.1, 0.78)

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from app.pipeline.errors import InvalidInputError
 from app.sim.demonstrate import record_demonstration
 from app.sim.guided import ROUNDING_M, GuidedPanda, Person
 from app.sim.recorder import Recorder, measured_open
 from app.sim.tasks import TASKS, make_task
+from roboprompt_client.errors import InvalidInputError
 
 SEED = 3
 REST_RAD_S = 0.1  # below it the paper's rule sees a rest

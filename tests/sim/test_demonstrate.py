@@ -3,11 +3,11 @@ import pickle
 import numpy as np
 import pytest
 
-from app.pipeline.episode import EndEffectorAction
-from app.pipeline.errors import InvalidInputError
 from app.pipeline.keyframes import merged
 from app.sim.demonstrate import record_demonstration, rollout, view_scene
 from app.sim.moves import tool_down
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.trajectory import EndEffectorAction
 
 OUT_OF_REACH = EndEffectorAction([0.7, 0.5, 1.6], tool_down().as_quat(), True)
 HARMLESS = EndEffectorAction([0.1, 0.0, 1.2], tool_down().as_quat(), True)

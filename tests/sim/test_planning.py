@@ -1,13 +1,13 @@
 import numpy as np
 import pytest
 
-from app.client.robot import MotionError
 from app.sim import panda
 from app.sim.kinematics import Kinematics
 from app.sim.motion import time_path
 from app.sim.moves import move_to, nearest_yaw_rad, tool_down
 from app.sim.planner import Planner
 from app.sim.world import BASE_POSITION_M, HOME_RAD, TIMESTEP_S
+from roboprompt_client.errors import MotionError
 
 
 @pytest.fixture(scope="module")

@@ -1,10 +1,10 @@
 """Sequences of presses are asked for in tests only, and their order counts."""
 
-from app.pipeline.episode import EndEffectorAction
 from app.pipeline.keyframes import merged
 from app.sim.demonstrate import record_demonstration, rollout
 from app.sim.tasks import make_task
 from app.sim.tasks.buttons import MAX_PRESSES, SEQUENCES, PushMultipleButtons
+from roboprompt_client.trajectory import EndEffectorAction
 
 NAME = PushMultipleButtons.name
 YELLOW_THEN_RED = SEQUENCES.index(("yellow", "red"))

@@ -2,9 +2,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from app.client.robot import MotionError
-from app.pipeline.episode import EndEffectorAction
-from app.pipeline.errors import InvalidInputError
 from app.sim import panda
 from app.sim.kinematics import Kinematics
 from app.sim.moves import tool_down
@@ -12,6 +9,8 @@ from app.sim.recorder import Recorder
 from app.sim.robot import SimulatedPanda
 from app.sim.tasks import make_task
 from app.sim.world import BASE_POSITION_M, HOME_RAD
+from roboprompt_client.errors import InvalidInputError, MotionError
+from roboprompt_client.trajectory import EndEffectorAction
 
 TOOL = Kinematics(BASE_POSITION_M)
 

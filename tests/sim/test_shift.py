@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from app.pipeline.errors import InvalidInputError
 from app.sim.shift import can_shift, free_objects, shift_free_objects
 from app.sim.tasks import make_task
+from roboprompt_client.errors import InvalidInputError
 
 SHIFT_M = 0.03
 

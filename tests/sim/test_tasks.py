@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from app.pipeline.errors import InvalidInputError
 from app.pipeline.keyframes import merged
-from app.pipeline.wording import checked_instruction, checked_name
 from app.pipeline.workspace import Workspace, discretize_action, undiscretize_action
 from app.sim.demonstrate import record_demonstration, rollout, view_scene
 from app.sim.tasks import TASKS, make_task
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.wording import checked_instruction, checked_name
 
 pytestmark = pytest.mark.parametrize("name", TASKS)
 

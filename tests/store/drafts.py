@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from app.pipeline.camera import Camera
-from app.pipeline.episode import ObjectPose, Trajectory
 from app.store import episodes, predictions, tasks
 from app.store.records import EpisodeDraft, EpisodeRecord, PredictionDraft, PredictionRecord
 from app.store.store import Store
 from app.store.values import CameraRecord, KeyframeRecord, ObjectRecord
+from roboprompt_client.camera import Camera
+from roboprompt_client.trajectory import ObjectPose, Trajectory
 
 TASK = "open_drawer"
 SETTINGS = {"keyframes": {"rule": "merged", "delta_rad_s": 0.1}, "num_demonstrations": 10}

@@ -3,12 +3,12 @@ from datetime import UTC, datetime
 
 import pytest
 
-from app.pipeline.errors import InvalidInputError
 from app.services.api_keys import KeyRing, create_key, digest_of
 from app.store import api_keys
 from app.store.api_keys import ApiKeyRecord
 from app.store.errors import NotFoundError
 from app.store.store import Store
+from roboprompt_client.errors import InvalidInputError
 
 
 def test_keys_come_back_as_they_went_in(store: Store) -> None:

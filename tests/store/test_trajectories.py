@@ -4,9 +4,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from app.pipeline.episode import Trajectory
 from app.store import trajectories
 from app.store.errors import CorruptDataError
+from roboprompt_client.trajectory import Trajectory
 
 from .drafts import trajectory
 
@@ -35,6 +35,17 @@ def test_every_bit_comes_back(num_frames: int, optional_arrays: bool) -> None:
 @given(velocities=arrays(np.float64, (3, 7), elements=FINITE), positions=arrays(np.float64, (3, 3), elements=FINITE))
 def test_any_finite_number_comes_back(velocities, positions) -> None:
     recorded = Trajectory(velocities, positions, np.tile([0.0, 0.0, 0.0, 1.0], (3, 1)), np.array([True, False, True]))
+    assert_same_bits(recorded, trajectories.unpack(trajectories.pack(recorded), "e1"))
+
+
+@pytest.mark.parametrize("num_joints", [0, 1, 5, 6, 16])
+def test_an_arm_of_other_than_seven_joints(num_joints: int) -> None:
+    usual = vars(trajectory())
+    joints = np.random.default_rng(num_joints).normal(size=(len(usual["positions_m"]), num_joints))
+    widths = np.linspace(0, 0.08, len(joints))
+    recorded = Trajectory(
+        **{**usual, "joint_velocities_rad_s": joints, "joint_positions_rad": joints, "gripper_width_m": widths}
+    )
     assert_same_bits(recorded, trajectories.unpack(trajectories.pack(recorded), "e1"))
 
 

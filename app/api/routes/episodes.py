@@ -17,15 +17,16 @@ from app.api.routes import Cursor, IdempotencyKey, Limit, Wired, problems
 from app.api.schemas.requests import EpisodeJson, EpisodeMetadata
 from app.api.schemas.responses import EpisodeOut, EpisodePage, UploadedEpisodeOut, UploadOut
 from app.perception.images import as_image
-from app.pipeline.episode import Episode, Trajectory
-from app.pipeline.errors import InvalidInputError
-from app.pipeline.trajectory_npz import npz_from_trajectory, trajectory_from_arrays, trajectory_from_npz
+from app.pipeline.episode import Episode
 from app.services.container import Services
 from app.services.limits import Limits
 from app.services.teach.upload import SCOPE, Upload, content_digest
 from app.store import episodes, idempotency, tasks, trajectories
 from app.store.errors import NotFoundError
 from app.store.values import JsonObject
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.trajectory import Trajectory
+from roboprompt_client.trajectory_npz import npz_from_trajectory, trajectory_from_arrays, trajectory_from_npz
 
 router = APIRouter(tags=["episodes"])
 

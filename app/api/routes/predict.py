@@ -20,12 +20,12 @@ from app.api.routes import IdempotencyKey, Wired, problems
 from app.api.schemas.predictions import DryRunOut, PredictionOut, UnderstoodOut
 from app.api.schemas.requests import PredictBody
 from app.llm.base import TextDelta
-from app.pipeline.errors import RoboPromptError
 from app.services.limits import Limits
 from app.services.predict.question import PredictedAction, Prediction, PredictRequest, Question
 from app.services.teach.upload import content_digest
 from app.store.values import JsonObject
 from app.store.visibility import present
+from roboprompt_client.errors import RoboPromptError
 
 EVENT_STREAM = "text/event-stream"
 REFUSED_QUALITY = re.compile(r"q\s*=\s*0(\.0*)?")

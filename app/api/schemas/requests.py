@@ -8,14 +8,13 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from app.api.schemas import examples
 from app.perception.base import ObjectQuery
-from app.pipeline.arrays import unit_quaternions
-from app.pipeline.camera import Camera
-from app.pipeline.errors import InvalidInputError
-from app.pipeline.motion_limits import Pose
-from app.pipeline.reply import MAX_ACTIONS
 from app.services.predict.question import Unsupported
 from app.services.predict.select import Selection
 from app.services.task_settings import Number, PromptFormat, Representation, SystemPrompt, plain_text
+from roboprompt_client.arrays import unit_quaternions
+from roboprompt_client.camera import Camera
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.motion_limits import MAX_ACTIONS, Pose
 
 MAX_EXTRA_BYTES = 65_536
 Position = tuple[Number, Number, Number]
@@ -103,19 +102,26 @@ class EpisodeMetadata(RequestModel):
 class TrajectoryIn(RequestModel):
     """The trajectory of a JSON upload; in multipart it is the .npz part `trajectory` with the same arrays."""
 
-    joint_velocities: Annotated[list[list[Number]], Field(description="(T, 7) rad/s")]
     end_effector_positions: Annotated[list[list[Number]], Field(description="(T, 3) m, world frame")]
     end_effector_quaternions_xyzw: Annotated[list[list[Number]], Field(description="(T, 4), world frame")]
     gripper_open: Annotated[
-        list[float],
+        list[float] | None,
         Field(
             description="(T,) 1 open, 0 closed: what the fingers have done (closed once they hold something or have"
             " come to rest), e.g. their width above or below the middle between its extremes. Commands come earlier;"
-            " both are the same where the arm rests while it grasps"
+            " both are the same where the arm rests while it grasps. Suction: 0 while it holds. No gripper: 1"
         ),
-    ]
+    ] = None
+    gripper_width: Annotated[
+        list[Number] | None,
+        Field(description="(T,) m between the fingers, measured; instead of gripper_open or beside it"),
+    ] = None
+    joint_velocities: Annotated[
+        list[list[Number]] | None,
+        Field(description="(T, J) rad/s; left out they follow from joint_positions and timestamps"),
+    ] = None
     timestamps: Annotated[list[Number] | None, Field(description="(T,) s")] = None
-    joint_positions: Annotated[list[list[Number]] | None, Field(description="(T, 7) rad")] = None
+    joint_positions: Annotated[list[list[Number]] | None, Field(description="(T, J) rad")] = None
     object_positions: Annotated[
         list[list[list[Number]]] | None,
         Field(description="(T, N, 3) m, of the objects in their order: for closed-loop predictions"),

@@ -19,7 +19,7 @@ from app.datasets.lerobot.parquet import numbers_of, read_table, read_value
 from app.datasets.mapping import FeatureMap
 from app.datasets.options import ImportOptions, as_name
 from app.datasets.recording import Dataset, Entry, Parcel, rgb_png
-from app.pipeline.trajectory_npz import npz_from_trajectory
+from roboprompt_client.trajectory_npz import npz_from_trajectory
 
 # FFmpeg tells a container by its content, and some name other files or addresses to play: those are left out.
 VIDEO_OPTIONS = {"format_whitelist": "mov,matroska,avi", "protocol_whitelist": "file"}

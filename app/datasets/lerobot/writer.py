@@ -18,8 +18,8 @@ from app.datasets.lerobot.files import Scene, write_scene
 from app.datasets.lerobot.parquet import require_arrow
 from app.datasets.recording import Parcel
 from app.datasets.writing import in_one_step
-from app.pipeline.episode import Trajectory
-from app.pipeline.trajectory_npz import trajectory_from_npz
+from roboprompt_client.trajectory import Trajectory
+from roboprompt_client.trajectory_npz import trajectory_from_npz
 
 QUANTILES = {"q01": 0.01, "q10": 0.10, "q50": 0.50, "q90": 0.90, "q99": 0.99}  # lerobot/datasets/compute_stats.py
 _INDEX = "__index_level_0__"
@@ -175,6 +175,7 @@ def _columns(trajectory: Trajectory) -> Columns:
     state = np.concatenate(pose, axis=1).astype(np.float32)
     num_frames = len(trajectory)
     optional = {
+        reader.JOINT_VELOCITIES: trajectory.joint_velocities_rad_s if trajectory.num_joints else None,
         reader.JOINT_POSITIONS: trajectory.joint_positions_rad,
         reader.TIMES: trajectory.timestamps_s,
         reader.OBJECT_POSITIONS: _flat(trajectory.object_positions_m),
@@ -183,7 +184,6 @@ def _columns(trajectory: Trajectory) -> Columns:
     return {
         "observation.state": state,
         "action": state[np.minimum(np.arange(num_frames) + 1, num_frames - 1)],
-        reader.JOINT_VELOCITIES: trajectory.joint_velocities_rad_s,
         reader.POSITIONS: trajectory.positions_m,
         reader.QUATERNIONS: trajectory.quaternions_xyzw,
         reader.GRIPPER: trajectory.gripper_open.astype(np.float32),

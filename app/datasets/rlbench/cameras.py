@@ -16,8 +16,8 @@ import numpy.typing as npt
 
 from app.datasets.bounds import Budget, DamagedError, read_inside
 from app.datasets.recording import depth_png, mask_png
-from app.pipeline.arrays import Array, finite_array
-from app.pipeline.camera import Camera
+from roboprompt_client.arrays import Array, finite_array
+from roboprompt_client.camera import Camera
 
 DEPTH_SCALE = 2**24 - 1  # rlbench/backend/const.py
 _KINDS = ("rgb", "depth", "mask")

@@ -22,10 +22,10 @@ from app.datasets.options import ImportOptions, as_name
 from app.datasets.recording import Dataset, Entry, ObjectEntry, Parcel, Recording
 from app.datasets.rlbench.cameras import calibrated_cameras, read_images, visible_ids
 from app.datasets.rlbench.low_dim import Record, load_demo, load_descriptions, load_number
-from app.pipeline.arrays import Array
-from app.pipeline.camera import Camera
-from app.pipeline.episode import Trajectory
-from app.pipeline.errors import InvalidInputError
+from roboprompt_client.arrays import Array
+from roboprompt_client.camera import Camera
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.trajectory import Trajectory
 
 LOW_DIM = "low_dim_obs.pkl"
 DESCRIPTIONS = "variation_descriptions.pkl"

@@ -13,10 +13,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from app.evaluation.scores import Result
-from app.pipeline.arrays import Array
-from app.pipeline.episode import Trajectory
 from app.pipeline.keyframes import SIMULATION_DELTA_RAD_S
 from app.pipeline.timeline import frame_times_s, gripper_stretches
+from roboprompt_client.arrays import Array
+from roboprompt_client.trajectory import Trajectory
 
 DOTS_PER_INCH = 160
 FONT_SIZE = 9.0

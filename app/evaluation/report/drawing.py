@@ -12,11 +12,11 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.arrays import Array
-from app.pipeline.camera import Camera
-from app.pipeline.episode import EndEffectorAction, ObjectPose
 from app.pipeline.geometry import transform_points
 from app.sim.rendering import RgbImage
+from roboprompt_client.arrays import Array
+from roboprompt_client.camera import Camera
+from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
 
 FONT_PX = 17
 OUTLINE_PX = 2

@@ -15,11 +15,11 @@ from app.perception.cuboid.pieces import HsvImage, Piece, color_mask, find_piece
 from app.perception.cuboid.view import view_of
 from app.perception.frame_checks import check_level, check_rgbd
 from app.perception.sightings import Miss, Sighting, fused
-from app.pipeline.arrays import Array
-from app.pipeline.camera import RgbdFrame
-from app.pipeline.episode import ObjectPose
-from app.pipeline.errors import InvalidInputError
 from app.pipeline.geometry import yaw_rad
+from roboprompt_client.arrays import Array
+from roboprompt_client.camera import RgbdFrame
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.trajectory import ObjectPose
 
 NAME = "cuboid"
 FULL_TURN_RAD = 2 * np.pi

@@ -13,7 +13,7 @@ from typing import Literal
 
 import numpy as np
 
-from app.pipeline.arrays import Array
+from roboprompt_client.arrays import Array
 
 Shape = Literal["box", "cylinder"]
 SHAPES: tuple[Shape, ...] = ("box", "cylinder")

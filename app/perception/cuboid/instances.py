@@ -7,8 +7,8 @@ import numpy as np
 
 from app.perception.cuboid.model import CuboidModel
 from app.perception.sightings import Sighting
-from app.pipeline.arrays import Array
 from app.pipeline.errors import UncertainPoseError
+from roboprompt_client.arrays import Array
 
 SAME_SHARE = 0.6  # of its smaller side: two cameras that differ by less see one thing
 SAME_SLACK_M = 0.01

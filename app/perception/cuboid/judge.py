@@ -8,9 +8,9 @@ import numpy.typing as npt
 
 from app.perception.cuboid.fit import Fit, Shape, View, outline_points_m, surface_distances_m
 from app.perception.cuboid.pieces import Piece, full_mask
-from app.pipeline.arrays import Array
-from app.pipeline.camera import Camera, RgbdFrame
 from app.pipeline.geometry import pixels_to_world
+from roboprompt_client.arrays import Array
+from roboprompt_client.camera import Camera, RgbdFrame
 
 Bools = npt.NDArray[np.bool_]
 

@@ -15,8 +15,9 @@ from app.perception.cuboid.fit import SHAPES, Shape
 from app.perception.cuboid.looks import Measured, learn_color, measure, object_pixels
 from app.perception.cuboid.model import ColorModel, CuboidModel, Rank
 from app.perception.frame_checks import check_rgbd
-from app.pipeline.arrays import Array
-from app.pipeline.errors import InvalidInputError, ObjectNotVisibleError, UncertainPoseError
+from app.pipeline.errors import ObjectNotVisibleError, UncertainPoseError
+from roboprompt_client.arrays import Array
+from roboprompt_client.errors import InvalidInputError
 
 MAX_MEAN_ANGLE_DEG = 20.0
 STEADY = 0.8  # of the scenes agree on the rank: in the others two are equally near

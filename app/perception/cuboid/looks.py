@@ -16,10 +16,10 @@ from app.perception.cuboid.fit import SX, YAW, Shape, fit_any_size
 from app.perception.cuboid.model import ColorModel
 from app.perception.cuboid.pieces import Piece, color_mask, find_parts, full_mask, to_hsv
 from app.perception.cuboid.view import view_of
-from app.pipeline.arrays import Array
-from app.pipeline.camera import RgbdFrame
-from app.pipeline.errors import InvalidInputError
 from app.pipeline.geometry import yaw_rad
+from roboprompt_client.arrays import Array
+from roboprompt_client.camera import RgbdFrame
+from roboprompt_client.errors import InvalidInputError
 
 Bools = npt.NDArray[np.bool_]
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from typing import Any, Literal, Self
 
 from app.perception.object_model import MIN_CONFIDENCE, ObjectModel, checked_fields, number, numbers, one_of, within
-from app.pipeline.errors import InvalidInputError
-from app.pipeline.wording import checked_name
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.wording import checked_name
 
 
 @dataclass(frozen=True)

@@ -9,9 +9,9 @@ import numpy.typing as npt
 
 from app.perception.cuboid.fit import Shape
 from app.perception.cuboid.model import ColorModel
-from app.pipeline.arrays import Array
-from app.pipeline.camera import Camera, RgbdFrame
 from app.pipeline.geometry import pixels_to_world
+from roboprompt_client.arrays import Array
+from roboprompt_client.camera import Camera, RgbdFrame
 
 HsvImage = npt.NDArray[np.uint8]  # (H, W, 3)
 HUE_STEPS_PER_DEG = 256 / 360  # OpenCV's HSV_FULL

@@ -5,9 +5,9 @@ import numpy.typing as npt
 
 from app.perception.cuboid.fit import View
 from app.perception.cuboid.pieces import CROSS, Piece, eroded, inner, mask_in
-from app.pipeline.arrays import Array
-from app.pipeline.camera import Camera, RgbdFrame
 from app.pipeline.geometry import pixels_to_world
+from roboprompt_client.arrays import Array
+from roboprompt_client.camera import Camera, RgbdFrame
 
 Bools = npt.NDArray[np.bool_]
 Ints = npt.NDArray[np.int64]

@@ -17,9 +17,9 @@ from app.perception.markers.fit import MarkerFit, fit_markers
 from app.perception.markers.model import MarkersModel
 from app.perception.markers.view import MarkerView, SeenMarker, find_markers
 from app.perception.sightings import Miss, Sighting, fused
-from app.pipeline.camera import Camera, RgbdFrame
-from app.pipeline.episode import ObjectPose
-from app.pipeline.errors import InvalidInputError
+from roboprompt_client.camera import Camera, RgbdFrame
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.trajectory import ObjectPose
 
 # From the first value, which takes nothing away, to the second, which takes everything. Chosen by what a 5 cm cube's
 # grasp forgives; on renderings with a D400's noise a marker of 20 px has 0.04 px, 0.7 mm and 0.6 degrees.

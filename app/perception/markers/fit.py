@@ -12,9 +12,9 @@ import cv2
 import numpy as np
 
 from app.perception.markers.view import MarkerView
-from app.pipeline.arrays import Array
-from app.pipeline.camera import Camera
 from app.pipeline.geometry import inverse
+from roboprompt_client.arrays import Array
+from roboprompt_client.camera import Camera
 
 DEPTH_SIGMA_M = 0.002  # at 1 m; it grows with the square of the range, as a stereo camera's does
 DEPTH_PATCH_PX = 25  # neighbouring pixels err alike: so many count as one measurement

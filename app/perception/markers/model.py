@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 
 from app.perception.object_model import MIN_CONFIDENCE, ObjectModel, checked_fields, number, numbers, one_of, within
-from app.pipeline.camera import ROTATION_MATRIX_TOLERANCE
-from app.pipeline.errors import InvalidInputError
+from roboprompt_client.camera import ROTATION_MATRIX_TOLERANCE
+from roboprompt_client.errors import InvalidInputError
 
 Row = tuple[float, ...]
 DICTIONARIES = tuple(sorted(name for name in dir(cv2.aruco) if name.startswith("DICT_")))

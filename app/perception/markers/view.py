@@ -13,8 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from app.perception.markers.model import Marker, marker_dictionary
-from app.pipeline.arrays import Array
-from app.pipeline.camera import Camera, RgbdFrame
+from roboprompt_client.arrays import Array
+from roboprompt_client.camera import Camera, RgbdFrame
 
 ROUNDS = 2
 SAMPLES = 16  # a side

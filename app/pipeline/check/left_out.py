@@ -9,13 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.arrays import Array
 from app.pipeline.check.report import EpisodeCheck, Off
-from app.pipeline.episode import EndEffectorAction, Trajectory
 from app.pipeline.findings import Finding, Severity
 from app.pipeline.keyframes.path import off_line_m
 from app.pipeline.plans import PlanRow
 from app.pipeline.plans.rows import robust_centre
+from roboprompt_client.arrays import Array
+from roboprompt_client.trajectory import EndEffectorAction, Trajectory
 
 WRONG_M = 0.05  # rotation included; what a grasp hardly forgives
 

@@ -3,10 +3,10 @@
 import math
 from dataclasses import dataclass
 
-from app.pipeline.episode import EndEffectorAction
 from app.pipeline.findings import Finding
 from app.pipeline.keyframes import Manner, Rule
 from app.pipeline.representation.anchors import M_PER_RAD
+from roboprompt_client.trajectory import EndEffectorAction
 
 
 @dataclass(frozen=True)

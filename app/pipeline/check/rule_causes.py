@@ -7,7 +7,7 @@ import numpy as np
 from app.pipeline.check.report import EpisodeCheck, PlanCheck
 from app.pipeline.findings import Finding
 from app.pipeline.keyframes import KeyframeRule
-from app.pipeline.reply import MAX_ACTIONS
+from roboprompt_client.motion_limits import MAX_ACTIONS
 
 LEFT_M = 0.03  # farther than this from the recorded path a hand may hit what the demonstration went around
 MISSED_M = 0.02  # twice what the rules that follow a path allow

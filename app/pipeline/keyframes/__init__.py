@@ -1,6 +1,5 @@
 """Which frames of a trajectory matter: the robot rests, or the gripper opens or closes (paper, section III-B)."""
 
-from app.pipeline.episode import Trajectory
 from app.pipeline.keyframes.resting import Manner, manner_of
 from app.pipeline.keyframes.rule import (
     RULES,
@@ -14,6 +13,8 @@ from app.pipeline.keyframes.rule import (
 )
 from app.pipeline.keyframes.waypoints import waypoints
 from app.pipeline.timeline import CONTROL_FREQUENCY_HZ, frame_times_s
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.trajectory import Trajectory
 
 __all__ = [
     "RULES",
@@ -30,6 +31,7 @@ __all__ = [
     "waypoints",
 ]
 
+NEED_JOINTS = ("merged", "authors")
 WAVER = 1.5  # a hand that hesitates strays further from its way than one that flows
 
 
@@ -40,7 +42,15 @@ def find_keyframes(
 
     Args:
         control_frequency_hz: of the recording, for a trajectory without timestamps.
+
+    Raises:
+        InvalidInputError: if the rule goes by joint velocities and there are none.
     """
+    if trajectory.num_joints == 0 and rule.rule in NEED_JOINTS:
+        message = f"is missing, by which the rule {rule.rule} finds rests"
+        raise InvalidInputError(
+            "trajectory.joint_velocities", message, "the rule auto, waypoints or uniform, or (T, J)"
+        )
     times_s = frame_times_s(trajectory, control_frequency_hz)
     chosen, waver = rule.rule, 1.0
     if chosen == "auto":

@@ -4,9 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from app.pipeline.arrays import Array
-from app.pipeline.episode import Trajectory
 from app.pipeline.keyframes.rule import gripper_changes
+from roboprompt_client.arrays import Array
+from roboprompt_client.trajectory import Trajectory
 
 BLIP_S = 0.1  # fingers need longer to close on something
 # The hand is slowest where it grasps or lets go. Fingers that are recorded a moment before (a command) or after (they

@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.arrays import Array
-from app.pipeline.episode import Trajectory
+from roboprompt_client.arrays import Array
+from roboprompt_client.trajectory import Trajectory
 
 SPACING = 0.25  # of the poses that stand for a path, in tolerances
 MAX_POSES = 160  # that stand for a path; a longer one has wider spacing

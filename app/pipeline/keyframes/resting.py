@@ -7,8 +7,6 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from app.pipeline.arrays import Array
-from app.pipeline.episode import Trajectory
 from app.pipeline.keyframes.gripper import at_start, gripper_switches
 from app.pipeline.keyframes.path import Path
 from app.pipeline.keyframes.rule import (
@@ -19,6 +17,8 @@ from app.pipeline.keyframes.rule import (
     merged,
     resting_frames,
 )
+from roboprompt_client.arrays import Array
+from roboprompt_client.trajectory import Trajectory
 
 Manner = Literal["rests", "hesitates", "flows"]
 
@@ -41,11 +41,13 @@ def manner_of(trajectory: Trajectory, times_s: Array, delta_rad_s: float = SIMUL
     `rests`: the rests are its keyframes, so that `merged` finds these. Every grasp and release happens in a rest, the
     hand comes to it in a straight motion, corners are turned in rests, and (nearly) every rest is at a corner.
     `hesitates`: it rests on straight ways or longer than it moves, as people do, whose hand wavers as well.
-    `flows`: anything else.
+    `flows`: anything else, and an arm whose joints nobody recorded.
 
     Args:
         times_s: (T,) of the frames.
     """
+    if trajectory.num_joints == 0:
+        return "flows"
     rests = resting_frames(trajectory, delta_rad_s)
     if not rests.any() or rests.all():
         return "flows"

@@ -10,8 +10,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from app.pipeline.episode import Trajectory
-from app.pipeline.errors import InvalidInputError
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.trajectory import Trajectory
 
 Rule = Literal["auto", "waypoints", "merged", "authors", "uniform"]
 RULES: tuple[Rule, ...] = ("auto", "waypoints", "merged", "authors", "uniform")

@@ -6,11 +6,11 @@ from itertools import pairwise
 
 import numpy as np
 
-from app.pipeline.arrays import Array
-from app.pipeline.episode import Trajectory
 from app.pipeline.keyframes.gripper import at_start, gripper_switches
 from app.pipeline.keyframes.path import Path, fewest_waypoints, off_line_m
 from app.pipeline.keyframes.rule import MAX_KEYFRAMES, TOLERANCE_DEG, TOLERANCE_M, Keyframe
+from roboprompt_client.arrays import Array
+from roboprompt_client.trajectory import Trajectory
 
 WIDER = 1.25  # by which the tolerance grows while a recording has more
 

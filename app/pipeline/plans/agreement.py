@@ -10,10 +10,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from app.pipeline.arrays import Array
-from app.pipeline.episode import Demonstration, EndEffectorAction
+from app.pipeline.episode import Demonstration
 from app.pipeline.plans.rows import PlanRow, plan_rows
 from app.pipeline.representation.anchors import M_PER_RAD, Anchor, anchor_frame, in_order, tilted_objects
+from roboprompt_client.arrays import Array
+from roboprompt_client.trajectory import EndEffectorAction
 
 TWO_WAYS_M = 0.04  # ways that differ by less are one
 GAP = 4.0  # between two ways, in standard deviations within them

@@ -14,14 +14,15 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.arrays import Array
-from app.pipeline.episode import Demonstration, Trajectory
+from app.pipeline.episode import Demonstration
 from app.pipeline.keyframes import Keyframe, KeyframeRule, Manner, find_keyframes, manner_of
 from app.pipeline.keyframes.path import Path, best_waypoints
 from app.pipeline.keyframes.rule import MAX_KEYFRAMES
 from app.pipeline.keyframes.waypoints import Phase, at_frames, at_tips, phases, waypoints
 from app.pipeline.plans.rows import PlanRow, plan_rows
 from app.pipeline.representation.anchors import M_PER_RAD, anchor_frame, tilted_objects
+from roboprompt_client.arrays import Array
+from roboprompt_client.trajectory import Trajectory
 
 MOST = 0.8  # the share of demonstrations whose paths need no more keyframes than a phase gets
 ROUNDS = 2  # of choosing keyframes where the other demonstrations have them

@@ -7,12 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.arrays import Array
-from app.pipeline.episode import Demonstration, EndEffectorAction, ObjectPose
+from app.pipeline.episode import Demonstration
 from app.pipeline.errors import UnsupportedActionError
 from app.pipeline.language.mentions import clauses, mention_order, template
 from app.pipeline.plans.rows import PlanRow, plan_rows
 from app.pipeline.representation.anchors import Anchor, anchor_frame, tilted_objects
+from roboprompt_client.arrays import Array
+from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
 
 MARGIN_M = 0.03
 MARGIN_DEG = 20.0

@@ -4,12 +4,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from app.pipeline.episode import Demonstration
-from app.pipeline.errors import InvalidInputError
 from app.pipeline.representation.absolute import AbsoluteCodec
 from app.pipeline.representation.action_tokens import ActionTokensCodec, KatCodec
 from app.pipeline.representation.base import Codec
 from app.pipeline.representation.object_frame import ObjectFrameCodec
 from app.pipeline.workspace import Workspace
+from roboprompt_client.errors import InvalidInputError
 
 PROMPT_FORMATS = ("paper", "authors")  # RoboPrompt's: every representation has them
 KAT_FORMAT = "kat"  # KAT's own, of its action tokens only

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Self
 
-from app.pipeline.episode import Demonstration, EndEffectorAction, ObjectPose
+from app.pipeline.episode import Demonstration
 from app.pipeline.errors import ReplyParseError
 from app.pipeline.representation.base import row_count_bounds
 from app.pipeline.workspace import (
@@ -20,6 +20,7 @@ from app.pipeline.workspace import (
     object_bins,
     undiscretize_actions,
 )
+from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
 
 _FENCED = re.compile(r"```(?:json)?\s*(.*?)```", re.DOTALL)
 _LIST_START = re.compile(r"\[\s*(?=\[)")

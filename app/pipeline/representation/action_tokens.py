@@ -13,11 +13,12 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.arrays import Array
-from app.pipeline.episode import Demonstration, EndEffectorAction, ObjectPose
+from app.pipeline.episode import Demonstration
 from app.pipeline.errors import ReplyParseError
 from app.pipeline.representation.absolute import AbsoluteCodec, Column, list_grammar, list_schema, row_integers
 from app.pipeline.representation.base import row_count_bounds
+from roboprompt_client.arrays import Array
+from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
 
 MM_PER_M = 1000
 LEVER_MM = 100

@@ -7,10 +7,11 @@ from typing import Literal, NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.arrays import Array
-from app.pipeline.episode import Demonstration, EndEffectorAction, ObjectPose
+from app.pipeline.episode import Demonstration
 from app.pipeline.geometry import tilt_rad, yaw_rad
 from app.pipeline.language.mentions import mention_order
+from roboprompt_client.arrays import Array
+from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
 
 Frame = Literal["w", "o", "world", "start"]
 OBJECT_FRAMES: tuple[Frame, ...] = ("w", "o")

@@ -3,8 +3,9 @@
 from collections.abc import Mapping, Sequence
 from typing import Protocol
 
-from app.pipeline.episode import Demonstration, EndEffectorAction, ObjectPose
+from app.pipeline.episode import Demonstration
 from app.pipeline.language.mentions import clauses
+from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
 
 
 class Codec(Protocol):

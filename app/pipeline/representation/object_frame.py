@@ -19,8 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.arrays import Array
-from app.pipeline.episode import Demonstration, EndEffectorAction, ObjectPose
+from app.pipeline.episode import Demonstration
 from app.pipeline.errors import ReplyParseError
 from app.pipeline.geometry import yaw_rad
 from app.pipeline.language.mentions import clauses, mention_order, template
@@ -44,6 +43,8 @@ from app.pipeline.representation.object_rows import (
     row_text,
 )
 from app.pipeline.workspace import ROTATION_BINS, Workspace, position_bins, rotation_bins, rotation_from_bins, yaw_bin
+from roboprompt_client.arrays import Array
+from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
 
 # So many demonstrations with the same rows are written; further ones would be read at every start and say nothing new.
 MOST_REPEATED = 3

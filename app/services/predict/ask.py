@@ -16,7 +16,7 @@ import anyio.to_thread
 
 from app.llm.base import Completion, LanguageModelError, TextDelta
 from app.llm.registry import ModelRegistry
-from app.pipeline.errors import InstructionError, ReplyParseError, UnsafeActionError, UnsupportedActionError
+from app.pipeline.errors import InstructionError, ReplyParseError, UnsupportedActionError
 from app.pipeline.workspace import discretize_actions
 from app.services.limits import UnparsableReplyError, UnsafeReplyError, UnsupportedReplyError
 from app.services.measures import Timings, note, timed
@@ -31,6 +31,7 @@ from app.services.predict.warm import PrefixWarmer
 from app.services.predict.write import QuestionWriter
 from app.store.errors import StoreUnavailableError
 from app.store.processes import UnderWay, UnderWayNotes
+from roboprompt_client.errors import UnsafeActionError
 
 SHOWN_AFTER_S = 0.5  # shorter ones are never written down
 GRACE_S = 5.0  # a note that a killed process leaves behind outlives its request's deadline by no more

@@ -6,7 +6,6 @@ from contextlib import aclosing
 from dataclasses import replace
 
 from app.llm.base import Completion, CompletionRequest, LanguageModel, ModelTimeoutError, TextDelta, Usage
-from app.pipeline.episode import EndEffectorAction
 from app.pipeline.errors import ReplyParseError, UnsupportedActionError
 from app.pipeline.findings import Finding
 from app.pipeline.plans.support import PlacedRow
@@ -17,6 +16,7 @@ from app.services.measures import Timings, timed
 from app.services.predict.doubts import SupportCheck
 from app.services.predict.question import Question
 from app.store.values import JsonObject
+from roboprompt_client.trajectory import EndEffectorAction
 
 AGAIN_TEMPERATURE = 0.3  # of the second try: a greedy one would say the same again
 MAX_TOKENS_PER_ACTION = 80  # more than any representation needs for a row, a token for each digit

@@ -7,7 +7,6 @@ what its demonstrations support.
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Protocol
 
-from app.pipeline.episode import EndEffectorAction
 from app.pipeline.errors import UnsupportedActionError
 from app.pipeline.findings import Finding
 from app.pipeline.plans.support import PlacedRow, SupportGuard
@@ -16,6 +15,7 @@ from app.pipeline.scene_findings import scene_findings
 from app.pipeline.workspace import ROTATION_BIN_DEG
 from app.services.predict.question import Question
 from app.store.records import PredictionStatus
+from roboprompt_client.trajectory import EndEffectorAction
 
 LISTED = 3  # instructions that a sentence names
 FAILURES: Mapping[PredictionStatus, tuple[str, str, str]] = {

@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 
 from app.pipeline.comparison import ActionDeviation, ObjectReach, action_deviations, object_reach
-from app.pipeline.episode import Demonstration, EndEffectorAction
+from app.pipeline.episode import Demonstration
 from app.pipeline.success_rate import SuccessRate
 from app.services.predict.select import Demonstrations
 from app.store import predictions, tasks
 from app.store.records import ConfigurationCounts, PredictionRecord
 from app.store.store import Store
+from roboprompt_client.trajectory import EndEffectorAction
 
 
 @dataclass(frozen=True)

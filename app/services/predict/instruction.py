@@ -14,13 +14,13 @@ from importlib.resources import files
 import numpy as np
 
 from app.llm.base import CompletionRequest, LanguageModel, LanguageModelError
-from app.pipeline.episode import ObjectPose
 from app.pipeline.language.grounding import Grounded, Grounding, Taught
 from app.pipeline.language.space import Layout
 from app.pipeline.prompt import Prompt
 from app.services.predict.question import PredictRequest
 from app.services.predict.template import PreviousStep
 from app.services.task_settings import TaskSettings
+from roboprompt_client.trajectory import ObjectPose
 
 MAX_TASKS = 256  # whose words are kept: a task of 100 instructions takes 1 MB
 SYSTEM = (

@@ -10,21 +10,20 @@ import numpy as np
 from app.llm.base import Completion, ModelProfile
 from app.perception.base import ObjectQuery
 from app.perception.images import ImageBytes
-from app.pipeline.camera import Camera, RgbdFrame
-from app.pipeline.episode import EndEffectorAction, ObjectPose
-from app.pipeline.errors import InvalidInputError
 from app.pipeline.findings import Finding
 from app.pipeline.language.grounding import Grounded
-from app.pipeline.motion_limits import Pose
 from app.pipeline.plans.support import PlacedPlan, PlacedRow
 from app.pipeline.prompt import Prompt, PromptTemplate
-from app.pipeline.reply import MAX_ACTIONS
 from app.pipeline.representation.anchors import relative_pose
 from app.pipeline.workspace import DiscreteAction
 from app.services.predict.select import Selection
 from app.services.predict.template import PromptStyle, Template
 from app.services.task_settings import TaskSettings
 from app.store.values import JsonObject
+from roboprompt_client.camera import Camera, RgbdFrame
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.motion_limits import MAX_ACTIONS, Pose
+from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
 
 SAMPLES_TEMPERATURE = 0.5
 Unsupported = Literal["refuse", "allow"]

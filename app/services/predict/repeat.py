@@ -8,8 +8,6 @@ from contextlib import asynccontextmanager
 import anyio.to_thread
 from sqlalchemy import Connection
 
-from app.pipeline.errors import UnsafeActionError
-from app.pipeline.motion_guard import MotionGuard, action_from_json
 from app.services.limits import UnsafeReplyError
 from app.services.motion_bounds import CurrentLimits
 from app.services.predict.question import PredictRequest
@@ -21,6 +19,8 @@ from app.store.records import StoredResponse
 from app.store.store import Store
 from app.store.values import JsonObject
 from app.store.visibility import present
+from roboprompt_client.errors import UnsafeActionError
+from roboprompt_client.motion_guard import MotionGuard, action_from_json
 
 SCOPE = idempotency.PREDICT
 MAX_WAIT_S = 60.0  # for a request with the same key

@@ -9,7 +9,6 @@ import anyio
 
 from app.llm.base import LanguageModel, TextDelta, Usage
 from app.pipeline.consensus import consensus
-from app.pipeline.episode import EndEffectorAction
 from app.pipeline.errors import ReplyParseError, UnsupportedActionError
 from app.pipeline.findings import Finding
 from app.pipeline.plans.support import PlacedRow
@@ -18,6 +17,7 @@ from app.services.measures import Timings, timed
 from app.services.predict.dialogue import Dialogue, usage_sum
 from app.services.predict.question import Question
 from app.store.values import JsonObject
+from roboprompt_client.trajectory import EndEffectorAction
 
 
 @dataclass(frozen=True)

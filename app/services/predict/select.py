@@ -13,8 +13,7 @@ from typing import Literal
 import numpy as np
 from sqlalchemy import Connection
 
-from app.pipeline.arrays import Array
-from app.pipeline.episode import Demonstration, ObjectPose, Trajectory
+from app.pipeline.episode import Demonstration
 from app.pipeline.keyframes import KeyframeRule
 from app.pipeline.plans import Recording, agreeing, aligned_by_plan, by_plan, shown_together
 from app.pipeline.timeline import frame_times_s
@@ -23,6 +22,8 @@ from app.services.task_settings import TaskSettings
 from app.store import episodes
 from app.store.records import DemonstrationRecord, TaskRecord
 from app.store.trajectories import get_trajectories
+from roboprompt_client.arrays import Array
+from roboprompt_client.trajectory import ObjectPose, Trajectory
 
 Selection = Literal["first", "recent", "random", "nearest", "diverse"]
 MAX_TASKS = 64  # whose scenes are kept: 10,000 episodes of three objects take 1 MB

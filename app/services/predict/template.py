@@ -11,9 +11,7 @@ from sqlalchemy import Connection
 
 from app.pipeline.closed_loop import ClosedLoopTemplate
 from app.pipeline.episode import Demonstration
-from app.pipeline.errors import InvalidInputError
 from app.pipeline.language.grounding import Grounded
-from app.pipeline.motion_limits import Pose
 from app.pipeline.plans import by_plan
 from app.pipeline.plans.support import Support
 from app.pipeline.prompt import PromptTemplate, system_prompt_text
@@ -25,6 +23,8 @@ from app.services.predict.select import Demonstrations
 from app.services.task_settings import TaskSettings
 from app.store import predictions
 from app.store.errors import ConflictError
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.motion_limits import Pose
 
 CAPACITY = 256  # templates that are kept
 

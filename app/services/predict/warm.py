@@ -11,11 +11,11 @@ import anyio.to_thread
 
 from app.llm.base import CompletionRequest, LanguageModelError
 from app.llm.registry import ModelRegistry
-from app.pipeline.errors import RoboPromptError
 from app.pipeline.prompt import Prompt
 from app.services.predict.write import QuestionWriter
 from app.store import tasks
 from app.store.store import Store
+from roboprompt_client.errors import RoboPromptError
 
 DEBOUNCE_S = 1.0  # episodes are uploaded one after the other, and each changes the prefix
 TIMEOUT_S = 120.0

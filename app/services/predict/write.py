@@ -8,12 +8,10 @@ from sqlalchemy import Connection
 
 from app.llm.base import ModelProfile
 from app.perception.registry import estimate_poses
-from app.pipeline.episode import ObjectPose
 from app.pipeline.plans.support import PlacedPlan
 from app.pipeline.prompt import check_object_names, objects_of_task
 from app.pipeline.representation import KAT_FORMAT
 from app.pipeline.units import check_scene_units
-from app.pipeline.wording import checked_instruction
 from app.services.cache import Cache
 from app.services.limits import Limits, NoDemonstrationsError
 from app.services.measures import Timings, timed
@@ -36,6 +34,8 @@ from app.store import episodes, tasks
 from app.store.errors import ConflictError
 from app.store.records import TaskRecord
 from app.store.store import Store
+from roboprompt_client.trajectory import ObjectPose
+from roboprompt_client.wording import checked_instruction
 
 SEEDS = 2**31  # the most that every backend takes
 

@@ -12,9 +12,7 @@ from app.perception.base import ObjectQuery
 from app.pipeline.check import check_demonstrations
 from app.pipeline.check.left_out import ReplyCheck, check_reply, reply_findings
 from app.pipeline.check.report import EpisodeCheck, TaskCheck
-from app.pipeline.errors import InvalidInputError
 from app.pipeline.findings import Finding
-from app.pipeline.motion_limits import Pose
 from app.pipeline.plans import Recording
 from app.services.cache import Cache
 from app.services.limits import NoDemonstrationsError, UnparsableReplyError, UnsafeReplyError, UnsupportedReplyError
@@ -29,6 +27,8 @@ from app.store import episodes, tasks
 from app.store.records import PredictionStatus, TaskRecord
 from app.store.store import Store
 from app.store.trajectories import get_trajectories
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.motion_limits import Pose
 
 MOST_CHECKED = 30  # demonstrations, the task's first; prompts have 10 unless somebody wants more
 MOST_ASKED = 10  # of them that an LLM is asked about, some seconds each

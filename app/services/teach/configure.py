@@ -5,7 +5,6 @@ from typing import Any
 
 from sqlalchemy import Connection
 
-from app.pipeline.wording import checked_name
 from app.services.motion_bounds import record_limits
 from app.services.pose_servers import PoseServers
 from app.services.task_settings import MERGED, TaskSettings
@@ -15,6 +14,7 @@ from app.store.errors import ConflictError, NotFoundError
 from app.store.records import EpisodeRecord, Extraction, JobRecord, TaskRecord
 from app.store.store import Store
 from app.store.values import JsonObject
+from roboprompt_client.wording import checked_name
 
 MAX_AT_ONCE = 200  # some seconds
 

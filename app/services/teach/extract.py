@@ -11,9 +11,6 @@ import numpy as np
 
 from app.perception.base import ObjectQuery
 from app.perception.registry import estimate_poses
-from app.pipeline.camera import RgbdFrame
-from app.pipeline.episode import ObjectPose, Trajectory
-from app.pipeline.errors import InvalidInputError
 from app.pipeline.findings import Finding
 from app.pipeline.keyframes import find_keyframes
 from app.pipeline.recording_findings import recording_findings
@@ -24,6 +21,9 @@ from app.store.records import EpisodeRecord, Extraction
 from app.store.store import Store
 from app.store.trajectories import get_trajectory
 from app.store.values import KeyframeRecord, ObjectRecord
+from roboprompt_client.camera import RgbdFrame
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.trajectory import ObjectPose, Trajectory
 
 
 @dataclass(frozen=True)
@@ -57,6 +57,7 @@ def extract(
     Raises:
         InvalidInputError: if there is no keyframe, an object cannot be found, or a model is of none of them.
     """
+    trajectory = trajectory.with_gripper_open_above(settings.gripper_open_above_m)
     found = find_keyframes(trajectory, settings.keyframes.keyframe_rule(), control_frequency_hz)
     if not found:
         message = f"no keyframe in {len(trajectory)} frames by rule {settings.keyframes.rule!r}"

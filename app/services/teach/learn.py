@@ -7,13 +7,13 @@ from typing import Any
 
 from app.perception.base import LabelledScene, ObjectQuery
 from app.perception.cuboid.learn import learn_models
-from app.pipeline.errors import InvalidInputError
 from app.services.limits import NoDemonstrationsError
 from app.services.scene_images import read_frame
 from app.services.teach.configure import ConfigureTask
 from app.store import episodes, tasks
 from app.store.records import EpisodeRecord, TaskRecord
 from app.store.store import Store
+from roboprompt_client.errors import InvalidInputError
 
 OF_OBJECT = re.compile(r"object_models\[([^]]+)\]")
 

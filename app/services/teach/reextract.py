@@ -8,7 +8,6 @@ from collections.abc import Callable, Sequence
 from datetime import timedelta
 from functools import partial
 
-from app.pipeline.errors import InvalidInputError
 from app.services.motion_bounds import record_limits
 from app.services.task_settings import TaskSettings
 from app.services.teach.extract import extract_all_again, with_room_for
@@ -16,6 +15,7 @@ from app.store import episodes, jobs, tasks
 from app.store.errors import CorruptDataError, NotFoundError
 from app.store.records import EpisodeRecord, Extraction, JobRecord
 from app.store.store import Store
+from roboprompt_client.errors import InvalidInputError
 
 ExtractBatch = Callable[[Sequence[EpisodeRecord], TaskSettings], list[Extraction]]
 BATCH = 20

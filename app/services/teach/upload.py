@@ -10,13 +10,11 @@ from sqlalchemy import Connection
 
 from app.perception.base import ObjectQuery
 from app.perception.images import ImageBytes
-from app.pipeline.episode import Episode, ObjectPose
-from app.pipeline.errors import InvalidInputError
+from app.pipeline.episode import Episode
 from app.pipeline.prompt import check_object_names
 from app.pipeline.recording_findings import check_moves
 from app.pipeline.timeline import frame_times_s
 from app.pipeline.units import check_recording_units
-from app.pipeline.wording import checked_name
 from app.services.measures import note
 from app.services.pose_servers import PoseServers
 from app.services.scene_images import put_images
@@ -27,6 +25,9 @@ from app.store.errors import ConflictError, NotFoundError
 from app.store.records import EpisodeDraft, EpisodeRecord, StoredResponse, TaskRecord
 from app.store.store import Store
 from app.store.values import CameraRecord, JsonObject
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.trajectory import ObjectPose
+from roboprompt_client.wording import checked_name
 
 MAX_ATTEMPTS = 3  # a task's settings may change while an episode is being extracted
 SCOPE = idempotency.UPLOAD
@@ -107,6 +108,7 @@ class UploadEpisode:
 
     def _extract(self, upload: Upload, task: TaskRecord | None) -> Extracted:
         settings = _settings_of(task, upload.objects)
+        settings.with_joints_of(upload.episode.trajectory)
         self._pose_servers.check(settings.object_models)
         names = sent = [query.name for query in upload.objects]
         if task is not None and task.object_names is not None:
@@ -142,7 +144,8 @@ class UploadEpisode:
                 return None
             _check_link(connection, upload)
             record = episodes.add(connection, _draft(upload, extracted, cameras))
-            settings = with_room_for(TaskSettings.model_validate(task.settings), [extracted])
+            settings = TaskSettings.model_validate(task.settings).with_joints_of(upload.episode.trajectory)
+            settings = with_room_for(settings, [extracted])
             task = tasks.update_settings(connection, upload.task, settings.model_dump(mode="json"))
             answer = {**respond(record, task), "findings": [item.to_json() for item in extracted.findings]}
             if (key := upload.idempotency_key) is not None:

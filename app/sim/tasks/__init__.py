@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 
-from app.pipeline.errors import InvalidInputError
 from app.sim.tasks.base import SimTask
 from app.sim.tasks.buttons import PushButton, PushButtonReal, PushMultipleButtons
 from app.sim.tasks.close_jar import CloseJar
@@ -22,6 +21,7 @@ from app.sim.tasks.stack_cups import StackCups
 from app.sim.tasks.sweep_to_dustpan import SweepToDustpan
 from app.sim.tasks.turn_tap import TurnTap
 from app.sim.tasks.unplug_cable import UnplugCable
+from roboprompt_client.errors import InvalidInputError
 
 TASKS: Mapping[str, type[SimTask]] = {
     task.name: task

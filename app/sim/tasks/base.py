@@ -12,12 +12,12 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.arrays import Array
-from app.pipeline.episode import ObjectPose
 from app.sim import panda
 from app.sim.moves import Move
 from app.sim.scene import NO_TURN, Part
 from app.sim.world import OBJECT_CONTACT, base_spec, place_arm
+from roboprompt_client.arrays import Array
+from roboprompt_client.trajectory import ObjectPose
 
 SETTLE_S = 0.3
 OPEN_FINGER_M = panda.FINGER_TRAVEL_M / 2  # the gripper is commanded open above this

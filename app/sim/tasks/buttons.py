@@ -8,11 +8,11 @@ from itertools import chain, product
 
 import numpy as np
 
-from app.pipeline.arrays import Array
 from app.sim.moves import LOOSE_M, UP, Move, move_to, tool_down
 from app.sim.scene import scatter
 from app.sim.tasks.base import SimTask
 from app.sim.world import TABLE_TOP_M
+from roboprompt_client.arrays import Array
 
 COLOURS = ("red", "yellow", "green", "blue")
 BASE_RADIUS_M, BASE_HEIGHT_M = 0.036, 0.034

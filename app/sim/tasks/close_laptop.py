@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from app.pipeline.arrays import Array
 from app.sim.moves import LOOSE_M, Move, move_to, tool_down
 from app.sim.scene import about_z
 from app.sim.tasks.base import SimTask
 from app.sim.tasks.laptop import CENTRE_HEIGHT_M, HINGE_M, LID_THICKNESS_M, add_laptop, add_lid
 from app.sim.world import TABLE_TOP_M
+from roboprompt_client.arrays import Array
 
 LOW_M, HIGH_M = (0.22, -0.20), (0.38, 0.20)
 MAX_TURN_RAD = np.pi / 3

@@ -5,11 +5,11 @@ They share a blue and a yellow cube, of which the instruction names one as the u
 
 import numpy as np
 
-from app.pipeline.arrays import Array
 from app.sim.moves import UP, Move, nearest_yaw_rad, pick, place, tool_down
 from app.sim.scene import about_z, scatter
 from app.sim.tasks.base import SimTask
 from app.sim.world import TABLE_TOP_M
+from roboprompt_client.arrays import Array
 
 HALF_SIZE_M = 0.025
 MASS_KG = 0.09

@@ -6,12 +6,12 @@ They share a cabinet of three drawers, and how its bottom drawer is opened. The 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.arrays import Array
 from app.sim.moves import UP, Move, move_to, nearest_yaw_rad, pick, place, tool_down
 from app.sim.scene import Part, about_z
 from app.sim.tasks.base import SimTask
 from app.sim.tasks.cases import BOARD_M, add_case
 from app.sim.world import TABLE_TOP_M
+from roboprompt_client.arrays import Array
 
 DRAWERS = ("bottom", "middle", "top")
 HALF_DEPTH_M, HALF_WIDTH_M, STOREY_M = 0.10, 0.12, 0.085

@@ -3,11 +3,11 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.arrays import Array
 from app.sim.moves import UP, Move, move_to, nearest_yaw_rad, pick, tool_down
 from app.sim.scene import Part, about_z, scatter
 from app.sim.tasks.base import SimTask
 from app.sim.world import TABLE_TOP_M
+from roboprompt_client.arrays import Array
 
 # A cup, around the point on its axis where it is grasped; its handle is on the side of x
 RADIUS_M, WALL_M, HEIGHT_M, GRASP_HEIGHT_M = 0.033, 0.003, 0.080, 0.066

@@ -16,9 +16,7 @@ from starlette.responses import Response
 from app.api.documents import episode_document
 from app.api.routes import Wired
 from app.llm.base import LanguageModelError
-from app.pipeline.arrays import Array
-from app.pipeline.episode import Demonstration, Trajectory
-from app.pipeline.errors import InvalidInputError
+from app.pipeline.episode import Demonstration
 from app.pipeline.keyframes import Rule
 from app.pipeline.prompt_colours import Span, prompt_spans
 from app.pipeline.representation import KAT_FORMAT, REPRESENTATIONS, fit_codec
@@ -33,6 +31,9 @@ from app.store.values import JsonObject
 from app.web.keyframe_preview import Preview, preview
 from app.web.page import HEADERS, PageRoute, render, render_part
 from app.web.scene3d import scene
+from roboprompt_client.arrays import Array
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.trajectory import Trajectory
 
 router = APIRouter(route_class=PageRoute)
 documents = APIRouter()
@@ -166,7 +167,7 @@ def episode_motion(services: Wired, episode_id: str) -> Response:
     document: JsonObject = {
         "times_s": times_s.round(4).tolist(),
         "speed_rad_s": np.linalg.norm(velocities, axis=1).round(5).tolist(),
-        "fastest_joint_rad_s": np.abs(velocities).max(axis=1).round(5).tolist(),
+        "fastest_joint_rad_s": np.abs(velocities).max(axis=1, initial=0.0).round(5).tolist(),
         "gripper": [[float(ends_s[first]), float(ends_s[end]), is_open] for first, end, is_open in stretches],
         "scene": scene(recording.settings.workspace, recording.record.objects, (), recording.trajectory.positions_m),
     }

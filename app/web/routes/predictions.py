@@ -8,11 +8,11 @@ from fastapi.responses import JSONResponse
 from starlette.responses import Response
 
 from app.api.routes import Wired
-from app.pipeline.errors import InvalidInputError
 from app.store import prediction_lists, tasks
 from app.store.prediction_lists import FATES, Fate, ListCursor, Order, PredictionFilter
 from app.web.page import HEADERS, PageRoute, render, render_part
 from app.web.prediction_views import compare, view_prediction
+from roboprompt_client.errors import InvalidInputError
 
 PAGE_SIZE = 50
 NUM_OTHERS = 20  # to compare with

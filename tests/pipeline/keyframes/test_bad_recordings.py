@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from app.pipeline.episode import Trajectory
-from app.pipeline.errors import InvalidInputError
 from app.pipeline.keyframes import RULES, KeyframeRule, find_keyframes, manner_of, waypoints
 from app.pipeline.timeline import frame_times_s
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.trajectory import Trajectory
 
 from ..recordings import flowing
 

@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.pipeline.episode import Trajectory
 from app.pipeline.keyframes import RULES, KeyframeRule, find_keyframes, manner_of, merged, waypoints
 from app.pipeline.keyframes.rule import TOLERANCE_DEG, TOLERANCE_M
 from app.pipeline.timeline import frame_times_s
+from roboprompt_client.trajectory import Trajectory
 
 from ..recordings import Motion, flowing, pick_and_place, resting
 from .test_published import trajectory

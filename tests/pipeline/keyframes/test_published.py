@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from app.pipeline.episode import Trajectory
 from app.pipeline.keyframes import authors, merged, uniform
+from roboprompt_client.trajectory import Trajectory
 
 SPEEDS_RAD_S = {"m": 0.5, ".": 0.0}
 

@@ -2,8 +2,8 @@ import math
 
 import pytest
 
-from app.pipeline.errors import InvalidInputError
 from app.pipeline.keyframes import KeyframeRule
+from roboprompt_client.errors import InvalidInputError
 
 
 @pytest.mark.parametrize(

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.episode import EndEffectorAction
 from app.pipeline.errors import UnsupportedActionError
 from app.pipeline.plans import agreeing, aligned_by_plan, by_plan
 from app.pipeline.plans.support import Support, SupportGuard
 from app.pipeline.representation.object_frame import ObjectFrameCodec
+from roboprompt_client.trajectory import EndEffectorAction
 
 from ..gbnf import matches
 from ..recordings import flowing, resting

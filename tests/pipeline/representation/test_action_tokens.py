@@ -5,12 +5,13 @@ import pytest
 from jsonschema import Draft202012Validator
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.episode import EndEffectorAction
-from app.pipeline.errors import InvalidInputError, ReplyParseError
+from app.pipeline.errors import ReplyParseError
 from app.pipeline.prompt import SYSTEM_PROMPTS, PromptTemplate
 from app.pipeline.reply import ReplyReader, parse_reply
 from app.pipeline.representation import REPRESENTATIONS, action_tokens, fit_codec
 from app.pipeline.representation.action_tokens import ActionTokensCodec, KatCodec
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.trajectory import EndEffectorAction
 
 from ..gbnf import matches
 from ..scenes import WORKSPACE, action, angle_deg, demonstration, pose, same_actions

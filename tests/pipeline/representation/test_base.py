@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from app.pipeline.errors import InvalidInputError
 from app.pipeline.representation import PROMPT_FORMATS, REPRESENTATIONS, fit_codec
 from app.pipeline.representation.base import row_count_bounds
+from roboprompt_client.errors import InvalidInputError
 
 from ..scenes import WORKSPACE, action, demonstration, pose
 

@@ -1,0 +1,52 @@
+"""The robot's side of RoboPrompt: a client of the service, the Robot Protocol, and the loop that ties them.
+
+    with RoboPromptClient("http://127.0.0.1:8000") as client:
+        run_task(client, my_robot, "open_drawer", "open the bottom drawer")
+
+Needs numpy and httpx. Metres, radians, seconds; poses in the world frame; quaternions x y z w.
+"""
+
+from roboprompt_client.answers import PredictedActions
+from roboprompt_client.camera import Camera, RgbdFrame
+from roboprompt_client.client import RoboPromptClient
+from roboprompt_client.errors import (
+    DangerError,
+    InvalidInputError,
+    MotionError,
+    NotConfirmedError,
+    ObjectLostError,
+    RoboPromptError,
+    ServiceProblemError,
+    ServiceUnreachableError,
+    UnsafeActionError,
+)
+from roboprompt_client.loop import run_closed_loop, run_task
+from roboprompt_client.motion_limits import Box, MotionLimits, Pose
+from roboprompt_client.robot import Observation, Robot
+from roboprompt_client.trajectory import EndEffectorAction, ObjectPose, Trajectory
+
+__all__ = [
+    "Box",
+    "Camera",
+    "DangerError",
+    "EndEffectorAction",
+    "InvalidInputError",
+    "MotionError",
+    "MotionLimits",
+    "NotConfirmedError",
+    "ObjectLostError",
+    "ObjectPose",
+    "Observation",
+    "Pose",
+    "PredictedActions",
+    "RgbdFrame",
+    "RoboPromptClient",
+    "RoboPromptError",
+    "Robot",
+    "ServiceProblemError",
+    "ServiceUnreachableError",
+    "Trajectory",
+    "UnsafeActionError",
+    "run_closed_loop",
+    "run_task",
+]

@@ -1,0 +1,185 @@
+"""An arm as a Robot: checked before it moves, compared afterwards, and still once it was stopped."""
+
+import logging
+import math
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from roboprompt_client import quaternions as rotations
+from roboprompt_client.arms.calibration import Calibration
+from roboprompt_client.arms.driver import ArmState, Driver
+from roboprompt_client.arrays import Array
+from roboprompt_client.errors import InvalidInputError, MotionError
+from roboprompt_client.motion_guard import MotionGuard
+from roboprompt_client.motion_limits import MotionLimits, Pose
+from roboprompt_client.robot import Observation
+from roboprompt_client.trajectory import EndEffectorAction
+
+log = logging.getLogger(__name__)
+Eyes = Callable[[], Observation]
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """How near the end effector must come, and how long a motion may take."""
+
+    position_m: float = 0.005
+    rotation_deg: float = 2.0
+    width_m: float = 0.004
+    motion_s: float = 120.0
+
+
+TOLERANCE = Tolerance()
+
+
+class Arm:
+    """An arm behind the Robot Protocol.
+
+    Once it was stopped, from whatever thread, and once a motion failed, it moves no more until `recover` is called.
+
+    Args:
+        eyes: what there is to see, in the world frame; None: nothing.
+        limits: of the cell, in the world frame: held before every motion, whatever the service says.
+        open_width_m: what the fingers measure when they are open; None: as wide as they were ever measured.
+    """
+
+    def __init__(
+        self,
+        driver: Driver,
+        *,
+        calibration: Calibration | None = None,
+        eyes: Eyes | None = None,
+        limits: MotionLimits | None = None,
+        tolerance: Tolerance = TOLERANCE,
+        open_width_m: float | None = None,
+    ) -> None:
+        self.driver = driver
+        self._calibration = calibration or Calibration.none()
+        self._eyes = eyes
+        self._limits = limits or MotionLimits(hand_radius_m=0.0)
+        self._tolerance = tolerance
+        self._stopped = threading.Event()
+        self._moving = threading.Lock()
+        self._open_width_m = open_width_m
+        if not driver.proven:
+            log.warning("%s: untested on hardware: keep a hand on the emergency stop", driver.name)
+
+    def __enter__(self) -> "Arm":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Stop, and leave the arm."""
+        self.stop()
+        self.driver.close()
+
+    def state(self) -> ArmState:
+        """The arm as it is now, in the world frame; safe to call from another thread."""
+        state = self.driver.state()
+        position_m, quaternion = self._calibration.to_world(state.position_m, state.quaternion_xyzw)
+        return ArmState(
+            position_m,
+            quaternion,
+            state.joint_positions_rad,
+            state.joint_velocities_rad_s,
+            state.gripper_width_m,
+            state.gripper_open,
+        )
+
+    def observe(self) -> Observation:
+        seen = Observation() if self._eyes is None else self._eyes()
+        state = self.state()
+        hand = Pose(tuple(state.position_m.tolist()), tuple(state.quaternion_xyzw.tolist()))
+        return Observation(seen.objects, seen.frames, seen.to_find, hand)
+
+    def execute(self, action: EndEffectorAction) -> None:
+        """Move, and set the gripper.
+
+        Raises:
+            UnsafeActionError: if the action is beyond the cell's limits; nothing moved.
+            MotionError: before any motion if the pose is out of reach or the arm was stopped; afterwards if it did not
+                arrive, with how far off, or if the gripper did not do as it was told. The arm is stopped.
+        """
+        if not self._moving.acquire(blocking=False):
+            raise MotionError("the arm is in a motion that another thread began")
+        try:
+            self._execute(action)
+        except BaseException:
+            self.stop()
+            raise
+        finally:
+            self._moving.release()
+
+    def stop(self) -> None:
+        """Hold still, from any thread; what was moving raises MotionError, and nothing moves until `recover`."""
+        self._stopped.set()
+        try:
+            self.driver.halt()
+        except MotionError as error:
+            log.error("%s: the stop was not confirmed: %s", self.driver.name, error)
+
+    def recover(self) -> None:
+        """Let the arm move again, after a person has looked; acknowledges the arm's own errors, too."""
+        self.driver.recover()
+        self._stopped.clear()
+
+    def _execute(self, action: EndEffectorAction) -> None:
+        self._refuse_if_stopped()
+        before = self.state()
+        MotionGuard(self._limits, before=_pose(before)).check(action)
+        wanted = self._calibration.to_base(action.position_m, action.quaternion_xyzw)
+        self.driver.check(*wanted)
+        self._refuse_if_stopped()
+        self.driver.start(*wanted)
+        self._wait()
+        self._check_arrival(action)
+        self._refuse_if_stopped()
+        self.driver.set_gripper(is_open=action.gripper_open)
+        self._refuse_if_stopped()
+        self._check_gripper(before.gripper_width_m, is_open=action.gripper_open)
+
+    def _refuse_if_stopped(self) -> None:
+        if self._stopped.is_set():
+            raise MotionError("the arm was stopped: call recover() once a person has looked")
+
+    def _wait(self) -> None:
+        end_s = time.monotonic() + self._tolerance.motion_s
+        while not self.driver.finished():
+            self._refuse_if_stopped()
+            if time.monotonic() > end_s:
+                raise MotionError(f"the motion did not end within {self._tolerance.motion_s:g} s")
+        self._refuse_if_stopped()
+
+    def _check_arrival(self, action: EndEffectorAction) -> None:
+        off_m, off_deg = miss(self.state(), action.position_m, action.quaternion_xyzw)
+        if not (off_m <= self._tolerance.position_m and off_deg <= self._tolerance.rotation_deg):
+            raise MotionError(f"the motion ended {1000 * off_m:.1f} mm and {off_deg:.1f} degrees off its target")
+
+    def _check_gripper(self, before_m: float | None, *, is_open: bool) -> None:
+        width_m = self.driver.state().gripper_width_m
+        if width_m is None or before_m is None:
+            return
+        self._open_width_m = max(width_m, before_m, self._open_width_m or 0.0)
+        open_m, near_m = self._open_width_m, self._tolerance.width_m
+        if is_open and width_m < open_m - near_m:
+            raise MotionError(f"the gripper was to open, but measures {1000 * width_m:.1f} of {1000 * open_m:.1f} mm")
+        if not is_open and width_m > open_m - near_m:
+            raise MotionError(f"the gripper was to close, but still measures {1000 * width_m:.1f} mm")
+
+
+def miss(state: ArmState, position_m: Array, quaternion_xyzw: Array) -> tuple[float, float]:
+    """How far off a pose the end effector is: metres and degrees."""
+    turn = rotations.product(rotations.inverse(state.quaternion_xyzw), quaternion_xyzw)
+    return float(np.linalg.norm(state.position_m - position_m)), math.degrees(rotations.angle_rad(turn))
+
+
+def _pose(state: ArmState) -> Pose:
+    if not np.isfinite(state.position_m).all():
+        raise InvalidInputError("end_effector", f"is {state.position_m.tolist()}", "finite numbers")
+    return Pose(tuple(state.position_m.tolist()), tuple(state.quaternion_xyzw.tolist()))

@@ -1,0 +1,66 @@
+"""Where an arm's base stands in the world."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from roboprompt_client import quaternions as rotations
+from roboprompt_client.arrays import Array, finite_array, settle, unit_quaternions
+from roboprompt_client.errors import InvalidInputError
+
+FORM = '{"base_to_world": {"position": [x, y, z], "quaternion_xyzw": [x, y, z, w]}}, metres'
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """The arm's base in the world frame: position (3,) m and rotation (4,) xyzw; by default the base is the world."""
+
+    position_m: Array
+    quaternion_xyzw: Array
+
+    def __post_init__(self) -> None:
+        settle(
+            self,
+            position_m=finite_array("base_to_world.position", self.position_m, (3,)),
+            quaternion_xyzw=unit_quaternions("base_to_world.quaternion_xyzw", self.quaternion_xyzw, (4,)),
+        )
+
+    @classmethod
+    def none(cls) -> "Calibration":
+        """The base is the world's origin."""
+        return cls(np.zeros(3), rotations.IDENTITY)
+
+    @classmethod
+    def from_file(cls, path: Path) -> "Calibration":
+        """Read one from a JSON file.
+
+        Raises:
+            InvalidInputError: if it cannot be read or is none.
+        """
+        try:
+            document = json.loads(path.read_text())
+        except (OSError, ValueError) as error:
+            raise InvalidInputError("calibration", f"{path}: {error}", f"a file with {FORM}") from error
+        return cls.from_json(document)
+
+    @classmethod
+    def from_json(cls, document: object) -> "Calibration":
+        """One of a JSON document; raises InvalidInputError if it is none."""
+        pose = document.get("base_to_world") if isinstance(document, Mapping) else None
+        if not isinstance(pose, Mapping) or not {"position", "quaternion_xyzw"} <= set(pose):
+            raise InvalidInputError("base_to_world", f"is {pose!r:.80}", FORM)
+        return cls(pose["position"], pose["quaternion_xyzw"])
+
+    def to_world(self, position_m: Array, quaternion_xyzw: Array) -> tuple[Array, Array]:
+        """A pose in the base frame, in the world frame."""
+        turned = rotations.product(self.quaternion_xyzw, quaternion_xyzw)
+        return self.position_m + rotations.rotated(self.quaternion_xyzw, position_m), rotations.canonical(turned)
+
+    def to_base(self, position_m: Array, quaternion_xyzw: Array) -> tuple[Array, Array]:
+        """A pose in the world frame, in the base frame."""
+        back = rotations.inverse(self.quaternion_xyzw)
+        turned = rotations.product(back, quaternion_xyzw)
+        return rotations.rotated(back, position_m - self.position_m), rotations.canonical(turned)

@@ -1,0 +1,103 @@
+"""A cell's file: which arm, where it stands, what bounds it, what there is to see.
+
+    {"arm": "franka", "options": {"address": "172.16.0.2"},
+     "base_to_world": {"position": [0, 0, 0.6], "quaternion_xyzw": [0, 0, 0, 1]},
+     "limits": {"workspace": {"min": [0.2, -0.4, 0.6], "max": [0.7, 0.4, 1.2]}},
+     "objects": "objects.json", "tolerance": {"position_m": 0.005}, "open_width_m": 0.08}
+
+Only `arm` is needed. `arm` may also be MODULE:FACTORY, a callable that returns a Robot or a driver for `Arm`.
+"""
+
+import importlib
+import json
+from collections.abc import Mapping
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+from roboprompt_client.arms.arm import Arm, Eyes, Tolerance
+from roboprompt_client.arms.calibration import Calibration
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.motion_limits import MotionLimits
+from roboprompt_client.robot import Observation, Robot
+from roboprompt_client.scene_file import observation_from_file
+
+DRIVERS = {
+    "franka": "roboprompt_client.arms.franka:Franka",
+    "ur": "roboprompt_client.arms.ur:UR",
+    "xarm": "roboprompt_client.arms.xarm:XArm",
+    "lerobot": "roboprompt_client.arms.lerobot:LeRobotArm",
+}
+KNOWN = ("arm", "options", "base_to_world", "limits", "objects", "tolerance", "open_width_m")
+
+
+def open_robot(name: str) -> Robot:
+    """A robot by MODULE:FACTORY, or by a cell's file.
+
+    Raises:
+        InvalidInputError: if there is no such factory, or the file says something that cannot be.
+        MotionError: if the arm cannot be reached.
+    """
+    if ":" not in name or Path(name).exists():
+        return open_cell(Path(name))
+    robot: Robot = _made(name, {})
+    return robot
+
+
+def open_cell(path: Path) -> Robot:
+    """The robot of a cell's file; raises as `open_robot`."""
+    try:
+        cell = json.loads(path.read_text())
+    except (OSError, ValueError) as error:
+        raise InvalidInputError("robot", f"{path}: {error}", "MODULE:FACTORY, or a cell's JSON file") from error
+    if not isinstance(cell, Mapping) or not isinstance(cell.get("arm"), str):
+        raise InvalidInputError("arm", "is missing", ", ".join(DRIVERS))
+    if unknown := [name for name in cell if name not in KNOWN]:
+        raise InvalidInputError(unknown[0], "is not known", ", ".join(KNOWN))
+    tolerance = _tolerance(cell.get("tolerance", {}))
+    limits = MotionLimits.from_file(cell["limits"]) if "limits" in cell else None
+    calibration = Calibration.from_json(cell) if "base_to_world" in cell else None
+    named: str = cell["arm"]
+    made: Any = _made(DRIVERS.get(named, named), cell.get("options", {}))
+    if not hasattr(made, "halt"):
+        robot: Robot = made
+        return robot
+    eyes = _eyes(path.parent / cell["objects"]) if "objects" in cell else None
+    return Arm(
+        made,
+        calibration=calibration,
+        eyes=eyes,
+        limits=limits,
+        tolerance=tolerance,
+        open_width_m=cell.get("open_width_m"),
+    )
+
+
+def _made(name: str, options: Mapping[str, Any]) -> Any:  # noqa: ANN401
+    module, _, factory = name.partition(":")
+    try:
+        make = getattr(importlib.import_module(module), factory)
+    except (ImportError, AttributeError, ValueError) as error:
+        valid = f"MODULE:FACTORY, or {', '.join(DRIVERS)}"
+        raise InvalidInputError("arm", f"{name!r:.80} cannot be imported: {error}", valid) from error
+    try:
+        return make(**options)
+    except TypeError as error:
+        raise InvalidInputError("options", f"do not fit {name}: {error}") from error
+
+
+def _tolerance(document: object) -> Tolerance:
+    known = [field.name for field in fields(Tolerance)]
+    if not isinstance(document, Mapping) or not set(document) <= set(known):
+        raise InvalidInputError("tolerance", f"is {document!r:.80}", f"an object with {', '.join(known)}")
+    return Tolerance(**document)
+
+
+def _eyes(path: Path) -> Eyes:
+    """What the file says, read again at each look."""
+
+    def look() -> Observation:
+        return observation_from_file("objects", path)
+
+    look()
+    return look

@@ -1,0 +1,101 @@
+"""What an arm's interface must offer: metres, radians, x y z w, all in the arm's base frame."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from roboprompt_client.arrays import Array
+from roboprompt_client.quaternions import to_matrix
+
+
+@dataclass(frozen=True, eq=False)
+class ArmState:
+    """An arm at one moment.
+
+    Attributes:
+        position_m, quaternion_xyzw: (3,), (4,) end effector in the arm's base frame.
+        joint_positions_rad: (J,), or None where the arm does not say.
+        joint_velocities_rad_s: (J,), or None.
+        gripper_width_m: measured between the fingers; None without fingers that are measured.
+        gripper_open: where there is no width: what was commanded last; None without a gripper.
+    """
+
+    position_m: Array
+    quaternion_xyzw: Array
+    joint_positions_rad: Array | None = None
+    joint_velocities_rad_s: Array | None = None
+    gripper_width_m: float | None = None
+    gripper_open: bool | None = None
+
+    def transform(self) -> Array:
+        """(4, 4) end effector to base."""
+        return pose_matrix(self.position_m, self.quaternion_xyzw)
+
+
+class Driver(Protocol):
+    """A maker's interface. Only `halt` and `state` are called from another thread than the others.
+
+    Attributes:
+        name: for people.
+        proven: on what it has been seen to work; empty: on nothing but its interface's documentation.
+    """
+
+    name: str
+    proven: str
+
+    def state(self) -> ArmState:
+        """The arm as it is now.
+
+        Raises:
+            MotionError: if the arm does not answer.
+        """
+        ...
+
+    def check(self, position_m: Array, quaternion_xyzw: Array) -> None:
+        """Raise MotionError if the pose, or the way to it, is out of reach or beyond a joint's limit; nothing moves."""
+        ...
+
+    def start(self, position_m: Array, quaternion_xyzw: Array) -> None:
+        """Begin to move the end effector to the pose in a straight line, and return.
+
+        Raises:
+            MotionError: if the arm refuses.
+        """
+        ...
+
+    def finished(self) -> bool:
+        """Whether the motion has ended; waits for it up to some 50 ms.
+
+        Raises:
+            MotionError: if it ended otherwise than at its target.
+        """
+        ...
+
+    def set_gripper(self, *, is_open: bool) -> None:
+        """Open or close the gripper, and return when it has done so; nothing without a gripper.
+
+        Raises:
+            MotionError: if it does not answer or says that it failed.
+        """
+        ...
+
+    def halt(self) -> None:
+        """Stop whatever moves, at once; safe at any time and from any thread."""
+        ...
+
+    def recover(self) -> None:
+        """Acknowledge an error that keeps the arm from moving: a person asked for it."""
+        ...
+
+    def close(self) -> None:
+        """Leave the arm."""
+        ...
+
+
+def pose_matrix(position_m: Array, quaternion_xyzw: Array) -> Array:
+    """(4, 4) of a position (3,) and a rotation (4,)."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = to_matrix(quaternion_xyzw)
+    matrix[:3, 3] = position_m
+    return matrix

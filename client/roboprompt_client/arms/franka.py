@@ -1,0 +1,170 @@
+"""A Franka Panda or Research 3 over libfranka, by franky.
+
+Metres, x y z w, end effector to base, as franky has them. It starts at 5 % of the arm's dynamics.
+"""
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from queue import Empty, Queue
+from threading import Thread
+from typing import Any
+
+import numpy as np
+
+from roboprompt_client.arms.driver import ArmState
+from roboprompt_client.arms.panda_kinematics import LIMITS_RAD, check_way
+from roboprompt_client.arrays import Array
+from roboprompt_client.errors import InvalidInputError, MotionError
+
+DYNAMICS = 0.05
+GRIPPER_M_S, GRASP_N = 0.05, 20.0
+POLL_S = 0.05
+CONNECT_S = 10.0
+LEAST_WIDTH_M = 0.001
+
+
+class Franka:
+    """A driver for `Arm`.
+
+    Args:
+        address: of the arm's control unit.
+        model: `panda` or `fr3`: whose joint limits hold.
+        dynamics: of the arm's full velocity, acceleration and jerk, 0 to 1.
+        realtime: require a real-time kernel, as a real arm does; a simulated one needs none.
+        gripper: whether there is a Franka Hand.
+
+    Raises:
+        InvalidInputError: for a model or dynamics that cannot be.
+        MotionError: if the arm cannot be reached, or another program controls it.
+    """
+
+    name = "Franka (libfranka, franky)"
+    proven = "libfranka's protocol over a simulated arm (franky-sim)"
+
+    def __init__(
+        self,
+        address: str,
+        *,
+        model: str = "fr3",
+        dynamics: float = DYNAMICS,
+        realtime: bool = True,
+        gripper: bool = True,
+        grasp_n: float = GRASP_N,
+    ) -> None:
+        if model not in LIMITS_RAD:
+            raise InvalidInputError("model", f"is {model!r:.40}", ", ".join(LIMITS_RAD))
+        if not 0 < dynamics <= 1:
+            raise InvalidInputError("dynamics", f"is {dynamics!r:.40}", "above 0 and at most 1")
+        self._franky = franky = _franky()
+        self._model, self._grasp_n, self._gripping = model, grasp_n, False
+        kernel = franky.RealtimeConfig.Enforce if realtime else franky.RealtimeConfig.Ignore
+        with self._errors(f"connect {address}"):
+            self._robot = _within(
+                CONNECT_S, lambda: franky.Robot(address, relative_dynamics_factor=dynamics, realtime_config=kernel)
+            )
+            self._gripper = _within(CONNECT_S, lambda: franky.Gripper(address)) if gripper else None
+
+    def state(self) -> ArmState:
+        with self._errors("state"):
+            now, pose = self._robot.current_joint_state, self._robot.current_pose.end_effector_pose
+            width_m = None if self._gripper is None else float(self._gripper.width)
+        return ArmState(
+            np.array(pose.translation, float).reshape(3),
+            np.array(pose.quaternion, float).reshape(4),
+            np.array(now.position, float).reshape(7),
+            np.array(now.velocity, float).reshape(7),
+            width_m,
+        )
+
+    def check(self, position_m: Array, quaternion_xyzw: Array) -> None:
+        """Also refuses while the arm reports an error: a reflex is recovered on request only."""
+        with self._errors("state"):
+            if self._robot.has_errors:
+                raise MotionError(f"the arm reports {self._robot.state.current_errors}: call recover()")
+            tip = np.array(self._robot.state.F_T_EE.matrix, float)
+            joints = np.array(self._robot.current_joint_state.position, float).reshape(7)
+        check_way(joints, tip, position_m, quaternion_xyzw, self._model)
+
+    def start(self, position_m: Array, quaternion_xyzw: Array) -> None:
+        target = self._franky.Affine(position_m, quaternion_xyzw)
+        with self._errors("move"):  # a motion object is good for one motion
+            self._robot.move(self._franky.CartesianMotion(target), asynchronous=True)
+
+    def finished(self) -> bool:
+        with self._errors("motion"):
+            moving = bool(self._robot.poll_motion())
+        if moving:  # `join_motion` would take an interrupt for itself
+            time.sleep(POLL_S)
+        return not moving
+
+    def set_gripper(self, *, is_open: bool) -> None:
+        if (hand := self._gripper) is None:
+            return
+        self._gripping = True
+        with self._errors("gripper"):
+            width_m, most_m = float(hand.width), float(hand.max_width)
+            if is_open and width_m < most_m - LEAST_WIDTH_M:
+                hand.open(GRIPPER_M_S)
+            elif not is_open and width_m > LEAST_WIDTH_M:
+                # Whatever it closes on, or nothing, is right: the width afterwards is what counts.
+                hand.grasp(0.0, GRIPPER_M_S, self._grasp_n, most_m, most_m)
+        self._gripping = False
+
+    def halt(self) -> None:
+        """Pre-empts a motion of another thread; a gripper that is at rest holds what it has."""
+        with self._errors("stop"):
+            self._robot.stop()
+            if self._gripper is not None and self._gripping:
+                self._gripper.stop()
+
+    def recover(self) -> None:
+        with suppress(*self._kinds()):  # how the motion before ended was said then
+            self._robot.join_motion(POLL_S)
+        with self._errors("recovery"):
+            self._robot.recover_from_errors()
+
+    def close(self) -> None:
+        self._gripper = self._robot = None
+
+    @contextmanager
+    def _errors(self, what: str) -> Iterator[None]:
+        kinds: tuple[type[Exception], ...] = (*self._kinds(), TimeoutError)
+        try:
+            yield
+        except kinds as error:
+            raise MotionError(f"{self.name}: {what}: {error or type(error).__name__}") from error
+
+    def _kinds(self) -> tuple[type[Exception], ...]:
+        """Franky's exceptions share no base."""
+        names = (name for name in dir(self._franky) if name.endswith("Exception"))
+        return tuple(kind for name in names if issubclass(kind := getattr(self._franky, name), Exception))
+
+
+def _within(most_s: float, connect: Callable[[], Any]) -> Any:  # noqa: ANN401
+    """What `connect` returns; libfranka waits without end for an arm that another program controls."""
+    done: Queue[Any] = Queue()
+
+    def run() -> None:
+        try:
+            done.put((connect(), None))
+        except Exception as error:  # handed over to the caller
+            done.put((None, error))
+
+    Thread(target=run, name="connect", daemon=True).start()
+    try:
+        made, error = done.get(timeout=most_s)
+    except Empty:
+        message = f"no answer within {most_s:g} s: is it switched on, and does another program control it?"
+        raise TimeoutError(message) from None
+    if error is not None:
+        raise error
+    return made
+
+
+def _franky() -> Any:  # noqa: ANN401
+    try:
+        import franky
+    except ImportError as error:
+        raise InvalidInputError("robot", "franky is not installed", "roboprompt-client[franka]") from error
+    return franky

@@ -1,0 +1,136 @@
+"""A Universal Robots arm by ur-rtde: metres, rotation vectors, tool to base."""
+
+import time
+from typing import Any
+
+import numpy as np
+
+from roboprompt_client import quaternions as rotations
+from roboprompt_client.arms.driver import ArmState
+from roboprompt_client.arrays import Array
+from roboprompt_client.errors import InvalidInputError, MotionError
+
+SPEED_M_S, ACCELERATION_M_S2 = 0.1, 0.3
+STOP_M_S2 = 2.0
+POLL_S, GRIPPER_S = 0.05, 1.0
+
+
+class UR:
+    """A driver for `Arm`.
+
+    Args:
+        address: of the arm's controller, in remote control.
+        speed_m_s, acceleration_m_s2: of the tool.
+        gripper_output: the tool's digital output that closes the gripper or switches the suction on; None: no gripper.
+        gripper_s: how long the gripper takes.
+
+    Raises:
+        MotionError: if the arm cannot be reached.
+    """
+
+    name = "UR (ur-rtde)"
+    proven = ""
+
+    def __init__(
+        self,
+        address: str,
+        *,
+        speed_m_s: float = SPEED_M_S,
+        acceleration_m_s2: float = ACCELERATION_M_S2,
+        gripper_output: int | None = None,
+        gripper_s: float = GRIPPER_S,
+    ) -> None:
+        control, receive, outputs = _rtde()
+        try:
+            self._control = control.RTDEControlInterface(address)
+            self._receive = receive.RTDEReceiveInterface(address)
+            self._outputs = None if gripper_output is None else outputs.RTDEIOInterface(address)
+        except RuntimeError as error:
+            raise MotionError(f"{self.name}: connect {address}: {error}") from error
+        self._speed, self._acceleration = speed_m_s, acceleration_m_s2
+        self._output, self._gripper_s = gripper_output, gripper_s
+        self._gripper_open: bool | None = None if gripper_output is None else True
+        self._progress_before = -1
+
+    def state(self) -> ArmState:
+        if not self._receive.isConnected():
+            raise MotionError(f"{self.name}: the connection is lost")
+        x, y, z, *turn = self._receive.getActualTCPPose()
+        return ArmState(
+            np.array([x, y, z]),
+            rotations.canonical(rotations.from_rotation_vector(turn)),
+            np.array(self._receive.getActualQ()),
+            np.array(self._receive.getActualQd()),
+            gripper_open=self._gripper_open,
+        )
+
+    def check(self, position_m: Array, quaternion_xyzw: Array) -> None:
+        """By the controller's own safety limits at the target; what lies between is the controller's to refuse."""
+        self._require_ready()
+        pose = _pose(position_m, quaternion_xyzw)
+        if not self._control.isPoseWithinSafetyLimits(pose):
+            raise MotionError(f"{self.name}: the pose is out of reach or beyond the safety limits")
+        joints = self._control.getInverseKinematics(pose)
+        if not joints or not self._control.isJointsWithinSafetyLimits(joints):
+            raise MotionError(f"{self.name}: the pose is beyond a joint's limit")
+
+    def start(self, position_m: Array, quaternion_xyzw: Array) -> None:
+        self._progress_before = self._control.getAsyncOperationProgress()
+        pose = _pose(position_m, quaternion_xyzw)
+        if not self._control.moveL(pose, self._speed, self._acceleration, True):
+            raise MotionError(f"{self.name}: the motion was refused")
+
+    def finished(self) -> bool:
+        """A negative progress that differs from the one before is the end of this motion."""
+        self._require_ready()
+        progress = self._control.getAsyncOperationProgress()
+        if progress < 0 and progress != self._progress_before:
+            return True
+        time.sleep(POLL_S)
+        return False
+
+    def set_gripper(self, *, is_open: bool) -> None:
+        if self._outputs is None or is_open == self._gripper_open:
+            return
+        if not self._outputs.setToolDigitalOut(self._output, not is_open):
+            raise MotionError(f"{self.name}: the tool's output {self._output} was not set")
+        self._gripper_open = is_open
+        time.sleep(self._gripper_s)
+
+    def halt(self) -> None:
+        self._control.stopL(STOP_M_S2)
+
+    def recover(self) -> None:
+        """A protective stop is unlocked on the pendant; this starts the control script again."""
+        if not self._control.isConnected() and not self._control.reconnect():
+            raise MotionError(f"{self.name}: the controller does not answer")
+        self._require_ready()
+
+    def close(self) -> None:
+        self._control.stopScript()
+        self._control.disconnect()
+        self._receive.disconnect()
+
+    def _require_ready(self) -> None:
+        for stopped, what in (
+            (self._receive.isEmergencyStopped, "an emergency stop"),
+            (self._receive.isProtectiveStopped, "a protective stop"),
+        ):
+            if stopped():
+                raise MotionError(f"{self.name}: {what}: release it on the pendant, then call recover()")
+        if not self._control.isConnected():
+            raise MotionError(f"{self.name}: the connection is lost")
+
+
+def _pose(position_m: Array, quaternion_xyzw: Array) -> list[float]:
+    return [*position_m.tolist(), *rotations.to_rotation_vector(quaternion_xyzw).tolist()]
+
+
+def _rtde() -> tuple[Any, Any, Any]:
+    try:
+        import rtde_control
+        import rtde_io
+        import rtde_receive
+    except ImportError as error:
+        raise InvalidInputError("robot", "ur-rtde is not installed", "roboprompt-client[ur]") from error
+    return rtde_control, rtde_receive, rtde_io

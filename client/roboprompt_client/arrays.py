@@ -1,0 +1,55 @@
+"""Arrays of numbers, checked, and values that are checked when they are constructed."""
+
+import numpy as np
+import numpy.typing as npt
+
+from roboprompt_client.errors import InvalidInputError
+
+Array = npt.NDArray[np.float64]
+
+QUATERNION_NORM_TOLERANCE = 1e-3
+UNIT_NORM_ROUNDING = 1e-15
+
+
+def finite_array(name: str, value: npt.ArrayLike, shape: tuple[int | None, ...]) -> Array:
+    """`value` as a read-only float64 array of `shape` (None: any length), every element finite.
+
+    Raises:
+        InvalidInputError: naming `name`, the offending shape or the index of the first element that is not finite.
+    """
+    expected = "(" + ", ".join("T" if n is None else str(n) for n in shape) + ("," if len(shape) == 1 else "") + ")"
+    try:
+        array = np.array(value)
+    except ValueError as error:
+        raise InvalidInputError(name, "is not an array of numbers", f"shape {expected}") from error
+    if array.dtype.kind not in "biuf":  # text and complex numbers would convert, too
+        raise InvalidInputError(name, f"is not an array of numbers but of {array.dtype}", f"shape {expected}")
+    array = array.astype(np.float64, copy=False)
+    if array.ndim != len(shape) or any(n is not None and n != m for n, m in zip(shape, array.shape, strict=True)):
+        raise InvalidInputError(name, f"has shape {array.shape}", f"shape {expected}")
+    if not np.isfinite(array).all():
+        index = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
+        raise InvalidInputError(name, f"element {list(index)} is {array[index]}", "finite numbers")
+    array.flags.writeable = False
+    return array
+
+
+def unit_quaternions(name: str, value: npt.ArrayLike, shape: tuple[int | None, ...]) -> Array:
+    """`value` as quaternions xyzw of unit length; a deviation within 1e-3 is normalised away, a larger one refused."""
+    quaternions = finite_array(name, value, shape)
+    with np.errstate(over="ignore"):  # an infinite norm is refused like any other
+        norms = np.linalg.norm(quaternions, axis=-1, keepdims=True)
+    deviations = np.abs(norms - 1)
+    if (worst := float(deviations.max(initial=0))) > QUATERNION_NORM_TOLERANCE:
+        message = f"has a norm that differs from 1 by {worst:.3g}"
+        raise InvalidInputError(name, message, "unit quaternions, order x y z w")
+    # What is a unit quaternion already stays as it is, bit by bit: dividing again would change the last one.
+    unit: Array = np.where(deviations <= UNIT_NORM_ROUNDING, quaternions, quaternions / norms)
+    unit.flags.writeable = False
+    return unit
+
+
+def settle(instance: object, **checked: object) -> None:
+    """Put checked values into a frozen dataclass while it is constructed."""
+    for name, value in checked.items():
+        object.__setattr__(instance, name, value)

@@ -1,0 +1,101 @@
+"""Calibrated cameras and their images of one moment, checked when they are constructed.
+
+`camera_to_world` takes OpenCV camera coordinates (x right, y down, z forward) to the world frame.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from roboprompt_client.arrays import Array, finite_array, settle
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.wording import checked_name
+
+ROTATION_MATRIX_TOLERANCE = 1e-3
+OPTICAL_CENTRE_TOLERANCE = 0.25  # of the image's size: no lens is that far off-centre, other image sizes are
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """A calibrated pinhole camera. Pixel centres are whole numbers: u = column, v = row.
+
+    Attributes:
+        fx_px, fy_px, cx_px, cy_px: intrinsics; both focal lengths positive (OpenCV's convention).
+        camera_to_world: (4, 4) rigid transform from OpenCV camera axes (x right, y down, z forward) to the world.
+        depth_scale: metres per unit of a 16-bit depth image.
+        image_size_px: (width, height) that the intrinsics were calibrated for, or None where unknown.
+    """
+
+    name: str
+    fx_px: float
+    fy_px: float
+    cx_px: float
+    cy_px: float
+    camera_to_world: Array
+    depth_scale: float = 0.001
+    image_size_px: tuple[int, int] | None = None
+
+    def __post_init__(self) -> None:
+        where = f"cameras[{checked_name('cameras.name', self.name)}]"
+        values = (self.fx_px, self.fy_px, self.cx_px, self.cy_px)
+        fx, fy, _, _ = finite_array(f"{where}.intrinsics", values, (4,))
+        if fx <= 0 or fy <= 0:
+            remedy = "positive focal lengths: OpenCV axes, x right, y down, z forward (RLBench's are negative)"
+            raise InvalidInputError(f"{where}.intrinsics", f"fx = {fx:g}, fy = {fy:g}", remedy)
+        if not (np.isfinite(self.depth_scale) and self.depth_scale > 0):
+            raise InvalidInputError(f"{where}.depth_scale", f"is {self.depth_scale}", "a positive number of metres")
+        transform = finite_array(f"{where}.camera_to_world", self.camera_to_world, (4, 4))
+        if not _is_rigid(transform):
+            remedy = "a rigid transform: rotation matrix, translation in metres, last row 0 0 0 1"
+            raise InvalidInputError(f"{where}.camera_to_world", "is not a rigid transform", remedy)
+        settle(self, camera_to_world=transform)
+
+
+def _is_rigid(transform: Array) -> bool:
+    rotation = transform[:3, :3]
+    if np.abs(rotation).max() > 1 + ROTATION_MATRIX_TOLERANCE:  # huge elements would make what follows infinite
+        return False
+    off = np.abs(rotation.T @ rotation - np.eye(3)).max()
+    last_row = (transform[3] == (0, 0, 0, 1)).all()
+    return bool(off <= ROTATION_MATRIX_TOLERANCE and np.linalg.det(rotation) > 0 and last_row)
+
+
+@dataclass(frozen=True, eq=False)
+class RgbdFrame:
+    """One camera's images of the first frame.
+
+    Attributes:
+        rgb: (H, W, 3) uint8, or None.
+        depth_m: (H, W) float32 metres along the optical axis, 0 where unknown, or None.
+        mask: (H, W) int32 object ids, or None.
+    """
+
+    camera: Camera
+    rgb: npt.NDArray[np.uint8] | None = None
+    depth_m: npt.NDArray[np.float32] | None = None
+    mask: npt.NDArray[np.int32] | None = None
+
+    def __post_init__(self) -> None:
+        name = self.camera.name
+        images = {f"rgb_{name}": self.rgb, f"depth_{name}": self.depth_m, f"mask_{name}": self.mask}
+        sizes = {part: image.shape[:2] for part, image in images.items() if image is not None}
+        if len(set(sizes.values())) > 1:
+            listed = ", ".join(f"{part} {w}x{h}" for part, (h, w) in sizes.items())
+            raise InvalidInputError(next(iter(sizes)), f"image sizes differ: {listed}", "one size per camera")
+        for part, (height, width) in sizes.items():
+            _check_image_size(self.camera, part, width, height)
+
+
+def _check_image_size(camera: Camera, part: str, width: int, height: int) -> None:
+    remedy = "images of the size that the intrinsics were calibrated for"
+    if camera.image_size_px is not None:
+        if camera.image_size_px != (width, height):
+            expected = "{}x{}".format(*camera.image_size_px)
+            raise InvalidInputError(part, f"is {width}x{height}, but the camera's images are {expected}", remedy)
+        return
+    off = max(abs(camera.cx_px / width - 0.5), abs(camera.cy_px / height - 0.5))
+    if off > OPTICAL_CENTRE_TOLERANCE:
+        centre = f"({camera.cx_px:g}, {camera.cy_px:g})"
+        message = f"is {width}x{height}, but the intrinsics put the optical centre at {centre}"
+        raise InvalidInputError(part, message, f"{remedy}; for a cropped image give the camera's width and height")

@@ -1,0 +1,330 @@
+"""The service as a robot sees it."""
+
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from types import TracebackType
+from typing import Any, TypeVar
+from uuid import uuid4
+
+import httpx
+
+from roboprompt_client.addresses import without_proxy
+from roboprompt_client.answers import PredictedActions, problem_of
+from roboprompt_client.camera import RgbdFrame
+from roboprompt_client.encoding import ImageFormat, Part, packed_request, request_parts, scene_json
+from roboprompt_client.errors import ServiceProblemError, ServiceUnreachableError
+from roboprompt_client.events import EVENT_STREAM, NotEventsError, events_of
+from roboprompt_client.metadata import camera_json
+from roboprompt_client.motion_guard import action_from_json
+from roboprompt_client.motion_limits import MotionLimits
+from roboprompt_client.robot import Observation
+from roboprompt_client.trajectory import EndEffectorAction, ObjectPose, Trajectory
+from roboprompt_client.trajectory_npz import npz_from_trajectory
+
+OfKind = TypeVar("OfKind", bound="RoboPromptClient")
+KEY_VARIABLE = "ROBOPROMPT_API_KEY"
+DEFAULT_URL = "http://127.0.0.1:8000"
+MAX_PORT = 65535
+LEARNING_TIMEOUT_S = 600.0
+CHECK_TIMEOUT_S = 1260.0  # ten predictions of at most two minutes each
+KEPT_S = 2.0  # idle connections: the service closes them after 5 s, and a request that crosses this is lost
+MARGIN_S = 10.0  # the service answers within the request's own deadline; this is for the way there and back
+
+
+class RoboPromptClient:
+    """Uploads demonstrations and asks for actions. Use it as a context manager, or call `close`.
+
+    Args:
+        url: where the service listens; proxies of the environment are used unless that is this machine.
+        connection: an httpx client to use instead of an own one.
+        api_key: where the service requires one; None: the environment's ROBOPROMPT_API_KEY.
+        compress: send images as JPEG and PNG, for a slow network (needs the extra `images`); otherwise as they are,
+            which saves both sides the time to encode and decode them. None: compressed where the extra is installed.
+    """
+
+    def __init__(
+        self,
+        url: str = DEFAULT_URL,
+        connection: httpx.Client | None = None,
+        *,
+        api_key: str | None = None,
+        compress: bool | None = None,
+    ) -> None:
+        key = os.environ.get(KEY_VARIABLE, "") if api_key is None else api_key
+        headers = {"Authorization": f"Bearer {key}"} if key else {}
+        self._http = connection or _connection(url, headers)
+        self._images = ImageFormat.chosen(compress)
+
+    def __enter__(self: OfKind) -> OfKind:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self.close()
+
+    @property
+    def url(self) -> str:
+        """Where the service listens."""
+        return str(self._http.base_url)
+
+    def close(self) -> None:
+        """Close the connections."""
+        self._http.close()
+
+    def ping(self) -> None:
+        """Ask whether the service is there.
+
+        Raises:
+            ServiceUnreachableError: if nobody answers, or somebody else does.
+            ServiceProblemError: if it refuses.
+        """
+        try:
+            known = self.get("/healthz").get("checks") is not None
+        except ServiceProblemError as error:
+            if "type" in error.problem:
+                raise
+            known = False
+        if not known:
+            raise ServiceUnreachableError(f"{self.url}: what answers there is no RoboPrompt service")
+
+    def configure_task(self, task: str, **settings: Any) -> dict[str, Any]:  # noqa: ANN401
+        """Set a task's settings, see `PUT /tasks/{name}`; returns all of them."""
+        return self._send("PUT", f"/tasks/{task}", json=settings)
+
+    def motion_limits(self, task: str) -> MotionLimits:
+        """What the task allows an action."""
+        return MotionLimits.from_task(self.get(f"/tasks/{task}"))
+
+    def upload(
+        self,
+        task: str,
+        instruction: str,
+        trajectory: Trajectory,
+        observation: Observation,
+        *,
+        control_frequency_hz: float = 20.0,
+        mask_ids: Mapping[str, Sequence[int]] | None = None,
+        extra: Mapping[str, Any] | None = None,
+        prediction_id: str | None = None,
+    ) -> dict[str, Any]:
+        """Store a demonstration; returns the service's description of it.
+
+        Args:
+            observation: what the robot saw at the first frame.
+            mask_ids: for objects whose pixels the masks show, the ids of these; instead of a pose or beside it.
+            prediction_id: of the prediction that the robot carried out with success in this episode.
+
+        Raises:
+            ServiceProblemError: if the service refuses it.
+            ServiceUnreachableError: if the service does not answer.
+        """
+        metadata = {
+            "task": task,
+            "instruction": instruction,
+            **scene_json(observation, mask_ids),
+            "control_frequency_hz": control_frequency_hz,
+            "extra": dict(extra or {}),
+            "prediction_id": prediction_id,
+        }
+        parts = request_parts(metadata, observation.frames, self._images)
+        parts["trajectory"] = ("trajectory.npz", npz_from_trajectory(trajectory), "application/octet-stream")
+        return self.upload_parts(parts, uuid4().hex)
+
+    def upload_parts(self, parts: Mapping[str, Part], idempotency_key: str) -> dict[str, Any]:
+        """Store a demonstration that is encoded already: the parts of `POST /episodes`.
+
+        Args:
+            idempotency_key: sent again with the same content it stores nothing twice.
+
+        Raises:
+            ServiceProblemError, ServiceUnreachableError.
+        """
+        return self._send("POST", "/episodes", files=parts, headers={"Idempotency-Key": idempotency_key})
+
+    def predict(
+        self,
+        task: str,
+        instruction: str,
+        observation: Observation,
+        *,
+        mask_ids: Mapping[str, Sequence[int]] | None = None,
+        timeout_s: float = 60.0,
+        **options: Any,  # noqa: ANN401
+    ) -> PredictedActions:
+        """The actions for what the robot sees now.
+
+        Args:
+            timeout_s: the service answers or gives up within it.
+            options: `model`, `representation`, `num_demonstrations` ..., see `POST /predict`.
+
+        Raises:
+            ServiceProblemError: if the service refuses, or the LLM's reply is no list of actions.
+            ServiceUnreachableError: if the service does not answer.
+            UnsafeActionError: if what it answers is no action: a number that is not finite, no unit quaternion ...
+        """
+        asked = {"timeout_s": timeout_s, **options}
+        body = self._question(task, instruction, observation, mask_ids, asked)
+        return PredictedActions.from_json(self._send("POST", "/predict", timeout=timeout_s + MARGIN_S, **body))
+
+    def stream(
+        self,
+        task: str,
+        instruction: str,
+        observation: Observation,
+        *,
+        mask_ids: Mapping[str, Sequence[int]] | None = None,
+        timeout_s: float = 60.0,
+        on_findings: Callable[[Sequence[Mapping[str, Any]]], None] | None = None,
+        **options: Any,  # noqa: ANN401
+    ) -> Iterator[EndEffectorAction | PredictedActions]:
+        """Each action as soon as the LLM has written it, then the whole answer.
+
+        Args:
+            on_findings: called with what the service doubts beforehand, ahead of the first action.
+
+        Raises:
+            as `predict`; also after actions were given, if the rest of the reply goes wrong or does not come.
+        """
+        asked = {"timeout_s": timeout_s, **options}
+        body = self._question(task, instruction, observation, mask_ids, asked)
+        body["headers"] = {**body.get("headers", {}), "Accept": EVENT_STREAM}
+        with (
+            self._transport_errors("POST", "/predict"),
+            self._http.stream("POST", "/predict", timeout=timeout_s + MARGIN_S, **body) as response,
+        ):
+            if response.is_error:
+                response.read()
+                raise ServiceProblemError(response.status_code, problem_of(response))
+            index = 0
+            for name, document in events_of(response):
+                if name == "findings" and on_findings is not None:
+                    on_findings(document.get("findings") or ())
+                elif name == "action":
+                    yield action_from_json(index, document)
+                    index += 1
+                elif name == "done":
+                    yield PredictedActions.from_json(document)
+                    return
+                elif name == "error":
+                    raise ServiceProblemError(document.get("status", 502), document)
+        raise ServiceUnreachableError("POST /predict: the stream ended before it was complete")
+
+    def find_poses(
+        self, frames: Sequence[RgbdFrame], object_models: Mapping[str, Mapping[str, Any]]
+    ) -> tuple[ObjectPose, ...]:
+        """Where objects are in images (`POST /poses`), apart from any task; nothing is stored.
+
+        Args:
+            object_models: by name, as `object_models` of a task.
+
+        Raises:
+            ServiceProblemError: if one of them is not found.
+            ServiceUnreachableError.
+        """
+        objects = [{"name": name, "model": dict(model)} for name, model in object_models.items()]
+        document = {"objects": objects, "cameras": [camera_json(frame.camera) for frame in frames]}
+        answer = self._send("POST", "/poses", files=request_parts(document, frames, self._images))
+        return tuple(ObjectPose(p["name"], p["position"], p["quaternion_xyzw"]) for p in answer["poses"])
+
+    def learn_object_models(
+        self, task: str, objects: Sequence[str] | None = None, episodes: int = 10
+    ) -> dict[str, Any]:
+        """Let the service learn what the task's objects look like from its labelled episodes.
+
+        Returns `object_models`, and in `refused` why nothing was learned of an object.
+
+        Args:
+            objects: None for all.
+            episodes: from at most so many, the task's first.
+
+        Raises:
+            ServiceProblemError, ServiceUnreachableError.
+        """
+        asked = {"objects": None if objects is None else list(objects), "episodes": episodes}
+        return self._send("POST", f"/tasks/{task}/object_models/learn", json=asked, timeout=LEARNING_TIMEOUT_S)
+
+    def check(self, task: str, model: str | None = None) -> dict[str, Any]:
+        """Predict each of a task's demonstrations from the others, see `GET /tasks/{name}/check`.
+
+        Args:
+            model: an LLM to ask as well, which takes it some seconds for each demonstration.
+
+        Raises:
+            ServiceProblemError, ServiceUnreachableError.
+        """
+        asked = {} if model is None else {"model": model}
+        return self._send("GET", f"/tasks/{task}/check", params=asked, timeout=CHECK_TIMEOUT_S)
+
+    def record_outcome(self, prediction_id: str, success: bool, note: str | None = None) -> dict[str, Any]:
+        """Tell the service how the robot fared with a prediction."""
+        return self._send("POST", f"/predictions/{prediction_id}/outcome", json={"success": success, "note": note})
+
+    def get(self, path: str, **parameters: Any) -> dict[str, Any]:  # noqa: ANN401
+        """Any document that the service offers, e.g. ``get("/episodes", task="open_drawer")``."""
+        return self._send("GET", path, params=parameters)
+
+    def get_bytes(self, path: str, **parameters: Any) -> bytes:  # noqa: ANN401
+        """Any file that the service offers, e.g. ``get_bytes(f"/episodes/{id}/trajectory")``."""
+        return self._request("GET", path, params=parameters).content
+
+    def _question(
+        self,
+        task: str,
+        instruction: str,
+        observation: Observation,
+        mask_ids: Mapping[str, Sequence[int]] | None,
+        options: Mapping[str, Any],
+    ) -> dict[str, Any]:
+        """The body of a prediction, as arguments of httpx."""
+        document = {"task": task, "instruction": instruction, **scene_json(observation, mask_ids), **options}
+        if (pose := observation.end_effector) is not None:
+            document["end_effector"] = {"position": pose.position_m, "quaternion_xyzw": pose.quaternion_xyzw}
+        if not observation.frames:
+            return {"json": document}
+        if self._images is ImageFormat.PACKED:
+            packed = packed_request(document, observation.frames)
+            return {"content": packed, "headers": {"Content-Type": "application/msgpack"}}
+        return {"files": request_parts(document, observation.frames, self._images)}
+
+    def _send(self, method: str, path: str, **arguments: Any) -> dict[str, Any]:  # noqa: ANN401
+        try:
+            document = self._request(method, path, **arguments).json()
+        except ValueError:
+            document = None
+        if not isinstance(document, dict):
+            what = f"{method} {self._address(path)}: what answers there is no RoboPrompt service"
+            raise ServiceUnreachableError(what)
+        return document
+
+    def _request(self, method: str, path: str, **arguments: Any) -> httpx.Response:  # noqa: ANN401
+        with self._transport_errors(method, path):
+            response = self._http.request(method, path, **arguments)
+        if response.is_error:
+            raise ServiceProblemError(response.status_code, problem_of(response))
+        return response
+
+    @contextmanager
+    def _transport_errors(self, method: str, path: str) -> Iterator[None]:
+        try:
+            yield
+        except (httpx.TransportError, NotEventsError) as error:
+            what = f"{method} {self._address(path)}: {error or type(error).__name__}"
+            raise ServiceUnreachableError(what, timed_out=isinstance(error, httpx.TimeoutException)) from error
+
+    def _address(self, path: str) -> str:
+        return f"{self.url.rstrip('/')}/{path.lstrip('/')}"
+
+
+def _connection(url: str, headers: Mapping[str, str]) -> httpx.Client:
+    """A connection to an address with a scheme and a host."""
+    refusal = f"{url!r} is no address of a service (valid: one like {DEFAULT_URL})"
+    try:
+        parsed = httpx.URL(url)
+        if parsed.scheme not in ("http", "https") or not parsed.host or (parsed.port or 0) > MAX_PORT:
+            raise ServiceUnreachableError(refusal)
+        limits = httpx.Limits(keepalive_expiry=KEPT_S)
+        return httpx.Client(base_url=parsed, timeout=60, headers=headers, mounts=without_proxy(url), limits=limits)
+    except (httpx.InvalidURL, ValueError) as error:
+        raise ServiceUnreachableError(refusal) from error

@@ -1,0 +1,112 @@
+"""Episodes and observations -> the parts of an HTTP request."""
+
+import io
+import json
+from collections.abc import Mapping, Sequence
+from enum import Enum
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+
+from roboprompt_client.camera import RgbdFrame
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.metadata import camera_json, object_json
+from roboprompt_client.packed_array import packed_array
+from roboprompt_client.robot import Observation
+
+Part = tuple[str, bytes, str]
+JPEG_QUALITY = 95
+_MAX_DEPTH_UNITS = np.iinfo(np.uint16).max
+
+
+class ImageFormat(Enum):
+    """How images travel."""
+
+    COMPRESSED = "JPEG and 16-bit PNG"  # OpenCV
+    PACKED = "MessagePack"  # as they are, in one document: msgpack
+    PLAIN = ".npy"  # as they are; numpy alone
+
+    @classmethod
+    def chosen(cls, compress: bool | None) -> "ImageFormat":
+        """What the setting asks for with the packages that are installed; None: compressed where that can be.
+
+        Raises:
+            InvalidInputError: if images are to be compressed and OpenCV is missing.
+        """
+        if compress is not False and find_spec("cv2"):
+            return cls.COMPRESSED
+        if compress:
+            raise InvalidInputError("compress", "needs OpenCV, which is not installed", "roboprompt-client[images]")
+        return cls.PACKED if find_spec("msgpack") else cls.PLAIN
+
+
+def request_parts(
+    metadata: Mapping[str, Any], frames: Sequence[RgbdFrame], images: ImageFormat = ImageFormat.PLAIN
+) -> dict[str, Part]:
+    """The multipart files of a request: `metadata`, and every image of every frame."""
+    encoded = _compressed if images is ImageFormat.COMPRESSED else _plain
+    parts: dict[str, Part] = {"metadata": ("metadata.json", json.dumps(metadata).encode(), "application/json")}
+    for frame in frames:
+        parts.update(encoded(frame))
+    return parts
+
+
+def packed_request(document: Mapping[str, Any], frames: Sequence[RgbdFrame]) -> bytes:
+    """The same as one MessagePack document: images are not compressed, which costs neither side time."""
+    import msgpack
+
+    arrays: dict[str, Any] = {}
+    for frame in frames:
+        images = (("rgb", frame.rgb), ("depth", frame.depth_m), ("mask", frame.mask))
+        arrays |= {f"{kind}_{frame.camera.name}": packed_array(image) for kind, image in images if image is not None}
+    packed: bytes = msgpack.packb({**document, **arrays})
+    return packed
+
+
+def _plain(frame: RgbdFrame) -> dict[str, Part]:
+    images = (("rgb", frame.rgb), ("depth", frame.depth_m), ("mask", frame.mask))
+    return {
+        f"{kind}_{frame.camera.name}": (f"{kind}_{frame.camera.name}.npy", _npy(image), "application/octet-stream")
+        for kind, image in images
+        if image is not None
+    }
+
+
+def _npy(image: np.ndarray[Any, Any]) -> bytes:
+    stream = io.BytesIO()
+    np.save(stream, image, allow_pickle=False)
+    return stream.getvalue()
+
+
+def _compressed(frame: RgbdFrame) -> dict[str, Part]:
+    import cv2
+
+    name, parts = frame.camera.name, {}
+    if frame.rgb is not None:
+        jpeg = cv2.imencode(".jpg", frame.rgb[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1]
+        parts[f"rgb_{name}"] = (f"rgb_{name}.jpg", jpeg.tobytes(), "image/jpeg")
+    if frame.depth_m is not None:
+        units = np.minimum(np.rint(frame.depth_m / frame.camera.depth_scale), _MAX_DEPTH_UNITS)
+        parts[f"depth_{name}"] = _png16(f"depth_{name}", units)
+    if frame.mask is not None:
+        parts[f"mask_{name}"] = _png16(f"mask_{name}", frame.mask)
+    return parts
+
+
+def _png16(name: str, image: np.ndarray[Any, Any]) -> Part:
+    import cv2
+
+    return f"{name}.png", cv2.imencode(".png", image.astype(np.uint16))[1].tobytes(), "image/png"
+
+
+def scene_json(observation: Observation, mask_ids: Mapping[str, Sequence[int]] | None) -> dict[str, Any]:
+    """What the robot sees, as the requests have it: objects with a pose, with a mask, or to be found."""
+    unnamed = {name: list(ids) for name, ids in (mask_ids or {}).items()}
+    objects: list[dict[str, Any]] = [object_json(pose) for pose in observation.objects]
+    objects += [{"name": name} for name in observation.to_find]
+    for item in objects:
+        if (ids := unnamed.pop(item["name"], None)) is not None:
+            item["mask_ids"] = ids
+    objects += [{"name": name, "mask_ids": ids} for name, ids in unnamed.items()]
+    return {"objects": objects, "cameras": [camera_json(frame.camera) for frame in observation.frames]}

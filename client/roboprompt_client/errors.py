@@ -1,0 +1,109 @@
+"""What this package raises on purpose.
+
+    RoboPromptError
+    ├── InvalidInputError        a value that the caller gave is not acceptable; names field and remedy
+    ├── UnsafeActionError        an action is valid but beyond a bound of motion; names action, value and bound
+    ├── ServiceProblemError      the service refused a request or failed; carries its problem document
+    ├── ServiceUnreachableError  the service did not answer
+    ├── MotionError              the robot could not carry out an action
+    ├── NotConfirmedError        a person did not allow an action
+    ├── ObjectLostError          an object that an action hangs on is out of sight
+    └── DangerError              the service finds its own answer dangerous, and nobody allowed it
+
+The server hangs its own branches under RoboPromptError.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+
+class RoboPromptError(Exception):
+    """Base of every error that this project raises on purpose."""
+
+
+class InvalidInputError(RoboPromptError, ValueError):
+    """A value that does not satisfy the method's requirements.
+
+    Args:
+        field: path of the value as the caller knows it, e.g. ``trajectory.joint_velocities``.
+        message: what is wrong, with the offending value.
+        valid: what would be accepted.
+    """
+
+    def __init__(self, field: str, message: str, valid: str | None = None) -> None:
+        super().__init__(f"{field}: {message}" + (f" (valid: {valid})" if valid else ""))
+        self.field = field
+        self.message = message
+        self.valid = valid
+
+    def __reduce__(self) -> tuple[type["InvalidInputError"], tuple[str, str, str | None]]:
+        """Exceptions are rebuilt from their text only, which processes that raise them for others cannot use."""
+        return type(self), (self.field, self.message, self.valid)
+
+
+class UnsafeActionError(RoboPromptError):
+    """An action that no robot may carry out. It is reported, never clipped.
+
+    Args:
+        index: of the action, from 0.
+        quantity: which of its members, e.g. ``position.z``.
+        message: what is wrong with it, with the value.
+        bound: what would be allowed.
+    """
+
+    def __init__(self, index: int, quantity: str, message: str, bound: str) -> None:
+        super().__init__(f"action {index}: {quantity} {message} (allowed: {bound})")
+        self.field = f"actions[{index}].{quantity}"
+        self.message = message
+        self.bound = bound
+
+
+class ServiceProblemError(RoboPromptError):
+    """The service refused a request or failed.
+
+    Attributes:
+        status: the HTTP status.
+        problem: the `application/problem+json` document: type, title, detail, errors; for an unparsable reply also
+            `reply_text`.
+    """
+
+    def __init__(self, status: int, problem: Mapping[str, Any]) -> None:
+        super().__init__(f"{status} {problem.get('title', '')}: {problem.get('detail', '')}")
+        self.status = status
+        self.problem = problem
+
+
+class ServiceUnreachableError(RoboPromptError):
+    """The service did not answer: wrong address, not started, gone, or too slow.
+
+    Attributes:
+        timed_out: whether it was too slow.
+    """
+
+    def __init__(self, message: str, *, timed_out: bool = False) -> None:
+        super().__init__(message)
+        self.timed_out = timed_out
+
+
+class ObjectLostError(RoboPromptError):
+    """An object that an action hangs on cannot be seen any more; the robot was stopped.
+
+    Attributes:
+        object_name: which.
+    """
+
+    def __init__(self, object_name: str, reason: str) -> None:
+        super().__init__(f"{object_name!r} is lost: {reason}")
+        self.object_name = object_name
+
+
+class DangerError(RoboPromptError):
+    """The service says of its own prediction that it is probably wrong, and nobody allowed it; nothing was moved."""
+
+
+class MotionError(RoboPromptError):
+    """The robot could not carry out an action."""
+
+
+class NotConfirmedError(RoboPromptError):
+    """A person did not allow an action."""

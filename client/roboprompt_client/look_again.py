@@ -1,0 +1,145 @@
+"""Looking again before contact: the remaining actions follow the objects that were moved since they were predicted.
+
+When the robot looks:
+
+- before every action that hangs on an object, while that object is untouched, and never otherwise;
+- the object at which the gripper closes is in the hand, and touched, until the gripper opens again;
+- an object at which the gripper neither closes nor opens is pushed or pressed: it is touched once two actions that hang
+  on it have been carried out, the way to it and the contact;
+- the action that leaves an object after the gripper has closed or opened at it goes as it was.
+
+What the robot itself moved is not followed: after a release the object's next pose is where it belongs.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Mapping
+
+from roboprompt_client.answers import PredictedActions
+from roboprompt_client.client import RoboPromptClient
+from roboprompt_client.errors import InvalidInputError, ObjectLostError, ServiceProblemError
+from roboprompt_client.reanchoring import MOVED, Moved, has_moved, reanchored
+from roboprompt_client.robot import Observation, Robot
+from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
+
+Poses = Mapping[str, ObjectPose]
+Check = Callable[[tuple[EndEffectorAction, ...]], None]
+
+
+class Eyes:
+    """Where objects are now: as the robot says, or, where it has images only, as `POST /poses` finds them.
+
+    Raises:
+        InvalidInputError: if neither can be, before anything has moved.
+    """
+
+    def __init__(self, client: RoboPromptClient, robot: Robot, task: str, first: Observation) -> None:
+        document = client.get(f"/tasks/{task}")
+        self.yaw_symmetry_deg: Mapping[str, float] = document.get("yaw_symmetry_deg") or {}
+        self._client, self._robot = client, robot
+        self._models = document.get("object_models") or {}
+        if not first.objects:
+            self._check_images(first)
+
+    def look_for(self, name: str) -> Poses:
+        """The poses of the objects in sight, that of `name` among them.
+
+        Raises:
+            ObjectLostError: if it is not.
+            ServiceUnreachableError: if the service was to find it and does not answer.
+        """
+        try:
+            seen = self._robot.observe()
+        except Exception as error:
+            raise ObjectLostError(name, f"the robot cannot look: {error}") from error
+        poses = seen.objects
+        if not poses:
+            try:
+                poses = self._client.find_poses(seen.frames, {name: self._models[name]})
+            except ServiceProblemError as error:
+                raise ObjectLostError(name, str(error)) from error
+        by_name = {pose.name: pose for pose in poses}
+        if name not in by_name:
+            raise ObjectLostError(name, f"the robot sees {', '.join(by_name) or 'nothing'}")
+        return by_name
+
+    def _check_images(self, first: Observation) -> None:
+        """Masks are made by hand or by the robot, so that `POST /poses` needs object models, and no further server."""
+        if not first.frames or not first.to_find:
+            valid = "an observation with the objects' poses, or with images and `to_find`"
+            raise InvalidInputError("look_again", "the robot's observation names no objects to look for", valid)
+        for name in first.to_find:
+            estimator = (self._models.get(name) or {}).get("estimator")
+            if estimator in (None, "remote"):
+                why = f"POST /poses cannot find {name!r} in images: its estimator is {estimator or 'the masks'}"
+                raise InvalidInputError("look_again", why, "an object model cuboid or markers, or a robot with poses")
+
+
+class Follower:
+    """The actions of a prediction, which follow their objects while they are carried out.
+
+    Args:
+        first: what the robot saw when it asked.
+        check: raises if the actions, all of them in their order, may not be carried out.
+
+    Attributes:
+        actions: as they were carried out and as they are to be.
+    """
+
+    def __init__(
+        self, eyes: Eyes, predicted: PredictedActions, first: Observation, check: Check, moved: Moved = MOVED
+    ) -> None:
+        if predicted.actions and not any(predicted.anchors):
+            message = "the answer says of no action what it hangs on"
+            raise InvalidInputError("look_again", message, "a service and a model whose actions have an `anchor`")
+        self.actions = predicted.actions
+        self._anchors = predicted.anchors
+        self._names = [None if anchor is None else anchor.object_name for anchor in predicted.anchors]
+        self._known = {pose.name: pose for pose in first.objects or predicted.objects}
+        self._eyes, self._check, self._threshold = eyes, check, moved
+        self._touched: set[str] = set()
+        self._visits: Counter[str] = Counter()
+
+    def before(self, index: int) -> EndEffectorAction:
+        """The action, after a look at what it hangs on where one is due.
+
+        Raises:
+            ObjectLostError, ServiceUnreachableError: see `Eyes.look_for`.
+            UnsafeActionError: if an action that follows its object leaves the limits of motion.
+        """
+        name = self._names[index]
+        leaves = index > 0 and self._names[index - 1] == name and self._switches(index - 1)
+        if name is not None and name not in self._touched and not leaves:
+            self._follow(index, self._eyes.look_for(name))
+        return self.actions[index]
+
+    def after(self, index: int) -> None:
+        """Note that the action was carried out."""
+        name, switches = self._names[index], self._switches(index)
+        if switches and self.actions[index].gripper_open:
+            for released in self._touched:
+                self._known.pop(released, None)
+            self._touched.clear()
+            self._visits.clear()
+        elif name is not None:
+            self._visits[name] += 1
+            grasps_later = any(self._switches(k) for k in range(index + 1, len(self.actions)) if self._names[k] == name)
+            if switches or (self._visits[name] > 1 and not grasps_later):
+                self._touched.add(name)
+
+    def _switches(self, index: int) -> bool:
+        """Whether the gripper opens or closes at the end of an action; it counts as open before the first."""
+        was_open = index == 0 or self.actions[index - 1].gripper_open
+        return self.actions[index].gripper_open != was_open
+
+    def _follow(self, index: int, seen: Poses) -> None:
+        now = {name: pose for name, pose in seen.items() if name not in self._touched}
+        symmetry_deg = self._eyes.yaw_symmetry_deg
+        done, ahead = self.actions[:index], self.actions[index:]
+        followed = reanchored(ahead, self._anchors[index:], self._known, now, symmetry_deg, self._threshold)
+        if any(new is not old for new, old in zip(followed, ahead, strict=True)):
+            self._check((*done, *followed))
+        self.actions = (*done, *followed)
+        for name, pose in now.items():
+            known = self._known.get(name)
+            if known is None or has_moved(known, pose, symmetry_deg.get(name), self._threshold):
+                self._known[name] = pose

@@ -1,0 +1,170 @@
+"""Holds actions against bounds of motion, one after the other.
+
+The server checks every predicted action before it leaves, and the robot's side checks it again.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from roboprompt_client.arrays import QUATERNION_NORM_TOLERANCE
+from roboprompt_client.clearance import clearance_m, passes_through
+from roboprompt_client.errors import InvalidInputError, UnsafeActionError
+from roboprompt_client.motion_limits import MAX_ACTIONS, Box, MotionLimits, Pose
+from roboprompt_client.trajectory import EndEffectorAction
+
+ROUNDING_M = 1e-9  # a position on a bound, up to the last bits of its floats
+ROUNDING_DEG = 1e-6
+AXES = "xyz"
+
+
+class MotionGuard:
+    """Checks the actions of one prediction in their order.
+
+    Args:
+        max_actions: one more is a breach.
+        before: where the end effector is before the first action; None where nobody knows: then the way to the first
+            target is not checked, and where steps are bounded every first action is a breach.
+
+    Raises:
+        InvalidInputError: if `before` is no pose.
+    """
+
+    def __init__(self, limits: MotionLimits, max_actions: int = MAX_ACTIONS, before: Pose | None = None) -> None:
+        if before is not None:
+            _check_start(before)
+        self._limits = limits
+        self._max_actions = max_actions
+        self._before = before
+        self._index = 0
+
+    def check(self, action: EndEffectorAction) -> None:
+        """Let the next action pass.
+
+        Raises:
+            UnsafeActionError: naming its index, the value and the bound.
+        """
+        index, pose = self._index, Pose.of(action)
+        if index >= self._max_actions:
+            raise UnsafeActionError(index, "index", f"is {index}", f"at most {self._max_actions} actions")
+        _check_values(index, pose, action.gripper_open)
+        self._check_workspace(index, pose)
+        self._check_keep_out(index, self._before, pose)
+        if self._before is not None:
+            self._check_step(index, self._before, pose)
+        elif self._limits.bounds_steps:
+            bound = "a step whose length is known: tell where the end effector is (end_effector)"
+            raise UnsafeActionError(index, "position", "is reached from an unknown place", bound)
+        self._before, self._index = pose, index + 1
+
+    def _check_workspace(self, index: int, pose: Pose) -> None:
+        if (box := self._limits.workspace) is None:
+            return
+        for axis, value, low, high in zip(AXES, pose.position_m, box.min_m, box.max_m, strict=True):
+            if not low - ROUNDING_M <= value <= high + ROUNDING_M:
+                bound = f"{low:g} to {high:g} m, the workspace"
+                raise UnsafeActionError(index, f"position.{axis}", f"is {value:.6g} m", bound)
+
+    def _check_keep_out(self, index: int, before: Pose | None, pose: Pose) -> None:
+        end_m, radius_m = pose.position_m, self._limits.hand_radius_m
+        start_m = end_m if before is None else before.position_m
+        for k, box in enumerate(self._limits.keep_out):
+            if _far(start_m, end_m, box, radius_m):
+                continue
+            place, where = _shown(end_m), f"keep_out[{k}], {list(box.min_m)} to {list(box.max_m)} m"
+            if passes_through(end_m, end_m, *box):
+                raise UnsafeActionError(index, "position", f"is {place} m", f"outside {where}")
+            for beginning_m, way in ((end_m, ""), (start_m, f", reached straight from {_shown(start_m)} m")):
+                if _enters(beginning_m, end_m, box, radius_m):
+                    bound = f"at least {radius_m:g} m (hand_radius_m) outside {where}"
+                    raise UnsafeActionError(index, "position", f"is {place} m{way}", bound)
+
+    def _check_step(self, index: int, before: Pose, pose: Pose) -> None:
+        limits = self._limits
+        if limits.max_step_m is not None:
+            step_m = math.dist(before.position_m, pose.position_m)
+            if step_m > limits.max_step_m + ROUNDING_M:
+                message = f"is {step_m:.6g} m from the one before"
+                raise UnsafeActionError(index, "position", message, f"at most {limits.max_step_m:g} m")
+        if limits.max_step_rotation_deg is not None:
+            turn_deg = angle_deg(before.quaternion_xyzw, pose.quaternion_xyzw)
+            if turn_deg > limits.max_step_rotation_deg + ROUNDING_DEG:
+                message = f"is turned by {turn_deg:.6g} degrees from the one before"
+                bound = f"at most {limits.max_step_rotation_deg:g} degrees"
+                raise UnsafeActionError(index, "quaternion_xyzw", message, bound)
+
+
+def action_from_json(index: int, value: object) -> EndEffectorAction:
+    """An action as the service sends it, nothing about it taken on trust.
+
+    Raises:
+        UnsafeActionError: if a member is missing, not finite, no unit quaternion or no boolean.
+    """
+    document: Mapping[str, Any] = value if isinstance(value, Mapping) else {}
+    pose = Pose(_numbers(index, document, "position", 3), _numbers(index, document, "quaternion_xyzw", 4))
+    gripper_open = document.get("gripper_open")
+    _check_values(index, pose, gripper_open)
+    return EndEffectorAction(np.array(pose.position_m), np.array(pose.quaternion_xyzw), gripper_open is True)
+
+
+def angle_deg(first_xyzw: tuple[float, ...], second_xyzw: tuple[float, ...]) -> float:
+    """The angle (0..180) between the rotations of two unit quaternions."""
+    alike = sum(a * b for a, b in zip(first_xyzw, second_xyzw, strict=True)) >= 0  # q and -q are one rotation
+    chord = math.dist(first_xyzw, second_xyzw if alike else [-value for value in second_xyzw])
+    return math.degrees(4 * math.asin(min(1.0, chord / 2)))
+
+
+def _far(start_m: Sequence[float], end_m: Sequence[float], box: Box, radius_m: float) -> bool:
+    """Whether a plane of one of the box's faces keeps a sphere on its way outside; quick, for most boxes are far."""
+    return any(
+        min(start, end) >= high + radius_m or max(start, end) <= low - radius_m
+        for start, end, low, high in zip(start_m, end_m, *box, strict=True)
+    )
+
+
+def _enters(start_m: Sequence[float], end_m: Sequence[float], box: Box, radius_m: float) -> bool:
+    """Whether a sphere enters the box on its way, by more than rounding does."""
+    if not clearance_m(start_m, end_m, *box) >= radius_m - ROUNDING_M:  # nor does NaN pass, of a way beyond all measure
+        return True
+    smaller = [low + ROUNDING_M for low in box.min_m], [high - ROUNDING_M for high in box.max_m]
+    return passes_through(start_m, end_m, *smaller)
+
+
+def _shown(place_m: Sequence[float]) -> list[float]:
+    return [round(value, 6) for value in place_m]
+
+
+def _check_start(pose: Pose) -> None:
+    finite = all(map(math.isfinite, (*pose.position_m, *pose.quaternion_xyzw)))
+    if not finite or abs(math.hypot(*pose.quaternion_xyzw) - 1) > QUATERNION_NORM_TOLERANCE:
+        message = f"is {list(pose.position_m)}, {list(pose.quaternion_xyzw)}"
+        raise InvalidInputError("end_effector", message, "3 finite numbers in m and a unit quaternion, order x y z w")
+
+
+def _check_values(index: int, pose: Pose, gripper_open: object) -> None:
+    for name, values in (("position", pose.position_m), ("quaternion_xyzw", pose.quaternion_xyzw)):
+        if not all(map(math.isfinite, values)):
+            raise UnsafeActionError(index, name, f"is {list(values)}", "finite numbers")
+    norm = math.hypot(*pose.quaternion_xyzw)
+    if abs(norm - 1) > QUATERNION_NORM_TOLERANCE:
+        raise UnsafeActionError(
+            index, "quaternion_xyzw", f"has the norm {norm:.6g}", "a unit quaternion, order x y z w"
+        )
+    if gripper_open is not True and gripper_open is not False:
+        raise UnsafeActionError(index, "gripper_open", f"is {gripper_open!r:.40}", "true or false")
+
+
+def _numbers(index: int, document: Mapping[str, Any], name: str, length: int) -> tuple[float, ...]:
+    values = document.get(name)
+    if (
+        not isinstance(values, list)
+        or len(values) != length
+        or any(isinstance(value, bool) or not isinstance(value, int | float) for value in values)
+    ):
+        raise UnsafeActionError(index, name, f"is {values!r:.80}", f"{length} numbers")
+    try:
+        return tuple(map(float, values))
+    except OverflowError:
+        raise UnsafeActionError(index, name, f"is {str(values)[:80]}", "finite numbers") from None

@@ -1,0 +1,147 @@
+"""What an action must satisfy before a robot carries it out; a breach is an error, never clipped."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.limit_values import checked_bound, checked_corners, member
+from roboprompt_client.trajectory import EndEffectorAction
+
+HAND_RADIUS_M = 0.05
+MAX_ACTIONS = 25  # of one prediction: the steps that an episode may take (RoboPrompt, section IV-B)
+STEP_BOUNDS = ("max_step_m", "max_step_rotation_deg")
+
+
+class Box(NamedTuple):
+    """An axis-aligned box, in metres in the world frame: (3) opposite corners."""
+
+    min_m: tuple[float, ...]
+    max_m: tuple[float, ...]
+
+
+class Pose(NamedTuple):
+    """Where the end effector is: (3) m and (4) xyzw, in the world frame."""
+
+    position_m: tuple[float, ...]
+    quaternion_xyzw: tuple[float, ...]
+
+    @classmethod
+    def of(cls, action: EndEffectorAction) -> "Pose":
+        """The pose that an action goes to."""
+        return cls(tuple(action.position_m.tolist()), tuple(action.quaternion_xyzw.tolist()))
+
+
+@dataclass(frozen=True)
+class MotionLimits:
+    """Bounds of what a robot may be asked to do.
+
+    Attributes:
+        workspace: every target lies inside; None: no such bound.
+        keep_out: no target lies inside any of them, and on the straight way from one target to the next a sphere around
+            the end effector keeps out of them, too.
+        max_step_m, max_step_rotation_deg: between consecutive targets; None: no such bound.
+        hand_radius_m: of that sphere; 0: only the end effector's own position keeps out.
+
+    Raises:
+        InvalidInputError: if a bound is not a finite number, or a box has no room.
+    """
+
+    workspace: Box | None = None
+    keep_out: tuple[Box, ...] = ()
+    max_step_m: float | None = None
+    max_step_rotation_deg: float | None = None
+    hand_radius_m: float = HAND_RADIUS_M
+
+    def __post_init__(self) -> None:
+        if self.workspace is not None:
+            checked_corners("workspace", *self.workspace)
+        for k, box in enumerate(self.keep_out):
+            checked_corners(f"motion_limits.keep_out[{k}]", *box)
+        if self.max_step_m is not None:
+            checked_bound("motion_limits.max_step_m", self.max_step_m)
+        if self.max_step_rotation_deg is not None:
+            checked_bound("motion_limits.max_step_rotation_deg", self.max_step_rotation_deg, 180)
+        checked_bound("motion_limits.hand_radius_m", self.hand_radius_m, zero=True)
+
+    @classmethod
+    def from_task(cls, document: object) -> "MotionLimits":
+        """The limits in a task's document (`GET /tasks/{name}`), nothing about it taken on trust.
+
+        Raises:
+            InvalidInputError: naming a bound that is missing or can bound nothing, such as NaN.
+        """
+        bounds = member(document, "", "motion_limits")
+        named = {name: member(bounds, "motion_limits", name) for name in ("keep_out", *STEP_BOUNDS)}
+        if isinstance(bounds, Mapping) and "hand_radius_m" in bounds:
+            named["hand_radius_m"] = bounds["hand_radius_m"]
+        return cls(_box("workspace", member(document, "", "workspace")), **{**named, "keep_out": _boxes(named)})
+
+    @classmethod
+    def from_file(cls, document: object) -> "MotionLimits":
+        """Limits in the form of a task's document, of which only those that are named are bounds.
+
+        Raises:
+            InvalidInputError: as `from_task`; also for a bound that does not exist, or if there is none.
+        """
+        if not isinstance(document, Mapping) or not {"workspace", "motion_limits"} & set(document):
+            raise InvalidInputError(
+                "limits", f"are {document!r:.80}", "an object with workspace, motion_limits or both"
+            )
+        bounds = document.get("motion_limits", {})
+        known = ("keep_out", *STEP_BOUNDS, "hand_radius_m")
+        if not isinstance(bounds, Mapping) or not set(bounds) <= set(known):
+            raise InvalidInputError("motion_limits", f"is {bounds!r:.80}", f"an object with {', '.join(known)}")
+        workspace = _box("workspace", document["workspace"]) if "workspace" in document else None
+        return cls(workspace, **{**bounds, "keep_out": _boxes(bounds)})
+
+    @property
+    def bounds_steps(self) -> bool:
+        """Whether it matters where a step begins."""
+        return self.max_step_m is not None or self.max_step_rotation_deg is not None
+
+    def require_start(self, end_effector: Pose | None) -> None:
+        """Make sure that the first step can be held against its bounds.
+
+        Raises:
+            InvalidInputError: if steps are bounded and nobody knows where the end effector is.
+        """
+        if end_effector is None and self.bounds_steps:
+            bounds = " and ".join(name for name in STEP_BOUNDS if getattr(self, name) is not None)
+            message = f"is left out, but {bounds} must hold for the step to the first target, too"
+            raise InvalidInputError("end_effector", message, "where the end effector is: position and quaternion_xyzw")
+
+    def intersection(self, other: "MotionLimits") -> "MotionLimits":
+        """Bounds that hold where both hold: the common workspace, all boxes, the shorter steps, the larger hand.
+
+        Raises:
+            InvalidInputError: if the workspaces have no room in common.
+        """
+        return MotionLimits(
+            _common(self.workspace, other.workspace),
+            (*self.keep_out, *other.keep_out),
+            _smaller(self.max_step_m, other.max_step_m),
+            _smaller(self.max_step_rotation_deg, other.max_step_rotation_deg),
+            max(self.hand_radius_m, other.hand_radius_m),
+        )
+
+
+def _box(field: str, value: object) -> Box:
+    return Box(*checked_corners(field, member(value, field, "min"), member(value, field, "max")))
+
+
+def _boxes(bounds: Mapping[str, Any]) -> tuple[Box, ...]:
+    boxes = bounds.get("keep_out", [])
+    if not isinstance(boxes, list):
+        raise InvalidInputError("motion_limits.keep_out", f"is {boxes!r:.80}", "a list of boxes with min and max")
+    return tuple(_box(f"motion_limits.keep_out[{k}]", box) for k, box in enumerate(boxes))
+
+
+def _common(first: Box | None, second: Box | None) -> Box | None:
+    if first is None or second is None:
+        return first or second
+    return Box(tuple(map(max, first.min_m, second.min_m)), tuple(map(min, first.max_m, second.max_m)))
+
+
+def _smaller(first: float | None, second: float | None) -> float | None:
+    return min((bound for bound in (first, second) if bound is not None), default=None)

@@ -1,0 +1,44 @@
+"""A `.npy` file -> array, without trusting what it claims to be."""
+
+import io
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from roboprompt_client.errors import InvalidInputError
+
+# Version 3.0 differs from 2.0 in the encoding of field names only.
+_READ_HEADER = {
+    (1, 0): np.lib.format.read_array_header_1_0,
+    (2, 0): np.lib.format.read_array_header_2_0,
+    (3, 0): np.lib.format.read_array_header_2_0,
+}
+
+
+def array_from_npy(field: str, data: bytes, valid: str) -> npt.NDArray[np.generic]:
+    """The array in `data`, of any shape and type but objects; read-only, because it is a view of `data`.
+
+    Args:
+        field: what an error names.
+        valid: what an error says would be accepted.
+
+    Raises:
+        InvalidInputError: if it is damaged, contains a pickle, or its header claims another size than it has.
+    """
+    stream = io.BytesIO(data)
+    try:
+        version = np.lib.format.read_magic(stream)
+        shape, by_columns, dtype = _READ_HEADER[version](stream)
+        if dtype.hasobject:
+            raise InvalidInputError(field, "contains a pickle, which is never loaded", valid)
+        claimed, size = math.prod(shape) * dtype.itemsize, len(data) - stream.tell()
+        if claimed != size:  # before numpy makes room for what is claimed
+            raise InvalidInputError(field, f"claims {claimed} bytes of numbers, has {size}", valid)
+        flat = np.frombuffer(data, dtype, offset=stream.tell())
+        array: npt.NDArray[np.generic] = flat.reshape(shape, order="F" if by_columns else "C")
+    except InvalidInputError:
+        raise
+    except Exception as error:  # on a hostile header numpy raises whatever Python's own parser does
+        raise InvalidInputError(field, f"is a damaged .npy array: {str(error)[:200]}", valid) from None
+    return array

@@ -1,0 +1,127 @@
+"""Rotations as unit quaternions (4,) in the order x y z w; no more of them than a robot's side needs."""
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from roboprompt_client.arrays import Array
+
+IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])
+SMALL_RAD = 1e-8  # below it a rotation's axis is lost in rounding, and sin(x) is x
+
+
+def product(after: npt.ArrayLike, first: npt.ArrayLike) -> Array:
+    """The rotation `first`, and then `after`: as matrices multiply."""
+    (a, b, c, d), (x, y, z, w) = np.asarray(after, float), np.asarray(first, float)
+    return np.array(
+        [
+            d * x + a * w + b * z - c * y,
+            d * y - a * z + b * w + c * x,
+            d * z + a * y - b * x + c * w,
+            d * w - a * x - b * y - c * z,
+        ]
+    )
+
+
+def inverse(rotation: npt.ArrayLike) -> Array:
+    """The way back."""
+    return np.asarray(rotation, float) * (-1.0, -1.0, -1.0, 1.0)
+
+
+def rotated(rotation: npt.ArrayLike, vector: npt.ArrayLike) -> Array:
+    """A vector (3,) turned."""
+    q, v = np.asarray(rotation, float), np.asarray(vector, float)
+    across = 2.0 * np.cross(q[:3], v)
+    turned: Array = v + q[3] * across + np.cross(q[:3], across)
+    return turned
+
+
+def canonical(rotation: npt.ArrayLike) -> Array:
+    """Of a quaternion and its negative, which are one rotation, the one whose w, or else x, y or z, is positive."""
+    q = np.asarray(rotation, float)
+    w, x, y, z = q[3], *q[:3]
+    leading = next((part for part in (w, x, y, z) if part != 0), 1.0)
+    return -q if leading < 0 else q
+
+
+def angle_rad(rotation: npt.ArrayLike) -> float:
+    """By how much it turns, 0 to pi."""
+    q = np.asarray(rotation, float)
+    return 2.0 * math.atan2(float(np.linalg.norm(q[:3])), abs(float(q[3])))
+
+
+def about_z(angle_rad: float) -> Array:
+    """The turn about the vertical."""
+    return np.array([0.0, 0.0, math.sin(angle_rad / 2), math.cos(angle_rad / 2)])
+
+
+def yaw_rad(rotation: npt.ArrayLike) -> float:
+    """The heading of the rotated x axis in the horizontal plane."""
+    x_axis = rotated(rotation, (1.0, 0.0, 0.0))
+    return math.atan2(x_axis[1], x_axis[0])
+
+
+def tilt_rad(rotation: npt.ArrayLike) -> float:
+    """The angle between the rotated z axis and the vertical."""
+    return math.acos(min(1.0, max(-1.0, float(rotated(rotation, (0.0, 0.0, 1.0))[2]))))
+
+
+def from_rotation_vector(vector_rad: npt.ArrayLike) -> Array:
+    """Of the axis (3,) whose length is the angle in rad: UR, LeRobot."""
+    vector = np.asarray(vector_rad, float)
+    angle = float(np.linalg.norm(vector))
+    per_length = 0.5 if angle < SMALL_RAD else math.sin(angle / 2) / angle
+    return np.array([*(per_length * vector), math.cos(angle / 2)])
+
+
+def to_rotation_vector(rotation: npt.ArrayLike) -> Array:
+    """The inverse of `from_rotation_vector`, of a length up to pi."""
+    q = np.asarray(rotation, float)
+    q = -q if q[3] < 0 else q
+    angle, sine = angle_rad(q), float(np.linalg.norm(q[:3]))
+    vector: Array = q[:3] * (2.0 if sine < SMALL_RAD else angle / sine)
+    return vector
+
+
+def from_roll_pitch_yaw(roll_rad: float, pitch_rad: float, yaw_rad: float) -> Array:
+    """Turned about the fixed x, then y, then z axis: xArm, ROS."""
+    about_x = np.array([math.sin(roll_rad / 2), 0.0, 0.0, math.cos(roll_rad / 2)])
+    about_y = np.array([0.0, math.sin(pitch_rad / 2), 0.0, math.cos(pitch_rad / 2)])
+    return product(about_z(yaw_rad), product(about_y, about_x))
+
+
+def to_roll_pitch_yaw(rotation: npt.ArrayLike) -> tuple[float, float, float]:
+    """The inverse of `from_roll_pitch_yaw`; at a pitch of 90 degrees one of many."""
+    (xx, _, _), (yx, yy, yz), (zx, zy, zz) = to_matrix(rotation)
+    across = math.hypot(xx, yx)
+    if across < 1e-9:
+        return math.atan2(-yz, yy), math.atan2(-zx, across), 0.0
+    return math.atan2(zy, zz), math.atan2(-zx, across), math.atan2(yx, xx)
+
+
+def to_matrix(rotation: npt.ArrayLike) -> Array:
+    """(3, 3), its columns the turned axes."""
+    return np.stack([rotated(rotation, axis) for axis in np.eye(3)], axis=1)
+
+
+def from_matrix(matrix: npt.ArrayLike) -> Array:
+    """The rotation of a proper (3, 3) rotation matrix."""
+    m = np.asarray(matrix, float)
+    x, y, z = (
+        math.sqrt(max(0.0, 1 + sign @ np.diag(m))) / 2 for sign in np.array([[1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
+    )
+    w = math.sqrt(max(0.0, 1 + float(np.trace(m)))) / 2
+    largest = int(np.argmax([x, y, z, w]))
+    off = np.array([m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]])
+    if largest == 3:
+        return np.array([*(off / (4 * w)), w])
+    i, j, k = largest, (largest + 1) % 3, (largest + 2) % 3
+    q, lead = np.empty(4), (x, y, z)[largest]
+    q[i], q[j], q[k], q[3] = (
+        lead,
+        (m[i, j] + m[j, i]) / (4 * lead),
+        (m[i, k] + m[k, i]) / (4 * lead),
+        off[i] / (4 * lead),
+    )
+    return canonical(q)

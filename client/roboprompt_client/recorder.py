@@ -1,0 +1,156 @@
+"""A record button: an arm's state, sampled while a person moves it, and safe on disk from the first second."""
+
+import json
+import threading
+import time
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from roboprompt_client.arms.driver import ArmState
+from roboprompt_client.arrays import Array
+from roboprompt_client.derived import LEAST_TRAVEL_M
+from roboprompt_client.errors import InvalidInputError, MotionError
+from roboprompt_client.trajectory import Trajectory
+from roboprompt_client.trajectory_npz import trajectory_from_arrays
+
+RATE_HZ = 50.0
+LEAST_RATE_HZ = 20.0
+FLUSH_S = 1.0
+OPEN_ABOVE_M = 0.01  # of fingers that stay where they are in the whole recording
+_FIXED = 10  # time, position, quaternion, width, open
+
+
+class HasState(Protocol):
+    """What can be recorded, such as an `Arm`."""
+
+    def state(self) -> ArmState:
+        """The arm as it is now, in the world frame; called from another thread."""
+        ...
+
+
+class Recorder:
+    """Samples an arm in a thread of its own, and writes what it has to a journal.
+
+    Args:
+        journal: a file that does not exist; `trajectory_from_journal` reads it, also after a crash.
+        rate_hz: at least 20.
+
+    Raises:
+        InvalidInputError: for a rate that is too low, or a journal that exists.
+    """
+
+    def __init__(self, arm: HasState, journal: Path, rate_hz: float = RATE_HZ) -> None:
+        if not LEAST_RATE_HZ <= rate_hz <= 1000:
+            raise InvalidInputError("rate_hz", f"is {rate_hz:g}", f"{LEAST_RATE_HZ:g} to 1000")
+        if journal.exists():
+            raise InvalidInputError("journal", f"{journal} exists", "a file of its own for each recording")
+        self._arm, self._journal, self._period_s = arm, journal, 1 / rate_hz
+        self._ended = threading.Event()
+        self._error: MotionError | None = None
+        self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
+
+    @property
+    def num_frames(self) -> int:
+        """How many were written so far."""
+        return len(_rows(self._journal)[0]) if self._journal.exists() else 0
+
+    def start(self) -> None:
+        """Begin to sample."""
+        self._thread.start()
+
+    def stop(self) -> Trajectory:
+        """End, and what was recorded.
+
+        Raises:
+            MotionError: if the arm did not answer any more; the journal has what came before.
+            InvalidInputError: if what was recorded is no trajectory.
+        """
+        self._ended.set()
+        self._thread.join()
+        if self._error is not None:
+            raise self._error
+        return trajectory_from_journal(self._journal)
+
+    def _run(self) -> None:
+        try:
+            self._sample()
+        except MotionError as error:
+            self._error = error
+
+    def _sample(self) -> None:
+        began_s = time.monotonic()
+        state = self._arm.state()
+        joints = 0 if state.joint_positions_rad is None else len(state.joint_positions_rad)
+        with self._journal.open("wb") as file:
+            file.write(json.dumps({"joints": joints}).encode() + b"\n")
+            flushed_s, due_s = began_s, began_s
+            while not self._ended.is_set():
+                now_s = time.monotonic()
+                file.write(_row(now_s - began_s, state, joints).tobytes())
+                if now_s - flushed_s > FLUSH_S:
+                    file.flush()
+                    flushed_s = now_s
+                due_s = max(due_s + self._period_s, now_s)
+                self._ended.wait(due_s - time.monotonic())
+                state = self._arm.state()
+
+
+def trajectory_from_journal(path: Path) -> Trajectory:
+    """What a journal holds; a row that was cut off by a crash is left out.
+
+    Raises:
+        InvalidInputError: if it holds no trajectory.
+    """
+    rows, joints = _rows(path)
+    if not len(rows):
+        raise InvalidInputError("recording", f"{path} has no frames", "at least one")
+    times_s, widths_m, states = rows[:, 0], rows[:, 8], rows[:, 9]
+    later = np.concatenate([[True], np.diff(times_s) > 0])
+    rows, times_s, widths_m, states = rows[later], times_s[later], widths_m[later], states[later]
+    arrays = {
+        "timestamps": times_s,
+        "end_effector_positions": rows[:, 1:4],
+        "end_effector_quaternions_xyzw": rows[:, 4:8],
+        **_gripper(widths_m, states),
+    }
+    positions, velocities = rows[:, _FIXED : _FIXED + joints], rows[:, _FIXED + joints :]
+    if joints:
+        arrays["joint_positions"] = positions
+    if joints and np.isfinite(velocities).all():
+        arrays["joint_velocities"] = velocities
+    return trajectory_from_arrays(arrays)
+
+
+def _gripper(widths_m: Array, states: Array) -> dict[str, Array]:
+    """Measured fingers, else what was commanded; without a gripper it counts as open."""
+    if np.isfinite(widths_m).all():
+        still = float(np.ptp(widths_m)) < LEAST_TRAVEL_M
+        return {
+            "gripper_width": widths_m,
+            **({"gripper_open": (widths_m > OPEN_ABOVE_M).astype(np.float64)} if still else {}),
+        }
+    return {"gripper_open": np.where(np.isfinite(states), states, 1.0)}
+
+
+def _row(time_s: float, state: ArmState, joints: int) -> Array:
+    unknown = np.full(joints, np.nan)
+    width_m = np.nan if state.gripper_width_m is None else state.gripper_width_m
+    is_open = np.nan if state.gripper_open is None else float(state.gripper_open)
+    positions = unknown if state.joint_positions_rad is None else state.joint_positions_rad
+    velocities = unknown if state.joint_velocities_rad_s is None else state.joint_velocities_rad_s
+    return np.concatenate(
+        [[time_s], state.position_m, state.quaternion_xyzw, [width_m, is_open], positions, velocities]
+    ).astype("<f8")
+
+
+def _rows(path: Path) -> tuple[Array, int]:
+    head, _, body = path.read_bytes().partition(b"\n")
+    try:
+        joints = int(json.loads(head)["joints"])
+    except (ValueError, KeyError, TypeError) as error:
+        raise InvalidInputError("recording", f"{path} is no journal", "a file of roboprompt-robot record") from error
+    width = _FIXED + 2 * joints
+    whole = len(body) // (8 * width) * width
+    return np.frombuffer(body, "<f8", count=whole).reshape(-1, width), joints

@@ -1,0 +1,208 @@
+"""What a robot records, where objects are, and where the end effector is to go.
+
+Every value is checked when it is constructed. Positions are in metres in the world frame; quaternions are xyzw.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from roboprompt_client.arrays import Array, finite_array, settle, unit_quaternions
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.wording import checked_name
+
+MOST_JOINTS = 16
+MOST_WIDTH_M = 0.2  # that a gripper opens
+ROUNDING_M = 0.002  # closed fingers are measured a little below 0
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """The robot's motion over T frames.
+
+    Attributes:
+        joint_velocities_rad_s: (T, J) of 1 to 16 joints; (T, 0) where nobody knows them.
+        positions_m: (T, 3) end effector in the world frame.
+        quaternions_xyzw: (T, 4) end effector in the world frame.
+        gripper_open: (T,) bool, what the fingers have done.
+        timestamps_s: (T,) increasing, or None.
+        joint_positions_rad: (T, J), or None.
+        object_positions_m: (T, N, 3) of the scene's N objects in the world frame, or None: for closed-loop prompts.
+        object_quaternions_xyzw: (T, N, 4) of the same objects, or None; only beside positions.
+        gripper_width_m: (T,) measured between the fingers, or None.
+    """
+
+    joint_velocities_rad_s: Array
+    positions_m: Array
+    quaternions_xyzw: Array
+    gripper_open: npt.NDArray[np.bool_]
+    timestamps_s: Array | None = None
+    joint_positions_rad: Array | None = None
+    object_positions_m: Array | None = None
+    object_quaternions_xyzw: Array | None = None
+    gripper_width_m: Array | None = None
+
+    def __post_init__(self) -> None:
+        velocities = finite_array("trajectory.joint_velocities", self.joint_velocities_rad_s, (None, None))
+        num_frames, num_joints = velocities.shape
+        if num_frames == 0:
+            raise InvalidInputError("trajectory.joint_velocities", "has no frames (T = 0)", "at least one frame")
+        if num_joints > MOST_JOINTS:
+            raise InvalidInputError("trajectory.joint_velocities", f"has {num_joints} joints", f"1 to {MOST_JOINTS}")
+        joints, poses = (num_frames, num_joints), (num_frames, 4)
+        quaternions = unit_quaternions("trajectory.end_effector_quaternions_xyzw", self.quaternions_xyzw, poses)
+        settle(
+            self,
+            joint_velocities_rad_s=velocities,
+            positions_m=finite_array("trajectory.end_effector_positions", self.positions_m, (num_frames, 3)),
+            quaternions_xyzw=quaternions,
+            gripper_open=_booleans("trajectory.gripper_open", self.gripper_open, num_frames),
+        )
+        if self.timestamps_s is not None:
+            settle(self, timestamps_s=_increasing("trajectory.timestamps", self.timestamps_s, num_frames))
+        if self.joint_positions_rad is not None:
+            positions = finite_array("trajectory.joint_positions", self.joint_positions_rad, joints)
+            settle(self, joint_positions_rad=positions)
+        if self.gripper_width_m is not None:
+            settle(self, gripper_width_m=_widths("trajectory.gripper_width", self.gripper_width_m, num_frames))
+        self._check_objects(num_frames)
+
+    def _check_objects(self, num_frames: int) -> None:
+        name = "trajectory.object_quaternions_xyzw"
+        if self.object_positions_m is not None:
+            positions = finite_array("trajectory.object_positions", self.object_positions_m, (num_frames, None, 3))
+            settle(self, object_positions_m=positions)
+        elif self.object_quaternions_xyzw is not None:
+            raise InvalidInputError(name, "has no object_positions beside it", "both, or only object_positions")
+        if self.object_positions_m is not None and self.object_quaternions_xyzw is not None:
+            shape = (*self.object_positions_m.shape[:2], 4)
+            settle(self, object_quaternions_xyzw=unit_quaternions(name, self.object_quaternions_xyzw, shape))
+
+    @property
+    def num_joints(self) -> int:
+        """How many joints were recorded."""
+        return int(self.joint_velocities_rad_s.shape[1])
+
+    @property
+    def num_objects(self) -> int:
+        """How many objects were tracked."""
+        return 0 if self.object_positions_m is None else self.object_positions_m.shape[1]
+
+    def objects_at(self, frame: int, names: Sequence[str]) -> tuple["ObjectPose", ...]:
+        """The tracked objects' poses at `frame`; none if no objects were tracked.
+
+        Args:
+            names: of the objects, in the tracks' order.
+        """
+        if self.object_positions_m is None:
+            return ()
+        rotations = self.object_quaternions_xyzw
+        return tuple(
+            ObjectPose(name, self.object_positions_m[frame, k], None if rotations is None else rotations[frame, k])
+            for k, name in enumerate(names)
+        )
+
+    def __len__(self) -> int:
+        return len(self.joint_velocities_rad_s)
+
+    def with_gripper_open_above(self, width_m: float | None) -> "Trajectory":
+        """The same, the gripper open where its measured width is larger; as it is where there is no such number."""
+        if width_m is None or self.gripper_width_m is None:
+            return self
+        return replace(self, gripper_open=self.gripper_width_m > width_m)
+
+    def action_at(self, frame: int, *, gripper_open: bool | None = None) -> "EndEffectorAction":
+        """The end effector's pose at `frame`, and the gripper's state there unless another is given."""
+        is_open = bool(self.gripper_open[frame]) if gripper_open is None else gripper_open
+        return EndEffectorAction(self.positions_m[frame], self.quaternions_xyzw[frame], is_open)
+
+
+def _booleans(name: str, value: npt.ArrayLike, length: int) -> npt.NDArray[np.bool_]:
+    numbers = finite_array(name, value, (length,))
+    if (bad := ~np.isin(numbers, (0.0, 1.0))).any():
+        index = int(np.flatnonzero(bad)[0])
+        remedy = "0 (closed) or 1 (open), what the fingers have done"
+        if numbers.min() >= 0 and numbers.max() <= MOST_WIDTH_M:
+            remedy += "; widths in metres are gripper_width"
+        raise InvalidInputError(name, f"element {index} is {numbers[index]:g}", remedy)
+    booleans = numbers.astype(np.bool_)
+    booleans.flags.writeable = False
+    return booleans
+
+
+def _widths(name: str, value: npt.ArrayLike, length: int) -> Array:
+    widths_m = finite_array(name, value, (length,))
+    if widths_m.min() < -ROUNDING_M or widths_m.max() > MOST_WIDTH_M:
+        message = f"is {widths_m.min():.4g} to {widths_m.max():.4g}"
+        raise InvalidInputError(name, message, f"metres between the fingers, 0 to {MOST_WIDTH_M}")
+    return widths_m
+
+
+def _increasing(name: str, value: npt.ArrayLike, length: int) -> Array:
+    array = finite_array(name, value, (length,))
+    if (np.diff(array) <= 0).any():
+        index = int(np.flatnonzero(np.diff(array) <= 0)[0]) + 1
+        raise InvalidInputError(name, f"element {index} is not after the one before", "increasing seconds")
+    return array
+
+
+@dataclass(frozen=True, eq=False)
+class ObjectPose:
+    """An object's estimated pose in the world frame.
+
+    Attributes:
+        position_m: (3,).
+        quaternion_xyzw: (4,), or None where the estimator gives no rotation.
+        estimator: which estimator found it.
+        cameras: the cameras that saw it.
+        confidence: 0..1, as the estimator judges its own result.
+        reason: what lowered the confidence or deserves a look, in words; empty if nothing.
+    """
+
+    name: str
+    position_m: Array
+    quaternion_xyzw: Array | None = None
+    estimator: str = "given"
+    cameras: tuple[str, ...] = ()
+    confidence: float = 1.0
+    reason: str = ""
+
+    def __post_init__(self) -> None:
+        where = f"objects[{checked_name('objects.name', self.name)}]"
+        settle(self, position_m=finite_array(f"{where}.position", self.position_m, (3,)))
+        if self.quaternion_xyzw is not None:
+            unit = unit_quaternions(f"{where}.quaternion_xyzw", self.quaternion_xyzw, (4,))
+            settle(self, quaternion_xyzw=unit)
+        if not 0 <= self.confidence <= 1:
+            raise InvalidInputError(f"{where}.confidence", f"is {self.confidence}", "a number in 0..1")
+
+
+@dataclass(frozen=True, eq=False)
+class EndEffectorAction:
+    """An end-effector target: position (3,) m, quaternion (4,) xyzw, both in the world frame, and the gripper."""
+
+    position_m: Array
+    quaternion_xyzw: Array
+    gripper_open: bool
+
+    def __post_init__(self) -> None:
+        settle(self, position_m=finite_array("action.position", self.position_m, (3,)))
+        unit = unit_quaternions("action.quaternion_xyzw", self.quaternion_xyzw, (4,))
+        settle(self, quaternion_xyzw=unit)
+
+    @classmethod
+    def many(
+        cls, positions_m: npt.ArrayLike, quaternions_xyzw: npt.ArrayLike, gripper_open: Sequence[bool]
+    ) -> list["EndEffectorAction"]:
+        """N actions from (N, 3) and (N, 4), checked together: numpy takes as long for one as for all."""
+        positions = finite_array("actions.position", positions_m, (None, 3))
+        quaternions = unit_quaternions("actions.quaternion_xyzw", quaternions_xyzw, (None, 4))
+        return [cls._checked(*fields) for fields in zip(positions, quaternions, gripper_open, strict=True)]
+
+    @classmethod
+    def _checked(cls, position_m: Array, quaternion_xyzw: Array, gripper_open: bool) -> "EndEffectorAction":
+        action = object.__new__(cls)
+        settle(action, position_m=position_m, quaternion_xyzw=quaternion_xyzw, gripper_open=gripper_open)
+        return action

@@ -1,0 +1,141 @@
+"""Trajectory <-> the .npz file that robots upload, and its JSON twin: named arrays, never a pickle."""
+
+import io
+import lzma
+import struct
+import zipfile
+import zlib
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from roboprompt_client.arrays import finite_array
+from roboprompt_client.derived import gripper_open, joint_velocities
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.npy import array_from_npy
+from roboprompt_client.trajectory import Trajectory
+
+REQUIRED = ("end_effector_positions", "end_effector_quaternions_xyzw", "gripper_open")
+OPTIONAL = (
+    "joint_velocities",
+    "timestamps",
+    "joint_positions",
+    "object_positions",
+    "object_quaternions_xyzw",
+    "gripper_width",
+)
+_FIELDS = {  # in the file's order
+    "joint_velocities": "joint_velocities_rad_s",
+    "end_effector_positions": "positions_m",
+    "end_effector_quaternions_xyzw": "quaternions_xyzw",
+    "gripper_open": "gripper_open",
+    "timestamps": "timestamps_s",
+    "joint_positions": "joint_positions_rad",
+    "object_positions": "object_positions_m",
+    "object_quaternions_xyzw": "object_quaternions_xyzw",
+    "gripper_width": "gripper_width_m",
+}
+MAX_UNPACKED_BYTES = 100_000_000  # 600,000 frames; a .npz of 0.3 MB can claim 300 MB
+MAX_FRAMES = 100_000  # 80 minutes at 20 Hz
+MAX_DIRECTORY_BYTES = 131_072  # of the archive; 64 kB of them may be its comment
+_VALID = f"a .npz file with the arrays {', '.join(REQUIRED)} (or gripper_width), and optionally {', '.join(OPTIONAL)}"
+
+
+def trajectory_from_npz(
+    data: bytes, max_unpacked_bytes: int = MAX_UNPACKED_BYTES, max_frames: int = MAX_FRAMES
+) -> Trajectory:
+    """The trajectory of a .npz file; pickles are never loaded.
+
+    Raises:
+        InvalidInputError: naming the array and what is wrong with it.
+    """
+    if not data:
+        raise InvalidInputError("trajectory", "is empty", _VALID)
+    try:
+        file = _ShortDirectory(data)
+        with zipfile.ZipFile(file) as archive:
+            file.opened = True
+            members = _unpack(archive, max_unpacked_bytes)
+    except InvalidInputError:
+        raise
+    except _UNREADABLE as error:
+        raise InvalidInputError("trajectory", f"is not a readable .npz file: {error}", _VALID) from None
+    numbers = "a plain array of numbers"
+    arrays = {name: array_from_npy(f"trajectory.{name}", member, numbers) for name, member in members.items()}
+    return trajectory_from_arrays(arrays, max_frames)
+
+
+# What zipfile raises for damaged archives; RuntimeError: encrypted, ValueError: offsets before the file's beginning.
+_UNREADABLE = (
+    zipfile.BadZipFile,
+    zlib.error,
+    lzma.LZMAError,
+    struct.error,
+    EOFError,
+    OSError,
+    RuntimeError,
+    ValueError,
+    OverflowError,
+)
+
+
+class _ShortDirectory(io.BytesIO):
+    """A file that `zipfile` cannot open if its directory is long: it would make an object of every entry first."""
+
+    opened = False
+
+    def read(self, size: int | None = -1) -> bytes:
+        """The next bytes; while the file is being opened, not many at once."""
+        if not self.opened and size is not None and size > MAX_DIRECTORY_BYTES:
+            raise zipfile.BadZipFile(f"its directory has {size} bytes, at most {MAX_DIRECTORY_BYTES} are read")
+        return super().read(size)
+
+
+def _unpack(archive: zipfile.ZipFile, max_unpacked_bytes: int) -> dict[str, bytes]:
+    members = archive.infolist()
+    # each is unpacked as often as it is listed
+    if len(members) > len(REQUIRED + OPTIONAL):
+        raise InvalidInputError("trajectory", f"has {len(members)} arrays", _VALID)
+    unpacked = sum(member.file_size for member in members)
+    if unpacked > max_unpacked_bytes:
+        raise InvalidInputError("trajectory", f"unpacks to {unpacked} bytes", f"at most {max_unpacked_bytes}")
+    return {member.filename.removesuffix(".npy"): archive.read(member) for member in members}
+
+
+def trajectory_from_arrays(arrays: Mapping[str, Any], max_frames: int = MAX_FRAMES) -> Trajectory:
+    """The trajectory of named arrays.
+
+    Raises:
+        InvalidInputError: for missing or unknown names, or what Trajectory refuses.
+    """
+    given = {name: array for name, array in arrays.items() if array is not None}
+    if missing := [name for name in REQUIRED if name not in given and not _stands_in(name, given)]:
+        raise InvalidInputError(f"trajectory.{missing[0]}", "is missing", _VALID)
+    if unknown := [name for name in arrays if name not in REQUIRED + OPTIONAL]:
+        raise InvalidInputError(f"trajectory.{unknown[0]}", "is not known", _VALID)
+    gripper = "gripper_open" if "gripper_open" in given else "gripper_width"
+    num_frames = len(finite_array(f"trajectory.{gripper}", given[gripper], (None,)))
+    if num_frames > max_frames:
+        raise InvalidInputError("trajectory", f"has {num_frames} frames", f"at most {max_frames}")
+    if "joint_velocities" not in given:
+        given["joint_velocities"] = joint_velocities(num_frames, given.get("joint_positions"), given.get("timestamps"))
+    if gripper == "gripper_width":
+        given["gripper_open"] = gripper_open(given["gripper_width"], num_frames)
+    return Trajectory(**{_FIELDS[name]: array for name, array in given.items()})
+
+
+def _stands_in(name: str, given: Mapping[str, Any]) -> bool:
+    return name == "gripper_open" and "gripper_width" in given
+
+
+def npz_from_trajectory(trajectory: Trajectory) -> bytes:
+    """The inverse of `trajectory_from_npz`; the same trajectory gives the same bytes."""
+    arrays: dict[str, Any] = {name: getattr(trajectory, field) for name, field in _FIELDS.items()}
+    if trajectory.num_joints == 0:
+        del arrays["joint_velocities"]
+    stream = io.BytesIO()
+    # in one order of memory, which the file would tell
+    ordered: dict[str, Any] = {name: np.ascontiguousarray(array) for name, array in arrays.items() if array is not None}
+    np.savez_compressed(stream, **ordered)
+    return stream.getvalue()

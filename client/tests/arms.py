@@ -1,0 +1,52 @@
+"""A robot and a service of the tests' own."""
+
+import numpy as np
+
+from roboprompt_client.answers import PredictedActions
+from roboprompt_client.motion_limits import Box, MotionLimits
+from roboprompt_client.robot import Observation
+from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
+
+ACTIONS = tuple(EndEffectorAction(np.array([0.1, 0.2, z]), np.array([1.0, 0, 0, 0]), True) for z in (1.0, 0.9, 0.8))
+
+
+class Arm:
+    """A robot that notes what it is told, and fails at a given action."""
+
+    def __init__(self, fails_at=None, error=None, end_effector=None):
+        self._end_effector = end_effector
+        self.heights, self.stopped, self._fails_at, self._error = [], 0, fails_at, error
+
+    def observe(self):
+        return Observation((ObjectPose("cube", np.zeros(3)),), end_effector=self._end_effector)
+
+    def execute(self, action):
+        if len(self.heights) == self._fails_at:
+            raise self._error
+        self.heights.append(float(action.position_m[2]))
+
+    def stop(self):
+        self.stopped += 1
+
+
+class Service:
+    """A client whose service answers `outcome`, or raises it."""
+
+    def __init__(self, outcome, limits=MotionLimits(Box((-1, -1, 0), (1, 1, 2)))):  # noqa: B008
+        self._outcome, self._limits, self.asked = outcome, limits, 0
+
+    def motion_limits(self, task):
+        return self._limits
+
+    def predict(self, task, instruction, observation, **options):
+        self.asked += 1
+        if isinstance(self._outcome, Exception):
+            raise self._outcome
+        return self._outcome
+
+    def stream(self, task, instruction, observation, **options):
+        yield from self._outcome.actions
+        yield self._outcome
+
+
+ANSWER = PredictedActions("p", ACTIONS, {})

@@ -1,0 +1,347 @@
+"""The makers' interfaces as they document them, over a point that moves in straight lines.
+
+Units and return values are theirs: franky metres and x y z w, UR metres and rotation vectors, xArm millimetres and
+codes, LeRobot metres, rotation vectors and per cent.
+"""
+
+from types import SimpleNamespace
+
+import numpy as np
+
+from roboprompt_client import quaternions as rotations
+from roboprompt_client.arms.franka import Franka
+from roboprompt_client.arms.lerobot import LeRobotArm
+from roboprompt_client.arms.panda_kinematics import flange
+from roboprompt_client.arms.ur import UR
+from roboprompt_client.arms.xarm import XArm
+
+DOWN = np.array([1.0, 0, 0, 0])
+READY_RAD = np.array([0, -np.pi / 4, 0, -3 * np.pi / 4, 0, np.pi / 2, np.pi / 4])
+FIRST_M = flange(READY_RAD)[0][:3, 3]
+STEPS = 4  # polls that a motion takes
+OPEN_M = 0.08
+
+
+class Body:
+    """Where the tool is. `blocked` stops it on its way, `jammed` the fingers, `gone` every answer."""
+
+    def __init__(self):
+        self.position_m, self.quaternion = FIRST_M.copy(), DOWN.copy()
+        self.width_m = OPEN_M
+        self.blocked = self.jammed = self.gone = self.halted = False
+        self.starts = self.halts = 0
+        self._left = 0
+
+    def go(self, position_m, quaternion):
+        self.starts += 1
+        self.halted = False
+        self._goal, self._from, self._left = (np.array(position_m), quaternion), self.position_m, STEPS
+
+    def poll(self):
+        """Whether it moves."""
+        if self._left == 0 or self.halted:
+            return False
+        self._left -= 1
+        if not (self.blocked and self._left < STEPS / 2):
+            self.position_m = self._from + (self._goal[0] - self._from) * (1 - self._left / STEPS)
+            self.quaternion = self._goal[1]
+        return self._left > 0
+
+    def halt(self):
+        self.halts += 1
+        self.halted = True
+
+    def grip(self, width_m):
+        if not self.jammed:
+            self.width_m = width_m
+
+
+class NetworkException(Exception):  # noqa: N818
+    pass
+
+
+def franky(body):
+    def answer(value):
+        if body.gone:
+            raise NetworkException("TCP receive: Connection reset by peer")
+        return value
+
+    class Robot:
+        def __init__(self, address, relative_dynamics_factor, realtime_config):
+            assert 0 < relative_dynamics_factor <= 0.05
+
+        has_errors = property(lambda self: answer(False))
+        current_joint_state = property(lambda self: answer(SimpleNamespace(position=READY_RAD, velocity=np.zeros(7))))
+        current_pose = property(
+            lambda self: answer(
+                SimpleNamespace(
+                    end_effector_pose=SimpleNamespace(translation=body.position_m, quaternion=body.quaternion)
+                )
+            )
+        )
+        state = property(lambda self: answer(SimpleNamespace(F_T_EE=SimpleNamespace(matrix=np.eye(4)))))
+
+        def move(self, motion, asynchronous):
+            assert asynchronous
+            answer(None)
+            body.go(*motion)
+
+        def poll_motion(self):
+            answer(None)
+            return body.poll()
+
+        def join_motion(self, timeout):
+            return True
+
+        def stop(self):
+            body.halt()
+            answer(None)
+
+        def recover_from_errors(self):
+            return answer(True)
+
+    class Gripper:
+        def __init__(self, address):
+            pass
+
+        max_width, is_grasped = OPEN_M, False
+        width = property(lambda self: answer(body.width_m))
+
+        def open(self, speed):
+            body.grip(OPEN_M)
+
+        def grasp(self, width, speed, force, epsilon_inner, epsilon_outer):
+            body.grip(0.0)
+
+        def stop(self):
+            pass
+
+    return SimpleNamespace(
+        Robot=Robot,
+        Gripper=Gripper,
+        RealtimeConfig=SimpleNamespace(Enforce=0, Ignore=1),
+        Affine=lambda translation, quaternion: (translation, quaternion),
+        CartesianMotion=lambda target: target,
+        NetworkException=NetworkException,
+    )
+
+
+def rtde(body):
+    class Control:
+        def __init__(self, address):
+            self._progress = -1
+
+        def isConnected(self):  # noqa: N802
+            return not body.gone
+
+        def isPoseWithinSafetyLimits(self, pose):  # noqa: N802
+            return bool(np.linalg.norm(pose[:3]) < 0.85)
+
+        def getInverseKinematics(self, pose):  # noqa: N802
+            return [0.1] * 6
+
+        def isJointsWithinSafetyLimits(self, joints):  # noqa: N802
+            return True
+
+        def getAsyncOperationProgress(self):  # noqa: N802
+            """Toggles between -1 and -2 with each operation that ends."""
+            if self._progress >= 0 and not body.poll():
+                self._progress = -3 - self._before
+            return self._progress
+
+        def moveL(self, pose, speed, acceleration, asynchronous):  # noqa: N802
+            assert asynchronous
+            assert speed <= 0.1
+            self._before, self._progress = self._progress, 0
+            body.go(pose[:3], rotations.from_rotation_vector(pose[3:]))
+            return True
+
+        def stopL(self, deceleration):  # noqa: N802
+            body.halt()
+
+        def stopScript(self):  # noqa: N802
+            pass
+
+        def disconnect(self):
+            pass
+
+        def reconnect(self):
+            return not body.gone
+
+    class Receive:
+        def __init__(self, address):
+            pass
+
+        def isConnected(self):  # noqa: N802
+            return not body.gone
+
+        def getActualTCPPose(self):  # noqa: N802
+            return [*body.position_m, *rotations.to_rotation_vector(body.quaternion)]
+
+        def getActualQ(self):  # noqa: N802
+            return [0.1] * 6
+
+        def getActualQd(self):  # noqa: N802
+            return [0.0] * 6
+
+        def isEmergencyStopped(self):  # noqa: N802
+            return False
+
+        def isProtectiveStopped(self):  # noqa: N802
+            return False
+
+        def disconnect(self):
+            pass
+
+    class Outputs:
+        def __init__(self, address):
+            pass
+
+        def setToolDigitalOut(self, number, level):  # noqa: N802
+            return not body.jammed
+
+    return (
+        SimpleNamespace(RTDEControlInterface=Control),
+        SimpleNamespace(RTDEReceiveInterface=Receive),
+        SimpleNamespace(RTDEIOInterface=Outputs),
+    )
+
+
+def xarm(body):
+    lost = 1  # a code other than 0
+
+    class XArmAPI:
+        """Codes instead of exceptions; without is_radian=True angles would be degrees."""
+
+        def __init__(self, address, is_radian):
+            assert is_radian
+            self._state = 4
+
+        def get_position(self, is_radian):
+            pose = [*(1000 * body.position_m), *rotations.to_roll_pitch_yaw(body.quaternion)]
+            return (lost if body.gone else 0), pose
+
+        def get_joint_states(self, is_radian):
+            return 0, [[0.1] * 7, [0.0] * 7, [0.0] * 7]
+
+        def get_gripper_position(self):
+            return 0, int(body.width_m * 10_000)
+
+        def get_err_warn_code(self):
+            return 0, [0, 0]
+
+        def is_tcp_limit(self, pose, is_radian):
+            return 0, bool(np.linalg.norm(pose[:3]) > 700)
+
+        def get_inverse_kinematics(self, pose, input_is_radian, return_is_radian):
+            return 0, [0.1] * 7
+
+        def is_joint_limit(self, joints, is_radian):
+            return 0, False
+
+        def set_position(self, x, y, z, roll, pitch, yaw, speed, mvacc, is_radian, wait):
+            assert is_radian
+            assert not wait
+            if self._state == 4:
+                return 9  # not ready to move
+            body.go(np.array([x, y, z]) / 1000, rotations.from_roll_pitch_yaw(roll, pitch, yaw))
+            return 0
+
+        def get_state(self):
+            return (lost if body.gone else 0), 1 if body.poll() else 2
+
+        def set_gripper_position(self, pulses, wait):
+            assert wait
+            body.grip(pulses / 10_000)
+            return 0
+
+        def set_state(self, state):
+            self._state = state
+            if state == 4:
+                body.halt()
+            return 0
+
+        def clean_error(self):
+            return 0
+
+        def clean_warn(self):
+            return 0
+
+        def motion_enable(self, enable):
+            return 0
+
+        def set_mode(self, mode):
+            return 0
+
+        def set_gripper_enable(self, enable):
+            return 0
+
+        def disconnect(self):
+            pass
+
+    return XArmAPI
+
+
+class LeRobot:
+    """An SO-101 with its kinematics: refuses what is more than 5 cm from where it is."""
+
+    is_connected = True
+
+    def __init__(self, body):
+        self._body = body
+        self._last = None
+
+    def get_observation(self):
+        if self._body.gone:
+            raise ConnectionError("no status packet from motor 3")
+        named = dict(zip(("ee.x", "ee.y", "ee.z"), self._body.position_m, strict=True))
+        named |= dict(
+            zip(("ee.wx", "ee.wy", "ee.wz"), rotations.to_rotation_vector(self._body.quaternion), strict=True)
+        )
+        joints = {
+            f"{name}.pos": 5.0 for name in ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll")
+        }
+        return {**named, **joints, "gripper.pos": 50.0, "ee.gripper_pos": 100 * self._body.width_m / OPEN_M}
+
+    def send_action(self, action):
+        assert all(type(value) is float for value in action.values())
+        goal = np.array([action[name] for name in ("ee.x", "ee.y", "ee.z")])
+        if np.linalg.norm(goal - self._body.position_m) > 0.05 and not self._body.blocked:
+            raise ValueError("EE jump 0.061m > 0.05m")
+        if not np.allclose(goal, self._body.position_m) and not np.array_equal(goal, self._last):
+            self._last = goal
+            self._body.starts += 1
+        if not self._body.blocked:
+            self._body.position_m = goal
+            self._body.quaternion = rotations.from_rotation_vector([action[f"ee.w{axis}"] for axis in "xyz"])
+        self._body.grip(action["ee.gripper_pos"] / 100 * OPEN_M)
+        return action
+
+    def disconnect(self):
+        pass
+
+
+def open_franka(body, monkeypatch):
+    monkeypatch.setattr("roboprompt_client.arms.franka._franky", lambda: franky(body))
+    return Franka("127.0.0.1")
+
+
+def open_ur(body, monkeypatch):
+    monkeypatch.setattr("roboprompt_client.arms.ur._rtde", lambda: rtde(body))
+    return UR("127.0.0.1", gripper_output=0, gripper_s=0.0)
+
+
+def open_xarm(body, monkeypatch):
+    monkeypatch.setattr("roboprompt_client.arms.xarm._sdk", lambda: xarm(body))
+    monkeypatch.setattr("roboprompt_client.arms.xarm.START_S", 0.0)
+    return XArm("127.0.0.1")
+
+
+def open_lerobot(body, monkeypatch):
+    for name in ("SETTLE_S", "GRIPPER_S"):
+        monkeypatch.setattr(f"roboprompt_client.arms.lerobot.{name}", 0.0)
+    monkeypatch.setattr("roboprompt_client.arms.lerobot.RATE_HZ", 10_000.0)
+    return LeRobotArm(LeRobot(body), reach_m=0.8, open_width_m=OPEN_M)
+
+
+MAKERS = {"franka": open_franka, "ur": open_ur, "xarm": open_xarm, "lerobot": open_lerobot}

@@ -1,0 +1,186 @@
+"""One contract for every arm, over its maker's interface."""
+
+import logging
+import threading
+
+import numpy as np
+import pytest
+from makers import DOWN, FIRST_M, MAKERS, Body
+
+from roboprompt_client import quaternions as rotations
+from roboprompt_client.arms.arm import Arm
+from roboprompt_client.arms.calibration import Calibration
+from roboprompt_client.errors import InvalidInputError, MotionError, UnsafeActionError
+from roboprompt_client.motion_limits import Box, MotionLimits
+from roboprompt_client.trajectory import EndEffectorAction
+
+
+@pytest.fixture
+def body():
+    return Body()
+
+
+@pytest.fixture(params=MAKERS)
+def driver(request, body, monkeypatch):
+    return MAKERS[request.param](body, monkeypatch)
+
+
+@pytest.fixture
+def arm(driver):
+    return Arm(driver)
+
+
+def to(offset_m=(0.05, 0.03, -0.1), gripper_open=True, turn=DOWN):
+    return EndEffectorAction(FIRST_M + np.array(offset_m), turn, gripper_open)
+
+
+def test_it_arrives_and_sets_the_gripper(arm, body):
+    turned = rotations.product(rotations.about_z(0.3), DOWN)
+    arm.execute(to(gripper_open=False, turn=turned))
+    np.testing.assert_allclose(arm.state().position_m, FIRST_M + np.array([0.05, 0.03, -0.1]), atol=1e-6)
+    assert rotations.angle_rad(rotations.product(rotations.inverse(turned), arm.state().quaternion_xyzw)) < 1e-6
+    hand = arm.observe().end_effector
+    np.testing.assert_allclose(hand.position_m, body.position_m, atol=1e-6)
+    assert arm.state().gripper_width_m in (None, 0.0)
+    arm.execute(to((0, 0, 0), gripper_open=True))
+    assert (arm.state().gripper_width_m or 0.08) >= 0.08
+
+
+def test_its_state_is_in_metres_and_radians(arm):
+    state = arm.state()
+    np.testing.assert_allclose(state.position_m, FIRST_M, atol=1e-9)
+    assert np.abs(state.joint_positions_rad).max() < 4
+    assert len(state.joint_positions_rad) in (5, 6, 7)
+    assert state.gripper_open is None or state.gripper_open is True
+
+
+def test_its_base_may_stand_anywhere(driver, body):
+    base = Calibration(np.array([1.0, 2.0, 0.5]), rotations.about_z(np.pi / 2))
+    arm = Arm(driver, calibration=base)
+    position_m, turn = base.to_world(FIRST_M + np.array([0, 0, -0.1]), DOWN)
+    np.testing.assert_allclose(arm.state().position_m, base.to_world(FIRST_M, DOWN)[0])
+    arm.execute(EndEffectorAction(position_m, turn, True))
+    np.testing.assert_allclose(body.position_m, FIRST_M + np.array([0, 0, -0.1]), atol=1e-9)
+
+
+def test_out_of_reach_nothing_moves_and_the_arm_is_stopped(arm, body):
+    with pytest.raises(MotionError, match=r"out of reach|beyond"):
+        arm.execute(to((1.0, 0, 0)))
+    assert body.starts == 0
+    assert body.halts > 0 or "LeRobot" in arm.driver.name
+    with pytest.raises(MotionError, match="recover"):
+        arm.execute(to())
+    assert body.starts == 0
+    arm.recover()
+    arm.execute(to())
+
+
+def test_the_cell_s_limits_hold_before_anything_moves(driver, body):
+    arm = Arm(driver, limits=MotionLimits(Box((-1, -1, 0.55), (1, 1, 1)), hand_radius_m=0.0))
+    with pytest.raises(UnsafeActionError, match=r"position\.z"):
+        arm.execute(to((0, 0, -0.2)))
+    assert body.starts == 0
+
+
+def test_a_motion_that_does_not_arrive_says_how_far_off(arm, body):
+    body.blocked = True
+    with pytest.raises(MotionError, match=r"ended \d+\.\d mm and \d+\.\d degrees off"):
+        arm.execute(to(gripper_open=False))
+    assert body.width_m == 0.08  # the gripper was not touched
+
+
+def test_a_gripper_that_does_not_move_is_noticed(arm, body):
+    body.jammed = True
+    if arm.state().gripper_width_m is None:
+        with pytest.raises(MotionError, match="output"):
+            arm.execute(to(gripper_open=False))
+        return
+    with pytest.raises(MotionError, match=r"to close, but still measures 80\.0 mm"):
+        arm.execute(to(gripper_open=False))
+    body.jammed = False
+    arm.recover()
+    arm.execute(to(gripper_open=False))
+    body.jammed = True
+    with pytest.raises(MotionError, match=r"to open, but measures 0\.0 of 80\.0 mm"):
+        arm.execute(to())
+
+
+def test_a_connection_that_is_cut_in_a_motion_is_a_motion_error(arm, body, monkeypatch):
+    finished = arm.driver.finished
+
+    def cut():
+        body.gone = True
+        return finished()
+
+    monkeypatch.setattr(arm.driver, "finished", cut)
+    with pytest.raises(MotionError):
+        arm.execute(to())
+    assert body.starts >= 1 or "LeRobot" in arm.driver.name
+    starts = body.starts
+    with pytest.raises(MotionError, match="was stopped"):
+        arm.execute(to())
+    assert body.starts == starts
+
+
+@pytest.mark.parametrize("at", range(3))
+def test_a_stop_from_another_thread_ends_the_motion(arm, body, monkeypatch, at):
+    finished, polls = arm.driver.finished, []
+
+    def poll():
+        polls.append(None)
+        if len(polls) == at + 1:
+            stopper = threading.Thread(target=arm.stop)
+            stopper.start()
+            stopper.join()
+        return finished()
+
+    monkeypatch.setattr(arm.driver, "finished", poll)
+    with pytest.raises(MotionError, match="was stopped"):
+        arm.execute(to(gripper_open=False))
+    assert body.width_m == 0.08
+    starts = body.starts
+    with pytest.raises(MotionError, match="was stopped"):
+        arm.execute(to())
+    assert body.starts == starts
+
+
+def test_an_interrupt_stops_the_arm(arm, monkeypatch):
+    def interrupted():
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(arm.driver, "finished", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        arm.execute(to())
+    with pytest.raises(MotionError, match="was stopped"):
+        arm.execute(to())
+
+
+def test_two_threads_do_not_move_one_arm(arm, monkeypatch):
+    finished, refused = arm.driver.finished, []
+
+    def poll():
+        if not refused:
+            with pytest.raises(MotionError, match="another thread") as caught:
+                arm.execute(to())
+            refused.append(caught)
+        return finished()
+
+    monkeypatch.setattr(arm.driver, "finished", poll)
+    arm.execute(to())
+    assert refused
+
+
+def test_what_was_never_seen_on_an_arm_says_so_at_the_start(driver, caplog):
+    with caplog.at_level(logging.WARNING):
+        Arm(driver)
+    assert ("untested on hardware" in caplog.text) == (not driver.proven)
+
+
+def test_a_calibration_says_what_it_wants(tmp_path):
+    file = tmp_path / "base.json"
+    for text in ("{", "{}", '{"base_to_world": {"position": [0, 0, 0], "quaternion_xyzw": [0, 0, 0, 2]}}'):
+        file.write_text(text)
+        with pytest.raises(InvalidInputError):
+            Calibration.from_file(file)
+    file.write_text('{"base_to_world": {"position": [0, 0, 0.5], "quaternion_xyzw": [0, 0, 0, 1]}}')
+    np.testing.assert_allclose(Calibration.from_file(file).to_world(np.zeros(3), DOWN)[0], [0, 0, 0.5])

@@ -1,0 +1,127 @@
+"""Predictions that the service itself calls dangerous."""
+
+import pytest
+from arms import ACTIONS, Arm, Service
+
+from roboprompt_client.answers import PredictedActions
+from roboprompt_client.errors import DangerError, InvalidInputError, NotConfirmedError
+from roboprompt_client.loop import run_closed_loop, run_task
+
+
+def finding(severity="danger", where="objects[cube]"):
+    return {"code": "object-tilted", "severity": severity, "message": "cube is tilted by 90 degrees.", "where": where}
+
+
+class Doubtful(Service):
+    """A service that streams its findings first."""
+
+    def __init__(self, *findings):
+        super().__init__(PredictedActions("p", ACTIONS, {"findings": list(findings)}))
+
+    def stream(self, task, instruction, observation, on_findings, **options):
+        on_findings(self._outcome.findings)
+        yield from super().stream(task, instruction, observation, **options)
+
+
+def run(arm, *findings, **settings):
+    return run_task(Doubtful(*findings), arm, "pick", "pick up the cube", **settings)
+
+
+@pytest.mark.parametrize("stream", [False, True])
+def test_a_danger_is_refused_where_nobody_can_be_asked(stream):
+    arm = Arm()
+    with pytest.raises(DangerError, match="cube is tilted by 90 degrees"):
+        run(arm, finding(), stream=stream)
+    assert (arm.heights, arm.stopped) == ([], 1)
+
+
+@pytest.mark.parametrize("stream", [False, True])
+def test_a_person_is_asked_before_anything_moves(stream, caplog):
+    asked, arm = [], Arm()
+
+    def confirm(index, action):
+        asked.append((index, len(arm.heights)))
+        return True
+
+    run(arm, finding(), finding("warning"), confirm=confirm, stream=stream)
+    assert asked == [(0, 0), (0, 0), (1, 1), (2, 2)]
+    assert "cube is tilted by 90 degrees" in caplog.text
+
+
+def test_a_no_says_what_was_dangerous_and_moves_nothing():
+    arm = Arm()
+    with pytest.raises(NotConfirmedError, match=r"action 2 was not allowed: cube is tilted"):
+        run(arm, finding(where="actions[1].position"), confirm=lambda index, action: index != 1)
+    assert (arm.heights, arm.stopped) == ([], 1)
+
+
+@pytest.mark.parametrize("stream", [False, True])
+def test_other_findings_and_on_danger_go_let_it_pass(stream):
+    for findings, settings in (([finding("warning"), finding("info")], {}), ([finding()], {"on_danger": "go"})):
+        arm = Arm()
+        run(arm, *findings, stream=stream, **settings)
+        assert len(arm.heights) == 3
+
+
+def test_a_danger_can_be_refused_although_somebody_is_there():
+    with pytest.raises(DangerError):
+        run(Arm(), finding(), on_danger="refuse", confirm=lambda index, action: True)
+
+
+@pytest.mark.parametrize(("setting", "said"), [("ask", "confirm, refuse, go"), ("confirm", "no `confirm` to ask")])
+def test_settings_that_cannot_be(setting, said):
+    arm = Arm()
+    with pytest.raises(InvalidInputError, match=said):
+        run(arm, on_danger=setting)
+    assert arm.stopped == 1
+
+
+def loop(arm, *findings, steps=2, **settings):
+    """A closed loop of a service that always wants the same action and finds the same."""
+    service = Service(PredictedActions("p", ACTIONS[:1], {"findings": list(findings)}))
+    seen = []
+    try:
+        for step in run_closed_loop(service, arm, "pick", "pick up the cube", max_steps=steps, **settings):
+            seen.append(step)
+    finally:
+        assert len(seen) == service.asked  # who steps through it sees the answer that is refused, too
+    return seen
+
+
+def test_a_closed_loop_refuses_a_danger_before_its_step_is_taken():
+    arm = Arm()
+    with pytest.raises(DangerError, match="cube is tilted by 90 degrees"):
+        loop(arm, finding())
+    assert (arm.heights, arm.stopped) == ([], 1)
+
+
+def test_a_closed_loop_asks_at_every_step_that_is_dangerous():
+    arm, asked = Arm(), []
+
+    def confirm(index, action):
+        asked.append((index, len(arm.heights)))
+        return len(asked) < 3
+
+    with pytest.raises(NotConfirmedError, match="cube is tilted"):
+        loop(arm, finding(), confirm=confirm)
+    assert asked == [(0, 0), (0, 0), (0, 1)]  # the danger, the action, and the next step's danger
+    assert (len(arm.heights), arm.stopped) == (1, 1)
+
+
+def test_a_closed_loop_goes_on_where_told_to():
+    for findings, settings in (([finding("warning")], {}), ([finding()], {"on_danger": "go"})):
+        arm = Arm()
+        assert len(loop(arm, *findings, **settings)) == 2
+        assert len(arm.heights) == 2
+
+
+def test_a_closed_loop_checks_its_setting_before_it_asks():
+    arm = Arm()
+    with pytest.raises(InvalidInputError, match="no `confirm` to ask"):
+        loop(arm, on_danger="confirm")
+    assert arm.stopped == 1
+
+
+def test_answers_of_services_that_say_less():
+    predicted = PredictedActions("p", ACTIONS, {})
+    assert (predicted.findings, predicted.grounding, predicted.objects, predicted.anchors) == ((), (), (), ())

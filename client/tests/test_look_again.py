@@ -1,0 +1,227 @@
+"""A robot that looks again: which actions follow what, and what ends the run."""
+
+import numpy as np
+import pytest
+
+from roboprompt_client.answers import PredictedActions
+from roboprompt_client.camera import Camera, RgbdFrame
+from roboprompt_client.errors import InvalidInputError, ObjectLostError, ServiceProblemError, UnsafeActionError
+from roboprompt_client.loop import run_task
+from roboprompt_client.motion_limits import Box, MotionLimits, Pose
+from roboprompt_client.reanchoring import ActionAnchor
+from roboprompt_client.robot import Observation
+from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
+
+DOWN = np.array([1.0, 0, 0, 0])
+CUBE, PLATE = np.array([0.1, 0.0, 0.8]), np.array([0.4, 0.0, 0.8])
+SHIFT, UP, ASIDE = np.array([0.0, 0.03, 0.0]), np.array([0, 0, 1.0]), np.array([0.2, 0, 0])
+
+
+def action(place_m, z_m, gripper_open):
+    return EndEffectorAction(place_m + z_m * UP, DOWN, gripper_open)
+
+
+def anchor(name):
+    return ActionAnchor(name, "w", np.zeros(3), DOWN)
+
+
+PICK_AND_PLACE = [
+    ("cube", action(CUBE, 0.1, True)),
+    ("cube", action(CUBE, 0.0, False)),
+    ("cube", action(CUBE, 0.1, False)),
+    ("plate", action(PLATE, 0.1, False)),
+    ("plate", action(PLATE, 0.02, True)),
+    ("plate", action(PLATE, 0.1, True)),
+]
+
+
+def answer(plan=PICK_AND_PLACE, **response):
+    return PredictedActions("p", tuple(a for _, a in plan), response, tuple(anchor(name) for name, _ in plan))
+
+
+class Service:
+    def __init__(self, predicted, document=None, limits=None, found=None):
+        self.predicted, self._document = predicted, document or {"yaw_symmetry_deg": {"cube": 90}}
+        self._limits, self._found, self.asked = limits or MotionLimits(Box((-1, -1, 0), (1, 1, 2))), found, []
+
+    def motion_limits(self, task):
+        return self._limits
+
+    def get(self, path):
+        return self._document
+
+    def predict(self, task, instruction, observation, **options):
+        return self.predicted
+
+    def find_poses(self, frames, models):
+        self.asked.append(list(models))
+        if isinstance(self._found, Exception):
+            raise self._found
+        return tuple(self._found[name] for name in models)
+
+
+class Arm:
+    """An arm in a scene that changes: `moves` maps the number of actions carried out to what happens then."""
+
+    def __init__(self, moves=None, frames=()):
+        self.scene, self.at = {"cube": CUBE, "plate": PLATE}, None
+        self.done, self.looks, self.stopped, self._moves, self._frames = [], [], 0, dict(moves or {}), frames
+
+    def observe(self):
+        self.looks.append(len(self.done))
+        if self._frames:
+            return Observation((), self._frames, tuple(self.scene))
+        what = self._moves.pop(len(self.done), None) if len(self.looks) > 1 else None
+        if isinstance(what, Exception):
+            raise what
+        self.scene.update(what or {})
+        poses = tuple(ObjectPose(n, p) for n, p in self.scene.items() if p is not None)
+        return Observation(poses, end_effector=self.at)
+
+    def execute(self, action):
+        self.done.append(action.position_m)
+
+    def stop(self):
+        self.stopped += 1
+
+
+def run(arm, predicted=None, **settings):
+    service = settings.pop("service", None) or Service(predicted or answer())
+    return run_task(service, arm, "pick", "put the cube on the plate", look_again=True, **settings)
+
+
+def shifts(arm, plan=PICK_AND_PLACE):
+    return [np.round(done - a.position_m, 9).tolist() for done, (_, a) in zip(arm.done, plan, strict=True)]
+
+
+def test_the_robot_looks_before_each_contact_and_not_for_what_it_holds():
+    arm = Arm()
+    run(arm)
+    assert arm.looks == [0, 0, 1, 3, 4]
+    assert shifts(arm) == [[0, 0, 0]] * 6
+
+
+@pytest.mark.parametrize(
+    ("when", "what", "following"),
+    [
+        (0, "cube", [0, 1, 2]),
+        (1, "cube", [1, 2]),
+        (0, "plate", [3, 4, 5]),
+        (3, "plate", [3, 4, 5]),
+        (4, "plate", [4, 5]),
+    ],
+)
+def test_actions_follow_what_was_moved_since(when, what, following):
+    arm = Arm({when: {what: {"cube": CUBE, "plate": PLATE}[what] + SHIFT}})
+    carried_out = run(arm).actions
+    assert [index for index, shift in enumerate(shifts(arm)) if shift == SHIFT.tolist()] == following
+    assert [a.position_m.tolist() for a in carried_out] == [done.tolist() for done in arm.done]
+
+
+def test_what_the_hand_carries_is_not_followed():
+    arm = Arm({3: {"cube": CUBE + 0.1 * UP}, 4: {"cube": PLATE + 0.1 * UP}})
+    run(arm)
+    assert shifts(arm) == [[0, 0, 0]] * 6
+
+
+def test_after_a_release_an_object_is_where_it_was_put():
+    """The robot itself moved the cube to the plate, and grasps it there again."""
+    plan = [*PICK_AND_PLACE, ("cube", action(PLATE, 0.1, True)), ("cube", action(PLATE, 0.0, False))]
+    arm = Arm({6: {"cube": PLATE}, 7: {"cube": PLATE + SHIFT}})
+    run(arm, answer(plan))
+    assert shifts(arm, plan) == [[0, 0, 0]] * 7 + [SHIFT.tolist()]
+
+
+def test_what_an_open_hand_pushes_is_looked_for_until_contact():
+    plan = [
+        ("cube", action(CUBE, 0.1, True)),
+        ("cube", action(CUBE, 0.0, True)),
+        ("cube", action(CUBE + SHIFT, 0, True)),
+    ]
+    arm = Arm({2: {"cube": CUBE + SHIFT}})
+    run(arm, answer(plan))
+    assert (arm.looks, shifts(arm, plan)) == ([0, 0, 1], [[0, 0, 0]] * 3)
+
+
+@pytest.mark.parametrize("what", [{"cube": None}, RuntimeError("the camera is unplugged")])
+def test_a_lost_object_stops_the_robot(what):
+    arm = Arm({1: what})
+    with pytest.raises(ObjectLostError, match="'cube' is lost") as caught:
+        run(arm)
+    assert (caught.value.object_name, len(arm.done), arm.stopped) == ("cube", 1, 1)
+
+
+def test_what_no_further_action_needs_may_be_hidden():
+    arm = Arm({1: {"plate": None}, 3: {"plate": PLATE}})
+    run(arm)
+    assert len(arm.done) == 6
+
+
+def test_actions_that_follow_pass_the_limits_again():
+    arm = Arm({1: {"cube": CUBE + SHIFT}})
+    limits = MotionLimits(Box((-1, -1, 0), (1, 0.02, 2)))
+    with pytest.raises(UnsafeActionError, match=r"action 1: position.y is 0.03 m"):
+        run(arm, service=Service(answer(), limits=limits))
+    assert (len(arm.done), arm.stopped) == (1, 1)
+
+
+def test_a_step_to_where_an_object_was_moved_is_bounded_too():
+    arm = Arm({3: {"plate": PLATE + ASIDE}})
+    arm.at = Pose((0.1, 0.0, 1.1), (1.0, 0.0, 0.0, 0.0))
+    limits = MotionLimits(Box((-1, -1, 0), (1, 1, 2)), max_step_m=0.4)
+    with pytest.raises(UnsafeActionError, match=r"action 3: position is 0.5 m from the one before"):
+        run(arm, service=Service(answer(), limits=limits))
+    assert len(arm.done) == 3
+
+
+def test_answers_without_anchors_cannot_be_followed():
+    arm = Arm()
+    with pytest.raises(InvalidInputError, match="look_again: the answer says of no action"):
+        run(arm, PredictedActions("p", answer().actions, {}))
+    assert (arm.done, arm.stopped) == ([], 1)
+
+
+def test_actions_that_hang_on_nothing_go_as_they_are():
+    plan = answer()
+    arm = Arm({1: {"cube": CUBE + SHIFT}})
+    run(arm, PredictedActions("p", plan.actions, {}, (None, *plan.anchors[1:])))
+    assert [shift == SHIFT.tolist() for shift in shifts(arm)] == [False, True, True, False, False, False]
+
+
+def test_not_while_streaming():
+    with pytest.raises(InvalidInputError, match="look_again: is asked for together with stream"):
+        run(Arm(), stream=True)
+
+
+def frame():
+    rgb = np.zeros((4, 4, 3), np.uint8)
+    return RgbdFrame(Camera("front", 5, 5, 2, 2, np.eye(4)), rgb, np.ones((4, 4), np.float32), None)
+
+
+MODELS = {name: {"estimator": "cuboid", "size_m": [0.05] * 3, "color": "red"} for name in ("cube", "plate")}
+FOUND = {"cube": ObjectPose("cube", CUBE + SHIFT), "plate": ObjectPose("plate", PLATE)}
+WENT_BY = [{"name": "cube", "position": CUBE.tolist()}, {"name": "plate", "position": PLATE.tolist()}]
+
+
+def test_images_are_looked_at_by_the_service():
+    arm = Arm(frames=(frame(),))
+    service = Service(answer(objects=WENT_BY), {"object_models": MODELS}, found=FOUND)
+    run(arm, service=service)
+    assert service.asked == [["cube"], ["cube"], ["plate"], ["plate"]]
+    assert [shift == SHIFT.tolist() for shift in shifts(arm)] == [True] * 3 + [False] * 3
+
+
+def test_an_object_that_the_service_does_not_find_is_lost():
+    arm, unseen = Arm(frames=(frame(),)), ServiceProblemError(422, {"title": "Object not visible", "detail": "cube"})
+    with pytest.raises(ObjectLostError, match="Object not visible"):
+        run(arm, service=Service(answer(objects=WENT_BY), {"object_models": MODELS}, found=unseen))
+    assert (arm.done, arm.stopped) == ([], 1)
+
+
+@pytest.mark.parametrize(
+    ("models", "said"),
+    [({}, "its estimator is the masks"), ({**MODELS, "cube": {"estimator": "remote"}}, "its estimator is remote")],
+)
+def test_images_in_which_nobody_can_look_are_refused_at_once(models, said):
+    with pytest.raises(InvalidInputError, match=said):
+        run(Arm(frames=(frame(),)), service=Service(answer(objects=WENT_BY), {"object_models": models}))

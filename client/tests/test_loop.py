@@ -1,0 +1,116 @@
+"""The robot's loop: whatever goes wrong, the arm is stopped."""
+
+import pytest
+from arms import ACTIONS, ANSWER, Arm, Service
+
+from roboprompt_client.answers import PredictedActions
+from roboprompt_client.errors import (
+    InvalidInputError,
+    MotionError,
+    NotConfirmedError,
+    ServiceProblemError,
+    UnsafeActionError,
+)
+from roboprompt_client.loop import run_closed_loop, run_task
+from roboprompt_client.motion_limits import Box, MotionLimits, Pose
+
+
+def test_actions_are_executed_in_order():
+    arm = Arm()
+    assert run_task(Service(ANSWER), arm, "pick", "pick up the cube") is ANSWER
+    assert (arm.heights, arm.stopped) == ([1.0, 0.9, 0.8], 0)
+
+
+@pytest.mark.parametrize("error", [MotionError("blocked"), KeyboardInterrupt(), RuntimeError("cable")])
+def test_the_arm_is_stopped_where_it_fails(error):
+    arm = Arm(fails_at=1, error=error)
+    with pytest.raises(type(error)):
+        run_task(Service(ANSWER), arm, "pick", "pick up the cube")
+    assert (arm.heights, arm.stopped) == ([1.0], 1)
+
+
+def test_a_person_can_stop_before_an_action():
+    arm = Arm()
+    with pytest.raises(NotConfirmedError, match="action 2 was not allowed"):
+        run_task(Service(ANSWER), arm, "pick", "pick up the cube", confirm=lambda index, action: index < 1)
+    assert (arm.heights, arm.stopped) == ([1.0], 1)
+
+
+def test_nothing_moves_without_an_answer():
+    arm = Arm()
+    with pytest.raises(ServiceProblemError):
+        run_task(Service(ServiceProblemError(502, {"title": "no"})), arm, "pick", "pick up the cube")
+    assert (arm.heights, arm.stopped) == ([], 1)
+
+
+HIGH = MotionLimits(Box((-1, -1, 0.85), (1, 1, 2)))
+
+
+@pytest.mark.parametrize(("stream", "carried_out"), [(False, []), (True, [1.0, 0.9])])
+def test_limits_of_its_own_hold_whatever_the_service_says(stream, carried_out):
+    arm = Arm()
+    with pytest.raises(UnsafeActionError, match=r"action 2: position.z is 0.8 m"):
+        run_task(Service(ANSWER), arm, "pick", "pick up the cube", limits=HIGH, stream=stream)
+    assert (arm.heights, arm.stopped) == (carried_out, 1)
+
+
+@pytest.mark.parametrize("stream", [False, True])
+def test_more_actions_than_asked_for_are_not_carried_out(stream):
+    arm = Arm()
+    with pytest.raises(UnsafeActionError, match="at most 2 actions"):
+        run_task(Service(ANSWER), arm, "pick", "pick up the cube", max_actions=2, stream=stream)
+    assert arm.stopped == 1
+
+
+START = Pose((0.1, 0.2, 1.05), (1.0, 0, 0, 0))
+SHORT = MotionLimits(max_step_m=0.09)
+
+
+@pytest.mark.parametrize("stream", [False, True])
+@pytest.mark.parametrize(
+    ("pinned", "breach"),
+    [
+        (HIGH, "action 2: position.z is 0.8 m"),
+        (SHORT, r"action 1: position is 0\.1 m from the one before"),
+        (MotionLimits(keep_out=(Box((0, 0, 0.82), (1, 1, 0.83)),)), r"action 2: .*keep_out\[0\]"),
+        (MotionLimits(keep_out=(Box((0.16, 0, 0.9), (1, 1, 1.1)),), hand_radius_m=0.07), "action 0: .*0.07 m"),
+    ],
+)
+def test_what_the_robot_pins_holds_however_wide_the_services_limits_are(pinned, breach, stream):
+    arm = Arm(end_effector=START)
+    with pytest.raises(UnsafeActionError, match=breach):
+        run_task(Service(ANSWER, MotionLimits()), arm, "pick", "pick up the cube", pinned=pinned, stream=stream)
+    assert arm.stopped == 1
+    assert stream or arm.heights == []
+
+
+def test_the_services_limits_hold_beside_the_pinned():
+    arm = Arm(end_effector=START)
+    with pytest.raises(UnsafeActionError, match="action 2"):
+        run_task(Service(ANSWER, HIGH), arm, "pick", "pick up the cube", pinned=MotionLimits(max_step_m=1.0))
+    assert (arm.heights, arm.stopped) == ([], 1)
+
+
+def test_limits_without_room_in_common_move_nothing():
+    arm, service = Arm(), Service(ANSWER)
+    with pytest.raises(InvalidInputError, match="workspace"):
+        run_task(service, arm, "pick", "pick", pinned=MotionLimits(Box((5, 5, 5), (6, 6, 6))))
+    assert (arm.heights, arm.stopped, service.asked) == ([], 1, 0)
+
+
+@pytest.mark.parametrize("kind", ["limits", "pinned"])
+def test_bounded_steps_need_to_know_where_the_arm_is(kind):
+    arm, service = Arm(), Service(ANSWER)
+    with pytest.raises(InvalidInputError, match="end_effector"):
+        run_task(service, arm, "pick", "pick up the cube", **{kind: SHORT})
+    with pytest.raises(InvalidInputError, match="end_effector"):
+        list(run_closed_loop(service, arm, "pick", "pick up the cube", **{kind: SHORT}))
+    assert (arm.heights, arm.stopped, service.asked) == ([], 2, 0)
+
+
+def test_a_closed_loop_keeps_to_what_is_pinned():
+    arm = Arm(end_effector=START)
+    answer = PredictedActions("p", (ACTIONS[2],), {})
+    with pytest.raises(UnsafeActionError, match=r"position\.z is 0\.8 m"):
+        list(run_closed_loop(Service(answer), arm, "pick", "pick up the cube", pinned=HIGH))
+    assert (arm.heights, arm.stopped) == ([], 1)

@@ -1,0 +1,44 @@
+"""What the package offers: every public name documented, nothing imported beyond what it declares."""
+
+import inspect
+import subprocess
+import sys
+
+import pytest
+
+import roboprompt_client
+
+DECLARED = {"numpy", "httpx"}
+OF_THESE = {"httpcore", "h11", "anyio", "certifi", "idna", "sniffio", "exceptiongroup", "typing_extensions"}
+
+
+@pytest.mark.parametrize("name", roboprompt_client.__all__)
+def test_every_public_name_is_documented(name):
+    thing = getattr(roboprompt_client, name)
+    assert inspect.getdoc(thing)
+    if inspect.isclass(thing):
+        own = [member for key, member in vars(thing).items() if not key.startswith("_") and callable(member)]
+        assert all(inspect.getdoc(member) or "Protocol" in str(thing.__mro__) for member in own)
+
+
+def test_nothing_is_imported_that_is_not_declared():
+    """Command-line niceties that httpx tries to import (click, rich) do not count as needed."""
+    code = (
+        "import sys; sys.modules.update(dict.fromkeys(('click', 'rich', 'pygments', 'cv2', 'msgpack', 'scipy')));"
+        "import roboprompt_client.cli;"
+        "print(*{name.split('.')[0] for name, module in sys.modules.items() if getattr(module, '__file__', None)"
+        " and 'site-packages' in module.__file__})"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    foreign = {name for name in done.stdout.split() if not name.startswith(("_", "sitecustomize"))}
+    assert foreign >= DECLARED
+    assert foreign <= DECLARED | OF_THESE | {
+        "roboprompt_client",
+        "h2",
+        "hpack",
+        "hyperframe",
+        "socksio",
+        "brotli",
+        "zstandard",
+        "brotlicffi",
+    }

@@ -1,0 +1,142 @@
+"""Actions that follow their objects: the same pose relative to where these are."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from roboprompt_client.errors import UnsafeActionError
+from roboprompt_client.reanchoring import ActionAnchor, Moved, anchor_from_json, has_moved, reanchored
+from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
+
+DOWN = Rotation.from_euler("x", np.pi)
+
+
+def turned(yaw_deg, tilt_deg=0.0):
+    return Rotation.from_euler("z", yaw_deg, degrees=True) * Rotation.from_euler("y", tilt_deg, degrees=True)
+
+
+def seen(name, x_m=0.0, yaw_deg=0.0, tilt_deg=0.0):
+    return {name: ObjectPose(name, np.array([x_m, 0.0, 0.8]), turned(yaw_deg, tilt_deg).as_quat())}
+
+
+def placed(pose, offset_m, frame, axes=None):
+    """An action at an offset along an object's axes, gripper down, and its anchor."""
+    axes = axes or (Rotation.identity() if frame == "w" else Rotation.from_quat(pose.quaternion_xyzw))
+    action = EndEffectorAction(pose.position_m + axes.apply(offset_m), (axes * DOWN).as_quat(), True)
+    return action, ActionAnchor(pose.name, frame, np.array(offset_m), DOWN.as_quat())
+
+
+def follow(before, now, frame, offset_m=(0.1, 0.0, 0.05), symmetry=None):
+    (pose,) = before.values()
+    action, anchor = placed(pose, offset_m, frame)
+    (moved,) = reanchored([action], [anchor], before, now, symmetry or {})
+    return action, moved
+
+
+def assert_same_pose(action, other):
+    np.testing.assert_allclose(action.position_m, other.position_m, atol=1e-9)
+    turn = Rotation.from_quat(action.quaternion_xyzw).inv() * Rotation.from_quat(other.quaternion_xyzw)
+    assert turn.magnitude() < 1e-6
+
+
+def test_an_action_keeps_its_pose_relative_to_a_moved_and_turned_object():
+    now = seen("drawer", 0.03, 50)
+    _, moved = follow(seen("drawer", 0, 20), now, "o")
+    assert_same_pose(moved, placed(now["drawer"], (0.1, 0.0, 0.05), "o")[0])
+
+
+def test_in_world_axes_only_the_place_follows():
+    action, moved = follow(seen("plate", 0, 20), seen("plate", 0.03, 80), "w")
+    np.testing.assert_allclose(moved.position_m - action.position_m, [0.03, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(moved.quaternion_xyzw, action.quaternion_xyzw, atol=1e-12)
+
+
+def test_below_the_threshold_nothing_changes():
+    before, now = seen("cube", 0, 0), seen("cube", 0.004, 2)
+    action, moved = follow(before, now, "o")
+    assert moved is action
+    (pose,) = before.values()
+    action, anchor = placed(pose, (0, 0, 0.1), "o")
+    (sensitive,) = reanchored([action], [anchor], before, now, {}, Moved(0.003, 3))
+    assert sensitive.position_m[0] == pytest.approx(0.004, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("symmetry_deg", "seen_deg", "turn_deg"),
+    [(90, 100, 10), (90, -85, 5), (180, 170, -10), (0, 137, 0), (None, 137, 137)],
+)
+def test_a_symmetric_object_turns_actions_by_the_least_angle(symmetry_deg, seen_deg, turn_deg):
+    symmetry = {} if symmetry_deg is None else {"cube": symmetry_deg}
+    before, now = seen("cube", 0, 0), seen("cube", 0.03, seen_deg)
+    _, moved = follow(before, now, "o", symmetry=symmetry)
+    assert_same_pose(moved, placed(seen("cube", 0.03, turn_deg)["cube"], (0.1, 0.0, 0.05), "o")[0])
+
+
+def test_a_turn_that_the_symmetry_hides_is_no_motion():
+    (old,), (new,) = seen("cube", 0, 40).values(), seen("cube", 0, -50).values()
+    assert not has_moved(old, new, 90)
+    assert has_moved(old, new, None)
+
+
+def test_a_tilted_object_turns_actions_fully_and_an_upright_one_about_the_vertical():
+    lid = seen("lid", 0, 30, 40)
+    opened = seen("lid", 0, 30, 10)
+    _, moved = follow(lid, opened, "o")
+    assert_same_pose(moved, placed(opened["lid"], (0.1, 0.0, 0.05), "o")[0])
+    _, moved = follow(seen("box", 0, 30), seen("box", 0.03, 30, 4), "o")
+    assert_same_pose(moved, placed(seen("box", 0.03, 30)["box"], (0.1, 0.0, 0.05), "o")[0])
+
+
+def test_only_what_hangs_on_moved_objects_follows():
+    before = {**seen("cube", 0), **seen("plate", 0.2)}
+    now = {**seen("cube", 0.03), **seen("plate", 0.2)}
+    on_cube, cube = placed(before["cube"], (0, 0, 0.1), "o")
+    on_plate, plate = placed(before["plate"], (0, 0, 0.1), "o")
+    world = ActionAnchor(None, "world", np.zeros(3), np.array([0, 0, 0, 1.0]))
+    actions = [on_cube, on_plate, on_cube, on_cube]
+    followed = reanchored(actions, [cube, plate, world, None], before, now, {})
+    assert [new is old for new, old in zip(followed, actions, strict=True)] == [False, True, True, True]
+    assert reanchored(actions[:1], [cube], before, {}, {}) == (on_cube,)
+    assert reanchored(actions[:1], [cube], {}, now, {}) == (on_cube,)
+
+
+def test_a_pose_without_rotation_moves_actions_without_turning_them():
+    before, now = {"cube": ObjectPose("cube", np.zeros(3))}, {"cube": ObjectPose("cube", np.array([0, 0.02, 0]))}
+    action, anchor = placed(before["cube"], (0, 0, 0.1), "w")
+    (moved,) = reanchored([action], [anchor], before, now, {"cube": 90})
+    np.testing.assert_allclose(moved.position_m, [0, 0.02, 0.1])
+
+
+SENT = {
+    "object": "cube",
+    "frame": "o",
+    "offset_m": [0, 0, 0.1],
+    "rotation_xyzw": [1, 0, 0, 0],
+    "tolerance_m": 0.01,
+    "tolerance_deg": 5,
+}
+
+
+def test_anchors_as_the_service_sends_them():
+    anchor = anchor_from_json(0, {"anchor": SENT})
+    assert (anchor.object_name, anchor.frame, anchor.tolerance_m) == ("cube", "o", 0.01)
+    assert anchor_from_json(0, {"anchor": {**SENT, "object": None, "frame": "world"}}).object_name is None
+    assert anchor_from_json(0, {"anchor": None}) is None
+    assert anchor_from_json(0, {}) is None
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"object": None},
+        {"frame": "x"},
+        {"frame": "world"},
+        {"offset_m": [0, 0]},
+        {"offset_m": [0, 0, float("nan")]},
+        {"rotation_xyzw": [0, 0, 0, 0]},
+        {"tolerance_m": None},
+    ],
+)
+def test_what_is_no_anchor_is_refused(wrong):
+    with pytest.raises(UnsafeActionError, match="action 3: anchor"):
+        anchor_from_json(3, {"anchor": {**SENT, **wrong}})
