@@ -7,7 +7,6 @@ import argparse
 import json
 import signal
 import sys
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, get_args
@@ -18,6 +17,7 @@ from roboprompt_client.danger import OnDanger
 from roboprompt_client.errors import InvalidInputError, RoboPromptError
 from roboprompt_client.loop import run_closed_loop, run_task
 from roboprompt_client.motion_limits import Box, MotionLimits, Pose
+from roboprompt_client.record_command import add_commands
 from roboprompt_client.scene_file import OBJECTS, observation_from_file
 from roboprompt_client.trajectory import EndEffectorAction
 from roboprompt_client.trajectory_npz import trajectory_from_npz
@@ -28,13 +28,14 @@ ROBOT = "a cell's JSON file, or MODULE:FACTORY: a callable that returns a Robot"
 def main() -> int:
     """Parse the command line, do what it says, and return the exit code."""
     arguments = _parser().parse_args()
-    command: Callable[[RoboPromptClient, argparse.Namespace], dict[str, Any]] = arguments.command
     try:
         if (given := getattr(arguments, "objects", None)) is not None:
             observation_from_file("--objects", given)  # what is wrong with it is said before anybody is asked
         with RoboPromptClient(arguments.url) as client:
+            if (offline := getattr(arguments, "offline", None)) is not None:
+                return int(offline(client, arguments))
             client.ping()
-            print(json.dumps(command(client, arguments), indent=2))  # noqa: T201
+            print(json.dumps(arguments.command(client, arguments), indent=2))  # noqa: T201
     except RoboPromptError as error:
         print(error, file=sys.stderr)  # noqa: T201
         return 1
@@ -99,6 +100,7 @@ def _parser() -> argparse.ArgumentParser:
         help="where the service finds its answer dangerous (default: ask with --confirm, refuse without)",
     )
     run.set_defaults(command=_run)
+    add_commands(commands, ROBOT)
     return parser
 
 

@@ -80,21 +80,26 @@ class Recorder:
             self._error = error
 
     def _sample(self) -> None:
-        began_s = time.monotonic()
-        state = self._arm.state()
+        began_s, state = self._read()
         joints = 0 if state.joint_positions_rad is None else len(state.joint_positions_rad)
         with self._journal.open("wb") as file:
             file.write(json.dumps({"joints": joints}).encode() + b"\n")
-            flushed_s, due_s = began_s, began_s
-            while not self._ended.is_set():
-                now_s = time.monotonic()
-                file.write(_row(now_s - began_s, state, joints).tobytes())
-                if now_s - flushed_s > FLUSH_S:
+            flushed_s = due_s = seen_s = began_s
+            while True:  # at least once, however soon it ends
+                file.write(_row(seen_s - began_s, state, joints).tobytes())
+                if seen_s - flushed_s > FLUSH_S:
                     file.flush()
-                    flushed_s = now_s
-                due_s = max(due_s + self._period_s, now_s)
-                self._ended.wait(due_s - time.monotonic())
-                state = self._arm.state()
+                    flushed_s = seen_s
+                due_s = max(due_s + self._period_s, seen_s)
+                if self._ended.wait(due_s - time.monotonic()):
+                    return
+                seen_s, state = self._read()
+
+    def _read(self) -> tuple[float, ArmState]:
+        """The state, and when it was: in the middle of the time that the arm took to say it."""
+        asked_s = time.monotonic()
+        state = self._arm.state()
+        return (asked_s + time.monotonic()) / 2, state
 
 
 def trajectory_from_journal(path: Path) -> Trajectory:

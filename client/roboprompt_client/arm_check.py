@@ -1,0 +1,146 @@
+"""Whether an arm and its adapter do what the Robot Protocol says: a report to read before the first task."""
+
+import math
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from roboprompt_client import quaternions as rotations
+from roboprompt_client.errors import MotionError, RoboPromptError
+from roboprompt_client.motion_limits import Pose
+from roboprompt_client.robot import Robot
+from roboprompt_client.trajectory import EndEffectorAction
+
+LIFT_M, TURN_RAD = 0.03, math.radians(10)
+NEAR_M, NEAR_DEG = 0.005, 2.0
+LOOK_S = 1.0  # longer, and a look before each contact is felt
+STOP_AFTER_S, STOP_S = 0.3, 1.0
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One check.
+
+    Attributes:
+        passed: None where it could not be decided.
+        detail: what was seen, with its numbers, and what to do about it.
+    """
+
+    name: str
+    passed: bool | None
+    detail: str
+
+
+@dataclass
+class ArmCheck:
+    """Checks one robot; with `moves` it lifts the hand by 3 cm, turns it by 10 degrees and works the gripper.
+
+    Args:
+        confirm: asked before the first motion; None: go.
+    """
+
+    robot: Robot
+    moves: bool = False
+    confirm: Callable[[str], bool] | None = None
+    outcomes: list[Outcome] = field(default_factory=list)
+
+    def run(self) -> tuple[Outcome, ...]:
+        """All checks; the arm is stopped where one goes wrong, and the moving ones end there."""
+        start = self._check_observation()
+        if start is not None and self.moves:
+            question = (
+                f"The hand will rise by {100 * LIFT_M:.0f} cm and turn by 10 degrees. Is the space above it free?"
+            )
+            if self.confirm is None or self.confirm(question):
+                self._check_motions(start)
+        return tuple(self.outcomes)
+
+    def _check_observation(self) -> Pose | None:
+        began_s = time.monotonic()
+        try:
+            seen = self.robot.observe()
+        except RoboPromptError as error:
+            self._say("observe", False, str(error))
+            return None
+        took_s = time.monotonic() - began_s
+        self._say("observe: time", took_s <= LOOK_S, f"{1000 * took_s:.0f} ms (at most {1000 * LOOK_S:.0f} are good)")
+        names = ", ".join(pose.name for pose in seen.objects) or "no object"
+        self._say("observe: objects", None if not seen.objects else True, f"{names}; {len(seen.frames)} cameras")
+        if (hand := seen.end_effector) is None:
+            self._say(
+                "observe: end_effector", None, "is not given: tasks that bound steps need it, and so do the motions"
+            )
+            return None
+        norm = math.hypot(*hand.quaternion_xyzw)
+        self._say("observe: quaternion", abs(norm - 1) < 1e-3, f"has the norm {norm:.4f}; order x y z w")
+        down = rotations.rotated(hand.quaternion_xyzw, (0, 0, 1))[2]
+        place = ", ".join(f"{value:.3f}" for value in hand.position_m)
+        detail = f"hand at {place} m, its z axis {math.degrees(math.acos(np.clip(-down, -1, 1))):.0f} degrees from down"
+        self._say("observe: end_effector", None, f"{detail}: measure it")
+        return hand
+
+    def _check_motions(self, start: Pose) -> None:
+        home_m, home = np.array(start.position_m), np.array(start.quaternion_xyzw)
+        lifted_m = home_m + np.array([0.0, 0.0, LIFT_M])
+        turned = rotations.product(rotations.about_z(TURN_RAD), home)
+        steps: Iterator[tuple[str, EndEffectorAction]] = iter(
+            (
+                ("motion: up is +z", EndEffectorAction(lifted_m, home, True)),
+                ("motion: a turn about +z", EndEffectorAction(lifted_m, turned, True)),
+                ("gripper: closes", EndEffectorAction(lifted_m, home, False)),
+                ("gripper: opens", EndEffectorAction(lifted_m, home, True)),
+            )
+        )
+        if all(self._moves_to(name, action) for name, action in steps):
+            self._check_stop(EndEffectorAction(home_m, home, True))
+
+    def _moves_to(self, name: str, action: EndEffectorAction) -> bool:
+        began_s = time.monotonic()
+        try:
+            self.robot.execute(action)
+            took_s = time.monotonic() - began_s
+            hand = self.robot.observe().end_effector
+        except RoboPromptError as error:
+            self.robot.stop()
+            return self._say(name, False, str(error))
+        assert hand is not None
+        off_m = float(np.linalg.norm(np.array(hand.position_m) - action.position_m))
+        turn = rotations.product(rotations.inverse(hand.quaternion_xyzw), action.quaternion_xyzw)
+        off_deg = math.degrees(rotations.angle_rad(turn))
+        detail = f"{1000 * off_m:.1f} mm and {off_deg:.1f} degrees off after {took_s:.1f} s"
+        return self._say(name, off_m <= NEAR_M and off_deg <= NEAR_DEG, f"{detail}; did the arm do what it says?")
+
+    def _check_stop(self, action: EndEffectorAction) -> None:
+        ended: list[BaseException | None] = []
+
+        def move() -> None:
+            try:
+                self.robot.execute(action)
+                ended.append(None)
+            except Exception as error:  # an adapter may raise anything: that is what is looked at
+                ended.append(error)
+
+        motion = threading.Thread(target=move, daemon=True)
+        motion.start()
+        motion.join(STOP_AFTER_S)
+        if not motion.is_alive():
+            self._say("stop", None, f"the motion took less than {STOP_AFTER_S} s: make the arm slower to see a stop")
+            return
+        began_s = time.monotonic()
+        self.robot.stop()
+        motion.join(STOP_S)
+        took_s = time.monotonic() - began_s
+        if motion.is_alive() or not ended:
+            self._say("stop", False, f"execute did not end within {STOP_S} s of stop()")
+        elif isinstance(ended[0], MotionError):
+            self._say("stop", True, f"ended the motion after {1000 * took_s:.0f} ms")
+        else:
+            what = "as if it had arrived" if ended[0] is None else f"with {type(ended[0]).__name__}"
+            self._say("stop", False, f"execute ended {what}: it is to raise MotionError")
+
+    def _say(self, name: str, passed: bool | None, detail: str) -> bool:
+        self.outcomes.append(Outcome(name, passed, detail))
+        return passed is not False

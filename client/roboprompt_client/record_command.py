@@ -1,0 +1,122 @@
+"""`roboprompt-robot record` and `roboprompt-robot check`: what a person does at the arm before the first prediction."""
+
+import sys
+from argparse import ArgumentParser, Namespace, _SubParsersAction
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from roboprompt_client.arm_check import ArmCheck
+from roboprompt_client.arms.cell import open_robot
+from roboprompt_client.client import RoboPromptClient
+from roboprompt_client.errors import InvalidInputError, MotionError, ServiceUnreachableError
+from roboprompt_client.recorder import RATE_HZ, HasState, Recorder
+from roboprompt_client.robot import Robot
+from roboprompt_client.scene_file import observation_from_file
+from roboprompt_client.spool import JOURNAL, Sent, Spool
+
+MARKS = {True: "ok  ", False: "FAIL", None: "look"}
+
+
+def add_commands(commands: "_SubParsersAction[ArgumentParser]", robot_help: str) -> None:
+    """Add both to the script's commands."""
+    record = commands.add_parser("record", help="record demonstrations while a person moves the arm, and upload them")
+    record.add_argument("--robot", metavar="ROBOT", help=robot_help)
+    record.add_argument("--task", help="needed unless --send-only")
+    record.add_argument("--instruction", help="needed unless --send-only")
+    record.add_argument("--objects", type=Path, metavar="FILE", help="what the robot sees, unless it says so itself")
+    record.add_argument("--spool", type=Path, default=Path("recordings"), help="folder (default: %(default)s)")
+    record.add_argument("--rate-hz", type=float, default=RATE_HZ, help="at least 20 (default: %(default)g)")
+    record.add_argument("--send-only", action="store_true", help="upload what is waiting, and record nothing")
+    record.set_defaults(offline=run_record)
+    check = commands.add_parser("check", help="see whether an arm does what the Robot Protocol says")
+    check.add_argument("--robot", metavar="ROBOT", required=True, help=robot_help)
+    check.add_argument("--move", action="store_true", help="3 cm up, a turn by 10 degrees, gripper, stop; asks first")
+    check.set_defaults(offline=run_check)
+
+
+def run_record(client: RoboPromptClient, arguments: Namespace) -> int:
+    """Record until the person has enough; what the service does not take now waits in the spool."""
+    spool = Spool(arguments.spool)
+    if not arguments.send_only:
+        for name in ("robot", "task", "instruction"):
+            if getattr(arguments, name) is None:
+                raise InvalidInputError(f"--{name}", "is missing", "needed unless --send-only")
+        robot = open_robot(arguments.robot)
+        if not hasattr(robot, "state"):
+            raise InvalidInputError("--robot", "cannot be recorded", "a robot with state(), such as a cell's Arm")
+        while _asked("Enter to record, q to end: ") != "q":
+            _record_one(robot, spool, arguments)
+            _send_all(client, spool)
+    return _send_all(client, spool)
+
+
+def run_check(_: RoboPromptClient, arguments: Namespace) -> int:
+    """Print the report; 1 where something failed."""
+    robot = open_robot(arguments.robot)
+    check = ArmCheck(robot, moves=arguments.move, confirm=lambda question: _asked(f"{question} [y/N] ") == "y")
+    for outcome in check.run():
+        _print(f"{MARKS[outcome.passed]}  {outcome.name}: {outcome.detail}")
+    return int(any(outcome.passed is False for outcome in check.outcomes))
+
+
+def _record_one(robot: Robot, spool: Spool, arguments: Namespace) -> None:
+    """One demonstration; what is interrupted stays in the spool."""
+    seen = robot.observe() if arguments.objects is None else observation_from_file("--objects", arguments.objects)
+    folder = spool.new(arguments.task, arguments.instruction, seen)
+    arm: HasState = robot  # type: ignore[assignment]  # what has `state` can be recorded
+    recorder = Recorder(arm, folder / JOURNAL, arguments.rate_hz)
+    recorder.start()
+    try:
+        _asked("Recording. Enter to stop: ")
+        trajectory = recorder.stop()
+    except (MotionError, InvalidInputError) as error:
+        _print(f"{error}; what came before is in {folder}")
+        return
+    except KeyboardInterrupt:
+        with suppress(MotionError, InvalidInputError):
+            recorder.stop()
+        _print(f"kept in {folder}: `roboprompt-robot record --send-only` uploads it")
+        raise
+    _print(f"{len(trajectory)} frames, {trajectory.num_joints} joints")
+    if _asked("Keep it? [Y/n] ") == "n":
+        spool.discard(folder)
+
+
+def _send_all(client: RoboPromptClient, spool: Spool) -> int:
+    """Upload what waits; 1 where the service refused one."""
+    refused = 0
+    for folder in spool.waiting():
+        try:
+            sent = spool.send(client, folder)
+        except ServiceUnreachableError as error:
+            _print(f"{error}; it waits in {folder}")
+            return 1
+        except InvalidInputError as error:
+            _print(f"{folder}: {error}")
+            refused = 1
+            continue
+        refused |= not sent.stored
+        _print(_said(sent))
+    return refused
+
+
+def _said(sent: Sent) -> str:
+    answer: Mapping[str, Any] = sent.answer
+    if not sent.stored:
+        return f"refused: {answer.get('detail', answer.get('title'))} ({sent.folder})"
+    lines = [f"stored as {answer['id']}: {len(answer.get('keyframes', ()))} keyframes"]
+    lines += [f"  {item['severity']} {item['code']}: {item['message']}" for item in answer.get("findings", ())]
+    return "\n".join(lines)
+
+
+def _asked(question: str) -> str:
+    try:
+        return input(question).strip().lower()
+    except EOFError:  # nobody is there to ask
+        return "q"
+
+
+def _print(text: str) -> None:
+    print(text, file=sys.stdout, flush=True)  # noqa: T201

@@ -1,0 +1,162 @@
+"""What a person does at the arm: record, send, check."""
+
+import json
+
+import httpx
+import numpy as np
+import pytest
+from makers import Body, open_xarm
+
+from roboprompt_client import cli
+from roboprompt_client.arm_check import ArmCheck
+from roboprompt_client.arms.arm import Arm
+from roboprompt_client.arms.cell import open_cell, open_robot
+from roboprompt_client.client import RoboPromptClient
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.robot import Observation
+
+OBJECTS = [{"name": "cube", "position": [0.3, 0, 0.1]}]
+STORED = {
+    "id": "e1",
+    "keyframes": [{}, {}],
+    "findings": [{"severity": "info", "code": "long-rest", "message": "The hand stands still for 9 s."}],
+}
+
+
+@pytest.fixture
+def answers(monkeypatch, tmp_path):
+    """What the person types; the service answers 201 unless it is away."""
+    typed, state = [], {"away": False}
+
+    def answer(request):
+        if state["away"]:
+            raise httpx.ConnectError("refused")
+        return httpx.Response(201, json=STORED)
+
+    def client(url):
+        return RoboPromptClient(
+            connection=httpx.Client(transport=httpx.MockTransport(answer), base_url="http://robots")
+        )
+
+    def type_next(question):
+        step = typed.pop(0)
+        if isinstance(step, BaseException):
+            raise step
+        return step
+
+    monkeypatch.setattr(cli, "RoboPromptClient", client)
+    monkeypatch.setattr("builtins.input", type_next)
+    monkeypatch.setattr("roboprompt_client.spool.WAITS_S", ())
+    monkeypatch.setattr("roboprompt_client.record_command.open_robot", lambda name: Arm(open_xarm(Body(), monkeypatch)))
+    (tmp_path / "objects.json").write_text(json.dumps(OBJECTS))
+    return typed, state
+
+
+def run(monkeypatch, tmp_path, *more):
+    words = ["roboprompt-robot", "record", "--robot", "cell.json", "--task", "pick", "--instruction", "pick it up"]
+    words += ["--objects", str(tmp_path / "objects.json"), "--spool", str(tmp_path / "spool"), *more]
+    monkeypatch.setattr("sys.argv", words)
+    return cli.main()
+
+
+def test_record_keep_and_upload(answers, monkeypatch, tmp_path, capsys):
+    typed, _ = answers
+    typed += ["", "", "y", "q"]
+    assert run(monkeypatch, tmp_path) == 0
+    said = capsys.readouterr().out
+    assert "7 joints" in said
+    assert "stored as e1: 2 keyframes" in said
+    assert "info long-rest: The hand stands still for 9 s." in said
+
+
+def test_record_and_throw_away(answers, monkeypatch, tmp_path):
+    typed, _ = answers
+    typed += ["", "", "n", "q"]
+    assert run(monkeypatch, tmp_path) == 0
+    assert list((tmp_path / "spool").iterdir()) == []
+
+
+def test_an_interrupted_recording_is_sent_later(answers, monkeypatch, tmp_path, capsys):
+    typed, state = answers
+    typed += ["", KeyboardInterrupt()]
+    assert run(monkeypatch, tmp_path) == 130
+    state["away"] = True
+    assert run(monkeypatch, tmp_path, "--send-only") == 1
+    assert "it waits in" in capsys.readouterr().out
+    state["away"] = False
+    assert run(monkeypatch, tmp_path, "--send-only") == 0
+    assert "stored as e1" in capsys.readouterr().out
+
+
+@pytest.fixture
+def arm(monkeypatch):
+    return Arm(open_xarm(Body(), monkeypatch))
+
+
+def test_a_sound_arm_passes(arm):
+    outcomes = {outcome.name: outcome.passed for outcome in ArmCheck(arm, moves=True).run()}
+    assert outcomes["motion: up is +z"]
+    assert outcomes["gripper: closes"]
+    assert outcomes["stop"] is not False
+    assert False not in outcomes.values()
+
+
+def test_without_leave_nothing_moves(arm):
+    before = arm.state().position_m
+    asked = []
+    ArmCheck(arm, moves=True, confirm=lambda question: asked.append(question)).run()
+    np.testing.assert_array_equal(arm.state().position_m, before)
+    assert len(asked) == 1
+
+
+class Upside:
+    """An adapter whose up is down, and whose stop does nothing."""
+
+    def __init__(self, arm):
+        self._arm = arm
+
+    def observe(self):
+        hand = self._arm.observe().end_effector
+        x, y, z = hand.position_m
+        return Observation(end_effector=hand._replace(position_m=(x, y, 2 - z)))
+
+    def execute(self, action):
+        self._arm.execute(action)
+
+    def stop(self):
+        pass
+
+
+def test_an_adapter_with_the_wrong_frame_fails(arm):
+    failed = [outcome.name for outcome in ArmCheck(Upside(arm), moves=True).run() if outcome.passed is False]
+    assert failed
+
+
+def test_a_cell_s_file(tmp_path, monkeypatch):
+    cell, body = tmp_path / "cell.json", Body()
+    monkeypatch.setattr("roboprompt_client.arms.xarm._sdk", lambda: __import__("makers").xarm(body))
+    (tmp_path / "objects.json").write_text(json.dumps(OBJECTS))
+    document = {
+        "arm": "xarm",
+        "options": {"address": "192.168.1.5"},
+        "base_to_world": {"position": [0, 0, 0.5], "quaternion_xyzw": [0, 0, 0, 1]},
+        "limits": {"workspace": {"min": [-1, -1, 0], "max": [1, 1, 2]}},
+        "objects": "objects.json",
+        "tolerance": {"rotation_deg": 5},
+    }
+    cell.write_text(json.dumps(document))
+    arm = open_cell(cell)
+    assert arm.observe().objects[0].name == "cube"
+    assert arm.state().position_m[2] == pytest.approx(body.position_m[2] + 0.5)
+    for changes, field in (
+        ({"arm": None}, "arm"),
+        ({"arm": "nobody:Arm"}, "arm"),
+        ({"speed": 1}, "speed"),
+        ({"tolerance": {"speed": 1}}, "tolerance"),
+        ({"options": {"port": 1}}, "options"),
+        ({"base_to_world": {}}, "base_to_world"),
+    ):
+        cell.write_text(json.dumps({**document, **changes}))
+        with pytest.raises(InvalidInputError) as caught:
+            open_robot(str(cell))
+        assert caught.value.field == field
