@@ -1,10 +1,10 @@
-# make setup | dev | demo | serve | test | check | audit | sbom | long | torture | attack | fuzz | soak | growth | bench | metaworld | format | openapi | lock
+# make setup | dev | demo | serve | test | check | audit | sbom | long | torture | attack | fuzz | soak | growth | bench | metaworld | client | franka | format | openapi | lock
 PYTHON ?= python3
 BIN := .venv/bin
 STAMP := .venv/.installed
 DEV_STAMP := .venv/.installed-dev
 
-.PHONY: setup dev demo serve test check audit sbom long torture attack fuzz soak growth bench metaworld lint format openapi lock clean
+.PHONY: setup dev demo serve test check audit sbom long torture attack fuzz soak growth bench metaworld client franka lint format openapi lock clean
 
 setup: $(STAMP)
 
@@ -86,6 +86,8 @@ lock:
 		--output-file docker/server.lock
 	$(COMPILE) docker/build.in --constraint requirements-dev.lock --output-file docker/build.lock
 	$(COMPILE) benchmarks/metaworld/requirements.in --output-file benchmarks/metaworld/requirements.txt
+	$(COMPILE) client/libfranka/requirements.in --output-file client/libfranka/requirements.txt
+	$(subst 3.11,3.10,$(COMPILE)) client/pyproject.toml client/tests.in --output-file client/tests.txt
 
 bench: dev
 	$(BIN)/python -m benchmarks.bench
@@ -103,5 +105,32 @@ $(METAWORLD_STAMP): benchmarks/metaworld/requirements.txt
 metaworld: setup $(METAWORLD_STAMP)
 	$(METAWORLD_BIN)/python -m benchmarks.metaworld.run --serve-with $(BIN)/python $(METAWORLD)
 
+# The robot's side where nothing of the server is: make client CLIENT_PYTHON=python3.10
+CLIENT_PYTHON ?= $(PYTHON)
+CLIENT_BIN := client/.venv/bin
+CLIENT_STAMP := client/.venv/.installed
+
+$(CLIENT_STAMP): client/tests.txt client/pyproject.toml
+	$(CLIENT_PYTHON) -m venv client/.venv
+	$(CLIENT_BIN)/python -m pip install --quiet --require-hashes --requirement client/tests.txt
+	$(CLIENT_BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable ./client
+	touch $(CLIENT_STAMP)
+
+client: $(CLIENT_STAMP)
+	cd client && .venv/bin/python -m pytest
+
+# A Franka arm through libfranka's own protocol, simulated, in an environment of its own.
+FRANKA_BIN := client/libfranka/.venv/bin
+FRANKA_STAMP := client/libfranka/.venv/.installed
+
+$(FRANKA_STAMP): client/libfranka/requirements.txt client/pyproject.toml
+	$(PYTHON) -m venv client/libfranka/.venv
+	$(FRANKA_BIN)/python -m pip install --quiet --require-hashes --requirement client/libfranka/requirements.txt
+	$(FRANKA_BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable ./client
+	touch $(FRANKA_STAMP)
+
+franka: $(FRANKA_STAMP)
+	cd client && libfranka/.venv/bin/python -m pytest libfranka
+
 clean:
-	rm -rf .venv benchmarks/metaworld/.venv .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache
+	rm -rf .venv client/.venv client/libfranka/.venv benchmarks/metaworld/.venv .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache

@@ -31,7 +31,14 @@ def test_example_files_are_the_documented_examples():
 
 
 def test_no_package_registry_in_the_repository():
-    locks = ("requirements.lock", "requirements-dev.lock", "docker/server.lock", "docker/build.lock")
+    locks = (
+        "client/tests.txt",
+        "client/libfranka/requirements.txt",
+        "requirements.lock",
+        "requirements-dev.lock",
+        "docker/server.lock",
+        "docker/build.lock",
+    )
     for path in (*locks, "pyproject.toml", "Makefile", ".ci/run", "benchmarks/metaworld/requirements.txt"):
         assert not re.search(r"https?://|index-url [^-]", (ROOT / path).read_text().replace("--no-emit-index-url", ""))
 
