@@ -1,6 +1,6 @@
 """`roboprompt demo`: teach the service tasks on a simulated arm, then test what it learned.
 
-`roboprompt films` shows what the simulated tasks look like.
+`roboprompt films` shows what the simulated tasks look like, `roboprompt film` the whole method at work.
 """
 
 import json
@@ -56,13 +56,15 @@ def demo(
     methods = with_poses(methods_beside(model, representation)[: None if compare else 1], poses)
     plan = Plan(tuple(task or TASKS), methods, episodes, demos, command, images=True)
     columns = (TextColumn("{task.description:<30}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    folder = report or Path("reports") / f"demo-{datetime.now():%Y%m%d-%H%M%S}"
     with Progress(*columns, console=console) as progress:
-        evaluation = run_demo(plan, progress)
+        evaluation = run_demo(plan, progress, folder / "data")
     console.print(results_table(evaluation))
     for message, number in errors_of(evaluation):
         console.print(f"{number} trials could not be run: {message}", markup=False)
-    index = write_report(evaluation, report or Path("reports") / f"demo-{datetime.now():%Y%m%d-%H%M%S}")
+    index = write_report(evaluation, folder)
     console.print(f"{evaluation.duration_s:.0f} s in all; report: {index}")
+    console.print(f"To walk through it in a browser: roboprompt serve --data {folder / 'data'}", soft_wrap=True)
     if as_json:
         print(json.dumps({**summary(evaluation), "report": str(index)}))  # noqa: T201
 
@@ -87,4 +89,23 @@ def films(
         console.print(f"{name}: {film.recorded.failure or 'solved'}", markup=False)
     console.print(f"page: {write_page(made, seed, out)}", markup=False)
     if failed:
+        raise typer.Exit(1)
+
+
+def film(
+    out: Annotated[Path, typer.Option(help="the GIF file")] = Path("docs/images/film.gif"),
+    task: Annotated[str, typer.Option(help="a simulated task")] = "stack_cube",
+    seed: Annotated[int, typer.Option(min=0, help="of the unseen scene")] = 700_000,
+    demos: Annotated[int, typer.Option(min=1, max=100, help="demonstrations")] = 5,
+) -> None:
+    """Film one prediction: what the LLM reads, what it replies, and the arm that carries it out."""
+    # The simulator is an extra that `roboprompt serve` does without.
+    from app.evaluation.moving_picture import make_moving_picture
+    from app.sim.tasks import TASKS
+
+    check_names("--task", [task], TASKS)
+    console = Console()
+    failure = make_moving_picture(task, seed, demos, out)
+    console.print(f"{task}: {failure or 'solved'}; {out}", markup=False)
+    if failure:
         raise typer.Exit(1)

@@ -177,8 +177,11 @@ class Run:
         self.ledger.append(trial, digest)
 
 
-def run_demo(plan: Plan, progress: Progress) -> Evaluation:
+def run_demo(plan: Plan, progress: Progress, data: Path) -> Evaluation:
     """Run the plan on a service of its own; with pictures for the report.
+
+    Args:
+        data: folder of the service, which stays.
 
     Raises:
         ServerStartError, ServiceLostError.
@@ -187,7 +190,7 @@ def run_demo(plan: Plan, progress: Progress) -> Evaluation:
         tempfile.TemporaryDirectory(prefix="roboprompt-") as folder,
         Ledger(Path(folder) / "results.jsonl") as ledger,
         closing(LocalExecutor()) as executor,
-        service(warm_up=plan.asks_default_model) as client,
+        service(warm_up=plan.asks_default_model, data=data) as client,
     ):
         evaluation = Run(plan, ledger, client, executor, progress)()
         return replace(evaluation, tasks=tuple(illustrated(evaluation, executor, progress)))

@@ -7,7 +7,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import httpx
@@ -56,25 +56,21 @@ def running_server(
 
 
 @contextmanager
-def service(url: str | None = None, *, warm_up: bool = True) -> Iterator[RoboPromptClient]:
-    """A client of the service at `url`, or of one of its own with an empty folder.
+def service(url: str | None = None, *, warm_up: bool = True, data: Path | None = None) -> Iterator[RoboPromptClient]:
+    """A client of the service at `url`, or of one of its own.
 
     Args:
         warm_up: whether a service of its own starts its default LLM at once.
+        data: folder of its own service, which stays; None: an empty one that is removed afterwards.
 
     Raises:
         ServerStartError.
     """
-    if url is not None:
-        with RoboPromptClient(url) as client:
-            yield client
-        return
-    with (
-        tempfile.TemporaryDirectory(prefix="roboprompt-") as data,
-        running_server(Path(data), {"ROBOPROMPT_WARM_UP": str(warm_up)}) as own_url,
-        RoboPromptClient(own_url) as client,
-    ):
-        yield client
+    with ExitStack() as stack:
+        if url is None:
+            folder = data or Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="roboprompt-")))
+            url = stack.enter_context(running_server(folder, {"ROBOPROMPT_WARM_UP": str(warm_up)}))
+        yield stack.enter_context(RoboPromptClient(url))
 
 
 def free_port() -> int:

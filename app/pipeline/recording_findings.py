@@ -16,6 +16,7 @@ LEAST_MOTION_M = 0.005
 LEAST_MOTION_DEG = 3.0
 JUMP_M = 0.05
 JUMP_M_S = 3.0  # faster than arms move their hands
+COARSE_M = 0.05  # between two frames; poses are known no closer than a half of that
 SHORT_S = 0.5
 IDLE_S = 5.0
 IDLE_M_S = 0.002
@@ -48,6 +49,7 @@ def recording_findings(
     """
     return (
         *_jumps(trajectory, times_s),
+        *_coarse(trajectory, times_s),
         *_short(trajectory, times_s),
         *_idle(trajectory, times_s),
         *_gripper(trajectory, times_s),
@@ -68,6 +70,18 @@ def _jumps(trajectory: Trajectory, times_s: Array) -> Iterator[Finding]:
         )
         numbers = {"frame": frame, "jump_m": float(steps_m[frame - 1]), "num_jumps": len(jumps)}
         yield Finding("jump", "warning", message, "trajectory.end_effector_positions", numbers)
+
+
+def _coarse(trajectory: Trajectory, times_s: Array) -> Iterator[Finding]:
+    steps_m = np.linalg.norm(np.diff(trajectory.positions_m, axis=0), axis=1)
+    moving_m = steps_m[steps_m > LEAST_MOTION_M]
+    if len(moving_m) and (usual_m := float(np.quantile(moving_m, 0.75))) > COARSE_M:
+        rate_hz = len(steps_m) / max(float(times_s[-1] - times_s[0]), 1e-9)
+        message = (
+            f"At {rate_hz:.0f} Hz the hand moves up to {100 * usual_m:.0f} cm between two frames: where it turned or"
+            " grasped is known no better. Record more often, or move more slowly."
+        )
+        yield Finding("coarse-recording", "warning", message, "trajectory", {"rate_hz": rate_hz, "step_m": usual_m})
 
 
 def _short(trajectory: Trajectory, times_s: Array) -> Iterator[Finding]:

@@ -43,8 +43,8 @@ def _no_truth_value(value: object) -> object:
 
 
 Number = Annotated[float, Strict()]  # neither true nor "0.1"
-# Numbers that the address of a page may carry as text.
-Threshold = Annotated[float, BeforeValidator(_no_truth_value)]
+# For numbers that the address of a page may carry as text.
+NOT_A_TRUTH_VALUE = BeforeValidator(_no_truth_value)
 Point = tuple[Number, Number, Number]
 Representation = Literal["absolute", "object_frame", "action_tokens"]
 PromptFormat = Literal["paper", "authors", "kat"]
@@ -115,15 +115,18 @@ class KeyframeSettings(_Settings):
     """
 
     rule: Rule = "auto"
-    delta_rad_s: Annotated[Threshold, Field(gt=0, description="0.1 in simulation, 0.01 on a real robot")] = (
-        SIMULATION_DELTA_RAD_S
-    )
+    delta_rad_s: Annotated[
+        float, Field(gt=0, description="0.1 in simulation, 0.01 on a real robot"), NOT_A_TRUTH_VALUE
+    ] = SIMULATION_DELTA_RAD_S
     interval: Annotated[int, Field(ge=1, le=10_000)] = 5
     tolerance_m: Annotated[
-        Threshold,
+        float,
         Field(gt=0, le=1, description="waypoints: how far the hand may stray from straight motion"),
+        NOT_A_TRUTH_VALUE,
     ] = TOLERANCE_M
-    tolerance_deg: Annotated[Threshold, Field(gt=0, le=180, description="the same of its rotation")] = TOLERANCE_DEG
+    tolerance_deg: Annotated[float, Field(gt=0, le=180, description="the same of its rotation"), NOT_A_TRUTH_VALUE] = (
+        TOLERANCE_DEG
+    )
 
     def keyframe_rule(self) -> KeyframeRule:
         """As the pipeline wants it."""

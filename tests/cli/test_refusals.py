@@ -41,6 +41,7 @@ def _no_work(monkeypatch):
         (["serve", "--port", "99999"], "99999 is no port (valid: 1 to 65535)"),
         (["serve", "--port", "0"], "0 is no port (valid: 1 to 65535)"),
         (["films", "--task", "foo"], "'foo' is none of push_button"),
+        (["film", "--task", "foo"], "'foo' is none of push_button"),
         (["export", "--task", "x", "--archive", "x.zip", "--url", "http://a", "--server", "http://b"], "than --url"),
     ],
 )

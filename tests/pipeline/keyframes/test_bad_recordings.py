@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from app.pipeline.keyframes import RULES, KeyframeRule, find_keyframes, manner_of, waypoints
+from app.pipeline.recording_findings import recording_findings
 from app.pipeline.timeline import frame_times_s
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.trajectory import Trajectory
@@ -101,3 +102,11 @@ def test_noise_alone_is_no_reason_for_an_error(seed):
     assert manner_of(noise, times_s) in ("rests", "hesitates", "flows")
     found = find_keyframes(noise, KeyframeRule("auto"))
     assert all(0 < keyframe.frame < number for keyframe in found)
+
+
+@pytest.mark.parametrize(("rate_hz", "coarse"), [(2, True), (20, False)])
+def test_few_frames_for_so_fast_a_motion_are_reported(rate_hz, coarse):
+    recorded = WAY.at(rate_hz)
+    times_s = np.arange(len(recorded)) / rate_hz
+    found = recording_findings(recorded, times_s, find_keyframes(recorded, KeyframeRule("auto")), KeyframeRule("auto"))
+    assert ("coarse-recording" in [finding.code for finding in found]) is coarse
