@@ -7,14 +7,14 @@ from textwrap import wrap
 
 from PIL import Image, ImageDraw, ImageFont
 
-from app.client.client import RoboPromptClient
-from app.client.robot import Observation
 from app.evaluation.failures import ExpertFailedError
 from app.evaluation.server import service
-from app.pipeline.episode import EndEffectorAction
 from app.sim.demonstrate import judge, record_demonstration, robot_in_scene
 from app.sim.rendering import RgbImage, open_renderer
 from app.sim.robot import SimulatedPanda
+from roboprompt_client.client import RoboPromptClient
+from roboprompt_client.robot import Observation
+from roboprompt_client.trajectory import EndEffectorAction
 
 CAMERA = "front"
 SHOT_S = 0.3  # of simulated time, between two pictures
