@@ -39,7 +39,14 @@ def test_no_package_registry_in_the_repository():
         "docker/server.lock",
         "docker/build.lock",
     )
-    for path in (*locks, "pyproject.toml", "Makefile", ".ci/run", "benchmarks/metaworld/requirements.txt"):
+    for path in (
+        *locks,
+        "client/pyproject.toml",
+        "pyproject.toml",
+        "Makefile",
+        ".ci/run",
+        "benchmarks/metaworld/requirements.txt",
+    ):
         assert not re.search(r"https?://|index-url [^-]", (ROOT / path).read_text().replace("--no-emit-index-url", ""))
 
 
