@@ -93,10 +93,12 @@ class Franka:
 
     def finished(self) -> bool:
         with self._errors("motion"):
-            moving = bool(self._robot.poll_motion())
-        if moving:  # `join_motion` would take an interrupt for itself
+            # True once it has ended (franky 2.0; its docstring says the opposite). `join_motion` would take an
+            # interrupt for itself.
+            ended = bool(self._robot.poll_motion())
+        if not ended:
             time.sleep(POLL_S)
-        return not moving
+        return ended
 
     def set_gripper(self, *, is_open: bool) -> None:
         if (hand := self._gripper) is None:
