@@ -10,26 +10,26 @@ from roboprompt_client.arms.franka import Franka
 from roboprompt_client.loop import run_closed_loop
 from roboprompt_client.motion_limits import MotionLimits
 
+HOME_M, DOWN = np.array([0.5, 0.0, 0.5]), np.array([1.0, 0.0, 0.0, 0.0])
+
 
 class Service:
     """Answers with one action after the other."""
 
-    def __init__(self, home_m, quaternion):
-        self._home_m, self._quaternion, self._asked = home_m, quaternion, 0
+    def __init__(self):
+        self._asked = 0
 
     def predict(self, *_, **__):
         self._asked += 1
         offset = np.array([0.06, 0.0, -0.06]) * (self._asked % 2)
-        action = EndEffectorAction(self._home_m + offset, self._quaternion, bool(self._asked % 2))
+        action = EndEffectorAction(HOME_M + offset, DOWN, bool(self._asked % 2))
         return type("Answer", (), {"actions": (action,), "findings": (), "id": "p", "response": {}})
 
 
 def main():
     with Arm(Franka(sys.argv[1], dynamics=float(sys.argv[2]), realtime=False)) as arm:
-        state = arm.state()
-        service = Service(state.position_m, state.quaternion_xyzw)
         print("ready", flush=True)
-        for _ in run_closed_loop(service, arm, "t", "go", limits=MotionLimits(hand_radius_m=0.0), max_steps=1000):
+        for _ in run_closed_loop(Service(), arm, "t", "go", limits=MotionLimits(hand_radius_m=0.0), max_steps=1000):
             print("moving", flush=True)
 
 
