@@ -59,10 +59,10 @@ def make_moving_picture(task: str, seed: int, num_demonstrations: int, path: Pat
     frames: list[Image.Image] = []
     with open_renderer(robot.task.model) as renderer:
         before = renderer.rgb(robot.task.data, CAMERA)
-        frames += [_frame(before, asked, num_rows, 0) for num_rows in range(len(asked.rows) + 1)]
+        frames += [draw_frame(before, asked, num_rows, 0) for num_rows in range(len(asked.rows) + 1)]
         durations_ms = [ROW_MS] * len(frames)
         frames += [
-            _frame(image, asked, len(asked.rows), num_done)
+            draw_frame(image, asked, len(asked.rows), num_done)
             for image, num_done in _carry_out(robot, asked.actions, lambda: renderer.rgb(robot.task.data, CAMERA))
         ]
     durations_ms += [FRAME_MS] * (len(frames) - len(durations_ms) - 1) + [LAST_MS]
@@ -109,7 +109,7 @@ def _carry_out(
     return [*pictures, (shoot(), len(done))]
 
 
-def _frame(image: RgbImage, asked: Asked, num_rows: int, num_done: int) -> Image.Image:
+def draw_frame(image: RgbImage, asked: Asked, num_rows: int, num_done: int) -> Image.Image:
     """The scene; beside it what the LLM reads and the first rows of its reply, those in green that were carried out."""
     page = Image.new("RGB", (SCENE_PX[0] + TEXT_WIDTH_PX, SCENE_PX[1]), BACKGROUND)
     page.paste(Image.fromarray(image).resize(SCENE_PX), (0, 0))
