@@ -34,6 +34,7 @@ from app.pipeline.errors import RoboPromptError
 from app.store.blobs import BlobStore
 from app.store.records import TaskCounts
 from app.store.values import CameraRecord
+from app.web.scene_picture import picture_of_episode, picture_of_prediction
 
 FOLDER = Path(__file__).parent / "static"
 FOREVER = "public, max-age=31536000, immutable"  # an address changes with its content
@@ -186,6 +187,7 @@ def _environment() -> Environment:
     )
     environment.filters.update(FILTERS)
     environment.globals.update(navigation=NAVIGATION, interval=interval_text, pictured=pictured)
+    environment.globals.update(picture_of_episode=picture_of_episode, picture_of_prediction=picture_of_prediction)
     return environment
 
 

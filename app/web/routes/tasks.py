@@ -17,7 +17,7 @@ from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks
 from app.store.errors import NotFoundError
 from app.store.records import EpisodeRecord, TaskCounts, TaskRecord
-from app.web.page import PageRoute, pictured, render, thumbnail
+from app.web.page import PageRoute, render, thumbnail
 
 router = APIRouter(route_class=PageRoute)
 PAGE_SIZE = 50
@@ -30,18 +30,13 @@ class TaskRow:
     """A task as the list shows it.
 
     Attributes:
-        newest: its newest episode, if it has one, and the camera whose picture stands for it.
+        newest: its newest episode, if it has one, whose picture stands for it.
     """
 
     record: TaskRecord
     settings: TaskSettings
     counts: TaskCounts
     newest: EpisodeRecord | None
-
-    @property
-    def camera(self) -> str | None:
-        """Whose picture of the newest episode stands for the task."""
-        return None if self.newest is None else pictured(self.newest.cameras)
 
 
 @router.get("/ui/tasks")
@@ -88,7 +83,6 @@ def episodes_page(
         request,
         "episodes.html",
         page=page,
-        cameras={record.id: pictured(record.cameras) for record in page.items},
         names=list(counts),
         chosen=chosen,
         settings=None if chosen is None else TaskSettings.model_validate(chosen.settings),
