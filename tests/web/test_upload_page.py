@@ -53,7 +53,8 @@ def test_a_folder_of_folders_is_sent_in_order(page, http, tmp_path):
     (tmp_path / "session" / "notes.txt").write_text("a good day")
     page.goto("/ui/upload")
     page.get_by_label("Choose a folder").set_input_files(tmp_path / "session")
-    expect(page.locator("#summary")).to_contain_text("3 stored. Not used: session/notes.txt.")
+    expect(page.locator("#summary")).to_contain_text("3 stored.")
+    expect(page.locator("#summary li")).to_have_text("session/notes.txt: its name is none of a demonstration's files")
     newest_first = http.get("/episodes", params={"task": "folders"}).json()["episodes"]
     places_m = [episode["objects"][0]["position"] for episode in newest_first]
     assert places_m == [list(place_m) for place_m in (PLACES_M[2], PLACES_M[1], PLACES_M[0])]
@@ -91,10 +92,16 @@ def test_a_dropped_folder_is_walked_through(page, http, tmp_path):
 
 
 def test_files_that_are_no_demonstration_are_named(page, tmp_path):
-    write(tmp_path / "files", {"holiday.txt": b"sun"})
+    files = {"holiday.txt": b"sun", "bad.json": b"{task", "half.json": b'{"metadata": {}}', "null.json": b"null"}
+    write(tmp_path / "files", {**files, "rgb_front.png": b"-"})
     page.goto("/ui/upload")
     drop(page, tmp_path / "files")
-    expect(page.get_by_role("alert")).to_contain_text("holiday.txt")
+    told = page.get_by_role("alert")
+    expect(told).to_contain_text("holiday.txt: its name is none of a demonstration's files")
+    expect(told).to_contain_text("bad.json: it is not JSON: ")
+    expect(told).to_contain_text("half.json: it has no trajectory")
+    expect(told).to_contain_text("null.json: it has no metadata and no trajectory")
+    expect(told).to_contain_text("rgb_front.png: metadata.json with trajectory.npz is not beside it")
 
 
 @pytest.mark.parametrize(("scheme", "width"), [("light", 1280), ("dark", 360)])
