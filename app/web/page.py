@@ -34,6 +34,7 @@ from app.pipeline.errors import RoboPromptError
 from app.store.blobs import BlobStore
 from app.store.records import TaskCounts
 from app.store.values import CameraRecord
+from app.web.evaluations import by_origin, task_text
 from app.web.scene_picture import picture_of_episode, picture_of_prediction
 
 FOLDER = Path(__file__).parent / "static"
@@ -153,6 +154,8 @@ FILTERS: Mapping[str, Any] = {
     "success_rate": success_rate,
     "plural": plural,
     "fate": FATE_TEXTS.__getitem__,
+    "task": task_text,
+    "by_origin": by_origin,
 }
 
 

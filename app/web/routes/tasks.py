@@ -17,6 +17,7 @@ from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks
 from app.store.errors import NotFoundError
 from app.store.records import EpisodeRecord, TaskCounts, TaskRecord
+from app.web.evaluations import is_evaluated
 from app.web.page import PageRoute, render, thumbnail
 
 router = APIRouter(route_class=PageRoute)
@@ -37,6 +38,11 @@ class TaskRow:
     settings: TaskSettings
     counts: TaskCounts
     newest: EpisodeRecord | None
+
+    @property
+    def evaluated(self) -> bool:
+        """Whether an evaluation taught it."""
+        return is_evaluated(self.record.name)
 
 
 @router.get("/ui/tasks")
