@@ -70,6 +70,36 @@ def test_a_json_file_is_an_episode_too(page, http, tmp_path):
     assert http.get("/tasks/by json").json()["num_episodes"] == 1
 
 
+def test_the_sample_can_be_uploaded(page, http, tmp_path):
+    page.goto("/ui/upload")
+    links = page.locator("details a[download]")
+    files = {link.inner_text(): page.request.get(link.get_attribute("href")).body() for link in links.all()}
+    write(tmp_path / "sample", files)
+    page.get_by_label("Choose files").set_input_files(list((tmp_path / "sample").iterdir()))
+    expect(page.locator("#summary")).to_have_text("1 stored.")
+    (episode,) = http.get("/episodes", params={"task": "sample"}).json()["episodes"]
+    assert (episode["num_frames"], episode["cameras"]) == (152, ["front"])
+    assert http.get("/ui/sample/other.npz").status_code == 404
+
+
+def test_the_form_of_the_documentation_sends_an_image(page, http, tmp_path):
+    for name in ("trajectory.npz", "rgb_front.jpg"):
+        (tmp_path / name).write_bytes(http.get(f"/ui/sample/{name}").content)
+    page.goto("/docs#/episodes/upload_episode")
+    operation = page.locator("#operations-episodes-upload_episode")
+    operation.get_by_role("button", name="Try it out").click()
+    operation.get_by_label("Request content type").select_option("multipart/form-data")
+    metadata = operation.locator("textarea")
+    metadata.fill(metadata.input_value().replace('"sample"', '"by form"'))
+    for part, name in (("trajectory", "trajectory.npz"), ("rgb_front", "rgb_front.jpg")):
+        row = operation.locator("tr.parameters", has=page.locator(".parameter__name", has_text=part))
+        row.locator("input[type=file]").set_input_files(tmp_path / name)
+    operation.get_by_role("button", name="Execute").click()
+    expect(operation.locator(".live-responses-table .response-col_status").last).to_contain_text("201")
+    (episode,) = http.get("/episodes", params={"task": "by form"}).json()["episodes"]
+    assert episode["cameras"] == ["front"]
+
+
 def test_refusals_are_told_beside_the_file(page, http, tmp_path):
     page.expected_refusals = [422]
     write(tmp_path / "both" / "bad", {**parts("refused", PLACES_M[0]), "rgb_back.jpg": picture(60)})

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from fastapi import APIRouter, Query, Request
-from starlette.responses import Response
+from starlette.responses import FileResponse, Response
 
+from app.api import sample
 from app.api.image_work import image_work
 from app.api.routes import Cursor, Wired
 from app.services.container import Services
@@ -103,6 +104,14 @@ def episodes_page(
 def upload_page(request: Request) -> Response:
     """Where demonstrations are dropped."""
     return render(request, "upload.html")
+
+
+@pictures.get("/ui/sample/{name}")
+def sample_file(name: str) -> Response:
+    """A file of a demonstration to try an upload with."""
+    if name not in sample.FILES:
+        raise NotFoundError("file of the sample", name)
+    return FileResponse(sample.FOLDER / name, media_type=sample.FILES[name], filename=name)
 
 
 @pictures.get("/ui/episodes/{episode_id}/thumbnails/{camera}")
