@@ -157,6 +157,7 @@ def test_the_scene_is_drawn_in_space(page, episode):
     close = far_apart(view)
     page.get_by_role("button", name="Whole workspace").click()
     assert page.get_by_role("button", name="Whole workspace").get_attribute("aria-pressed") == "true"
+    assert view.locator(".workspace").count() == 1
     assert close > 2 * far_apart(view) > 0
     page.get_by_role("button", name="Close to the motion").click()
     assert far_apart(view) == pytest.approx(close)

@@ -1,4 +1,4 @@
-"""Tasks of evaluations, told apart from those that people taught."""
+"""Tasks of evaluations stand apart from those that people taught."""
 
 from types import SimpleNamespace
 

@@ -126,12 +126,12 @@ def test_files_that_are_no_demonstration_are_named(page, tmp_path):
     write(tmp_path / "files", {**files, "rgb_front.png": b"-"})
     page.goto("/ui/upload")
     drop(page, tmp_path / "files")
-    told = page.get_by_role("alert")
-    expect(told).to_contain_text("holiday.txt: its name is none of a demonstration's files")
-    expect(told).to_contain_text("bad.json: it is not JSON: ")
-    expect(told).to_contain_text("half.json: it has no trajectory")
-    expect(told).to_contain_text("null.json: it has no metadata and no trajectory")
-    expect(told).to_contain_text("rgb_front.png: metadata.json with trajectory.npz is not beside it")
+    said = page.get_by_role("alert")
+    expect(said).to_contain_text("holiday.txt: its name is none of a demonstration's files")
+    expect(said).to_contain_text("bad.json: it is not JSON: ")
+    expect(said).to_contain_text("half.json: it has no trajectory")
+    expect(said).to_contain_text("null.json: it has no metadata and no trajectory")
+    expect(said).to_contain_text("rgb_front.png: metadata.json with trajectory.npz is not beside it")
 
 
 @pytest.mark.parametrize(("scheme", "width"), [("light", 1280), ("dark", 360)])

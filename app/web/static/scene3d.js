@@ -83,7 +83,7 @@ function paint(place, { view, near, scene }) {
       "svg",
       { viewBox: `0 0 ${width} ${height}`, "aria-hidden": "true" },
       ...floor(room, scene.objects, projection),
-      box(scene.workspace, projection),
+      ...(near ? [] : [box(scene.workspace, projection)]),
       ...(scene.shown ?? []).map((item) => demonstrated(item, projection)),
       ...inOrder(scene.objects, projection).flatMap((item) => solid(item, projection)),
       line(scene.path, projection, "path"),
