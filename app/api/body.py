@@ -163,6 +163,8 @@ async def _read_multipart(request: Request, most: int) -> Body:
     parts: dict[str, bytes] = {}
     async with request.form(max_files=MAX_PARTS, max_fields=MAX_PARTS, max_part_size=most) as form:
         for name, value in form.multi_items():
+            if _is_unfilled(name, value):
+                continue
             if name in parts:
                 raise InvalidInputError(name, "appears twice", "each part once")
             parts[name] = await value.read() if isinstance(value, UploadFile) else value.encode()
@@ -172,6 +174,13 @@ async def _read_multipart(request: Request, most: int) -> Body:
     _check_document(len(metadata), most)
     document = await run_in_threadpool(_metadata, metadata) if len(metadata) > TINY_BYTES else _metadata(metadata)
     return Body(document, parts)
+
+
+def _is_unfilled(name: str, value: UploadFile | str) -> bool:
+    """Whether it is an image's field of a form, Swagger UI's for one, in which no file was chosen."""
+    if not name.startswith(IMAGE_PREFIXES):
+        return False
+    return not value.filename and not value.size if isinstance(value, UploadFile) else not value
 
 
 def _check_charset(content_type: str) -> None:

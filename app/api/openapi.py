@@ -14,6 +14,12 @@ from app.api.schemas.responses import Problem
 
 _HAND_READ = (EpisodeJson, EpisodeMetadata, PosesBody, PredictBody, Problem)
 _BINARY = {"type": "string", "format": "binary"}
+_OF_CAMERA = "of the camera that metadata names `front`, if there is one; `{kind}_NAME` of a camera NAME"
+_IMAGES = {
+    "rgb": f"PNG, JPEG or .npy: the colours {_OF_CAMERA.format(kind='rgb')}",
+    "depth": f"16-bit PNG, or .npy in metres: the depth {_OF_CAMERA.format(kind='depth')}",
+    "mask": f"16-bit PNG or .npy: ids of the objects' pixels {_OF_CAMERA.format(kind='mask')}",
+}
 
 _SCHEMES: dict[str, Any] = {
     "bearer": {"type": "http", "scheme": "bearer", "description": "a key of `roboprompt keys add`"},
@@ -45,11 +51,13 @@ def body_of(
         files: names of further required parts.
         packed: MessagePack is read, too.
     """
-    images = {f"{kind}_NAME": _BINARY for kind in ("rgb", "depth", "mask")}
+    # Forms offer only parts with a name: those of one camera stand for those of all.
+    images = {f"{kind}_front": {**_BINARY, "description": about} for kind, about in _IMAGES.items()}
     multipart = {
         "type": "object",
         "required": ["metadata", *files],
         "properties": {"metadata": _reference(metadata_model), **dict.fromkeys(files, _BINARY), **images},
+        "patternProperties": {f"^{kind}_.+$": _BINARY for kind in _IMAGES},
     }
     content: dict[str, dict[str, Any]] = {
         "application/json": {"schema": _reference(json_model)},

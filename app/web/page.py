@@ -33,6 +33,8 @@ from app.perception.images import decode_rgb
 from app.store.blobs import BlobStore
 from app.store.records import TaskCounts
 from app.store.values import CameraRecord
+from app.web.evaluations import by_origin, task_text
+from app.web.scene_picture import picture_of_episode, picture_of_prediction
 from roboprompt_client.errors import RoboPromptError
 
 FOLDER = Path(__file__).parent / "static"
@@ -152,6 +154,8 @@ FILTERS: Mapping[str, Any] = {
     "success_rate": success_rate,
     "plural": plural,
     "fate": FATE_TEXTS.__getitem__,
+    "task": task_text,
+    "by_origin": by_origin,
 }
 
 
@@ -186,6 +190,7 @@ def _environment() -> Environment:
     )
     environment.filters.update(FILTERS)
     environment.globals.update(navigation=NAVIGATION, interval=interval_text, pictured=pictured)
+    environment.globals.update(picture_of_episode=picture_of_episode, picture_of_prediction=picture_of_prediction)
     return environment
 
 

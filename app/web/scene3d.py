@@ -1,6 +1,6 @@
 """A scene for `static/scene3d.js`: workspace, path, end-effector frames and objects; world frame, metres."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from app.services.task_settings import WorkspaceSettings
 from app.store.values import JsonObject, ObjectRecord
+from app.web.object_colours import object_colours
 
 MAX_PATH_POINTS = 2000
 
@@ -35,19 +36,21 @@ def scene(
         path_m: (T, 3) of the end effector; without one the frames are joined.
         shown: objects as demonstrations have them, drawn faintly.
     """
+    objects, shown = tuple(objects), tuple(shown)
+    colors = object_colours(item.name for item in (*objects, *shown))
     points = [item["position"] for item in frames] if path_m is None else _thinned(path_m).tolist()
     return {
         "workspace": {"min": workspace.min, "max": workspace.max},
         "path": points,
         "frames": list(frames),
-        "objects": [_object(item) for item in objects],
-        "shown": [_object(item) for item in shown],
+        "objects": [_object(item, colors) for item in objects],
+        "shown": [_object(item, colors) for item in shown],
     }
 
 
-def _object(record: ObjectRecord) -> JsonObject:
+def _object(record: ObjectRecord, colors: Mapping[str, str]) -> JsonObject:
     axes = None if record.quaternion_xyzw is None else _axes(record.quaternion_xyzw)
-    return {"label": record.name, "position": record.position_m, "axes": axes}
+    return {"label": record.name, "position": record.position_m, "axes": axes, "color": colors[record.name]}
 
 
 def _axes(quaternion_xyzw: Sequence[float]) -> Any:  # noqa: ANN401

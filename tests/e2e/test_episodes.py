@@ -34,6 +34,19 @@ def test_trajectory_comes_back_bit_for_bit(http):
             np.testing.assert_array_equal(archive[name], array)
 
 
+@pytest.mark.parametrize("unfilled", [(None, ""), ("", b"", "application/octet-stream")])
+def test_fields_of_a_form_in_which_no_image_was_chosen_are_left_out(http, unfilled):
+    document = metadata("unfilled", {"cube": PLACE_M}, cameras=[camera()])
+    files = multipart(document, npz(**arrays(pick_trajectory(PLACE_M)))) | {
+        "rgb_front": unfilled,
+        "mask_front": unfilled,
+    }
+    response = http.post("/episodes", files=files)
+    assert response.status_code == 201, response.text
+    empty = http.post("/episodes", files=files | {"rgb_front": ("front.png", b"")})
+    assert (empty.status_code, empty.json()["errors"][0]["field"]) == (422, "rgb_front")
+
+
 def test_json_upload_equals_multipart(http):
     trajectory = {name: np.asarray(array, float).tolist() for name, array in arrays(pick_trajectory(PLACE_M)).items()}
     document = metadata("contract", {"cube": PLACE_M})

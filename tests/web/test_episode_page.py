@@ -1,14 +1,12 @@
 """One episode: what was recorded, what was made of it, what another rule would make."""
 
-import cv2
 import numpy as np
 import pytest
 from playwright.sync_api import expect
 
 from tests.episodes import arrays, metadata, multipart, npz, pick_trajectory
-from tests.web.conftest import PLACES_M, teach, until, wait_until
+from tests.web.conftest import PLACES_M, teach, until
 
-PATH_BGR = (173, 92, 11)  # --curve of the style sheet
 DRAWN = "document.getElementById('speed').layout?.shapes?.length > 0"
 
 
@@ -31,10 +29,15 @@ def set_slider(page, exponent):
     )
 
 
-def path_pixels(page):
-    """How many pixels the blue path covers: plotly.js may know of a new view and not have drawn it."""
-    image = cv2.imdecode(np.frombuffer(page.locator("#space-view").screenshot(), np.uint8), cv2.IMREAD_COLOR)
-    return int((np.abs(image.astype(int) - PATH_BGR).max(axis=2) < 12).sum())
+def place(view):
+    """Where the floor is drawn: all the rest stands above one point."""
+    return view.locator(".floor").get_attribute("points")
+
+
+def far_apart(view):
+    """Pixels between the highest and the lowest keyframe."""
+    heights = view.locator(".frame").evaluate_all("rings => rings.map(ring => Number(ring.getAttribute('cy')))")
+    return max(heights) - min(heights)
 
 
 def frames(page):
@@ -144,19 +147,42 @@ def test_a_rule_is_applied_to_the_whole_task(page, http):
 
 
 def test_the_scene_is_drawn_in_space(page, episode):
-    page.locator("#space-view").scroll_into_view_if_needed()
-    page.wait_for_selector("#space-view canvas")
-    traces = page.evaluate("document.getElementById('space-view').data.map(({ name, x }) => [name, x.length])")
-    counted = dict(traces)
-    assert counted["workspace"] == 12 * 3
-    assert counted["path"] == episode["num_frames"] + 2
-    assert counted["objects"] == 1
-    points = page.evaluate("document.getElementById('space-view').data.filter(({ mode }) => mode.includes('text'))")
-    assert [len(trace["text"]) for trace in points] == [len(episode["keyframes"]), 1]
-    whole = path_pixels(page)
+    view = page.locator("#space-view")
+    view.locator(".frame").first.wait_for()
+    assert len(view.locator("polyline.path").get_attribute("points").split()) == episode["num_frames"] + 1
+    assert view.locator(".frame").count() == len(episode["keyframes"])
+    assert view.locator("text.number").all_text_contents() == ["1", "2", "3"]
+    assert view.locator("text.named").all_text_contents() == ["cube"]
+    assert view.locator(".solid title").text_content() == "cube\n0.100, 0.000, 0.785 m"
+    close = far_apart(view)
+    page.get_by_role("button", name="Whole workspace").click()
+    assert page.get_by_role("button", name="Whole workspace").get_attribute("aria-pressed") == "true"
+    assert view.locator(".workspace").count() == 1
+    assert close > 2 * far_apart(view) > 0
     page.get_by_role("button", name="Close to the motion").click()
-    assert page.get_by_role("button", name="Close to the motion").get_attribute("aria-pressed") == "true"
-    wait_until(lambda: path_pixels(page) > 1.3 * whole > 0)
+    assert far_apart(view) == pytest.approx(close)
+
+
+def test_the_scene_is_turned_by_hand_and_by_keyboard(page, episode):
+    view = page.locator("#space-view")
+    view.locator(".frame").first.wait_for()
+    view.scroll_into_view_if_needed()
+    places = [place(view)]
+    box = view.bounding_box()
+    page.mouse.move(box["x"] + 200, box["y"] + 100)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 300, box["y"] + 100)
+    page.mouse.up()
+    places.append(place(view))
+    page.mouse.move(box["x"] + 200, box["y"] + 150)
+    assert place(view) == places[-1]
+    view.focus()
+    page.keyboard.press("ArrowUp")
+    places.append(place(view))
+    assert len(set(places)) == 3
+    near = far_apart(view)
+    page.keyboard.press("+")
+    assert far_apart(view) == pytest.approx(1.15 * near, rel=0.02)
 
 
 def test_the_text_is_that_of_the_prompt(page, episode, http):

@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.web.conftest import until
+from tests.web.conftest import PLACES_M, teach, until
 
 
 def test_the_entrance_leads_to_the_tasks(page, seeded):
@@ -19,6 +19,25 @@ def test_pictures_are_shown(page):
     picture = page.get_by_role("row", name="pick").locator("img")
     until(page, "image => image.complete", picture.element_handle())
     assert picture.evaluate("image => image.naturalWidth") == 192
+
+
+def test_tasks_of_evaluations_stand_apart_and_are_named_in_words(page, http):
+    name = "pick-vision.eval-0fe741"
+    try:
+        teach(http, name, PLACES_M[0])
+        page.goto("/ui/tasks")
+        link = page.get_by_role("link", name="pick-vision, evaluation 0fe741", exact=True)
+        assert not link.is_visible()
+        page.get_by_text("1 task of evaluations").click()
+        link.click()
+        page.wait_for_url("**/ui/episodes?task=pick-vision.eval-0fe741")
+        assert page.get_by_role("heading", level=1).inner_text() == "Episodes of pick-vision, evaluation 0fe741"
+        assert page.locator("optgroup option").evaluate("option => [option.value, option.selected]") == [name, True]
+        page.goto("/ui/tasks?q=vision")
+        assert page.get_by_role("link", name="pick-vision, evaluation 0fe741", exact=True).is_visible()
+    finally:
+        for episode in http.get("/episodes", params={"task": name}).json()["episodes"]:
+            http.delete(f"/episodes/{episode['id']}")
 
 
 def test_a_filter_narrows_the_list(page, http):

@@ -53,7 +53,8 @@ def test_a_folder_of_folders_is_sent_in_order(page, http, tmp_path):
     (tmp_path / "session" / "notes.txt").write_text("a good day")
     page.goto("/ui/upload")
     page.get_by_label("Choose a folder").set_input_files(tmp_path / "session")
-    expect(page.locator("#summary")).to_contain_text("3 stored. Not used: session/notes.txt.")
+    expect(page.locator("#summary")).to_contain_text("3 stored.")
+    expect(page.locator("#summary li")).to_have_text("session/notes.txt: its name is none of a demonstration's files")
     newest_first = http.get("/episodes", params={"task": "folders"}).json()["episodes"]
     places_m = [episode["objects"][0]["position"] for episode in newest_first]
     assert places_m == [list(place_m) for place_m in (PLACES_M[2], PLACES_M[1], PLACES_M[0])]
@@ -67,6 +68,36 @@ def test_a_json_file_is_an_episode_too(page, http, tmp_path):
     page.get_by_label("Choose files").set_input_files(tmp_path / "one.json")
     expect(page.locator("#summary")).to_have_text("1 stored.")
     assert http.get("/tasks/by json").json()["num_episodes"] == 1
+
+
+def test_the_sample_can_be_uploaded(page, http, tmp_path):
+    page.goto("/ui/upload")
+    links = page.locator("details a[download]")
+    files = {link.inner_text(): page.request.get(link.get_attribute("href")).body() for link in links.all()}
+    write(tmp_path / "sample", files)
+    page.get_by_label("Choose files").set_input_files(list((tmp_path / "sample").iterdir()))
+    expect(page.locator("#summary")).to_have_text("1 stored.")
+    (episode,) = http.get("/episodes", params={"task": "sample"}).json()["episodes"]
+    assert (episode["num_frames"], episode["cameras"]) == (152, ["front"])
+    assert http.get("/ui/sample/other.npz").status_code == 404
+
+
+def test_the_form_of_the_documentation_sends_an_image(page, http, tmp_path):
+    for name in ("trajectory.npz", "rgb_front.jpg"):
+        (tmp_path / name).write_bytes(http.get(f"/ui/sample/{name}").content)
+    page.goto("/docs#/episodes/upload_episode")
+    operation = page.locator("#operations-episodes-upload_episode")
+    operation.get_by_role("button", name="Try it out").click()
+    operation.get_by_label("Request content type").select_option("multipart/form-data")
+    metadata = operation.locator("textarea")
+    metadata.fill(metadata.input_value().replace('"sample"', '"by form"'))
+    for part, name in (("trajectory", "trajectory.npz"), ("rgb_front", "rgb_front.jpg")):
+        row = operation.locator("tr.parameters", has=page.locator(".parameter__name", has_text=part))
+        row.locator("input[type=file]").set_input_files(tmp_path / name)
+    operation.get_by_role("button", name="Execute").click()
+    expect(operation.locator(".live-responses-table .response-col_status").last).to_contain_text("201")
+    (episode,) = http.get("/episodes", params={"task": "by form"}).json()["episodes"]
+    assert episode["cameras"] == ["front"]
 
 
 def test_refusals_are_told_beside_the_file(page, http, tmp_path):
@@ -91,10 +122,16 @@ def test_a_dropped_folder_is_walked_through(page, http, tmp_path):
 
 
 def test_files_that_are_no_demonstration_are_named(page, tmp_path):
-    write(tmp_path / "files", {"holiday.txt": b"sun"})
+    files = {"holiday.txt": b"sun", "bad.json": b"{task", "half.json": b'{"metadata": {}}', "null.json": b"null"}
+    write(tmp_path / "files", {**files, "rgb_front.png": b"-"})
     page.goto("/ui/upload")
     drop(page, tmp_path / "files")
-    expect(page.get_by_role("alert")).to_contain_text("holiday.txt")
+    said = page.get_by_role("alert")
+    expect(said).to_contain_text("holiday.txt: its name is none of a demonstration's files")
+    expect(said).to_contain_text("bad.json: it is not JSON: ")
+    expect(said).to_contain_text("half.json: it has no trajectory")
+    expect(said).to_contain_text("null.json: it has no metadata and no trajectory")
+    expect(said).to_contain_text("rgb_front.png: metadata.json with trajectory.npz is not beside it")
 
 
 @pytest.mark.parametrize(("scheme", "width"), [("light", 1280), ("dark", 360)])

@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
+from app.api import sample
 from app.api.schemas import examples
 from app.perception.base import ObjectQuery
 from app.services.predict.question import Unsupported
@@ -83,6 +84,8 @@ class CameraIn(RequestModel):
 
 class EpisodeMetadata(RequestModel):
     """The part `metadata` of an upload."""
+
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, json_schema_extra={"examples": [sample.METADATA]})
 
     task: Name
     instruction: Instruction

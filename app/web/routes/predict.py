@@ -5,6 +5,7 @@ The form is filled in from a task, an episode, or a prediction that is asked for
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 from typing import Annotated, Any, Literal, get_args
 from urllib.parse import quote
 
@@ -28,6 +29,7 @@ from app.store.errors import NotFoundError
 from app.store.records import EpisodeRecord, TaskRecord
 from app.store.values import CameraRecord, JsonObject, ObjectRecord
 from app.store.visibility import present
+from app.web.evaluations import by_origin
 from app.web.page import HEADERS, PageRoute, render, render_part
 from app.web.scene3d import scene
 
@@ -162,7 +164,7 @@ def predict_page(request: Request, services: Wired, task: Id = "", episode: Id =
         taught = [name for name, counts in tasks.counts(connection).items() if counts.episodes]
         if episode:
             task = episodes.get(connection, episode).task
-        name = task or next(iter(taught), "")
+        name = task or next(chain(*by_origin(taught)), "")
         form = form_again(connection, again) if again else form_of_task(connection, name, episode) if name else None
     return render(
         request,

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from fastapi import APIRouter, Query, Request
-from starlette.responses import Response
+from starlette.responses import FileResponse, Response
 
+from app.api import sample
 from app.api.image_work import image_work
 from app.api.routes import Cursor, Wired
 from app.services.container import Services
@@ -17,7 +18,8 @@ from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks
 from app.store.errors import NotFoundError
 from app.store.records import EpisodeRecord, TaskCounts, TaskRecord
-from app.web.page import PageRoute, pictured, render, thumbnail
+from app.web.evaluations import is_evaluated
+from app.web.page import PageRoute, render, thumbnail
 
 router = APIRouter(route_class=PageRoute)
 PAGE_SIZE = 50
@@ -30,7 +32,7 @@ class TaskRow:
     """A task as the list shows it.
 
     Attributes:
-        newest: its newest episode, if it has one, and the camera whose picture stands for it.
+        newest: its newest episode, if it has one, whose picture stands for it.
     """
 
     record: TaskRecord
@@ -39,9 +41,9 @@ class TaskRow:
     newest: EpisodeRecord | None
 
     @property
-    def camera(self) -> str | None:
-        """Whose picture of the newest episode stands for the task."""
-        return None if self.newest is None else pictured(self.newest.cameras)
+    def evaluated(self) -> bool:
+        """Whether an evaluation taught it."""
+        return is_evaluated(self.record.name)
 
 
 @router.get("/ui/tasks")
@@ -88,7 +90,6 @@ def episodes_page(
         request,
         "episodes.html",
         page=page,
-        cameras={record.id: pictured(record.cameras) for record in page.items},
         names=list(counts),
         chosen=chosen,
         settings=None if chosen is None else TaskSettings.model_validate(chosen.settings),
@@ -103,6 +104,14 @@ def episodes_page(
 def upload_page(request: Request) -> Response:
     """Where demonstrations are dropped."""
     return render(request, "upload.html")
+
+
+@pictures.get("/ui/sample/{name}")
+def sample_file(name: str) -> Response:
+    """A file of a demonstration to try an upload with."""
+    if name not in sample.FILES:
+        raise NotFoundError("file of the sample", name)
+    return FileResponse(sample.FOLDER / name, media_type=sample.FILES[name], filename=name)
 
 
 @pictures.get("/ui/episodes/{episode_id}/thumbnails/{camera}")

@@ -16,7 +16,6 @@ const stored = data("stored");
 const motion = call(`/ui/episodes/${episode}/motion`);
 let preview = data("preview");
 let asked = new AbortController();
-let spaceIsSeen = false;
 
 /** The rule that the form says, with all its numbers. */
 function chosenRule() {
@@ -57,11 +56,9 @@ async function drawSpeed() {
 }
 
 async function drawSpace() {
-  if (!spaceIsSeen) return;
   try {
     const { scene } = await motion;
-    byId("space-view").querySelector("p")?.remove();
-    await drawScene(byId("space-view"), { ...scene, frames: preview.frames });
+    drawScene(byId("space-view"), { ...scene, frames: preview.frames });
   } catch (error) {
     sayProblem(byId("space-view"), error);
   }
@@ -148,7 +145,4 @@ for (const image of document.querySelectorAll(".cameras img")) {
 followNumber();
 arrange();
 whenNear(byId("speed"), () => inBothModes(drawSpeed));
-whenNear(byId("space-view"), () => {
-  spaceIsSeen = true;
-  inBothModes(drawSpace);
-});
+drawSpace();

@@ -4,7 +4,6 @@ import { call, root, send } from "./api.js";
 import { element, say, sayProblem } from "./dom.js";
 import { events } from "./events.js";
 import { listenForOutcome } from "./outcome.js";
-import { inBothModes } from "./plot.js";
 import { chosenImages, fillFrom, requestOf, showKind } from "./predict_scene.js";
 import { axesOf, drawScene } from "./scene3d.js";
 
@@ -14,13 +13,9 @@ const form = byId("ask");
 let running = null; // the AbortController of what runs
 let scene = null;
 
-/** Redraw the 3D view; drawings follow one another, so that the last one stays. */
-let drawing = Promise.resolve();
 function draw() {
-  if (!scene) return;
-  const shown = scene;
   byId("space").hidden = false;
-  drawing = drawing.then(() => drawScene(byId("space-view"), shown)).catch((error) => sayProblem(byId("space-view"), error));
+  drawScene(byId("space-view"), scene);
 }
 
 function add(action) {
@@ -162,4 +157,3 @@ byId("fill").addEventListener("click", async () => {
 for (const choice of form.elements.scene) choice.addEventListener("change", () => showKind(form));
 byId("files").addEventListener("change", chosenImages);
 showKind(form);
-inBothModes(draw);

@@ -1,153 +1,209 @@
-// The 3D view of a scene (app/web/scene3d.py): workspace box, path, end-effector frames, objects.
+// The 3D view of a scene (app/web/scene3d.py): workspace box, path, end-effector frames, objects. It is SVG and a little
+// arithmetic, because WebGL stands still for seconds where a browser draws it in software, as over a remote desktop.
 
 import { element } from "./dom.js";
-import { CONFIG, colour, layout, plotly } from "./plot.js";
+import { View, steer } from "./view3d.js";
 
-const AXES = ["#d1242f", "#2da44e", "#3b82f6"]; // x, y, z
-const FRAME_M = 0.06;
-const OBJECT_M = 0.04;
-const MARGIN_M = 0.02;
-const CLOSE_MARGIN_M = 0.08;
-const SAME_PLACE_M = 0.01; // labels of frames that are nearer stand beside each other
-const WHOLE = "Whole workspace";
+const FRAME_M = 0.05;
+const BOX_M = 0.04;
+const MARGIN_M = 0.05;
+const GRID_M = 0.1;
+const SAME_PLACE_M = 0.01; // frames that are nearer have one label
 const CLOSE = "Close to the motion";
+const WHOLE = "Whole workspace";
+const CORNERS = Array.from({ length: 8 }, (_, bits) => [0, 1, 2].map((k) => (bits & (1 << k) ? 1 : -1)));
+const EDGES = CORNERS.flatMap((_, bits) => [1, 2, 4].filter((bit) => !(bits & bit)).map((bit) => [bits, bits | bit]));
+const STANDING = [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
+const states = new WeakMap();
+
+const plus = (point, along, length) => point.map((value, k) => value + length * along[k]);
+const metres = (point) => `${point.map((value) => value.toFixed(3)).join(", ")} m`;
 
 /** Draw `scene` into `place`, over what was there; the view that a person turned it to stays. */
-export async function drawScene(place, scene) {
-  const Plotly = await plotly();
-  // New traces every time: with those it has, plotly.js does not draw new ranges.
-  const traces = () => [
-    box(scene.workspace),
-    path(scene.path),
-    ...triads("frames", scene.frames, FRAME_M),
-    ...triads("objects", scene.objects.filter((item) => item.axes), OBJECT_M),
-    shown(scene.shown ?? []),
-    ends(scene.frames),
-    objects(scene.objects),
-  ];
-  place.drawAgain = () => Plotly.react(place, traces(), sceneLayout(scene, place.dataset.view), CONFIG);
-  if (!place.dataset.view) addViews(place);
-  await place.drawAgain();
+export function drawScene(place, scene) {
+  if (!states.has(place)) prepare(place);
+  const state = states.get(place);
+  state.scene = scene;
+  state.redraw();
+}
+
+function prepare(place) {
+  const state = { view: new View(), near: true, scene: null };
+  state.redraw = () => paint(place, state);
+  states.set(place, state);
+  place.replaceChildren();
+  place.tabIndex = 0;
+  steer(place, state.view, state.redraw);
+  new ResizeObserver(state.redraw).observe(place);
+  addButtons(place, state);
 }
 
 /** Buttons above the view that say what it shows. */
-function addViews(place) {
-  place.dataset.view = WHOLE;
-  const buttons = [WHOLE, CLOSE].map((view) => element("button", { type: "button", className: "plain small" }, view));
-  const press = () => {
-    for (const button of buttons) button.ariaPressed = String(button.textContent === place.dataset.view);
-  };
-  for (const button of buttons) {
-    button.addEventListener("click", () => {
-      place.dataset.view = button.textContent;
+function addButtons(place, state) {
+  const button = (text, press, more = {}) => {
+    const made = element("button", { type: "button", className: "plain small", ...more }, text);
+    made.addEventListener("click", () => {
       press();
-      place.drawAgain();
+      state.redraw();
     });
-  }
-  press();
-  place.before(element("div", { className: "row views", role: "group", ariaLabel: "What the 3D view shows" }, ...buttons));
+    return made;
+  };
+  const views = [CLOSE, WHOLE].map((text) => button(text, () => show(text === CLOSE)));
+  const show = (near) => {
+    state.near = near;
+    state.view.reset();
+    for (const each of views) each.ariaPressed = String((each.textContent === CLOSE) === near);
+  };
+  show(true);
+  const zooms = [
+    button("+", () => state.view.scale(1.3), { ariaLabel: "Zoom in" }),
+    button("−", () => state.view.scale(1 / 1.3), { ariaLabel: "Zoom out" }),
+  ];
+  place.before(element("div", { className: "row views", role: "group", ariaLabel: "What the 3D view shows" }, ...views, ...zooms));
 }
 
-function sceneLayout(scene, view) {
-  const axis = (title, k) => ({
-    title: { text: title },
-    range: span(scene, k, view),
-    color: colour("muted"),
-    gridcolor: colour("line"),
-    zerolinecolor: colour("line"),
-    showbackground: false,
-  });
-  return layout({
-    uirevision: view,
-    margin: { l: 0, r: 0, t: 0, b: 0 },
-    showlegend: false,
-    scene: {
-      aspectmode: "data",
-      xaxis: axis("x, m", 0),
-      yaxis: axis("y, m", 1),
-      zaxis: axis("z, m", 2),
-      camera: { eye: { x: 1.5, y: -1.6, z: 0.85 }, center: { x: 0, y: 0, z: -0.15 } },
-    },
-  });
+function svg(tag, attributes, ...children) {
+  const made = document.createElementNS("http://www.w3.org/2000/svg", tag);
+  for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);
+  made.append(...children);
+  return made;
 }
 
-/** The range of a coordinate. Of the whole: from below the least to above the greatest, so that nothing touches the edge. */
-function span(scene, k, view) {
+const titled = (node, text) => (node.append(svg("title", {}, text)), node);
+
+function paint(place, { view, near, scene }) {
+  const [width, height] = [place.clientWidth, place.clientHeight];
+  if (!scene || !width || !height) return;
+  const room = bounds(scene, near);
+  const corners = CORNERS.map((corner) => corner.map((side, k) => (side > 0 ? room.max : room.min)[k]));
+  const projection = view.projection(corners, width, height);
+  const write = writer(width, height);
+  place.replaceChildren(
+    svg(
+      "svg",
+      { viewBox: `0 0 ${width} ${height}`, "aria-hidden": "true" },
+      ...floor(room, scene.objects, projection),
+      ...(near ? [] : [box(scene.workspace, projection)]),
+      ...(scene.shown ?? []).map((item) => demonstrated(item, projection)),
+      ...inOrder(scene.objects, projection).flatMap((item) => solid(item, projection)),
+      line(scene.path, projection, "path"),
+      ...scene.frames.flatMap((item) => pose(item, projection)),
+      ...frameLabels(scene.frames).map(([item, text]) => write(text, projection.at(item.position), "number", 12)),
+      ...scene.objects.map((item) => write(item.label, projection.at(item.position), "named", 4 + 0.8 * BOX_M * projection.px_per_m)),
+      ...compass(projection, height),
+    ),
+  );
+}
+
+/** What the view has room for: the whole workspace, or where something is done. */
+function bounds(scene, near) {
   const places = [...scene.frames, ...scene.objects, ...(scene.shown ?? [])].map((item) => item.position);
-  const close = view === CLOSE && places.length > 0;
-  const points = close ? places : [scene.workspace.min, scene.workspace.max, ...scene.path, ...places];
-  const margin = close ? CLOSE_MARGIN_M : MARGIN_M;
-  const along = points.map((point) => point[k]);
-  return [Math.min(...along) - margin, Math.max(...along) + margin];
+  const points = near && places.length ? places : [scene.workspace.min, scene.workspace.max, ...scene.path, ...places];
+  const along = [0, 1, 2].map((k) => points.map((point) => point[k]));
+  return { min: along.map((values) => Math.min(...values) - MARGIN_M), max: along.map((values) => Math.max(...values) + MARGIN_M) };
 }
 
-/** A trace of line segments, each a list of points; nulls keep them apart. */
-function lines(segments, color, width, more = {}) {
-  const points = segments.flatMap((segment) => [...segment, [null, null, null]]);
-  const [x, y, z] = [0, 1, 2].map((k) => points.map((point) => point[k]));
-  return { type: "scatter3d", mode: "lines", x, y, z, line: { color, width }, hoverinfo: "skip", ...more };
+const inOrder = (items, { depth }) => [...items].sort((one, other) => depth(one.position) - depth(other.position));
+
+const text = (points, { at }) => points.map((point) => at(point).map((value) => value.toFixed(1)).join(",")).join(" ");
+
+const line = (points, projection, name) => svg("polyline", { class: name, points: text(points, projection) });
+
+/** A grid that the lowest object stands on, a line every 10 cm. */
+function floor({ min, max }, objects, projection) {
+  const steps = (k) => {
+    const first = Math.ceil(min[k] / GRID_M);
+    return Array.from({ length: Math.max(0, Math.floor(max[k] / GRID_M) - first + 1) }, (_, n) => (first + n) * GRID_M);
+  };
+  const z = Math.min(...objects.map((item) => item.position[2] - BOX_M / 2), objects.length ? Infinity : min[2]);
+  const across = [
+    ...steps(0).map((x) => [[x, min[1], z], [x, max[1], z]]),
+    ...steps(1).map((y) => [[min[0], y, z], [max[0], y, z]]),
+  ];
+  const plane = [[min[0], min[1], z], [max[0], min[1], z], [max[0], max[1], z], [min[0], max[1], z]];
+  return [svg("polygon", { class: "floor", points: text(plane, projection) }), ...across.map((ends) => line(ends, projection, "grid"))];
 }
 
-function box({ min, max }) {
-  const corner = (bits) => [0, 1, 2].map((k) => (bits & (1 << k) ? max : min)[k]);
-  const edges = [];
-  for (let bits = 0; bits < 8; bits++) {
-    for (const bit of [1, 2, 4]) if (!(bits & bit)) edges.push([corner(bits), corner(bits | bit)]);
-  }
-  return lines(edges, colour("edge"), 2, { name: "workspace" });
+function box({ min, max }, { at }) {
+  const corners = CORNERS.map((corner) => at(corner.map((side, k) => (side > 0 ? max : min)[k])));
+  const drawn = EDGES.map(([one, other]) => `M${corners[one].map(Math.round)}L${corners[other].map(Math.round)}`);
+  return titled(svg("path", { class: "workspace", d: drawn.join("") }), "workspace");
 }
 
-const path = (points) => lines([points], colour("curve"), 4, { name: "path" });
-
-function triads(name, items, length_m) {
-  return AXES.map((color, k) => {
-    const segments = items.map(({ position, axes }) => [position, position.map((value, i) => value + length_m * axes[k][i])]);
-    return lines(segments, color, 5, { name: `${name} ${"xyz"[k]}` });
+/** An object as a small box, the sides that are seen; its axes if its rotation is known. */
+function solid(item, projection) {
+  const axes = item.axes ?? STANDING;
+  const corner = (signs) => signs.reduce((point, sign, k) => plus(point, axes[k], (sign * BOX_M) / 2), item.position);
+  const sides = [0, 1, 2].flatMap((k) => [-1, 1].map((sign) => ({ k, sign, normal: axes[k].map((value) => sign * value) })));
+  const seen = sides.filter(({ normal }) => projection.faces(normal));
+  const faces = seen.map(({ k, sign, normal }) => {
+    const [a, b] = [0, 1, 2].filter((other) => other !== k);
+    const around = [[-1, -1], [-1, 1], [1, 1], [1, -1]].map(([u, v]) => {
+      const signs = [0, 0, 0];
+      [signs[k], signs[a], signs[b]] = [sign, u, v];
+      return corner(signs);
+    });
+    const shade = normal[2] > 0.7 ? 0 : normal[0] * projection.towards[1] - normal[1] * projection.towards[0] < 0 ? 1 : 2;
+    return svg("polygon", { class: `shade-${shade}`, points: text(around, projection), fill: item.color });
   });
+  const group = titled(svg("g", { class: "solid", "data-label": item.label }, ...faces), `${item.label}\n${metres(item.position)}`);
+  return item.axes ? [group, ...triad(item, projection)] : [group];
 }
 
-function markers(items, more) {
-  const [x, y, z] = [0, 1, 2].map((k) => items.map((item) => item.position[k]));
-  const place = "%{x:.3f}, %{y:.3f}, %{z:.3f} m<extra></extra>";
-  const text = items.map((item) => item.label);
-  return { type: "scatter3d", x, y, z, text, hovertext: text, hovertemplate: `%{hovertext}<br>${place}`, ...more };
+const triad = ({ position, axes }, projection) =>
+  axes.map((axis, k) => line([position, plus(position, axis, FRAME_M)], projection, `axis axis-${"xyz"[k]}`));
+
+/** Where a demonstration has an object. */
+function demonstrated(item, { at }) {
+  const [cx, cy] = at(item.position);
+  return titled(svg("circle", { class: "shown", cx, cy, r: 5, fill: item.color }), `${item.label} in a demonstration\n${metres(item.position)}`);
 }
 
-/** The labels of frames, those of one place together at the first of them. */
-function labels(frames) {
+function pose(item, projection) {
+  const [cx, cy] = projection.at(item.position);
+  const ring = svg("circle", { class: item.gripper_open ? "frame open" : "frame", cx, cy, r: 5 });
+  const words = `${item.label}: gripper ${item.gripper_open ? "open" : "closed"}\n${metres(item.position)}`;
+  return [...triad(item, projection), titled(ring, words)];
+}
+
+/** [frame, text]: those of one place share a label at the first of them. */
+function frameLabels(frames) {
   const apart = (one, other) => Math.hypot(...one.position.map((value, k) => value - other.position[k]));
   const firsts = frames.map((item) => frames.findIndex((other) => apart(item, other) < SAME_PLACE_M));
-  return frames.map((_, k) => frames.filter((__, other) => firsts[other] === k).map((item) => item.label).join(", "));
+  const together = (k) => frames.filter((_, other) => firsts[other] === k).map((item) => item.label);
+  return frames.flatMap((item, k) => (firsts[k] === k ? [[item, together(k).join(", ")]] : []));
 }
 
-function ends(frames) {
-  return markers(frames, {
-    text: labels(frames),
-    name: "frames",
-    mode: "markers+text",
-    textposition: "top center",
-    textfont: { color: colour("text") },
-    marker: {
-      size: 5,
-      color: colour("curve"),
-      symbol: frames.map((item) => (item.gripper_open ? "circle-open" : "circle")),
-    },
+/** A function that writes words so many pixels beside a point, in the first place where no others stand. */
+function writer(width, height) {
+  const taken = [];
+  const free = (one) => taken.every((other) => one.x + one.w < other.x || other.x + other.w < one.x || one.y + 16 < other.y || other.y + 16 < one.y);
+  return (words, [x, y], name, nearest) => {
+    const w = words.length * 7.5;
+    const distances = [0, 16, 32, 48, 64].map((further) => nearest + further);
+    const side = name === "number" ? [[0, -1], [1, 0], [-1, 0], [0, 1]] : [[0, 1], [1, 0], [-1, 0], [0, -1]];
+    const places = distances.flatMap((d) => side.map(([u, v]) => ({ x: x + u * (d + w / 2) - w / 2, y: y + v * (d + 8) - 8, w })));
+    const inside = (one) => one.x >= 0 && one.x + w <= width && one.y >= 0 && one.y + 16 <= height;
+    const chosen = places.find((one) => free(one) && inside(one)) ?? places[0];
+    taken.push(chosen);
+    return svg("text", { class: name, x: (chosen.x + w / 2).toFixed(1), y: (chosen.y + 12).toFixed(1) }, words);
+  };
+}
+
+/** Which way the world's axes point, in a corner. */
+function compass({ at }, height) {
+  const [origin, corner] = [at([0, 0, 0]), [40, height - 40]];
+  return STANDING.flatMap((axis, k) => {
+    const along = at(axis).map((value, i) => value - origin[i]);
+    const unit = Math.hypot(...STANDING.flatMap((each) => at(each).map((value, i) => value - origin[i]))) / Math.SQRT2;
+    const [x, y] = along.map((value, i) => corner[i] + (26 * value) / unit);
+    const name = `axis axis-${"xyz"[k]}`;
+    const letter = along.map((value, i) => corner[i] + (36 * value) / unit);
+    return [
+      svg("polyline", { class: name, points: `${corner} ${x.toFixed(1)},${y.toFixed(1)}` }),
+      svg("text", { class: `letter axis-${"xyz"[k]}`, x: letter[0].toFixed(1), y: (letter[1] + 4).toFixed(1) }, "xyz"[k]),
+    ];
   });
-}
-
-function objects(items) {
-  return markers(items, {
-    name: "objects",
-    mode: "markers+text",
-    textposition: "bottom center",
-    textfont: { color: colour("object") },
-    marker: { size: 6, color: colour("object"), symbol: "square" },
-  });
-}
-
-/** Where demonstrations have the objects. */
-function shown(items) {
-  return markers(items, { name: "shown", mode: "markers", marker: { size: 4, color: colour("object"), symbol: "circle", opacity: 0.35 } });
 }
 
 /** The directions of x, y and z, a row each, as `frame` of app/web/scene3d.py gives them. */

@@ -7,6 +7,7 @@ import { collect, demonstrationsIn } from "./upload_files.js";
 const drop = document.getElementById("drop");
 const summary = document.getElementById("summary");
 const list = document.getElementById("found");
+const MAX_NAMED = 5;
 let waiting = Promise.resolve();
 
 for (const id of ["folder", "files"]) {
@@ -38,9 +39,9 @@ function upload(files) {
 async function sendAll(files) {
   const { demonstrations, unused } = await demonstrationsIn(files);
   if (!demonstrations.length) {
-    const names = unused.slice(0, 5).join(", ") || "nothing at all";
-    const detail = `Found ${names}, but neither metadata.json with trajectory.npz beside it, nor a .json file that holds both.`;
+    const detail = "A demonstration is metadata.json with trajectory.npz beside it, or a .json file that holds both.";
     sayProblem(summary, { problem: { title: "No demonstration among these files", detail } });
+    summary.firstChild.append(...ignored(unused));
     return;
   }
   const entries = demonstrations.map((item) => ({ item, place: entry(item) }));
@@ -51,8 +52,16 @@ async function sendAll(files) {
     stored += (await sendOne(item, place)) ? 1 : 0;
   }
   const refused = entries.length - stored;
-  const rest = unused.length ? ` Not used: ${unused.slice(0, 5).join(", ")}${unused.length > 5 ? ", …" : ""}.` : "";
-  say(summary, refused ? "bad" : "good", `${stored} stored${refused ? `, ${refused} refused: see below` : ""}.${rest}`);
+  say(summary, refused ? "bad" : "good", `${stored} stored${refused ? `, ${refused} refused: see below` : ""}.`);
+  summary.firstChild.append(...ignored(unused));
+}
+
+/** Which files were not used, each with the reason; nothing if there is none. */
+function ignored(unused) {
+  if (!unused.length) return [];
+  const listed = unused.slice(0, MAX_NAMED).map(({ path, reason }) => element("li", {}, element("strong", {}, path), `: ${reason}`));
+  if (unused.length > MAX_NAMED) listed.push(element("li", {}, `and ${unused.length - MAX_NAMED} more`));
+  return [element("p", {}, "Not used:"), element("ul", {}, ...listed)];
 }
 
 function timeLeft(started, done, all) {

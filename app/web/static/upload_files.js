@@ -1,6 +1,7 @@
 // Files -> demonstrations: folders with metadata.json and trajectory.npz, or single .json files.
 
 const PART = /^(metadata\.json|trajectory\.npz|(rgb|depth|mask)_.+\.(png|jpe?g|npy))$/i;
+const NEEDED = ["metadata.json", "trajectory.npz"];
 
 /** Every file that was dropped, those in folders too, with its path. */
 export async function collect(transfer) {
@@ -25,20 +26,20 @@ async function walk(entry) {
   return (await Promise.all(inside.map(walk))).flat();
 }
 
-/** The demonstrations among files `{path, file}`, and the paths of those that belong to none. */
+/** The demonstrations among files `{path, file}`, and `{path, reason}` of those that belong to none. */
 export async function demonstrationsIn(files) {
   const folders = Map.groupBy(files, ({ path }) => path.slice(0, path.lastIndexOf("/") + 1));
   const demonstrations = [];
   const unused = [];
   for (const [folder, inside] of [...folders].sort(([one], [other]) => one.localeCompare(other, "en", { numeric: true }))) {
     const parts = inside.filter(({ file }) => PART.test(file.name));
-    const complete = ["metadata.json", "trajectory.npz"].every((name) => parts.some(({ file }) => file.name === name));
+    const complete = NEEDED.every((name) => parts.some(({ file }) => file.name === name));
     if (complete) demonstrations.push(ofParts(folder, parts));
     for (const item of inside) {
       if (complete && parts.includes(item)) continue;
-      const single = item.file.name.endsWith(".json") && (await ofJson(item));
+      const { single, reason } = await alone(item, parts);
       if (single) demonstrations.push(single);
-      else unused.push(item.path);
+      else unused.push({ path: item.path, reason });
     }
   }
   return { demonstrations, unused };
@@ -53,12 +54,20 @@ function ofParts(folder, parts) {
   return { name: folder.replace(/\/$/, "") || "the files", request };
 }
 
-async function ofJson({ path, file }) {
+/** The demonstration that a file holds by itself, or the reason why it holds none. `parts`: those of its folder. */
+async function alone({ path, file }, parts) {
+  if (PART.test(file.name) && file.name !== "metadata.json") return { reason: `${missing(parts)} is not beside it` };
+  if (!file.name.endsWith(".json")) return { reason: "its name is none of a demonstration's files" };
+  let document;
   try {
-    const document = JSON.parse(await file.text());
-    if (!document.metadata || !document.trajectory) return null;
-    return { name: path, request: () => ({ json: document }) };
-  } catch {
-    return null;
+    document = JSON.parse(await file.text());
+  } catch (error) {
+    return { reason: `it is not JSON: ${error.message}` };
   }
+  const lacking = ["metadata", "trajectory"].filter((name) => !document?.[name]);
+  if (!lacking.length) return { single: { name: path, request: () => ({ json: document }) } };
+  if (file.name === "metadata.json") return { reason: `${missing(parts)} is not beside it` };
+  return { reason: `it has no ${lacking.join(" and no ")}` };
 }
+
+const missing = (parts) => NEEDED.filter((name) => !parts.some(({ file }) => file.name === name)).join(" with ");

@@ -28,7 +28,7 @@ def test_a_prediction_comes(page, http):
     assert state(page, "good").startswith("3 actions in ")
     assert page.locator("#prompt pre .object").count() == 5
     assert page.locator("#part-reply .action").count() == 1
-    until(page, "document.querySelector('#space-view').data?.find(trace => trace.name === 'frames').x.length === 3")
+    until(page, "document.querySelectorAll('#space-view .frame').length === 3")
     page.get_by_role("button", name="Success").click()
     until(page, "document.querySelector('#state').innerText === 'Recorded: success.'")
     page.get_by_role("link", name="Open this prediction").click()
@@ -53,7 +53,7 @@ def test_the_reply_is_seen_while_it_comes_and_on_the_page_now(page, context, slo
     watching.goto("/ui/live")
     page.goto("/ui/predict?task=pick")
     predict(page, SLOW)
-    until(page, "document.querySelector('#space-view').data?.find(trace => trace.name === 'frames').x.length === 1")
+    until(page, "document.querySelectorAll('#space-view .frame').length === 1")
     assert page.locator("#reply").text_content() == " ".join(slow_provider.reply.split(" ")[:7]) + " "
     assert page.get_by_role("button", name="Cancel").is_visible()
     row = watching.get_by_role("table", name="Predictions under way").get_by_role("row", name="pick up the cube")

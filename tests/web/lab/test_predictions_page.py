@@ -1,8 +1,8 @@
 """The list of predictions, one of them, and two side by side."""
 
 import pytest
+from playwright.sync_api import expect
 
-from tests.web.conftest import until
 from tests.web.lab.conftest import ask
 
 
@@ -77,9 +77,12 @@ def test_a_prediction_shows_what_was_asked_and_what_came(page, seeded):
     assert page.locator("#part-reply .action").count() == 1
     assert "went beside the cube" in page.locator("main").inner_text()
     view = page.locator("#space-view")
-    view.scroll_into_view_if_needed()
-    until(page, "document.querySelector('#space-view').data?.length > 5")
-    assert view.evaluate("place => place.data.find(trace => trace.name === 'shown').x.length") == 4
+    view.locator(".shown").first.wait_for()
+    assert view.locator(".shown").count() == 4
+    page.get_by_role("button", name="Whole workspace").click()
+    assert view.locator(".frame").count() == 3
+    expect(page.locator("figure.drawn figcaption")).to_contain_text("cube")
+    assert page.locator("figure.drawn circle").count() > 3
     page.locator("ol.demonstrations a").first.click()
     page.wait_for_url("**/ui/episodes/*")
 

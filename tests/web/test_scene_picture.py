@@ -1,0 +1,49 @@
+"""Scenes drawn from their poses."""
+
+import numpy as np
+import pytest
+
+from app.store.values import ObjectRecord
+from app.web.object_colours import object_colours
+from app.web.scene_picture import HEIGHT, WIDTH, scene_picture
+
+
+def points(text):
+    return np.array([[float(value) for value in pair.split(",")] for pair in text.split()])
+
+
+@pytest.mark.parametrize("far_m", [0.0, 0.1, 3.0])
+def test_everything_lies_on_the_page(far_m):
+    cubes = [
+        ObjectRecord("red cube", (0.3, 0.0, 0.8)),
+        ObjectRecord("cup", (0.3 - far_m, far_m, 0.8), (0, 0, 0.6, 0.8)),
+    ]
+    picture = scene_picture(cubes, [((0.3, 0.0, 0.8 + far_m), True), ((0.3, far_m, 0.8), False)])
+    drawn = [points(text) for text in (picture.ground, picture.path, *(face.points for face in picture.faces))]
+    assert np.vstack(drawn).min() >= 0
+    assert (np.vstack(drawn) <= (WIDTH, HEIGHT)).all()
+    assert np.allclose(points(picture.path), [(x, y) for x, y, _ in picture.keyframes])
+
+
+def test_a_box_shows_three_sides_and_the_nearer_one_comes_last():
+    far, near = ObjectRecord("far", (0.2, 0.2, 0.8)), ObjectRecord("near", (0.5, -0.2, 0.8))
+    picture = scene_picture([near, far])
+    assert [face.shade for face in picture.faces].count(0) == 2
+    assert len(picture.faces) == 6
+    colors = dict(picture.names)
+    assert [face.color for face in picture.faces] == [colors["far"]] * 3 + [colors["near"]] * 3
+    # x points to the lower right of the viewer's page: what is nearer lies lower
+    assert points(picture.faces[-1].points)[:, 1].mean() > points(picture.faces[0].points)[:, 1].mean()
+
+
+def test_nothing_is_drawn_of_nothing():
+    assert scene_picture([]) is None
+
+
+def test_an_object_has_the_colour_that_its_name_says():
+    colors = object_colours(["cup", "red cube", "maroon_jar", "Blue cube", "teal block", "tray"])
+    assert colors["red cube"] == object_colours(["red"])["red"]
+    assert colors["Blue cube"] == object_colours(["blue"])["blue"]
+    assert colors["teal block"] == object_colours(["green"])["green"]
+    assert len(set(colors.values())) == 6
+    assert list(object_colours(f"thing {k}" for k in range(40))) == [f"thing {k}" for k in range(40)]
