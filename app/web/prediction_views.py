@@ -182,9 +182,8 @@ def _differences(one: PredictionRecord, other: PredictionRecord) -> tuple[Differ
 
 def _differences_of(one: JsonObject, other: JsonObject, are_costs: bool = False) -> Iterator[Difference]:
     for name in dict.fromkeys([*one, *other]):
-        yield Difference(
-            name.replace("num_", "number of ").replace("_", " "), one.get(name), other.get(name), are_costs
-        )
+        text = name.replace("num_", "number of ").replace("_", " ")
+        yield Difference(text, one.get(name), other.get(name), are_costs)
 
 
 def _settings(record: PredictionRecord) -> JsonObject:

@@ -8,6 +8,8 @@ const FRAME_M = 0.05;
 const BOX_M = 0.04;
 const MARGIN_M = 0.05;
 const GRID_M = 0.1;
+const LETTER_PX = 7; // about, of the labels
+const LINE_PX = 16;
 const SAME_PLACE_M = 0.01; // frames that are nearer have one label
 const CLOSE = "Close to the motion";
 const WHOLE = "Whole workspace";
@@ -177,14 +179,22 @@ function frameLabels(frames) {
 /** A function that writes words so many pixels beside a point, in the first place where no others stand. */
 function writer(width, height) {
   const taken = [];
-  const free = (one) => taken.every((other) => one.x + one.w < other.x || other.x + other.w < one.x || one.y + 16 < other.y || other.y + 16 < one.y);
+  const apart = (one, other) => one.x + one.w < other.x || other.x + other.w < one.x || Math.abs(one.y - other.y) > LINE_PX;
   return (words, [x, y], name, nearest) => {
-    const w = words.length * 7.5;
-    const distances = [0, 16, 32, 48, 64].map((further) => nearest + further);
-    const side = name === "number" ? [[0, -1], [1, 0], [-1, 0], [0, 1]] : [[0, 1], [1, 0], [-1, 0], [0, -1]];
-    const places = distances.flatMap((d) => side.map(([u, v]) => ({ x: x + u * (d + w / 2) - w / 2, y: y + v * (d + 8) - 8, w })));
-    const inside = (one) => one.x >= 0 && one.x + w <= width && one.y >= 0 && one.y + 16 <= height;
-    const chosen = places.find((one) => free(one) && inside(one)) ?? places[0];
+    const w = words.length * LETTER_PX;
+    const within = (left) => Math.max(0, Math.min(width - w, left));
+    const at = (d) => ({
+      above: { x: within(x - w / 2), y: y - d - LINE_PX, w },
+      below: { x: within(x - w / 2), y: y + d, w },
+      right: { x: x + d, y: y - LINE_PX / 2, w },
+      left: { x: x - d - w, y: y - LINE_PX / 2, w },
+    });
+    const rings = [0, 1, 2, 3].map((further) => at(nearest + further * LINE_PX));
+    // Names go below their objects or above, where other objects are less likely than beside them.
+    const sides = name === "number" ? rings.flatMap((ring) => [ring.above, ring.right, ring.left, ring.below]) : null;
+    const places = sides ?? ["below", "above", "right", "left"].flatMap((side) => rings.map((ring) => ring[side]));
+    const inside = (one) => one.x >= 0 && one.x + w <= width && one.y >= 0 && one.y + LINE_PX <= height;
+    const chosen = places.find((one) => inside(one) && taken.every((other) => apart(one, other))) ?? places[0];
     taken.push(chosen);
     return svg("text", { class: name, x: (chosen.x + w / 2).toFixed(1), y: (chosen.y + 12).toFixed(1) }, words);
   };
