@@ -110,7 +110,7 @@ class Purse:
     expected: Callable[[Cell], float]
     spent: float = 0.0
     _aside: dict[tuple[str, int, str], float] = field(default_factory=dict)
-    _dearest: dict[tuple[str, str], float] = field(default_factory=dict)
+    _factor: float = 1.0
     _closed: bool = False
     _changed: threading.Condition = field(default_factory=threading.Condition)
 
@@ -123,8 +123,8 @@ class Purse:
         if self.budget is None:
             return
         with self._changed:
-            cost = max(self.expected(cell), self._dearest.get((cell.task, cell.method.label), 0.0))
-            self._changed.wait_for(lambda: self._closed or not self._aside or self._fits(cost))
+            self._changed.wait_for(lambda: self._closed or not self._aside or self._fits(self._may_cost(cell)))
+            cost = self._may_cost(cell)
             if self._closed or not self._fits(cost):
                 self._closed = True
                 self._changed.notify_all()
@@ -136,14 +136,19 @@ class Purse:
     def pay(self, cell: Cell, trial: Trial | None) -> None:
         """Count what the trial cost; None if it ended in an error."""
         with self._changed:
-            expected = self._aside.pop(_key(cell), 0.0)
+            self._aside.pop(_key(cell), None)
+            expected = self.expected(cell)
             counted = (None if trial is None else used_by(trial, self.prices).cost) or 0.0
             certain = trial is not None and not trial.error and counted > 0
             cost = counted if certain else max(counted, expected)
             self.spent += cost
-            kind = cell.task, cell.method.label
-            self._dearest[kind] = max(cost, self._dearest.get(kind, 0.0))
+            if expected:
+                self._factor = max(self._factor, cost / expected)
             self._changed.notify_all()
+
+    def _may_cost(self, cell: Cell) -> float:
+        """As estimated, times the factor by which the worst estimate so far fell short."""
+        return self.expected(cell) * self._factor
 
     def _fits(self, cost: float) -> bool:
         return self.budget is None or self.spent + sum(self._aside.values()) + cost <= self.budget

@@ -108,7 +108,9 @@ def paper_tables(models: Sequence[str]) -> tuple[PaperTable, ...]:
     return (
         _of_tasks("I", "Simulation results", RLBENCH_TASKS, RLBENCH_SCENES, (kat, ours), SUCCESS_PERCENT, NOT_RUN),
         _of_tasks("II", "Real-robot results", REAL_TASKS, REAL_SCENES, (kat, ours), SUCCESS_PERCENT, STANDS_IN),
-        _of_means("III", "Various LLMs with RoboPrompt", llms, LLMS, "Other models are run with further --model."),
+        _of_means(
+            "III", "Various LLMs with RoboPrompt", llms, LLMS, f"{AVERAGED} Other models are run with further --model."
+        ),
         _of_tasks("IV", "Comparison to supervised methods", SUPERVISED, REAL_SCENES, (ours,), FRONTIER, BUTTONS),
         _of_means("3a", "Keyframe extraction vs. uniform sampling", [ours, *uniform], MAIN, KEYFRAMES_SAID),
         _of_means("3b", "Number of demonstrations", shown, MAIN, SHOTS_SAID),
@@ -204,7 +206,8 @@ BUTTONS = (
     'The paper does not say which of its two button tasks "push buttons" is; here it is push_button_real, which has 90'
     " in its Table II. Octo and LLARVA are not run here."
 )
-READ_OFF = "The paper shows a chart without numbers; RoboPrompt's is from its Table I."
+AVERAGED = "The paper's averages are over the 16 tasks of its Table I, 25 scenes each."
+READ_OFF = f"The paper shows a chart without numbers; RoboPrompt's is from its Table I. {AVERAGED}"
 KEYFRAMES_SAID = f"{READ_OFF} Its text: keyframes are better than uniform sampling by nearly 20 points."
 SHOTS_SAID = f"{READ_OFF} Its text: about 40 % with two demonstrations. RoboPrompt has ten."
 NOISE_SAID = (
