@@ -7,7 +7,7 @@ from threading import Thread
 
 from app.llm.computed import copied_reply
 
-PROMPT_TOKENS, COMPLETION_TOKENS = 1000, 100  # of every answer
+CHARACTERS = 2  # a token
 
 
 def reply_to(prompt):
@@ -24,8 +24,9 @@ class Handler(BaseHTTPRequestHandler):
     def do_POST(self):
         asked = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
         self.server.asked.append((self.headers["Authorization"], asked))
-        reply = reply_to(asked["messages"][-1]["content"])
-        usage = {"prompt_tokens": PROMPT_TOKENS, "completion_tokens": COMPLETION_TOKENS}
+        texts = [message["content"] for message in asked["messages"]]
+        reply = reply_to(texts[-1])
+        usage = {"prompt_tokens": len("".join(texts)) // CHARACTERS, "completion_tokens": len(reply) // CHARACTERS}
         events = [
             {"choices": [{"delta": {"content": reply}, "finish_reason": None}]},
             {"choices": [{"delta": {}, "finish_reason": "stop"}]},
