@@ -6,6 +6,8 @@ EvaluationError
 ├── ExpertFailedError    a task's expert fails too often to teach the task
 ├── NotLearnedError      objects of a task cannot be found in images
 ├── OtherModelError      the results that are there were made with another default model
+├── BudgetSpentError     the next trial may exceed the budget
+├── NotConfirmedError    nobody agreed to the estimated cost
 ├── LedgerInUseError     another run writes into the same results
 ├── LedgerDamagedError   a line of the results that no run has written
 └── RayMissingError      Ray is not installed
@@ -36,6 +38,14 @@ class NotLearnedError(EvaluationError):
 
 class OtherModelError(EvaluationError):
     """The results that are there were made with another default model."""
+
+
+class BudgetSpentError(EvaluationError):
+    """The next trial may exceed the budget; says what is spent."""
+
+
+class NotConfirmedError(EvaluationError):
+    """Nobody agreed to the estimated cost; nothing was asked."""
 
 
 class LedgerInUseError(EvaluationError):

@@ -15,7 +15,7 @@ import numpy as np
 from app.pipeline import noise
 from roboprompt_client.trajectory import ObjectPose
 
-_RLBENCH_TASKS = (
+RLBENCH_TASKS = (
     "close_jar",
     "slide_block",
     "sweep_to_dustpan",
@@ -41,7 +41,7 @@ _RLBENCH = {
     "RVT-2": (100, 92, 100, 74, 99, 80, 100, 95, 88, 92, 99, 80, 96, 66, 95, 38),
     "Act3D": (92, 93, 92, 93, 94, 12, 99, 80, 47, 90, 94, 9, 95, 51, 8, 3),
 }
-_REAL_TASKS = (
+REAL_TASKS = (
     "stack_cube",
     "destack_cube",
     "push_button_real",
@@ -59,8 +59,8 @@ _REAL = {
 METHODS = tuple(_RLBENCH)  # RVT-2 and Act3D are supervised
 SUCCESS_PERCENT: Mapping[str, Mapping[str, int]] = {
     method: {
-        **dict(zip(_RLBENCH_TASKS, _RLBENCH[method], strict=True)),
-        **(dict(zip(_REAL_TASKS, _REAL[method], strict=True)) if method in _REAL else {}),
+        **dict(zip(RLBENCH_TASKS, _RLBENCH[method], strict=True)),
+        **(dict(zip(REAL_TASKS, _REAL[method], strict=True)) if method in _REAL else {}),
     }
     for method in METHODS
 }

@@ -41,11 +41,11 @@ def markdown(evaluation: Evaluation, about: str) -> str:
     parts = [
         f"# {about[0].upper()}{about[1:]}",
         HOW_TO_READ,
-        _markdown_table(["task", *labels, *published], success_rows(evaluation)),
+        markdown_table(["task", *labels, *published], success_rows(evaluation)),
         paper.SOURCE,
         "## Methods",
         "What was asked: model, representation, prompt format, and whatever else was set. Medians a prediction.",
-        _markdown_table(["method", "asked", "all trials", *COSTS], _method_rows(evaluation)),
+        markdown_table(["method", "asked", "all trials", *COSTS], _method_rows(evaluation)),
         *_error_section(evaluation),
         f"Command: `{evaluation.command}`",
     ]
@@ -156,7 +156,8 @@ def _noise_of(method: Method) -> dict[str, Any]:
     return {where: method.noise}
 
 
-def _markdown_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+def markdown_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A table whose first column is text and whose others are numbers."""
     align = ["---", *["---:"] * (len(header) - 1)]
     return "\n".join(f"| {' | '.join(row)} |" for row in [header, align, *rows])
 

@@ -18,7 +18,7 @@ from typing import Any, Literal, TypeVar
 from rich.progress import Progress
 
 from app.evaluation.executors import Executor, LocalExecutor
-from app.evaluation.failures import NotLearnedError, ServiceLostError
+from app.evaluation.failures import BudgetSpentError, NotLearnedError, ServiceLostError
 from app.evaluation.illustrate import illustrated
 from app.evaluation.ledger import Ledger
 from app.evaluation.plan import Plan, check_default_model, evaluation_of
@@ -142,13 +142,12 @@ class Run:
         """Run what remains, each trial kept as it ends.
 
         Raises:
-            ServiceLostError.
+            ServiceLostError, BudgetSpentError.
         """
         cells = self.plan.remaining(self.ledger)
         total = sum(1 for _ in self.plan.cells())
         bar = self.progress.add_task("trials", total=total, completed=total - len(cells))
-        asking = threading.Semaphore(self.plan.predictions_at_once)
-        laboratory = Laboratory(self.client, self.executor, asking, self.plan.recordings)
+        laboratory = self._laboratory()
         unreachable = 0
 
         def run(cell: Cell) -> None:
@@ -156,6 +155,8 @@ class Run:
 
         def on_done(future: Future[None]) -> None:
             nonlocal unreachable
+            if isinstance(refused := future.exception(), BudgetSpentError):
+                raise refused
             self.progress.advance(bar)
             gone = isinstance(future.exception(), ServiceUnreachableError)
             unreachable = unreachable + 1 if gone else 0
@@ -163,6 +164,10 @@ class Run:
                 raise ServiceLostError(str(future.exception()))
 
         in_threads(run, cells, self.plan.predictions_at_once + self.executor.workers + 1, on_done)
+
+    def _laboratory(self) -> Laboratory:
+        asking = threading.Semaphore(self.plan.predictions_at_once)
+        return Laboratory(self.client, self.executor, asking, self.plan.recordings)
 
     def _run_cell(self, laboratory: Laboratory, cell: Cell, lesson: Lesson | Exception) -> None:
         digest = self.plan.digest(cell.method)

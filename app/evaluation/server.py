@@ -56,12 +56,19 @@ def running_server(
 
 
 @contextmanager
-def service(url: str | None = None, *, warm_up: bool = True, data: Path | None = None) -> Iterator[RoboPromptClient]:
+def service(
+    url: str | None = None,
+    *,
+    warm_up: bool = True,
+    data: Path | None = None,
+    environment: Mapping[str, str] | None = None,
+) -> Iterator[RoboPromptClient]:
     """A client of the service at `url`, or of one of its own.
 
     Args:
         warm_up: whether a service of its own starts its default LLM at once.
         data: folder of its own service, which stays; None: an empty one that is removed afterwards.
+        environment: further settings of its own service.
 
     Raises:
         ServerStartError.
@@ -69,7 +76,9 @@ def service(url: str | None = None, *, warm_up: bool = True, data: Path | None =
     with ExitStack() as stack:
         if url is None:
             folder = data or Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="roboprompt-")))
-            url = stack.enter_context(running_server(folder, {"ROBOPROMPT_WARM_UP": str(warm_up)}))
+            url = stack.enter_context(
+                running_server(folder, {"ROBOPROMPT_WARM_UP": str(warm_up), **(environment or {})})
+            )
         yield stack.enter_context(RoboPromptClient(url))
 
 

@@ -1,5 +1,6 @@
 """A sweep with everything that stays of it: results, tables, plots, record of the run and page of failures."""
 
+from collections.abc import Mapping
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,7 +9,7 @@ from typing import Any
 from rich.progress import Progress
 
 from app.evaluation.executors import Executor, LocalExecutor
-from app.evaluation.failures import ServiceLostError
+from app.evaluation.failures import BudgetSpentError, ServiceLostError
 from app.evaluation.illustrate import illustrated
 from app.evaluation.ledger import Ledger
 from app.evaluation.methods import SWEEPS
@@ -21,6 +22,9 @@ from app.evaluation.results import Evaluation
 from app.evaluation.run import Run, Timing
 from app.evaluation.run_record import RunRecord, Session
 from app.evaluation.server import service
+from roboprompt_client.client import RoboPromptClient
+
+BUDGET = "budget"  # how a session is said to have stopped that had no more to spend
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +82,11 @@ class SweepRun:
         """The page of failures."""
         return self.folder / "report" / "index.html"
 
+    @property
+    def environment(self) -> Mapping[str, str]:
+        """Settings of a service of its own."""
+        return {}
+
     def _session(self, ledger: Ledger, progress: Progress) -> str:
         """Why it stopped; empty if it came to its end."""
         self.report.unlink(missing_ok=True)
@@ -92,6 +101,8 @@ class SweepRun:
                     self._write_report(evaluation, executor, progress, session.timing)
             except KeyboardInterrupt:
                 return "interrupted"
+            except BudgetSpentError as error:
+                return f"{BUDGET}: {error}"
             except ServiceLostError as error:
                 return f"the service does not answer any more: {error}"
             finally:
@@ -100,8 +111,14 @@ class SweepRun:
         return ""
 
     def _run(self, ledger: Ledger, executor: Executor, progress: Progress, timing: Timing) -> Evaluation:
-        with service(self.url, warm_up=self.plan.asks_default_model) as client:
-            return Run(self.plan, ledger, client, executor, progress, self.url is not None, timing)()
+        warm_up = self.plan.asks_default_model
+        with service(self.url, warm_up=warm_up, environment=self.environment) as client:
+            return self._begin(ledger, client, executor, progress, timing)()
+
+    def _begin(
+        self, ledger: Ledger, client: RoboPromptClient, executor: Executor, progress: Progress, timing: Timing
+    ) -> Run:
+        return Run(self.plan, ledger, client, executor, progress, self.url is not None, timing)
 
     def _write_report(self, evaluation: Evaluation, executor: Executor, progress: Progress, timing: Timing) -> None:
         with timing.measured("report_s"):

@@ -102,8 +102,11 @@ class Laboratory:
         Raises:
             ServiceProblemError, ServiceUnreachableError, or what a worker raised: nothing is known about the method.
         """
-        scene = call(self.executor, _view, cell.task, cell.seed)
-        return SOURCES[cell.method.source](self, cell, lesson, scene)
+        return SOURCES[cell.method.source](self, cell, lesson, self.look(cell))
+
+    def look(self, cell: Cell) -> SceneView:
+        """The scene of the trial, without pictures."""
+        return call(self.executor, _view, cell.task, cell.seed)
 
     def execute(self, trial: Trial, actions: tuple[EndEffectorAction, ...]) -> Trial:
         """The trial with what became of the actions."""

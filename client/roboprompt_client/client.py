@@ -168,6 +168,22 @@ class RoboPromptClient:
         body = self._question(task, instruction, observation, mask_ids, asked)
         return PredictedActions.from_json(self._send("POST", "/predict", timeout=timeout_s + MARGIN_S, **body))
 
+    def dry_run(
+        self,
+        task: str,
+        instruction: str,
+        observation: Observation,
+        **options: Any,  # noqa: ANN401
+    ) -> dict[str, Any]:
+        """The prompt that `predict` with the same options asks an LLM with; none is asked.
+
+        Raises:
+            ServiceProblemError, ServiceUnreachableError.
+        """
+        return self._send(
+            "POST", "/predict", **self._question(task, instruction, observation, None, {**options, "dry_run": True})
+        )
+
     def stream(
         self,
         task: str,

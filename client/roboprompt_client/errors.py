@@ -72,6 +72,9 @@ class ServiceProblemError(RoboPromptError):
         self.status = status
         self.problem = problem
 
+    def __reduce__(self) -> tuple[type["ServiceProblemError"], tuple[int, Mapping[str, Any]]]:
+        return type(self), (self.status, self.problem)  # so that worker processes can raise it
+
 
 class ServiceUnreachableError(RoboPromptError):
     """The service did not answer: wrong address, not started, gone, or too slow.

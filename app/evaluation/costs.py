@@ -1,0 +1,158 @@
+"""What asking an LLM costs: prices, tokens estimated from a prompt's text, and a budget that trials are paid from."""
+
+import math
+import re
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from app.evaluation.failures import BudgetSpentError
+from app.evaluation.results import Trial
+from app.evaluation.trials import Cell
+from roboprompt_client.errors import InvalidInputError
+
+MILLION = 1_000_000
+# Tokenizers of chat models cut text about so: words with the space before them, long ones in pieces; numbers in groups
+# of three digits; runs of punctuation; remaining spaces. Some write each digit as a token: they count up to twice as
+# many.
+_PIECE = re.compile(r" ?[^\W\d_]{1,6}|\d{1,3}| ?[^\w\s]+|_|\s+")
+
+
+def tokens_of(text: str) -> int:
+    """About how many tokens the text has, for a model whose tokenizer is not at hand."""
+    return sum(1 for _ in _PIECE.finditer(text))
+
+
+@dataclass(frozen=True)
+class Price:
+    """In any currency, for a million tokens.
+
+    Raises:
+        InvalidInputError: if one is negative or not finite.
+    """
+
+    read: float
+    written: float
+
+    def __post_init__(self) -> None:
+        for name, price in (("price-in", self.read), ("price-out", self.written)):
+            if not (math.isfinite(price) and price >= 0):
+                raise InvalidInputError(name, f"is {price:g}", "a finite number, 0 or above")
+
+    def of(self, read: float, written: float) -> float:
+        """What the tokens cost. Cached tokens are counted at the full price, which is above what providers charge."""
+        return (read * self.read + written * self.written) / MILLION
+
+
+Prices = Mapping[str, Price]  # by model
+
+
+def prices_of(models: Sequence[str], read: Sequence[float], written: Sequence[float]) -> Prices:
+    """The models' prices; empty if none are given.
+
+    Args:
+        read, written: one for all models, or one for each.
+
+    Raises:
+        InvalidInputError: if they are of other number, or only one of both is given.
+    """
+    for name, given in (("price-in", read), ("price-out", written)):
+        if len(given) not in (0, 1, len(models)) or bool(read) != bool(written):
+            message = f"is given {len(given)} times"
+            raise InvalidInputError(name, message, f"once, or once for each of {len(models)} models; both or none")
+    if not read:
+        return {}
+    every = [list(given) * (len(models) if len(given) == 1 else 1) for given in (read, written)]
+    return {model: Price(*pair) for model, *pair in zip(models, *every, strict=True)}
+
+
+@dataclass(frozen=True)
+class Usage:
+    """Requests and tokens of some trials, and what they cost; None without prices."""
+
+    requests: float = 0
+    read: float = 0
+    written: float = 0
+    cost: float | None = None
+
+    def __add__(self, other: "Usage") -> "Usage":
+        costs = [cost for cost in (self.cost, other.cost) if cost is not None]
+        return Usage(
+            self.requests + other.requests,
+            self.read + other.read,
+            self.written + other.written,
+            sum(costs) if costs else None,
+        )
+
+
+def used_by(trial: Trial, prices: Prices) -> Usage:
+    """What the service counted for a trial that it answered; the number of requests is not kept."""
+    answer: Mapping[str, Any] = trial.answer or {}
+    usage = answer.get("usage") or {}
+    read, written = usage.get("prompt_tokens", 0), usage.get("completion_tokens", 0)
+    price = prices.get(answer.get("model", ""))
+    return Usage(0, read, written, None if price is None else price.of(read, written))
+
+
+@dataclass
+class Purse:
+    """A budget. Each trial puts its expected cost aside before it asks, and pays what it did cost. Thread-safe.
+
+    Attributes:
+        budget: None: unlimited.
+        expected: what a trial of the cell's task and method costs, as estimated.
+        spent: so far. A trial without usage, by an error or because the provider reports none, counts as expected.
+    """
+
+    budget: float | None
+    prices: Prices
+    expected: Callable[[Cell], float]
+    spent: float = 0.0
+    _aside: dict[tuple[str, int, str], float] = field(default_factory=dict)
+    _factor: float = 1.0
+    _closed: bool = False
+    _changed: threading.Condition = field(default_factory=threading.Condition)
+
+    def put_aside(self, cell: Cell) -> None:
+        """Wait until it is certain whether the trial fits; what others put aside may come back.
+
+        Raises:
+            BudgetSpentError: if it does not fit; no later trial does then.
+        """
+        if self.budget is None:
+            return
+        with self._changed:
+            self._changed.wait_for(lambda: self._closed or not self._aside or self._fits(self._may_cost(cell)))
+            cost = self._may_cost(cell)
+            if self._closed or not self._fits(cost):
+                self._closed = True
+                self._changed.notify_all()
+                raise BudgetSpentError(
+                    f"the next trial may cost {cost:.4g}; of the budget of {self.budget:g}, {self.spent:.4g} is spent"
+                )
+            self._aside[_key(cell)] = cost
+
+    def pay(self, cell: Cell, trial: Trial | None) -> None:
+        """Count what the trial cost; None if it ended in an error."""
+        with self._changed:
+            self._aside.pop(_key(cell), None)
+            expected = self.expected(cell)
+            counted = (None if trial is None else used_by(trial, self.prices).cost) or 0.0
+            certain = trial is not None and not trial.error and counted > 0
+            cost = counted if certain else max(counted, expected)
+            self.spent += cost
+            if expected:
+                self._factor = max(self._factor, cost / expected)
+            self._changed.notify_all()
+
+    def _may_cost(self, cell: Cell) -> float:
+        """As estimated, times the factor by which the worst estimate so far fell short."""
+        return self.expected(cell) * self._factor
+
+    def _fits(self, cost: float) -> bool:
+        return self.budget is None or self.spent + sum(self._aside.values()) + cost <= self.budget
+
+
+def _key(cell: Cell) -> tuple[str, int, str]:
+    return cell.task, cell.seed, cell.method.label

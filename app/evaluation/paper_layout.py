@@ -1,0 +1,130 @@
+"""The paper's tables as the paper prints them: methods in rows, tasks in columns, our rows below the paper's."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from statistics import fmean
+
+from app.evaluation.costs import Prices, Usage, used_by
+from app.evaluation.estimates import shown_cost
+from app.evaluation.paper_tables import PaperPlan, PaperTable
+from app.evaluation.result_tables import markdown_table
+from app.evaluation.results import Evaluation, Method, TaskEvaluation
+from app.evaluation.scores import NOTHING, Score, errors_of, task_score, trials_of
+
+COLUMNS = 8  # tasks side by side, as in Table I
+# The rows of the paper's tables, ours below theirs; what is not named here follows in its own order.
+ORDER = ("RVT-2", "Act3D", "VoxPoser", "KAT")
+HOW_TO_READ = (
+    "Success in percent. Rows `paper` are the paper's (arXiv 2410.12782), from RLBench and a real robot; rows `here`"
+    " are from this project's MuJoCo scenes, which are counterparts and not RLBench itself. Where trials are missing,"
+    " successes and trials stand in brackets: errors are trials that could not be run, and count neither way."
+)
+
+
+def paper_markdown(plan: PaperPlan, evaluation: Evaluation, prices: Prices) -> str:
+    """The contents of `table.md`."""
+    by_task = {task.task: task for task in evaluation.tasks}
+    sections = [part for table in plan.tables for part in _section(plan, table, by_task)]
+    errors = [f"- {number} x {message}" for message, number in errors_of(evaluation)]
+    parts = [
+        "# The paper's tables",
+        HOW_TO_READ,
+        *sections,
+        "## Tokens",
+        "As the provider counted them; cached ones are priced as the others.",
+        markdown_table(["method", "answers", "read", "written", "cost"], _usage_rows(evaluation, prices)),
+        *(["## Errors", "\n".join(errors)] if errors else []),
+        f"Command: `{evaluation.command}`",
+    ]
+    return "\n\n".join(parts) + "\n"
+
+
+def _section(plan: PaperPlan, table: PaperTable, by_task: Mapping[str, TaskEvaluation]) -> Iterator[str]:
+    kind = "Figure" if table.name[0].isdigit() else "Table"
+    yield f"## {kind} {table.name}: {table.title}"
+    scores = [(m, [_score(plan, table, by_task[task], m) for task in table.tasks]) for m in table.methods]
+    columns = table.tasks if table.shows_tasks else ()
+    rows = list(_rows(table, scores))
+    for start in range(0, len(columns) or 1, COLUMNS):
+        part, last = columns[start : start + COLUMNS], start + COLUMNS >= len(columns)
+        header = ["", *part, *(["mean"] if last else [])]
+        yield markdown_table(header, [[label, *_cut(cells, start, len(part), last)] for label, cells in rows])
+    names = ", ".join(table.tasks)
+    yield f"{table.note} {table.episodes} scenes each of: {names}."
+
+
+def _cut(cells: Sequence[str], start: int, number: int, last: bool) -> list[str]:
+    """The columns of one block; the mean is the last of `cells`."""
+    return [*cells[start : start + number], *(cells[-1:] if last else [])]
+
+
+def _rows(table: PaperTable, scores: Sequence[tuple[Method, Sequence[Score]]]) -> Iterator[tuple[str, list[str]]]:
+    """Label and cells of each row: the tasks', if the table shows them, and the mean."""
+    ours = {method.label: (method, row) for method, row in scores}
+    names = dict.fromkeys([*(n for n in ORDER if n in table.published), *table.published, *table.means])
+    names.pop(first := "RoboPrompt", None)
+    last = [first] if first in table.published or first in table.means else []
+    for name in [*names, *last]:
+        yield f"{name}, paper", _published(table, name)
+        if name in ours:
+            yield _here(table, *ours.pop(name))
+    for method, row in ours.values():
+        yield _here(table, method, row)
+
+
+def _published(table: PaperTable, name: str) -> list[str]:
+    row = table.published.get(name)
+    if row is None:
+        return [f"{table.means[name]:.1f}"]
+    return [*(f"{row[task]:g}" for task in table.tasks), f"{fmean(row[task] for task in table.tasks):.1f}"]
+
+
+def _here(table: PaperTable, method: Method, row: Sequence[Score]) -> tuple[str, list[str]]:
+    model = method.options["model"]
+    label = f"{model}, here" if table.name == "III" else f"{method.label}, here ({model})"
+    cells = [_cell(score, table.episodes) for score in row] if table.shows_tasks else []
+    return label, [*cells, _mean(row)]
+
+
+def _cell(score: Score, episodes: int) -> str:
+    rate = score.rate
+    if not rate.trials:
+        return score.not_run or NOTHING
+    missing = [] if rate.trials == episodes else [f"{rate.successes}/{rate.trials}"]
+    noted = ", ".join([*missing, *([score.not_run] if score.not_run else [])])
+    return f"{100 * rate.rate:.0f}" + (f" ({noted})" if noted else "")
+
+
+def _mean(row: Sequence[Score]) -> str:
+    rates = [score.rate.rate for score in row if score.rate.trials]
+    if not rates:
+        return NOTHING
+    some = "" if len(rates) == len(row) else f" ({len(rates)} of {len(row)} tasks)"
+    return f"{100 * fmean(rates):.1f}{some}"
+
+
+def _score(plan: PaperPlan, table: PaperTable, task: TaskEvaluation, method: Method) -> Score:
+    """Of the table's scenes; another table may have more."""
+    end = plan.first_test_seed + table.episodes
+    return task_score(
+        replace(
+            task,
+            trials=tuple(trial for trial in task.trials if trial.seed < end),
+            crashes=tuple(crash for crash in task.crashes if crash.seed < end),
+        ),
+        method,
+    )
+
+
+def _usage_rows(evaluation: Evaluation, prices: Prices) -> Iterator[list[str]]:
+    total, answers = Usage(), 0
+    for method in evaluation.methods:
+        answered = [trial for trial in trials_of(evaluation, method) if trial.answer is not None]
+        usage = sum((used_by(trial, prices) for trial in answered), Usage())
+        total, answers = total + usage, answers + len(answered)
+        yield _usage_row(method.label, len(answered), usage)
+    yield _usage_row("all", answers, total)
+
+
+def _usage_row(label: str, answers: int, usage: Usage) -> list[str]:
+    return [label, str(answers), f"{usage.read:,.0f}", f"{usage.written:,.0f}", shown_cost(usage.cost)]
