@@ -9,7 +9,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from app.cli import evaluate_options as options
+import app.cli.evaluate_options as options
 from app.cli.evaluate_options import PAPER, Asked
 from app.cli.evaluate_plan import command_of, paper_of, sweep_of
 from app.cli.shared import check_models, check_names, check_service
