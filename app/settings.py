@@ -138,7 +138,8 @@ class Settings(BaseSettings):
     embedded_slots: Annotated[int, Field(ge=1, description="predictions that share an embedded model at once")] = 4
     embedded_context_tokens: Annotated[int, Field(ge=512, description="longest prompt plus reply")] = 8192
     embedded_vocabulary: Annotated[
-        Vocabulary, Field(description="trimmed: half the wait and memory; whole: always the model as packaged")
+        Vocabulary,
+        Field(description="trimmed: no tokens of other scripts, shorter waits; whole: as packaged"),
     ] = "trimmed"
     embedded_shared_folder: Annotated[
         Path | None, Field(description="workers share one embedded model through it; `serve --workers` sets it")

@@ -51,20 +51,24 @@ def demo(
     if representation is not None:
         check_names("--representation", [representation], REPRESENTATIONS)
     check_models([] if model is None else [model])
+    folder = report or Path("reports") / f"demo-{datetime.now():%Y%m%d-%H%M%S}"
+    if (data := folder / "data").exists():
+        raise typer.BadParameter(
+            f"{data} holds what an earlier demo taught (valid: another folder)", param_hint="--report"
+        )
     console = Console(stderr=as_json)
     command = shlex.join(["roboprompt", *sys.argv[1:]])
     methods = with_poses(methods_beside(model, representation)[: None if compare else 1], poses)
     plan = Plan(tuple(task or TASKS), methods, episodes, demos, command, images=True)
     columns = (TextColumn("{task.description:<30}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    folder = report or Path("reports") / f"demo-{datetime.now():%Y%m%d-%H%M%S}"
     with Progress(*columns, console=console) as progress:
-        evaluation = run_demo(plan, progress, folder / "data")
+        evaluation = run_demo(plan, progress, data)
     console.print(results_table(evaluation))
     for message, number in errors_of(evaluation):
         console.print(f"{number} trials could not be run: {message}", markup=False)
     index = write_report(evaluation, folder)
     console.print(f"{evaluation.duration_s:.0f} s in all; report: {index}")
-    console.print(f"To walk through it in a browser: roboprompt serve --data {folder / 'data'}", soft_wrap=True)
+    console.print(f"To walk through it in a browser: roboprompt serve --data {data}", soft_wrap=True)
     if as_json:
         print(json.dumps({**summary(evaluation), "report": str(index)}))  # noqa: T201
 

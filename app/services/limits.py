@@ -18,9 +18,10 @@ class ServiceError(RoboPromptError):
     """A use case cannot go on.
 
     ├── NoDemonstrationsError   the task has no episode yet
-    ├── UnparsableReplyError    the LLM's reply is not a list of valid actions; recorded
-    ├── UnsafeReplyError        one of its actions is beyond a bound of motion; recorded
-    └── UnsupportedReplyError   one of its actions is unlike what was demonstrated; recorded
+    └── RefusedReplyError       what the LLM replied is recorded, and not passed on
+        ├── UnparsableReplyError    it is not a list of valid actions
+        ├── UnsafeReplyError        one of its actions is beyond a bound of motion
+        └── UnsupportedReplyError   one of its actions is unlike what was demonstrated
     """
 
 
@@ -31,8 +32,8 @@ class NoDemonstrationsError(ServiceError):
         super().__init__(f"task {task!r} has no demonstrations yet: upload some with POST /episodes")
 
 
-class UnparsableReplyError(ServiceError):
-    """The LLM's reply is not a list of valid actions.
+class RefusedReplyError(ServiceError):
+    """What an LLM replied is not passed on.
 
     Args:
         reply_text: as the LLM gave it.
@@ -45,34 +46,24 @@ class UnparsableReplyError(ServiceError):
         self.prediction_id = prediction_id
 
 
-class UnsafeReplyError(ServiceError):
-    """The LLM's reply asks for an action beyond a bound of motion.
+class UnparsableReplyError(RefusedReplyError):
+    """The LLM's reply is not a list of valid actions."""
 
-    Args:
-        action: what is wrong with which action.
-        reply_text, prediction_id: as in UnparsableReplyError.
-    """
+
+class UnsafeReplyError(RefusedReplyError):
+    """The LLM's reply asks for an action beyond a bound of motion: `action` says which and why."""
 
     def __init__(self, action: UnsafeActionError, reply_text: str, prediction_id: str) -> None:
-        super().__init__(str(action))
+        super().__init__(str(action), reply_text, prediction_id)
         self.action = action
-        self.reply_text = reply_text
-        self.prediction_id = prediction_id
 
 
-class UnsupportedReplyError(ServiceError):
-    """The LLM's reply asks for an action that the demonstrations do not support.
-
-    Args:
-        action: what is wrong with which action.
-        reply_text, prediction_id: as in UnparsableReplyError.
-    """
+class UnsupportedReplyError(RefusedReplyError):
+    """The LLM's reply asks for an action that the demonstrations do not support: `action` says which and why."""
 
     def __init__(self, action: UnsupportedActionError, reply_text: str, prediction_id: str) -> None:
-        super().__init__(str(action))
+        super().__init__(str(action), reply_text, prediction_id)
         self.action = action
-        self.reply_text = reply_text
-        self.prediction_id = prediction_id
 
 
 @dataclass(frozen=True)

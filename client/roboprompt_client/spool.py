@@ -18,6 +18,8 @@ from roboprompt_client.trajectory_npz import npz_from_trajectory
 
 log = logging.getLogger(__name__)
 WAITS_S = (1.0, 2.0, 4.0, 8.0)
+# No or a wrong key, too slow, too many requests: the same recording may be stored later.
+NOT_THE_RECORDINGS_FAULT = (401, 403, 408, 429)
 SCENE, JOURNAL, SENT, REFUSED = "scene.json", "journal", "sent.json", "refused.json"
 
 
@@ -70,7 +72,7 @@ class Spool:
         """Upload one, again and again while the service does not answer.
 
         Raises:
-            ServiceUnreachableError: if it never does; the recording waits.
+            ServiceUnreachableError: if it never does, or takes nothing from this robot at present; the recording waits.
             InvalidInputError: if the recording is none; it stays where it is.
         """
         parts = _parts(folder)
@@ -83,7 +85,7 @@ class Spool:
                 log.warning("%s: again in %g s", error, wait_s)
                 sleep(wait_s)
             except ServiceProblemError as error:
-                if error.status >= 500:
+                if error.status >= 500 or error.status in NOT_THE_RECORDINGS_FAULT:
                     raise ServiceUnreachableError(str(error)) from error
                 (folder / REFUSED).write_text(json.dumps(dict(error.problem)))
                 return Sent(folder, False, error.problem)

@@ -184,3 +184,19 @@ def test_a_calibration_says_what_it_wants(tmp_path):
             Calibration.from_file(file)
     file.write_text('{"base_to_world": {"position": [0, 0, 0.5], "quaternion_xyzw": [0, 0, 0, 1]}}')
     np.testing.assert_allclose(Calibration.from_file(file).to_world(np.zeros(3), DOWN)[0], [0, 0, 0.5])
+
+
+def test_a_stop_while_a_motion_begins_halts_it_before_it_goes_anywhere(arm, body, monkeypatch):
+    before_m = body.position_m.copy()
+    start, stopping = arm.driver.start, threading.Thread(target=arm.stop)
+
+    def stopped_meanwhile(position_m, quaternion_xyzw):
+        stopping.start()
+        stopping.join(0.05)  # the stop waits: what begins after its halt would go on
+        start(position_m, quaternion_xyzw)
+
+    monkeypatch.setattr(arm.driver, "start", stopped_meanwhile)
+    with pytest.raises(MotionError, match="stopped"):
+        arm.execute(to())
+    stopping.join()
+    assert np.linalg.norm(body.position_m - before_m) < 0.02

@@ -134,6 +134,14 @@ def test_a_service_that_stays_away_leaves_it_waiting(spooled):
     assert list(Spool(folder.parent).waiting()) == [folder]
 
 
+@pytest.mark.parametrize("status", [401, 403, 429, 503])
+def test_a_service_that_takes_nothing_from_this_robot_leaves_it_waiting(spooled, status):
+    spool, folder = spooled
+    with pytest.raises(ServiceUnreachableError):
+        spool.send(Service(httpx.Response(status, json={"title": "No"})).client(), folder, lambda _: None)
+    assert list(spool.waiting()) == [folder]
+
+
 def test_a_refusal_is_kept_beside_it(spooled):
     spool, folder = spooled
     problem = {"title": "Unprocessable", "detail": "cube: no such object"}

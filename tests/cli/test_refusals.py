@@ -51,6 +51,13 @@ def test_wrong_choices(words, expected):
     assert expected in said(run)
 
 
+def test_a_demo_is_not_taught_on_top_of_an_earlier_one(tmp_path):
+    (tmp_path / "data").mkdir()
+    run = CliRunner().invoke(application, ["demo", "--report", str(tmp_path)])
+    assert run.exit_code == 2, run.output
+    assert "holds what an earlier demo taught" in said(run)
+
+
 class Stranger(BaseHTTPRequestHandler):
     """Some other server: pages for whoever asks, or a JSON document that is not the service's."""
 

@@ -161,6 +161,10 @@ class UnderstoodOut(BaseModel):
     grounding: list[GroundingOut]
 
 
+DemonstrationIds = Annotated[
+    list[str],
+    Field(description="that the prompt was made of; rows in which they agree may be shown of three of them only"),
+]
 ShownPrompt = Annotated[
     PromptOut | None, Field(description="null for a key that may not read the demonstrations in it (scope read)")
 ]
@@ -175,7 +179,7 @@ class PredictionOut(UnderstoodOut):
     model: str
     representation: str
     prompt_format: str
-    demonstration_ids: list[str]
+    demonstration_ids: DemonstrationIds
     prompt: ShownPrompt
     prefix_hash: Annotated[str, Field(description="equal for equal prompts up to the query: what an LLM's cache keeps")]
     reply_text: str
@@ -194,7 +198,7 @@ class DryRunOut(UnderstoodOut):
     model: str
     representation: str
     prompt_format: str
-    demonstration_ids: list[str]
+    demonstration_ids: DemonstrationIds
     prompt: PromptOut
     prefix_hash: Annotated[str, Field(description="equal for equal prompts up to the query: what an LLM's cache keeps")]
     grammar: str | None
@@ -221,7 +225,7 @@ class StoredPrediction(UnderstoodOut):
     model: str
     representation: str
     prompt_format: str
-    demonstration_ids: list[str]
+    demonstration_ids: DemonstrationIds
     prompt: ShownPrompt
     reply_text: str | None
     actions: list[ActionOut] | None

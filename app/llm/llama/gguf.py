@@ -1,6 +1,6 @@
 """Reads the parts of a GGUF file and writes them again: as much of the format as leaving out tokens needs.
 
-The `gguf` package knows the whole format, and takes 10 s for a vocabulary of 262,144 tokens where this takes one.
+The `gguf` package knows the whole format, and takes ten times as long for a vocabulary of 262,144 tokens.
 The format, version 3: https://github.com/ggml-org/ggml/blob/master/docs/gguf.md
 """
 

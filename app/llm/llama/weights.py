@@ -54,16 +54,15 @@ def find_weights(model: str, settings: LlmSettings) -> Weights:
 
 
 def find_trimmed_weights(model: str, settings: LlmSettings) -> Weights | None:
-    """The weights of `model` without tokens that robots' prompts never need; None where there are no such weights.
-
-    Raises:
-        as `find_weights`.
-    """
+    """The weights of `model` without tokens that robots' prompts never need; None where there are no such weights."""
     if model != "gemma-3-270m" or settings.embedded_vocabulary == "whole":
         return None
-    whole = find_weights(model, settings)
+
+    def trim(new: Path) -> None:
+        vocabulary.trim(find_weights(model, settings)(), new)
+
     path = settings.cache_folder / TRIMMED_GEMMA_FILE
-    return partial(_ready, path, TRIMMED_GEMMA_SHA256, settings.cache_folder, lambda new: vocabulary.trim(whole(), new))
+    return partial(_ready, path, TRIMMED_GEMMA_SHA256, settings.cache_folder, trim)
 
 
 def _file_weights(path: Path) -> Weights:

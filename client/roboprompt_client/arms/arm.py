@@ -21,6 +21,7 @@ from roboprompt_client.trajectory import EndEffectorAction
 
 log = logging.getLogger(__name__)
 Eyes = Callable[[], Observation]
+START_S = 0.2
 
 
 @dataclass(frozen=True)
@@ -64,6 +65,7 @@ class Arm:
         self._tolerance = tolerance
         self._stopped = threading.Event()
         self._moving = threading.Lock()
+        self._starting = threading.Lock()  # a stop comes before a motion begins or after it, never in between
         self._open_width_m = open_width_m
         if not driver.proven:
             log.warning("%s: untested on hardware: keep a hand on the emergency stop", driver.name)
@@ -119,10 +121,14 @@ class Arm:
     def stop(self) -> None:
         """Hold still, from any thread; what was moving raises MotionError, and nothing moves until `recover`."""
         self._stopped.set()
+        begun = self._starting.acquire(timeout=START_S)  # a driver that hangs must not keep the stop from it
         try:
             self.driver.halt()
         except MotionError as error:
             log.error("%s: the stop was not confirmed: %s", self.driver.name, error)
+        finally:
+            if begun:
+                self._starting.release()
 
     def recover(self) -> None:
         """Let the arm move again, after a person has looked; acknowledges the arm's own errors, too."""
@@ -135,8 +141,10 @@ class Arm:
         MotionGuard(self._limits, before=_pose(before)).check(action)
         wanted = self._calibration.to_base(action.position_m, action.quaternion_xyzw)
         self.driver.check(*wanted)
+        with self._starting:
+            self._refuse_if_stopped()
+            self.driver.start(*wanted)
         self._refuse_if_stopped()
-        self.driver.start(*wanted)
         self._wait()
         self._check_arrival(action)
         self._refuse_if_stopped()

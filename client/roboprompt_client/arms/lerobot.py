@@ -7,6 +7,7 @@ last one is refused there, so that a motion is sent in steps. An arm of five joi
 """
 
 import math
+import threading
 import time
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -48,6 +49,7 @@ class LeRobotArm:
             raise MotionError(f"{self.name}: the robot does not observe {', '.join(missing)}")
         self._steps: Iterator[tuple[Array, Array]] = iter(())
         self._halted = False
+        self._sending = threading.Lock()  # no step follows a halt of another thread
 
     def state(self) -> ArmState:
         seen = self._observed()
@@ -72,13 +74,13 @@ class LeRobotArm:
         self._steps = _straight(self.state(), position_m, quaternion_xyzw)
 
     def finished(self) -> bool:
-        step = None if self._halted else next(self._steps, None)
-        if step is None:
-            time.sleep(SETTLE_S)
-            return True
-        self._send(*step, float(self._observed()[GRIPPER]))
-        time.sleep(1 / RATE_HZ)
-        return False
+        grip = float(self._observed()[GRIPPER])
+        with self._sending:
+            step = None if self._halted else next(self._steps, None)
+            if step is not None:
+                self._send(*step, grip)
+        time.sleep(SETTLE_S if step is None else 1 / RATE_HZ)
+        return step is None
 
     def set_gripper(self, *, is_open: bool) -> None:
         now = self.state()
@@ -88,9 +90,10 @@ class LeRobotArm:
 
     def halt(self) -> None:
         """No further step is sent, and the arm is asked to be where it is."""
-        self._halted = True
-        now = self.state()
-        self._send(now.position_m, now.quaternion_xyzw, float(self._observed()[GRIPPER]))
+        with self._sending:
+            self._halted = True
+            now = self.state()
+            self._send(now.position_m, now.quaternion_xyzw, float(self._observed()[GRIPPER]))
 
     def recover(self) -> None:
         if not self._robot.is_connected:
