@@ -1,10 +1,10 @@
-# make setup | dev | demo | serve | test | check | audit | sbom | long | torture | attack | fuzz | soak | growth | bench | metaworld | client | franka | format | openapi | lock
+# make setup | dev | demo | serve | test | check | audit | wheels | sbom | long | torture | attack | fuzz | soak | growth | bench | metaworld | client | franka | format | openapi | lock
 PYTHON ?= python3
 BIN := .venv/bin
 STAMP := .venv/.installed
 DEV_STAMP := .venv/.installed-dev
 
-.PHONY: setup dev demo serve test check audit sbom long torture attack fuzz soak growth bench metaworld client franka lint format openapi lock clean
+.PHONY: setup dev demo serve test check audit wheels sbom long torture attack fuzz soak growth bench metaworld client franka lint format openapi lock clean
 
 setup: $(STAMP)
 
@@ -39,11 +39,15 @@ test: lint
 audit: dev
 	$(BIN)/python .ci/audit
 
+# Whether every pin of the lock has a wheel, by platform and Python version; minutes.
+wheels: dev
+	$(BIN)/python .ci/wheels
+
 # What the container image consists of, and from what the wheel was built: docs/supply-chain.md.
 sbom: dev
 	$(BIN)/python .ci/sbom
 
-check: test audit
+check: test audit wheels
 
 # Half an hour; what mounts file systems needs root.
 torture: dev
