@@ -67,7 +67,7 @@ def test_another_row_than_the_step_s_is_refused(reply):
 def test_the_grammar_of_each_step():
     template = written(lift(0.1), lift(0.3, num_actions=1))
     grammars = [template.at_step(step).codec.grammar(LIFT, 25) for step in range(4)]
-    grasp, raised = " A w: +0 +0 +0 0 36 36 0\n", " A w: +0 +0 +20 0 36 36 1\n"
+    grasp, raised = " A w: +0 +0 +0 0 36 36 0\n", " A o: +0 +0 +20 0 36 36 1\n"
     assert [matches(grammar, " done\n") for grammar in grammars] == [True] * 4
     assert [matches(grammar, f" {k + 1}{grasp}") for k, grammar in enumerate(grammars)] == [True, False, False, False]
     assert [matches(grammar, f" {k + 1}{raised}") for k, grammar in enumerate(grammars)] == [False, True, False, False]

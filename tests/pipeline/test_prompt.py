@@ -50,8 +50,8 @@ EXPECTED = {
         "{'drawer': [30, 65, 29]}>",
     ),
     ("object_frame", "paper"): (
-        "A drawer 42 65 29; open the drawer > 1 A w: +0 +18 +52 0 36 36 1; 2 A w: +0 +18 +52 0 36 36 1\n"
-        "A drawer 50 65 29; open the drawer > 1 A w: +0 +18 +52 0 36 36 1; 2 A w: +0 +18 +52 0 36 36 1\n",
+        "A drawer 42 65 29; open the drawer > 1 A w: +0 +18 +52 0 36 36 1; 2 A w: +0 +18 +52 1\n"
+        "A drawer 50 65 29; open the drawer > 1 A w: +0 +18 +52 0 36 36 1; 2 A w: +0 +18 +52 1\n",
         "A drawer 30 65 29; open it >",
     ),
 }
@@ -80,7 +80,7 @@ def test_the_prefix_is_the_same_bytes_for_every_query(representation):
 
 GRAMMATICAL = {
     "absolute": "[[42, 74, 55, 0, 36, 36, 1], [42, 74, 55, 0, 36, 36, 1]]",
-    "object_frame": " 1 A w: +0 +18 +52 0 36 36 1; 2 A w: +0 +18 +52 0 36 36 1\n",
+    "object_frame": " 1 A w: +0 +18 +52 0 36 36 1; 2 A w: +0 +18 +52 1\n",
 }
 
 

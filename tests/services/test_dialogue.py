@@ -19,7 +19,7 @@ from tests.services.test_predict_actions import ask, recorded
 from tests.services.test_upload_episode import respond, upload
 
 ROW = "[50, 50, 20, 0, 36, 36, 1]"
-RELATIVE = " 1 A w: +0 +0 +20 0 36 36 1; 2 A w: +0 +0 +0 0 36 36 0; 3 A w: +0 +0 +30 0 36 36 0\n"
+RELATIVE = " 1 A w: +0 +0 +20 0 36 36 1; 2 A w: +0 +0 +0 0; 3 A w: +0 +0 +30 0\n"
 CUBE = (ObjectQuery("cube", (0.2, 0.1, 0.8)),)
 REQUEST = PredictRequest("pick", "pick up the cube", CUBE, representation="object_frame")
 

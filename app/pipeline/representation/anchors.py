@@ -22,6 +22,10 @@ CLEARLY_LESS = 0.6  # the share of an object's spread below which the world or t
 WORLD_REACH_M = 4.9  # farther from the world's origin a row has no digits for it
 MANY = 5  # demonstrations from which on a single odd one does not decide
 MOST = 0.8  # the share of many demonstrations that decides
+# Of a single demonstration: a hand that is square to an object's axes has to do with it rather than with a nearer one
+SQUARE = Rotation.create_group("O")  # the 24 rotations that take axes to axes
+MOST_OBLIQUE_RAD = math.radians(20)  # beyond this it is not square to it at all
+OBLIQUE_M_PER_RAD = 0.3 / MOST_OBLIQUE_RAD  # 30 cm of distance for a hand that is not square
 
 
 class Anchor(NamedTuple):
@@ -103,7 +107,8 @@ def choose_anchors(
 ) -> list[list[Anchor]]:
     """For each action of a group of like demonstrations, every demonstration's anchor.
 
-    The one chosen is that whose relative action spreads least over the group.
+    The one chosen is that whose relative action spreads least over the group. A single demonstration does not spread:
+    there the nearest object is chosen to whose axes the hand is square, and its own axes rather than the world's.
 
     Args:
         beyond_objects: whether the world and the start count as well, where they spread clearly less than any object.
@@ -120,7 +125,8 @@ def choose_anchors(
         of_objects = [spreads[k] for spreads in spreads_m[: len(candidates)]]
         best = min(of_objects)
         equal = [c for c, spread in zip(candidates, of_objects, strict=True) if spread <= best + EQUAL_SPREAD_M]
-        choice = chosen[-1] if chosen and chosen[-1] in equal else equal[0]
+        likeliest = equal[-1] if len(group) == 1 else equal[0]
+        choice = chosen[-1] if chosen and chosen[-1] in equal else likeliest
         for anchors, spreads in zip(others, spreads_m[len(candidates) :], strict=True):
             if spreads[k] + EQUAL_SPREAD_M < CLEARLY_LESS * best:
                 best, choice = spreads[k], anchors
@@ -159,14 +165,11 @@ def _beyond_objects(group: Sequence[Demonstration]) -> list[list[Anchor]]:
 
 
 def _spreads_m(group: Sequence[Demonstration], anchors: Sequence[Anchor], tilted: frozenset[str]) -> list[float]:
-    """How far each action differs over the group relative to the anchors; rotations weigh in as metres.
-
-    A single demonstration has no spread: there the nearest object is the likeliest.
-    """
+    """How far each action differs over the group relative to the anchors; rotations weigh in as metres."""
     relative = [_relative_poses(d, anchor, tilted) for d, anchor in zip(group, anchors, strict=True)]
     offsets_m = np.array([offsets for offsets, _ in relative])  # (N, K, 3)
     if len(group) == 1:
-        alone: list[float] = np.linalg.norm(offsets_m[0], axis=1).tolist()
+        alone: list[float] = (np.linalg.norm(offsets_m[0], axis=1) + _oblique_m(relative[0][1])).tolist()
         return alone
     off_m = np.abs(offsets_m - np.median(offsets_m, axis=0)).max(axis=2)
     for k in range(off_m.shape[1]):
@@ -174,6 +177,13 @@ def _spreads_m(group: Sequence[Demonstration], anchors: Sequence[Anchor], tilted
         off_m[:, k] += M_PER_RAD * (rotations.mean().inv() * rotations).magnitude()
     spreads: list[float] = (np.quantile(off_m, MOST, axis=0) if len(group) >= MANY else off_m.max(axis=0)).tolist()
     return spreads
+
+
+def _oblique_m(hands: Rotation) -> Array:
+    """(K,) how far each hand is from square to the axes that it is relative to, as metres."""
+    off_rad = np.min([(turn.inv() * hands).magnitude() for turn in SQUARE], axis=0)
+    oblique: Array = OBLIQUE_M_PER_RAD * np.minimum(off_rad, MOST_OBLIQUE_RAD)
+    return oblique
 
 
 def _relative_poses(demonstration: Demonstration, anchor: Anchor, tilted: frozenset[str]) -> tuple[Array, Rotation]:

@@ -1,11 +1,12 @@
 """Our representation, beyond the paper: each action relative to the object it has to do with.
 
-``A red button 40 41 17 36; B blue button 55 36 17 36; push the red button > 1 A w: +0 +0 +14 0 36 36 0; 2 A w: ...``
+``A red button 40 41 17 36; push the red button > 1 A w: +0 +0 +14 0 36 36 0; 2 A w: +0 +0 +2 0; ...``
 
 Objects stand in the order in which the instruction mentions them, each with a letter. A row has its number, an object's
 letter, one of two frames at the object's position (`w`: world axes, `o`: axes turned with the object), the offset in
-units of 5 mm, the relative rotation in 72 bins and the gripper. A row that follows no object has `world` or `start`
-(where the end effector was at first) instead of letter and frame. Rows of demonstrations that ask for the same thing of
+units of 5 mm, the relative rotation in 72 bins and the gripper. A rotation with the numbers of the row before is left
+out. A row that follows no object has `world` or `start` (where the end effector was at first) instead of letter and
+frame. Rows of demonstrations that ask for the same thing of
 other objects are then the same. A reply is decoded against the CONTINUOUS observed pose, so that the object's own
 binning costs nothing.
 """
@@ -39,8 +40,10 @@ from app.pipeline.representation.object_rows import (
     RowPattern,
     fit_rows,
     groups_of,
+    in_full,
     plans_grammar,
     row_text,
+    shortened,
 )
 from app.pipeline.workspace import ROTATION_BINS, Workspace, position_bins, rotation_bins, rotation_from_bins, yaw_bin
 from roboprompt_client.arrays import Array
@@ -56,6 +59,7 @@ _ROW = re.compile(
 )
 _FENCE = re.compile(r"^```\w*\n?|```$")
 _GRAMMAR_TAIL = """b ::= d " " d " " d " " r " " r " " r " " [01]
+s ::= d " " d " " d (" " r " " r " " r)? " " [01]
 d ::= [+-] ([0-9] | [1-9] [0-9] | [1-9] [0-9] [0-9])
 r ::= [0-9] | [1-6] [0-9] | "7" [01]
 """
@@ -117,7 +121,7 @@ class ObjectFrameCodec:
         rows = self.table[_place(self.demonstrations, demonstration)]
         anchors = [_anchor_text(row.anchor, demonstration.objects, demonstration.instruction) for row in rows]
         numbered = enumerate(zip(rows, anchors, strict=True), start=self.first_row)
-        return "; ".join(row_text(number, anchor, row) for number, (row, anchor) in numbered)
+        return "; ".join(shortened([row_text(number, anchor, row) for number, (row, anchor) in numbered]))
 
     def demonstration_text(self, demonstration: Demonstration) -> str:
         observation = self.observation_text(demonstration.objects, demonstration.instruction)
@@ -145,7 +149,8 @@ class ObjectFrameCodec:
         if (plans := self._plans(instruction)) is not None:
             return plans_grammar(plans, self.first_row, max_actions)
         fewest, most = row_count_bounds(self.demonstrations, instruction, max_actions)
-        rows = [f'"{number} " a ": " b' for number in range(self.first_row, self.first_row + most)]
+        first = self.first_row
+        rows = [f'"{number} " a ": " {"b" if number == first else "s"}' for number in range(first, first + most)]
         optional = ""
         for row in reversed(rows[fewest:]):
             optional = f' ("; " {row}{optional})?'
@@ -169,17 +174,24 @@ class ObjectFrameCodec:
     def _patterns(self, places: Sequence[int], instruction: str) -> list[RowPattern]:
         """Of each row of one plan."""
         shown = [self.demonstrations[place] for place in places]
+        table = list(zip(*(self.table[place] for place in places), strict=True))  # [row][demonstration]
         patterns = []
-        for rows in zip(*(self.table[place] for place in places), strict=True):
+        for rows, before in zip(table, [(None,) * len(shown), *table], strict=False):
             numbers = np.array([row.numbers for row in rows])
             anchors = {
                 _asked_anchor(row.anchor, demonstration, instruction)
                 for row, demonstration in zip(rows, shown, strict=True)
             }
             columns = [frozenset(column.tolist()) for column in numbers.T]
-            grippers = frozenset(int(row.gripper_open) for row in rows)
             patterns.append(
-                RowPattern(tuple(anchors), tuple(columns[:3]), tuple(columns[3:]), grippers, single=len(rows) == 1)
+                RowPattern(
+                    anchors=tuple(anchors),
+                    offsets=tuple(columns[:3]),
+                    bins=tuple(columns[3:]),
+                    grippers=frozenset(int(row.gripper_open) for row in rows),
+                    repeats=frozenset(row.turned_as(last) for row, last in zip(rows, before, strict=True)),
+                    single=len(rows) == 1,
+                )
             )
         return patterns
 
@@ -196,10 +208,10 @@ class ObjectFrameCodec:
 
     def rows(self, reply_text: str, complete: bool) -> list[str]:
         rows = [row.strip() for row in _FENCE.sub("", reply_text.strip()).split(";")]
-        return rows if complete else rows[:-1]
+        return in_full(rows if complete else rows[:-1])
 
     def reply_text(self, rows: Sequence[str]) -> str:
-        return f" {'; '.join(rows)}"
+        return f" {'; '.join(shortened(rows))}"
 
     def decode_rows(
         self,

@@ -4,6 +4,7 @@ The grammar has for each row of a plan its anchor, and a range for every number.
 show, with a margin; a single demonstration leaves none, so that it is copied.
 """
 
+import re
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -24,6 +25,9 @@ JITTER_UNITS = 1
 MARGIN_UNITS = 2  # 1 cm
 MARGIN_BINS = 1  # 5 degrees
 MOST_LISTED = 100  # values; a wider range allows every number
+_OFFSET = r"(?P<offset>[^:]*:(?: [+-]\d{1,3}){3})"
+_ROTATION = re.compile(rf"{_OFFSET}(?P<rotation>(?: \d{{1,2}}){{3}})(?P<gripper> [01])", re.ASCII)
+_NO_ROTATION = re.compile(rf"{_OFFSET}(?P<gripper> [01])", re.ASCII)
 _ANY_OFFSET = "[+-] [0-9]{1,3}"
 _ANY_BIN = '[0-9] | [1-6] [0-9] | "7" [01]'
 
@@ -35,6 +39,10 @@ class Row:
     anchor: Anchor
     numbers: tuple[int, ...]
     gripper_open: bool
+
+    def turned_as(self, other: "Row | None") -> bool:
+        """Whether it has the rotation numbers of the other row."""
+        return other is not None and self.numbers[3:] == other.numbers[3:]
 
 
 def groups_of(demonstrations: Sequence[Demonstration]) -> dict[tuple[str, int | None, int], list[int]]:
@@ -78,10 +86,32 @@ def _calmed(numbers: Integers) -> Integers:
 
 
 def row_text(number: int, anchor: str, row: Row) -> str:
-    """The row as prompts show it and replies are to write it."""
+    """The row with all its numbers."""
     offset = " ".join(f"{value:+d}" for value in row.numbers[:3])
     rotation = " ".join(map(str, row.numbers[3:]))
     return f"{number} {anchor}: {offset} {rotation} {int(row.gripper_open)}"
+
+
+def shortened(rows: Sequence[str]) -> list[str]:
+    """The rows without the rotations that are those of the row before, as prompts show them and replies write them."""
+    short, before = [], ""
+    for row in rows:
+        said = _ROTATION.fullmatch(row)
+        repeats = said is not None and said["rotation"] == before
+        short.append(f"{said['offset']}{said['gripper']}" if said and repeats else row)
+        before = said["rotation"] if said else ""
+    return short
+
+
+def in_full(rows: Sequence[str]) -> list[str]:
+    """The rows with the rotations that `shortened` leaves out; what is no such row stays as it is."""
+    full, before = [], ""
+    for row in rows:
+        short = _NO_ROTATION.fullmatch(row)
+        full.append(f"{short['offset']}{before}{short['gripper']}" if short and before else row)
+        said = _ROTATION.fullmatch(full[-1])
+        before = said["rotation"] if said else ""
+    return full
 
 
 @dataclass(frozen=True)
@@ -93,21 +123,28 @@ class RowPattern:
         offsets: of each axis the values that demonstrations show.
         bins: the same of each rotation.
         grippers: the same of the gripper.
+        repeats: whether the rotation is left out, being that of the row before, in each demonstration.
     """
 
     anchors: tuple[str, ...]
     offsets: tuple[frozenset[int], ...]
     bins: tuple[frozenset[int], ...]
     grippers: frozenset[int]
+    repeats: frozenset[bool]
     single: bool
 
     def grammar(self, number: int) -> str:
         """The row with its number, in GBNF."""
         offsets = " ".join(f'" " {_offset(values, self.single)}' for values in self.offsets)
-        bins = " ".join(f'" " {_bin(values, self.single)}' for values in self.bins)
         gripper = _one_of(str(value) for value in sorted(self.grippers))
         anchor = _one_of(sorted(self.anchors))
-        return f'"{number} " {anchor} ":" {offsets} {bins} " " {gripper}'
+        return f'"{number} " {anchor} ":" {offsets}{self._rotation()} " " {gripper}'
+
+    def _rotation(self) -> str:
+        if self.repeats == {True}:
+            return ""
+        bins = " ".join(f'" " {_bin(values, self.single)}' for values in self.bins)
+        return f" ({bins})?" if True in self.repeats else f" {bins}"
 
 
 Plan = Sequence[RowPattern]

@@ -81,10 +81,28 @@ def test_the_objects_own_frame_needs_its_rotation_in_every_demonstration(without
     assert first != Anchor(CUP, "o")
 
 
-def test_a_single_demonstration_is_told_relative_to_the_nearest_object():
-    actions = [action((0.11, 0.2, 0.8)), action((0.02, 0.31, 0.75))]
-    shown = demonstration("tidy up", [pose(PLATE, (0, 0.3, 0.7), 20), pose(CUP, (0.1, 0.2, 0.7), 10)], actions)
-    assert choose_anchors([shown], LEVEL) == [[Anchor(CUP, "w")], [Anchor(PLATE, "w")]]
+def tidying(plate_yaw_deg, *actions):
+    objects = [pose(PLATE, (0, 0.3, 0.7), plate_yaw_deg), pose(CUP, (0.1, 0.2, 0.7), 10)]
+    return [demonstration("tidy up", objects, actions)]
+
+
+def test_an_action_of_a_single_demonstration_belongs_to_the_nearest_object():
+    shown = tidying(20, action((0.11, 0.2, 0.8), (180, 0, 100)), action((0.02, 0.31, 0.75), (180, 0, 20)))
+    assert choose_anchors(shown, LEVEL) == [[Anchor(CUP, "o")], [Anchor(PLATE, "o")]]
+
+
+def test_of_a_single_demonstration_a_hand_square_to_a_farther_object_belongs_to_that():
+    beside_the_cup = (0.08, 0.22, 0.8)
+    oblique = tidying(40, action(beside_the_cup, (180, 0, 130)))
+    assert choose_anchors(oblique, LEVEL) == [[Anchor(PLATE, "o")]]
+    square_to_both = tidying(100, action(beside_the_cup, (180, 0, 190)))
+    assert choose_anchors(square_to_both, LEVEL) == [[Anchor(CUP, "o")]]
+
+
+def test_of_a_single_demonstration_a_hand_square_to_the_world_keeps_to_it():
+    """A round button has any yaw; the hand does not turn with it."""
+    shown = [demonstration("push", [pose(CUP, (0.1, 0.2, 0.7), 33)], [action((0.1, 0.2, 0.75))])]
+    assert choose_anchors(shown, LEVEL) == [[Anchor(CUP, "w")]]
 
 
 def test_of_equal_pairs_the_previous_rows_goes_on():

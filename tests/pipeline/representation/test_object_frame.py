@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from app.pipeline.errors import ReplyParseError
 from app.pipeline.reply import parse_reply
 from app.pipeline.representation.object_frame import MOST_REPEATED, ObjectFrameCodec
 from app.pipeline.representation.object_rows import OFFSET_UNIT_M
@@ -36,17 +37,41 @@ def lifts(offsets_m=((0, 0, 0.1),) * 3, yaws_deg=(0, 0, 0), follow=False):
 @pytest.mark.parametrize(
     ("shown", "expected"),
     [
-        (lifts(), "1 A w: +0 +0 +20 0 36 36 0; 2 A w: +0 +0 +60 0 36 36 1"),
-        (lifts(((-0.05, 0.02, 0),) * 3), "1 A w: -10 +4 +0 0 36 36 0; 2 A w: -10 +4 +40 0 36 36 1"),
+        (lifts(), "1 A w: +0 +0 +20 0 36 36 0; 2 A w: +0 +0 +60 1"),
+        (lifts(((-0.05, 0.02, 0),) * 3), "1 A w: -10 +4 +0 0 36 36 0; 2 A w: -10 +4 +40 1"),
         (
             lifts(((-0.05, 0.02, 0.3),) * 3, (30,) * 3, follow=True),
-            "1 A o: -10 +4 +60 0 36 42 0; 2 A o: -10 +4 +100 0 36 42 1",
+            "1 A o: -10 +4 +60 0 36 42 0; 2 A o: -10 +4 +100 1",
         ),
     ],
 )
 def test_actions_are_written_in_the_frame_in_which_they_agree(shown, expected):
     codec = fitted(*shown)
     assert [codec.actions_text(demonstration) for demonstration in shown] == [expected] * 3
+
+
+def test_a_rotation_is_left_out_where_it_is_that_of_the_row_before():
+    touch = (0.1, 0.2, 0.8)
+    eulers_deg = [(180, 0, 0), (180, 0, 0), (180, 0, 90), (180, 0, 0)]
+    shown = [demonstration(LIFT, [pose("cup", PLACES[0][0])], [action(touch, euler) for euler in eulers_deg])]
+    codec = fitted(*shown)
+    text = codec.actions_text(shown[0])
+    assert (
+        text == "1 A w: +0 +0 +19 0 36 36 1; 2 A w: +0 +0 +19 1; 3 A w: +0 +0 +19 0 36 54 1; 4 A w: +0 +0 +19 0 36 36 1"
+    )
+    in_full = text.replace("2 A w: +0 +0 +19 1", "2 A w: +0 +0 +19 0 36 36 1")
+    assert codec.rows(text, complete=True) == codec.rows(in_full, complete=True) == in_full.split("; ")
+    assert codec.reply_text(codec.rows(in_full, complete=True)) == f" {text}"
+    assert codec.rows(f"{text};", complete=False) == in_full.split("; ")
+    assert matches(codec.grammar(LIFT, 25), f" {text}\n")
+    assert not matches(codec.grammar(LIFT, 25), f" {in_full}\n")
+
+
+def test_the_first_row_needs_its_rotation():
+    codec = fitted(*lifts())
+    cup = pose("cup", PLACES[0][0])
+    with pytest.raises(ReplyParseError, match="action 0 is '1 A w: "):
+        parse_reply("1 A w: +0 +0 +20 0; 2 A w: +0 +0 +60 0 36 36 1", codec, [cup], LIFT)
 
 
 def test_a_tilted_object_turns_its_frame_fully():
@@ -71,7 +96,7 @@ def test_jitter_of_one_unit_is_calmed_to_the_median():
     # yaws of bins 71, 1 and 0, which are neighbours
     codec = fitted(*(shown := lifts([(0.004, 0, 0.1), (-0.004, 0, 0.104), (0, 0, 0.096)], (176, -176, 180))))
     assert {codec.actions_text(demonstration) for demonstration in shown} == {
-        "1 A w: +0 +0 +20 0 36 0 0; 2 A w: +0 +0 +60 0 36 0 1"
+        "1 A w: +0 +0 +20 0 36 0 0; 2 A w: +0 +0 +60 1"
     }
 
 
