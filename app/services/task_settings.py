@@ -18,6 +18,7 @@ from pydantic import (
     field_validator,
     model_validator,
 )
+from pydantic_core import PydanticKnownError
 
 from app.perception.base import ObjectQuery
 from app.perception.models import model_from_json
@@ -42,7 +43,16 @@ def _no_truth_value(value: object) -> object:
     return value
 
 
+def _no_text(value: object) -> object:
+    if isinstance(value, bool | str):
+        raise PydanticKnownError("int_type")
+    return value
+
+
 Number = Annotated[float, Strict()]  # neither true nor "0.1"
+# For whole numbers: neither true nor "10"; 10.0 is the same number in JSON, and some languages write every number so.
+WHOLE = BeforeValidator(_no_text)
+Truth = Annotated[bool, Strict()]  # neither 1 nor "yes"
 # For numbers that the address of a page may carry as text.
 NOT_A_TRUTH_VALUE = BeforeValidator(_no_truth_value)
 Point = tuple[Number, Number, Number]
@@ -118,7 +128,7 @@ class KeyframeSettings(_Settings):
     delta_rad_s: Annotated[
         float, Field(gt=0, description="0.1 in simulation, 0.01 on a real robot"), NOT_A_TRUTH_VALUE
     ] = SIMULATION_DELTA_RAD_S
-    interval: Annotated[int, Field(ge=1, le=10_000)] = 5
+    interval: Annotated[int, Field(ge=1, le=10_000), NOT_A_TRUTH_VALUE] = 5
     tolerance_m: Annotated[
         float,
         Field(gt=0, le=1, description="waypoints: how far the hand may stray from straight motion"),
@@ -215,9 +225,9 @@ class TaskSettings(_Settings):
     representation: Representation | None = None
     prompt_format: PromptFormat | None = None
     system_prompt: SystemPrompt | None = None
-    num_demonstrations: Annotated[int, Field(ge=1, le=100)] = 10
+    num_demonstrations: Annotated[int, Field(ge=1, le=100), WHOLE] = 10
     num_joints: Annotated[
-        int | None, Field(ge=1, le=MOST_JOINTS, description="of the arm; null: the first episode decides")
+        int | None, Field(ge=1, le=MOST_JOINTS, description="of the arm; null: the first episode decides"), WHOLE
     ] = None
     gripper_open_above_m: Annotated[
         Number | None,

@@ -11,7 +11,7 @@ from app.api.schemas import examples
 from app.perception.base import ObjectQuery
 from app.services.predict.question import Unsupported
 from app.services.predict.select import Selection
-from app.services.task_settings import Number, PromptFormat, Representation, SystemPrompt, plain_text
+from app.services.task_settings import WHOLE, Number, PromptFormat, Representation, SystemPrompt, Truth, plain_text
 from roboprompt_client.arrays import unit_quaternions
 from roboprompt_client.camera import Camera
 from roboprompt_client.errors import InvalidInputError
@@ -22,6 +22,7 @@ Position = tuple[Number, Number, Number]
 Quaternion = tuple[Number, Number, Number, Number]
 Row4 = tuple[Number, Number, Number, Number]
 Name = Annotated[str, Field(min_length=1, max_length=64)]
+MaskId = Annotated[int, WHOLE]
 Instruction = Annotated[str, Field(min_length=1, max_length=500)]
 
 
@@ -44,7 +45,7 @@ class ObjectIn(RequestModel):
     name: Name
     position: Annotated[Position | None, Field(description="metres, world frame")] = None
     quaternion_xyzw: Annotated[Quaternion | None, Field(description="unit quaternion, world frame")] = None
-    mask_ids: Annotated[list[int], Field(max_length=64, description="ids of its pixels in mask_NAME")] = []
+    mask_ids: Annotated[list[MaskId], Field(max_length=64, description="ids of its pixels in mask_NAME")] = []
 
     def query(self) -> ObjectQuery:
         """As perception wants it."""
@@ -58,8 +59,8 @@ class Intrinsics(RequestModel):
     fy: Number
     cx: Number
     cy: Number
-    width: Annotated[int | None, Field(gt=0, description="of the images; checked where given")] = None
-    height: Annotated[int | None, Field(gt=0)] = None
+    width: Annotated[int | None, Field(gt=0, description="of the images; checked where given"), WHOLE] = None
+    height: Annotated[int | None, Field(gt=0), WHOLE] = None
 
 
 class CameraIn(RequestModel):
@@ -169,7 +170,7 @@ class PredictBody(RequestModel):
             "(max_step_m, max_step_rotation_deg), but for later steps of a closed loop"
         ),
     ] = None
-    num_demonstrations: Annotated[int | None, Field(ge=1, le=100)] = None
+    num_demonstrations: Annotated[int | None, Field(ge=1, le=100), WHOLE] = None
     selection: Annotated[
         Selection,
         Field(
@@ -177,7 +178,7 @@ class PredictBody(RequestModel):
             "diverse: those whose objects stand farthest apart"
         ),
     ] = "first"
-    seed: Annotated[int, Field(ge=0, le=2**31 - 1, description="for selection random and for sampling")] = 0
+    seed: Annotated[int, Field(ge=0, le=2**31 - 1, description="for selection random and for sampling"), WHOLE] = 0
     num_samples: Annotated[
         int,
         Field(
@@ -186,12 +187,13 @@ class PredictBody(RequestModel):
             description="replies to ask for at once; the actions are the median of those with the most common number "
             "of actions, who must be more than half",
         ),
+        WHOLE,
     ] = 1
     temperature: Annotated[
-        float | None, Field(ge=0, le=2, description="left out: 0, or 0.5 for several samples of the same prompt")
+        Number | None, Field(ge=0, le=2, description="left out: 0, or 0.5 for several samples of the same prompt")
     ] = None
     permute_demonstrations: Annotated[
-        bool, Field(description="every sample but the first sees the demonstrations in an order of its own")
+        Truth, Field(description="every sample but the first sees the demonstrations in an order of its own")
     ] = False
     episode_ids: Annotated[
         list[str] | None, Field(min_length=1, max_length=100, description="exactly these demonstrations, in this order")
@@ -201,7 +203,7 @@ class PredictBody(RequestModel):
     prompt_format: PromptFormat | None = None
     system_prompt: Annotated[SystemPrompt | None, Field(description="a, b, c, kat, none or free text")] = None
     closed_loop: Annotated[
-        bool, Field(description="only the next action; the demonstrations must have tracked their objects")
+        Truth, Field(description="only the next action; the demonstrations must have tracked their objects")
     ] = False
     after: Annotated[
         str | None,
@@ -216,16 +218,16 @@ class PredictBody(RequestModel):
             "severity danger; objects that are not clear are refused either way"
         ),
     ] = "refuse"
-    max_actions: Annotated[int, Field(ge=1, le=100)] = MAX_ACTIONS
-    timeout_s: Annotated[float, Field(ge=0.1, le=600)] = 60.0
+    max_actions: Annotated[int, Field(ge=1, le=100), WHOLE] = MAX_ACTIONS
+    timeout_s: Annotated[Number, Field(ge=0.1, le=600)] = 60.0
     unsupported: Annotated[
         Unsupported,
         Field(description="allow: actions unlike what was demonstrated are answered with a finding instead of refused"),
     ] = "refuse"
     stream_text: Annotated[
-        bool, Field(description="with `Accept: text/event-stream`: the reply's text, too, in events `text`")
+        Truth, Field(description="with `Accept: text/event-stream`: the reply's text, too, in events `text`")
     ] = False
-    dry_run: Annotated[bool, Field(description="answer with the prompt, ask no LLM")] = False
+    dry_run: Annotated[Truth, Field(description="answer with the prompt, ask no LLM")] = False
 
 
 class OutcomeBody(RequestModel):
@@ -233,5 +235,5 @@ class OutcomeBody(RequestModel):
 
     model_config = ConfigDict(extra="forbid", json_schema_extra={"examples": [examples.OUTCOME]})
 
-    success: bool
+    success: Truth
     note: Annotated[Annotated[str, AfterValidator(plain_text)] | None, Field(max_length=2000)] = None
