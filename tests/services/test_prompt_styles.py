@@ -75,4 +75,6 @@ def test_episodes_are_shown_in_the_papers_representation_whatever_the_prompts_ar
     with taught.store.read() as connection:
         task = tasks.get(connection, "pick")
         (record,) = episodes.list_page(connection, "pick", 10, None).items
-    assert episode_document(record, task)["observation_text"].startswith("{'cube': [")
+    assert episode_document(record, TaskSettings.model_validate(task.settings))["observation_text"].startswith(
+        "{'cube': ["
+    )

@@ -20,6 +20,7 @@ from app.perception.images import as_image
 from app.pipeline.episode import Episode
 from app.services.container import Services
 from app.services.limits import Limits
+from app.services.task_settings import TaskSettings
 from app.services.teach.upload import SCOPE, Upload, content_digest
 from app.store import episodes, idempotency, tasks, trajectories
 from app.store.errors import NotFoundError
@@ -109,7 +110,7 @@ def list_episodes(
     services.limits.check_page(limit)
     with services.store.read() as connection:
         listed = tasks.list_all(connection) if task is None else [tasks.get(connection, task)]
-        known = {record.name: record for record in listed}
+        known = {record.name: TaskSettings.model_validate(record.settings) for record in listed}
         page = episodes.list_page(connection, task, limit, cursor)
     documents = [episode_document(record, known[record.task]) for record in page.items]
     return JSONResponse({"episodes": documents, "next_cursor": page.next_cursor})
@@ -126,7 +127,7 @@ def get_episode(services: Wired, episode_id: str) -> Response:
     with services.store.read() as connection:
         record = episodes.get(connection, episode_id)
         task = tasks.get(connection, record.task)
-    return JSONResponse(episode_document(record, task))
+    return JSONResponse(episode_document(record, TaskSettings.model_validate(task.settings)))
 
 
 @router.get(
