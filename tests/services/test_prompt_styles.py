@@ -5,7 +5,6 @@ from pydantic import ValidationError
 
 from app.api.documents import episode_document
 from app.llm.base import ModelProfile
-from app.services.predict.question import PredictRequest
 from app.services.predict.write import QuestionWriter
 from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks
@@ -25,7 +24,7 @@ def taught(scripted):
 
 
 def question(services, profile=CHAT, **options):
-    return QuestionWriter(services.store, lambda name: profile)(PredictRequest(**{**vars(REQUEST), **options}), {})
+    return QuestionWriter(services.store, lambda name: profile)(REQUEST.with_options(**options), {})
 
 
 @pytest.mark.parametrize(

@@ -43,7 +43,7 @@ _showing: set[asyncio.Task[None]] = set()  # the event loop itself holds its tas
 async def watched(notes: UnderWayNotes, question: Question) -> AsyncIterator[None]:
     """Let the prediction be seen while the body runs, if it runs for long. The body waits for nothing of this."""
     request, now_s = question.request, time.time()
-    deadline_s = now_s + request.timeout_s + GRACE_S
+    deadline_s = now_s + request.options.timeout_s + GRACE_S
     note = UnderWay(uuid4().hex, request.task, request.instruction, question.profile.name, now_s, deadline_s)
     ended = asyncio.Event()
 
@@ -118,7 +118,7 @@ class PredictActions:
             return None
         with timed(timings_ms, "words"):
             async with self._models.using(self._write_question.model_of(request)) as model:
-                return await ask_meaning(model, request.instruction, error.choices, request.timeout_s)
+                return await ask_meaning(model, request.instruction, error.choices, request.options.timeout_s)
 
     async def __call__(self, request: PredictRequest) -> Prediction:
         """Predict and record.

@@ -19,6 +19,7 @@ from app.services.limits import NoDemonstrationsError, UnparsableReplyError, Uns
 from app.services.measures import Timings
 from app.services.predict.ask import PredictActions
 from app.services.predict.dialogue import Dialogue
+from app.services.predict.options import PredictOptions
 from app.services.predict.question import PredictedAction, PredictRequest, Question
 from app.services.predict.sampled import SampledDialogue
 from app.services.predict.select import recordings_of
@@ -164,11 +165,8 @@ def _request(task: str, model: str, recording: Recording, others: Sequence[str])
         task,
         demonstration.instruction,
         objects,
-        model=model,
-        episode_ids=tuple(others),
-        timeout_s=ASKED_TIMEOUT_S,
         end_effector=end_effector,
-        unsupported="allow",
+        options=PredictOptions(model=model, episode_ids=tuple(others), timeout_s=ASKED_TIMEOUT_S, unsupported="allow"),
     )
 
 
