@@ -13,16 +13,16 @@ from pydantic import (
     BeforeValidator,
     ConfigDict,
     Field,
-    Strict,
     ValidationInfo,
     field_validator,
     model_validator,
 )
-from pydantic_core import PydanticKnownError
 
 from app.perception.base import ObjectQuery
-from app.perception.models import model_from_json
+from app.perception.models import AsObjectModel, model_from_json
+from app.perception.object_model import ObjectModelError
 from app.perception.registry import pose_estimator
+from app.perception.strict import WHOLE, Number
 from app.pipeline.geometry import canonical_pose
 from app.pipeline.keyframes import SIMULATION_DELTA_RAD_S, KeyframeRule, Rule
 from app.pipeline.keyframes.rule import TOLERANCE_DEG, TOLERANCE_M
@@ -43,16 +43,6 @@ def _no_truth_value(value: object) -> object:
     return value
 
 
-def _no_text(value: object) -> object:
-    if isinstance(value, bool | str):
-        raise PydanticKnownError("int_type")
-    return value
-
-
-Number = Annotated[float, Strict()]  # neither true nor "0.1"
-# For whole numbers: neither true nor "10"; 10.0 is the same number in JSON, and some languages write every number so.
-WHOLE = BeforeValidator(_no_text)
-Truth = Annotated[bool, Strict()]  # neither 1 nor "yes"
 # For numbers that the address of a page may carry as text.
 NOT_A_TRUTH_VALUE = BeforeValidator(_no_truth_value)
 Point = tuple[Number, Number, Number]
@@ -214,7 +204,7 @@ class TaskSettings(_Settings):
     keyframes: KeyframeSettings = KeyframeSettings()
     pose_estimator: Annotated[str, AfterValidator(_known_estimator)] = "given"
     object_models: Annotated[
-        dict[str, dict[str, Any]],
+        dict[str, Annotated[dict[str, Any], AsObjectModel()]],
         AfterValidator(_known_models),
         Field(
             description="per object what is known of it beforehand; its `estimator` (cuboid, markers, masks, remote) "
@@ -311,7 +301,7 @@ class TaskSettings(_Settings):
         check_aliases_of(self.aliases, known)
         for name in self.object_models:
             if name not in known:
-                raise InvalidInputError(f"object_models[{name}]", "is no object of the task", ", ".join(known))
+                raise ObjectModelError(name, "is no object of the task", ", ".join(known))
 
     def with_models(self, objects: Iterable[ObjectQuery]) -> tuple[ObjectQuery, ...]:
         """The objects with what the task knows of them."""

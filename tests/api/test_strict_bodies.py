@@ -1,13 +1,18 @@
 """In no field of a body does `true` count as 1, or text as a number or a truth value."""
 
 import pytest
-from pydantic import ValidationError
+from pydantic import TypeAdapter, ValidationError
 
 from app.api.schemas.poses import LearnBody, PosesBody
 from app.api.schemas.requests import EpisodeMetadata, OutcomeBody, PredictBody
+from app.perception.cuboid.model import ColorModel, CuboidModel, Rank
+from app.perception.markers.model import Marker, MarkersModel
+from app.perception.models import MasksModel, RemoteModel
 from app.services.task_settings import KeyframeSettings, TaskSettings
 
 BODIES = (EpisodeMetadata, LearnBody, OutcomeBody, PosesBody, PredictBody, TaskSettings)
+PARTS = (ColorModel, CuboidModel, Marker, MarkersModel, MasksModel, Rank, RemoteModel)
+PARTS_OF_OBJECT_MODELS = {part.__name__: part for part in PARTS}
 WRONG = {"integer": (True, "5", 5.5), "number": (True, "0.5"), "boolean": (1, 0.0, "yes")}
 
 
@@ -39,7 +44,9 @@ def nested(path, value):
 
 
 def of_name(model, name):
-    """The model class of a definition's name."""
+    """What validates a definition of that name."""
+    if name in PARTS_OF_OBJECT_MODELS:
+        return TypeAdapter(PARTS_OF_OBJECT_MODELS[name])
     todo, seen = [model], set()
     while todo:
         kind = todo.pop()
@@ -61,7 +68,8 @@ def classes(annotation):
 def refused_at(model, path, value):
     """The places that pydantic names."""
     try:
-        model.model_validate(nested(path, value))
+        validate = model.validate_python if isinstance(model, TypeAdapter) else model.model_validate
+        validate(nested(path, value))
     except ValidationError as error:
         return {tuple(item["loc"])[: len(path)] for item in error.errors()}
     return set()

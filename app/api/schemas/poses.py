@@ -5,7 +5,8 @@ from typing import Annotated, Any
 from pydantic import BaseModel, Field
 
 from app.api.schemas.requests import CameraIn, MaskId, Name, RequestModel
-from app.services.task_settings import WHOLE
+from app.perception.models import AsObjectModel
+from app.perception.strict import WHOLE
 
 
 class LearnBody(RequestModel):
@@ -22,7 +23,10 @@ class PoseQuestionIn(RequestModel):
 
     name: Name
     mask_ids: Annotated[tuple[MaskId, ...], Field(max_length=64, description="ids of its pixels in mask_NAME")] = ()
-    model: Annotated[dict[str, Any] | None, Field(description="an object model, as in a task's `object_models`")] = None
+    model: Annotated[
+        Annotated[dict[str, Any], AsObjectModel()] | None,
+        Field(description="an object model, as in a task's `object_models`"),
+    ] = None
 
 
 class PosesBody(RequestModel):
@@ -35,7 +39,9 @@ class PosesBody(RequestModel):
 class LearnedOut(BaseModel):
     """What was learned of a task's objects."""
 
-    object_models: Annotated[dict[str, dict[str, Any]], Field(description="as the task now has them, by object")]
+    object_models: Annotated[
+        dict[str, Annotated[dict[str, Any], AsObjectModel()]], Field(description="as the task now has them, by object")
+    ]
     refused: Annotated[
         dict[str, str], Field(description="why nothing was learned of an object; its poses come as before")
     ]

@@ -4,8 +4,9 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from app.perception.strict import WHOLE, Number, Truth
 from app.services.predict.select import Selection
-from app.services.task_settings import WHOLE, Number, PromptFormat, Representation, SystemPrompt, Truth
+from app.services.task_settings import PromptFormat, Representation, SystemPrompt
 from roboprompt_client.motion_limits import MAX_ACTIONS
 
 SAMPLES_TEMPERATURE = 0.5
