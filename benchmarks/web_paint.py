@@ -16,7 +16,7 @@ from rich.table import Table
 
 from app.evaluation.server import running_server
 from app.services.task_settings import TaskSettings
-from app.store import episodes, tasks
+from app.store import episodes, tasks, trajectories
 from app.store.records import EpisodeDraft
 from app.store.store import Store
 from app.store.values import CameraRecord, KeyframeRecord, ObjectRecord
@@ -69,7 +69,8 @@ def draft(task: str, trajectory: Trajectory, camera: CameraRecord) -> EpisodeDra
         given_objects=tuple({"name": item.name, "mask_ids": []} for item in objects),
         cameras=(camera,),
         extra={},
-        trajectory=trajectory,
+        num_frames=len(trajectory),
+        trajectory=trajectories.pack(trajectory),
     )
 
 

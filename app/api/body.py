@@ -4,7 +4,7 @@ A MessagePack document is bounded while it is unpacked.
 """
 
 import base64
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -26,6 +26,7 @@ from app.api.body_limits import (
     JsonBudgetError,
     content_type_of,
 )
+from app.api.unique_keys import check_unique_keys, unique_members
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.packed_array import is_packed_array, npy_from_packed
 
@@ -55,12 +56,17 @@ class _Counter:
             raise _TooManyError
         return container
 
+    def members(self, pairs: Sequence[tuple[Any, Any]]) -> dict[Any, Any]:
+        """A map that is complete, as a dictionary."""
+        return unique_members(self(pairs))
+
 
 def unpacked(data: bytes) -> dict[str, Any]:
     """The document, its arrays as maps and its bytes as they are.
 
     Raises:
-        HTTPException: 413 for too many values, 400 for what is not MessagePack, or no map with keys of text.
+        HTTPException: 413 for too many values, 400 for what is not MessagePack, no map with keys of text, or a map with
+            the same key twice.
     """
     counted = _Counter()
     try:
@@ -71,8 +77,10 @@ def unpacked(data: bytes) -> dict[str, Any]:
             max_ext_len=0,
             strict_map_key=True,
             list_hook=counted,
-            object_hook=counted,
+            object_pairs_hook=counted.members,
         )
+    except HTTPException:
+        raise
     except _TooManyError:
         raise HTTPException(413, f"a MessagePack document may have at most {MAX_VALUES} values") from None
     except Exception as error:  # msgpack's own errors have no common class; some are ValueError, some are not
@@ -196,11 +204,11 @@ def _metadata(data: bytes) -> dict[str, Any]:
         JsonBudget().feed(data)
     except JsonBudgetError as error:
         raise HTTPException(error.status, f"metadata: {error}") from None
-    return _json_object(data, "metadata")
+    return json_object(data, "metadata")
 
 
 def _read_json(data: bytes, most: int) -> Body:
-    document = _json_object(data, "body")
+    document = json_object(data)
     images = {name: document.pop(name) for name in [*document] if name.startswith(IMAGE_PREFIXES)}
     if TRAJECTORY not in document:
         _check_document(len(data) - sum(len(value) for value in images.values() if isinstance(value, str)), most)
@@ -230,9 +238,15 @@ def _packed_image(name: str, value: object) -> bytes:
     raise InvalidInputError(name, f"is a {type(value).__name__}", "an array, or the image file's bytes")
 
 
-def _json_object(data: bytes, where: str) -> dict[str, Any]:
+def json_object(data: bytes, where: str = "body") -> dict[str, Any]:
+    """The document.
+
+    Raises:
+        HTTPException: 400 for what is not JSON, no object, or one that has the same key twice, at any depth.
+    """
     try:
         value = from_json(data)  # unlike json.loads it takes no half of a surrogate pair, which nothing can store
+        check_unique_keys(data)
     except ValueError as error:
         raise HTTPException(400, f"{where} is not JSON: {error}") from None
     if not isinstance(value, dict):

@@ -12,15 +12,14 @@ from app.pipeline.workspace import Workspace, discretize_action, object_bins
 from app.services.predict.evidence import Standing, TaskStats
 from app.services.predict.question import Prediction, Question
 from app.services.task_settings import TaskSettings
-from app.store.records import ConfigurationCounts, EpisodeRecord, JobRecord, PredictionRecord, TaskRecord
+from app.store.records import ConfigurationCounts, EpisodeFields, EpisodeRecord, JobRecord, PredictionRecord, TaskRecord
 from app.store.values import JsonObject, KeyframeRecord, ObjectRecord
 from app.store.visibility import present
 from roboprompt_client.metadata import camera_json
 
 
-def episode_document(record: EpisodeRecord, task: TaskRecord) -> JsonObject:
+def episode_document(record: EpisodeFields, settings: TaskSettings) -> JsonObject:
     """An `EpisodeOut`, or a `ListedEpisode` of a record without `extra`."""
-    settings = TaskSettings.model_validate(task.settings)
     workspace = settings.workspace.workspace()
     poses = settings.canonical(tuple(item.pose() for item in record.objects))
     actions = tuple(keyframe.action() for keyframe in record.keyframes)

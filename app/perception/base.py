@@ -6,16 +6,18 @@ known of its objects; from such scenes models are learned.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol, Self
+from typing import Any, Protocol, Self, TypeVar
 
 import numpy as np
 
 from app.perception.models import model_from_json
-from app.perception.object_model import ObjectModel
+from app.perception.object_model import ObjectModel, ObjectModelError
 from roboprompt_client.camera import RgbdFrame
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.trajectory import ObjectPose
 from roboprompt_client.wording import checked_name
+
+M = TypeVar("M", bound=ObjectModel)
 
 
 @dataclass(frozen=True)
@@ -51,6 +53,21 @@ class ObjectQuery:
             tuple(value["mask_ids"]),
             None if model is None else model_from_json(value["name"], model),
         )
+
+
+def model_of(query: ObjectQuery, kind: type[M], example: str) -> M:
+    """What is known of the object, if it is for the estimator that asks.
+
+    Args:
+        example: a model as JSON, for whoever gave none.
+
+    Raises:
+        ObjectModelError: if there is none, or it is for another estimator.
+    """
+    if isinstance(query.model, kind):
+        return query.model
+    what = "is missing" if query.model is None else f"is for the estimator {query.model.estimator!r}"
+    raise ObjectModelError(query.name, what, example)
 
 
 class PoseEstimator(Protocol):

@@ -91,7 +91,7 @@ class MaskedPoints:
         if not means_m:
             cameras = ", ".join(frame.camera.name for frame, _ in frames)
             message = f"no camera ({cameras}) has pixels with id {list(query.mask_ids)} and known depth"
-            raise ObjectNotVisibleError(f"objects[{query.name}]", message, "mask_ids that some mask image contains")
+            raise ObjectNotVisibleError(query.name, message, "mask_ids that some mask image contains")
         position_m = np.mean(list(means_m.values()), axis=0)
         pose = ObjectPose(query.name, position_m, None, estimator="masks", cameras=tuple(means_m))
         if not (isinstance(query.model, MasksModel) and query.model.rotation):

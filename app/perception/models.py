@@ -1,21 +1,27 @@
 """Object models from JSON, by the estimator that reads them; those of `masks` and `remote` are defined here.
 
 A task's setting `object_models` is ``{"red cube": {"estimator": "cuboid", "size_m": [...], ...}}``. To add a kind of
-model, write a subclass of `ObjectModel` and name it in `MODELS`.
+model, write a subclass of `ObjectModel` and name it in `AnyModel` and `MODELS`.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from functools import cache
+from typing import Annotated, Any, Literal
 
 import httpx
+from pydantic import Field, GetJsonSchemaHandler, TypeAdapter, ValidationError
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema, ErrorDetails
 
 from app.perception.cuboid.model import CuboidModel
 from app.perception.markers.model import MarkersModel
-from app.perception.object_model import MIN_CONFIDENCE, ObjectModel, number, one_of, within
+from app.perception.object_model import MIN_CONFIDENCE, Confidence, ObjectModel, one_of, within
+from app.perception.strict import Number, Truth
 from roboprompt_client.errors import InvalidInputError
 
 MAX_TIMEOUT_S = 300.0
+_URL = "an address like http://127.0.0.1:8000/poses"
 
 
 @dataclass(frozen=True)
@@ -27,12 +33,11 @@ class MasksModel(ObjectModel):
         yaw_symmetry_deg: 90 for a square footprint; 180 for one with a longer side, which then is the x axis.
     """
 
-    estimator: Literal["masks"] = field(default="masks", init=False)
-    rotation: bool = False
-    yaw_symmetry_deg: float = 90.0
+    estimator: Literal["masks"] = field(default="masks", kw_only=True)
+    rotation: Truth = False
+    yaw_symmetry_deg: Annotated[Number, Field(json_schema_extra={"enum": [90, 180]})] = 90.0
 
     def __post_init__(self) -> None:
-        one_of("rotation", self.rotation, (False, True))
         one_of("yaw_symmetry_deg", self.yaw_symmetry_deg, (90, 180))
 
 
@@ -48,53 +53,96 @@ class RemoteModel(ObjectModel):
         min_confidence: a pose that is less certain is refused.
     """
 
-    estimator: Literal["remote"] = field(default="remote", init=False)
-    url: str
-    timeout_s: float = 10.0
-    model: Mapping[str, Any] | None = None
-    min_confidence: float = MIN_CONFIDENCE
+    estimator: Literal["remote"] = field(default="remote", kw_only=True)
+    url: Annotated[str, Field(description=_URL)]
+    timeout_s: Annotated[
+        Number, Field(gt=0, le=MAX_TIMEOUT_S, description=f"seconds, above 0 and up to {MAX_TIMEOUT_S:g}")
+    ] = 10.0
+    model: dict[str, Any] | None = None
+    min_confidence: Confidence = MIN_CONFIDENCE
 
     def __post_init__(self) -> None:
         _check_url(self.url)
-        valid = f"seconds, above 0 and up to {MAX_TIMEOUT_S:g}"
-        if number("timeout_s", self.timeout_s, valid=valid, low=0.0, high=MAX_TIMEOUT_S) == 0:
-            raise InvalidInputError("timeout_s", f"is {self.timeout_s!r}", valid)
-        number("min_confidence", self.min_confidence, valid="a number in 0..1", low=0.0, high=1.0)
-        if self.model is not None and not isinstance(self.model, Mapping):
-            raise InvalidInputError("model", f"is {self.model!r}", "a JSON object, or null")
 
 
-def _check_url(url: object) -> None:
-    valid = "an address like http://127.0.0.1:8000/poses"
+def _check_url(url: str) -> None:
     try:
-        parsed = httpx.URL(url) if isinstance(url, str) else httpx.URL("")
+        parsed = httpx.URL(url)
     except httpx.InvalidURL as error:
-        raise InvalidInputError("url", f"is {url!r}: {error}", valid) from None
+        raise InvalidInputError("url", f"is {url!r}: {error}", _URL) from None
     if parsed.scheme not in ("http", "https") or not parsed.host:
-        raise InvalidInputError("url", f"is {url!r}", valid)
+        raise InvalidInputError("url", f"is {url!r}", _URL)
     if parsed.userinfo:
-        raise InvalidInputError("url", "has a user name or password in it, which everyone can read", valid)
+        raise InvalidInputError("url", "has a user name or password in it, which everyone can read", _URL)
 
 
-MODELS: Mapping[str, type[ObjectModel]] = {
-    "cuboid": CuboidModel,
-    "masks": MasksModel,
-    "markers": MarkersModel,
-    "remote": RemoteModel,
-}
+AnyModel = Annotated[CuboidModel | MasksModel | MarkersModel | RemoteModel, Field(discriminator="estimator")]
+_ADAPTER: TypeAdapter[CuboidModel | MasksModel | MarkersModel | RemoteModel] = TypeAdapter(AnyModel)
+MODELS = ("cuboid", "masks", "markers", "remote")
 
 
-def model_from_json(name: str, value: Mapping[str, Any]) -> ObjectModel:
+class AsObjectModel:
+    """Documents a JSON object as an object model, of one kind or another."""
+
+    def __get_pydantic_json_schema__(self, _: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        """What the OpenAPI document says of it."""
+        return handler(_ADAPTER.core_schema)
+
+
+def model_from_json(name: str, value: Mapping[str, Any], where: str | None = None) -> ObjectModel:
     """The model of the object `name`; the inverse of `as_json`.
 
+    Args:
+        where: path of the model; ``object_models[NAME]`` if none is named.
+
     Raises:
-        InvalidInputError: naming the field as ``object_models[NAME].FIELD``, its value and what is valid.
+        InvalidInputError: naming the field below `where`, its value and what is valid.
     """
-    where = f"object_models[{name}]"
-    estimator = value.get("estimator") if isinstance(value, Mapping) else None
-    if not isinstance(estimator, str) or estimator not in MODELS:
-        raise InvalidInputError(f"{where}.estimator", f"is {estimator!r}", ", ".join(MODELS))
     try:
-        return MODELS[estimator].from_json(value)
-    except InvalidInputError as error:
-        raise within(where, error) from None
+        return _ADAPTER.validate_python(value)
+    except ValidationError as error:
+        raise _refusal(where or f"object_models[{name}]", error.errors()[0]) from None
+
+
+def _refusal(where: str, error: ErrorDetails) -> InvalidInputError:
+    """What pydantic says of a model, with its field named as in the rest of the service."""
+    kind, value = error["type"], error["input"]
+    if not error["loc"]:
+        estimator = value.get("estimator") if isinstance(value, Mapping) else None
+        return InvalidInputError(f"{where}.estimator", f"is {estimator!r}", ", ".join(MODELS))
+    tag, *path = error["loc"]
+    within_list = isinstance(path[-1], int) if path else False
+    while path and isinstance(path[-1], int) and kind != "dataclass_type":
+        path.pop()  # of three numbers, all are meant
+    field_name = where + "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in path)
+    own = error.get("ctx", {}).get("error")
+    if isinstance(own, InvalidInputError):
+        return within(field_name, own)
+    if kind in ("missing", "unexpected_keyword_argument") and not within_list:
+        known = ", ".join(_resolved(_documented(tag, path[:-1])).get("properties", {}))
+        return InvalidInputError(field_name, "is missing" if kind == "missing" else "is not a field", known)
+    expected = error["msg"].removeprefix("Input should be ")
+    return InvalidInputError(field_name, f"is {value!r:.80}", _documented(tag, path).get("description", expected))
+
+
+@cache
+def _schema() -> dict[str, Any]:
+    return _ADAPTER.json_schema()
+
+
+def _documented(tag: str | int, path: Sequence[str | int]) -> dict[str, Any]:
+    """What the schema says of a place in the models of an estimator."""
+    node: dict[str, Any] = {"$ref": _schema()["discriminator"]["mapping"][tag]}
+    for part in path:
+        node = _resolved(node)
+        node = node.get("items", {}) if isinstance(part, int) else node.get("properties", {}).get(part, {})
+    return node
+
+
+def _resolved(node: dict[str, Any]) -> dict[str, Any]:
+    """The definition that a place refers to, as its only or its first choice."""
+    for option in (node, *node.get("anyOf", ())):
+        if "$ref" in option:
+            definition: dict[str, Any] = _schema()["$defs"][option["$ref"].rpartition("/")[2]]
+            return definition
+    return node

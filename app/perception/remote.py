@@ -11,7 +11,7 @@ from typing import Any
 
 import httpx
 
-from app.perception.base import ObjectQuery
+from app.perception.base import ObjectQuery, model_of
 from app.perception.models import RemoteModel
 from app.perception.poses_wire import Part, PoseAnswer, PoseQuestion, answers_from_json, request_parts
 from app.perception.sightings import Miss, Sighting, fused
@@ -21,6 +21,7 @@ from roboprompt_client.camera import RgbdFrame
 from roboprompt_client.errors import InvalidInputError, RoboPromptError
 from roboprompt_client.trajectory import ObjectPose
 
+EXAMPLE = '{"estimator": "remote", "url": "http://127.0.0.1:8000/poses"}'
 FIRST_PAUSE_S = 0.2  # doubled for each further try
 MAX_REPLY_BYTES = 1_000_000  # a pose takes 300
 MAX_SHOWN_CHARS = 300
@@ -173,19 +174,11 @@ class RemotePoses:
     """
 
     def estimate(self, objects: Sequence[ObjectQuery], frames: Sequence[RgbdFrame]) -> tuple[ObjectPose, ...]:
-        asked = [(query, _model(query)) for query in objects]
+        asked = [(query, model_of(query, RemoteModel, EXAMPLE)) for query in objects]
         if not any(frame.rgb is not None or frame.depth_m is not None for frame in frames):
             raise InvalidInputError("cameras", "no camera has an image", "rgb_NAME and depth_NAME")
         poses = asyncio.run(_ask_all(asked, frames))
         return tuple(poses[query.name] for query in objects)
-
-
-def _model(query: ObjectQuery) -> RemoteModel:
-    if not isinstance(query.model, RemoteModel):
-        what = "is missing" if query.model is None else f"is for the estimator {query.model.estimator!r}"
-        remedy = '{"estimator": "remote", "url": "http://127.0.0.1:8000/poses"}'
-        raise InvalidInputError(f"object_models[{query.name}]", what, remedy)
-    return query.model
 
 
 async def _ask_all(asked: Sequence[Asked], frames: Sequence[RgbdFrame]) -> dict[str, ObjectPose]:

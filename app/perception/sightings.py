@@ -97,14 +97,13 @@ def fused(
 def _refusal(
     query: ObjectQuery, sightings: Sequence[Sighting], misses: Sequence[Miss], min_confidence: float
 ) -> ObjectNotVisibleError | UncertainPoseError:
-    field = f"objects[{query.name}]"
     reasons = [f"{s.camera}: confidence {s.confidence:.2f}, {s.reason or 'for no stated reason'}" for s in sightings]
     reasons += [f"{miss.camera}: {miss.reason}" for miss in misses]
     listed = "; ".join(reasons) or "there is no camera"
     if sightings or any(miss.seen for miss in misses):
         message = f"its pose is uncertain (least confidence {min_confidence:g}): {listed}"
-        return UncertainPoseError(field, message, REMEDY)
-    return ObjectNotVisibleError(field, f"no camera sees it: {listed}", REMEDY)
+        return UncertainPoseError(query.name, message, REMEDY)
+    return ObjectNotVisibleError(query.name, f"no camera sees it: {listed}", REMEDY)
 
 
 def _differences(
@@ -123,7 +122,7 @@ def _differences(
         for difference, noted, limit, words, unit in found:
             if difference > limit:
                 remedy = f"at most {limit:g} {unit}: check both camera_to_world, and that images are not swapped"
-                raise UncertainPoseError(f"objects[{query.name}]", f"{pair} {words}", remedy)
+                raise UncertainPoseError(query.name, f"{pair} {words}", remedy)
             if difference > noted:
                 notes.append(f"{pair} {words}")
     return notes

@@ -3,8 +3,9 @@
     RoboPromptError                in roboprompt_client.errors, as InvalidInputError and UnsafeActionError are
     ├── InvalidInputError          a value that the caller sent is not acceptable; names field and remedy
     │   ├── ObjectSetError         the objects differ from the task's
-    │   ├── ObjectNotVisibleError  no camera sees an object
-    │   ├── UncertainPoseError     an object is seen, but not well enough to tell its pose
+    │   ├── NoPoseError            the images do not give an object's pose; carries its name
+    │   │   ├── ObjectNotVisibleError  no camera sees it
+    │   │   └── UncertainPoseError     it is seen, but not well enough
     │   └── InstructionError       an instruction is not clear; lists those that the task knows
     │       ├── UngroundedInstructionError  a phrase of it stands for no object, or for several
     │       └── UnfamiliarInstructionError  it is unlike every taught one
@@ -23,11 +24,27 @@ class ObjectSetError(InvalidInputError):
     """The objects of an episode or observation are not those of the task."""
 
 
-class ObjectNotVisibleError(InvalidInputError):
+class NoPoseError(InvalidInputError):
+    """An object whose pose the images do not give.
+
+    Args:
+        name: of the object.
+    """
+
+    def __init__(self, name: str, message: str, valid: str | None = None) -> None:
+        super().__init__(f"objects[{name}]", message, valid)
+        self.name = name
+
+    def __reduce__(self) -> tuple[type["NoPoseError"], tuple[str, str, str | None]]:
+        """See `InvalidInputError`."""
+        return type(self), (self.name, self.message, self.valid)
+
+
+class ObjectNotVisibleError(NoPoseError):
     """An object that no camera sees: it has no pose."""
 
 
-class UncertainPoseError(InvalidInputError):
+class UncertainPoseError(NoPoseError):
     """An object whose pose the images do not show: hidden, ambiguous, or seen differently by the cameras."""
 
 

@@ -12,12 +12,12 @@ from app.services.measures import Metrics
 from app.services.motion_bounds import CurrentLimits
 from app.services.pose_servers import PoseServers
 from app.services.predict.ask import PredictActions
-from app.services.predict.record import PredictionRecorder
+from app.services.predict.record import PredictionRecorder, leave_unrecorded
 from app.services.predict.repeat import RepeatedPredictions
 from app.services.predict.warm import PrefixWarmer
 from app.services.predict.write import QuestionWriter
 from app.services.scene_images import DrawOverlay
-from app.services.teach.check import CheckTask, leave_unrecorded
+from app.services.teach.check import CheckTask
 from app.services.teach.configure import MAX_AT_ONCE, ConfigureTask
 from app.services.teach.learn import LearnObjectModels
 from app.services.teach.reextract import RunJobs

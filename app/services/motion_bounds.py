@@ -87,7 +87,7 @@ class ActionCheck:
         self._limits, self._guard = limits, guard
 
     def _guarding(self, limits: MotionLimits) -> MotionGuard:
-        return MotionGuard(limits, self._question.request.max_actions, self._question.end_effector)
+        return MotionGuard(limits, self._question.request.options.max_actions, self._question.end_effector)
 
 
 def record_limits(

@@ -11,7 +11,7 @@ import httpx
 
 from app.perception.base import ObjectQuery
 from app.perception.models import RemoteModel, model_from_json
-from app.perception.object_model import ObjectModel
+from app.perception.object_model import ObjectModel, ObjectModelError
 from app.perception.poses_wire import PoseQuestion
 from app.perception.registry import estimate_poses
 from app.pipeline.prompt import check_object_names
@@ -44,7 +44,7 @@ class PoseServers:
             if model["estimator"] == "remote" and not self._allow(httpx.URL(model["url"])):
                 allowed = ", ".join(map(str, self._prefixes)) or "this machine only"
                 message = f"is {model['url']!r}, where this service may not send images"
-                raise InvalidInputError(f"object_models[{name}].url", message, f"{allowed} (set by {SETTING})")
+                raise ObjectModelError(name, message, f"{allowed} (set by {SETTING})", within="url")
 
     def _allow(self, url: httpx.URL) -> bool:
         if not self._prefixes:
@@ -82,11 +82,7 @@ def _model(question: PoseQuestion) -> ObjectModel | None:
         if not question.mask_ids:
             raise InvalidInputError(where, "is missing", REMEDY)
         return None
-    try:
-        model = model_from_json(question.name, question.model)
-    except InvalidInputError as error:
-        field = error.field.replace(f"object_models[{question.name}]", where, 1)
-        raise InvalidInputError(field, error.message, error.valid) from None
+    model = model_from_json(question.name, question.model, where)
     if isinstance(model, RemoteModel):
         # a server that asked on could be sent round in circles
         raise InvalidInputError(f"{where}.estimator", "is 'remote'", "cuboid, markers, masks")

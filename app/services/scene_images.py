@@ -12,7 +12,7 @@ from app.store import episodes, predictions, tasks
 from app.store.blobs import BlobStore
 from app.store.errors import NotFoundError
 from app.store.store import Store
-from app.store.values import CameraRecord, ObjectRecord
+from app.store.values import CameraRecord, ImageKind, JsonObject, ObjectRecord
 from roboprompt_client.camera import Camera, RgbdFrame
 
 
@@ -30,6 +30,21 @@ def put_images(
         digests = [None if data is None else blobs.put(data) for data in (sent.rgb, sent.depth, sent.mask)]
         records.append(CameraRecord.of(camera, *digests))
     return tuple(records)
+
+
+def stored_image(cameras: Iterable[CameraRecord], name: str, kind: ImageKind, where: str) -> tuple[CameraRecord, str]:
+    """The camera of that name, and the digest of its image of that kind.
+
+    Args:
+        where: what they are of, in words.
+
+    Raises:
+        NotFoundError: if there is no such camera or image.
+    """
+    for record in cameras:
+        if record.name == name and (digest := record.digest(kind)) is not None:
+            return record, digest
+    raise NotFoundError(f"{kind} image of {where}", name)
 
 
 def read_frame(blobs: BlobStore, record: CameraRecord) -> RgbdFrame:
@@ -61,9 +76,8 @@ class DrawOverlay:
         with self._store.read() as connection:
             record = episodes.get(connection, episode_id)
             settings = TaskSettings.model_validate(tasks.get(connection, record.task).settings)
-        mask_ids = {item["name"]: tuple(item["mask_ids"]) for item in record.given_objects}
-        stored = _camera(record.cameras, camera, f"episode {episode_id}")
-        return self._png(stored, record.objects, _queries(settings, record.objects, mask_ids))
+        stored, _ = stored_image(record.cameras, camera, "rgb", f"episode {episode_id}")
+        return self._png(stored, record.objects, record.given_objects, settings)
 
     def of_prediction(self, prediction_id: str, camera: str) -> bytes:
         """A PNG of what the robot saw when it asked.
@@ -74,25 +88,18 @@ class DrawOverlay:
         with self._store.read() as connection:
             record = predictions.get(connection, prediction_id)
             settings = TaskSettings.model_validate(tasks.get(connection, record.task).settings)
-        asked = record.request.get("objects", ())
-        mask_ids = {item["name"]: tuple(item.get("mask_ids", ())) for item in asked}
-        stored = _camera(record.cameras, camera, f"prediction {prediction_id}")
-        return self._png(stored, record.objects, _queries(settings, record.objects, mask_ids))
+        stored, _ = stored_image(record.cameras, camera, "rgb", f"prediction {prediction_id}")
+        return self._png(stored, record.objects, record.request.get("objects", ()), settings)
 
-    def _png(self, camera: CameraRecord, objects: Sequence[ObjectRecord], queries: Sequence[ObjectQuery]) -> bytes:
+    def _png(
+        self,
+        camera: CameraRecord,
+        objects: Sequence[ObjectRecord],
+        sent: Iterable[JsonObject],
+        settings: TaskSettings,
+    ) -> bytes:
         frame = read_frame(self._store.blobs, camera)
+        mask_ids = {item["name"]: tuple(item.get("mask_ids", ())) for item in sent}
+        queries = settings.with_models(ObjectQuery(item.name, mask_ids=mask_ids.get(item.name, ())) for item in objects)
         image = draw_overlay(frame, [item.pose() for item in objects], queries)
         return cv2.imencode(".png", image[..., ::-1])[1].tobytes()
-
-
-def _camera(cameras: Iterable[CameraRecord], name: str, where: str) -> CameraRecord:
-    for record in cameras:
-        if record.name == name and record.rgb_digest is not None:
-            return record
-    raise NotFoundError(f"rgb image of {where}", name)
-
-
-def _queries(
-    settings: TaskSettings, objects: Iterable[ObjectRecord], mask_ids: Mapping[str, tuple[int, ...]]
-) -> tuple[ObjectQuery, ...]:
-    return settings.with_models(ObjectQuery(item.name, mask_ids=mask_ids.get(item.name, ())) for item in objects)

@@ -13,15 +13,16 @@ from pydantic import (
     BeforeValidator,
     ConfigDict,
     Field,
-    Strict,
     ValidationInfo,
     field_validator,
     model_validator,
 )
 
 from app.perception.base import ObjectQuery
-from app.perception.models import model_from_json
+from app.perception.models import AsObjectModel, model_from_json
+from app.perception.object_model import ObjectModelError
 from app.perception.registry import pose_estimator
+from app.perception.strict import WHOLE, Number
 from app.pipeline.geometry import canonical_pose
 from app.pipeline.keyframes import SIMULATION_DELTA_RAD_S, KeyframeRule, Rule
 from app.pipeline.keyframes.rule import TOLERANCE_DEG, TOLERANCE_M
@@ -42,7 +43,6 @@ def _no_truth_value(value: object) -> object:
     return value
 
 
-Number = Annotated[float, Strict()]  # neither true nor "0.1"
 # For numbers that the address of a page may carry as text.
 NOT_A_TRUTH_VALUE = BeforeValidator(_no_truth_value)
 Point = tuple[Number, Number, Number]
@@ -118,7 +118,7 @@ class KeyframeSettings(_Settings):
     delta_rad_s: Annotated[
         float, Field(gt=0, description="0.1 in simulation, 0.01 on a real robot"), NOT_A_TRUTH_VALUE
     ] = SIMULATION_DELTA_RAD_S
-    interval: Annotated[int, Field(ge=1, le=10_000)] = 5
+    interval: Annotated[int, Field(ge=1, le=10_000), NOT_A_TRUTH_VALUE] = 5
     tolerance_m: Annotated[
         float,
         Field(gt=0, le=1, description="waypoints: how far the hand may stray from straight motion"),
@@ -204,7 +204,7 @@ class TaskSettings(_Settings):
     keyframes: KeyframeSettings = KeyframeSettings()
     pose_estimator: Annotated[str, AfterValidator(_known_estimator)] = "given"
     object_models: Annotated[
-        dict[str, dict[str, Any]],
+        dict[str, Annotated[dict[str, Any], AsObjectModel()]],
         AfterValidator(_known_models),
         Field(
             description="per object what is known of it beforehand; its `estimator` (cuboid, markers, masks, remote) "
@@ -215,9 +215,9 @@ class TaskSettings(_Settings):
     representation: Representation | None = None
     prompt_format: PromptFormat | None = None
     system_prompt: SystemPrompt | None = None
-    num_demonstrations: Annotated[int, Field(ge=1, le=100)] = 10
+    num_demonstrations: Annotated[int, Field(ge=1, le=100), WHOLE] = 10
     num_joints: Annotated[
-        int | None, Field(ge=1, le=MOST_JOINTS, description="of the arm; null: the first episode decides")
+        int | None, Field(ge=1, le=MOST_JOINTS, description="of the arm; null: the first episode decides"), WHOLE
     ] = None
     gripper_open_above_m: Annotated[
         Number | None,
@@ -301,7 +301,7 @@ class TaskSettings(_Settings):
         check_aliases_of(self.aliases, known)
         for name in self.object_models:
             if name not in known:
-                raise InvalidInputError(f"object_models[{name}]", "is no object of the task", ", ".join(known))
+                raise ObjectModelError(name, "is no object of the task", ", ".join(known))
 
     def with_models(self, objects: Iterable[ObjectQuery]) -> tuple[ObjectQuery, ...]:
         """The objects with what the task knows of them."""

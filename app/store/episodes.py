@@ -2,14 +2,12 @@
 
 import re
 from collections.abc import Sequence
-from datetime import UTC, datetime
 from functools import cache
 from typing import Any, Literal
-from uuid import uuid4
 
 from sqlalchemy import Connection, Row, Select, Text, bindparam, cast, delete, exists, func, insert, select, update
 
-from app.store import audit, tables, tasks, trajectories
+from app.store import audit, tables, tasks
 from app.store.errors import NotFoundError
 from app.store.pages import Page, fetch_page
 from app.store.records import DemonstrationRecord, EpisodeDraft, EpisodeRecord, Extraction, SceneRecord
@@ -35,34 +33,17 @@ def add(connection: Connection, draft: EpisodeDraft) -> EpisodeRecord:
 
     Call it after `tasks.get_or_create` in the same write transaction, and compare `object_names` in between.
     """
-    values: dict[str, Any] = {
-        "id": uuid4().hex,
-        "task": draft.task,
-        "instruction": draft.instruction,
-        "num_frames": len(draft.trajectory),
-        "control_frequency_hz": draft.control_frequency_hz,
-        "created_at": datetime.now(UTC),
-        "extra": draft.extra,
-        "prediction_id": draft.prediction_id,
-    }
+    values = vars(draft)
     encoded = {
         **extraction_json(draft.keyframes, draft.objects),
         "cameras": [camera.to_json() for camera in draft.cameras],
         "given_objects": list(draft.given_objects),
-        "trajectory": trajectories.pack(draft.trajectory),
     }
     query = insert(_EPISODES).values({**values, **encoded}).returning(_EPISODES.c.sequence)
     sequence = connection.execute(query).scalar_one()
     names = tasks.get(connection, draft.task).object_names or [record.name for record in draft.objects]
     tasks.change(connection, draft.task, {"object_names": names})
-    return EpisodeRecord(
-        **values,
-        sequence=sequence,
-        keyframes=draft.keyframes,
-        objects=draft.objects,
-        given_objects=draft.given_objects,
-        cameras=draft.cameras,
-    )
+    return EpisodeRecord(sequence=sequence, **{name: value for name, value in values.items() if name != "trajectory"})
 
 
 def get(connection: Connection, episode_id: str) -> EpisodeRecord:

@@ -1,13 +1,13 @@
 """What the store takes and gives: frozen values, independent of the database."""
 
-from dataclasses import dataclass
-from datetime import datetime
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from typing import Literal
+from uuid import uuid4
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.timeline import CONTROL_FREQUENCY_HZ
 from app.store.values import CameraRecord, JsonObject, KeyframeRecord, ObjectRecord
-from roboprompt_client.trajectory import Trajectory
 
 PredictionStatus = Literal["ok", "parse_error", "unsafe_action", "unsupported", "model_error"]
 JobStatus = Literal["queued", "running", "done", "failed"]
@@ -67,40 +67,43 @@ class EpisodeFields:
 
     Attributes:
         given_objects: the objects as the caller sent them: their poses can be estimated again.
+        extra: what else was uploaded; None in lists, which do not read it.
         prediction_id: of the prediction that the episode carried out, if any.
     """
 
+    id: str
+    created_at: datetime
     task: str
     instruction: str
+    num_frames: int
     control_frequency_hz: float
     keyframes: tuple[KeyframeRecord, ...]
     objects: tuple[ObjectRecord, ...]
     given_objects: tuple[JsonObject, ...]
     cameras: tuple[CameraRecord, ...]
+    extra: JsonObject | None = None
     prediction_id: str | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
 class EpisodeDraft(EpisodeFields):
-    """A new episode."""
+    """A new episode.
 
+    Attributes:
+        trajectory: as `trajectories.pack` makes it, which takes too long for a transaction.
+    """
+
+    id: str = field(default_factory=lambda: uuid4().hex)
+    created_at: datetime = field(default_factory=lambda: datetime.now(UTC))
     extra: JsonObject
-    trajectory: Trajectory
+    trajectory: bytes
 
 
 @dataclass(frozen=True, kw_only=True)
 class EpisodeRecord(EpisodeFields):
-    """A stored episode; its trajectory is read on its own.
+    """A stored episode; its trajectory is read on its own."""
 
-    Attributes:
-        extra: what else was uploaded; None in lists, which do not read it.
-    """
-
-    extra: JsonObject | None = None
-    id: str
     sequence: int
-    num_frames: int
-    created_at: datetime
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ read.
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Any, Literal, Self
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from roboprompt_client.camera import Camera
 from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
 
 JsonObject = dict[str, Any]
+ImageKind = Literal["rgb", "depth", "mask"]
 
 
 def _floats(values: Array) -> tuple[float, ...]:
@@ -153,6 +154,10 @@ class CameraRecord:
             mask_digest,
             camera.image_size_px,
         )
+
+    def digest(self, kind: ImageKind) -> str | None:
+        """Where its image of that kind is stored, if it has one."""
+        return {"rgb": self.rgb_digest, "depth": self.depth_digest, "mask": self.mask_digest}[kind]
 
     def camera(self) -> Camera:
         """As the pipeline wants it."""

@@ -4,13 +4,40 @@ import asyncio
 import json
 
 import httpx
+import msgpack
 import pytest
 from fastapi import APIRouter, FastAPI
+from starlette.exceptions import HTTPException
 
+from app.api.body import json_object, unpacked
 from app.api.problems import install_problem_handlers
-from app.api.routes.tasks import UniqueKeysRoute
+from app.api.unique_keys import UniqueKeysRoute
 
 JSON = {"content-type": "application/json"}
+
+
+def is_object(value):
+    """Whether it stands for an object, which may name a member twice."""
+    return isinstance(value, list) and isinstance(value[0], tuple)
+
+
+def json_map(value):
+    if is_object(value):
+        return b"{" + b",".join(json.dumps(key).encode() + b":" + json_map(item) for key, item in value) + b"}"
+    if isinstance(value, list):
+        return b"[" + b",".join(map(json_map, value)) + b"]"
+    return json.dumps(value).encode()
+
+
+def packed_map(value):
+    packer = msgpack.Packer()
+    if is_object(value):
+        return packer.pack_map_header(len(value)) + b"".join(msgpack.packb(k) + packed_map(v) for k, v in value)
+    if isinstance(value, list):
+        return packer.pack_array_header(len(value)) + b"".join(map(packed_map, value))
+    return msgpack.packb(value)
+
+
 router = APIRouter(route_class=UniqueKeysRoute)
 
 
@@ -37,6 +64,18 @@ def test_a_key_that_comes_twice_is_named(body):
     answer = put(body)
     assert (answer.status_code, answer.headers["content-type"]) == (400, "application/problem+json")
     assert "'a' appears twice" in answer.json()["detail"]
+
+
+@pytest.mark.parametrize("packed", [False, True])
+@pytest.mark.parametrize("where", ["seed", "objects", "position"])
+def test_bodies_that_are_read_by_hand_are_held_to_it_too(packed, where):
+    place = [("name", "cube"), ("position", [0, 0, 1])] + [("position", [0, 0, 2])] * (where == "position")
+    pairs = [("task", "press"), ("objects", [place]), ("seed", 1)]
+    pairs += [(name, value) for name, value in pairs if name == where]
+    read, data = (unpacked, packed_map(pairs)) if packed else (json_object, json_map(pairs))
+    with pytest.raises(HTTPException) as refused:
+        read(data)
+    assert (refused.value.status_code, f"'{where}' appears twice" in refused.value.detail) == (400, True)
 
 
 def test_other_bodies_are_read_as_ever():

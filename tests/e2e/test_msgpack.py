@@ -65,6 +65,7 @@ FAULTS = {
     "deep": (b"\x81\xa4task" + b"\x91" * 100_000 + b"\x01", 400, None),
     "an extension type": (msgpack.packb({"task": msgpack.ExtType(5, b"x")}), 400, None),
     "a number as key": (b"\x81\x01\x02", 400, None),
+    "a key twice": (b"\x82\xa4seed\x01\xa4seed\x02", 400, None),
     "bytes in the document": (msgpack.packb({"task": b"packed"}), 422, "task"),
     "a claim of more than there is": (image(shape=[2**20, 2**20, 3]), 422, "rgb_front"),
     "objects": (image(dtype="|O"), 422, "rgb_front"),

@@ -127,6 +127,10 @@ PREDICT = {"task": "refusals", "instruction": "pick up the cube", "objects": [{"
         ({"representation": "poetry"}, 422, "absolute"),
         ({"num_demonstrations": 0}, 422, "num_demonstrations"),
         ({"episode_ids": ["nothing"]}, 404, "nothing"),
+        ({"num_demonstrations": True}, 422, "num_demonstrations"),
+        ({"max_actions": True}, 422, "max_actions"),
+        ({"seed": "5"}, 422, "seed"),
+        ({"dry_run": 1}, 422, "dry_run"),
         ({"timeout_s": 1e999}, 422, "timeout_s"),
     ],
 )
@@ -152,6 +156,13 @@ def test_task_without_demonstrations(http):
     response = http.post("/predict", json={**PREDICT, "task": "empty"})
     assert response.status_code == 409
     assert "POST /episodes" in response.json()["detail"]
+
+
+@pytest.mark.parametrize("path", ["/episodes", "/predict", "/poses", "/predictions/none/outcome"])
+def test_a_key_that_comes_twice_is_refused(http, path):
+    content = b'{"success": true, "objects": [{"position": [0, 0, 1], "position": [0, 0, 2]}]}'
+    response = http.post(path, content=content, headers={"content-type": "application/json"})
+    assert (response.status_code, "'position' appears twice" in response.json()["detail"]) == (400, True)
 
 
 @pytest.mark.parametrize("path", ["/episodes", "/predict"])

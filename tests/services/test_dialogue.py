@@ -11,6 +11,7 @@ import pytest
 from app.llm.base import ModelResponseError, TextDelta
 from app.perception.base import ObjectQuery
 from app.services.limits import UnparsableReplyError, UnsupportedReplyError
+from app.services.predict.options import PredictOptions
 from app.services.predict.question import PredictedAction, Prediction, PredictRequest
 from app.store import predictions
 from app.store.errors import ConflictError
@@ -21,7 +22,7 @@ from tests.services.test_upload_episode import respond, upload
 ROW = "[50, 50, 20, 0, 36, 36, 1]"
 RELATIVE = " 1 A w: +0 +0 +20 0 36 36 1; 2 A w: +0 +0 +0 0; 3 A w: +0 +0 +30 0\n"
 CUBE = (ObjectQuery("cube", (0.2, 0.1, 0.8)),)
-REQUEST = PredictRequest("pick", "pick up the cube", CUBE, representation="object_frame")
+REQUEST = PredictRequest("pick", "pick up the cube", CUBE, options=PredictOptions(representation="object_frame"))
 
 
 @pytest.fixture
@@ -93,7 +94,7 @@ def test_an_unsupported_action_of_a_later_clause_is_named_by_its_place_among_all
 
 
 def test_an_unsupported_action_is_let_pass_with_a_finding(taught):
-    prediction = ask(taught(RELATIVE, FAR), replace(TWICE, unsupported="allow"))
+    prediction = ask(taught(RELATIVE, FAR), TWICE.with_options(unsupported="allow"))
     assert len(prediction.actions) == 6
     (danger,) = [finding for finding in prediction.findings if finding.severity == "danger"]
     assert (danger.code, danger.where) == ("unsupported-action", "actions[4]")
@@ -109,14 +110,14 @@ def test_a_stream_ends_before_the_unsupported_action_and_is_not_asked_again(taug
 
 def test_too_many_clauses_for_the_actions_allowed(taught):
     services = taught(RELATIVE)
-    thrice = replace(REQUEST, instruction="pick up the cube, then pick up the cube", max_actions=3)
+    thrice = TWICE.with_options(max_actions=3)
     with pytest.raises(UnparsableReplyError, match="3 actions do not carry out all 2 parts"):
         ask(services, thrice)
 
 
 def test_the_papers_format_asks_for_a_whole_instruction_at_once(taught):
     services = taught(f"[{ROW}]")
-    both = replace(REQUEST, instruction="pick up the cube, then pick up the cube", representation="absolute")
+    both = TWICE.with_options(representation="absolute")
     assert "then" in ask(services, both).prompt.query
 
 
@@ -148,14 +149,16 @@ def test_a_model_that_fails_after_a_clause_keeps_what_it_said(taught):
 
 
 STEPS = [" 1 A w: +0 +0 +20 0 36 36 1\n", " 2 A w: +0 +0 +0 0 36 36 0\n", " done\n"]
-CLOSED = replace(REQUEST, closed_loop=True)
+CLOSED = REQUEST.with_options(closed_loop=True)
 
 
 def test_a_closed_loop_goes_on_from_its_last_step(taught):
     services = taught(*STEPS, track=True)
     first = ask(services, CLOSED)
-    second = ask(services, replace(CLOSED, after=first.id, objects=(ObjectQuery("cube", (0.2, 0.1, 0.9)),)))
-    third = ask(services, replace(CLOSED, after=second.id))
+    second = ask(
+        services, replace(CLOSED.with_options(after=first.id), objects=(ObjectQuery("cube", (0.2, 0.1, 0.9)),))
+    )
+    third = ask(services, CLOSED.with_options(after=second.id))
     assert [len(step.actions) for step in (first, second, third)] == [1, 1, 0]
     assert [step.question.step for step in (first, second, third)] == [0, 1, 2]
     np.testing.assert_allclose(second.actions[0].action.position_m, [0.2, 0.1, 0.9])
@@ -164,25 +167,25 @@ def test_a_closed_loop_goes_on_from_its_last_step(taught):
     with services.store.read() as connection:
         assert predictions.get(connection, third.id).step == 2
     with pytest.raises(InvalidInputError, match="ended its closed loop"):
-        ask(services, replace(CLOSED, after=third.id))
+        ask(services, CLOSED.with_options(after=third.id))
 
 
 def test_a_closed_loop_keeps_its_demonstrations(taught):
     services = taught(*STEPS, track=True)
     first = ask(services, CLOSED)
     services.upload_episode(tracked(upload("cube")), respond)
-    second = ask(services, replace(CLOSED, after=first.id))
+    second = ask(services, CLOSED.with_options(after=first.id))
     assert second.question.template.demonstration_ids == first.question.template.demonstration_ids
     services.configure_task("pick", {"keyframes": {"rule": "uniform", "interval": 4}})
     with pytest.raises(ConflictError, match="begin the closed loop again"):
-        ask(services, replace(CLOSED, after=second.id))
+        ask(services, CLOSED.with_options(after=second.id))
 
 
 def test_only_a_step_of_this_tasks_closed_loop_can_be_gone_on_from(taught):
     services = taught(RELATIVE, track=True)
     open_loop = ask(services, REQUEST)
     with pytest.raises(InvalidInputError, match="not a step of a closed loop"):
-        ask(services, replace(CLOSED, after=open_loop.id))
+        ask(services, CLOSED.with_options(after=open_loop.id))
 
 
 def test_a_closed_loop_needs_tracked_objects(taught):
@@ -191,7 +194,7 @@ def test_a_closed_loop_needs_tracked_objects(taught):
 
 
 def test_the_text_comes_in_pieces_if_it_is_wished(taught):
-    items, error = streamed(taught(RELATIVE), replace(REQUEST, stream_text=True))
+    items, error = streamed(taught(RELATIVE), REQUEST.with_options(stream_text=True))
     assert error is None
     pieces = [item.text for item in items if isinstance(item, TextDelta)]
     assert len(pieces) > 3
@@ -201,6 +204,6 @@ def test_the_text_comes_in_pieces_if_it_is_wished(taught):
 
 
 def test_pieces_of_a_reply_that_goes_wrong_come_before_the_error(taught):
-    items, error = streamed(taught("no list of actions"), replace(REQUEST, stream_text=True))
+    items, error = streamed(taught("no list of actions"), REQUEST.with_options(stream_text=True))
     assert isinstance(error, UnparsableReplyError)
     assert "".join(item.text for item in items) == error.reply_text == "no list of actions"

@@ -12,6 +12,7 @@ from app.pipeline.episode import Episode
 from app.pipeline.errors import UnfamiliarInstructionError, UngroundedInstructionError
 from app.services.predict.doubts import findings_before
 from app.services.predict.instruction import ground_instruction
+from app.services.predict.options import PredictOptions
 from app.services.predict.question import PredictRequest
 from app.services.predict.template import PreviousStep
 from app.services.predict.write import QuestionWriter
@@ -29,7 +30,9 @@ PLACES_M = {
     "blue button": (0.45, -0.3, 0.8),
 }  # fmt: skip
 OBJECTS = tuple(ObjectQuery(name, place_m) for name, place_m in PLACES_M.items())
-REQUEST = PredictRequest("push", "push the azure button", OBJECTS, representation="object_frame")
+REQUEST = PredictRequest(
+    "push", "push the azure button", OBJECTS, options=PredictOptions(representation="object_frame")
+)
 PROFILE = ModelProfile("base", "completion", True, "object_frame", "paper", "b")
 
 
@@ -46,8 +49,9 @@ def services(scripted):
     return wired
 
 
-def question(services, **wish):
-    return QuestionWriter(services.store, lambda name: PROFILE)(replace(REQUEST, **wish), {})
+def question(services, instruction=REQUEST.instruction, objects=OBJECTS, **options):
+    request = replace(REQUEST.with_options(**options), instruction=instruction, objects=objects)
+    return QuestionWriter(services.store, lambda name: PROFILE)(request, {})
 
 
 def asked(question):

@@ -8,13 +8,14 @@ from app.llm.computed import SCRIPTED
 from app.perception.base import ObjectQuery
 from app.pipeline.errors import UnfamiliarInstructionError
 from app.services.limits import UnparsableReplyError
+from app.services.predict.options import PredictOptions
 from app.services.predict.question import PredictRequest
 from app.store import predictions
 from tests.services.conftest import ONE_ACTION
 from tests.services.test_upload_episode import respond, upload
 
 CUBE = (ObjectQuery("cube", (0.2, 0.1, 0.8)),)
-REQUEST = PredictRequest("pick", "pick up the cube", CUBE, unsupported="allow")
+REQUEST = PredictRequest("pick", "pick up the cube", CUBE, options=PredictOptions(unsupported="allow"))
 
 
 def ask(services, request=REQUEST):
@@ -57,7 +58,7 @@ def test_what_does_not_parse_is_recorded_without_actions(store, taught, reply):
 def test_a_reply_cut_off_between_actions_is_not_taken_for_a_whole_one(store, taught):
     services = taught("[[50, 50, 20, 0, 36, 36, 1]] " + "and so on " * 200)
     with pytest.raises(UnparsableReplyError, match="cut off"):
-        ask(services, PredictRequest(**{**vars(REQUEST), "max_actions": 1}))
+        ask(services, REQUEST.with_options(max_actions=1))
     assert recorded(store)[0].status == "parse_error"
 
 
@@ -72,7 +73,7 @@ def test_a_model_that_fails_is_recorded(store, taught, unavailable):
 def test_the_deadline_holds(taught):
     services = taught(ONE_ACTION, delay_s=5.0)
     with pytest.raises(ModelTimeoutError):
-        ask(services, PredictRequest(**{**vars(REQUEST), "timeout_s": 0.05}))
+        ask(services, REQUEST.with_options(timeout_s=0.1))
 
 
 def prefix(services, request=REQUEST):
@@ -101,7 +102,7 @@ def test_settings_follow_request_then_task_then_model(taught):
     assert (style().representation, style().system_prompt) == ("absolute", "a")
     services.configure_task("pick", {"representation": "object_frame", "system_prompt": "b"})
     assert (style().representation, style().system_prompt) == ("object_frame", "b")
-    wished = PredictRequest(**{**vars(REQUEST), "representation": "absolute"})
+    wished = REQUEST.with_options(representation="absolute")
     assert style(wished).representation == "absolute"
 
 

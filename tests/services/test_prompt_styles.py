@@ -5,7 +5,6 @@ from pydantic import ValidationError
 
 from app.api.documents import episode_document
 from app.llm.base import ModelProfile
-from app.services.predict.question import PredictRequest
 from app.services.predict.write import QuestionWriter
 from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks
@@ -25,7 +24,7 @@ def taught(scripted):
 
 
 def question(services, profile=CHAT, **options):
-    return QuestionWriter(services.store, lambda name: profile)(PredictRequest(**{**vars(REQUEST), **options}), {})
+    return QuestionWriter(services.store, lambda name: profile)(REQUEST.with_options(**options), {})
 
 
 @pytest.mark.parametrize(
@@ -75,4 +74,6 @@ def test_episodes_are_shown_in_the_papers_representation_whatever_the_prompts_ar
     with taught.store.read() as connection:
         task = tasks.get(connection, "pick")
         (record,) = episodes.list_page(connection, "pick", 10, None).items
-    assert episode_document(record, task)["observation_text"].startswith("{'cube': [")
+    assert episode_document(record, TaskSettings.model_validate(task.settings))["observation_text"].startswith(
+        "{'cube': ["
+    )

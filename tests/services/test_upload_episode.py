@@ -6,7 +6,7 @@ from app.perception.base import ObjectQuery
 from app.pipeline.episode import Episode
 from app.pipeline.errors import ObjectSetError
 from app.services.teach.upload import Upload, UploadEpisode, content_digest
-from app.store import tasks
+from app.store import episodes, tasks
 from app.store.errors import ConflictError, NotFoundError
 from roboprompt_client.errors import InvalidInputError
 from tests.episodes import pick_trajectory
@@ -14,13 +14,13 @@ from tests.episodes import pick_trajectory
 PLACE_M = (0.1, 0.1, 0.78)
 
 
-def upload(*names, **more):
-    episode = Episode("pick up the cube", pick_trajectory(PLACE_M))
-    return Upload("pick", episode, tuple(ObjectQuery(name, PLACE_M) for name in names), {}, **more)
+def upload(*names, place_m=PLACE_M, **more):
+    episode = Episode("pick up the cube", pick_trajectory(place_m))
+    return Upload("pick", episode, tuple(ObjectQuery(name, place_m) for name in names), {}, **more)
 
 
-def respond(record, task):
-    return {"id": record.id, "objects": list(task.object_names)}
+def respond(record, settings):
+    return {"id": record.id, "objects": [item.name for item in record.objects]}
 
 
 def test_first_episode_fixes_the_objects_and_their_order(store):
@@ -51,13 +51,49 @@ def test_first_uploads_at_once_agree_on_the_objects(store):
 
 
 def test_a_failing_answer_stores_nothing(store):
-    def failing(record, task):
+    def failing(record, settings):
         raise InvalidInputError("answer", "cannot be made")
 
     with pytest.raises(InvalidInputError):
         UploadEpisode(store)(upload("cube"), failing)
     with store.read() as connection, pytest.raises(NotFoundError):
         tasks.get(connection, "pick")
+
+
+def test_other_writers_do_not_wait_for_the_answer(store):
+    def elsewhere():
+        with store.write() as connection:
+            tasks.get_or_create(connection, "other", {})
+
+    def slow(record, settings):
+        writer = threading.Thread(target=elsewhere)
+        writer.start()
+        writer.join(timeout=5)
+        assert not writer.is_alive()
+        return respond(record, settings)
+
+    UploadEpisode(store)(upload("cube"), slow)
+    with store.read() as connection:
+        assert [task.name for task in tasks.list_all(connection)] == ["other", "pick"]
+
+
+def test_the_answer_is_of_the_workspace_that_the_task_then_has(store):
+    use_case = UploadEpisode(store)
+    use_case(upload("cube"), respond)
+    boxes = []
+
+    def meanwhile(record, settings):
+        boxes.append(settings.workspace)
+        if len(boxes) == 1:  # another robot's upload widens the workspace
+            use_case(upload("cube", place_m=(1.5, 0.1, 0.78)), respond)
+        return {**respond(record, settings), "max": settings.workspace.max[0]}
+
+    answer = use_case(upload("cube"), meanwhile)
+    with store.read() as connection:
+        stored = tasks.get(connection, "pick").settings["workspace"]
+        assert episodes.number_of(connection, "pick") == 3
+    assert (boxes[0].max[0] < 1.5, len(boxes)) == (True, 2)
+    assert (answer["max"], answer["max"] > 1.5) == (stored["max"][0], True)
 
 
 def test_a_repeated_key_gets_the_first_answer(store):

@@ -5,7 +5,6 @@ import pytest
 
 from app.llm.base import ModelTimeoutError
 from app.services.predict.ask import SHOWN_AFTER_S
-from app.services.predict.question import PredictRequest
 from tests.services.conftest import ONE_ACTION
 from tests.services.test_predict_actions import REQUEST, ask
 from tests.services.test_upload_episode import respond, upload
@@ -37,7 +36,7 @@ def test_a_long_prediction_is_seen_until_it_ends(slow):
 
 
 def test_one_that_fails_is_forgotten_too(slow):
-    request = PredictRequest(**{**vars(REQUEST), "timeout_s": 1.0})
+    request = REQUEST.with_options(timeout_s=1.0)
     during, after, asked = asyncio.run(seen_while(slow, request))
     assert (len(during), len(after)) == (1, 0)
     assert isinstance(asked.exception(), ModelTimeoutError)

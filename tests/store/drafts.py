@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from app.store import episodes, predictions, tasks
+from app.store import episodes, predictions, tasks, trajectories
 from app.store.records import EpisodeDraft, EpisodeRecord, PredictionDraft, PredictionRecord
 from app.store.store import Store
 from app.store.values import CameraRecord, KeyframeRecord, ObjectRecord
@@ -58,7 +58,8 @@ def episode_draft(
         given_objects=tuple({"name": name, "mask_ids": [98, 99]} for name in names),
         cameras=cameras,
         extra={"operator": "Zoë", "seed": seed, "nested": [1, None, True]},
-        trajectory=recorded,
+        num_frames=len(recorded),
+        trajectory=trajectories.pack(recorded),
     )
 
 

@@ -14,6 +14,7 @@ from app.store.trajectories import get_trajectory
 from app.store.values import CameraRecord, KeyframeRecord, ObjectRecord
 
 from .drafts import TASK, camera_record, episode_draft, object_record, upload
+from .drafts import trajectory as recorded
 
 
 def test_everything_comes_back(store: Store) -> None:
@@ -27,7 +28,7 @@ def test_everything_comes_back(store: Store) -> None:
     for name in ("task", "instruction", "keyframes", "objects", "given_objects", "cameras", "extra"):
         assert getattr(stored, name) == getattr(draft, name), name
     assert stored.num_frames == len(trajectory) == 30
-    for name, array in vars(draft.trajectory).items():
+    for name, array in vars(recorded()).items():
         assert getattr(trajectory, name).tobytes() == array.tobytes(), name
 
 

@@ -3,7 +3,7 @@
 Whoever goes on with an import that was cut off asks for the latter.
 """
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request, Response
 from fastapi.responses import JSONResponse
@@ -20,10 +20,12 @@ from app.perception.images import as_image
 from app.pipeline.episode import Episode
 from app.services.container import Services
 from app.services.limits import Limits
+from app.services.scene_images import stored_image
+from app.services.task_settings import TaskSettings
 from app.services.teach.upload import SCOPE, Upload, content_digest
 from app.store import episodes, idempotency, tasks, trajectories
 from app.store.errors import NotFoundError
-from app.store.values import JsonObject
+from app.store.values import ImageKind, JsonObject
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.trajectory import Trajectory
 from roboprompt_client.trajectory_npz import npz_from_trajectory, trajectory_from_arrays, trajectory_from_npz
@@ -109,7 +111,7 @@ def list_episodes(
     services.limits.check_page(limit)
     with services.store.read() as connection:
         listed = tasks.list_all(connection) if task is None else [tasks.get(connection, task)]
-        known = {record.name: record for record in listed}
+        known = {record.name: TaskSettings.model_validate(record.settings) for record in listed}
         page = episodes.list_page(connection, task, limit, cursor)
     documents = [episode_document(record, known[record.task]) for record in page.items]
     return JSONResponse({"episodes": documents, "next_cursor": page.next_cursor})
@@ -126,7 +128,7 @@ def get_episode(services: Wired, episode_id: str) -> Response:
     with services.store.read() as connection:
         record = episodes.get(connection, episode_id)
         task = tasks.get(connection, record.task)
-    return JSONResponse(episode_document(record, task))
+    return JSONResponse(episode_document(record, TaskSettings.model_validate(task.settings)))
 
 
 @router.get(
@@ -190,22 +192,17 @@ async def get_image(
     services: Wired,
     episode_id: str,
     camera: str,
-    kind: Literal["rgb", "depth", "mask"],
+    kind: ImageKind,
     original: Annotated[bool, Query(description="the very bytes that were uploaded, also of an array")] = False,
 ) -> Response:
     """A camera's image of the first frame."""
     return await image_work(request).run(request, _image, services, episode_id, camera, kind, original)
 
 
-def _image(
-    services: Services, episode_id: str, camera: str, kind: Literal["rgb", "depth", "mask"], original: bool
-) -> Response:
+def _image(services: Services, episode_id: str, camera: str, kind: ImageKind, original: bool) -> Response:
     with services.store.read() as connection:
         record = episodes.get(connection, episode_id)
-    stored = next((item for item in record.cameras if item.name == camera), None)
-    digest = None if stored is None else getattr(stored, f"{kind}_digest")
-    if stored is None or digest is None:
-        raise NotFoundError(f"{kind} image of episode {episode_id}", camera)
+    stored, digest = stored_image(record.cameras, camera, kind, f"episode {episode_id}")
     data = services.store.blobs.read(digest)
     if original:
         return Response(data, media_type="application/octet-stream")

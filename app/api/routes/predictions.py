@@ -9,9 +9,10 @@ from app.api.documents import stored_prediction_document
 from app.api.routes import Cursor, Limit, Wired, problems
 from app.api.schemas.predictions import PredictionPage, StoredPrediction
 from app.api.schemas.requests import OutcomeBody
+from app.api.unique_keys import UniqueKeysRoute
 from app.store import erasure, predictions
 
-router = APIRouter(tags=["predictions"])
+router = APIRouter(tags=["predictions"], route_class=UniqueKeysRoute)
 
 
 @router.get(

@@ -1,17 +1,11 @@
-"""Tasks: their settings, what is stored of them, and what a check of their demonstrations finds out.
+"""Tasks: their settings, what is stored of them, and what a check of their demonstrations finds out."""
 
-Their JSON bodies name each member once: of a bound that is given twice, nobody knows which one was meant.
-"""
+from collections.abc import Collection, Sequence
+from typing import Annotated
 
-import json
-from collections.abc import Callable, Collection, Coroutine, Sequence
-from typing import Annotated, Any
-
-from fastapi import APIRouter, Body, Query, Request, Response
+from fastapi import APIRouter, Body, Query, Response
 from fastapi.openapi.models import Example
 from fastapi.responses import JSONResponse
-from fastapi.routing import APIRoute
-from starlette.exceptions import HTTPException
 
 from app.api.documents import job_document, stats_document, task_document
 from app.api.routes import Wired, problems
@@ -19,6 +13,7 @@ from app.api.schemas import examples
 from app.api.schemas.poses import LearnBody, LearnedOut
 from app.api.schemas.predictions import TaskCheckOut
 from app.api.schemas.responses import JobOut, TaskList, TaskOut, TaskStatsOut
+from app.api.unique_keys import UniqueKeysRoute
 from app.pipeline.check.left_out import ReplyCheck
 from app.pipeline.check.report import EpisodeCheck, Off, PlanCheck, RowCheck
 from app.services.container import Services
@@ -29,38 +24,10 @@ from app.store import episodes, erasure, tasks
 from app.store.records import JobRecord, TaskRecord
 from app.store.values import JsonObject
 
-MAX_SHOWN = 80
 _EXAMPLES: dict[str, Example] = {"press": {"value": examples.TASK}}
 _ACCEPTED: dict[int | str, dict[str, object]] = {202: {"model": JobOut, "description": "a job extracts the episodes"}}
 _EVERYTHING = LearnBody()
 Model = Annotated[str | None, Query(min_length=1, max_length=200, description="an LLM to ask, by its name")]
-
-
-class UniqueKeysRoute(APIRoute):
-    """Answers 400 to a JSON object, at any depth, that has the same key twice."""
-
-    def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
-        """The route's handler, called with a request that reads JSON so."""
-        handle = super().get_route_handler()
-
-        async def handle_unique(request: Request) -> Response:
-            return await handle(_Request(request.scope, request.receive))
-
-        return handle_unique
-
-
-class _Request(Request):
-    async def json(self) -> Any:  # noqa: ANN401
-        return json.loads(await self.body(), object_pairs_hook=_unique)
-
-
-def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    members: dict[str, Any] = {}
-    for key, value in pairs:
-        if key in members:
-            raise HTTPException(400, f"the key {key[:MAX_SHOWN]!a} appears twice in one object: name each once")
-        members[key] = value
-    return members
 
 
 def check_document(checked: CheckedTask) -> JsonObject:

@@ -4,7 +4,9 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, Field
 
-from app.api.schemas.requests import CameraIn, Name, RequestModel
+from app.api.schemas.requests import CameraIn, MaskId, Name, RequestModel
+from app.perception.models import AsObjectModel
+from app.perception.strict import WHOLE
 
 
 class LearnBody(RequestModel):
@@ -13,15 +15,18 @@ class LearnBody(RequestModel):
     objects: Annotated[list[Name] | None, Field(min_length=1, max_length=64, description="null: all of the task")] = (
         None
     )
-    episodes: Annotated[int, Field(ge=1, le=100, description="at most so many, the task's first")] = 10
+    episodes: Annotated[int, Field(ge=1, le=100, description="at most so many, the task's first"), WHOLE] = 10
 
 
 class PoseQuestionIn(RequestModel):
     """An object to be found: what is known of it, or its ids in the mask images."""
 
     name: Name
-    mask_ids: Annotated[tuple[int, ...], Field(max_length=64, description="ids of its pixels in mask_NAME")] = ()
-    model: Annotated[dict[str, Any] | None, Field(description="an object model, as in a task's `object_models`")] = None
+    mask_ids: Annotated[tuple[MaskId, ...], Field(max_length=64, description="ids of its pixels in mask_NAME")] = ()
+    model: Annotated[
+        Annotated[dict[str, Any], AsObjectModel()] | None,
+        Field(description="an object model, as in a task's `object_models`"),
+    ] = None
 
 
 class PosesBody(RequestModel):
@@ -34,7 +39,9 @@ class PosesBody(RequestModel):
 class LearnedOut(BaseModel):
     """What was learned of a task's objects."""
 
-    object_models: Annotated[dict[str, dict[str, Any]], Field(description="as the task now has them, by object")]
+    object_models: Annotated[
+        dict[str, Annotated[dict[str, Any], AsObjectModel()]], Field(description="as the task now has them, by object")
+    ]
     refused: Annotated[
         dict[str, str], Field(description="why nothing was learned of an object; its poses come as before")
     ]

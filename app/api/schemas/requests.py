@@ -1,7 +1,7 @@
 """What robots send."""
 
 import json
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
@@ -9,19 +9,20 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 from app.api import sample
 from app.api.schemas import examples
 from app.perception.base import ObjectQuery
-from app.services.predict.question import Unsupported
-from app.services.predict.select import Selection
-from app.services.task_settings import Number, PromptFormat, Representation, SystemPrompt, plain_text
+from app.perception.strict import WHOLE, Number, Truth
+from app.services.predict.options import PredictOptions
+from app.services.task_settings import plain_text
 from roboprompt_client.arrays import unit_quaternions
 from roboprompt_client.camera import Camera
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.motion_limits import MAX_ACTIONS, Pose
+from roboprompt_client.motion_limits import Pose
 
 MAX_EXTRA_BYTES = 65_536
 Position = tuple[Number, Number, Number]
 Quaternion = tuple[Number, Number, Number, Number]
 Row4 = tuple[Number, Number, Number, Number]
 Name = Annotated[str, Field(min_length=1, max_length=64)]
+MaskId = Annotated[int, WHOLE]
 Instruction = Annotated[str, Field(min_length=1, max_length=500)]
 
 
@@ -44,7 +45,7 @@ class ObjectIn(RequestModel):
     name: Name
     position: Annotated[Position | None, Field(description="metres, world frame")] = None
     quaternion_xyzw: Annotated[Quaternion | None, Field(description="unit quaternion, world frame")] = None
-    mask_ids: Annotated[list[int], Field(max_length=64, description="ids of its pixels in mask_NAME")] = []
+    mask_ids: Annotated[list[MaskId], Field(max_length=64, description="ids of its pixels in mask_NAME")] = []
 
     def query(self) -> ObjectQuery:
         """As perception wants it."""
@@ -58,8 +59,8 @@ class Intrinsics(RequestModel):
     fy: Number
     cx: Number
     cy: Number
-    width: Annotated[int | None, Field(gt=0, description="of the images; checked where given")] = None
-    height: Annotated[int | None, Field(gt=0)] = None
+    width: Annotated[int | None, Field(gt=0, description="of the images; checked where given"), WHOLE] = None
+    height: Annotated[int | None, Field(gt=0), WHOLE] = None
 
 
 class CameraIn(RequestModel):
@@ -153,7 +154,7 @@ class EndEffectorIn(RequestModel):
         return Pose(self.position, tuple(unit.tolist()))
 
 
-class PredictBody(RequestModel):
+class PredictBody(PredictOptions, RequestModel):
     """An observation, an instruction, and how to predict. What is left out follows the task, then the model."""
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False, json_schema_extra={"examples": [examples.PREDICT]})
@@ -169,63 +170,7 @@ class PredictBody(RequestModel):
             "(max_step_m, max_step_rotation_deg), but for later steps of a closed loop"
         ),
     ] = None
-    num_demonstrations: Annotated[int | None, Field(ge=1, le=100)] = None
-    selection: Annotated[
-        Selection,
-        Field(
-            description="first and recent by time of upload; nearest: to the observed objects, the nearest last; "
-            "diverse: those whose objects stand farthest apart"
-        ),
-    ] = "first"
-    seed: Annotated[int, Field(ge=0, le=2**31 - 1, description="for selection random and for sampling")] = 0
-    num_samples: Annotated[
-        int,
-        Field(
-            ge=1,
-            le=16,
-            description="replies to ask for at once; the actions are the median of those with the most common number "
-            "of actions, who must be more than half",
-        ),
-    ] = 1
-    temperature: Annotated[
-        float | None, Field(ge=0, le=2, description="left out: 0, or 0.5 for several samples of the same prompt")
-    ] = None
-    permute_demonstrations: Annotated[
-        bool, Field(description="every sample but the first sees the demonstrations in an order of its own")
-    ] = False
-    episode_ids: Annotated[
-        list[str] | None, Field(min_length=1, max_length=100, description="exactly these demonstrations, in this order")
-    ] = None
-    model: Annotated[str | None, Field(max_length=200, description="a name from GET /models")] = None
-    representation: Representation | None = None
-    prompt_format: PromptFormat | None = None
-    system_prompt: Annotated[SystemPrompt | None, Field(description="a, b, c, kat, none or free text")] = None
-    closed_loop: Annotated[
-        bool, Field(description="only the next action; the demonstrations must have tracked their objects")
-    ] = False
-    after: Annotated[
-        str | None,
-        Field(
-            max_length=64, description="id of the last step of a closed loop; its model, style and demonstrations stay"
-        ),
-    ] = None
-    unfamiliar: Annotated[
-        Literal["refuse", "allow"],
-        Field(
-            description="an instruction unlike every taught one: refuse, or pass it on to the LLM with a finding of "
-            "severity danger; objects that are not clear are refused either way"
-        ),
-    ] = "refuse"
-    max_actions: Annotated[int, Field(ge=1, le=100)] = MAX_ACTIONS
-    timeout_s: Annotated[float, Field(ge=0.1, le=600)] = 60.0
-    unsupported: Annotated[
-        Unsupported,
-        Field(description="allow: actions unlike what was demonstrated are answered with a finding instead of refused"),
-    ] = "refuse"
-    stream_text: Annotated[
-        bool, Field(description="with `Accept: text/event-stream`: the reply's text, too, in events `text`")
-    ] = False
-    dry_run: Annotated[bool, Field(description="answer with the prompt, ask no LLM")] = False
+    dry_run: Annotated[Truth, Field(description="answer with the prompt, ask no LLM")] = False
 
 
 class OutcomeBody(RequestModel):
@@ -233,5 +178,5 @@ class OutcomeBody(RequestModel):
 
     model_config = ConfigDict(extra="forbid", json_schema_extra={"examples": [examples.OUTCOME]})
 
-    success: bool
+    success: Truth
     note: Annotated[Annotated[str, AfterValidator(plain_text)] | None, Field(max_length=2000)] = None

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from app.perception.base import ObjectQuery
+from app.perception.base import ObjectQuery, model_of
 from app.perception.cuboid.fit import fit_upright
 from app.perception.cuboid.instances import chosen, instances
 from app.perception.cuboid.judge import judge
@@ -14,6 +14,7 @@ from app.perception.cuboid.model import CuboidModel
 from app.perception.cuboid.pieces import HsvImage, Piece, color_mask, find_pieces, to_hsv
 from app.perception.cuboid.view import view_of
 from app.perception.frame_checks import check_level, check_rgbd
+from app.perception.object_model import ObjectModelError
 from app.perception.sightings import Miss, Sighting, fused
 from app.pipeline.geometry import yaw_rad
 from roboprompt_client.arrays import Array
@@ -21,6 +22,7 @@ from roboprompt_client.camera import RgbdFrame
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.trajectory import ObjectPose
 
+EXAMPLE = 'its size and colour, e.g. {"estimator": "cuboid", "size_m": [0.05, 0.05, 0.05], "color": "red"}'
 NAME = "cuboid"
 FULL_TURN_RAD = 2 * np.pi
 
@@ -38,7 +40,7 @@ class CuboidPoses:
             InvalidInputError: if a query has no cuboid model, there is no camera, or a camera's images are unusable.
             ObjectNotVisibleError, UncertainPoseError: see `app.perception.sightings.fused`.
         """
-        models = {query.name: _model_of(query) for query in objects}
+        models = {query.name: model_of(query, CuboidModel, EXAMPLE) for query in objects}
         search = _Search(tuple(_Scene.of(frame) for frame in _checked(frames)))
         found: dict[str, ObjectPose] = {}
         by_name = {query.name: query for query in objects}
@@ -109,14 +111,6 @@ class _Search:
         return sightings, misses
 
 
-def _model_of(query: ObjectQuery) -> CuboidModel:
-    if isinstance(query.model, CuboidModel):
-        return query.model
-    what = "is missing" if query.model is None else f"is for the estimator {query.model.estimator!r}"
-    remedy = 'its size and colour, e.g. {"estimator": "cuboid", "size_m": [0.05, 0.05, 0.05], "color": "red"}'
-    raise InvalidInputError(f"object_models[{query.name}]", what, remedy)
-
-
 def _checked(frames: Sequence[RgbdFrame]) -> Sequence[RgbdFrame]:
     if not frames:
         raise InvalidInputError("cameras", "there is none", "rgb_NAME and depth_NAME of at least one camera")
@@ -133,14 +127,13 @@ def _in_order(models: dict[str, CuboidModel]) -> list[str]:
 
     def visit(name: str, path: tuple[str, ...]) -> None:
         if name in path:
-            field = f"object_models[{path[0]}]"
-            raise InvalidInputError(field, f"refers to itself: {' -> '.join((*path, name))}", "no circle")
+            raise ObjectModelError(path[0], f"refers to itself: {' -> '.join((*path, name))}", "no circle")
         if name in ordered:
             return
         for field, other in _references(models[name]).items():
             if other not in models:
                 message = f"is {other!r}, which is not among the objects"
-                raise InvalidInputError(f"object_models[{name}].{field}", message, ", ".join(models))
+                raise ObjectModelError(name, message, ", ".join(models), within=field)
             visit(other, (*path, name))
         ordered.append(name)
 

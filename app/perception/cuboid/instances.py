@@ -69,7 +69,7 @@ def chosen(name: str, model: CuboidModel, found: Sequence[Instance], anchor_m: A
     if len(certain) != rank.of:
         message = f"{len(certain)} things that look like it are seen well enough, not {rank.of}: {_described(found)}"
         remedy = f"a view of all {rank.of}, to count from {rank.nearest_to}"
-        raise UncertainPoseError(f"objects[{name}]", message, remedy)
+        raise UncertainPoseError(name, message, remedy)
     distances_m = np.array([np.linalg.norm(item.position_m - anchor_m) for item in certain])
     index = int(np.argsort(distances_m)[rank.number - 1])
     ties = np.count_nonzero(np.abs(distances_m - distances_m[index]) < TIE_M) - 1
@@ -88,7 +88,7 @@ def _only(name: str, certain: Sequence[Instance], found: Sequence[Instance]) -> 
             places = " and ".join(_place(s.position_m) for s in confident)
             message = f"camera {camera} sees {len(confident)} that look like it, at {places}"
             remedy = "one such object in view, a rank in its object model, or another colour"
-            raise UncertainPoseError(f"objects[{name}]", message, remedy)
+            raise UncertainPoseError(name, message, remedy)
     if certain:
         return Instance(tuple(s for item in certain for s in item.sightings))
     return found[0] if found else Instance(())

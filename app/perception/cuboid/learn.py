@@ -15,7 +15,8 @@ from app.perception.cuboid.fit import SHAPES, Shape
 from app.perception.cuboid.looks import Measured, learn_color, measure, object_pixels
 from app.perception.cuboid.model import ColorModel, CuboidModel, Rank
 from app.perception.frame_checks import check_rgbd
-from app.pipeline.errors import ObjectNotVisibleError, UncertainPoseError
+from app.perception.object_model import ObjectModelError
+from app.pipeline.errors import NoPoseError
 from roboprompt_client.arrays import Array
 from roboprompt_client.errors import InvalidInputError
 
@@ -72,7 +73,7 @@ def learn_rank(
     }
     if not steady:
         message = f"up to {most} things look like it, and their order from no other object is the same in all episodes"
-        raise InvalidInputError(f"object_models[{name}]", message, "colours of their own, or markers")
+        raise ObjectModelError(name, message, "colours of their own, or markers")
     anchor, number = next(iter(steady.items()))
     return replace(model, rank=Rank(number, anchor, most))
 
@@ -132,20 +133,19 @@ def _learn(name: str, scenes: Sequence[LabelledScene]) -> CuboidModel:
         (frame, query) for scene in scenes for query in scene.objects if query.name == name for frame in scene.frames
     ]
     seen = [(frame, query, pixels) for frame, query in labelled if (pixels := object_pixels(frame, query)) is not None]
-    field = f"object_models[{name}]"
     if not seen:
-        raise InvalidInputError(field, "no camera shows it with known depth", "mask_ids or a position in each episode")
-    color = learn_color(field, [(frame, pixels) for frame, _, pixels in seen])
+        raise ObjectModelError(name, "no camera shows it with known depth", "mask_ids or a position in each episode")
+    color = learn_color(name, [(frame, pixels) for frame, _, pixels in seen])
     measured = {kind: [measure(*view, color, kind) for view in seen] for kind in SHAPES}
     shape = min(SHAPES, key=lambda kind: sum(item.cost for item in measured[kind] if item is not None))
     items = [item for item in measured[shape] if item is not None]
     if not items:
-        raise InvalidInputError(field, "its pixels form no patch of one colour", "a larger view of it")
-    return _model(field, name, color, shape, items, scenes)
+        raise ObjectModelError(name, "its pixels form no patch of one colour", "a larger view of it")
+    return _model(name, color, shape, items, scenes)
 
 
 def _model(
-    field: str, name: str, color: ColorModel, shape: Shape, items: Sequence[Measured], scenes: Sequence[LabelledScene]
+    name: str, color: ColorModel, shape: Shape, items: Sequence[Measured], scenes: Sequence[LabelledScene]
 ) -> CuboidModel:
     size_m = _squared(np.median([item.size_m for item in items], axis=0), shape)
     offsets_m = [item.origin_m for item in items if item.origin_m is not None]
@@ -156,7 +156,7 @@ def _model(
     away_from = learn_away_from(name, scenes)
     if away_from is None:
         message = f"its origin is {100 * np.hypot(*origin_m[:2]):.1f} cm off the middle of what has its colour"
-        raise InvalidInputError(field, message, "poses in its middle, or markers on it")
+        raise ObjectModelError(name, message, "poses in its middle, or markers on it")
     return replace(model, origin_m=_rounded(origin_m), away_from=away_from)
 
 
@@ -179,14 +179,13 @@ def _try_out(models: Mapping[str, CuboidModel], scenes: Sequence[LabelledScene])
         queries = [ObjectQuery(query.name, model=models[query.name]) for query in scene.objects]
         try:
             poses = CuboidPoses().estimate(queries, scene.frames)
-        except (ObjectNotVisibleError, UncertainPoseError) as error:
-            field = error.field.replace("objects", "object_models", 1)
+        except NoPoseError as error:
             message = f"what was learned does not find it in episode {number}: {error.message}"
-            raise InvalidInputError(field, message, error.valid) from None
+            raise ObjectModelError(error.name, message, error.valid) from None
         for query, pose in zip(scene.objects, poses, strict=True):
             if query.position_m is None:
                 continue
             apart_m = float(np.linalg.norm(pose.position_m - query.position_m))
             if apart_m > SAME_M:
                 message = f"is found {100 * apart_m:.1f} cm from its position in episode {number}"
-                raise InvalidInputError(f"object_models[{query.name}]", message, "another colour, or markers on it")
+                raise ObjectModelError(query.name, message, "another colour, or markers on it")

@@ -16,10 +16,10 @@ from app.perception.cuboid.fit import SX, YAW, Shape, fit_any_size
 from app.perception.cuboid.model import ColorModel
 from app.perception.cuboid.pieces import Piece, color_mask, find_parts, full_mask, to_hsv
 from app.perception.cuboid.view import view_of
+from app.perception.object_model import ObjectModelError
 from app.pipeline.geometry import yaw_rad
 from roboprompt_client.arrays import Array
 from roboprompt_client.camera import RgbdFrame
-from roboprompt_client.errors import InvalidInputError
 
 Bools = npt.NDArray[np.bool_]
 
@@ -60,17 +60,17 @@ def _about(frame: RgbdFrame, position_m: npt.NDArray[np.float64]) -> Bools | Non
     return pixels if pixels.any() else None
 
 
-def learn_color(field: str, seen: Sequence[tuple[RgbdFrame, Bools]]) -> ColorModel:
+def learn_color(name: str, seen: Sequence[tuple[RgbdFrame, Bools]]) -> ColorModel:
     """The colour of most of the saturated pixels, with a margin for other light.
 
     Raises:
-        InvalidInputError: naming `field` if the object has no colour that stands out.
+        ObjectModelError: if the object `name` has no colour that stands out.
     """
     samples = np.concatenate([_samples(frame, pixels) for frame, pixels in seen])
     strong = samples[samples[:, 1] > LEAST_SATURATION]
     if len(strong) < 0.2 * len(samples) or len(strong) < 10:
         share = f"only {100 * len(strong) / len(samples):.0f} % of its pixels have a colour (saturation over 0.3)"
-        raise InvalidInputError(field, share, "a coloured object, markers on it, or masks")
+        raise ObjectModelError(name, share, "a coloured object, markers on it, or masks")
     counts, edges = np.histogram(strong[:, 0], np.arange(0, 360 + HUE_BIN_DEG, HUE_BIN_DEG))
     smooth = counts + np.roll(counts, 1) + np.roll(counts, -1)
     peak_deg = edges[np.argmax(smooth)] + HUE_BIN_DEG / 2

@@ -3,15 +3,23 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal, Self
+from typing import Annotated, Literal
 
-from app.perception.object_model import MIN_CONFIDENCE, ObjectModel, checked_fields, number, numbers, one_of, within
+from pydantic import BeforeValidator, Field
+
+from app.perception.object_model import MIN_CONFIDENCE, Checked, Confidence, Length, ObjectModel
+from app.perception.strict import WHOLE, Number
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.wording import checked_name
 
+Degrees = Annotated[Number, Field(ge=0, le=360)]
+Share = Annotated[Number, Field(ge=0, le=1)]
+_RANGE = Field(description="[least, greatest], each 0..1")
+ColorName = Literal["red", "orange", "yellow", "green", "cyan", "blue", "purple", "pink"]
+
 
 @dataclass(frozen=True)
-class ColorModel:
+class ColorModel(Checked):
     """A box in HSV space that holds an object's pixels and few others.
 
     Attributes:
@@ -20,32 +28,17 @@ class ColorModel:
         value: (least, greatest) in 0..1: how bright the brightest channel is.
     """
 
-    hue_deg: tuple[float, float]
-    saturation: tuple[float, float] = (0.4, 1.0)
-    value: tuple[float, float] = (0.15, 1.0)
+    hue_deg: Annotated[
+        tuple[Degrees, Degrees], Field(description="[from, to] in degrees, each 0..360, e.g. [345, 15] for red")
+    ]
+    saturation: Annotated[tuple[Share, Share], _RANGE] = (0.4, 1.0)
+    value: Annotated[tuple[Share, Share], _RANGE] = (0.15, 1.0)
 
     def __post_init__(self) -> None:
-        valid = "[from, to] in degrees, each 0..360, e.g. [345, 15] for red"
-        hue = numbers("hue_deg", self.hue_deg, 2, valid=valid)
-        if not all(0 <= item <= 360 for item in hue):
-            raise InvalidInputError("hue_deg", f"is {list(hue)}", valid)
-        object.__setattr__(self, "hue_deg", hue)
         for name in ("saturation", "value"):
-            valid = "[least, greatest], each 0..1"
-            low, high = numbers(name, getattr(self, name), 2, valid=valid)
-            if not 0 <= low <= high <= 1:
-                raise InvalidInputError(name, f"is {[low, high]}", valid)
-            object.__setattr__(self, name, (low, high))
-
-    @classmethod
-    def from_json(cls, value: Mapping[str, Any] | str) -> Self:
-        """From its fields, or from a name in `COLORS`."""
-        if isinstance(value, str):
-            if value not in COLORS:
-                valid = f"one of {', '.join(COLORS)}, or hue_deg, saturation and value"
-                raise InvalidInputError("", f"is {value!r}", valid)
-            return cls(COLORS[value])
-        return cls(**checked_fields(cls, value))
+            low, high = getattr(self, name)
+            if low > high:
+                raise InvalidInputError(name, f"is {[low, high]}", "[least, greatest]")
 
 
 # Hues in degrees that English speakers give these names, as ranges that leave gaps between neighbours
@@ -61,8 +54,19 @@ COLORS: Mapping[str, tuple[float, float]] = {
 }
 
 
+def _of_that_name(value: object) -> object:
+    if not isinstance(value, str):
+        return value
+    if value not in COLORS:
+        raise InvalidInputError("", f"is {value!r}", f"one of {', '.join(COLORS)}, or hue_deg, saturation and value")
+    return ColorModel(COLORS[value])
+
+
+Color = Annotated[ColorModel, BeforeValidator(_of_that_name, json_schema_input_type=ColorModel | ColorName)]
+
+
 @dataclass(frozen=True)
-class Rank:
+class Rank(Checked):
     """Which of several objects that look alike.
 
     Attributes:
@@ -71,15 +75,11 @@ class Rank:
         of: how many there are: a count that comes out otherwise is refused, since one may be hidden.
     """
 
-    number: int
+    number: Annotated[int, Field(ge=1, description="a whole number from 1 on"), WHOLE]
     nearest_to: str
-    of: int
+    of: Annotated[int, Field(ge=2, description="a whole number from 2 on"), WHOLE]
 
     def __post_init__(self) -> None:
-        for name, least in (("number", 1), ("of", 2)):
-            value = getattr(self, name)
-            if not isinstance(value, int) or isinstance(value, bool) or value < least:
-                raise InvalidInputError(name, f"is {value!r}", f"a whole number from {least} on")
         if self.number > self.of:
             raise InvalidInputError("number", f"is {self.number}", f"1..{self.of}, as many as there are")
         checked_name("nearest_to", self.nearest_to)
@@ -100,21 +100,21 @@ class CuboidModel(ObjectModel):
         min_confidence: a pose that is less certain is refused.
     """
 
-    estimator: Literal["cuboid"] = field(default="cuboid", init=False)
-    size_m: tuple[float, float, float]
-    color: ColorModel
+    estimator: Literal["cuboid"] = field(default="cuboid", kw_only=True)
+    size_m: Annotated[
+        tuple[Length, Length, Length],
+        Field(description="[x, y, z], positive lengths in metres, e.g. [0.05, 0.05, 0.05]"),
+    ]
+    color: Color
     shape: Literal["box", "cylinder"] = "box"
-    origin_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    origin_m: Annotated[tuple[Number, Number, Number], Field(description="[x, y, z] in metres")] = (0.0, 0.0, 0.0)
     rank: Rank | None = None
     away_from: str | None = None
-    min_confidence: float = MIN_CONFIDENCE
+    min_confidence: Confidence = MIN_CONFIDENCE
 
     def __post_init__(self) -> None:
-        valid = "[x, y, z], positive lengths in metres, e.g. [0.05, 0.05, 0.05]"
-        object.__setattr__(self, "size_m", numbers("size_m", self.size_m, 3, valid=valid, low=0.0))
-        object.__setattr__(self, "origin_m", numbers("origin_m", self.origin_m, 3, valid="[x, y, z] in metres"))
-        number("min_confidence", self.min_confidence, valid="a number in 0..1", low=0.0, high=1.0)
-        one_of("shape", self.shape, ("box", "cylinder"))
+        if min(self.size_m) <= 0:
+            raise InvalidInputError("size_m", f"is {list(self.size_m)}", "positive lengths")
         if self.shape == "cylinder" and not math.isclose(self.size_m[0], self.size_m[1]):
             raise InvalidInputError("size_m", f"is {list(self.size_m)}", "[diameter, diameter, height] of a cylinder")
         if self.away_from is not None:
@@ -136,17 +136,3 @@ class CuboidModel(ObjectModel):
         if self.shape == "cylinder":
             return 0.0
         return 90.0 if math.isclose(self.size_m[0], self.size_m[1], rel_tol=1e-6) else 180.0
-
-    @classmethod
-    def from_json(cls, value: Mapping[str, Any]) -> Self:
-        arguments = checked_fields(cls, value)
-        try:
-            arguments["color"] = ColorModel.from_json(arguments["color"])
-        except InvalidInputError as error:
-            raise within("color", error) from None
-        if arguments.get("rank") is not None:
-            try:
-                arguments["rank"] = Rank(**checked_fields(Rank, arguments["rank"]))
-            except InvalidInputError as error:
-                raise within("rank", error) from None
-        return cls(**arguments)

@@ -11,11 +11,12 @@ from itertools import combinations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from app.perception.base import ObjectQuery
+from app.perception.base import ObjectQuery, model_of
 from app.perception.frame_checks import check_rgbd
 from app.perception.markers.fit import MarkerFit, fit_markers
 from app.perception.markers.model import MarkersModel
 from app.perception.markers.view import MarkerView, SeenMarker, find_markers
+from app.perception.object_model import ObjectModelError
 from app.perception.sightings import Miss, Sighting, fused
 from roboprompt_client.camera import Camera, RgbdFrame
 from roboprompt_client.errors import InvalidInputError
@@ -31,6 +32,9 @@ RIVAL_SCALE = 4.0  # confidence tanh(d / 4) is 2 p - 1, p the better pose's prob
 MIN_FACE_POINTS = 8
 
 Seen = Mapping[str, Sequence[SeenMarker]]
+
+
+EXAMPLE = '{"estimator": "markers", "dictionary": "DICT_4X4_50", "markers": [{"id": 0, "size_m": 0.04}]}'
 
 
 def depth_contradiction(camera: Camera, view: MarkerView) -> str:
@@ -78,7 +82,7 @@ class MarkerPoses:
     """
 
     def estimate(self, objects: Sequence[ObjectQuery], frames: Sequence[RgbdFrame]) -> tuple[ObjectPose, ...]:
-        models = [_model(query) for query in objects]
+        models = [model_of(query, MarkersModel, EXAMPLE) for query in objects]
         _check_shared(objects, models)
         if not frames:
             raise InvalidInputError("cameras", "there is none", "rgb_NAME and depth_NAME of at least one camera")
@@ -89,14 +93,6 @@ class MarkerPoses:
         return tuple(_pose(query, model, frames, seen) for query, model in zip(objects, models, strict=True))
 
 
-def _model(query: ObjectQuery) -> MarkersModel:
-    if not isinstance(query.model, MarkersModel):
-        what = "is missing" if query.model is None else f"is for the estimator {query.model.estimator!r}"
-        remedy = '{"estimator": "markers", "dictionary": "DICT_4X4_50", "markers": [{"id": 0, "size_m": 0.04}]}'
-        raise InvalidInputError(f"object_models[{query.name}]", what, remedy)
-    return query.model
-
-
 def _check_shared(objects: Sequence[ObjectQuery], models: Sequence[MarkersModel]) -> None:
     named = [(query.name, model) for query, model in zip(objects, models, strict=True)]
     for (one, first), (other, second) in combinations(named, 2):
@@ -104,7 +100,7 @@ def _check_shared(objects: Sequence[ObjectQuery], models: Sequence[MarkersModel]
         shared = set(first.markers) & set(second.markers) if first.dictionary == second.dictionary else set()
         if shared:
             message = f"has marker {min(item.id for item in shared)} where {one!r} has it"
-            raise InvalidInputError(f"object_models[{other}].markers", message, "another id or marker_to_object")
+            raise ObjectModelError(other, message, "another id or marker_to_object", within="markers")
 
 
 def _wanted(models: Sequence[MarkersModel]) -> dict[str, set[int]]:

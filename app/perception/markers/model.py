@@ -1,22 +1,23 @@
 """What the estimator `markers` knows of an object: which printed markers it, or the fixture that holds it, carries."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
-from typing import Any, Literal, Self
+from typing import Annotated, Literal
 
 import cv2
 import numpy as np
+from pydantic import Field
 
-from app.perception.object_model import MIN_CONFIDENCE, ObjectModel, checked_fields, number, numbers, one_of, within
+from app.perception.object_model import MIN_CONFIDENCE, Checked, Confidence, Length, ObjectModel, one_of
+from app.perception.strict import WHOLE, Number, Truth
 from roboprompt_client.camera import ROTATION_MATRIX_TOLERANCE
 from roboprompt_client.errors import InvalidInputError
 
-Row = tuple[float, ...]
-DICTIONARIES = tuple(sorted(name for name in dir(cv2.aruco) if name.startswith("DICT_")))
-SAME_PLACE: tuple[Row, ...] = tuple(map(tuple, np.eye(4).tolist()))
 _RIGID = "four rows of a rigid transform from the marker's axes to the object's, lengths in metres"
+Row = tuple[Number, Number, Number, Number]
+DICTIONARIES = tuple(sorted(name for name in dir(cv2.aruco) if name.startswith("DICT_")))
+SAME_PLACE = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0))
 
 
 @cache
@@ -26,7 +27,7 @@ def marker_dictionary(name: str) -> cv2.aruco.Dictionary:
 
 
 @dataclass(frozen=True)
-class Marker:
+class Marker(Checked):
     """A printed square.
 
     Attributes:
@@ -36,17 +37,12 @@ class Marker:
             one on top of a cube of 5 cm: no turn, and a shift of (0, 0, 0.025).
     """
 
-    id: int
-    size_m: float
-    marker_to_object: tuple[Row, ...] = SAME_PLACE
+    id: Annotated[int, Field(ge=0, description="0, 1, 2, ...: the number printed with it"), WHOLE]
+    size_m: Annotated[Length, Field(description="a length in metres above 0: the side of the black border")]
+    marker_to_object: Annotated[tuple[Row, Row, Row, Row], Field(description=_RIGID)] = SAME_PLACE
 
     def __post_init__(self) -> None:
-        if not isinstance(self.id, int) or isinstance(self.id, bool) or self.id < 0:
-            raise InvalidInputError("id", f"is {self.id!r}", "0, 1, 2, ...: the number printed with it")
-        valid = "a length in metres above 0: the side of the black border"
-        (size_m,) = numbers("size_m", (self.size_m,), 1, valid=valid, low=0.0)
-        object.__setattr__(self, "size_m", size_m)
-        object.__setattr__(self, "marker_to_object", _rigid_rows("marker_to_object", self.marker_to_object))
+        _check_rigid("marker_to_object", self.marker_to_object)
 
 
 @dataclass(frozen=True)
@@ -60,16 +56,14 @@ class MarkersModel(ObjectModel):
         min_confidence: a pose that is less certain is refused.
     """
 
-    estimator: Literal["markers"] = field(default="markers", init=False)
-    dictionary: str
-    markers: tuple[Marker, ...]
-    upright: bool = False
-    min_confidence: float = MIN_CONFIDENCE
+    estimator: Literal["markers"] = field(default="markers", kw_only=True)
+    dictionary: Annotated[str, Field(description="e.g. DICT_4X4_50 or DICT_APRILTAG_36h11")]
+    markers: Annotated[tuple[Marker, ...], Field(description="a list of markers with id and size_m")]
+    upright: Truth = False
+    min_confidence: Confidence = MIN_CONFIDENCE
 
     def __post_init__(self) -> None:
         one_of("dictionary", self.dictionary, DICTIONARIES)
-        one_of("upright", self.upright, (False, True))
-        number("min_confidence", self.min_confidence, valid="a number in 0..1", low=0.0, high=1.0)
         if not self.markers:
             raise InvalidInputError("markers", "is empty", "at least one marker with id and size_m")
         known = len(marker_dictionary(self.dictionary).bytesList)
@@ -80,31 +74,11 @@ class MarkersModel(ObjectModel):
             if id_ in ids[:index]:
                 raise InvalidInputError(f"markers[{index}].id", f"{id_} appears twice", "each marker once")
 
-    @classmethod
-    def from_json(cls, value: Mapping[str, Any]) -> Self:
-        arguments = checked_fields(cls, value)
-        items = arguments["markers"]
-        if not isinstance(items, list | tuple):
-            raise InvalidInputError("markers", f"is {items!r}", "a list of markers with id and size_m")
-        arguments["markers"] = tuple(_marker(index, item) for index, item in enumerate(items))
-        return cls(**arguments)
 
-
-def _marker(index: int, value: Mapping[str, Any]) -> Marker:
-    try:
-        return Marker(**checked_fields(Marker, value))
-    except InvalidInputError as error:
-        raise within(f"markers[{index}]", error) from None
-
-
-def _rigid_rows(name: str, value: object) -> tuple[Row, ...]:
-    if not isinstance(value, list | tuple) or len(value) != 4:
-        raise InvalidInputError(name, f"is {value!r}", _RIGID)
-    rows = tuple(numbers(f"{name}[{index}]", row, 4, valid="four numbers") for index, row in enumerate(value))
+def _check_rigid(name: str, rows: tuple[Row, ...]) -> None:
     rotation = np.array(rows)[:3, :3]
     with np.errstate(over="ignore", invalid="ignore"):  # huge elements are refused like any others
         off = float(np.abs(rotation.T @ rotation - np.eye(3)).max())
     if not (off <= ROTATION_MATRIX_TOLERANCE and np.linalg.det(rotation) > 0 and list(rows[3]) == [0, 0, 0, 1]):
         what = "" if math.isnan(off) else f": its rotation's columns are off unit length and right angles by {off:.3g}"
         raise InvalidInputError(name, f"is not a rigid transform{what}", _RIGID)
-    return rows

@@ -6,7 +6,7 @@ While a prediction takes long, people see it from whichever process they look.
 import asyncio
 import logging
 import time
-from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncGenerator, AsyncIterator, Callable
 from contextlib import aclosing, asynccontextmanager
 from dataclasses import replace
 from functools import partial
@@ -25,13 +25,14 @@ from app.services.predict.dialogue import Dialogue
 from app.services.predict.doubts import findings_of
 from app.services.predict.instruction import ask_meaning
 from app.services.predict.question import PredictedAction, Prediction, PredictRequest, Question
-from app.services.predict.record import Recorder
+from app.services.predict.record import Ended, Recorder
 from app.services.predict.sampled import SampledDialogue
 from app.services.predict.warm import PrefixWarmer
 from app.services.predict.write import QuestionWriter
 from app.store.errors import StoreUnavailableError
 from app.store.processes import UnderWay, UnderWayNotes
-from roboprompt_client.errors import UnsafeActionError
+from app.store.records import PredictionStatus
+from roboprompt_client.errors import RoboPromptError, UnsafeActionError
 
 SHOWN_AFTER_S = 0.5  # shorter ones are never written down
 GRACE_S = 5.0  # a note that a killed process leaves behind outlives its request's deadline by no more
@@ -43,7 +44,7 @@ _showing: set[asyncio.Task[None]] = set()  # the event loop itself holds its tas
 async def watched(notes: UnderWayNotes, question: Question) -> AsyncIterator[None]:
     """Let the prediction be seen while the body runs, if it runs for long. The body waits for nothing of this."""
     request, now_s = question.request, time.time()
-    deadline_s = now_s + request.timeout_s + GRACE_S
+    deadline_s = now_s + request.options.timeout_s + GRACE_S
     note = UnderWay(uuid4().hex, request.task, request.instruction, question.profile.name, now_s, deadline_s)
     ended = asyncio.Event()
 
@@ -67,6 +68,9 @@ async def _show(notes: UnderWayNotes, note: UnderWay, ended: asyncio.Event) -> N
         logger.warning("%s", error)  # nobody sees it, but it goes on
     await ended.wait()
     await anyio.to_thread.run_sync(notes.end, note.id)
+
+
+FAILURES = (ReplyParseError, UnsafeActionError, UnsupportedActionError, LanguageModelError)
 
 
 class PredictActions:
@@ -118,7 +122,7 @@ class PredictActions:
             return None
         with timed(timings_ms, "words"):
             async with self._models.using(self._write_question.model_of(request)) as model:
-                return await ask_meaning(model, request.instruction, error.choices, request.timeout_s)
+                return await ask_meaning(model, request.instruction, error.choices, request.options.timeout_s)
 
     async def __call__(self, request: PredictRequest) -> Prediction:
         """Predict and record.
@@ -160,7 +164,7 @@ class PredictActions:
         async with self._models.using(question.profile.name) as model:
             kind = SampledDialogue if question.samples else Dialogue
             dialogue = kind(question, model, timings_ms)
-            record = partial(self._record, question, dialogue, timings_ms, started_s)
+            ended = partial(Ended, question, dialogue, timings_ms, started_s)
             actions: list[PredictedAction] = []
             check = ActionCheck(self._limits, question)
             try:
@@ -170,13 +174,13 @@ class PredictActions:
                             timings_ms.setdefault("first_action", (time.perf_counter() - started_s) * 1000)
                             actions.append(item)
                         yield item
-            except (ReplyParseError, UnsafeActionError, UnsupportedActionError, LanguageModelError) as error:
-                await _record_failure(error, dialogue, record)
+            except FAILURES as error:
+                await self._record_failure(error, ended)
                 raise
         try:
-            id_ = await record("ok", actions, check=check.within)
+            id_ = await self._record(ended("ok", actions), check.within)
         except UnsafeActionError as error:  # beyond limits that were set after the last action came
-            await _record_failure(error, dialogue, record)
+            await self._record_failure(error, ended)
             raise
         findings = findings_of(question, dialogue, "ok")
         completion = Completion(dialogue.reply_text or "", dialogue.usage)
@@ -209,24 +213,34 @@ class PredictActions:
                             await check.again()
                         yield item
 
+    async def _record_failure(
+        self,
+        error: ReplyParseError | UnsafeActionError | UnsupportedActionError | LanguageModelError,
+        ended: Callable[..., Ended],
+    ) -> None:
+        """Keep what became of the question.
 
-async def _record_failure(
-    error: ReplyParseError | UnsafeActionError | UnsupportedActionError | LanguageModelError,
-    dialogue: Dialogue | SampledDialogue,
-    record: Callable[..., Awaitable[str]],
-) -> None:
-    """Keep what became of the question.
+        Args:
+            ended: called with what the question ended with.
 
-    Raises:
-        UnparsableReplyError, UnsafeReplyError, UnsupportedReplyError: for an error that does not carry the reply.
-    """
+        Raises:
+            UnparsableReplyError, UnsafeReplyError, UnsupportedReplyError: for an error that does not carry the reply.
+        """
+        if isinstance(error, LanguageModelError):
+            await self._record(ended("model_error", error=str(error)))
+            return
+        status, message, refusal = _refusal(error)
+        failed = ended(status, error=message)
+        id_ = await self._record(failed)
+        raise refusal(failed.dialogue.reply_text or "", id_) from error
+
+
+def _refusal(
+    error: ReplyParseError | UnsafeActionError | UnsupportedActionError,
+) -> tuple[PredictionStatus, str, Callable[[str, str], RoboPromptError]]:
+    """How a reply that is not used is kept, why in words, and the error for it, once its text and id are known."""
     if isinstance(error, ReplyParseError):
-        id_ = await record("parse_error", error=error.message)
-        raise UnparsableReplyError(error.message, dialogue.reply_text or "", id_) from error
+        return "parse_error", error.message, partial(UnparsableReplyError, error.message)
     if isinstance(error, UnsafeActionError):
-        id_ = await record("unsafe_action", error=str(error))
-        raise UnsafeReplyError(error, dialogue.reply_text or "", id_) from error
-    if isinstance(error, UnsupportedActionError):
-        id_ = await record("unsupported", error=str(error))
-        raise UnsupportedReplyError(error, dialogue.reply_text or "", id_) from error
-    await record("model_error", error=str(error))
+        return "unsafe_action", str(error), partial(UnsafeReplyError, error)
+    return "unsupported", str(error), partial(UnsupportedReplyError, error)

@@ -37,9 +37,9 @@ class Dialogue:
         self._question = question
         self._model = model
         self._timings_ms = timings_ms
-        self._deadline_s = time.monotonic() + question.request.timeout_s
+        self._deadline_s = time.monotonic() + question.request.options.timeout_s
         self._so_far = question.so_far
-        self._temperature = question.request.sampling_temperature
+        self._temperature = question.request.options.sampling_temperature
         self._doubts: list[ActionDoubt] = []
         self.rows: list[PlacedRow | None] = []
         self.prompt: Prompt = question.prompt
@@ -66,10 +66,10 @@ class Dialogue:
             LanguageModelError: if the LLM does not answer.
         """
         question = self._question
-        remaining = question.request.max_actions
+        remaining = question.request.options.max_actions
         for number, instruction in enumerate(question.instructions):
             if remaining <= 0:
-                asked, most = len(question.instructions), question.request.max_actions
+                asked, most = len(question.instructions), question.request.options.max_actions
                 raise ReplyParseError(f"{most} actions do not carry out all {asked} parts", self.reply_text or "")
             if number > 0:
                 self.prompt = question.written.ask(question.objects, instruction, remaining, self._so_far)
@@ -102,7 +102,7 @@ class Dialogue:
         """The actions of the reply to one instruction, as far as the demonstrations support them."""
         question = self._question
         reader = ReplyReader(question.written.codec, question.objects, instruction, max_actions, question.start)
-        support = SupportCheck(question, instruction, question.request.max_actions - max_actions)
+        support = SupportCheck(question, instruction, question.request.options.max_actions - max_actions)
         async with aclosing(self._reply(reader, max_actions, piecewise=piecewise)) as arriving:
             async for item in arriving:
                 if not isinstance(item, TextDelta):
@@ -156,7 +156,7 @@ class Dialogue:
                 if isinstance(piece, Completion):
                     yield piece
                     return
-                if self._question.request.stream_text:
+                if self._question.request.options.stream_text:
                     yield TextDelta((self.reply_text or "")[said:])
                 with timed(self._timings_ms, "parse"):
                     new = reader.feed(piece.text)
@@ -188,16 +188,16 @@ class Dialogue:
         Raises:
             ModelTimeoutError: if no time is left.
         """
-        request = self._question.request
+        name, options = self._question.profile.name, self._question.request.options
         timeout_s = self._deadline_s - time.monotonic()
         if timeout_s <= 0:
-            raise ModelTimeoutError(f"{self._question.profile.name} did not answer within {request.timeout_s:g} s")
+            raise ModelTimeoutError(f"{name} did not answer within {options.timeout_s:g} s")
         return CompletionRequest(
             self.prompt,
             max_tokens=max_actions * MAX_TOKENS_PER_ACTION,
             timeout_s=timeout_s,
             temperature=self._temperature,
-            seed=request.seed,
+            seed=options.seed,
             cache_key=self._question.template.cache_key,
         )
 

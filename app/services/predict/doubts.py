@@ -90,7 +90,7 @@ class SupportCheck:
     def __init__(self, question: Question, instruction: str, num_before: int = 0) -> None:
         plans = question.plans.get(instruction)
         self._guard = SupportGuard(plans, num_before) if plans else None
-        self._allows = question.request.unsupported == "allow"
+        self._allows = question.request.options.unsupported == "allow"
         self._tolerated_m = TOLERATED_BINS * float(question.settings.workspace.workspace().bin_size_m.max())
         self._index = num_before
         self.doubts: list[ActionDoubt] = []

@@ -86,7 +86,7 @@ def ground_instruction(
         phrases = tuple(Grounding(instruction, phrase.object_name, "llm") for phrase in grounded.phrases)
         return replace(grounded, phrases=phrases)
     layout = Layout({pose.name: pose.position_m for pose in objects}, np.array(settings.robot_base))
-    return words.ground(instruction, layout, allow_unfamiliar=request.unfamiliar == "allow")
+    return words.ground(instruction, layout, allow_unfamiliar=request.options.unfamiliar == "allow")
 
 
 @lru_cache(MAX_TASKS)

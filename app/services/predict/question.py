@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Literal
+from typing import Any
 
 import numpy as np
 
@@ -16,17 +16,14 @@ from app.pipeline.plans.support import PlacedPlan, PlacedRow
 from app.pipeline.prompt import Prompt, PromptTemplate
 from app.pipeline.representation.anchors import relative_pose
 from app.pipeline.workspace import DiscreteAction
-from app.services.predict.select import Selection
+from app.services.predict.options import AS_THE_TASK_SAYS, PredictOptions
 from app.services.predict.template import PromptStyle, Template
 from app.services.task_settings import TaskSettings
 from app.store.values import JsonObject
 from roboprompt_client.camera import Camera, RgbdFrame
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.motion_limits import MAX_ACTIONS, Pose
+from roboprompt_client.motion_limits import Pose
 from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
-
-SAMPLES_TEMPERATURE = 0.5
-Unsupported = Literal["refuse", "allow"]
 
 
 @dataclass(frozen=True)
@@ -38,18 +35,8 @@ class PredictRequest:
         frames: calibrated images, for estimators that look.
         cameras: those of the frames, where these are no longer kept.
         images: the same as they came, by camera, to be stored with the prediction.
-        model, representation, prompt_format, system_prompt, num_demonstrations: None follows the task, then the model.
-        num_samples: so many replies are asked for; the prediction is their median.
-        temperature: None: greedy where there is nothing to vary otherwise.
-        permute_demonstrations: each sample but the first sees the demonstrations in an order of its own.
-        episode_ids: exactly these demonstrations, in this order, instead of a selection.
-        closed_loop: ask for the next action only.
-        after: the id of the prediction that a closed loop goes on from; its model, demonstrations and style go on, too.
         end_effector: where the robot's end effector is, where the robot tells.
         meaning: the instruction of the task that `instruction` means, where an LLM was asked for it.
-        unfamiliar: whether an instruction unlike every taught one is refused or passed on.
-        unsupported: whether an action unlike what was demonstrated is refused, or only found.
-        stream_text: hand out the reply's text, too, where it is read while it arrives.
         as_sent: the request as it came, to be stored with the prediction.
     """
 
@@ -59,42 +46,24 @@ class PredictRequest:
     frames: tuple[RgbdFrame, ...] = ()
     cameras: tuple[Camera, ...] = ()
     images: Mapping[str, ImageBytes] = field(default_factory=dict)
-    model: str | None = None
-    representation: str | None = None
-    prompt_format: str | None = None
-    system_prompt: str | None = None
-    num_demonstrations: int | None = None
-    selection: Selection = "first"
-    seed: int = 0
-    num_samples: int = 1
-    temperature: float | None = None
-    permute_demonstrations: bool = False
-    episode_ids: tuple[str, ...] | None = None
-    closed_loop: bool = False
-    after: str | None = None
-    max_actions: int = MAX_ACTIONS
-    timeout_s: float = 60.0
     end_effector: Pose | None = None
     meaning: str | None = None
-    unfamiliar: Literal["refuse", "allow"] = "refuse"
-    unsupported: Unsupported = "refuse"
-    stream_text: bool = False
+    options: PredictOptions = AS_THE_TASK_SAYS
     as_sent: JsonObject = field(default_factory=dict)
 
     def without_frames(self) -> "PredictRequest":
         """The same with the cameras, but without what was decoded."""
         return replace(self, cameras=tuple(frame.camera for frame in self.frames), frames=())
 
-    def __post_init__(self) -> None:
-        if self.num_samples > 1 and (self.closed_loop or self.after is not None):
-            raise InvalidInputError("num_samples", f"is {self.num_samples} in a closed loop", "1")
+    def with_options(self, **changes: Any) -> "PredictRequest":  # noqa: ANN401
+        """The same with these options, which are checked, and the others as they are."""
+        kept = {name: getattr(self.options, name) for name in PredictOptions.model_fields}
+        return replace(self, options=PredictOptions.model_validate(kept | changes))
 
-    @property
-    def sampling_temperature(self) -> float:
-        """As asked for; several samples of the same prompt must differ."""
-        if self.temperature is not None:
-            return self.temperature
-        return 0.0 if self.num_samples == 1 or self.permute_demonstrations else SAMPLES_TEMPERATURE
+    def __post_init__(self) -> None:
+        options = self.options
+        if options.num_samples > 1 and (options.closed_loop or options.after is not None):
+            raise InvalidInputError("num_samples", f"is {options.num_samples} in a closed loop", "1")
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +118,7 @@ class Question:
     @cached_property
     def prompt(self) -> Prompt:
         """The prompt that asks for the first of the instructions."""
-        return self.written.ask(self.objects, self.instructions[0], self.request.max_actions, self.so_far)
+        return self.written.ask(self.objects, self.instructions[0], self.request.options.max_actions, self.so_far)
 
 
 @dataclass(frozen=True)

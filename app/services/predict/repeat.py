@@ -98,9 +98,9 @@ class RepeatedPredictions:
 
     def _check(self, connection: Connection, request: PredictRequest, answer: JsonObject) -> None:
         before = request.end_effector
-        if before is None and request.after is not None:
-            before = previous_step(connection, request.after, request.task).end_effector
-        guard = MotionGuard(self._limits.read(connection, request.task), request.max_actions, before)
+        if before is None and request.options.after is not None:
+            before = previous_step(connection, request.options.after, request.task).end_effector
+        guard = MotionGuard(self._limits.read(connection, request.task), request.options.max_actions, before)
         try:
             for index, action in enumerate(answer["actions"]):
                 guard.check(action_from_json(index, action))

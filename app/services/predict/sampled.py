@@ -114,7 +114,7 @@ class SampledDialogue:
 
 
 async def _ask(question: Question, dialogue: Dialogue) -> _Reply:
-    seed, actions = question.request.seed, list[EndEffectorAction]()
+    seed, actions = question.request.options.seed, list[EndEffectorAction]()
     try:
         async with aclosing(dialogue.actions(piecewise=False)) as arriving:
             async for new in arriving:

@@ -80,7 +80,8 @@ class QuestionWriter:
             with timed(timings_ms, "read"):
                 task = tasks.get(connection, request.task)
                 settings = TaskSettings.model_validate(task.settings)
-                previous = None if request.after is None else previous_step(connection, request.after, request.task)
+                after = request.options.after
+                previous = None if after is None else previous_step(connection, after, request.task)
             end_effector = request.end_effector or (None if previous is None else previous.end_effector)
             settings.limits_of_motion().require_start(end_effector)
             if seen is None:
@@ -114,11 +115,13 @@ class QuestionWriter:
         )
         question = replace(question, plans=_placed(question))
         question = replace(question, findings=findings_before(question))
-        return replace(question, samples=_samples(question, chosen.templates)) if request.num_samples > 1 else question
+        if request.options.num_samples == 1:
+            return question
+        return replace(question, samples=_samples(question, chosen.templates))
 
     def model_of(self, request: PredictRequest) -> str:
         """The name of the model that `request` asks; raises UnknownModelError."""
-        return self._profile_of(request.model).name
+        return self._profile_of(request.options.model).name
 
     def usual_template(self, task_name: str) -> Template:
         """The template of a request that names nothing but the task.
@@ -153,14 +156,14 @@ class QuestionWriter:
         previous: PreviousStep | None,
     ) -> "_Chosen":
         """As the request asks; a closed loop goes on as it began."""
-        profile = self._profile_of(request.model if previous is None else previous.model)
+        profile = self._profile_of(request.options.model if previous is None else previous.model)
         if previous is None:
             style = _style(request, settings, profile)
             ids = self._demonstration_ids(connection, request, task, settings, objects)
         else:
             style, ids = previous.style, previous.demonstration_ids
         orders = _orders(ids, request)
-        named = request.episode_ids is not None
+        named = request.options.episode_ids is not None
         templates = [self._template(connection, task, settings, style, order, all_of_them=named) for order in orders]
         return _Chosen(profile, style, templates)
 
@@ -173,10 +176,10 @@ class QuestionWriter:
         objects: Sequence[ObjectPose],
     ) -> tuple[str, ...]:
         """Those that the request names, or that its selection finds."""
-        if request.episode_ids is not None:
-            return request.episode_ids
-        number = request.num_demonstrations or settings.num_demonstrations
-        return self._select(connection, task, request.selection, number, request.seed, objects)
+        if request.options.episode_ids is not None:
+            return request.options.episode_ids
+        number = request.options.num_demonstrations or settings.num_demonstrations
+        return self._select(connection, task, request.options.selection, number, request.options.seed, objects)
 
     def _template(
         self,
@@ -214,9 +217,9 @@ def _placed(question: Question) -> dict[str, tuple[PlacedPlan, ...] | None]:
 
 def _orders(ids: tuple[str, ...], request: PredictRequest) -> list[tuple[str, ...]]:
     """The order of the demonstrations for each sample that has one of its own."""
-    if not request.permute_demonstrations:
+    if not request.options.permute_demonstrations:
         return [ids]
-    others = [random.Random(request.seed + k) for k in range(1, request.num_samples)]
+    others = [random.Random(request.options.seed + k) for k in range(1, request.options.num_samples)]
     return [ids, *(tuple(other.sample(ids, len(ids))) for other in others)]
 
 
@@ -227,11 +230,11 @@ def _samples(question: Question, templates: Sequence[Template]) -> tuple[Questio
         templates: one for all, or one for each.
     """
     request = question.request
-    own = templates if len(templates) > 1 else [*templates] * request.num_samples
+    own = templates if len(templates) > 1 else [*templates] * request.options.num_samples
     return tuple(
         replace(
             question,
-            request=replace(request, seed=(request.seed + k) % SEEDS),
+            request=request.with_options(seed=(request.options.seed + k) % SEEDS),
             template=template,
             written=template.at_step(0),
         )
@@ -279,13 +282,13 @@ def _observed(request: PredictRequest, task: TaskRecord, settings: TaskSettings)
 
 def _style(request: PredictRequest, settings: TaskSettings, profile: ModelProfile) -> PromptStyle:
     """What the request says, else the task's setting, else what suits the model."""
-    representation = request.representation or settings.representation or profile.representation
-    prompt_format = request.prompt_format or settings.prompt_format or profile.prompt_format
-    system_prompt = request.system_prompt or settings.system_prompt
+    representation = request.options.representation or settings.representation or profile.representation
+    prompt_format = request.options.prompt_format or settings.prompt_format or profile.prompt_format
+    system_prompt = request.options.system_prompt or settings.system_prompt
     if system_prompt is None:
         system_prompt = _suitable_system_prompt(representation, prompt_format, profile)
-    started = request.end_effector is not None and not request.closed_loop
-    return PromptStyle(representation, prompt_format, system_prompt, request.closed_loop, started)
+    started = request.end_effector is not None and not request.options.closed_loop
+    return PromptStyle(representation, prompt_format, system_prompt, request.options.closed_loop, started)
 
 
 def _suitable_system_prompt(representation: str, prompt_format: str, profile: ModelProfile) -> str:

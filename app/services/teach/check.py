@@ -5,7 +5,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import anyio.to_thread
-from sqlalchemy import Connection
 
 from app.llm.base import ModelProfile
 from app.perception.base import ObjectQuery
@@ -16,15 +15,13 @@ from app.pipeline.findings import Finding
 from app.pipeline.plans import Recording
 from app.services.cache import Cache
 from app.services.limits import NoDemonstrationsError, UnparsableReplyError, UnsafeReplyError, UnsupportedReplyError
-from app.services.measures import Timings
 from app.services.predict.ask import PredictActions
-from app.services.predict.dialogue import Dialogue
-from app.services.predict.question import PredictedAction, PredictRequest, Question
-from app.services.predict.sampled import SampledDialogue
+from app.services.predict.options import PredictOptions
+from app.services.predict.question import PredictRequest
 from app.services.predict.select import recordings_of
 from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks
-from app.store.records import PredictionStatus, TaskRecord
+from app.store.records import TaskRecord
 from app.store.store import Store
 from app.store.trajectories import get_trajectories
 from roboprompt_client.errors import InvalidInputError
@@ -164,23 +161,6 @@ def _request(task: str, model: str, recording: Recording, others: Sequence[str])
         task,
         demonstration.instruction,
         objects,
-        model=model,
-        episode_ids=tuple(others),
-        timeout_s=ASKED_TIMEOUT_S,
         end_effector=end_effector,
-        unsupported="allow",
+        options=PredictOptions(model=model, episode_ids=tuple(others), timeout_s=ASKED_TIMEOUT_S, unsupported="allow"),
     )
-
-
-async def leave_unrecorded(
-    question: Question,
-    dialogue: Dialogue | SampledDialogue,
-    timings_ms: Timings,
-    started_s: float,
-    status: PredictionStatus,
-    actions: Sequence[PredictedAction] | None = None,
-    error: str | None = None,
-    check: Callable[[Connection], None] = lambda _: None,
-) -> str:
-    """In place of a `PredictionRecorder`: what a check asks is no robot's prediction, and no statistic counts it."""
-    return ""

@@ -1,12 +1,12 @@
 """Object models from what is stored of a task, so that nobody has to type in colours and sizes."""
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 from app.perception.base import LabelledScene, ObjectQuery
 from app.perception.cuboid.learn import learn_models
+from app.perception.object_model import ObjectModelError
 from app.services.limits import NoDemonstrationsError
 from app.services.scene_images import read_frame
 from app.services.teach.configure import ConfigureTask
@@ -14,8 +14,6 @@ from app.store import episodes, tasks
 from app.store.records import EpisodeRecord, TaskRecord
 from app.store.store import Store
 from roboprompt_client.errors import InvalidInputError
-
-OF_OBJECT = re.compile(r"object_models\[([^]]+)\]")
 
 
 @dataclass(frozen=True)
@@ -102,11 +100,8 @@ def _learned(
     while names := [name for name in wanted if name not in refused]:
         try:
             models = learn_models([_only(scene, names) for scene in scenes])
-        except InvalidInputError as error:
-            found = OF_OBJECT.match(error.field)
-            if found is None:
-                raise
-            refused[found[1]] = error
+        except ObjectModelError as error:
+            refused[error.name] = error
         else:
             return {name: model.as_json() for name, model in models.items()}, refused
     return {}, refused

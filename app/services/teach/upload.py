@@ -20,9 +20,9 @@ from app.services.pose_servers import PoseServers
 from app.services.scene_images import put_images
 from app.services.task_settings import TaskSettings
 from app.services.teach.extract import Extracted, extract, with_room_for
-from app.store import episodes, idempotency, predictions, tasks
+from app.store import episodes, idempotency, predictions, tasks, trajectories
 from app.store.errors import ConflictError, NotFoundError
-from app.store.records import EpisodeDraft, EpisodeRecord, StoredResponse, TaskRecord
+from app.store.records import EpisodeDraft, EpisodeFields, StoredResponse, TaskRecord
 from app.store.store import Store
 from app.store.values import CameraRecord, JsonObject
 from roboprompt_client.errors import InvalidInputError
@@ -63,7 +63,44 @@ class Upload:
             raise InvalidInputError("trajectory.object_positions", message, "(T, N, 3), in the order of objects")
 
 
-Respond = Callable[[EpisodeRecord, TaskRecord], JsonObject]
+Respond = Callable[[EpisodeFields, TaskSettings], JsonObject]
+
+
+@dataclass(frozen=True, eq=False)
+class _Outcome:
+    """What an upload makes of its task.
+
+    Attributes:
+        settings_before: of the task; for others the outcome is another one.
+        settings: of the task afterwards.
+    """
+
+    settings_before: JsonObject
+    settings: JsonObject
+    answer: JsonObject
+
+
+@dataclass(frozen=True, eq=False)
+class _Attempt:
+    """An upload, extracted and put into words before its transaction: on SQLite nobody else writes meanwhile.
+
+    Attributes:
+        seen: the task as it was read; None if there was none.
+    """
+
+    upload: Upload
+    seen: TaskRecord | None
+    extracted: Extracted
+    draft: EpisodeDraft
+    respond: Respond
+
+    def outcome(self, settings_before: JsonObject) -> _Outcome:
+        """What becomes of a task with these settings."""
+        settings = TaskSettings.model_validate(settings_before).with_joints_of(self.upload.episode.trajectory)
+        settings = with_room_for(settings, [self.extracted])
+        findings = [item.to_json() for item in self.extracted.findings]
+        answer = {**self.respond(self.draft, settings), "findings": findings}
+        return _Outcome(settings_before, settings.model_dump(mode="json"), answer)
 
 
 class UploadEpisode:
@@ -87,11 +124,14 @@ class UploadEpisode:
         if (answer := self._answered(upload)) is not None:
             return answer
         for _ in range(MAX_ATTEMPTS):
-            task = self._task(upload)
-            extracted = self._extract(upload, task)
+            seen = self._task(upload)
+            settings = _settings_of(seen, upload.objects)
+            extracted = self._extract(upload, seen, settings)
             calibrated = [frame.camera for frame in upload.episode.frames]
             cameras = put_images(self._store.blobs, calibrated, upload.images)
-            if (answer := self._commit(upload, task, extracted, cameras, respond)) is not None:
+            attempt = _Attempt(upload, seen, extracted, _draft(upload, extracted, cameras), respond)
+            outcome = attempt.outcome(settings.model_dump(mode="json") if seen is None else seen.settings)
+            if (answer := self._commit(attempt, outcome)) is not None:
                 return answer
         raise ConflictError(f"task {upload.task!r} kept changing during the upload: send the episode again")
 
@@ -106,8 +146,7 @@ class UploadEpisode:
             except NotFoundError:
                 return None
 
-    def _extract(self, upload: Upload, task: TaskRecord | None) -> Extracted:
-        settings = _settings_of(task, upload.objects)
+    def _extract(self, upload: Upload, task: TaskRecord | None, settings: TaskSettings) -> Extracted:
         settings.with_joints_of(upload.episode.trajectory)
         self._pose_servers.check(settings.object_models)
         names = sent = [query.name for query in upload.objects]
@@ -120,38 +159,27 @@ class UploadEpisode:
             episode.trajectory, upload.objects, episode.frames, settings, names, episode.control_frequency_hz
         )
 
-    def _commit(
-        self,
-        upload: Upload,
-        seen: TaskRecord | None,
-        extracted: Extracted,
-        cameras: tuple[CameraRecord, ...],
-        respond: Respond,
-    ) -> JsonObject | None:
-        """The answer, or None if the task changed in what matters since it was `seen`, or was deleted."""
+    def _commit(self, attempt: _Attempt, outcome: _Outcome) -> JsonObject | None:
+        """The answer, or None if the task changed in what matters since it was read, or was deleted."""
+        upload, seen = attempt.upload, attempt.seen
         with self._store.write() as connection:
             if (before := _answer_before(connection, upload)) is not None:
                 return before
             if seen is not None and not tasks.exists(connection, upload.task):
                 return None
-            task = tasks.get_or_create(
-                connection, upload.task, _settings_of(seen, upload.objects).model_dump(mode="json")
-            )
-            expected = None if seen is None else _what_is_extracted(seen)
-            if expected is not None and _what_is_extracted(task) != expected:
-                return None
-            if expected is None and task.object_names is not None:
+            task = tasks.get_or_create(connection, upload.task, outcome.settings_before)
+            expected = _what_is_extracted(outcome.settings_before, None if seen is None else seen.object_names)
+            if _what_is_extracted(task.settings, task.object_names) != expected:
                 return None
             _check_link(connection, upload)
-            record = episodes.add(connection, _draft(upload, extracted, cameras))
-            settings = TaskSettings.model_validate(task.settings).with_joints_of(upload.episode.trajectory)
-            settings = with_room_for(settings, [extracted])
-            task = tasks.update_settings(connection, upload.task, settings.model_dump(mode="json"))
-            answer = {**respond(record, task), "findings": [item.to_json() for item in extracted.findings]}
+            if task.settings != outcome.settings_before:  # another upload has widened the workspace
+                outcome = attempt.outcome(task.settings)
+            episodes.add(connection, attempt.draft)
+            tasks.update_settings(connection, upload.task, outcome.settings)
             if (key := upload.idempotency_key) is not None:
                 idempotency.forget(connection, SCOPE, key)
-                idempotency.save(connection, SCOPE, key, upload.digest, StoredResponse(201, answer))
-        return answer
+                idempotency.save(connection, SCOPE, key, upload.digest, StoredResponse(201, outcome.answer))
+        return outcome.answer
 
 
 def _check_recording(upload: Upload) -> None:
@@ -174,9 +202,11 @@ def _check_recording(upload: Upload) -> None:
     check_recording_units(trajectory, given, frame_times_s(trajectory, upload.episode.control_frequency_hz))
 
 
-def _what_is_extracted(task: TaskRecord) -> tuple[JsonObject, tuple[str, ...] | None]:
+def _what_is_extracted(
+    settings: JsonObject, object_names: tuple[str, ...] | None
+) -> tuple[JsonObject, tuple[str, ...] | None]:
     """What an extraction depends on: not the workspace, which grows with every episode that needs it."""
-    return {name: value for name, value in task.settings.items() if name != "workspace"}, task.object_names
+    return {name: value for name, value in settings.items() if name != "workspace"}, object_names
 
 
 def _check_link(connection: Connection, upload: Upload) -> None:
@@ -226,7 +256,8 @@ def _draft(upload: Upload, extracted: Extracted, cameras: tuple[CameraRecord, ..
         cameras=cameras,
         extra=dict(upload.episode.extra),
         prediction_id=upload.prediction_id,
-        trajectory=upload.episode.trajectory,
+        num_frames=len(upload.episode.trajectory),
+        trajectory=trajectories.pack(upload.episode.trajectory),
     )
 
 

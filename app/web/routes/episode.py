@@ -143,7 +143,7 @@ def episode_page(
         request,
         "episode.html",
         episode=recording.record,
-        document=episode_document(recording.record, recording.task),
+        document=episode_document(recording.record, recording.settings),
         settings=recording.settings,
         duration_s=float(recording.times_s[-1]),
         preview=shown,

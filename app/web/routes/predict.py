@@ -6,7 +6,7 @@ The form is filled in from a task, an episode, or a prediction that is asked for
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import chain
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, get_args
 from urllib.parse import quote
 
 from fastapi import APIRouter, Query, Request
@@ -23,11 +23,11 @@ from app.pipeline.prompt import SYSTEM_PROMPTS
 from app.pipeline.prompt_colours import prompt_spans
 from app.services.predict.question import Question
 from app.services.predict.select import Selection
+from app.services.scene_images import stored_image
 from app.services.task_settings import PromptFormat, Representation, TaskSettings
 from app.store import episodes, predictions, tasks
-from app.store.errors import NotFoundError
 from app.store.records import EpisodeRecord, TaskRecord
-from app.store.values import CameraRecord, JsonObject, ObjectRecord
+from app.store.values import CameraRecord, ImageKind, JsonObject, ObjectRecord
 from app.store.visibility import present
 from app.web.evaluations import by_origin
 from app.web.page import HEADERS, PageRoute, render, render_part
@@ -50,7 +50,6 @@ SETTINGS = (
     "temperature",
     "end_effector",
 )
-ImageKind = Literal["rgb", "depth", "mask"]
 Id = Annotated[str, Query(max_length=64)]
 router = APIRouter(route_class=PageRoute)
 documents = APIRouter()
@@ -152,11 +151,6 @@ def _objects(episode: EpisodeRecord) -> tuple[ObjectField, ...]:
     return tuple(ObjectField(item.name, item, mask_ids.get(item.name, ())) for item in episode.objects)
 
 
-def image_digest(camera: CameraRecord, kind: ImageKind) -> str | None:
-    """Where the camera's image of that kind is stored, if it has one."""
-    return {"rgb": camera.rgb_digest, "depth": camera.depth_digest, "mask": camera.mask_digest}[kind]
-
-
 @router.get("/ui/predict")
 def predict_page(request: Request, services: Wired, task: Id = "", episode: Id = "", again: Id = "") -> Response:
     """The question: filled in from an episode, from a prediction, or from a task's newest episode."""
@@ -190,7 +184,7 @@ def episode_scene(services: Wired, episode_id: str) -> Response:
         f"{kind}_{camera.name}": f"/ui/predict/scenes/{episode_id}/{quote(camera.name)}/{kind}"
         for camera in record.cameras
         for kind in get_args(ImageKind)
-        if image_digest(camera, kind) is not None
+        if camera.digest(kind) is not None
     }
     mask_ids = {item.name: item.mask_ids for item in form.objects}
     document = {"cameras": form.camera_documents, "images": images, "mask_ids": mask_ids}
@@ -202,10 +196,7 @@ def episode_image(services: Wired, episode_id: str, camera: str, kind: ImageKind
     """An image of an episode's first frame, byte for byte as it was uploaded."""
     with services.store.read() as connection:
         record = episodes.get(connection, episode_id)
-    stored = next((item for item in record.cameras if item.name == camera), None)
-    digest = None if stored is None else image_digest(stored, kind)
-    if digest is None:
-        raise NotFoundError(f"{kind} image of episode {episode_id}", camera)
+    _, digest = stored_image(record.cameras, camera, kind, f"episode {episode_id}")
     return Response(services.store.blobs.read(digest), media_type="application/octet-stream", headers=HEADERS)
 
 

@@ -1,0 +1,88 @@
+"""How to predict, as a request may say it; what it leaves out follows the task, then the model."""
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from app.perception.strict import WHOLE, Number, Truth
+from app.services.predict.select import Selection
+from app.services.task_settings import PromptFormat, Representation, SystemPrompt
+from roboprompt_client.motion_limits import MAX_ACTIONS
+
+SAMPLES_TEMPERATURE = 0.5
+Unsupported = Literal["refuse", "allow"]
+
+
+class PredictOptions(BaseModel):
+    """How to predict."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    num_demonstrations: Annotated[int | None, Field(ge=1, le=100), WHOLE] = None
+    selection: Annotated[
+        Selection,
+        Field(
+            description="first and recent by time of upload; nearest: to the observed objects, the nearest last; "
+            "diverse: those whose objects stand farthest apart"
+        ),
+    ] = "first"
+    seed: Annotated[int, Field(ge=0, le=2**31 - 1, description="for selection random and for sampling"), WHOLE] = 0
+    num_samples: Annotated[
+        int,
+        Field(
+            ge=1,
+            le=16,
+            description="replies to ask for at once; the actions are the median of those with the most common number "
+            "of actions, who must be more than half",
+        ),
+        WHOLE,
+    ] = 1
+    temperature: Annotated[
+        Number | None, Field(ge=0, le=2, description="left out: 0, or 0.5 for several samples of the same prompt")
+    ] = None
+    permute_demonstrations: Annotated[
+        Truth, Field(description="every sample but the first sees the demonstrations in an order of its own")
+    ] = False
+    episode_ids: Annotated[
+        tuple[str, ...] | None,
+        Field(min_length=1, max_length=100, description="exactly these demonstrations, in this order"),
+    ] = None
+    model: Annotated[str | None, Field(max_length=200, description="a name from GET /models")] = None
+    representation: Representation | None = None
+    prompt_format: PromptFormat | None = None
+    system_prompt: Annotated[SystemPrompt | None, Field(description="a, b, c, kat, none or free text")] = None
+    closed_loop: Annotated[
+        Truth, Field(description="only the next action; the demonstrations must have tracked their objects")
+    ] = False
+    after: Annotated[
+        str | None,
+        Field(
+            max_length=64, description="id of the last step of a closed loop; its model, style and demonstrations stay"
+        ),
+    ] = None
+    unfamiliar: Annotated[
+        Literal["refuse", "allow"],
+        Field(
+            description="an instruction unlike every taught one: refuse, or pass it on to the LLM with a finding of "
+            "severity danger; objects that are not clear are refused either way"
+        ),
+    ] = "refuse"
+    max_actions: Annotated[int, Field(ge=1, le=100), WHOLE] = MAX_ACTIONS
+    timeout_s: Annotated[Number, Field(ge=0.1, le=600)] = 60.0
+    unsupported: Annotated[
+        Unsupported,
+        Field(description="allow: actions unlike what was demonstrated are answered with a finding instead of refused"),
+    ] = "refuse"
+    stream_text: Annotated[
+        Truth, Field(description="with `Accept: text/event-stream`: the reply's text, too, in events `text`")
+    ] = False
+
+    @property
+    def sampling_temperature(self) -> float:
+        """As asked for; several samples of the same prompt must differ."""
+        if self.temperature is not None:
+            return self.temperature
+        return 0.0 if self.num_samples == 1 or self.permute_demonstrations else SAMPLES_TEMPERATURE
+
+
+AS_THE_TASK_SAYS = PredictOptions()
