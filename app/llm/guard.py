@@ -1,17 +1,19 @@
-"""What stands between requests and a provider: places for so many at once, a circuit that spares a dead one, retries.
+"""What stands between every request and its backend: the deadline, places for so many at once, retries, and a circuit.
 
-A model is asked again where that may help, and no more often than its provider bears.
+A model is asked again where that may help, and no more often than its provider bears; a dead one is spared.
 """
 
 import asyncio
 import math
 import random
+import sys
 import time
 from collections.abc import AsyncGenerator, Awaitable, Callable, Iterator
 from contextlib import aclosing, asynccontextmanager, contextmanager
 from dataclasses import dataclass
-from functools import partial
 from itertools import count
+
+import anyio
 
 from app.llm.base import (
     Completion,
@@ -22,11 +24,10 @@ from app.llm.base import (
     ModelProfile,
     ModelTimeoutError,
     ModelUnavailableError,
+    Pieces,
 )
-from app.llm.streaming import Pieces, in_one_piece, whole_within_deadline, within_deadline
 
 BUSY_RETRY_AFTER_S = 1.0  # a reply takes a few seconds, and several are under way
-_Ask = Callable[[CompletionRequest], Pieces]
 MAX_BACKOFF_S = 8.0
 PATIENCE_S = 10.0  # a request that gave its provider less says nothing about the provider when it runs out of time
 
@@ -52,6 +53,9 @@ class Limits:
     failures: int | None = None
     pause_s: float = 0.0
     each_model: bool = False
+
+
+NO_LIMITS = Limits(concurrent=sys.maxsize, queued=0)
 
 
 class Guard:
@@ -150,11 +154,11 @@ class Circuit:
 
 
 class ResilientModel:
-    """A model behind a guard: a place among the concurrent requests, retries, and the circuit.
+    """A model as requests reach it: the only deadline, around a place among the concurrent requests, around its tries.
 
     Retries happen before the first piece of a stream only: what a robot has begun to execute is not asked for again. A
-    whole reply that breaks off is.
-    Everything, waiting included, happens within the request's deadline.
+    reply that is wanted whole has one piece, its Completion, so that one that breaks off is asked for again, and so
+    that there is a single wait to interrupt at the deadline.
 
     Args:
         guard: shared by the models of a provider.
@@ -179,39 +183,37 @@ class ResilientModel:
         return self._model.profile
 
     def stream(self, request: CompletionRequest) -> Pieces:
-        return within_deadline(self._pieces(request, self._model.stream), request.timeout_s, self.profile.name)
-
-    async def complete(self, request: CompletionRequest) -> Completion:
-        pieces = self._pieces(request, partial(in_one_piece, self._model))
-        return await whole_within_deadline(pieces, request.timeout_s, self.profile.name)
+        return within_deadline(self._tries(request), request.timeout_s, self.profile.name)
 
     async def aclose(self) -> None:
         await self._model.aclose()
 
-    async def _pieces(self, request: CompletionRequest, ask: _Ask) -> Pieces:
-        deadline_s = _now_s() + request.timeout_s
+    async def _tries(self, request: CompletionRequest) -> Pieces:
+        deadline_s = anyio.current_time() + request.timeout_s
         async with self._guard.places.one():
             for num_retries in count():
                 started = False
                 try:
-                    async with aclosing(self._attempt(request, ask)) as pieces:
+                    async with aclosing(self._try(request)) as pieces:
                         async for piece in pieces:
                             started = True
                             yield piece
                     return
                 except LanguageModelError as error:
                     wait_s = self._wait_s(error, num_retries)
-                    if started or wait_s is None or _now_s() + wait_s >= deadline_s:
+                    if started or wait_s is None or anyio.current_time() + wait_s >= deadline_s:
                         raise
                 await self._sleep(wait_s)
 
-    async def _attempt(self, request: CompletionRequest, ask: _Ask) -> Pieces:
-        """The reply to one try; the circuit learns how it went."""
-        circuit, asked_s, silent = self._guard.circuit, _now_s(), True
+    async def _try(self, request: CompletionRequest) -> Pieces:
+        """The pieces that are wanted of the reply to one try; the circuit learns how it went."""
+        circuit, asked_s, silent = self._guard.circuit, anyio.current_time(), True
         with circuit.passage():
             try:
-                async with aclosing(ask(request)) as pieces:
+                async with aclosing(self._model.stream(request)) as pieces:
                     async for piece in pieces:
+                        if not request.piecewise and not isinstance(piece, Completion):
+                            continue
                         if silent:
                             circuit.answered()
                         silent = False
@@ -226,8 +228,9 @@ class ResilientModel:
                 silent = False
                 raise
             finally:
-                if silent and _now_s() - asked_s >= PATIENCE_S:
-                    circuit.failed(f"no answer within {_now_s() - asked_s:.0f} s")
+                passed_s = anyio.current_time() - asked_s
+                if silent and passed_s >= PATIENCE_S:
+                    circuit.failed(f"no answer within {passed_s:.0f} s")
 
     def _wait_s(self, error: LanguageModelError, num_retries: int) -> float | None:
         """How long to wait before the next try; None if there is to be none."""
@@ -238,5 +241,21 @@ class ResilientModel:
         return max(backoff_s, error.retry_after_s or 0.0)
 
 
-def _now_s() -> float:
-    return asyncio.get_running_loop().time()
+async def within_deadline(pieces: Pieces, timeout_s: float, model: str) -> Pieces:
+    """`pieces` as they come, all of them within `timeout_s` of the first being asked for.
+
+    Raises:
+        ModelTimeoutError: at the deadline; `pieces` is closed by then.
+    """
+    # The deadline surrounds each wait but no `yield`: there it would interrupt the consumer instead (PEP 789). It is
+    # anyio's and not asyncio's: httpx shields the closing of a connection from the former only.
+    deadline = anyio.current_time() + timeout_s
+    async with aclosing(pieces):
+        while True:
+            with anyio.CancelScope(deadline=deadline) as scope:
+                piece = await anext(pieces, None)
+            if scope.cancelled_caught:
+                raise ModelTimeoutError(f"{model} did not answer within {timeout_s:g} s")
+            if piece is None:
+                return
+            yield piece

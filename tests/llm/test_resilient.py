@@ -17,6 +17,7 @@ from app.llm.base import (
     ModelTimeoutError,
     ModelUnavailableError,
     TextDelta,
+    complete,
 )
 from app.llm.computed import ScriptedModel
 from app.llm.guard import Guard, Limits, ResilientModel
@@ -53,7 +54,7 @@ class Provider:
         self.waits_s.append(wait_s)
 
     async def ask(self, **options):
-        return await self.model.complete(asking(PROMPT, **options))
+        return await complete(self.model, asking(PROMPT, **options))
 
 
 @asynccontextmanager
@@ -345,10 +346,10 @@ def test_models_that_share_a_guard_share_its_places():
     async def run():
         guard = Guard("some", Limits(concurrent=1, queued=0))
         slow, other = (ResilientModel(ScriptedModel(["a b"], delay_s=0.05), guard) for _ in range(2))
-        first = asyncio.create_task(slow.complete(asking(PROMPT)))
+        first = asyncio.create_task(complete(slow, asking(PROMPT)))
         await asyncio.sleep(0.01)
         with pytest.raises(ModelBusyError):
-            await other.complete(asking(PROMPT))
+            await complete(other, asking(PROMPT))
         assert (await first).text == "a b"
 
     asyncio.run(run())

@@ -5,7 +5,7 @@ from collections.abc import AsyncGenerator, Sequence
 from contextlib import aclosing
 from dataclasses import replace
 
-from app.llm.base import Completion, CompletionRequest, LanguageModel, ModelTimeoutError, TextDelta, Usage
+from app.llm.base import Completion, CompletionRequest, LanguageModel, ModelTimeoutError, TextDelta, Usage, complete
 from app.pipeline.errors import ReplyParseError, UnsupportedActionError
 from app.pipeline.findings import Finding
 from app.pipeline.plans.support import PlacedRow
@@ -140,7 +140,7 @@ class Dialogue:
     async def _whole(self, max_actions: int) -> Completion:
         """The reply at its end."""
         with timed(self._timings_ms, "llm"):
-            completion = await self._model.complete(self._asked(max_actions))
+            completion = await complete(self._model, self._asked(max_actions))
         self.reply_text = _joined(self.reply_text, completion.text)
         return completion
 
