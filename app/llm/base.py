@@ -95,7 +95,7 @@ class CompletionRequest:
         temperature: 0 is greedy.
         cache_key: equal for requests that share the prompt's prefix; backends may route by it.
         piecewise: the pieces are wanted as they come; otherwise nothing but the Completion, as `complete` asks for it.
-            Backends send pieces all the same: `guard.ResilientModel` leaves them out.
+            Backends send pieces all the same: `resilient.ResilientModel` leaves them out.
     """
 
     prompt: Prompt
@@ -123,6 +123,7 @@ class Completion:
     finish_reason: Literal["stop", "length"] = "stop"
 
 
+INCOMPLETE = "the reply ended before it was complete"
 Pieces = AsyncGenerator[TextDelta | Completion, None]
 
 
@@ -135,8 +136,8 @@ class LanguageModel(Protocol):
     def stream(self, request: CompletionRequest) -> Pieces:
         """The reply piece by piece; the last item is the Completion, whose text is the pieces joined.
 
-        A backend that cannot stream sends its reply as one piece. It keeps no deadline: `guard.ResilientModel`, which
-        is around every backend, does. Whoever stops early closes the stream, which ends the generation as well.
+        A backend that cannot stream sends its reply as one piece. It keeps no deadline: `resilient.ResilientModel`,
+        which is around every backend, does. Whoever stops early closes the stream, which ends the generation as well.
 
         Raises:
             ModelUnavailableError, ModelBusyError, ModelTimeoutError, ModelResponseError.
@@ -171,4 +172,4 @@ async def complete(model: LanguageModel, request: CompletionRequest) -> Completi
         async for piece in pieces:
             if isinstance(piece, Completion):
                 return piece
-    raise ModelResponseError("the reply ended before it was complete")
+    raise ModelResponseError(INCOMPLETE)

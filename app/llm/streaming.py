@@ -7,7 +7,7 @@ from typing import Literal
 
 from pydantic_core import from_json
 
-from app.llm.base import Completion, ModelResponseError, Pieces, TextDelta, Usage
+from app.llm.base import INCOMPLETE, Completion, ModelResponseError, Pieces, TextDelta, Usage
 
 MAX_REPLY_CHARACTERS = 256 * 1024  # 25 actions take 1 kB; the rest is room for prose
 
@@ -61,7 +61,7 @@ def _finish_reason(reason: str, stopped: bool) -> Literal["stop", "length"]:
     if reason == "length":
         return "length"
     if not reason:
-        raise ModelResponseError("the reply ended before it was complete", retryable=True)
+        raise ModelResponseError(INCOMPLETE, retryable=True)
     raise ModelResponseError(f"the reply was ended for the reason {reason!r}")
 
 

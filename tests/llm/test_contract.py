@@ -128,6 +128,8 @@ class Cut(ScriptedModel):
 def test_a_reply_without_an_end_is_an_error(run):
     with pytest.raises(ModelResponseError, match="before it was complete"):
         run(complete(as_asked(Cut(["4"])), asking(absolute_prompt())))
+    with pytest.raises(ModelResponseError, match="before it was complete"):
+        run(pieces_of(as_asked(Cut(["4"])), asking(absolute_prompt())))
 
 
 def test_what_is_wanted_whole_comes_in_one_piece(model, run):
