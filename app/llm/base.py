@@ -95,7 +95,7 @@ class CompletionRequest:
         temperature: 0 is greedy.
         cache_key: equal for requests that share the prompt's prefix; backends may route by it.
         piecewise: the pieces are wanted as they come; otherwise nothing but the Completion, as `complete` asks for it.
-            Backends send pieces all the same: `resilient.ResilientModel` leaves them out.
+            Backends may send pieces all the same: `resilient.ResilientModel` leaves them out.
     """
 
     prompt: Prompt

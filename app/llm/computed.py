@@ -42,7 +42,8 @@ class ComputedModel:
         for word in words:
             if self._delay_s > 0:
                 await asyncio.sleep(self._delay_s)
-            yield TextDelta(word)
+            if request.piecewise:
+                yield TextDelta(word)
         yield completion
 
     async def aclose(self) -> None:
