@@ -14,7 +14,6 @@ from app.api.access import Access
 from app.api.app import create_app
 from app.api.body_limits import BodyLimits
 from app.api.observation import hide_keys_in_access_log
-from app.llm.llm_settings import LlmSettings
 from app.llm.registry import ModelRegistry
 from app.services.api_keys import has_keys
 from app.services.container import Services
@@ -34,38 +33,6 @@ if TYPE_CHECKING:
     from app.telemetry import Tracing
 
 logger = logging.getLogger(__name__)
-
-
-def llm_settings(settings: Settings) -> LlmSettings:
-    """What the LLM backends need of the settings."""
-    return LlmSettings(
-        default_model=settings.default_model,
-        openai_api_key=settings.openai_api_key.get_secret_value(),
-        openai_base_url=settings.openai_base_url,
-        anthropic_api_key=settings.anthropic_api_key.get_secret_value(),
-        anthropic_base_url=settings.anthropic_base_url,
-        compatible_base_url=settings.compatible_base_url,
-        compatible_api_key=settings.compatible_api_key.get_secret_value(),
-        compatible_model=settings.compatible_model,
-        compatible_style=settings.compatible_style,
-        compatible_server=settings.compatible_server,
-        cache_folder=settings.cache_folder,
-        packages_folder=settings.packages_folder,
-        embedded_threads=settings.embedded_threads,
-        embedded_slots=settings.embedded_slots,
-        embedded_context_tokens=settings.embedded_context_tokens,
-        embedded_vocabulary=settings.embedded_vocabulary,
-        embedded_shared_folder=settings.embedded_shared_folder,
-        scripted_replies=settings.scripted_replies,
-        llm_concurrent_requests=settings.llm_concurrent_requests,
-        llm_queued_requests=settings.llm_queued_requests,
-        llm_retries=settings.llm_retries,
-        llm_backoff_s=settings.llm_backoff_s,
-        llm_failures=settings.llm_failures,
-        llm_pause_s=settings.llm_pause_s,
-        record_llm=settings.record_llm,
-        replay_llm=settings.replay_llm,
-    )
 
 
 def limits_of(settings: Settings) -> Limits:
@@ -124,7 +91,7 @@ async def open_services(settings: Settings) -> AsyncIterator[Services]:
     store = await asyncio.to_thread(open_store, settings)
     if access_for(settings).key_required and not await asyncio.to_thread(has_keys, store):
         logger.warning("API keys are required and there is none: roboprompt keys add NAME --scope admin")
-    models = ModelRegistry(llm_settings(settings))
+    models = ModelRegistry(settings)
     pose_servers = PoseServers(settings.pose_servers)
     services = Services.wire(
         store,

@@ -6,19 +6,18 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 from dotenv import dotenv_values
-from pydantic import Field, SecretStr, field_validator
+from pydantic import Field, field_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
-from app.llm.llm_settings import CompatibleServer, Vocabulary, default_cache_folder
+from app.llm.llm_settings import ENV_PREFIX, LlmSettings
 
 MEGABYTE = 1_000_000
-PREFIX = "ROBOPROMPT_"
 
 
-class Settings(BaseSettings):
-    """Everything that can be set from outside; each has a default that works offline."""
+class Settings(LlmSettings, BaseSettings):
+    """Everything that can be set from outside, LLMs included; each has a default that works offline."""
 
-    model_config = SettingsConfigDict(env_prefix=PREFIX, extra="ignore", frozen=True)
+    model_config = SettingsConfigDict(env_prefix=ENV_PREFIX, extra="ignore", frozen=True)
 
     data: Annotated[Path, Field(description="folder of the database and the images")] = Path("data")
     database_url: Annotated[str | None, Field(description="SQLAlchemy URL; empty: SQLite in the data folder")] = None
@@ -109,53 +108,6 @@ class Settings(BaseSettings):
             ip_network(proxy)
         return proxies
 
-    # The fields of app.llm.llm_settings.LlmSettings, which says what they mean.
-    default_model: Annotated[str, Field(description="asked when a request names no model")] = "embedded/gemma-3-270m"
-    openai_api_key: Annotated[SecretStr, Field(description="for openai/MODEL")] = SecretStr("")
-    openai_base_url: Annotated[str, Field(description="for openai/MODEL")] = "https://api.openai.com/v1"
-    anthropic_api_key: Annotated[SecretStr, Field(description="for anthropic/MODEL")] = SecretStr("")
-    anthropic_base_url: Annotated[str, Field(description="for anthropic/MODEL; ends with /v1")] = (
-        "https://api.anthropic.com/v1"
-    )
-    compatible_base_url: Annotated[
-        str, Field(description="for openai_compatible/MODEL: vLLM, Ollama, llama.cpp ...; ends with /v1")
-    ] = ""
-    compatible_api_key: Annotated[SecretStr, Field(description="may stay empty where the server asks for none")] = (
-        SecretStr("")
-    )
-    compatible_model: Annotated[str, Field(description="the server's name of its model")] = "default"
-    compatible_style: Annotated[Literal["chat", "completion"], Field(description="messages or raw text")] = "chat"
-    compatible_server: Annotated[
-        CompatibleServer,
-        Field(
-            description="what the server is, if it can hold replies to a form: llama_cpp, vllm, old_vllm (up to 0.11), "
-            "sglang, ollama, lm_studio"
-        ),
-    ] = "other"
-    cache_folder: Annotated[Path, Field(description="where GGUF weights are assembled")] = default_cache_folder()
-    packages_folder: Annotated[Path | None, Field(description="where pip --target put packages of weights")] = None
-    embedded_threads: Annotated[int | None, Field(ge=1, description="CPU threads; empty: one per core")] = None
-    embedded_slots: Annotated[int, Field(ge=1, description="predictions that share an embedded model at once")] = 4
-    embedded_context_tokens: Annotated[int, Field(ge=512, description="longest prompt plus reply")] = 8192
-    embedded_vocabulary: Annotated[
-        Vocabulary,
-        Field(description="trimmed: no tokens of other scripts, shorter waits; whole: as packaged"),
-    ] = "trimmed"
-    embedded_shared_folder: Annotated[
-        Path | None, Field(description="workers share one embedded model through it; `serve --workers` sets it")
-    ] = None
-    scripted_replies: Annotated[tuple[str, ...], Field(description="what the backend `scripted` replies, in turn")] = ()
-    llm_concurrent_requests: Annotated[int, Field(ge=1, description="requests that one provider is asked at once")] = 8
-    llm_queued_requests: Annotated[int, Field(ge=0, description="further requests that wait; more are refused")] = 32
-    llm_retries: Annotated[
-        int, Field(ge=0, description="after 429, 5xx and lost connections, before an action is out")
-    ] = 2
-    llm_backoff_s: Annotated[float, Field(ge=0, description="wait before the first retry; doubles, up to 8 s")] = 0.5
-    llm_failures: Annotated[int, Field(ge=1, description="so many in a row, and a provider is left alone")] = 5
-    llm_pause_s: Annotated[float, Field(ge=0, description="how long; then one request tries it")] = 15
-    record_llm: Annotated[Path | None, Field(description="folder where LLMs' requests and replies are written")] = None
-    replay_llm: Annotated[Path | None, Field(description="folder of such recordings, asked instead of the LLMs")] = None
-
 
 def load_env_file(path: Path) -> None:
     """Put a file's settings into the environment, for this process and those that it starts; what is there stays.
@@ -164,5 +116,5 @@ def load_env_file(path: Path) -> None:
     keys off or send a provider's key elsewhere.
     """
     for name, value in dotenv_values(path).items():
-        if name.upper().startswith(PREFIX) and value is not None:
+        if name.upper().startswith(ENV_PREFIX) and value is not None:
             os.environ.setdefault(name.upper(), value)

@@ -10,7 +10,7 @@ from typing import Any
 import httpx
 from sqlalchemy import insert, select
 
-from app.llm.base import CompletionRequest
+from app.llm.base import CompletionRequest, complete
 from app.llm.computed import ScriptedModel
 from app.pipeline.prompt import Prompt
 from app.store import tables
@@ -45,7 +45,7 @@ async def _scripted() -> Cost:
     model = ScriptedModel([REPLY])
     started_s, cpu_s = time.perf_counter(), time.process_time()
     for _ in range(NUM_REQUESTS):
-        await model.complete(CompletionRequest(Prompt("", "", "")))
+        await complete(model, CompletionRequest(Prompt("", "", "")))
     spent_s = time.process_time() - cpu_s, time.perf_counter() - started_s
     return Cost(*(1000 * seconds / NUM_REQUESTS for seconds in spent_s))
 

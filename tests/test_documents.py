@@ -7,7 +7,6 @@ from collections import defaultdict
 from pathlib import Path
 
 from app.api.schemas import examples
-from app.llm.llm_settings import LlmSettings
 from app.pipeline.findings import SEVERITIES
 from app.services.predict.doubts import FAILURES
 from app.settings import Settings
@@ -18,10 +17,6 @@ ROOT = Path(__file__).parents[1]
 def test_every_setting_is_documented_and_nothing_else():
     documented = set(re.findall(r"^\| `ROBOPROMPT_(\w+)`", (ROOT / "docs/settings.md").read_text(), re.MULTILINE))
     assert documented == {name.upper() for name in Settings.model_fields}
-
-
-def test_every_llm_setting_can_be_set():
-    assert set(LlmSettings.__dataclass_fields__) <= set(Settings.model_fields)
 
 
 def test_example_files_are_the_documented_examples():

@@ -73,13 +73,12 @@ def the_url(url: str | None, server: str | None) -> str:
 
 
 def _why_not(name: str) -> str | None:
-    from app.bootstrap import llm_settings
     from app.llm.base import LanguageModelError
     from app.llm.registry import ModelRegistry
     from app.settings import Settings
 
     try:
-        ModelRegistry(llm_settings(Settings())).profile(name)
+        ModelRegistry(Settings()).profile(name)
     except LanguageModelError as error:
         return str(error)
     return None

@@ -6,13 +6,14 @@ differ, `MODELS` says how.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from pydantic import BaseModel, Field, ValidationError
 
-from app.llm.base import Completion, CompletionRequest, ModelProfile, ModelResponseError, Usage
-from app.llm.sse import SseEndpoint
-from app.llm.streaming import Chunk, Pieces, assembled, error_message, whole_within_deadline, within_deadline
+from app.llm.base import CompletionRequest, ModelProfile, ModelResponseError, Usage
+from app.llm.sse import SseEndpoint, SseModel
+from app.llm.streaming import Chunk, error_message
 
 # ("Versions" of the documentation) The newer one has no field `temperature` for any model.
 VERSION = "2026-10-21"
@@ -169,7 +170,7 @@ class EventParser:
         return self._usage
 
 
-class AnthropicModel:
+class AnthropicModel(SseModel):
     """One Claude model.
 
     Args:
@@ -188,9 +189,7 @@ class AnthropicModel:
         key_variable: str = "",
         url_variable: str = "",
     ) -> None:
-        self._profile = profile
-        self._model = model
-        self._endpoint = SseEndpoint(
+        endpoint = SseEndpoint(
             profile.name,
             f"{base_url.rstrip('/')}/messages",
             request_headers(model, api_key),
@@ -198,20 +197,4 @@ class AnthropicModel:
             key_variable=key_variable,
             url_variable=url_variable,
         )
-
-    @property
-    def profile(self) -> ModelProfile:
-        return self._profile
-
-    def stream(self, request: CompletionRequest) -> Pieces:
-        return within_deadline(self._pieces(request), request.timeout_s, self._profile.name)
-
-    async def complete(self, request: CompletionRequest) -> Completion:
-        return await whole_within_deadline(self._pieces(request), request.timeout_s, self._profile.name)
-
-    async def aclose(self) -> None:
-        await self._endpoint.aclose()
-
-    def _pieces(self, request: CompletionRequest) -> Pieces:
-        chunks = self._endpoint.chunks(request_body(request, self._model), EventParser())
-        return assembled(chunks, request.prompt.stop, self._profile.name)
+        super().__init__(profile, endpoint, partial(request_body, model=model), EventParser)

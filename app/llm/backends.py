@@ -5,10 +5,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import entry_points
 
-from app.llm import computed
+from app.llm import baselines
 from app.llm.anthropic import AnthropicModel
 from app.llm.base import LanguageModel, ModelProfile, ModelUnavailableError, UnknownModelError
-from app.llm.computed import ComputedModel, from_text
+from app.llm.computed import SCRIPTED, ScriptedModel
 from app.llm.guard import Limits
 from app.llm.llama.embedded import EmbeddedModel, EmbeddedOptions
 from app.llm.llama.vocabulary import TrimmedModel
@@ -92,13 +92,13 @@ _EMBEDDED_DESCRIPTIONS = {
 
 def _openai(model: str, settings: LlmSettings) -> LanguageModel:
     _require_model_name("openai", model)
-    if not settings.openai_api_key:
+    if not (key := settings.openai_api_key.get_secret_value()):
         raise ModelUnavailableError(f"openai/{model} needs a key: set {variable('openai_api_key')}")
     return OpenAiCompatibleModel(
         _openai_profile(model),
         settings.openai_base_url,
         model,
-        settings.openai_api_key,
+        key,
         key_variable=variable("openai_api_key"),
         url_variable=variable("openai_base_url"),
     )
@@ -118,13 +118,13 @@ _PAPER_MODELS = {
 
 def _anthropic(model: str, settings: LlmSettings) -> LanguageModel:
     _require_model_name("anthropic", model)
-    if not settings.anthropic_api_key:
+    if not (key := settings.anthropic_api_key.get_secret_value()):
         raise ModelUnavailableError(f"anthropic/{model} needs a key: set {variable('anthropic_api_key')}")
     return AnthropicModel(
         _anthropic_profile(model),
         settings.anthropic_base_url,
         model,
-        settings.anthropic_api_key,
+        key,
         key_variable=variable("anthropic_api_key"),
         url_variable=variable("anthropic_base_url"),
     )
@@ -150,7 +150,7 @@ def _openai_compatible(model: str, settings: LlmSettings) -> LanguageModel:
         _compatible_profile(model, settings),
         settings.compatible_base_url,
         model,
-        settings.compatible_api_key,
+        settings.compatible_api_key.get_secret_value(),
         key_variable=variable("compatible_api_key"),
         url_variable=variable("compatible_base_url"),
         quirks=_compatible_quirks(settings),
@@ -178,19 +178,19 @@ def _compatible_profile(model: str, settings: LlmSettings) -> ModelProfile:
 
 def _regression(model: str, settings: LlmSettings) -> LanguageModel:
     _refuse_model_name("regression", model)
-    return ComputedModel(computed.REGRESSION, from_text(computed.regressed_reply))
+    return baselines.regression()
 
 
 def _nearest(model: str, settings: LlmSettings) -> LanguageModel:
     _refuse_model_name("nearest", model)
-    return ComputedModel(computed.NEAREST, from_text(computed.copied_reply))
+    return baselines.nearest()
 
 
 def _scripted(model: str, settings: LlmSettings) -> LanguageModel:
     _refuse_model_name("scripted", model)
     if not settings.scripted_replies:
         raise ModelUnavailableError(f"scripted has nothing to say: set {variable('scripted_replies')}")
-    return computed.ScriptedModel(settings.scripted_replies)
+    return ScriptedModel(settings.scripted_replies)
 
 
 def _require_model_name(backend: str, model: str) -> None:
@@ -216,7 +216,7 @@ BUILT_IN: Mapping[str, Backend] = {
         lambda settings: [_compatible_profile(settings.compatible_model, settings)],
         _network_limits,
     ),
-    "nearest": Backend(_nearest, lambda settings: [computed.NEAREST]),
-    "regression": Backend(_regression, lambda settings: [computed.REGRESSION]),
-    "scripted": Backend(_scripted, lambda settings: [computed.SCRIPTED] if settings.scripted_replies else []),
+    "nearest": Backend(_nearest, lambda settings: [baselines.NEAREST]),
+    "regression": Backend(_regression, lambda settings: [baselines.REGRESSION]),
+    "scripted": Backend(_scripted, lambda settings: [SCRIPTED] if settings.scripted_replies else []),
 }

@@ -1,7 +1,8 @@
 """The seam between the method and any text-only LLM."""
 
 from collections.abc import AsyncGenerator
-from dataclasses import dataclass, field
+from contextlib import aclosing
+from dataclasses import dataclass, field, replace
 from typing import Literal, Protocol, runtime_checkable
 
 from app.pipeline.prompt import Prompt
@@ -93,6 +94,8 @@ class CompletionRequest:
         timeout_s: the whole completion ends within it or raises ModelTimeoutError.
         temperature: 0 is greedy.
         cache_key: equal for requests that share the prompt's prefix; backends may route by it.
+        piecewise: the pieces are wanted as they come; otherwise nothing but the Completion, as `complete` asks for it.
+            Backends may send pieces all the same: `resilient.ResilientModel` leaves them out.
     """
 
     prompt: Prompt
@@ -101,6 +104,7 @@ class CompletionRequest:
     temperature: float = 0.0
     seed: int = 0
     cache_key: str = ""
+    piecewise: bool = True
 
 
 @dataclass(frozen=True)
@@ -119,24 +123,25 @@ class Completion:
     finish_reason: Literal["stop", "length"] = "stop"
 
 
+INCOMPLETE = "the reply ended before it was complete"
+Pieces = AsyncGenerator[TextDelta | Completion, None]
+
+
 class LanguageModel(Protocol):
-    """A text-only LLM. Safe for concurrent use from one event loop."""
+    """A text-only LLM, or a wrapper around one. Safe for concurrent use from one event loop."""
 
     @property
     def profile(self) -> ModelProfile: ...
 
-    def stream(self, request: CompletionRequest) -> AsyncGenerator[TextDelta | Completion, None]:
+    def stream(self, request: CompletionRequest) -> Pieces:
         """The reply piece by piece; the last item is the Completion, whose text is the pieces joined.
 
-        Whoever stops early closes it, which ends the generation as well.
+        A backend that cannot stream sends its reply as one piece. It keeps no deadline: `resilient.ResilientModel`,
+        which is around every backend, does. Whoever stops early closes the stream, which ends the generation as well.
 
         Raises:
             ModelUnavailableError, ModelBusyError, ModelTimeoutError, ModelResponseError.
         """
-        ...
-
-    async def complete(self, request: CompletionRequest) -> Completion:
-        """The whole reply; raises like `stream`."""
         ...
 
     async def aclose(self) -> None:
@@ -155,3 +160,16 @@ class StartedModel(LanguageModel, Protocol):
             ModelUnavailableError: something is missing; says what to install or set.
         """
         ...
+
+
+async def complete(model: LanguageModel, request: CompletionRequest) -> Completion:
+    """The whole reply. One that breaks off is asked for again where a stream could not be.
+
+    Raises:
+        as `LanguageModel.stream`.
+    """
+    async with aclosing(model.stream(replace(request, piecewise=False))) as pieces:
+        async for piece in pieces:
+            if isinstance(piece, Completion):
+                return piece
+    raise ModelResponseError(INCOMPLETE)

@@ -14,10 +14,10 @@ from urllib.parse import urlsplit
 
 from pydantic import BaseModel, Field, ValidationError
 
-from app.llm.base import Completion, CompletionRequest, ModelProfile, ModelResponseError, Usage
+from app.llm.base import CompletionRequest, ModelProfile, ModelResponseError, Usage
 from app.llm.llm_settings import CompatibleServer, Style
-from app.llm.sse import SseEndpoint
-from app.llm.streaming import Chunk, Pieces, assembled, error_message, whole_within_deadline, within_deadline
+from app.llm.sse import SseEndpoint, SseModel
+from app.llm.streaming import Chunk, error_message
 
 END = "[DONE]"
 # Room for the tokens that a model thinks before it replies: they count against the limit of the reply's length.
@@ -208,7 +208,7 @@ def _usage(usage: _Usage) -> Usage:
     return Usage(usage.prompt_tokens, cached or 0, usage.completion_tokens)
 
 
-class OpenAiCompatibleModel:
+class OpenAiCompatibleModel(SseModel):
     """One model of one server.
 
     Args:
@@ -232,14 +232,7 @@ class OpenAiCompatibleModel:
         quirks: Quirks | None = None,
         trust_env: bool = True,
     ) -> None:
-        self._profile = profile
-        self._write = partial(
-            request_body,
-            model=model,
-            style=profile.style,
-            quirks=quirks_of(base_url) if quirks is None else quirks,
-        )
-        self._endpoint = SseEndpoint(
+        endpoint = SseEndpoint(
             profile.name,
             f"{base_url.rstrip('/')}/{request_path(profile.style)}",
             {"Authorization": f"Bearer {api_key}"} if api_key else {},
@@ -248,20 +241,6 @@ class OpenAiCompatibleModel:
             url_variable=url_variable,
             trust_env=trust_env,
         )
-
-    @property
-    def profile(self) -> ModelProfile:
-        return self._profile
-
-    def stream(self, request: CompletionRequest) -> Pieces:
-        return within_deadline(self._pieces(request), request.timeout_s, self._profile.name)
-
-    async def complete(self, request: CompletionRequest) -> Completion:
-        return await whole_within_deadline(self._pieces(request), request.timeout_s, self._profile.name)
-
-    async def aclose(self) -> None:
-        await self._endpoint.aclose()
-
-    def _pieces(self, request: CompletionRequest) -> Pieces:
-        chunks = self._endpoint.chunks(self._write(request), parse_event)
-        return assembled(chunks, request.prompt.stop, self._profile.name)
+        quirks = quirks_of(base_url) if quirks is None else quirks
+        write = partial(request_body, model=model, style=profile.style, quirks=quirks)
+        super().__init__(profile, endpoint, write, lambda: parse_event)

@@ -23,10 +23,10 @@ from app.llm.base import (
     ModelProfile,
     ModelResponseError,
     ModelUnavailableError,
+    Pieces,
     TextDelta,
 )
 from app.llm.llm_settings import variable
-from app.llm.streaming import Pieces, in_one_piece, whole
 
 
 @dataclass(frozen=True)
@@ -83,20 +83,14 @@ class RecordingModel:
     def profile(self) -> ModelProfile:
         return self._model.profile
 
-    def stream(self, request: CompletionRequest) -> Pieces:
-        return self._recorded(request, self._model.stream(request))
-
-    async def complete(self, request: CompletionRequest) -> Completion:
-        return await whole(self._recorded(request, in_one_piece(self._model, request)))
-
     async def aclose(self) -> None:
         await self._model.aclose()
 
-    async def _recorded(self, request: CompletionRequest, answer: Pieces) -> Pieces:
+    async def stream(self, request: CompletionRequest) -> Pieces:
         texts: list[str] = []
         completion: Completion | None = None
         try:
-            async with aclosing(answer) as pieces:
+            async with aclosing(self._model.stream(request)) as pieces:
                 async for piece in pieces:
                     if isinstance(piece, Completion):
                         completion = piece
@@ -164,9 +158,6 @@ class ReplayedModel:
         if recording.completion is None:
             raise ModelResponseError(f"the reply in {path} was broken off here when it was recorded")
         yield recording.completion
-
-    async def complete(self, request: CompletionRequest) -> Completion:
-        return await whole(self.stream(request))
 
     async def aclose(self) -> None:
         """Nothing is held."""

@@ -16,9 +16,10 @@ from app.llm.base import (
     StartedModel,
     UnknownModelError,
 )
-from app.llm.guard import Guard, ResilientModel
+from app.llm.guard import NO_LIMITS, Guard
 from app.llm.llm_settings import LlmSettings
 from app.llm.recorded import RecordingModel, ReplayedModel
+from app.llm.resilient import ResilientModel
 
 # Names come from requests, and each model holds connections or a process: so many are kept beside those that backends
 # offer and the default one, which always have a place.
@@ -168,11 +169,11 @@ class ModelRegistry:
     def _wrap(self, model: LanguageModel, name: str) -> LanguageModel:
         """The model within its backend's limits, and recorded if it is to be."""
         backend_name, _, _ = name.partition("/")
-        if limits_of := self._backends[backend_name].limits:
-            limits = limits_of(self._settings)
-            owner = name if limits.each_model else backend_name
-            model = ResilientModel(model, self._guards.setdefault(owner, Guard(owner, limits)))
-        return RecordingModel(model, self._settings.record_llm) if self._settings.record_llm else model
+        limits_of = self._backends[backend_name].limits
+        limits = limits_of(self._settings) if limits_of else NO_LIMITS
+        owner = name if limits.each_model else backend_name
+        resilient = ResilientModel(model, self._guards.setdefault(owner, Guard(owner, limits)))
+        return RecordingModel(resilient, self._settings.record_llm) if self._settings.record_llm else resilient
 
     def _offered_profiles(self) -> list[ModelProfile]:
         return [profile for backend in self._backends.values() for profile in backend.offered(self._settings)]

@@ -1,5 +1,6 @@
 """POST a question, read the reply as server-sent events: what every provider's HTTP API has in common.
 
+`SseModel` is a model of any of them; a provider's module says how its requests and events are written.
 Every error of httpx and every bad status is mapped to the tree of `base.py` here and nowhere else.
 """
 
@@ -15,8 +16,16 @@ from typing import Any
 import httpx
 from httpx_sse import ServerSentEvent, SSEError, aconnect_sse
 
-from app.llm.base import LanguageModelError, ModelBusyError, ModelResponseError, ModelUnavailableError
-from app.llm.streaming import MAX_REPLY_CHARACTERS, Chunk, error_message
+from app.llm.base import (
+    CompletionRequest,
+    LanguageModelError,
+    ModelBusyError,
+    ModelProfile,
+    ModelResponseError,
+    ModelUnavailableError,
+    Pieces,
+)
+from app.llm.streaming import MAX_REPLY_CHARACTERS, Chunk, assembled, error_message
 from roboprompt_client.addresses import without_proxy
 
 MAX_WIRE_BYTES = 16 * MAX_REPLY_CHARACTERS  # each token of a few characters comes wrapped in some 250 bytes of JSON
@@ -28,6 +37,42 @@ KEEP_ALIVE_S = 60.0
 # What a 429 says when the account's money or quota is used up: asking again does not help.
 # (OpenAI's error codes; Anthropic's rate_limit_error with details.error_code)
 SPENT = re.compile(r"\b(insufficient_quota|credit_balance_exhausted|enforced_spend_limit_reached)\b")
+
+
+# Reads the `data` of one event; None ends the reply. May raise ModelResponseError.
+Parse = Callable[[str], Chunk | None]
+
+
+class SseModel:
+    """One model of one server.
+
+    Args:
+        write: a request's JSON body.
+        parser: makes what reads the events of one reply.
+    """
+
+    def __init__(
+        self,
+        profile: ModelProfile,
+        endpoint: "SseEndpoint",
+        write: Callable[[CompletionRequest], dict[str, Any]],
+        parser: Callable[[], Parse],
+    ) -> None:
+        self._profile = profile
+        self._endpoint = endpoint
+        self._write = write
+        self._parser = parser
+
+    @property
+    def profile(self) -> ModelProfile:
+        return self._profile
+
+    def stream(self, request: CompletionRequest) -> Pieces:
+        chunks = self._endpoint.chunks(self._write(request), self._parser())
+        return assembled(chunks, request.prompt.stop, self._profile.name)
+
+    async def aclose(self) -> None:
+        await self._endpoint.aclose()
 
 
 class SseEndpoint:
@@ -64,13 +109,8 @@ class SseEndpoint:
         self._closed = False
         self._where = f"{name} ({_without_password(url)})"
 
-    async def chunks(
-        self, body: Mapping[str, Any], parse: Callable[[str], Chunk | None]
-    ) -> AsyncGenerator[Chunk, None]:
+    async def chunks(self, body: Mapping[str, Any], parse: Parse) -> AsyncGenerator[Chunk, None]:
         """The events of the reply to `body`.
-
-        Args:
-            parse: reads the data of an event; None ends the reply. May raise ModelResponseError.
 
         Raises:
             ModelUnavailableError: no server, no such model, or a key that is refused.

@@ -1,78 +1,15 @@
-"""What every backend does with a stream of pieces: one deadline, stop strings, the whole from the pieces."""
+"""The chunks of a provider's stream -> the pieces of a reply, up to its stop string and no longer than it may be."""
 
-import asyncio
-import re
 from collections.abc import AsyncGenerator, Sequence
 from contextlib import aclosing
 from dataclasses import dataclass
 from typing import Literal
 
-import anyio
 from pydantic_core import from_json
 
-from app.llm.base import (
-    Completion,
-    CompletionRequest,
-    LanguageModel,
-    ModelResponseError,
-    ModelTimeoutError,
-    TextDelta,
-    Usage,
-)
+from app.llm.base import INCOMPLETE, Completion, ModelResponseError, Pieces, TextDelta, Usage
 
 MAX_REPLY_CHARACTERS = 256 * 1024  # 25 actions take 1 kB; the rest is room for prose
-Pieces = AsyncGenerator[TextDelta | Completion, None]
-_WORD = re.compile(r"\S+\s*|\s+")
-
-
-async def within_deadline(pieces: Pieces, timeout_s: float, model: str) -> Pieces:
-    """`pieces` as they come, all of them within `timeout_s` of the first being asked for.
-
-    Raises:
-        ModelTimeoutError: at the deadline; `pieces` is closed by then.
-    """
-    # The deadline surrounds each wait but no `yield`: there it would interrupt the consumer instead (PEP 789). It is
-    # anyio's and not asyncio's: httpx shields the closing of a connection from the former only, and where deadlines are
-    # nested a second one would interrupt what the first began, and the connection would stay open for good.
-    deadline = anyio.current_time() + timeout_s
-    async with aclosing(pieces):
-        while True:
-            with anyio.CancelScope(deadline=deadline) as scope:
-                piece = await anext(pieces, None)
-            if scope.cancelled_caught:
-                raise _late(model, timeout_s)
-            if piece is None:
-                return
-            yield piece
-
-
-async def whole_within_deadline(pieces: Pieces, timeout_s: float, model: str) -> Completion:
-    """The Completion that ends a stream; of `whole(within_deadline(...))` the costly part is a deadline a piece.
-
-    Raises:
-        ModelTimeoutError: at the deadline; `pieces` is closed by then.
-    """
-    with anyio.move_on_after(timeout_s):
-        return await whole(pieces)
-    raise _late(model, timeout_s)
-
-
-def _late(model: str, timeout_s: float) -> ModelTimeoutError:
-    return ModelTimeoutError(f"{model} did not answer within {timeout_s:g} s")
-
-
-async def in_one_piece(model: LanguageModel, request: CompletionRequest) -> Pieces:
-    """The whole reply as a stream, for wrappers that do the same about a stream and about a whole reply."""
-    yield await model.complete(request)
-
-
-async def whole(pieces: Pieces) -> Completion:
-    """The Completion that ends a stream."""
-    async with aclosing(pieces):
-        async for piece in pieces:
-            if isinstance(piece, Completion):
-                return piece
-    raise ModelResponseError("the reply ended before it was complete")
 
 
 @dataclass(frozen=True)
@@ -124,7 +61,7 @@ def _finish_reason(reason: str, stopped: bool) -> Literal["stop", "length"]:
     if reason == "length":
         return "length"
     if not reason:
-        raise ModelResponseError("the reply ended before it was complete", retryable=True)
+        raise ModelResponseError(INCOMPLETE, retryable=True)
     raise ModelResponseError(f"the reply was ended for the reason {reason!r}")
 
 
@@ -137,30 +74,6 @@ def error_message(body: str) -> str:
         return str(error["message"] if isinstance(error, dict) else error)
     except (ValueError, LookupError, TypeError):
         return " ".join(body[:300].split()) or "no message"
-
-
-def cut(reply: str, request: CompletionRequest) -> Completion:
-    """A reply known beforehand, as far as `stop` and `max_tokens` let it come; a word counts as a token."""
-    stops = StopStrings(request.prompt.stop)
-    said = stops.feed(reply) + stops.flush()
-    words = _WORD.findall(said)
-    text = "".join(words[: request.max_tokens])
-    num_prompt_tokens = len(f"{request.prompt.system} {request.prompt.user}".split())
-    usage = Usage(num_prompt_tokens, 0, min(len(words), request.max_tokens))
-    return Completion(text, usage, "length" if len(words) > request.max_tokens else "stop")
-
-
-async def spoken(completion: Completion, delay_s: float) -> Pieces:
-    """A reply known beforehand as a stream, word by word.
-
-    Args:
-        delay_s: before each word.
-    """
-    for word in _WORD.findall(completion.text):
-        if delay_s > 0:
-            await asyncio.sleep(delay_s)
-        yield TextDelta(word)
-    yield completion
 
 
 class StopStrings:

@@ -8,7 +8,7 @@ from threading import Thread
 import httpx
 import pytest
 
-from app.llm.base import CompletionRequest, ModelProfile
+from app.llm.base import CompletionRequest, ModelProfile, complete
 from app.llm.openai_compatible import OpenAiCompatibleModel
 from app.perception.remote import PoseServer, PoseServerReplyError
 from app.pipeline.prompt import Prompt
@@ -77,7 +77,7 @@ def test_llm(proxy, target):
     async def ask():
         model = OpenAiCompatibleModel(profile, f"{url}/v1", "x", "secret-key")
         try:
-            return await model.complete(CompletionRequest(Prompt("system", "prefix", "query"), 10, 5.0))
+            return await complete(model, CompletionRequest(Prompt("system", "prefix", "query"), 10, 5.0))
         finally:
             await model.aclose()
 

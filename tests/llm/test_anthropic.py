@@ -14,11 +14,12 @@ from app.llm.base import (
     ModelUnavailableError,
     TextDelta,
     Usage,
+    complete,
 )
 from app.pipeline.prompt import Prompt
 from tests.llm.claude import BLOCK, KEY, PING, STOP, claude_at, ended, failed, said, started, thought
 from tests.llm.loopback import after, hang_up, loopback, status, streamed
-from tests.llm.texts import absolute_prompt, asking
+from tests.llm.texts import absolute_prompt, as_asked, asking
 
 PROMPT = Prompt("Be brief.", "a>1, ", "b>", stop=("\n",))
 
@@ -44,13 +45,13 @@ def test_llama_cpp_understands_and_is_understood(claude, run):
 
 
 def test_llama_cpp_reads_a_repeated_prefix_from_its_cache(claude, run):
-    _, again = (run(claude.complete(asking(absolute_prompt(5), max_tokens=1))).usage for _ in range(2))
+    _, again = (run(complete(claude, asking(absolute_prompt(5), max_tokens=1))).usage for _ in range(2))
     assert again.cached_tokens >= again.prompt_tokens - 2 > 250
 
 
 def test_llama_cpp_refuses_another_key(llama_server, run):
     with pytest.raises(ModelUnavailableError, match="set ROBOPROMPT_ANTHROPIC_API_KEY to a valid key") as caught:
-        run(claude_at(llama_server.base_url).complete(asking(PROMPT)))
+        run(complete(claude_at(llama_server.base_url), asking(PROMPT)))
     assert KEY not in str(caught.value)
 
 
@@ -59,9 +60,9 @@ def ask(answer, **options):
 
     async def run():
         async with loopback(answer) as (base_url, server):
-            model = claude_at(base_url)
+            model = as_asked(claude_at(base_url))
             try:
-                return await model.complete(asking(PROMPT, **options)), server
+                return await complete(model, asking(PROMPT, **options)), server
             finally:
                 await model.aclose()
 

@@ -3,14 +3,23 @@
 import asyncio
 import re
 from contextlib import aclosing
+from dataclasses import replace
 
 import pytest
 
-from app.llm import computed
-from app.llm.base import Completion, ModelProfile, ModelTimeoutError, ModelUnavailableError, TextDelta
-from app.llm.computed import ComputedModel, ScriptedModel, from_text
+from app.llm import baselines
+from app.llm.base import (
+    Completion,
+    ModelProfile,
+    ModelResponseError,
+    ModelTimeoutError,
+    ModelUnavailableError,
+    TextDelta,
+    complete,
+)
+from app.llm.computed import ScriptedModel
 from app.llm.openai_compatible import LLAMA_CPP, OpenAiCompatibleModel
-from tests.llm.texts import ENDLESS, REPLY, absolute_prompt, asking, object_frame_prompt
+from tests.llm.texts import ENDLESS, REPLY, absolute_prompt, as_asked, asking, object_frame_prompt
 
 LLMS = ("embedded", "completion", "chat")
 
@@ -26,11 +35,11 @@ def models(gemma, llama_server, run):
     }
     made |= {
         "embedded": gemma,
-        "nearest": ComputedModel(computed.NEAREST, from_text(computed.copied_reply)),
-        "regression": ComputedModel(computed.REGRESSION, from_text(computed.regressed_reply)),
+        "nearest": baselines.nearest(),
+        "regression": baselines.regression(),
         "scripted": ScriptedModel([REPLY + "\nand more"]),
     }
-    yield made
+    yield {name: as_asked(model) for name, model in made.items()}
     for model in made.values():
         run(model.aclose())
 
@@ -51,11 +60,11 @@ def test_pieces_joined_are_the_completion(model, run):
     assert len(deltas) > 5
     assert isinstance(completion, Completion)
     assert "".join(piece.text for piece in deltas) == completion.text
-    assert run(model.complete(asking(object_frame_prompt()))).text == completion.text
+    assert run(complete(model, asking(object_frame_prompt()))).text == completion.text
 
 
 def test_the_reply_is_the_pattern_up_to_the_stop_string_and_usage_counts(model, run):
-    completion = run(model.complete(asking(object_frame_prompt(query_seed=1))))
+    completion = run(complete(model, asking(object_frame_prompt(query_seed=1))))
     assert completion.finish_reason == "stop"
     assert re.fullmatch(r" 1 (red|blue) cube w: \+0 \+0 \+20 0 36 36 1", completion.text)
     usage = completion.usage
@@ -65,7 +74,7 @@ def test_the_reply_is_the_pattern_up_to_the_stop_string_and_usage_counts(model, 
 
 
 def test_max_tokens_cuts_the_reply(model, run):
-    completion = run(model.complete(asking(object_frame_prompt(), max_tokens=3)))
+    completion = run(complete(model, asking(object_frame_prompt(), max_tokens=3)))
     assert completion.finish_reason == "length"
     assert completion.usage.completion_tokens == 3
     assert len(completion.text) < len(REPLY)
@@ -74,7 +83,7 @@ def test_max_tokens_cuts_the_reply(model, run):
 def test_concurrent_requests_are_all_answered(model, run):
     async def ask_all():
         requests = [asking(object_frame_prompt(query_seed=query)) for query in range(3)]
-        return await asyncio.gather(*map(model.complete, requests))
+        return await asyncio.gather(*(complete(model, request) for request in requests))
 
     assert [completion.finish_reason for completion in run(ask_all())] == ["stop"] * 3
 
@@ -83,7 +92,7 @@ def test_concurrent_requests_are_all_answered(model, run):
 def test_a_repeated_prefix_is_not_read_again(backend, models, run):
     seed = 1 + LLMS.index(backend)
     first, second = (
-        run(models[backend].complete(asking(object_frame_prompt(seed, query), max_tokens=2))).usage for query in (3, 4)
+        run(complete(models[backend], asking(object_frame_prompt(seed, query), max_tokens=2))).usage for query in (3, 4)
     )
     assert first.prompt_tokens - first.cached_tokens > 100
     assert second.prompt_tokens - second.cached_tokens < 60
@@ -91,15 +100,15 @@ def test_a_repeated_prefix_is_not_read_again(backend, models, run):
 
 @pytest.mark.parametrize("backend", [*LLMS, "scripted"])
 def test_a_late_reply_is_a_timeout(backend, models, run):
-    model = ScriptedModel(["a " * 100], delay_s=0.1) if backend == "scripted" else models[backend]
-    run(model.complete(asking(object_frame_prompt(), max_tokens=1)))  # started
+    model = as_asked(ScriptedModel(["a " * 100], delay_s=0.1)) if backend == "scripted" else models[backend]
+    run(complete(model, asking(object_frame_prompt(), max_tokens=1)))  # started
     endless = asking(object_frame_prompt(grammar=ENDLESS), max_tokens=1500, timeout_s=0.4)
     with pytest.raises(ModelTimeoutError, match=r"did not answer within 0\.4 s"):
-        run(model.complete(endless))
+        run(complete(model, endless))
 
 
 def test_the_papers_format_is_answered(model, run):
-    assert run(model.complete(asking(absolute_prompt(), max_tokens=5))).text
+    assert run(complete(model, asking(absolute_prompt(), max_tokens=5))).text
 
 
 @pytest.mark.parametrize("backend", ["completion", "chat"])
@@ -108,4 +117,22 @@ def test_a_closed_model_refuses(backend, llama_server, run):
     model = OpenAiCompatibleModel(profile, llama_server.base_url, "gemma", llama_server.api_key)
     run(model.aclose())
     with pytest.raises(ModelUnavailableError, match="is closed"):
-        run(model.complete(asking(object_frame_prompt())))
+        run(complete(model, asking(object_frame_prompt())))
+
+
+class Cut(ScriptedModel):
+    async def stream(self, request):
+        yield TextDelta("4")
+
+
+def test_a_reply_without_an_end_is_an_error(run):
+    with pytest.raises(ModelResponseError, match="before it was complete"):
+        run(complete(as_asked(Cut(["4"])), asking(absolute_prompt())))
+    with pytest.raises(ModelResponseError, match="before it was complete"):
+        run(pieces_of(as_asked(Cut(["4"])), asking(absolute_prompt())))
+
+
+def test_what_is_wanted_whole_comes_in_one_piece(model, run):
+    whole = replace(asking(object_frame_prompt(), max_tokens=5), piecewise=False)
+    (completion,) = run(pieces_of(model, whole))
+    assert completion == replace(run(complete(model, whole)), usage=completion.usage)

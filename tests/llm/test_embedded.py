@@ -9,7 +9,7 @@ from contextlib import asynccontextmanager
 import httpx
 import pytest
 
-from app.llm.base import ModelProfile, ModelResponseError, ModelUnavailableError
+from app.llm.base import ModelProfile, ModelResponseError, ModelUnavailableError, complete
 from app.llm.llama.embedded import EmbeddedModel, EmbeddedOptions
 from app.llm.llama.process import LlamaOptions, LlamaProcess
 from app.llm.llama.weights import find_trimmed_weights
@@ -52,7 +52,7 @@ def test_concurrent_first_requests_share_one_start_and_the_loop_goes_on(settings
             assert child_pids() == others
             request = asking(object_frame_prompt(num_demonstrations=1), max_tokens=2)
             pause = await longest_pause(
-                asyncio.wait_for(asyncio.gather(model.warm_up(), *(model.complete(request) for _ in range(3))), 120)
+                asyncio.wait_for(asyncio.gather(model.warm_up(), *(complete(model, request) for _ in range(3))), 120)
             )
             assert len(child_pids() - others) == 1
             return pause
@@ -86,7 +86,7 @@ def test_a_model_whose_process_died_is_started_anew(settings):
             os.kill(pid, 9)
             with pytest.raises(ModelResponseError, match="cannot be read"):
                 _ = [piece async for piece in pieces]
-            assert (await model.complete(asking(object_frame_prompt(), max_tokens=2))).text
+            assert (await complete(model, asking(object_frame_prompt(), max_tokens=2))).text
             assert child_pids() - others != {pid}
 
     asyncio.run(run())
@@ -102,7 +102,7 @@ def test_closing_ends_the_process_and_refuses_what_comes_later(settings):
             await model.aclose()
             assert child_pids() == others
             with pytest.raises(ModelUnavailableError, match="embedded/gemma is closed"):
-                await model.complete(asking(object_frame_prompt()))
+                await complete(model, asking(object_frame_prompt()))
 
     asyncio.run(run())
 
@@ -138,12 +138,12 @@ def test_weights_that_llama_cpp_cannot_read_are_named(tmp_path):
 def test_a_prompt_beyond_the_context_says_how_long_it_is_and_may_be(gemma, run):
     prompt = object_frame_prompt(num_demonstrations=60)
     with pytest.raises(ModelResponseError, match=r"request \(\d{4} tokens\) exceeds .* \(2048 tokens\)"):
-        run(gemma.complete(asking(prompt)))
+        run(complete(gemma, asking(prompt)))
 
 
 def test_a_grammar_that_is_none_is_an_error_and_nothing_is_printed(gemma, run, capfd):
     with pytest.raises(ModelResponseError, match="failed to parse grammar"):
-        run(gemma.complete(asking(object_frame_prompt(grammar="root ::= ("))))
+        run(complete(gemma, asking(object_frame_prompt(grammar="root ::= ("))))
     assert capfd.readouterr() == ("", "")
 
 
@@ -151,7 +151,7 @@ def test_more_tasks_than_slots_keep_their_prefixes(gemma, run):
     """Four slots, six tasks taking turns: the second time round, no demonstration is read again."""
 
     async def prompt_tokens_read(task, query):
-        usage = (await gemma.complete(asking(object_frame_prompt(100 + task, query), max_tokens=1))).usage
+        usage = (await complete(gemma, asking(object_frame_prompt(100 + task, query), max_tokens=1))).usage
         return usage.prompt_tokens - usage.cached_tokens
 
     async def rounds():
@@ -189,7 +189,7 @@ def test_a_cancelled_request_stops_llama_cpp(llama_server, request_):
 
     async def run():
         async with client_of(llama_server) as (model, num_busy):
-            answer = asyncio.create_task(model.complete(request_))
+            answer = asyncio.create_task(complete(model, request_))
             while not await num_busy():
                 await asyncio.sleep(0.02)
             answer.cancel()

@@ -1,7 +1,7 @@
 import pytest
 
 from app.llm.base import ModelResponseError
-from app.llm.computed import copied_reply
+from app.llm.baselines import copied_reply
 
 LIFT = "".join(f"cup {x} 50; lift it > 1 cup w: +0 +0 +{x}\n" for x in (10, 20, 30))
 DROP = "cup 24 50; drop it > 1 cup w: +0 +0 -5\n"

@@ -10,6 +10,7 @@ import asyncio
 import httpx
 import pytest
 
+from app.llm.base import complete
 from app.llm.llama.embedded import EmbeddedModel, EmbeddedOptions
 from app.llm.llama.weights import find_trimmed_weights
 from app.pipeline.prompt import Prompt
@@ -51,7 +52,7 @@ def fresh_answer(settings, question):
     async def scenario():
         model = fresh_model(settings)
         try:
-            return (await model.complete(question)).text
+            return (await complete(model, question)).text
         finally:
             await model.aclose()
 
@@ -59,11 +60,11 @@ def fresh_answer(settings, question):
 
 
 async def in_turn(model, requests):
-    return [(await model.complete(request)).text for request in requests]
+    return [(await complete(model, request)).text for request in requests]
 
 
 async def at_once(model, requests):
-    return [reply.text for reply in await asyncio.gather(*map(model.complete, requests))]
+    return [reply.text for reply in await asyncio.gather(*(complete(model, request) for request in requests))]
 
 
 @pytest.fixture(scope="module")

@@ -16,13 +16,14 @@ from app.llm.base import (
     ModelTimeoutError,
     ModelUnavailableError,
     Usage,
+    complete,
 )
 from app.llm.openai_compatible import LLAMA_CPP, OpenAiCompatibleModel
 from app.llm.sse import MAX_WIRE_BYTES
 from app.llm.streaming import MAX_REPLY_CHARACTERS
 from app.pipeline.prompt import Prompt
 from tests.llm.loopback import SSE_HEAD, chunk, delta, event, hang_up, loopback, status, streamed, text, usage
-from tests.llm.texts import asking
+from tests.llm.texts import as_asked, asking
 
 KEY = "sk-very-secret"
 PROMPT = Prompt("Be brief.", "a>1, ", "b>", stop=("\n",), grammar='root ::= "1"')
@@ -48,7 +49,7 @@ def ask(answer, style="completion", quirks=None, **options):
         async with loopback(answer) as (base_url, server):
             model = model_at(base_url, style, quirks)
             try:
-                return await model.complete(asking(PROMPT, **options)), server
+                return await complete(model, asking(PROMPT, **options)), server
             finally:
                 await model.aclose()
 
@@ -192,7 +193,7 @@ def test_a_key_with_a_stray_line_break_is_not_shown():
     async def run():
         async with loopback(streamed(text("4", "stop"))) as (base_url, _):
             profile = ModelProfile("some/model", "chat", grammar=False, representation="absolute")
-            await OpenAiCompatibleModel(profile, base_url, "little", f"{KEY}\n").complete(asking(PROMPT))
+            await complete(OpenAiCompatibleModel(profile, base_url, "little", f"{KEY}\n"), asking(PROMPT))
 
     with pytest.raises(ModelResponseError, match=r"Illegal header value .*\[key\]") as caught:
         asyncio.run(run())
@@ -230,10 +231,10 @@ def test_a_stream_that_ends_early_is_an_error():
 def test_a_slow_drip_meets_the_deadline_and_the_server_is_left():
     async def run():
         async with loopback(streamed(*[text("a")] * 100, delay_s=0.05)) as (base_url, server):
-            model = model_at(base_url)
+            model = as_asked(model_at(base_url))
             started = time.perf_counter()
             with pytest.raises(ModelTimeoutError, match=r"within 0\.3 s"):
-                await model.complete(asking(PROMPT, timeout_s=0.3))
+                await complete(model, asking(PROMPT, timeout_s=0.3))
             assert 0.2 < time.perf_counter() - started < 2
             await asyncio.wait_for(server.gone.wait(), 2)
             await model.aclose()
@@ -245,7 +246,7 @@ def test_a_cancelled_request_leaves_the_server():
     async def run():
         async with loopback(streamed(text("a"), delay_s=30)) as (base_url, server):
             model = model_at(base_url)
-            task = asyncio.create_task(model.complete(asking(PROMPT)))
+            task = asyncio.create_task(complete(model, asking(PROMPT)))
             while not server.requests:
                 await asyncio.sleep(0.01)
             task.cancel()
@@ -294,7 +295,7 @@ def test_an_unreachable_server_names_the_url_and_the_variable(base_url):
     async def run():
         model = model_at(base_url)
         try:
-            await model.complete(asking(PROMPT))
+            await complete(model, asking(PROMPT))
         finally:
             await model.aclose()
 
@@ -321,7 +322,7 @@ def test_a_kept_connection_serves_one_request_after_the_other(monkeypatch, num_k
     async def run():
         async with loopback(answer, keep_alive=True) as (base_url, server):
             model = model_at(base_url)
-            replies = [(await model.complete(asking(PROMPT))).text for _ in range(4)]
+            replies = [(await complete(model, asking(PROMPT))).text for _ in range(4)]
             await model.aclose()
             return replies, server.num_connections
 

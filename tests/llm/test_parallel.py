@@ -8,6 +8,7 @@ import asyncio
 
 import pytest
 
+from app.llm.base import complete
 from app.llm.llama.embedded import EmbeddedModel, EmbeddedOptions
 from app.llm.llama.weights import find_trimmed_weights
 from tests.llm.test_embedded import PROFILE
@@ -33,10 +34,10 @@ def test_replies_at_once_are_those_in_turn(model, run):
     requests = [asking(prompt(k), timeout_s=300) for k in range(NUM_REQUESTS)]
 
     async def at_once():
-        return await asyncio.gather(*(model.complete(request) for request in requests))
+        return await asyncio.gather(*(complete(model, request) for request in requests))
 
     async def in_turn():
-        return [await model.complete(request) for request in requests]
+        return [await complete(model, request) for request in requests]
 
     together, alone = run(at_once()), run(in_turn())
     assert [reply.text for reply in together] == [reply.text for reply in alone]

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from app.llm.backends import BUILT_IN
-from app.llm.base import Completion, TextDelta
+from app.llm.base import Completion, TextDelta, complete
 from app.llm.llm_settings import LlmSettings
 from app.llm.registry import ModelRegistry
 from app.pipeline.prompt import Prompt
@@ -54,7 +54,7 @@ def test_completion_within_the_grammar_streamed_and_cached(peer, run):
 def test_chat(peer, run):
     model = peer("chat").get(NAME)
     assert (model.profile.representation, model.profile.system_prompt) == ("absolute", "a")
-    completion = run(model.complete(asking(object_frame_prompt(), max_tokens=60)))
+    completion = run(complete(model, asking(object_frame_prompt(), max_tokens=60)))
     assert completion.text.rstrip() == completion.text.rstrip().splitlines()[0]
     assert completion.text.startswith((" 1 red cube w: ", " 1 blue cube w: "))
     assert completion.usage.completion_tokens > 5
@@ -64,7 +64,7 @@ def test_chat_within_a_schema(peer, run):
     """llama.cpp takes `response_format` just as Ollama does."""
     schema = list_schema([Column("number", 3, 9)] * 4, fewest=2, most=3)
     prompt = Prompt("", "", "Tell me about lists in Python.", (), None, schema)
-    text = run(peer("chat", "ollama").get(NAME).complete(asking(prompt))).text
+    text = run(complete(peer("chat", "ollama").get(NAME), asking(prompt))).text
     rows = json.loads(text)
     assert 2 <= len(rows) <= 3, text
     assert all(len(row) == 4 and all(3 <= number <= 9 for number in row) for row in rows), text

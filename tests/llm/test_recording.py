@@ -14,6 +14,7 @@ from app.llm.base import (
     ModelUnavailableError,
     TextDelta,
     Usage,
+    complete,
 )
 from app.llm.computed import ScriptedModel
 from app.llm.llm_settings import LlmSettings
@@ -50,7 +51,7 @@ def test_a_reply_is_repeated_in_the_same_pieces(tmp_path):
     asked = record(folder, ["[[1, 2], «3»]"])
     assert len(asked) == 4
     assert replay(folder) == asked
-    assert asyncio.run(ReplayedModel("own/model", folder).complete(REQUEST)) == asked[-1]
+    assert asyncio.run(complete(ReplayedModel("own/model", folder), REQUEST)) == asked[-1]
     assert ReplayedModel("own/model", folder).profile == PROFILE
 
 
@@ -148,9 +149,9 @@ def test_replies_recorded_at_once_are_all_whole(tmp_path):
     async def run():
         model = RecordingModel(ScriptedModel(lambda request: request.prompt.query, profile=PROFILE), tmp_path)
         requests = [asking(Prompt("", "p ", f"query {number % 10}")) for number in range(40)]
-        asked = await asyncio.gather(*map(model.complete, requests))
+        asked = await asyncio.gather(*(complete(model, request) for request in requests))
         replayed = ReplayedModel("own/model", tmp_path)
-        assert await asyncio.gather(*map(replayed.complete, requests)) == asked
+        assert await asyncio.gather(*(complete(replayed, request) for request in requests)) == asked
         assert len(list(tmp_path.iterdir())) == 11
 
     asyncio.run(run())
@@ -187,7 +188,7 @@ def test_a_paid_run_is_repeated_offline_without_a_key(tmp_path):
 
 def test_an_embedded_models_replies_are_repeated_without_it(settings, tmp_path, run):
     async def both():
-        recording = ModelRegistry(replace(settings, record_llm=tmp_path), BUILT_IN)
+        recording = ModelRegistry(settings.model_copy(update={"record_llm": tmp_path}), BUILT_IN)
         requests = [asking(object_frame_prompt()), asking(absolute_prompt(), max_tokens=8)]
         asked = [await pieces_of(recording.get(), request) for request in requests]
         await recording.aclose()

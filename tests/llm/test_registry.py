@@ -3,7 +3,6 @@ import os
 import re
 import signal
 from contextlib import AsyncExitStack
-from dataclasses import fields
 from importlib.metadata import EntryPoint
 from pathlib import Path
 
@@ -17,6 +16,7 @@ from app.llm.base import (
     ModelResponseError,
     ModelUnavailableError,
     UnknownModelError,
+    complete,
 )
 from app.llm.computed import SCRIPTED, ScriptedModel
 from app.llm.llm_settings import LlmSettings, variable
@@ -75,7 +75,7 @@ def test_every_variable_that_a_message_names_is_a_setting():
     sources = [path.read_text() for path in Path(backends.__file__).parent.rglob("*.py")]
     named = {name for source in sources for name in re.findall(r"variable\([\"'](\w+)", source)}
     assert {"openai_api_key", "packages_folder"} <= named
-    assert named <= {field.name for field in fields(LlmSettings)}
+    assert named <= set(LlmSettings.model_fields)
 
 
 def test_profiles_say_what_is_available_and_start_nothing(make_registry):
@@ -135,7 +135,7 @@ def test_models_of_one_account_share_its_limits(make_registry):
                 openai_api_key="k", openai_base_url=base_url, llm_concurrent_requests=1, llm_queued_requests=0
             )
             names = ("openai/gpt-4o", "openai/gpt-4o-mini")
-            asked = [registry.get(name).complete(asking(PROMPT)) for name in names]
+            asked = [complete(registry.get(name), asking(PROMPT)) for name in names]
             first, second = await asyncio.gather(*asked, return_exceptions=True)
             await registry.aclose()
             return type(first), type(second), str(second), len(server.requests)
@@ -153,10 +153,10 @@ def test_a_provider_is_retried_and_left_alone_as_the_settings_say(make_registry)
             model = registry.get("anthropic/claude-haiku-5-5")
             for _ in range(2):
                 with pytest.raises(ModelResponseError, match="HTTP 500"):
-                    await model.complete(asking(PROMPT))
+                    await complete(model, asking(PROMPT))
             other = registry.get("anthropic/claude-opus-5-5")
             with pytest.raises(ModelUnavailableError, match="anthropic failed 4 times in a row"):
-                await other.complete(asking(PROMPT))
+                await complete(other, asking(PROMPT))
             await registry.aclose()
             return len(server.requests)
 
@@ -166,7 +166,7 @@ def test_a_provider_is_retried_and_left_alone_as_the_settings_say(make_registry)
 def test_an_embedded_model_has_as_many_places_as_slots(make_registry):
     async def run():
         registry = make_registry(embedded_threads=1, embedded_slots=1, llm_queued_requests=1)
-        asked = [registry.get().complete(asking(PROMPT, max_tokens=1)) for _ in range(3)]
+        asked = [complete(registry.get(), asking(PROMPT, max_tokens=1)) for _ in range(3)]
         *answered, refused = await asyncio.gather(*asked, return_exceptions=True)
         await registry.aclose()
         return [item.usage.completion_tokens for item in answered], type(refused)
@@ -181,7 +181,7 @@ def test_a_request_survives_the_death_of_an_embedded_models_process(make_registr
         await registry.warm_up()
         (pid,) = child_pids() - before
         os.kill(pid, signal.SIGKILL)
-        answer = await registry.get().complete(asking(PROMPT, max_tokens=1))
+        answer = await complete(registry.get(), asking(PROMPT, max_tokens=1))
         await registry.aclose()
         return answer
 
@@ -231,13 +231,13 @@ def test_what_is_in_use_keeps_its_place_and_what_is_not_is_closed(make_registry)
 
     async def run():
         registry = ModelRegistry(LlmSettings(default_model="own/default"), {"own": Backend(create, lambda _: [])})
-        registry.get()
+        default = registry.get()
         async with AsyncExitStack() as used:
             for number in range(MAX_MODELS):
                 await used.enter_async_context(registry.using(f"own/{number}"))
             with pytest.raises(ModelBusyError, match="32 other models are in use"):
                 registry.get("own/one-more")
-            assert registry.get() is made["default"]
+            assert registry.get() is default
         async with registry.using("own/0"), registry.using("own/one-more"):
             closed = {name for name, model in made.items() if model.closed}
         await registry.aclose()
@@ -271,7 +271,7 @@ def test_another_package_adds_a_backend_but_replaces_none(monkeypatch):
     assert found["own"] is own_backend
     assert found["openai"] is BUILT_IN["openai"]
     registry = ModelRegistry(LlmSettings(), found)
-    assert asyncio.run(registry.get("own/hello").complete(asking(object_frame_prompt()))).text == "hello"
+    assert asyncio.run(complete(registry.get("own/hello"), asking(object_frame_prompt()))).text == "hello"
 
 
 def test_warming_up_starts_what_needs_a_start(make_registry):
@@ -279,7 +279,7 @@ def test_warming_up_starts_what_needs_a_start(make_registry):
         registry = make_registry(embedded_threads=1, embedded_slots=1, embedded_context_tokens=512)
         await registry.warm_up("regression")
         await registry.warm_up()
-        answer = await registry.get().complete(asking(object_frame_prompt(), max_tokens=1, timeout_s=30))
+        answer = await complete(registry.get(), asking(object_frame_prompt(), max_tokens=1, timeout_s=30))
         await registry.aclose()
         return answer
 

@@ -3,8 +3,8 @@ import random
 
 import pytest
 
-from app.llm.base import ModelResponseError
-from app.llm.computed import REGRESSION, ComputedModel, from_text, regressed_reply
+from app.llm.base import ModelResponseError, complete
+from app.llm.baselines import regressed_reply, regression
 from tests.llm.texts import absolute_prompt, asking
 
 
@@ -88,6 +88,6 @@ def test_a_prompt_that_it_cannot_use_is_an_error(prefix, reason):
 
 
 def test_the_backend_answers_the_services_prompt():
-    completion = asyncio.run(ComputedModel(REGRESSION, from_text(regressed_reply)).complete(asking(absolute_prompt())))
+    completion = asyncio.run(complete(regression(), asking(absolute_prompt())))
     assert completion.text == "[[44, 55, 26, 0, 39, 0, 1], [44, 55, 17, 0, 39, 0, 0]]"
     assert completion.finish_reason == "stop"

@@ -7,7 +7,7 @@ from contextlib import aclosing, asynccontextmanager
 
 import pytest
 
-from app.llm import guard
+from app.llm import resilient
 from app.llm.base import (
     Completion,
     LanguageModelError,
@@ -17,10 +17,12 @@ from app.llm.base import (
     ModelTimeoutError,
     ModelUnavailableError,
     TextDelta,
+    complete,
 )
 from app.llm.computed import ScriptedModel
-from app.llm.guard import Guard, Limits, ResilientModel
+from app.llm.guard import Guard, Limits
 from app.llm.openai_compatible import OpenAiCompatibleModel
+from app.llm.resilient import ResilientModel
 from app.pipeline.prompt import Prompt
 from tests.llm import claude
 from tests.llm.claude import claude_at
@@ -53,7 +55,7 @@ class Provider:
         self.waits_s.append(wait_s)
 
     async def ask(self, **options):
-        return await self.model.complete(asking(PROMPT, **options))
+        return await complete(self.model, asking(PROMPT, **options))
 
 
 @asynccontextmanager
@@ -160,7 +162,7 @@ def test_a_deadline_leaves_no_connection_open():
 def test_waits_grow_to_a_limit():
     _, _, waits_s = ask(status(500), Limits(1, 0, retries=12, backoff_s=0.5), timeout_s=600.0)
     assert [wait_s > 4.0 for wait_s in waits_s] == [False] * 4 + [True] * 8
-    assert max(waits_s) <= guard.MAX_BACKOFF_S
+    assert max(waits_s) <= resilient.MAX_BACKOFF_S
 
 
 def test_nothing_is_tried_again_once_a_piece_has_come():
@@ -268,7 +270,7 @@ def test_a_provider_that_refuses_is_not_dead(answer):
 
 @pytest.mark.parametrize(("patience_s", "opens"), [(0.05, True), (10.0, False)])
 def test_silence_counts_if_the_provider_had_time_to_speak(monkeypatch, patience_s, opens):
-    monkeypatch.setattr(guard, "PATIENCE_S", patience_s)
+    monkeypatch.setattr(resilient, "PATIENCE_S", patience_s)
 
     async def run():
         async with provider_at(after(30, OK), Limits(1, 0, failures=1, pause_s=10.0)) as (provider, _):
@@ -345,10 +347,10 @@ def test_models_that_share_a_guard_share_its_places():
     async def run():
         guard = Guard("some", Limits(concurrent=1, queued=0))
         slow, other = (ResilientModel(ScriptedModel(["a b"], delay_s=0.05), guard) for _ in range(2))
-        first = asyncio.create_task(slow.complete(asking(PROMPT)))
+        first = asyncio.create_task(complete(slow, asking(PROMPT)))
         await asyncio.sleep(0.01)
         with pytest.raises(ModelBusyError):
-            await other.complete(asking(PROMPT))
+            await complete(other, asking(PROMPT))
         assert (await first).text == "a b"
 
     asyncio.run(run())

@@ -2,13 +2,12 @@
 
 import asyncio
 import struct
-from dataclasses import replace
 from io import BytesIO
 
 import httpx
 import pytest
 
-from app.llm.base import Completion
+from app.llm.base import Completion, complete
 from app.llm.computed import ScriptedModel
 from app.llm.llama import gguf
 from app.llm.llama.process import LlamaOptions, LlamaProcess
@@ -99,7 +98,7 @@ def test_the_file_is_less_than_half_and_says_what_was_changed(trimmed_path, sett
 
 
 def test_the_whole_model_is_asked_where_the_operator_wants_it(settings):
-    assert find_trimmed_weights("gemma-3-270m", replace(settings, embedded_vocabulary="whole")) is None
+    assert find_trimmed_weights("gemma-3-270m", settings.model_copy(update={"embedded_vocabulary": "whole"})) is None
     assert find_trimmed_weights("smollm2-135m", settings) is None
 
 
@@ -165,8 +164,8 @@ def test_the_whole_model_answers_what_the_trimmed_one_cannot_read():
 
     async def scenario():
         await model.warm_up()
-        assert (await model.complete(asking(Prompt("", "", "blue")))).text == "trimmed"
-        assert (await model.complete(asking(Prompt("", "", "синий")))).text == "whole"
+        assert (await complete(model, asking(Prompt("", "", "blue")))).text == "trimmed"
+        assert (await complete(model, asking(Prompt("", "", "синий")))).text == "whole"
         *_, last = [piece async for piece in model.stream(asking(Prompt("", "", "青い")))]
         assert isinstance(last, Completion)
         assert last.text == "whole"

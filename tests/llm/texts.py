@@ -3,6 +3,8 @@
 import random
 
 from app.llm.base import CompletionRequest
+from app.llm.guard import NO_LIMITS, Guard
+from app.llm.resilient import ResilientModel
 from app.pipeline.prompt import Prompt
 
 GRAMMAR = """root ::= " 1 " ("red cube" | "blue cube") " w: " d " " d " " d " " r " " r " " r " " [01] "\n"
@@ -44,3 +46,8 @@ def absolute_prompt(num_demonstrations=6):
 
 def asking(prompt, **options):
     return CompletionRequest(prompt, **{"timeout_s": 120.0, "max_tokens": 60, **options})
+
+
+def as_asked(model):
+    """The model as requests reach it, within the one deadline."""
+    return ResilientModel(model, Guard("some", NO_LIMITS))

@@ -30,7 +30,7 @@ class SlowModel:
     async def warm_up(self, name=""):
         return True
 
-    async def complete(self, request):
+    async def stream(self, request):
         self.begun.append(request.prompt.prefix)
         self.at_once += 1
         self.most_at_once = max(self.most_at_once, self.at_once)
@@ -39,7 +39,7 @@ class SlowModel:
         finally:
             self.at_once -= 1
         self.finished.append(request.prompt.prefix)
-        return Completion("")
+        yield Completion("")
 
 
 @pytest.fixture
@@ -138,10 +138,11 @@ def test_a_second_prediction_does_not_interrupt_the_tidying_up(store):
     class TidyModel(SlowModel):
         tidy = False
 
-        async def complete(self, request):
+        async def stream(self, request):
             self.begun.append(request.prompt.prefix)
             try:
                 await asyncio.sleep(10)
+                yield Completion("")
             finally:
                 with anyio.CancelScope(shield=True):  # as httpx closes a connection
                     await asyncio.sleep(0.1)

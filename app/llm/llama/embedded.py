@@ -10,12 +10,11 @@ from contextlib import aclosing
 from dataclasses import dataclass
 from pathlib import Path
 
-from app.llm.base import Completion, CompletionRequest, LanguageModelError, ModelProfile, ModelUnavailableError
+from app.llm.base import CompletionRequest, LanguageModelError, ModelProfile, ModelUnavailableError, Pieces
 from app.llm.llama.process import LlamaOptions, LlamaProcess, SharedLlama
 from app.llm.llama.warm_slots import WarmSlots
 from app.llm.llama.weights import Weights
 from app.llm.openai_compatible import LLAMA_CPP, OpenAiCompatibleModel
-from app.llm.streaming import Pieces, in_one_piece, whole_within_deadline, within_deadline
 
 DYING_S = 1.0  # frees some hundred MB
 
@@ -58,12 +57,17 @@ class EmbeddedModel:
     def profile(self) -> ModelProfile:
         return self._profile
 
-    def stream(self, request: CompletionRequest) -> Pieces:
-        return within_deadline(self._pieces(request, streamed=True), request.timeout_s, self._profile.name)
-
-    async def complete(self, request: CompletionRequest) -> Completion:
-        pieces = self._pieces(request, streamed=False)
-        return await whole_within_deadline(pieces, request.timeout_s, self._profile.name)
+    async def stream(self, request: CompletionRequest) -> Pieces:
+        running = await self._running()
+        try:
+            async with self._slots.turn(request.cache_key), aclosing(running.client.stream(request)) as pieces:
+                async for piece in pieces:
+                    yield piece
+        except LanguageModelError as error:
+            if error.retryable:
+                # A process that dies closes its connections first; the next request must find it dead.
+                await asyncio.to_thread(running.process.ends_within, DYING_S)
+            raise
 
     async def warm_up(self) -> None:
         """Start the model unless it runs; the event loop goes on meanwhile.
@@ -77,19 +81,6 @@ class EmbeddedModel:
         self._closed = True
         if self._start:
             await _stop(self._start)
-
-    async def _pieces(self, request: CompletionRequest, *, streamed: bool) -> Pieces:
-        client = (running := await self._running()).client
-        answer = client.stream(request) if streamed else in_one_piece(client, request)
-        try:
-            async with self._slots.turn(request.cache_key), aclosing(answer) as pieces:
-                async for piece in pieces:
-                    yield piece
-        except LanguageModelError as error:
-            if error.retryable:
-                # A process that dies closes its connections first; the next request must find it dead.
-                await asyncio.to_thread(running.process.ends_within, DYING_S)
-            raise
 
     async def _running(self) -> _Running:
         """The server, which all callers start together; one that failed or died is started again."""

@@ -9,9 +9,8 @@ from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
 
-from app.llm.base import Completion, CompletionRequest, ModelProfile, StartedModel
+from app.llm.base import CompletionRequest, ModelProfile, Pieces, StartedModel
 from app.llm.llama import gguf
-from app.llm.streaming import Pieces
 from app.pipeline.prompt import Prompt
 
 NUM_BYTES_AND_CONTROLS = 500  # the first tokens: begin, end, unknown, single bytes, tags
@@ -80,9 +79,6 @@ class TrimmedModel:
 
     def stream(self, request: CompletionRequest) -> Pieces:
         return self._for(request).stream(request)
-
-    async def complete(self, request: CompletionRequest) -> Completion:
-        return await self._for(request).complete(request)
 
     async def warm_up(self) -> None:
         await self._trimmed.warm_up()

@@ -156,9 +156,9 @@ def _episodes(group: Sequence[PlanCheck]) -> list[EpisodeCheck]:
 
 def _of_instruction(group: Sequence[PlanCheck], plans: Sequence[PlanCheck], rule: KeyframeRule) -> Found:
     """What is wrong with one instruction's rows; only of demonstrations that this does not explain, which are odd."""
-    causes = {id(plan): row_cause(plan, plans.index(plan), rule) for plan in group}
+    causes = {plan: row_cause(plan, plans.index(plan), rule) for plan in group}
     findings = list({cause.code: cause for cause in reversed(causes.values()) if cause is not None}.values())
-    explained = {plan.gripper for plan in group if causes[id(plan)] is not None}
+    explained = {plan.gripper for plan in group if causes[plan] is not None}
     odd, ids = _unlike([plan for plan in group if plan.gripper not in explained], group, rule)
     return findings + odd, ids
 

@@ -271,16 +271,29 @@ class ObjectFrameCodec:
 
 
 def _place(demonstrations: Sequence[Demonstration], wanted: Demonstration) -> int:
-    """Where a demonstration, or an equal copy of it, stands among those that the codec was fitted to."""
+    """Where a demonstration, or an equal copy of it, stands among those that the codec was fitted to.
+
+    Raises:
+        ValueError: it is none of them.
+    """
     for place, known in enumerate(demonstrations):
         if known is wanted:
             return place
-    return next(place for place, known in enumerate(demonstrations) if _content(known) == _content(wanted))
+    return [_content(known) for known in demonstrations].index(_content(wanted))
 
 
 def _content(demonstration: Demonstration) -> tuple[object, ...]:
-    poses = [(pose.name, pose.position_m.tobytes()) for pose in demonstration.objects]
-    return demonstration.id, demonstration.instruction, poses, len(demonstration.actions)
+    """All that a demonstration's rows and their anchors are fitted to; ids are none where somebody made it by hand."""
+    poses = [(pose.name, _bytes(pose.position_m), _bytes(pose.quaternion_xyzw)) for pose in demonstration.objects]
+    actions = [
+        (_bytes(action.position_m), _bytes(action.quaternion_xyzw), action.gripper_open)
+        for action in demonstration.actions
+    ]
+    return demonstration.id, demonstration.instruction, poses, actions
+
+
+def _bytes(values: Array | None) -> bytes | None:
+    return None if values is None else values.tobytes()
 
 
 def _asked_anchor(anchor: Anchor, demonstration: Demonstration, instruction: str) -> str:

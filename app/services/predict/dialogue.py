@@ -120,35 +120,25 @@ class Dialogue:
     ) -> AsyncGenerator[Sequence[EndEffectorAction] | TextDelta, None]:
         """The actions of the reply to the prompt."""
         num_early = 0
-        if piecewise:
-            async with aclosing(self._arriving(reader, max_actions)) as arriving:
-                async for item in arriving:
-                    if isinstance(item, Completion):
-                        completion = item
-                        break
-                    if not isinstance(item, TextDelta):
-                        num_early += len(item)
-                    yield item
-        else:
-            completion = await self._whole(max_actions)
+        async with aclosing(self._arriving(reader, max_actions, piecewise=piecewise)) as arriving:
+            async for item in arriving:
+                if isinstance(item, Completion):
+                    completion = item
+                    break
+                if not isinstance(item, TextDelta):
+                    num_early += len(item)
+                yield item
         self.usage = usage_sum(self.usage, completion.usage)
         with timed(self._timings_ms, "parse"):
             actions = self._finished(reader, completion)
         if len(actions) > num_early:
             yield actions[num_early:]
 
-    async def _whole(self, max_actions: int) -> Completion:
-        """The reply at its end."""
-        with timed(self._timings_ms, "llm"):
-            completion = await self._model.complete(self._asked(max_actions))
-        self.reply_text = _joined(self.reply_text, completion.text)
-        return completion
-
     async def _arriving(
-        self, reader: ReplyReader, max_actions: int
+        self, reader: ReplyReader, max_actions: int, *, piecewise: bool
     ) -> AsyncGenerator[Sequence[EndEffectorAction] | TextDelta | Completion, None]:
         """The actions as their rows become complete, and the text, if it is asked for; last the completion."""
-        async with aclosing(self._pieces(max_actions)) as pieces:
+        async with aclosing(self._pieces(max_actions, piecewise=piecewise)) as pieces:
             while True:
                 said = len(self.reply_text or "")
                 with timed(self._timings_ms, "llm"):
@@ -173,16 +163,16 @@ class Dialogue:
         self._so_far = f"{self.prompt.query}{written}{codec.separator}"
         return actions
 
-    async def _pieces(self, max_actions: int) -> AsyncGenerator[TextDelta | Completion, None]:
+    async def _pieces(self, max_actions: int, *, piecewise: bool) -> AsyncGenerator[TextDelta | Completion, None]:
         """The reply as the LLM writes it; `reply_text` grows with it."""
         before, text = self.reply_text, ""
-        async with aclosing(self._model.stream(self._asked(max_actions))) as stream:
+        async with aclosing(self._model.stream(self._asked(max_actions, piecewise=piecewise))) as stream:
             async for piece in stream:
                 text = piece.text if isinstance(piece, Completion) else text + piece.text
                 self.reply_text = _joined(before, text)
                 yield piece
 
-    def _asked(self, max_actions: int) -> CompletionRequest:
+    def _asked(self, max_actions: int, *, piecewise: bool) -> CompletionRequest:
         """The prompt as it is put to the LLM.
 
         Raises:
@@ -199,6 +189,7 @@ class Dialogue:
             temperature=self._temperature,
             seed=options.seed,
             cache_key=self._question.template.cache_key,
+            piecewise=piecewise,
         )
 
 

@@ -13,7 +13,7 @@ from importlib.resources import files
 
 import numpy as np
 
-from app.llm.base import CompletionRequest, LanguageModel, LanguageModelError
+from app.llm.base import CompletionRequest, LanguageModel, LanguageModelError, complete
 from app.pipeline.language.grounding import Grounded, Grounding, Taught
 from app.pipeline.language.space import Layout
 from app.pipeline.prompt import Prompt
@@ -106,7 +106,7 @@ async def ask_meaning(
         return None
     request = CompletionRequest(_prompt(instruction, choices), MAX_TOKENS, min(timeout_s, TIMEOUT_S))
     try:
-        reply = await model.complete(request)
+        reply = await complete(model, request)
     except LanguageModelError:
         return None
     number = _NUMBER.fullmatch(reply.text)

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 import anyio
 import anyio.to_thread
 
-from app.llm.base import CompletionRequest, LanguageModelError
+from app.llm.base import CompletionRequest, LanguageModelError, complete
 from app.llm.registry import ModelRegistry
 from app.pipeline.prompt import Prompt
 from app.services.predict.write import QuestionWriter
@@ -116,6 +116,6 @@ class PrefixWarmer:
             template = await anyio.to_thread.run_sync(self._write.usual_template, task)
             prompt = Prompt(template.prompt.system, template.prompt.prefix, "")
             request = CompletionRequest(prompt, max_tokens=1, timeout_s=TIMEOUT_S, cache_key=template.cache_key)
-            await self._models.get().complete(request)
+            await complete(self._models.get(), request)
         except RoboPromptError as error:
             logger.info("the prefix of task %s is not warm: %s", task, error)

@@ -1,4 +1,5 @@
 import math
+from functools import partial
 
 import numpy as np
 import pytest
@@ -193,6 +194,17 @@ def lifted(place, instruction=LIFT, height_m=0.1):
 def test_of_demonstrations_with_the_same_rows_the_last_few_are_written():
     shown = [lifted(place) for place in range(0, 50, 5)]
     assert fitted(*shown).telling() == tuple(shown[-MOST_REPEATED:])
+
+
+def test_an_equal_copy_has_the_rows_of_its_original():
+    """Neither has an id, and they differ in nothing but the height of their action."""
+    low, high = (partial(lifted, 10, height_m=height_m) for height_m in (0.1, 0.3))
+    codec = fitted(low(), high())
+    originals = [codec.actions_text(shown) for shown in codec.demonstrations]
+    assert [codec.actions_text(copy()) for copy in (low, high)] == originals
+    assert originals[0] != originals[1]
+    with pytest.raises(ValueError, match="is not in list"):
+        codec.actions_text(lifted(20))
 
 
 def test_all_demonstrations_are_written_where_rows_differ():
