@@ -12,7 +12,6 @@ binning costs nothing.
 """
 
 import re
-import string
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -23,7 +22,7 @@ from scipy.spatial.transform import Rotation
 from app.pipeline.episode import Demonstration
 from app.pipeline.errors import ReplyParseError
 from app.pipeline.geometry import yaw_rad
-from app.pipeline.language.mentions import clauses, mention_order, template
+from app.pipeline.language.mentions import clauses
 from app.pipeline.representation.anchors import (
     OBJECT_FRAMES,
     START,
@@ -33,15 +32,15 @@ from app.pipeline.representation.anchors import (
     in_order,
     tilted_objects,
 )
-from app.pipeline.representation.base import row_count_bounds
+from app.pipeline.representation.object_grammar import any_rows_grammar, plans_grammar, plans_of
 from app.pipeline.representation.object_rows import (
     OFFSET_UNIT_M,
     Row,
-    RowPattern,
+    anchor_text,
     fit_rows,
     groups_of,
     in_full,
-    plans_grammar,
+    letter,
     row_text,
     shortened,
 )
@@ -51,18 +50,12 @@ from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
 
 # So many demonstrations with the same rows are written; further ones would be read at every start and say nothing new.
 MOST_REPEATED = 3
-LETTERS = string.ascii_uppercase
 _ROW = re.compile(
     r"(\d{1,3}) ([A-Z]{1,2} [wo]|world|start): ([+-]\d{1,3}) ([+-]\d{1,3}) ([+-]\d{1,3})"
     r" (\d{1,2}) (\d{1,2}) (\d{1,2}) ([01])",
     re.ASCII,
 )
 _FENCE = re.compile(r"^```\w*\n?|```$")
-_GRAMMAR_TAIL = """b ::= d " " d " " d " " r " " r " " r " " [01]
-s ::= d " " d " " d (" " r " " r " " r)? " " [01]
-d ::= [+-] ([0-9] | [1-9] [0-9] | [1-9] [0-9] [0-9])
-r ::= [0-9] | [1-6] [0-9] | "7" [01]
-"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +98,7 @@ class ObjectFrameCodec:
 
     def observation_text(self, objects: Sequence[ObjectPose], instruction: str) -> str:
         ordered = enumerate(in_order(objects, instruction))
-        parts = [f"{_letter(place)} {self._object_text(pose)}" for place, pose in ordered]
+        parts = [f"{letter(place)} {self._object_text(pose)}" for place, pose in ordered]
         if self.with_instruction:
             parts.append(instruction.rstrip("."))
         return "; ".join(parts) + " >"
@@ -119,7 +112,7 @@ class ObjectFrameCodec:
 
     def actions_text(self, demonstration: Demonstration) -> str:
         rows = self.table[_place(self.demonstrations, demonstration)]
-        anchors = [_anchor_text(row.anchor, demonstration.objects, demonstration.instruction) for row in rows]
+        anchors = [anchor_text(row.anchor, demonstration.objects, demonstration.instruction) for row in rows]
         numbered = enumerate(zip(rows, anchors, strict=True), start=self.first_row)
         return "; ".join(shortened([row_text(number, anchor, row) for number, (row, anchor) in numbered]))
 
@@ -146,65 +139,9 @@ class ObjectFrameCodec:
         """Its rows are no JSON."""
 
     def grammar(self, instruction: str, max_actions: int) -> str:
-        if (plans := self._plans(instruction)) is not None:
+        if (plans := plans_of(self.demonstrations, self.table, instruction)) is not None:
             return plans_grammar(plans, self.first_row, max_actions)
-        fewest, most = row_count_bounds(self.demonstrations, instruction, max_actions)
-        first = self.first_row
-        rows = [f'"{number} " a ": " {"b" if number == first else "s"}' for number in range(first, first + most)]
-        optional = ""
-        for row in reversed(rows[fewest:]):
-            optional = f' ("; " {row}{optional})?'
-        anchors = " | ".join(f'"{anchor}"' for anchor in self._anchors(instruction))
-        required = ' "; " '.join(rows[:fewest])
-        return f'root ::= " " {required}{optional} "\\n"\na ::= {anchors}\n{_GRAMMAR_TAIL}'
-
-    def _plans(self, instruction: str) -> list[list[RowPattern]] | None:
-        """What each plan's rows may say; None where the rows of several demonstrations must be strung together.
-
-        Plans of demonstrations that ask for the same as the instruction, or of all where none does.
-        """
-        asked = len(clauses(instruction))
-        if any(len(clauses(d.instruction)) != asked for d in self.demonstrations):
-            return None
-        groups = groups_of(self.demonstrations)
-        wanted = template([pose.name for pose in self.demonstrations[0].objects], instruction)
-        chosen = [places for (asks, *_), places in groups.items() if asks == wanted] or list(groups.values())
-        return [self._patterns(places, instruction) for places in chosen]
-
-    def _patterns(self, places: Sequence[int], instruction: str) -> list[RowPattern]:
-        """Of each row of one plan."""
-        shown = [self.demonstrations[place] for place in places]
-        table = list(zip(*(self.table[place] for place in places), strict=True))  # [row][demonstration]
-        patterns = []
-        for rows, before in zip(table, [(None,) * len(shown), *table], strict=False):
-            numbers = np.array([row.numbers for row in rows])
-            anchors = {
-                _asked_anchor(row.anchor, demonstration, instruction)
-                for row, demonstration in zip(rows, shown, strict=True)
-            }
-            columns = [frozenset(column.tolist()) for column in numbers.T]
-            patterns.append(
-                RowPattern(
-                    anchors=tuple(anchors),
-                    offsets=tuple(columns[:3]),
-                    bins=tuple(columns[3:]),
-                    grippers=frozenset(int(row.gripper_open) for row in rows),
-                    repeats=frozenset(row.turned_as(last) for row, last in zip(rows, before, strict=True)),
-                    single=len(rows) == 1,
-                )
-            )
-        return patterns
-
-    def _anchors(self, instruction: str) -> list[str]:
-        """Every letter and frame that the demonstrations' objects allow."""
-        rotated = {pose.name for d in self.demonstrations for pose in d.objects if _has_rotation(pose)}
-        ordered = enumerate(in_order(self.demonstrations[0].objects, instruction))
-        return [
-            f"{_letter(k)} {frame}"
-            for k, pose in ordered
-            for frame in OBJECT_FRAMES
-            if frame == "w" or pose.name in rotated
-        ]
+        return any_rows_grammar(self.demonstrations, instruction, self.first_row, max_actions)
 
     def rows(self, reply_text: str, complete: bool) -> list[str]:
         rows = [row.strip() for row in _FENCE.sub("", reply_text.strip()).split(";")]
@@ -238,7 +175,7 @@ class ObjectFrameCodec:
         """Everything that a row may be relative to, as rows write it: origin and axes."""
         ordered = enumerate(in_order(objects, instruction))
         anchors = {
-            f"{_letter(place)} {frame}": Anchor(pose.name, frame)
+            f"{letter(place)} {frame}": Anchor(pose.name, frame)
             for place, pose in ordered
             for frame in OBJECT_FRAMES
             if frame == "w" or _has_rotation(pose)
@@ -294,30 +231,6 @@ def _content(demonstration: Demonstration) -> tuple[object, ...]:
 
 def _bytes(values: Array | None) -> bytes | None:
     return None if values is None else values.tobytes()
-
-
-def _asked_anchor(anchor: Anchor, demonstration: Demonstration, instruction: str) -> str:
-    """An anchor of a demonstration as an answer to `instruction` writes it: the object mentioned in the same place."""
-    if not anchor.object_name:
-        return anchor.frame
-    names = [pose.name for pose in demonstration.objects]
-    shown = mention_order(names, demonstration.instruction)
-    if anchor.object_name in shown:
-        return f"{_letter(shown.index(anchor.object_name))} {anchor.frame}"
-    return _anchor_text(anchor, demonstration.objects, instruction)
-
-
-def _anchor_text(anchor: Anchor, objects: Sequence[ObjectPose], instruction: str) -> str:
-    if not anchor.object_name:
-        return anchor.frame
-    names = [pose.name for pose in in_order(objects, instruction)]
-    return f"{_letter(names.index(anchor.object_name))} {anchor.frame}"
-
-
-def _letter(place: int) -> str:
-    """A to Z, then AA, AB, ..."""
-    first, last = divmod(place, len(LETTERS))
-    return (LETTERS[first - 1] if first else "") + LETTERS[last]
 
 
 def _has_rotation(pose: ObjectPose) -> bool:

@@ -1,35 +1,29 @@
-"""The rows of `object_frame`: fitted to demonstrations, written as text, and what they may say as a grammar.
-
-The grammar has for each row of a plan its anchor, and a range for every number. The ranges are what the demonstrations
-show, with a margin; a single demonstration leaves none, so that it is copied.
-"""
+"""The rows of `object_frame`: fitted to demonstrations, and written as text."""
 
 import re
+import string
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from app.pipeline.episode import Demonstration
-from app.pipeline.language.mentions import template
-from app.pipeline.representation.anchors import Anchor, choose_anchors, relative_action
+from app.pipeline.language.mentions import mention_order, template
+from app.pipeline.representation.anchors import Anchor, choose_anchors, in_order, relative_action
 from app.pipeline.workspace import ROTATION_BINS, rotation_bins
+from roboprompt_client.trajectory import ObjectPose
 
+LETTERS = string.ascii_uppercase
 Integers = npt.NDArray[np.int_]
 
 OFFSET_UNIT_M = 0.005
 # Integers that differ by no more than this over the demonstrations are made equal: small models copy them better.
 JITTER_UNITS = 1
-MARGIN_UNITS = 2  # 1 cm
-MARGIN_BINS = 1  # 5 degrees
-MOST_LISTED = 100  # values; a wider range allows every number
 _OFFSET = r"(?P<offset>[^:]*:(?: [+-]\d{1,3}){3})"
 _ROTATION = re.compile(rf"{_OFFSET}(?P<rotation>(?: \d{{1,2}}){{3}})(?P<gripper> [01])", re.ASCII)
 _NO_ROTATION = re.compile(rf"{_OFFSET}(?P<gripper> [01])", re.ASCII)
-_ANY_OFFSET = "[+-] [0-9]{1,3}"
-_ANY_BIN = '[0-9] | [1-6] [0-9] | "7" [01]'
 
 
 @dataclass(frozen=True)
@@ -114,64 +108,26 @@ def in_full(rows: Sequence[str]) -> list[str]:
     return full
 
 
-@dataclass(frozen=True)
-class RowPattern:
-    """One row of a plan.
-
-    Attributes:
-        anchors: as rows write them, e.g. `A w`.
-        offsets: of each axis the values that demonstrations show.
-        bins: the same of each rotation.
-        grippers: the same of the gripper.
-        repeats: whether the rotation is left out, being that of the row before, in each demonstration.
-    """
-
-    anchors: tuple[str, ...]
-    offsets: tuple[frozenset[int], ...]
-    bins: tuple[frozenset[int], ...]
-    grippers: frozenset[int]
-    repeats: frozenset[bool]
-    single: bool
-
-    def grammar(self, number: int) -> str:
-        """The row with its number, in GBNF."""
-        offsets = " ".join(f'" " {_offset(values, self.single)}' for values in self.offsets)
-        gripper = _one_of(str(value) for value in sorted(self.grippers))
-        anchor = _one_of(sorted(self.anchors))
-        return f'"{number} " {anchor} ":" {offsets}{self._rotation()} " " {gripper}'
-
-    def _rotation(self) -> str:
-        if self.repeats == {True}:
-            return ""
-        bins = " ".join(f'" " {_bin(values, self.single)}' for values in self.bins)
-        return f" ({bins})?" if True in self.repeats else f" {bins}"
+def anchor_text(anchor: Anchor, objects: Sequence[ObjectPose], instruction: str) -> str:
+    """An anchor of a scene as its rows write it."""
+    if not anchor.object_name:
+        return anchor.frame
+    names = [pose.name for pose in in_order(objects, instruction)]
+    return f"{letter(names.index(anchor.object_name))} {anchor.frame}"
 
 
-Plan = Sequence[RowPattern]
+def asked_anchor(anchor: Anchor, demonstration: Demonstration, instruction: str) -> str:
+    """An anchor of a demonstration as an answer to `instruction` writes it: the object mentioned in the same place."""
+    if not anchor.object_name:
+        return anchor.frame
+    names = [pose.name for pose in demonstration.objects]
+    shown = mention_order(names, demonstration.instruction)
+    if anchor.object_name in shown:
+        return f"{letter(shown.index(anchor.object_name))} {anchor.frame}"
+    return anchor_text(anchor, demonstration.objects, instruction)
 
 
-def plans_grammar(plans: Sequence[Plan], first_row: int, most: int) -> str:
-    """The grammar of replies that carry out one of the plans, up to `most` rows of it."""
-    written = dict.fromkeys(
-        ' "; " '.join(row.grammar(number) for number, row in enumerate(plan[:most], start=first_row)) for plan in plans
-    )
-    names = [f"plan{k}" for k in range(len(written))]
-    rules = "".join(f"{name} ::= {text}\n" for name, text in zip(names, written, strict=True))
-    return f'root ::= " " ({" | ".join(names)}) "\\n"\n{rules}'
-
-
-def _offset(values: frozenset[int], single: bool) -> str:
-    margin = 0 if single else MARGIN_UNITS
-    low, high = min(values) - margin, max(values) + margin
-    return f"({_ANY_OFFSET})" if high - low >= MOST_LISTED else _one_of(f"{value:+d}" for value in range(low, high + 1))
-
-
-def _bin(values: frozenset[int], single: bool) -> str:
-    margin = 0 if single else MARGIN_BINS
-    near = {(value + step) % ROTATION_BINS for value in values for step in range(-margin, margin + 1)}
-    return f"({_ANY_BIN})" if len(near) >= ROTATION_BINS // 2 else _one_of(map(str, sorted(near)))
-
-
-def _one_of(texts: Iterable[str]) -> str:
-    listed = [f'"{text}"' for text in texts]
-    return listed[0] if len(listed) == 1 else f"({' | '.join(listed)})"
+def letter(place: int) -> str:
+    """A to Z, then AA, AB, ..."""
+    first, last = divmod(place, len(LETTERS))
+    return (LETTERS[first - 1] if first else "") + LETTERS[last]

@@ -1,0 +1,153 @@
+"""What replies of `object_frame` may say, as a grammar in GBNF.
+
+It has for each row of a plan its anchor, and a range for every number. The ranges are what the demonstrations show,
+with a margin; a single demonstration leaves none, so that it is copied.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from app.pipeline.episode import Demonstration
+from app.pipeline.language.mentions import clauses, template
+from app.pipeline.representation.anchors import OBJECT_FRAMES, in_order
+from app.pipeline.representation.base import row_count_bounds
+from app.pipeline.representation.object_rows import Row, asked_anchor, groups_of, letter
+from app.pipeline.workspace import ROTATION_BINS
+
+MARGIN_UNITS = 2  # 1 cm
+MARGIN_BINS = 1  # 5 degrees
+MOST_LISTED = 100  # values; a wider range allows every number
+_ANY_OFFSET = "[+-] [0-9]{1,3}"
+_ANY_BIN = '[0-9] | [1-6] [0-9] | "7" [01]'
+_GRAMMAR_TAIL = """b ::= d " " d " " d " " r " " r " " r " " [01]
+s ::= d " " d " " d (" " r " " r " " r)? " " [01]
+d ::= [+-] ([0-9] | [1-9] [0-9] | [1-9] [0-9] [0-9])
+r ::= [0-9] | [1-6] [0-9] | "7" [01]
+"""
+
+
+@dataclass(frozen=True)
+class RowPattern:
+    """One row of a plan.
+
+    Attributes:
+        anchors: as rows write them, e.g. `A w`.
+        offsets: of each axis the values that demonstrations show.
+        bins: the same of each rotation.
+        grippers: the same of the gripper.
+        repeats: whether the rotation is left out, being that of the row before, in each demonstration.
+    """
+
+    anchors: tuple[str, ...]
+    offsets: tuple[frozenset[int], ...]
+    bins: tuple[frozenset[int], ...]
+    grippers: frozenset[int]
+    repeats: frozenset[bool]
+    single: bool
+
+    def grammar(self, number: int) -> str:
+        """The row with its number, in GBNF."""
+        offsets = " ".join(f'" " {_offset(values, self.single)}' for values in self.offsets)
+        gripper = _one_of(str(value) for value in sorted(self.grippers))
+        anchor = _one_of(sorted(self.anchors))
+        return f'"{number} " {anchor} ":" {offsets}{self._rotation()} " " {gripper}'
+
+    def _rotation(self) -> str:
+        if self.repeats == {True}:
+            return ""
+        bins = " ".join(f'" " {_bin(values, self.single)}' for values in self.bins)
+        return f" ({bins})?" if True in self.repeats else f" {bins}"
+
+
+Plan = Sequence[RowPattern]
+Table = Sequence[Sequence[Row]]  # [demonstration][row]
+
+
+def plans_of(demonstrations: Sequence[Demonstration], table: Table, instruction: str) -> list[Plan] | None:
+    """What each plan's rows may say; None where the rows of several demonstrations must be strung together.
+
+    Plans of demonstrations that ask for the same as the instruction, or of all where none does.
+    """
+    asked = len(clauses(instruction))
+    if any(len(clauses(d.instruction)) != asked for d in demonstrations):
+        return None
+    groups = groups_of(demonstrations)
+    wanted = template([pose.name for pose in demonstrations[0].objects], instruction)
+    chosen = [places for (asks, *_), places in groups.items() if asks == wanted] or list(groups.values())
+    return [
+        _patterns([demonstrations[place] for place in places], [table[place] for place in places], instruction)
+        for places in chosen
+    ]
+
+
+def _patterns(shown: Sequence[Demonstration], table: Table, instruction: str) -> list[RowPattern]:
+    """Of each row of the plan that these demonstrations share."""
+    by_row = list(zip(*table, strict=True))
+    patterns = []
+    for rows, before in zip(by_row, [(None,) * len(shown), *by_row], strict=False):
+        numbers = np.array([row.numbers for row in rows])
+        anchors = {asked_anchor(row.anchor, shown_, instruction) for row, shown_ in zip(rows, shown, strict=True)}
+        columns = [frozenset(column.tolist()) for column in numbers.T]
+        patterns.append(
+            RowPattern(
+                anchors=tuple(anchors),
+                offsets=tuple(columns[:3]),
+                bins=tuple(columns[3:]),
+                grippers=frozenset(int(row.gripper_open) for row in rows),
+                repeats=frozenset(row.turned_as(last) for row, last in zip(rows, before, strict=True)),
+                single=len(rows) == 1,
+            )
+        )
+    return patterns
+
+
+def plans_grammar(plans: Sequence[Plan], first_row: int, most: int) -> str:
+    """The grammar of replies that carry out one of the plans, up to `most` rows of it."""
+    written = dict.fromkeys(
+        ' "; " '.join(row.grammar(number) for number, row in enumerate(plan[:most], start=first_row)) for plan in plans
+    )
+    names = [f"plan{k}" for k in range(len(written))]
+    rules = "".join(f"{name} ::= {text}\n" for name, text in zip(names, written, strict=True))
+    return f'root ::= " " ({" | ".join(names)}) "\\n"\n{rules}'
+
+
+def any_rows_grammar(demonstrations: Sequence[Demonstration], instruction: str, first_row: int, most: int) -> str:
+    """The grammar of replies of well-formed rows, as many as the instruction's clauses have in the demonstrations."""
+    fewest, most = row_count_bounds(demonstrations, instruction, most)
+    rows = [
+        f'"{number} " a ": " {"b" if number == first_row else "s"}' for number in range(first_row, first_row + most)
+    ]
+    optional = ""
+    for row in reversed(rows[fewest:]):
+        optional = f' ("; " {row}{optional})?'
+    anchors = " | ".join(f'"{anchor}"' for anchor in _anchors(demonstrations, instruction))
+    required = ' "; " '.join(rows[:fewest])
+    return f'root ::= " " {required}{optional} "\\n"\na ::= {anchors}\n{_GRAMMAR_TAIL}'
+
+
+def _anchors(demonstrations: Sequence[Demonstration], instruction: str) -> list[str]:
+    """Every letter and frame that the demonstrations' objects allow."""
+    rotated = {pose.name for d in demonstrations for pose in d.objects if pose.quaternion_xyzw is not None}
+    ordered = enumerate(in_order(demonstrations[0].objects, instruction))
+    return [
+        f"{letter(k)} {frame}" for k, pose in ordered for frame in OBJECT_FRAMES if frame == "w" or pose.name in rotated
+    ]
+
+
+def _offset(values: frozenset[int], single: bool) -> str:
+    margin = 0 if single else MARGIN_UNITS
+    low, high = min(values) - margin, max(values) + margin
+    return f"({_ANY_OFFSET})" if high - low >= MOST_LISTED else _one_of(f"{value:+d}" for value in range(low, high + 1))
+
+
+def _bin(values: frozenset[int], single: bool) -> str:
+    margin = 0 if single else MARGIN_BINS
+    near = {(value + step) % ROTATION_BINS for value in values for step in range(-margin, margin + 1)}
+    return f"({_ANY_BIN})" if len(near) >= ROTATION_BINS // 2 else _one_of(map(str, sorted(near)))
+
+
+def _one_of(texts: Iterable[str]) -> str:
+    listed = [f'"{text}"' for text in texts]
+    return listed[0] if len(listed) == 1 else f"({' | '.join(listed)})"
