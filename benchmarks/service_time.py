@@ -23,9 +23,6 @@ NUM_DEMONSTRATIONS = 10
 NUM_STORED = 100_000
 NUM_REQUESTS = 400
 TASK = "put_in_box"
-ROWS = ((1, "A", "+0 +0 +24", 1), (2, "A", "+0 +0 +0", 1), (3, "A", "+0 +0 +0", 0), (4, "A", "+0 +0 +24", 0))
-ROWS += ((5, "B", "+0 +0 +24", 0), (6, "B", "+0 +0 +24", 1))
-REPLY = " " + "; ".join(f"{number} {letter} w: {offset} 0 36 36 {grip}" for number, letter, offset, grip in ROWS)
 
 
 def measure() -> dict[str, Cost]:
@@ -34,15 +31,16 @@ def measure() -> dict[str, Cost]:
         data = Path(folder)
         costs = {"FastAPI hello-world": _hello(data / "hello.log")}
         teach(data)
-        costs[f"{NUM_DEMONSTRATIONS} episodes stored"] = _predictions(data)
+        reply = _reply(data)
+        costs[f"{NUM_DEMONSTRATIONS} episodes stored"] = _predictions(data, reply)
         fill(data)
-        costs[f"{NUM_STORED:,} episodes stored"] = _predictions(data)
-    return {**costs, "of it the scripted LLM": asyncio.run(_scripted())}
+        costs[f"{NUM_STORED:,} episodes stored"] = _predictions(data, reply)
+    return {**costs, "of it the scripted LLM": asyncio.run(_scripted(reply))}
 
 
-async def _scripted() -> Cost:
+async def _scripted(reply: str) -> Cost:
     """What the stand-in for an LLM takes of a prediction."""
-    model = ScriptedModel([REPLY])
+    model = ScriptedModel([reply])
     started_s, cpu_s = time.perf_counter(), time.process_time()
     for _ in range(NUM_REQUESTS):
         await complete(model, CompletionRequest(Prompt("", "", "")))
@@ -77,9 +75,16 @@ def _hello(log: Path) -> Cost:
         return cost(server, lambda _: http.get("/healthz"), NUM_REQUESTS)
 
 
-def _predictions(data: Path) -> Cost:
+def _reply(data: Path) -> str:
+    """What an LLM that copies the demonstrations' rows replies."""
+    with service(data, warm_up="false") as server, httpx.Client(base_url=server.url) as http:
+        answer = http.post("/predict", json={**asked(0), "model": "nearest"}).raise_for_status()
+        return str(answer.json()["reply_text"])
+
+
+def _predictions(data: Path, reply: str) -> Cost:
     with (
-        service(data, warm_up="false", default_model="scripted", scripted_replies=json.dumps([REPLY])) as server,
+        service(data, warm_up="false", default_model="scripted", scripted_replies=json.dumps([reply])) as server,
         httpx.Client(base_url=server.url) as http,
     ):
         return cost(server, lambda seed: http.post("/predict", json=asked(seed)).raise_for_status(), NUM_REQUESTS)
