@@ -217,8 +217,8 @@ def _ask(http: httpx.Client, task: str, seed: int) -> bool:
 
 
 def _tokens(client: RoboPromptClient, representation: str, prompt_format: str, name: str) -> Tokens:
-    wish = {"representation": representation, "prompt_format": prompt_format, "system_prompt": "none"}
-    answer = client.predict("task_0", scenes.INSTRUCTION, scenes.observation(92_000), timeout_s=TIMEOUT_S, **wish)
+    fields = {"representation": representation, "prompt_format": prompt_format, "system_prompt": "none"}
+    answer = client.predict("task_0", scenes.INSTRUCTION, scenes.observation(92_000), timeout_s=TIMEOUT_S, **fields)
     usage = answer.response["usage"]
     return Tokens(name, usage["prompt_tokens"], usage["completion_tokens"])
 

@@ -134,7 +134,7 @@ def _found(queries: Sequence[ObjectQuery], view: Sequence[RgbdFrame]) -> dict[st
 
 
 def _stands(query: ObjectQuery, refused: str) -> bool:
-    """Whether an object can be told without the refused one."""
+    """Whether an object can be found without the refused one."""
     model = query.model
     assert isinstance(model, CuboidModel)
     others = {model.away_from, model.rank.nearest_to if model.rank else None}

@@ -30,8 +30,8 @@ def careless_loads(tree):
         if isinstance(node, ast.Call) and ast.unparse(node.func).endswith(
             ("np.load", "numpy.load", "format.read_array")
         ):
-            told = {word.arg: ast.unparse(word.value) for word in node.keywords}
-            if told.get("allow_pickle") != "False":
+            given = {word.arg: ast.unparse(word.value) for word in node.keywords}
+            if given.get("allow_pickle") != "False":
                 yield node.lineno
 
 

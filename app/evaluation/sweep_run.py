@@ -41,7 +41,7 @@ class SweepResult:
     remaining: int
 
     def summary(self) -> dict[str, Any]:
-        """For programs."""
+        """The results as one document, as `--json` prints it."""
         return {**sweep_summary(self.evaluation), "remaining": self.remaining, "stopped": self.stopped}
 
 

@@ -284,7 +284,7 @@ class TaskSettings(_Settings):
         return mine != others
 
     def with_joints_of(self, trajectory: Trajectory) -> "TaskSettings":
-        """The settings, with the number of joints once an episode has told it.
+        """The settings, with the number of joints once an episode shows it.
 
         Raises:
             InvalidInputError: if the trajectory is another arm's.

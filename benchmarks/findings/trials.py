@@ -54,8 +54,8 @@ class Outcomes:
 
     def of(self, task: str, seed: int, actions: Sequence[EndEffectorAction]) -> tuple[bool, str]:
         """Whether the scene is solved, and why not."""
-        told = [[a.position_m.tolist(), a.quaternion_xyzw.tolist(), a.gripper_open] for a in actions]
-        key = hashlib.sha256(json.dumps([task, seed, told]).encode()).hexdigest()
+        commanded = [[a.position_m.tolist(), a.quaternion_xyzw.tolist(), a.gripper_open] for a in actions]
+        key = hashlib.sha256(json.dumps([task, seed, commanded]).encode()).hexdigest()
         if key not in self.known:
             result = rollout(task, seed, actions, variation=TASKS[task].test_variation(seed))
             self.known[key] = result.succeeded, result.failure

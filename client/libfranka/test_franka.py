@@ -176,7 +176,7 @@ def test_a_second_program_is_refused_and_the_first_goes_on(simulated, arm):
 
 
 class Service:
-    """Answers what it is told."""
+    """Answers as the test asks it to."""
 
     def __init__(self, *answers):
         self._answers = list(answers)

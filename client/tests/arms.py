@@ -11,7 +11,7 @@ ACTIONS = tuple(EndEffectorAction(np.array([0.1, 0.2, z]), np.array([1.0, 0, 0, 
 
 
 class Arm:
-    """A robot that notes what it is told, and fails at a given action."""
+    """A robot that notes its commands, and fails at a given action."""
 
     def __init__(self, fails_at=None, error=None, end_effector=None):
         self._end_effector = end_effector

@@ -93,7 +93,7 @@ def test_a_rate_that_misses_keyframes_is_refused(tmp_path):
 
 
 class Service:
-    """Answers as it is told, one after the other, and notes the keys."""
+    """Answers as the test says, one after the other, and notes the keys."""
 
     def __init__(self, *answers):
         self._answers, self.keys = list(answers), []

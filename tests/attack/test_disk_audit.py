@@ -63,7 +63,7 @@ def test_the_first_changed_entry_is_named(data, statement, entry):
 
 
 def test_an_entry_that_is_forged_with_its_digest_breaks_the_next(data):
-    """Whoever computes the digest anew must do so for all that follow."""
+    """Whoever computes the digest again must do so for all that follow."""
     store = Store.open(data)
     with store.read() as connection:
         second = list(audit.entries(connection))[1]

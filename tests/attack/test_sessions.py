@@ -65,7 +65,7 @@ def test_a_copied_cookie_is_worth_nothing_after_the_logout(url, store, keys):
     key_id = key.split("_")[1]
     with store.write() as connection:
         api_keys.revoke(connection, key_id)
-    assert statuses(url, other) == {401}  # at once: sessions are read anew each time
+    assert statuses(url, other) == {401}  # at once: sessions are read each time
 
 
 def test_a_session_ends_with_its_key(url, store, keys):

@@ -53,7 +53,7 @@ def cpu_s(process_id):
 def watched(process_id, url):
     """Fills in what the block did to the service."""
     toll, ended = Toll(), threading.Event()
-    Path(f"/proc/{process_id}/clear_refs").write_text("5")  # the peak begins anew
+    Path(f"/proc/{process_id}/clear_refs").write_text("5")  # the peak begins again
     memory, cpu, begun = peak_mb(process_id), cpu_s(process_id), time.monotonic()
     asking = threading.Thread(target=_ask, args=(url, toll.health_s, ended))
     asking.start()

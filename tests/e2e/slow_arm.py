@@ -1,4 +1,4 @@
-"""A robot for `roboprompt-robot run --robot`: it writes what it is told into the file that ARM_LOG names."""
+"""A robot for `roboprompt-robot run --robot`: it writes what it is to do into the file that ARM_LOG names."""
 
 import os
 import time

@@ -117,10 +117,14 @@ def npy(array):
 
 def test_everything_of_an_episode_can_be_had(http):
     episode_id, document, images = upload_everything(http, "everything")
-    told = http.get(f"/episodes/{episode_id}/metadata").json()
-    assert told["cameras"] == document["cameras"]
-    assert (told["task"], told["instruction"], told["extra"]) == ("everything", "pick up the cube", {"operator": "me"})
-    assert told["objects"][0]["position"] == [0.1, 0.0, 0.8]
+    stored = http.get(f"/episodes/{episode_id}/metadata").json()
+    assert stored["cameras"] == document["cameras"]
+    assert (stored["task"], stored["instruction"], stored["extra"]) == (
+        "everything",
+        "pick up the cube",
+        {"operator": "me"},
+    )
+    assert stored["objects"][0]["position"] == [0.1, 0.0, 0.8]
     for part, data in images.items():
         kind, _, name = part.partition("_")
         address = f"/episodes/{episode_id}/images/{name}/{kind}"

@@ -22,8 +22,8 @@ def label(http, task, objects=MASKED, places=PLACES):
         assert answer.status_code == 201, answer.text
 
 
-def learn(http, task, **wish):
-    return http.post(f"/tasks/{task}/object_models/learn", json=wish)
+def learn(http, task, **fields):
+    return http.post(f"/tasks/{task}/object_models/learn", json=fields)
 
 
 @pytest.fixture(scope="module")

@@ -234,11 +234,11 @@ def test_the_script_tells_where_the_arm_is(service, tmp_path):
         PICK,
     ]
     command += ["--instruction", PICK, "--objects", str(objects)]
-    told, untold = (
+    with_arm, without = (
         subprocess.run([*command, *more], capture_output=True, text=True, timeout=60, check=False) for more in (arm, [])
     )
-    assert len(json.loads(told.stdout)["actions"]) == 3
-    assert (untold.returncode, "end_effector: is left out" in untold.stderr) == (1, True)
+    assert len(json.loads(with_arm.stdout)["actions"]) == 3
+    assert (without.returncode, "end_effector: is left out" in without.stderr) == (1, True)
 
 
 def test_the_page_asks_where_the_arm_is(service):

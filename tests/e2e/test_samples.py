@@ -29,8 +29,8 @@ def http(tmp_path_factory):
 
 
 def ask(http, **options):
-    wish = {"model": "scripted", "representation": "absolute", "unsupported": "allow", **options}
-    return http.post("/predict", json={**metadata("pick", {"cube": (0.2, 0.0, 0.78)}), **wish})
+    fields = {"model": "scripted", "representation": "absolute", "unsupported": "allow", **options}
+    return http.post("/predict", json={**metadata("pick", {"cube": (0.2, 0.0, 0.78)}), **fields})
 
 
 def test_median_of_the_samples_that_agree(http):
@@ -63,9 +63,9 @@ def test_one_sample_says_nothing_of_samples(http):
 
 
 def test_streamed_samples_come_together(http):
-    wish = {**metadata("pick", {"cube": (0.2, 0.0, 0.78)}), "model": "scripted", "num_samples": 5}
-    wish |= {"representation": "absolute", "unsupported": "allow"}
-    response = http.post("/predict", json=wish, headers={"accept": "text/event-stream"})
+    fields = {**metadata("pick", {"cube": (0.2, 0.0, 0.78)}), "model": "scripted", "num_samples": 5}
+    fields |= {"representation": "absolute", "unsupported": "allow"}
+    response = http.post("/predict", json=fields, headers={"accept": "text/event-stream"})
     events = [line for line in response.text.splitlines() if line.startswith("event")]
     assert [event for event in events if event in ("event: action", "event: done", "event: error")] == events[-2:]
     assert events[-2:] == ["event: action", "event: done"]
@@ -117,10 +117,10 @@ def test_links_that_cannot_be_are_refused(http, fault):
 def test_stats_by_configuration(http):
     for x_m, y_m in ((0.1, 0.0), (0.3, 0.1), (0.2, -0.2)):
         assert upload(http, "counted", (x_m, y_m, 0.78)).status_code == 201
-    wish = {**metadata("counted", {"cube": (0.2, 0.0, 0.78)}), "model": "regression"}
+    fields = {**metadata("counted", {"cube": (0.2, 0.0, 0.78)}), "model": "regression"}
     outcomes = [("first", True), ("first", True), ("first", False), ("recent", True), ("recent", None)]
     for selection, success in outcomes:
-        id_ = http.post("/predict", json={**wish, "selection": selection}).json()["id"]
+        id_ = http.post("/predict", json={**fields, "selection": selection}).json()["id"]
         if success is not None:
             http.post(f"/predictions/{id_}/outcome", json={"success": success})
     stats = http.get("/tasks/counted/stats").json()

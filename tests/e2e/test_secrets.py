@@ -45,7 +45,7 @@ def gossip():
 
 
 @pytest.fixture(scope="module")
-def told(tmp_path_factory):
+def provoked(tmp_path_factory):
     """Everything that a service said and wrote while it was used and abused, and the secrets that it had."""
     data = tmp_path_factory.mktemp("secrets")
     store = Store.open(data)
@@ -80,21 +80,21 @@ def provoke(http, token):
     return [f"{r.headers}{r.text}".replace(f"/episodes/{token}", "") for r in responses if token not in str(r.url.path)]
 
 
-def test_no_secret_comes_out(told):
-    said, secrets = told
+def test_no_secret_comes_out(provoked):
+    said, secrets = provoked
     for secret in secrets:
         for text in said:
             assert secret not in text, text[max(0, text.index(secret) - 200) :][:400]
 
 
-def test_no_traceback_reaches_a_client(told):
-    said, _ = told
+def test_no_traceback_reaches_a_client(provoked):
+    said, _ = provoked
     assert not [text for text in said if text.startswith("Headers(") and ("Traceback" in text or 'File "' in text)]
 
 
-def test_what_was_provoked_was_said(told):
+def test_what_was_provoked_was_said(provoked):
     """The errors came through, so that the test above looks at something."""
-    said, _ = told
+    said, _ = provoked
     everything = "".join(said)
     assert "I was sent" in everything or "ROBOPROMPT_OPENAI_API_KEY" in everything
     assert "/episodes?key=rp_(hidden)" in everything

@@ -26,7 +26,7 @@ INSTRUCTION = "pick up the cube"
 
 
 class Arm:
-    """A robot that writes down what it is told; the cube stays in the closed gripper."""
+    """A robot that writes down what it is to do; the cube stays in the closed gripper."""
 
     def __init__(self, fails_at=None):
         self.cube_m = QUERY_M.copy()

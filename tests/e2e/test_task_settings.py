@@ -25,8 +25,8 @@ def workspace(http, task):
 
 @pytest.mark.parametrize("representation", ["object_frame", "absolute", "action_tokens"])
 def test_demonstrations_on_a_table_work_without_any_setting(http, table, representation):
-    wish = {"model": "nearest", "representation": representation}
-    response = http.post("/predict", json={**metadata(table, {"cube": NEAR_M}), **wish})
+    fields = {"model": "nearest", "representation": representation}
+    response = http.post("/predict", json={**metadata(table, {"cube": NEAR_M}), **fields})
     answer = response.json()
     assert response.status_code == 200, answer
     offsets_m = [np.subtract(action["position"], NEAR_M) for action in answer["actions"]]

@@ -28,8 +28,8 @@ def service(data, *replies):
 
 
 def ask(http, headers=None, **options):
-    wish = {"model": "scripted", "representation": "absolute", **options}
-    return http.post("/predict", json={**metadata("pick", {"cube": QUERY_M}), **wish}, headers=headers)
+    fields = {"model": "scripted", "representation": "absolute", **options}
+    return http.post("/predict", json={**metadata("pick", {"cube": QUERY_M}), **fields}, headers=headers)
 
 
 @pytest.fixture(scope="module")

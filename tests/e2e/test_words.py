@@ -29,8 +29,8 @@ def test_the_embedded_llm_moves_to_what_was_meant(client):
     assert meant.response["canonical_instruction"] == "push the blue button"
     assert meant.response["grounding"] == [{"phrase": "the azure one", "object": "blue button", "by": "colour"}]
     stored = client.get(f"/predictions/{meant.id}")
-    told = ("canonical_instruction", "grounding")
-    assert [stored[name] for name in told] == [meant.response[name] for name in told]
+    described = ("canonical_instruction", "grounding")
+    assert [stored[name] for name in described] == [meant.response[name] for name in described]
     assert stored["instruction"] == "hit the azure one, not the red one"
 
 
@@ -54,9 +54,9 @@ def test_what_is_not_clear_is_a_problem_that_lists_what_the_task_knows(client, s
 
 
 def test_an_unfamiliar_instruction_may_be_allowed(client):
-    wish = {"model": "regression", "unfamiliar": "allow", "unsupported": "allow"}
-    answer = client.predict("words", "pull the red button", SEEN, **wish).response
+    fields = {"model": "regression", "unfamiliar": "allow", "unsupported": "allow"}
+    answer = client.predict("words", "pull the red button", SEEN, **fields).response
     found = [(item["code"], item["severity"]) for item in answer["findings"]]
     assert ("unfamiliar-instruction", "danger") in found
     with pytest.raises(ServiceProblemError, match="none of the task's objects"):
-        client.predict("words", "pull the purple button", SEEN, **wish)
+        client.predict("words", "pull the purple button", SEEN, **fields)

@@ -9,7 +9,7 @@ from app.llm.llama.warm_slots import WarmSlots
 
 
 class Requests:
-    """Requests that go on until they are told to end."""
+    """Requests that go on until they may end."""
 
     def __init__(self, slots=4):
         self.slots = WarmSlots(slots)

@@ -86,8 +86,8 @@ def test_rows_relative_to_objects_can_be_read_back(names, instruction):
     for line, is_query in zip(lines, (False, False, True), strict=True):
         assert line.count(">") == 1
         observation, rows = line.split(">")
-        *objects, told = observation.removesuffix(" ").split("; ")
-        assert told == said
+        *objects, written = observation.removesuffix(" ").split("; ")
+        assert written == said
         assert sorted(re.sub(r"( \d+)+$", "", item.split(" ", 1)[1]) for item in objects) == sorted(
             re.sub(r"( \d+)+$", "", name) for name in names
         )

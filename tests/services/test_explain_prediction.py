@@ -32,12 +32,12 @@ def demonstrations():
 
 
 def prediction(predicted, objects, **changes):
-    told = [dict(zip(("position", "quaternion_xyzw", "gripper_open"), action, strict=True)) for action in predicted]
+    actions = [dict(zip(("position", "quaternion_xyzw", "gripper_open"), action, strict=True)) for action in predicted]
     values = {
         "id": "p", "sequence": 1, "created_at": datetime.now(UTC), "task": "pick", "instruction": INSTRUCTION,
         "model": "m", "representation": "absolute", "prompt_format": "paper", "status": "ok", "request": {},
         "demonstration_ids": ("0", "1", "2"), "prompt_system": "", "prompt_user": "", "reply_text": "", "error": None,
-        "actions": tuple(told), "usage": {}, "timings_ms": {}, "objects": objects,
+        "actions": tuple(actions), "usage": {}, "timings_ms": {}, "objects": objects,
         "outcome_success": None, "outcome_note": None, "outcome_at": None,
     }  # fmt: skip
     return PredictionRecord(**{**values, **changes})

@@ -139,7 +139,7 @@ def check_accessibility():
 
     def check(page):
         found = Axe().run(page).response["violations"]
-        told = [f"{item['id']}: {item['help']}: {item['nodes'][0]['html']}" for item in found]
-        assert told == []
+        problems = [f"{item['id']}: {item['help']}: {item['nodes'][0]['html']}" for item in found]
+        assert problems == []
 
     return check

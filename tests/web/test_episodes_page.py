@@ -11,7 +11,7 @@ PAGE_SIZE = 50
 
 @pytest.fixture(scope="module")
 def many(http):
-    """A task of more episodes than a page holds; the oldest is told apart by its instruction."""
+    """A task of more episodes than a page holds; the oldest differs by its instruction."""
     first = upload(http, "many", PLACES_M[0], instruction="lift the 100% cotton cube").json()
     rest = [upload(http, "many", PLACES_M[k % 4]).json() for k in range(PAGE_SIZE)]
     return [first, *rest]
@@ -66,7 +66,7 @@ def test_deletion_asks_first(page, http):
     assert kept in page.evaluate("document.activeElement.href")
 
 
-def test_what_the_service_refuses_is_told(page, http):
+def test_what_the_service_refuses_is_shown(page, http):
     id_ = teach(http, "deletion", PLACES_M[2])["id"]
     page.expected_refusals = [404]
     page.goto("/ui/episodes?task=deletion")

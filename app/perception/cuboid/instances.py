@@ -33,7 +33,7 @@ class Instance:
 
     @property
     def confidence(self) -> float:
-        """Of its best sighting."""
+        """That of the most confident sighting; 0 without any."""
         return max((s.confidence for s in self.sightings), default=0.0)
 
 

@@ -1,4 +1,4 @@
-// Every call of the service's API from the pages, and how its problems are told.
+// Every call of the service's API from the pages, and its problems in words.
 
 export const root = document.documentElement.dataset.root;
 

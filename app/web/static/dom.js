@@ -21,7 +21,7 @@ export function debounced(run, wait_ms) {
   };
 }
 
-/** Put a box into `place` that says `text`; kind: "busy", "good" or "bad". Screen readers are told. */
+/** Put a box into `place` that says `text`; kind: "busy", "good" or "bad". Screen readers announce it. */
 export function say(place, kind, text) {
   const spinner = kind === "busy" ? [element("span", { className: "spinner", ariaHidden: "true" }), " "] : [];
   const box = element("div", { className: `card ${kind}`, role: kind === "bad" ? "alert" : "status" }, ...spinner, text);

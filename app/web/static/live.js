@@ -13,7 +13,7 @@ async function look() {
     try {
       place.innerHTML = await (await send("/ui/live/now")).text(); // made by our own templates, which escape what they show
       problem.replaceChildren();
-      // Screen readers are told the number when it changes, not every tick of the clock.
+      // Screen readers hear the number when it changes, not every tick of the clock.
       const said = `${place.querySelectorAll("section:first-of-type tbody tr").length} under way`;
       if (count.textContent !== said) count.textContent = said;
     } catch (error) {

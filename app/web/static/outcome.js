@@ -3,8 +3,8 @@
 import { call } from "./api.js";
 import { sayProblem } from "./dom.js";
 
-/** Let the outcome form in `place` record; `told` is called afterwards. */
-export function listenForOutcome(place, told) {
+/** Let the outcome form in `place` record; `recorded` is called afterwards, with whether it succeeded. */
+export function listenForOutcome(place, recorded) {
   const form = place.querySelector("form.outcome");
   form.addEventListener("submit", async (event) => {
     event.preventDefault();
@@ -15,9 +15,9 @@ export function listenForOutcome(place, told) {
     try {
       const json = { success, note: note || null };
       await call(`/predictions/${form.dataset.prediction}/outcome`, { method: "POST", json });
-      await told(success);
+      await recorded(success);
     } catch (error) {
-      sayProblem(form.querySelector(".told"), error);
+      sayProblem(form.querySelector(".problem-place"), error);
     } finally {
       for (const button of buttons) button.disabled = false;
     }

@@ -74,7 +74,7 @@ export function chosenImages() {
 
 /** `more => options of fetch`: the request that the form describes. Throws ProblemError for what cannot be read. */
 export async function requestOf(form) {
-  const document = wish(form);
+  const document = documentOf(form);
   if (!fromImages(form)) return (more) => ({ json: { ...document, ...more } });
   const parts = await images();
   return (more) => ({ body: bodyOf({ ...document, ...more }, parts) });
@@ -96,7 +96,7 @@ function bodyOf(document, parts) {
   return body;
 }
 
-function wish(form) {
+function documentOf(form) {
   const found = {
     task: form.dataset.task,
     instruction: form.elements.instruction.value,

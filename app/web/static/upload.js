@@ -83,8 +83,8 @@ async function sendOne(item, place) {
     const response = await send("/episodes", { method: "POST", ...item.request() });
     const episode = await response.json();
     const link = element("a", { href: `${root}/ui/episodes/${episode.id}` }, `“${episode.instruction}” of ${episode.task}`);
-    const told = `: ${episode.num_frames} frames, ${episode.keyframes.length} keyframes`;
-    place.replaceChildren(link, told, ...findings(episode.findings));
+    const summary = `: ${episode.num_frames} frames, ${episode.keyframes.length} keyframes`;
+    place.replaceChildren(link, summary, ...findings(episode.findings));
     return true;
   } catch (error) {
     sayProblem(place, error);

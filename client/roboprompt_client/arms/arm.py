@@ -106,7 +106,7 @@ class Arm:
         Raises:
             UnsafeActionError: if the action is beyond the cell's limits; nothing moved.
             MotionError: before any motion if the pose is out of reach or the arm was stopped; afterwards if it did not
-                arrive, with how far off, or if the gripper did not do as it was told. The arm is stopped.
+                arrive, with how far off, or if the gripper did not do as commanded. The arm is stopped.
         """
         if not self._moving.acquire(blocking=False):
             raise MotionError("the arm is in a motion that another thread began")

@@ -61,7 +61,7 @@ def test_a_jump_is_kept_to_the_frame():
 
 
 def test_a_single_outlier_is_followed():
-    """A frame that was measured wrongly cannot be told from a quick touch: it is told as a jump instead."""
+    """A frame that was measured wrongly may be a quick touch: it is kept, and reported as a jump."""
     recorded = WAY.at(20)
     positions_m = recorded.positions_m.copy()
     positions_m[20, 2] += 0.2

@@ -105,7 +105,7 @@ def test_a_hand_that_hesitates_is_followed_less_closely(seed, rest_s):
 
 
 def test_the_control_frequency_stands_in_for_timestamps():
-    """A blip is told by its length in seconds: 2 frames are one at 50 Hz and a switch at 10 Hz."""
+    """A blip is recognized by its length in seconds: 2 frames are one at 50 Hz and a switch at 10 Hz."""
     motion = flowing([(0.0, 0.0, 1.0), (0.3, 0.0, 1.0)]).at(20)
     is_open = np.ones(len(motion), dtype=bool)
     is_open[15:17] = False

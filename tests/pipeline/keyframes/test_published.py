@@ -8,7 +8,7 @@ SPEEDS_RAD_S = {"m": 0.5, ".": 0.0}
 
 
 def trajectory(motion, gripper=None, velocities=None):
-    """`motion` has one character a frame: `m` moves, `.` rests; `gripper` likewise: 1 open, 0 closed."""
+    """`motion` has one character a frame: `m` moves, `.` rests; `gripper` one as well: 1 open, 0 closed."""
     length = len(motion)
     if velocities is None:
         velocities = np.zeros((length, 7))

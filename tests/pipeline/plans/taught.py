@@ -24,7 +24,7 @@ def recording(motion, objects, hz=20, instruction=INSTRUCTION, rule="auto"):
 
 
 def scene(random):
-    """A cube and a plate, far enough from each other to be told apart."""
+    """A cube and a plate, far enough from each other to be distinguished."""
     while True:
         cube_m, plate_m = random.uniform(LOW_M, HIGH_M, (2, 3))
         if np.linalg.norm(cube_m - plate_m) > 0.25:
