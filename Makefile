@@ -4,6 +4,9 @@ BIN := .venv/bin
 STAMP := .venv/.installed
 DEV_STAMP := .venv/.installed-dev
 
+# Some machines forbid it: then each of the many processes that tests start compiles the whole app, half a second each.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: setup dev demo serve test check audit sbom long torture attack fuzz soak growth bench metaworld client franka lint format openapi lock clean
 
 setup: $(STAMP)
@@ -33,7 +36,7 @@ lint: dev
 	$(BIN)/mypy
 
 test: lint
-	$(BIN)/python -m pytest --numprocesses 2 --dist loadfile
+	$(BIN)/python -m pytest --numprocesses 2 --dist loadfile --no-loadscope-reorder
 
 # Says so where the database of vulnerabilities cannot be reached, and fails where a package has one.
 audit: dev

@@ -17,6 +17,7 @@ import socket
 import subprocess
 import sys
 from pathlib import Path
+from tempfile import TemporaryFile
 
 IMPORTED = (
     "app.api.bounded_protocol",
@@ -40,12 +41,12 @@ class Forked:
     Args:
         arguments: the module and what follows.
         environment: in addition to that of this process.
-        output: file of standard output and error.
+        output: file of standard output, and of standard error unless there are `errors`.
         leashed: whether standard input is a pipe that ends with this process, instead of nothing.
         new_session: whether it is out of reach of this terminal's Ctrl-C.
     """
 
-    def __init__(self, arguments, environment, output, *, leashed=False, new_session=False):
+    def __init__(self, arguments, environment, output, errors=None, *, leashed=False, new_session=False):
         self.args, self.returncode = arguments, None
         self._status, status = os.pipe()
         held, self.stdin = None, None
@@ -59,7 +60,7 @@ class Forked:
             "new_session": new_session,
         }
         with open(os.devnull) as nothing:
-            files = [nothing.fileno() if held is None else held, output.fileno(), output.fileno(), status]
+            files = [nothing.fileno() if held is None else held, output.fileno(), (errors or output).fileno(), status]
             self.pid = _template().fork(request, files)
         os.close(status)
         if held is not None:
@@ -89,6 +90,19 @@ class Forked:
             self.returncode = os.waitstatus_to_exitcode(int(os.read(self._status, 100)))
             os.close(self._status)
         return self.returncode
+
+
+def run(*arguments, timeout_s=120.0):
+    """What `subprocess.run` returns of `python -m MODULE ...`, with what it wrote as texts."""
+    with TemporaryFile("w+") as output, TemporaryFile("w+") as errors:
+        process = Forked(arguments, {}, output, errors)
+        try:
+            process.wait(timeout_s)
+        finally:
+            process.kill()
+        for file in (output, errors):
+            file.seek(0)
+        return subprocess.CompletedProcess(process.args, process.returncode, output.read(), errors.read())
 
 
 class _Template:

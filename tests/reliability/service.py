@@ -47,11 +47,12 @@ class Service:
 
     def wait_until_alive(self):
         deadline = time.monotonic() + 60
-        while time.monotonic() < deadline and self.process.poll() is None:
-            with suppress(httpx.TransportError):
-                if httpx.get(f"{self.url}/healthz").is_success:
-                    return
-            time.sleep(0.02)
+        with httpx.Client() as http:
+            while time.monotonic() < deadline and self.process.poll() is None:
+                with suppress(httpx.TransportError):
+                    if http.get(f"{self.url}/healthz").is_success:
+                        return
+                time.sleep(0.02)
         raise AssertionError(self.log()[-3000:])
 
     def log(self):
