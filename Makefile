@@ -12,17 +12,21 @@ unexport PYTHONDONTWRITEBYTECODE
 setup: $(STAMP)
 
 $(STAMP): requirements.lock pyproject.toml client/pyproject.toml
-	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --require-hashes --requirement requirements.lock
-	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable ./client
-	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable .
-	touch $(STAMP)
+	@echo "1 of 3: makes the virtual environment .venv"
+	@$(PYTHON) -m venv .venv
+	@echo "2 of 3: installs the $$(grep -c == requirements.lock) packages of requirements.lock, a minute or two"
+	@$(BIN)/python -m pip install --quiet --require-hashes --requirement requirements.lock
+	@echo "3 of 3: installs RoboPrompt itself"
+	@$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable ./client
+	@$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable .
+	@touch $(STAMP)
 
 dev: $(DEV_STAMP)
 
 $(DEV_STAMP): requirements-dev.lock $(STAMP)
-	$(BIN)/python -m pip install --quiet --require-hashes --requirement requirements-dev.lock
-	touch $(DEV_STAMP)
+	@echo "For developers: installs what requirements-dev.lock has beyond it, a minute"
+	@$(BIN)/python -m pip install --quiet --require-hashes --requirement requirements-dev.lock
+	@touch $(DEV_STAMP)
 
 demo: setup
 	$(BIN)/roboprompt demo
