@@ -23,7 +23,6 @@ IMPORTED = (
     "app.api.bounded_protocol",
     "app.bootstrap",
     "app.cli",
-    "app.evaluation.leash",
     "app.logs",
     "rich.console",
     "uvicorn",
