@@ -168,7 +168,7 @@ def test_a_service_that_dies_in_the_middle_stops_the_robot():
 
 def test_closed_loop_with_the_real_llm(client):
     arm = Arm()
-    steps = list(run_closed_loop(client, arm, "stream", INSTRUCTION))
+    steps = list(run_closed_loop(client, arm, "stream", INSTRUCTION, num_demonstrations=5))
     check(arm.log)
     assert [step.response["step"] for step in steps] == [0, 1, 2, 3]
     assert steps[-1].actions == ()
