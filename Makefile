@@ -4,22 +4,29 @@ BIN := .venv/bin
 STAMP := .venv/.installed
 DEV_STAMP := .venv/.installed-dev
 
+# Some machines forbid it: then each of the many processes that tests start compiles the whole app, half a second each.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: setup dev demo serve test check audit wheels sbom long torture attack fuzz soak growth bench metaworld client franka lint format openapi lock clean
 
 setup: $(STAMP)
 
 $(STAMP): requirements.lock pyproject.toml client/pyproject.toml
-	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --require-hashes --requirement requirements.lock
-	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable ./client
-	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable .
-	touch $(STAMP)
+	@echo "1 of 3: makes the virtual environment .venv"
+	@$(PYTHON) -m venv .venv
+	@echo "2 of 3: installs the $$(grep -c == requirements.lock) packages of requirements.lock, a minute or two"
+	@$(BIN)/python -m pip install --quiet --require-hashes --requirement requirements.lock
+	@echo "3 of 3: installs RoboPrompt itself"
+	@$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable ./client
+	@$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable .
+	@touch $(STAMP)
 
 dev: $(DEV_STAMP)
 
 $(DEV_STAMP): requirements-dev.lock $(STAMP)
-	$(BIN)/python -m pip install --quiet --require-hashes --requirement requirements-dev.lock
-	touch $(DEV_STAMP)
+	@echo "For developers: installs what requirements-dev.lock has beyond it, a minute"
+	@$(BIN)/python -m pip install --quiet --require-hashes --requirement requirements-dev.lock
+	@touch $(DEV_STAMP)
 
 demo: setup
 	$(BIN)/roboprompt demo
@@ -33,7 +40,7 @@ lint: dev
 	$(BIN)/mypy
 
 test: lint
-	$(BIN)/python -m pytest --numprocesses 2 --dist loadfile
+	$(BIN)/python -m pytest --numprocesses 2 --dist loadfile --no-loadscope-reorder
 
 # Says so where the database of vulnerabilities cannot be reached, and fails where a package has one.
 audit: dev

@@ -8,7 +8,6 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from app.datasets.mapping import FeatureMap, RotationFormat
 from app.datasets.options import ImportOptions
@@ -72,6 +71,8 @@ def quaternions_xyzw(rotations: Array, form: RotationFormat) -> Array:
         return rotations
     if form == "quaternion_wxyz":
         return rotations[:, [1, 2, 3, 0]]
+    from scipy.spatial.transform import Rotation  # half the start of a reader's process, for which few formats ask
+
     make = Rotation.from_rotvec if form == "rotation_vector" else lambda angles: Rotation.from_euler("xyz", angles)
     found: Array = make(rotations.copy()).as_quat()  # scipy takes no read-only array, as those of pyarrow are
     return found

@@ -57,12 +57,13 @@ def _free_port() -> int:
 
 def _wait_until_alive(process: subprocess.Popen[bytes], url: str, log: Path) -> None:
     deadline = time.monotonic() + START_TIMEOUT_S
-    while time.monotonic() < deadline and process.poll() is None:
-        try:
-            if httpx.get(f"{url}/healthz").is_success:
-                return
-        except httpx.TransportError:
-            time.sleep(0.05)
+    with httpx.Client() as http:
+        while time.monotonic() < deadline and process.poll() is None:
+            try:
+                if http.get(f"{url}/healthz").is_success:
+                    return
+            except httpx.TransportError:
+                time.sleep(0.05)
     raise ServiceError(f"the service did not start; its log ends with:\n{log.read_text()[-2000:]}")
 
 

@@ -1,9 +1,6 @@
 """A service that a test may kill, and an LLM that takes its time."""
 
 import json
-import os
-import subprocess
-import sys
 import time
 from contextlib import contextmanager, suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -11,7 +8,8 @@ from threading import Thread
 
 import httpx
 
-from app.evaluation.server import free_port
+from app.evaluation.server import WITHOUT_KEYS, free_port
+from tests.forked import Forked
 
 
 @contextmanager
@@ -20,11 +18,9 @@ def killable_server(data, environment=None, *options):
     port = free_port()
     url = f"http://127.0.0.1:{port}"
     data.mkdir(parents=True, exist_ok=True)
-    command = [sys.executable, "-m", "app.cli", "serve", "--port", str(port), "--data", str(data), *options]
+    command = ["app.cli", "serve", "--port", str(port), "--data", str(data), *options]
     with (data / "server.log").open("wb") as log:
-        process = subprocess.Popen(
-            command, stdout=log, stderr=log, env={**os.environ, "ROBOPROMPT_WARM_UP": "false", **(environment or {})}
-        )
+        process = Forked(command, {"ROBOPROMPT_WARM_UP": "false", **(environment or {})}, log)
     try:
         wait_until_alive(process, url)
         yield process, url
@@ -33,14 +29,22 @@ def killable_server(data, environment=None, *options):
         process.wait(15)
 
 
+@contextmanager
+def running_server(data, environment=None):
+    """What `app.evaluation.server.running_server` does, in a forked process."""
+    with killable_server(data, {"ROBOPROMPT_WARM_UP": "true", **WITHOUT_KEYS, **(environment or {})}) as (_, url):
+        yield url
+
+
 def wait_until_alive(process, url, timeout_s=60):
     deadline = time.monotonic() + timeout_s
-    while time.monotonic() < deadline and process.poll() is None:
-        try:
-            if httpx.get(f"{url}/healthz").is_success:
-                return
-        except httpx.TransportError:
-            time.sleep(0.05)
+    with httpx.Client() as http:
+        while time.monotonic() < deadline and process.poll() is None:
+            try:
+                if http.get(f"{url}/healthz").is_success:
+                    return
+            except httpx.TransportError:
+                time.sleep(0.02)
     raise AssertionError("the service did not start")
 
 

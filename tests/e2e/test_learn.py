@@ -1,12 +1,11 @@
 """Object models learned from labelled episodes, over HTTP and from the command line."""
 
 import json
-import subprocess
-import sys
 
 import pytest
 
 from app.api.schemas.poses import LearnedOut
+from tests import forked
 from tests.e2e.vision import BLUE_MODEL, MODELS, NAMES, PLACES, assert_found, episode, frames, seen
 from tests.episodes import upload
 from tests.perception.solid_scene import cube
@@ -104,8 +103,7 @@ def test_an_episode_that_what_was_learned_does_not_find_changes_nothing(http):
 
 
 def teach_objects(*arguments):
-    command = [sys.executable, "-m", "app.cli", "teach-objects", *arguments]
-    return subprocess.run(command, capture_output=True, text=True, timeout=120)
+    return forked.run("app.cli", "teach-objects", *arguments)
 
 
 def test_command_line(http, url):

@@ -6,7 +6,7 @@ import httpx
 import numpy as np
 import pytest
 
-from app.evaluation.server import running_server
+from tests.e2e.processes import running_server
 from tests.episodes import arrays, metadata, multipart, npz, pick_trajectory, upload
 
 ONE = "[[50, 40, 20, 36, 36, 36, 1]]"

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from httpx_sse import connect_sse
 
-from app.evaluation.server import running_server
 from roboprompt_client.answers import PredictedActions
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import MotionError, NotConfirmedError, ServiceProblemError, ServiceUnreachableError
@@ -18,6 +17,7 @@ from roboprompt_client.loop import run_closed_loop, run_task
 from roboprompt_client.motion_limits import MotionLimits
 from roboprompt_client.robot import Observation
 from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
+from tests.e2e.processes import running_server
 from tests.episodes import pick_trajectory
 
 PLACES_M = np.random.default_rng(3).uniform([0.0, -0.3, 0.77], [0.4, 0.3, 0.79], (10, 3)).round(4)
@@ -168,7 +168,7 @@ def test_a_service_that_dies_in_the_middle_stops_the_robot():
 
 def test_closed_loop_with_the_real_llm(client):
     arm = Arm()
-    steps = list(run_closed_loop(client, arm, "stream", INSTRUCTION))
+    steps = list(run_closed_loop(client, arm, "stream", INSTRUCTION, num_demonstrations=5))
     check(arm.log)
     assert [step.response["step"] for step in steps] == [0, 1, 2, 3]
     assert steps[-1].actions == ()

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 import httpx
 import pytest
 
-from app.evaluation.server import running_server
+from tests.e2e.processes import running_server
 from tests.episodes import metadata, upload
 
 PLACES_M = [(0.0, 0.1, 0.78), (0.1, -0.2, 0.78), (0.3, 0.2, 0.78), (0.25, -0.1, 0.78)]

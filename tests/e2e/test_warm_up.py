@@ -5,7 +5,7 @@ import time
 import httpx
 import pytest
 
-from app.evaluation.server import running_server
+from tests.e2e.processes import running_server
 from tests.episodes import metadata, upload
 
 

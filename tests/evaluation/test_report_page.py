@@ -12,10 +12,10 @@ from PIL import Image
 from app.evaluation.illustrate import MAX_FAILURES
 from app.evaluation.report import write_report
 from app.evaluation.results import REPLAY, Evaluation, Method, TaskEvaluation, TaughtEpisode, Trial
-from app.evaluation.server import running_server
 from app.sim.demonstrate import record_demonstration, rollout, view_scene
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.robot import Observation
+from tests.e2e.processes import running_server
 
 TASK = "open_drawer"
 METHOD = Method("regression", {"model": "regression"})

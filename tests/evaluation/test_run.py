@@ -3,6 +3,8 @@
 import json
 from concurrent.futures import Future
 from dataclasses import replace
+from functools import cache
+from operator import call
 
 import httpx
 import numpy as np
@@ -17,20 +19,31 @@ from app.evaluation.paper import disturbed
 from app.evaluation.plan import Plan, evaluation_of
 from app.evaluation.results import EXPERT, REPLAY, Crash, Evaluation, Method
 from app.evaluation.run import Run
-from app.evaluation.server import free_port, running_server
+from app.evaluation.server import free_port
+from app.evaluation.server import running_server as real_server
 from app.sim.demonstrate import view_scene
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import ServiceUnreachableError
+from tests.e2e.processes import running_server
 
 NOISY = Method("noisy", {"model": "regression"}, noise=2.0)
 SPARSE = Method("uniform", {"model": "regression"}, settings={"keyframes": {"rule": "uniform", "interval": 40}})
 NO_KEY = Method("no key", {"model": "openai/gpt-4o"})
 SCRIPTED = Method("scripted", {"model": "scripted"})
 REPLY = "I would rather not move today."
+EXPERTS = ("_record", "_expert", "_binned_expert")
+
+
+@cache
+def done(job, *arguments):
+    return job(*arguments)
 
 
 class InlineExecutor:
-    """Runs each job at once where it is submitted; `fails` names a job's arguments for which the worker breaks."""
+    """Runs each job at once where it is submitted, a scene's expert only once for all tests.
+
+    `fails` names a job's arguments for which the worker breaks.
+    """
 
     workers, description = 1, "in line"
 
@@ -42,7 +55,7 @@ class InlineExecutor:
         try:
             if arguments[:2] in self.fails:
                 raise MemoryError("worker ran out of memory")
-            future.set_result(job(*arguments))
+            future.set_result((done if job.__name__ in EXPERTS else call)(job, *arguments))
         except Exception as error:
             future.set_exception(error)
         return future
@@ -218,7 +231,7 @@ def test_a_service_that_is_gone_ends_the_run(tmp_path):
     plan = plan_of(REGRESSION, episodes=30)
     with Ledger(tmp_path / "results.jsonl") as ledger:
         with (
-            running_server(tmp_path / "data", {"ROBOPROMPT_DEFAULT_MODEL": "regression"}) as url,
+            real_server(tmp_path / "data", {"ROBOPROMPT_DEFAULT_MODEL": "regression"}) as url,
             RoboPromptClient(url) as client,
         ):
             lessons = Run(plan, ledger, client, InlineExecutor(), Progress(disable=True)).teach()

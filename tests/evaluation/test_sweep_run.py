@@ -3,9 +3,10 @@
 import json
 import os
 import signal
-import subprocess
 import sys
 import time
+from contextlib import contextmanager
+from tempfile import TemporaryFile
 
 import pytest
 from rich.progress import Progress
@@ -17,6 +18,7 @@ from app.evaluation.plan import Plan
 from app.evaluation.results import REPLAY
 from app.evaluation.sweep_run import SweepRun
 from tests.evaluation.processes import alive, descendants
+from tests.forked import Forked
 
 TASKS = ("push_button", "open_drawer")
 NUM_TRIALS = 2 * 2 * 5  # tasks, seeds, methods
@@ -26,13 +28,26 @@ PATIENCE_S = 90
 def arguments(folder):
     tasks = [word for task in TASKS for word in ("--task", task)]
     few = ["--episodes", "2", "--demos", "3", "--model", "regression", "--no-report", "--json"]
-    return [sys.executable, "-m", "app.cli", "eval", *tasks, *few, "--out", str(folder)]
+    return ["eval", *tasks, *few, "--out", str(folder)]
 
 
-def start(folder):
-    command = arguments(folder)
-    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-    return subprocess.Popen(command, **pipes, start_new_session=True)
+@contextmanager
+def started(folder):
+    """The command at work; `said` waits until it ends and returns what it wrote to its two outputs."""
+    with TemporaryFile("w+") as out, TemporaryFile("w+") as errors:
+        run = Forked(["app.cli", *arguments(folder)], {}, out, errors, new_session=True)
+
+        def said():
+            run.wait(PATIENCE_S)
+            for file in (out, errors):
+                file.seek(0)
+            return out.read(), errors.read()
+
+        run.said = said
+        try:
+            yield run
+        finally:
+            run.kill()
 
 
 def results(folder):
@@ -57,11 +72,11 @@ def folder(tmp_path_factory):
 
 
 def test_ctrl_c_keeps_what_is_done_and_says_how_to_go_on(folder):
-    run = start(folder)
-    wait_for(lambda: results(folder), "no first trial")
-    started = descendants(run.pid)
-    os.killpg(run.pid, signal.SIGINT)  # as a terminal does: to the workers as well
-    out, errors = run.communicate(timeout=PATIENCE_S)
+    with started(folder) as run:
+        wait_for(lambda: results(folder), "no first trial")
+        processes = descendants(run.pid)
+        os.killpg(run.pid, signal.SIGINT)  # as a terminal does: to the workers as well
+        out, errors = run.said()
     assert run.returncode == 130, errors
     assert "Traceback" not in errors
     assert f"--out {folder}" in errors
@@ -70,25 +85,26 @@ def test_ctrl_c_keeps_what_is_done_and_says_how_to_go_on(folder):
     summary = json.loads(out.splitlines()[-1])
     assert (summary["remaining"], summary["stopped"]) == (NUM_TRIALS - done, "interrupted")
     assert (folder / "table.md").exists()
-    assert len(started) >= 3  # service and workers
-    wait_for(lambda: not any(map(alive, started)), "processes outlived the run")
+    assert len(processes) >= 3  # service and workers
+    wait_for(lambda: not any(map(alive, processes)), "processes outlived the run")
 
 
 def test_a_killed_run_leaves_no_processes_and_no_damage(folder):
     before = len(results(folder))
-    with start(folder) as run:
+    with started(folder) as run:
         wait_for(lambda: len(results(folder)) > before, "no further trial")
-        started = descendants(run.pid)
+        processes = descendants(run.pid)
         run.kill()
-    assert len(started) >= 3
-    wait_for(lambda: not any(map(alive, started)), "processes outlived the run")
+        run.wait(PATIENCE_S)
+    assert len(processes) >= 3
+    wait_for(lambda: not any(map(alive, processes)), "processes outlived the run")
     assert before < len(results(folder)) < NUM_TRIALS
 
 
 def test_the_rest_is_run_and_nothing_twice(folder):
     kept = results(folder)
-    with start(folder) as run:
-        out, errors = run.communicate(timeout=PATIENCE_S)
+    with started(folder) as run:
+        out, errors = run.said()
     assert run.returncode == 0, errors
     assert results(folder)[: len(kept)] == kept
     assert len(set(keys(results(folder)))) == len(results(folder)) == NUM_TRIALS
@@ -124,7 +140,7 @@ def test_the_record_of_the_run(folder):
 def test_a_finished_run_is_not_run_again(folder):
     before = (folder / "results.jsonl").read_bytes(), (folder / "run.json").read_bytes()
     (folder / "table.md").unlink()
-    run = CliRunner().invoke(application, arguments(folder)[3:])
+    run = CliRunner().invoke(application, arguments(folder))
     assert run.exit_code == 0, run.output
     assert ((folder / "results.jsonl").read_bytes(), (folder / "run.json").read_bytes()) == before
     assert "| push_button |" in (folder / "table.md").read_text()

@@ -90,6 +90,7 @@ def test_the_method_asked_for_comes_first():
     first, *others = methods_beside("a", None)
     assert first == Method("a, its representation", {"model": "a"})
     assert [other.source for other in others] == ["service", "service", "expert replay"]
+    assert [other.options.get("unsupported") for other in others] == ["allow", "allow", None]
 
 
 def test_vision_is_for_those_that_ask_the_service():

@@ -12,10 +12,10 @@ from app.evaluation import run, trials
 from app.evaluation.ledger import Ledger
 from app.evaluation.methods import REGRESSION, with_poses
 from app.evaluation.plan import Plan
-from app.evaluation.server import running_server
 from app.evaluation.teach import FIRST_LABELLED_SEED, Lesson, images_only
 from app.sim.demonstrate import view_scene
 from roboprompt_client.client import RoboPromptClient
+from tests.e2e.processes import running_server
 from tests.evaluation.test_run import InlineExecutor
 
 (VISION,) = with_poses([REGRESSION], "vision")

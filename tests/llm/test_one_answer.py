@@ -74,11 +74,11 @@ def answer(settings, question):
 
 
 @pytest.fixture(scope="module")
-def model(settings, run):
-    """One that has been asked other questions of the same tasks."""
+def model(settings, run, question):
+    """One that has been asked another question of the same task."""
     made = fresh_model(settings)
-    others = [asking(pressing(25, 60), max_tokens=1), asking(object_frame_prompt(0, 5, LONG), max_tokens=1)]
-    run(in_turn(made, others))
+    other = pressing(25, 60) if question.prompt == TIE else object_frame_prompt(0, 5, LONG)
+    run(in_turn(made, [asking(other, max_tokens=1)]))
     yield made
     run(made.aclose())
 
@@ -93,7 +93,7 @@ def test_asked_again_and_after_another_question_of_the_task(model, run, question
 
 
 def test_after_other_tasks_took_the_slots(model, run, question, answer):
-    others = [asking(object_frame_prompt(100 + task, task), max_tokens=5) for task in range(OPTIONS.slots + 2)]
+    others = [asking(object_frame_prompt(100 + task, task, 1), max_tokens=5) for task in range(OPTIONS.slots + 2)]
     run(at_once(model, others))
     assert run(in_turn(model, [question])) == [answer]
 

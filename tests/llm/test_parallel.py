@@ -19,7 +19,7 @@ NUM_REQUESTS, NUM_TASKS, SLOTS = 6, 4, 4
 
 @pytest.fixture(scope="module")
 def model(settings, run):
-    options = EmbeddedOptions(threads=2, slots=SLOTS, context_tokens=512)
+    options = EmbeddedOptions(threads=1, slots=SLOTS, context_tokens=512)
     made = EmbeddedModel(PROFILE, find_trimmed_weights("gemma-3-270m", settings), options)
     yield made
     run(made.aclose())

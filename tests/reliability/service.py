@@ -6,8 +6,6 @@ import json
 import os
 import random
 import signal
-import subprocess
-import sys
 import tempfile
 import threading
 import time
@@ -23,6 +21,7 @@ from app.store import episodes, predictions
 from app.store.store import Store
 from app.store.trajectories import get_trajectory
 from tests.episodes import arrays, camera, metadata, multipart, npz, pick_trajectory
+from tests.forked import Forked
 
 REPLY = "[[50, 50, 20, 0, 36, 36, 1]]"
 ENVIRONMENT = {
@@ -40,24 +39,20 @@ class Service:
     def __init__(self, data, environment=None, arguments=()):
         port = free_port()
         self.url = f"http://127.0.0.1:{port}"
-        serve = ["app.cli", "serve", "--port", str(port), "--data", str(data)]
+        command = ["app.evaluation.leash", "app.cli", "serve", "--port", str(port), "--data", str(data), *arguments]
         self._log = tempfile.TemporaryFile("w+")  # noqa: SIM115  closed with the service
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", "app.evaluation.leash", *serve, *arguments],
-            stdin=subprocess.PIPE,
-            stdout=self._log,
-            stderr=subprocess.STDOUT,
-            env={**os.environ, **ENVIRONMENT, **(environment or {})},
-            start_new_session=True,
+        self.process = Forked(
+            command, {**ENVIRONMENT, **(environment or {})}, self._log, leashed=True, new_session=True
         )
 
     def wait_until_alive(self):
         deadline = time.monotonic() + 60
-        while time.monotonic() < deadline and self.process.poll() is None:
-            with suppress(httpx.TransportError):
-                if httpx.get(f"{self.url}/healthz").is_success:
-                    return
-            time.sleep(0.02)
+        with httpx.Client() as http:
+            while time.monotonic() < deadline and self.process.poll() is None:
+                with suppress(httpx.TransportError):
+                    if http.get(f"{self.url}/healthz").is_success:
+                        return
+                time.sleep(0.02)
         raise AssertionError(self.log()[-3000:])
 
     def log(self):

@@ -2,13 +2,12 @@
 
 import json
 import sqlite3
-import subprocess
-import sys
 import time
 
 import httpx
 import pytest
 
+from tests.forked import run
 from tests.reliability.service import TASK, serving, upload_files
 
 NUM_EPISODES = 12
@@ -64,8 +63,9 @@ def test_what_fails_in_a_worker_is_the_jobs_error(tmp_path):
 
 
 def work_at_jobs(data):
-    command = [sys.executable, "-m", "app.cli", "jobs", "--data", str(data)]
-    return json.loads(subprocess.run(command, check=True, capture_output=True, text=True, timeout=120).stdout)
+    done = run("app.cli", "jobs", "--data", str(data))
+    done.check_returncode()
+    return json.loads(done.stdout)
 
 
 def release_claims(data):

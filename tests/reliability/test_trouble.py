@@ -12,7 +12,8 @@ from tests.reliability.service import QUESTION, serving, upload_files
 @pytest.fixture(scope="module")
 def service(tmp_path_factory):
     data = tmp_path_factory.mktemp("trouble") / "data"
-    with serving(data) as running:
+    # who looks for jobs every second might wait for the database before the upload does
+    with serving(data, {"ROBOPROMPT_WORK_AT_JOBS": "false"}) as running:
         running.data = data
         yield running
 

@@ -1,5 +1,7 @@
 """The contract of every task: each registered task is held to all of it."""
 
+from functools import lru_cache
+
 import numpy as np
 import pytest
 
@@ -10,10 +12,12 @@ from app.sim.tasks import TASKS, make_task
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.wording import checked_instruction, checked_name
 
-pytestmark = pytest.mark.parametrize("name", TASKS)
+# Of a module's scope, so that all tests of a task follow each other and share what its cameras see.
+pytestmark = pytest.mark.parametrize("name", TASKS, scope="module")
 
 WORKSPACE = Workspace.rlbench()
-SEEDS = (0, 1, *(pytest.param(seed, marks=pytest.mark.long) for seed in range(2, 8)))
+LATER = [pytest.param(seed, marks=pytest.mark.long) for seed in range(2, 8)]
+ONE_MORE = pytest.param(1, marks=pytest.mark.long)
 MIN_PIXELS = 200
 MIN_SPREAD_M, MIN_SPREAD_RAD = 0.02, 0.1
 
@@ -22,8 +26,13 @@ def xyz(scene):
     return np.array([pose.position_m for pose in scene.objects])
 
 
+@lru_cache(maxsize=2)
+def seen(name, seed):
+    return view_scene(name, seed)
+
+
 def test_the_seed_determines_the_scene(name):
-    first, again, other = view_scene(name, 5), view_scene(name, 5), view_scene(name, 6)
+    first, again, other = seen(name, 0), view_scene(name, 0), seen(name, 1)
     assert first.instruction == again.instruction
     np.testing.assert_array_equal(xyz(first), xyz(again))
     for frame, same, different in zip(first.frames, again.frames, other.frames, strict=True):
@@ -68,15 +77,15 @@ def test_things_rest_before_the_arm_moves(name):
     assert not scene.succeeded()
 
 
-@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("seed", [0, 1, *LATER])
 def test_the_front_camera_sees_every_object(name, seed):
-    scene = view_scene(name, seed)
+    scene = seen(name, seed)
     (front,) = (frame for frame in scene.frames if frame.camera.name == "front")
     for object_name, ids in scene.mask_ids.items():
         assert np.isin(front.mask, ids).sum() > MIN_PIXELS, object_name
 
 
-@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("seed", [0, ONE_MORE, *LATER])
 def test_the_expert_and_its_binned_keyframes_succeed(name, seed):
     demonstration = record_demonstration(name, seed, images=False)
     assert demonstration.succeeded, demonstration.failure
@@ -92,4 +101,5 @@ def test_the_expert_and_its_binned_keyframes_succeed(name, seed):
 @pytest.mark.parametrize("frequency_hz", [6, 50])
 def test_keyframes_are_the_experts_poses_at_other_rates(name, frequency_hz):
     demonstration = record_demonstration(name, 1, frequency_hz, images=False)
+    assert demonstration.succeeded, demonstration.failure
     assert len(merged(demonstration.trajectory)) == demonstration.num_expert_poses

@@ -7,12 +7,12 @@ import httpx
 import obstore
 import pytest
 
-from app.evaluation.server import running_server
 from app.store.backup import back_up
 from app.store.errors import CorruptDataError, StoreUnavailableError
 from app.store.object_store import ObjectBlobStore
 from app.store.restore import restore
 from app.store.store import Store
+from tests.e2e.processes import running_server
 from tests.reliability.service import ENVIRONMENT, image_of, upload_files
 from tests.s3 import BUCKET
 

@@ -11,7 +11,7 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import expect, sync_playwright
 
-from app.evaluation.server import running_server
+from tests.e2e.processes import running_server
 from tests.episodes import arrays, camera, metadata, multipart, npz, pick_trajectory
 
 PATIENCE_S = 20

@@ -8,9 +8,9 @@ import pytest
 from playwright.sync_api import expect
 
 from app.bootstrap import DEFAULT_RATE_PER_S
-from app.evaluation.server import running_server
 from app.services.api_keys import create_key
 from app.store.store import Store
+from tests.e2e.processes import running_server
 from tests.web.conftest import PLACES_M, teach, watched_page
 
 NUM_EPISODES = 50  # a whole page of pictures: more requests at once than the rate limit lets robots send

@@ -6,7 +6,6 @@ import math
 import httpx
 import pytest
 
-from app.evaluation.server import running_server
 from benchmarks.metaworld.demonstrate import DemonstrationCache
 from benchmarks.metaworld.ledger import REPLAY, Ledger
 from benchmarks.metaworld.plan import Plan, is_llm
@@ -14,6 +13,7 @@ from benchmarks.metaworld.scores import results, summary
 from benchmarks.metaworld.service import Service, ServiceError
 from benchmarks.metaworld.trials import Benchmark
 from tests.benchmarks.metaworld.button_world import ButtonWorld
+from tests.e2e.processes import running_server
 
 WORKSPACE = {"min": [-0.6, 0.2, -0.1], "max": [0.6, 1.0, 0.6]}
 SETTINGS = {"workspace": WORKSPACE, "keyframes": {"rule": "merged"}}
