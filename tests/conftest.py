@@ -1,6 +1,8 @@
 import os
 import signal
+from tempfile import NamedTemporaryFile
 
+import certifi
 from hypothesis import settings
 
 pytest_plugins = ["tests.postgres", "tests.s3"]
@@ -10,16 +12,18 @@ settings.register_profile("repeatable", derandomize=True, deadline=None, max_exa
 settings.load_profile("repeatable")
 
 
+# Nothing here speaks TLS. Every client of httpx would read all authorities of the world, 50 ms of a core: one will do.
+AUTHORITY = NamedTemporaryFile("w", suffix=".pem")  # noqa: SIM115  as long as this process
+AUTHORITY.write("".join(certifi.contents().partition("-----END CERTIFICATE-----\n")[:2]))
+AUTHORITY.flush()
 # Of this process and of those that tests start.
 ENVIRONMENT = {
-    # Nothing here speaks TLS, and every client of httpx would read all authorities of the world: 50 ms of a core.
-    "SSL_CERT_DIR": os.devnull,
+    "SSL_CERT_FILE": AUTHORITY.name,
     # Threads that wait for each other crawl where other tests share the cores.
     "ROBOPROMPT_EMBEDDED_THREADS": "1",
     "OPENBLAS_NUM_THREADS": "1",
 }
 os.environ.update(ENVIRONMENT)
-os.environ.pop("SSL_CERT_FILE", None)
 
 
 def pytest_configure():
