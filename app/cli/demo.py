@@ -29,7 +29,7 @@ def demo(
         Literal["given", "vision"], typer.Option(help="vision: images only, by object models learned beforehand")
     ] = "given",
     compare: Annotated[
-        bool, typer.Option(help="also the paper's format, a regression, and the expert's replay")
+        bool, typer.Option(help="also a regression, the expert's replay and, with --model, the paper's format")
     ] = True,
     report: Annotated[Path | None, typer.Option(help="folder of the report (default: reports/demo-TIME)")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="one JSON object as the last line")] = False,
