@@ -5,10 +5,11 @@ To add a sweep, add an entry.
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from app.evaluation.results import EXPERT, REPLAY, Method, NoiseOn, Poses
+from app.sim.tasks import COMPOSITION_TASKS, TASKS
 from roboprompt_client.errors import InvalidInputError
 
 PAPER = {"representation": "absolute", "prompt_format": "paper", "system_prompt": "a"}
@@ -36,6 +37,10 @@ NOISE = (0.5, 1.0, 1.5, 2.0)  # paper, section V "Robustness to pose estimation 
 EMBEDDED = ("embedded/gemma-3-270m", "embedded/smollm2-135m")
 # An episode of 10 s at 20 Hz has 40 actions at an interval of 5 frames, 15 more than the service allows by default.
 LONG_REPLIES = {"max_actions": 100, "timeout_s": 300.0}
+# What no demonstration shows is neither refused nor kept from the model: the yardstick shall measure the model.
+ALLOWED = {"unfamiliar": "allow", "unsupported": "allow"}
+# Every object's pose in plain numbers, and a reply that may be any list of actions; see docs/composition.md.
+WHOLE_SCENE = {**PAPER, **ALLOWED, "timeout_s": 300.0}
 
 
 def chosen(methods: Sequence[Method], names: Sequence[str], models: Sequence[str]) -> tuple[Method, ...]:
@@ -55,7 +60,8 @@ def chosen(methods: Sequence[Method], names: Sequence[str], models: Sequence[str
         if name not in by_label and name not in SIMPLE_NAMES:
             valid = ", ".join(map(repr, dict.fromkeys([*by_label, *SIMPLE_NAMES])))
             raise InvalidInputError("method", f"{name!r} is neither a label of the sweep nor a simple name", valid)
-        named = (by_label[name],) if name in by_label else with_models((SIMPLE_NAMES[name],), models)
+        label = name if name in by_label else SIMPLE_NAMES[name].label
+        named = (by_label[label],) if label in by_label else with_models((SIMPLE_NAMES[name],), models)
         found.update((method.label, method) for method in named)
     return tuple(found.values())
 
@@ -148,17 +154,21 @@ class Sweep:
     Attributes:
         about: one line for people.
         models: compared beside those that are asked for; empty where models are not what is compared.
+        options: with which they are asked.
+        tasks: which are evaluated unless others are asked for.
     """
 
     about: str
     methods: tuple[Method, ...] = ()
     models: tuple[str, ...] = ()
+    options: Mapping[str, Any] = field(default_factory=dict)
+    tasks: tuple[str, ...] = tuple(TASKS)
 
     def with_models(self, given: Sequence[str]) -> tuple[Method, ...]:
         """The methods with the models that are asked for, if any."""
-        if self.models:
-            return tuple(Method(model, {"model": model}) for model in dict.fromkeys([*self.models, *given]))
-        return with_models(self.methods, given)
+        models = dict.fromkeys([*self.models, *given] if self.models else [])
+        compared = (Method(model, {"model": model, **self.options}) for model in models)
+        return (*compared, *with_models(self.methods, given))
 
 
 def _uniform(interval: int) -> Method:
@@ -219,4 +229,17 @@ SWEEPS: Mapping[str, Sweep] = {
         (Method("open loop"), Method("closed loop", source="closed loop")),
     ),
     "models": Sweep("the embedded LLMs and any given", models=EMBEDDED),
+    "composition": Sweep(
+        "tasks whose tests ask for combinations that no demonstration shows, so that copying fails; `default` as the"
+        " service refuses by itself, all others with everything allowed",
+        (
+            Method("default"),
+            replace(COPY, options={**COPY.options, **ALLOWED}),
+            replace(REGRESSION, options={**REGRESSION.options, **ALLOWED}),
+            REPLAY,
+        ),
+        EMBEDDED,
+        WHOLE_SCENE,
+        tuple(COMPOSITION_TASKS),
+    ),
 }
