@@ -83,8 +83,9 @@ class PlaceBeside(CompositionTask):
 
     def _goal(self, points: dict[str, Array]) -> Array:
         relation, others = self.relation
-        middle: Array = np.mean([points[other] for other in others], axis=0)
-        return middle + np.array([0.0, OFFSETS_M.get(relation, 0.0)])
+        goal: Array = np.mean([points[other] for other in others], axis=0)
+        goal[1] += OFFSETS_M.get(relation, 0.0)
+        return goal
 
     @property
     def instruction(self) -> str:

@@ -27,8 +27,8 @@ CLEARANCE_M = 0.10
 class SwapCubes(CompositionTask):
     """Four pads in x 0.05..0.36 m, y -0.26..0.26 m, at least 14 cm apart, and cubes on three of them.
 
-    Poses are centres. Demonstrated are scenes whose white, black or pink pad is free, asked for are those whose cyan pad is. Success: the
-    two cubes stand where the other was, the third has stayed, and the gripper holds nothing.
+    Poses are centres. Demonstrated are scenes whose white, black or pink pad is free, asked for are those whose cyan
+    pad is. Success: the two cubes stand where the other was, the third has stayed, and the gripper holds nothing.
     """
 
     name = "swap_cubes"
