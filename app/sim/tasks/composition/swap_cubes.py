@@ -16,16 +16,16 @@ PAIRS: tuple[tuple[str, str], ...] = tuple(combinations(CUBES, 2))
 Swap = tuple[tuple[str, str], str]
 SHOWN: tuple[Swap, ...] = tuple((pair, pad) for pad, pair in product(PADS[:3], PAIRS))
 ASKED: tuple[Swap, ...] = tuple((pair, PADS[3]) for pair in PAIRS)
-PAD_HALF_M, PAD_HALF_HEIGHT_M = 0.04, 0.001
+PAD_HALF_M, PAD_HALF_HEIGHT_M = 0.05, 0.001
 DROP_M = 0.003
-LOW_M, HIGH_M = (0.05, -0.26), (0.36, 0.26)
-MIN_DISTANCE_M = 0.14
+LOW_M, HIGH_M = (0.05, -0.28), (0.36, 0.28)
+MIN_DISTANCE_M = 0.15
 MAX_OFFSET_M = 0.025
 CLEARANCE_M = 0.10
 
 
 class SwapCubes(CompositionTask):
-    """Four pads in x 0.05..0.36 m, y -0.26..0.26 m, at least 14 cm apart, and cubes on three of them.
+    """Four pads in x 0.05..0.36 m, y -0.28..0.28 m, at least 15 cm apart, and cubes on three of them.
 
     Poses are centres. Demonstrated are scenes whose white, black or pink pad is free, asked for are those whose cyan
     pad is. Success: the two cubes stand where the other was, the third has stayed, and the gripper holds nothing.

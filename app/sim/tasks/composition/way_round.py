@@ -28,11 +28,11 @@ PLATE_RADIUS_M, PLATE_HALF_HEIGHT_M = 0.05, 0.001
 DROP_M, MAX_OFFSET_M = 0.004, 0.035
 CORNER_WITHIN_M = 0.008  # how closely a person passes the corners of the way
 SHIFT_M, TURN_RAD = 0.025, 0.25  # of cube and plate along y; of the whole scene
-LOW_M, HIGH_M = (0.02, -0.06), (0.07, 0.06)
+LOW_M, HIGH_M = (-0.02, -0.06), (0.11, 0.06)
 
 
 class WayRound(CompositionTask):
-    """A cube at x 0.02..0.07 m, y -0.06..0.06 m, behind it two 26 cm long barriers in a row and a plate.
+    """A cube at x -0.02..0.11 m, y -0.06..0.06 m, behind it two 26 cm long barriers in a row and a plate.
 
     The scene is turned as a whole by up to 14 degrees. Each barrier reaches over the line from cube to plate to one
     side, its other end is open. Demonstrated are barriers that are both open to the left, both to the right, and to the
