@@ -11,6 +11,7 @@ from app.sim.tasks import COMPOSITION_TASKS, TASKS, make_task
 from app.sim.tasks.composition import build_tower, clear_kind, place_beside, press_in_order, swap_cubes, way_round
 from app.sim.tasks.composition.clear_kind import BLOCKS, ClearKind
 from app.sim.tasks.composition.way_round import BARRIERS, PLATE
+from roboprompt_client.motion_limits import MAX_ACTIONS
 
 SEED = 100_000
 LEFT = np.array([0.0, 1.0, 0.0])
@@ -56,6 +57,15 @@ def test_instructions_reach_the_model_as_they_stand(name):
     assert [words.ground(said, allow_unfamiliar=True).instruction for said in asked] == asked
     refused = [said for said in asked if words.ground(said, allow_unfamiliar=True).unfamiliar is not None]
     assert bool(refused) == (name in REFUSED)
+
+
+@pytest.mark.parametrize("name", COMPOSITION_TASKS)
+def test_an_answer_has_as_many_rows_as_demonstrations_have_room_for(name):
+    task = COMPOSITION_TASKS[name]
+    rows = [len(make_task(name, 0, k).expert()) for k in range(task.variations + task.test_only_variations)]
+    shown, asked = rows[: task.variations], rows[task.variations :]
+    # grammars hold a reply between the shortest and the longest demonstration
+    assert min(shown) <= min(asked) <= max(asked) <= max(shown) <= MAX_ACTIONS
 
 
 def test_a_lower_tower_does_not_count():
