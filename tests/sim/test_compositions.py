@@ -68,6 +68,17 @@ def test_an_answer_has_as_many_rows_as_demonstrations_have_room_for(name):
     assert min(shown) <= min(asked) <= max(asked) <= max(shown) <= MAX_ACTIONS
 
 
+def test_cubes_wait_on_the_free_pad_and_not_beside_it():
+    aside = {3, 4, 5, 12, 13, 14}  # the moves that put the first cube down there and take it up again
+    moves = [
+        move_to(move.pose.position_m + 0.08 * LEFT, move.pose.rotation, gripper_open=move.gripper_open)
+        if number in aside
+        else move
+        for number, move in enumerate(unseen("swap_cubes").expert())
+    ]
+    assert is_not_enough("swap_cubes", moves)
+
+
 def test_a_lower_tower_does_not_count():
     assert is_not_enough("build_tower", unseen("build_tower").expert()[:6])
 

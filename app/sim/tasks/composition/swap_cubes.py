@@ -21,6 +21,8 @@ DROP_M = 0.003
 LOW_M, HIGH_M = (0.05, -0.28), (0.36, 0.28)
 MIN_DISTANCE_M = 0.15
 MAX_OFFSET_M = 0.025
+RAISED_M = 0.008  # a cube is set down where it is lower
+BESIDE_M = 0.07  # from every pad, along x and y together
 CLEARANCE_M = 0.10
 
 
@@ -28,7 +30,8 @@ class SwapCubes(CompositionTask):
     """Four pads in x 0.05..0.36 m, y -0.28..0.28 m, at least 15 cm apart, and cubes on three of them.
 
     Poses are centres. Demonstrated are scenes whose white, black or pink pad is free, asked for are those whose cyan
-    pad is. Success: the two cubes stand where the other was, the third has stayed, and the gripper holds nothing.
+    pad is. Success: the two cubes stand where the other was, the third has stayed, none has been set down beside the
+    pads in between, and the gripper holds nothing. `events` are the cubes that were set down beside the pads.
     """
 
     name = "swap_cubes"
@@ -60,12 +63,21 @@ class SwapCubes(CompositionTask):
         first, second = self.pair
         stays = next(cube for cube in CUBES if cube not in self.pair)
         found = {cube: self.data.body(cube).xpos.copy() for cube in CUBES}
+        self._cubes = {cube: self.model.body(cube).id for cube in CUBES}
+        self._pads_m = np.array([self.position_m(pad)[:2] for pad in PADS])
         self._goals_m = {first: found[second], second: found[first], stays: found[stays]}
+
+    def latch(self) -> None:
+        for cube, body in self._cubes.items():
+            at_m = self.data.xpos[body]
+            is_down = at_m[2] < TABLE_TOP_M + BLOCK_HALF_M + RAISED_M
+            if is_down and cube not in self.events and np.abs(self._pads_m - at_m[:2]).sum(axis=1).min() > BESIDE_M:
+                self.events.append(cube)
 
     @property
     def instruction(self) -> str:
         first, second = self.pair
-        return f"swap the {first} and the {second}"
+        return f"swap the {first} and the {second} by way of the free pad"
 
     def expert(self) -> list[Move]:
         first, second = self.pair
@@ -82,4 +94,4 @@ class SwapCubes(CompositionTask):
     def succeeded(self) -> bool:
         offsets = [self.position_m(cube) - goal_m for cube, goal_m in self._goals_m.items()]
         there = all(np.hypot(x, y) < MAX_OFFSET_M for x, y, _ in offsets)
-        return there and all(map(self.on_table, CUBES)) and self.gripper_holds_nothing()
+        return there and not self.events and all(map(self.on_table, CUBES)) and self.gripper_holds_nothing()
