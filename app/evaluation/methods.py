@@ -43,7 +43,8 @@ LONG_REPLIES = {"max_actions": 100, "timeout_s": 300.0}
 # scene decides. See docs/composition.md.
 ALLOWED = {"unfamiliar": "allow", "unsupported": "allow"}
 AS_RECORDED = {"keyframes": {"rule": "merged"}}
-OPEN = Method("", {**PAPER, **ALLOWED, "timeout_s": 300.0}, AS_RECORDED)
+LONG_PLAN_S = 300.0
+OPEN = Method("", {**PAPER, **ALLOWED, "timeout_s": LONG_PLAN_S}, AS_RECORDED)
 
 
 def chosen(methods: Sequence[Method], names: Sequence[str], models: Sequence[str]) -> tuple[Method, ...]:
@@ -242,7 +243,7 @@ SWEEPS: Mapping[str, Sweep] = {
         "tasks whose tests ask for combinations that no demonstration shows, so that copying fails; `default` as the"
         " service refuses by itself, all others with everything allowed",
         (
-            Method("default"),
+            Method("default", {"timeout_s": LONG_PLAN_S}),
             _openly(COPY),
             _openly(REGRESSION),
             REPLAY,

@@ -123,6 +123,6 @@ def test_models_are_asked_alike_and_the_yardsticks_have_no_other_rules():
     assert [method.options["model"] for method in models] == [*EMBEDDED, MODEL]
     assert all(method.options == {**OPEN.options, "model": method.options["model"]} for method in models)
     assert all(method.settings == OPEN.settings for method in (*models, copy, regression))
-    assert by_itself == Method("default", {"model": MODEL})
+    assert by_itself == Method("default", {"timeout_s": 300.0, "model": MODEL})
     assert all(method.options["unfamiliar"] == "allow" for method in (copy, regression))
     assert chosen(SWEEP.with_models([]), ["nearest", "replay"], []) == (copy, replay)
