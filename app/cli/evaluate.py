@@ -82,10 +82,10 @@ def evaluate(
 def _evaluate(asked: Asked, *, as_json: bool) -> None:
     # The simulator is an extra that `roboprompt serve` does without.
     from app.evaluation.methods import SWEEPS
-    from app.sim.tasks import TASKS
+    from app.sim.tasks import ALL_TASKS
 
     check_names("--sweep", [asked.sweep], [*SWEEPS, PAPER])
-    check_names("--task", asked.task, TASKS)
+    check_names("--task", asked.task, ALL_TASKS)
     console = Console(stderr=as_json)
     progress = _progress(console)
     run = paper_of(asked, console, progress) if asked.sweep == PAPER else sweep_of(asked)

@@ -9,7 +9,8 @@ from typing import Annotated, Literal
 import typer
 
 SWEEP_NAMES = (
-    "main, formats, keyframes, demonstrations, selection, system_prompts, noise, poses, experts, loop, models, paper"
+    "main, formats, keyframes, demonstrations, selection, system_prompts, noise, poses, experts, loop, models,"
+    " composition, paper"
 )
 METHOD_NAMES = "default, nearest, regression, replay, expert"
 TABLE_NAMES = "I, II, III, IV, 3a, 3b, 3c, 4a, 4b, 4c"
@@ -17,7 +18,7 @@ PAPER = "paper"
 EPISODES = 25
 
 Sweep = Annotated[str, typer.Option(help=SWEEP_NAMES)]
-Tasks = Annotated[list[str] | None, typer.Option(help="may be repeated; default: all")]
+Tasks = Annotated[list[str] | None, typer.Option(help="may be repeated; default: all of the sweep")]
 Episodes = Annotated[
     int | None, typer.Option(min=1, help="unseen scenes a task (default: 25; of --sweep paper: as in its tables)")
 ]

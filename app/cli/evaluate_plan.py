@@ -119,7 +119,6 @@ def _refuse(given: dict[str, object], why: str) -> None:
 def _plan(asked: Asked) -> "Plan":
     from app.evaluation.methods import SWEEPS, chosen, with_noise, with_poses, with_shift
     from app.evaluation.plan import Plan
-    from app.sim.tasks import TASKS
 
     given = SWEEPS[asked.sweep].with_models(asked.model)
     names = asked.method or (("default",) if asked.shift is not None else ())
@@ -127,7 +126,7 @@ def _plan(asked: Asked) -> "Plan":
     methods = _refusing(lambda: with_noise(methods, asked.noise, asked.noise_on), "--noise")
     if asked.poses == "vision":
         methods = _refusing(lambda: with_poses(methods, "vision"), "--poses")
-    tasks = tuple(dict.fromkeys(asked.task or TASKS))
+    tasks = tuple(dict.fromkeys(asked.task or SWEEPS[asked.sweep].tasks))
     if (shift := asked.shift) is not None:
         methods = _refusing(lambda: with_shift(methods, shift), "--shift")
         tasks = _shiftable(tasks, shift, named=bool(asked.task))

@@ -14,7 +14,7 @@ from rich.progress import Progress
 from app.evaluation.executors import Executor
 from app.evaluation.results import Evaluation, Method, TaskEvaluation, TaughtEpisode, Trial
 from app.sim.demonstrate import RolloutResult, SceneView, rollout, view_scene
-from app.sim.tasks import TASKS
+from app.sim.tasks import ALL_TASKS
 from roboprompt_client.trajectory import EndEffectorAction
 
 MAX_FAILURES = 12  # a task
@@ -91,7 +91,7 @@ def _take_pictures(
     task: str, seed: int, actions: Sequence[EndEffectorAction] | None, shift_m: float = 0.0
 ) -> _Pictures:
     """Runs in a worker."""
-    variation = TASKS[task].test_variation(seed)
+    variation = ALL_TASKS[task].test_variation(seed)
     scene = view_scene(task, seed, variation=variation)
     if actions is None:
         return _Pictures(scene, None)

@@ -46,6 +46,7 @@ def document_of(outcome: Trial | Crash) -> Document:
         "execute_s": outcome.execute_s,
         "answer": outcome.answer,
         "shift_m": outcome.shift_m,
+        "refused": outcome.refused,
     }
 
 
@@ -71,6 +72,7 @@ def outcome_of(document: Document) -> Trial | Crash:
         execute_s=document["execute_s"],
         actions=tuple(_action(item) for item in document["actions"]),
         shift_m=document.get("shift_m", 0.0),
+        refused=document.get("refused", False),
     )
 
 

@@ -9,8 +9,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from app.evaluation.results import EXPERT, REPLAY, Method, NoiseOn, Poses
+from app.sim.tasks import COMPOSITION_TASKS, TASKS
 from roboprompt_client.errors import InvalidInputError
 
+BY_NAME = Method("")  # a model as the service asks it
 PAPER = {"representation": "absolute", "prompt_format": "paper", "system_prompt": "a"}
 KAT = {"representation": "action_tokens", "prompt_format": "kat"}
 # A yardstick shows what its actions are worth; held to the demonstrations, most of them would be refused.
@@ -36,6 +38,13 @@ NOISE = (0.5, 1.0, 1.5, 2.0)  # paper, section V "Robustness to pose estimation 
 EMBEDDED = ("embedded/gemma-3-270m", "embedded/smollm2-135m")
 # An episode of 10 s at 20 Hz has 40 actions at an interval of 5 frames, 15 more than the service allows by default.
 LONG_REPLIES = {"max_actions": 100, "timeout_s": 300.0}
+# How the yardstick of compositions asks, so that it measures the model: what no demonstration shows is not refused, and
+# each demonstration is shown as it was recorded. By itself a task averages rows that scatter, and with them what the
+# scene decides. See docs/composition.md.
+ALLOWED = {"unfamiliar": "allow", "unsupported": "allow"}
+AS_RECORDED = {"keyframes": {"rule": "merged"}}
+LONG_PLAN_S = 300.0
+OPEN = Method("", {**PAPER, **ALLOWED, "timeout_s": LONG_PLAN_S}, AS_RECORDED)
 
 
 def chosen(methods: Sequence[Method], names: Sequence[str], models: Sequence[str]) -> tuple[Method, ...]:
@@ -55,7 +64,8 @@ def chosen(methods: Sequence[Method], names: Sequence[str], models: Sequence[str
         if name not in by_label and name not in SIMPLE_NAMES:
             valid = ", ".join(map(repr, dict.fromkeys([*by_label, *SIMPLE_NAMES])))
             raise InvalidInputError("method", f"{name!r} is neither a label of the sweep nor a simple name", valid)
-        named = (by_label[name],) if name in by_label else with_models((SIMPLE_NAMES[name],), models)
+        label = name if name in by_label else SIMPLE_NAMES[name].label
+        named = (by_label[label],) if label in by_label else with_models((SIMPLE_NAMES[name],), models)
         found.update((method.label, method) for method in named)
     return tuple(found.values())
 
@@ -150,17 +160,27 @@ class Sweep:
     Attributes:
         about: one line for people.
         models: compared beside those that are asked for; empty where models are not what is compared.
+        asked: how they are asked; its label is each model's name.
+        tasks: which are evaluated unless others are asked for.
     """
 
     about: str
     methods: tuple[Method, ...] = ()
     models: tuple[str, ...] = ()
+    asked: Method = BY_NAME
+    tasks: tuple[str, ...] = tuple(TASKS)
 
     def with_models(self, given: Sequence[str]) -> tuple[Method, ...]:
         """The methods with the models that are asked for, if any."""
-        if self.models:
-            return tuple(Method(model, {"model": model}) for model in dict.fromkeys([*self.models, *given]))
-        return with_models(self.methods, given)
+        models = dict.fromkeys([*self.models, *given] if self.models else [])
+        return (*map(self._asking, models), *with_models(self.methods, given))
+
+    def _asking(self, model: str) -> Method:
+        return replace(self.asked, label=model, options={"model": model, **self.asked.options})
+
+
+def _openly(method: Method) -> Method:
+    return replace(method, options={**method.options, **ALLOWED}, settings=AS_RECORDED)
 
 
 def _uniform(interval: int) -> Method:
@@ -221,4 +241,17 @@ SWEEPS: Mapping[str, Sweep] = {
         (Method("open loop"), Method("closed loop", source="closed loop")),
     ),
     "models": Sweep("the embedded LLMs and any given", models=EMBEDDED),
+    "composition": Sweep(
+        "tasks whose tests ask for combinations that no demonstration shows, so that copying fails; `default` as the"
+        " service refuses by itself, all others with everything allowed",
+        (
+            Method("default", {"timeout_s": LONG_PLAN_S}),
+            _openly(COPY),
+            _openly(REGRESSION),
+            REPLAY,
+        ),
+        EMBEDDED,
+        OPEN,
+        tuple(COMPOSITION_TASKS),
+    ),
 }

@@ -24,9 +24,10 @@ from app.evaluation.scores import (
 HOW_TO_READ = (
     "Successes/trials on unseen scenes with Wilson's 95 % interval; the mean is over tasks. Errors are trials that"
     " could not be run (a worker crashed, the service or its LLM failed), timeouts those whose answer took too long:"
-    " they count neither way."
+    " they count neither way. A trial whose instruction the service refuses is no success."
 )
 UNBOUNDED = 10_000  # columns, to measure how wide a table wants to be
+ENDINGS = ("wrong motion", "no actions", "instruction refused")
 COSTS = ("LLM s", "service ms", "execution s", "tokens read", "cached", "written")
 
 
@@ -37,15 +38,16 @@ def markdown(evaluation: Evaluation, about: str) -> str:
         about: what the sweep compares, in one line.
     """
     labels = [method.label for method in evaluation.methods]
-    published = [f"{name} (paper)" for name in paper.METHODS]
+    published = [f"{name} (paper)" for name in _published(evaluation)]
     parts = [
         f"# {about[0].upper()}{about[1:]}",
         HOW_TO_READ,
         markdown_table(["task", *labels, *published], success_rows(evaluation)),
-        paper.SOURCE,
+        *([paper.SOURCE] if published else []),
         "## Methods",
-        "What was asked: model, representation, prompt format, and whatever else was set. Medians a prediction.",
-        markdown_table(["method", "asked", "all trials", *COSTS], _method_rows(evaluation)),
+        "What was asked: model, representation, prompt format, and whatever else was set; then how trials failed: the"
+        " motion solved nothing, the reply had no actions, the instruction was refused. Medians a prediction.",
+        markdown_table(["method", "asked", "all trials", *ENDINGS, *COSTS], _method_rows(evaluation)),
         *_error_section(evaluation),
         f"Command: `{evaluation.command}`",
     ]
@@ -102,14 +104,20 @@ def sweep_summary(evaluation: Evaluation) -> dict[str, Any]:
 def success_rows(evaluation: Evaluation) -> Iterator[list[str]]:
     """A row for each task and one for the mean: our methods, then the paper's."""
     for task in evaluation.tasks:
-        published = [paper.SUCCESS_PERCENT[name].get(task.task) for name in paper.METHODS]
+        published = [paper.SUCCESS_PERCENT[name].get(task.task) for name in _published(evaluation)]
         scores = [str(task_score(task, method)) for method in evaluation.methods]
         yield [task.task, *scores, *(NOTHING if percent is None else str(percent) for percent in published)]
     tasks = [task.task for task in evaluation.tasks]
     means = [mean_rate(evaluation, method) for method in evaluation.methods]
-    paper_means = [paper.mean_percent(name, tasks) for name in paper.METHODS]
+    paper_means = [paper.mean_percent(name, tasks) for name in _published(evaluation)]
     ours = [NOTHING if mean is None else f"{100 * mean:.1f} %" for mean in means]
     yield ["mean", *ours, *(NOTHING if mean is None else f"{mean:.1f}" for mean in paper_means)]
+
+
+def _published(evaluation: Evaluation) -> tuple[str, ...]:
+    """The paper's methods, if the paper has any of the tasks."""
+    known = any(task.task in paper.SUCCESS_PERCENT[name] for task in evaluation.tasks for name in paper.METHODS)
+    return tuple(paper.METHODS) if known else ()
 
 
 def _error_section(evaluation: Evaluation) -> list[str]:
@@ -136,8 +144,9 @@ def _method_rows(evaluation: Evaluation) -> Iterator[list[str]]:
     for method in evaluation.methods:
         trials = trials_of(evaluation, method)
         figures = method_summary(trials)
+        ended = [str(figures[name]) for name in ("wrong_motion", "no_actions", "refused")]
         costs = [figures["llm_s"], figures["outside_llm_ms"], figures["execute_s"], *figures["tokens"].values()]
-        yield [method.label, _asked(trials, method), str(pooled_score(evaluation, method)), *map(_cost, costs)]
+        yield [method.label, _asked(trials, method), str(pooled_score(evaluation, method)), *ended, *map(_cost, costs)]
 
 
 def _asked(trials: Sequence[Trial], method: Method) -> str:

@@ -96,6 +96,7 @@ class Trial:
         execute_s: of simulation.
         actions: what was to be executed.
         shift_m: how far the free objects were moved after the scene had been seen.
+        refused: whether the service refused the instruction, before any LLM was asked.
     """
 
     task: str
@@ -109,6 +110,7 @@ class Trial:
     execute_s: float = 0.0
     actions: tuple[EndEffectorAction, ...] = ()
     shift_m: float = 0.0
+    refused: bool = False
 
     @property
     def succeeded(self) -> bool:

@@ -13,7 +13,7 @@ from app.evaluation.paper import disturbed
 from app.sim.demonstrate import RolloutResult, judge, robot_in_scene
 from app.sim.robot import SimulatedPanda
 from app.sim.shift import shift_free_objects
-from app.sim.tasks import TASKS
+from app.sim.tasks import ALL_TASKS
 from roboprompt_client.answers import PredictedActions
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import MotionError, ObjectLostError, ServiceProblemError, UnsafeActionError
@@ -67,7 +67,7 @@ def run_in_closed_loop(
         ServiceProblemError, ServiceUnreachableError: nothing is known about the method.
     """
     started = time.perf_counter()
-    robot = robot_in_scene(task, seed, TASKS[task].test_variation(seed), images=False)
+    robot = robot_in_scene(task, seed, ALL_TASKS[task].test_variation(seed), images=False)
     steps: list[PredictedActions] = []
     error, blocked = "", ""
     with RoboPromptClient(url) as client:
@@ -176,7 +176,7 @@ def run_in_robot_loop(
         ServiceProblemError, ServiceUnreachableError, InvalidInputError: nothing is known about the method.
     """
     started = time.perf_counter()
-    panda = robot_in_scene(task, seed, TASKS[task].test_variation(seed), images=False)
+    panda = robot_in_scene(task, seed, ALL_TASKS[task].test_variation(seed), images=False)
     robot = ShiftedPanda(panda, shift_m, seed, noise)
     error, blocked = "", ""
     with _Client(url) as client:

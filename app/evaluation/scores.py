@@ -25,11 +25,13 @@ class Score:
         rate: over the trials that ran.
         errors: trials that could not be run.
         timeouts: trials that could not be run because an answer took too long; they are no `errors`.
+        refused: trials, among those that ran, whose instruction the service refused.
     """
 
     rate: SuccessRate
     errors: int = 0
     timeouts: int = 0
+    refused: int = 0
 
     @property
     def not_run(self) -> str:
@@ -39,7 +41,8 @@ class Score:
 
     def __str__(self) -> str:
         shown = str(self.rate) if self.rate.trials else NOTHING
-        return f"{shown}, {self.not_run}" if self.not_run else shown
+        refused = f"{self.refused} refused" if self.refused else ""
+        return ", ".join(filter(None, [shown, refused, self.not_run]))
 
 
 def task_score(task: TaskEvaluation, method: Method) -> Score:
@@ -78,7 +81,7 @@ def of_method(outcomes: Iterable[Outcome], method: Method) -> list[Outcome]:
 def _score(trials: Sequence[Trial], crashes: Sequence[Crash]) -> Score:
     timeouts = sum(crash.timed_out for crash in crashes)
     rate = SuccessRate(sum(trial.succeeded for trial in trials), len(trials))
-    return Score(rate, len(crashes) - timeouts, timeouts)
+    return Score(rate, len(crashes) - timeouts, timeouts, sum(trial.refused for trial in trials))
 
 
 def results_table(evaluation: Evaluation) -> Table:
@@ -134,11 +137,20 @@ def method_summary(trials: Sequence[Trial]) -> dict[str, Any]:
         "successes": successes,
         "trials": len(trials),
         "success_rate": SuccessRate(successes, len(trials)).rate,
+        **endings(trials),
         "llm_s": _median([item["llm"] / 1000 for item in timings]),
         "outside_llm_ms": _median([item["outside_llm"] for item in timings]),
         "execute_s": _median([trial.execute_s for trial in trials if trial.execution is not None]),
         "tokens": {name: _median([item[name] for item in usages]) for name in tokens},
     }
+
+
+def endings(trials: Sequence[Trial]) -> dict[str, int]:
+    """How trials failed: the instruction was refused, the reply gave no actions, or the actions did not solve it."""
+    refused = sum(trial.refused for trial in trials)
+    no_actions = sum(trial.execution is None for trial in trials) - refused
+    failed = sum(not trial.succeeded for trial in trials)
+    return {"wrong_motion": failed - refused - no_actions, "no_actions": no_actions, "refused": refused}
 
 
 def _median(values: Sequence[float]) -> float | None:

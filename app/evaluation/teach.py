@@ -17,7 +17,7 @@ from app.evaluation.failures import ExpertFailedError, NotLearnedError
 from app.evaluation.paper import disturbed
 from app.evaluation.results import Method, TaughtEpisode
 from app.sim.demonstrate import RecordedDemonstration, Recordings, record_demonstration
-from app.sim.tasks import TASKS
+from app.sim.tasks import ALL_TASKS
 from roboprompt_client.camera import RgbdFrame
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.robot import Observation
@@ -179,7 +179,7 @@ def upload(
 
 
 def _settings(task: str, num_demonstrations: int, method: Method) -> Mapping[str, object]:
-    symmetry = dict(TASKS[task].yaw_symmetry_deg)
+    symmetry = dict(ALL_TASKS[task].yaw_symmetry_deg)
     return {"yaw_symmetry_deg": symmetry, "num_demonstrations": num_demonstrations, **method.settings}
 
 

@@ -30,13 +30,15 @@ from app.sim.demonstrate import (
     rollout,
     view_scene,
 )
-from app.sim.tasks import TASKS
+from app.sim.tasks import ALL_TASKS
 from roboprompt_client.camera import RgbdFrame
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import ServiceProblemError
 from roboprompt_client.robot import Observation
 from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
 
+# The problems that say of an instruction, not of the service, that it is not understood
+REFUSED = frozenset({"/problems/ungrounded-instruction", "/problems/unfamiliar-instruction"})
 LEVER_M = 0.1  # a turn counts as far as it moves a point at this distance; the length of KAT's triplets
 
 
@@ -123,10 +125,11 @@ def _ask_service(laboratory: Laboratory, cell: Cell, lesson: Lesson, scene: Scen
             predicted = laboratory.client.predict(lesson.name, scene.instruction, seen, **cell.method.options)
         except ServiceProblemError as error:
             seconds, problem = time.perf_counter() - started, error.problem.get("type")
-            if problem not in USELESS_REPLY and not (cell.method.poses == "vision" and problem in UNSEEN):
+            unseen = cell.method.poses == "vision" and problem in UNSEEN
+            if problem not in USELESS_REPLY | REFUSED and not unseen:
                 raise
-            answer = _refused(laboratory.client, error) if problem in USELESS_REPLY else None
-            return replace(trial, answer=answer, error=str(error), predict_s=seconds)
+            answer = _without_actions(laboratory.client, error) if problem in USELESS_REPLY else None
+            return replace(trial, answer=answer, error=str(error), predict_s=seconds, refused=problem in REFUSED)
         trial = replace(trial, answer=predicted.response, predict_s=time.perf_counter() - started)
     trial = laboratory.execute(trial, predicted.actions)
     laboratory.client.record_outcome(predicted.id, trial.succeeded, trial.failure or None)
@@ -140,7 +143,7 @@ def _seen(laboratory: Laboratory, cell: Cell, scene: SceneView) -> Observation:
     return Observation(disturbed(scene.objects, cell.method.noise, cell.seed))
 
 
-def _refused(client: RoboPromptClient, error: ServiceProblemError) -> dict[str, Any]:
+def _without_actions(client: RoboPromptClient, error: ServiceProblemError) -> dict[str, Any]:
     """What the service keeps of a prediction without actions, in the form of an answer."""
     stored = client.get(f"/predictions/{error.problem['prediction_id']}")
     timings = stored["timings_ms"]
@@ -188,7 +191,7 @@ def _looped(cell: Cell, scene: SceneView, result: ClosedLoopResult) -> Trial:
 def _replay_nearest(laboratory: Laboratory, cell: Cell, lesson: Lesson, scene: SceneView) -> Trial:
     seen = disturbed(scene.objects, cell.method.noise, cell.seed)
     taught = lesson.taught[: cell.method.options.get("num_demonstrations", lesson.num_demonstrations)]
-    actions = replayed(taught, scene.instruction, seen, TASKS[cell.task].yaw_symmetry_deg)
+    actions = replayed(taught, scene.instruction, seen, ALL_TASKS[cell.task].yaw_symmetry_deg)
     return laboratory.execute(Trial(cell.task, cell.seed, cell.method.label, scene), actions)
 
 
@@ -233,22 +236,22 @@ class _Timed(Generic[_Result]):
 
 @lru_cache(maxsize=64)
 def _view(task: str, seed: int) -> SceneView:
-    return view_scene(task, seed, variation=TASKS[task].test_variation(seed), images=False)
+    return view_scene(task, seed, variation=ALL_TASKS[task].test_variation(seed), images=False)
 
 
 def _photograph(task: str, seed: int) -> tuple[RgbdFrame, ...]:
-    return view_scene(task, seed, variation=TASKS[task].test_variation(seed)).frames
+    return view_scene(task, seed, variation=ALL_TASKS[task].test_variation(seed)).frames
 
 
 def _execute(task: str, seed: int, actions: _Actions) -> _Timed[RolloutResult]:
     started = time.perf_counter()
-    result = rollout(task, seed, actions, variation=TASKS[task].test_variation(seed))
+    result = rollout(task, seed, actions, variation=ALL_TASKS[task].test_variation(seed))
     return _Timed(result, time.perf_counter() - started)
 
 
 def _expert(task: str, seed: int, recordings: Recordings) -> _Timed[tuple[RolloutResult, _Actions]]:
     started = time.perf_counter()
-    variation = TASKS[task].test_variation(seed)
+    variation = ALL_TASKS[task].test_variation(seed)
     recorded = record_demonstration(task, seed, variation=variation, images=False, recordings=recordings)
     actions = _keyframe_actions(recorded) if recordings == "rests" else recorded.expert_actions
     result = RolloutResult(task, seed, len(actions), recorded.succeeded, recorded.failure, ())
@@ -256,7 +259,7 @@ def _expert(task: str, seed: int, recordings: Recordings) -> _Timed[tuple[Rollou
 
 
 def _binned_expert(task: str, seed: int) -> _Actions:
-    recorded = record_demonstration(task, seed, variation=TASKS[task].test_variation(seed), images=False)
+    recorded = record_demonstration(task, seed, variation=ALL_TASKS[task].test_variation(seed), images=False)
     workspace = Workspace.rlbench()
     binned = [discretize_action(action, workspace).bins for action in _keyframe_actions(recorded)]
     return tuple(undiscretize_action(bins, workspace) for bins in binned)

@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from app.sim.tasks import TASKS
+from app.sim.tasks import ALL_TASKS
 from app.sim.tasks.base import SETTLE_S, SimTask
 from roboprompt_client.arrays import Array
 from roboprompt_client.errors import InvalidInputError
@@ -22,7 +22,7 @@ def free_objects(task: SimTask) -> tuple[str, ...]:
 def can_shift(task_name: str, distance_m: float) -> bool:
     """Whether a task's scene has free objects, and room to move them."""
     try:
-        return bool(shift_free_objects(TASKS[task_name](0), distance_m, 0))
+        return bool(shift_free_objects(ALL_TASKS[task_name](0), distance_m, 0))
     except InvalidInputError:
         return False
 

@@ -1,4 +1,4 @@
-"""An OpenAI-compatible server that answers with the rows of the nearest demonstration in the prompt."""
+"""An OpenAI-compatible server that answers with the rows of the nearest demonstration, or as a test says."""
 
 import json
 from contextlib import contextmanager
@@ -23,9 +23,9 @@ class Handler(BaseHTTPRequestHandler):
 
     def do_POST(self):
         asked = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
-        self.server.asked.append((self.headers["Authorization"], asked))
+        self.server.asked.append((self.headers.get("Authorization"), asked))
         texts = [message["content"] for message in asked["messages"]]
-        reply = reply_to(texts[-1])
+        reply = self.server.reply_to(texts[-1])
         usage = {"prompt_tokens": len("".join(texts)) // CHARACTERS, "completion_tokens": len(reply) // CHARACTERS}
         events = [
             {"choices": [{"delta": {"content": reply}, "finish_reason": None}]},
@@ -45,10 +45,14 @@ class Handler(BaseHTTPRequestHandler):
 
 
 @contextmanager
-def copying_llm():
-    """Yields the server's base URL and the list of (header Authorization, body) that it was asked with."""
+def copying_llm(reply_to=reply_to):
+    """Yields the server's base URL and the list of (header Authorization, body) that it was asked with.
+
+    Args:
+        reply_to: the reply to a prompt's last message.
+    """
     server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
-    server.asked = []
+    server.asked, server.reply_to = [], reply_to
     thread = Thread(target=server.serve_forever)
     thread.start()
     try:

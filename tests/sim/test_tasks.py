@@ -8,16 +8,22 @@ import pytest
 from app.pipeline.keyframes import merged
 from app.pipeline.workspace import Workspace, discretize_action, undiscretize_action
 from app.sim.demonstrate import record_demonstration, rollout, view_scene
-from app.sim.tasks import TASKS, make_task
+from app.sim.tasks import ALL_TASKS, TASKS, make_task
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.wording import checked_instruction, checked_name
 
 # Of a module's scope, so that all tests of a task follow each other and share what its cameras see.
-pytestmark = pytest.mark.parametrize("name", TASKS, scope="module")
+every_task = pytest.mark.parametrize("name", ALL_TASKS, scope="module")
+LONG = pytest.mark.long
+# Plans of compositions are long: that experts carry them out, tests/evaluation/test_composition.py sees every time.
+PAPERS_OR_LONG = [*TASKS, *(pytest.param(name, marks=LONG) for name in ALL_TASKS if name not in TASKS)]
+every_expert = pytest.mark.parametrize("name", PAPERS_OR_LONG, scope="module")
 
 WORKSPACE = Workspace.rlbench()
-LATER = [pytest.param(seed, marks=pytest.mark.long) for seed in range(2, 8)]
-ONE_MORE = pytest.param(1, marks=pytest.mark.long)
+LATER = [pytest.param(seed, marks=LONG) for seed in range(2, 8)]
+ONE_MORE = pytest.param(1, marks=LONG)
+MOST_KEYFRAMES = 15
+MOST_OF_COMPOSITIONS = 25  # as many actions as a reply may have by default
 MIN_PIXELS = 200
 MIN_SPREAD_M, MIN_SPREAD_RAD = 0.02, 0.1
 
@@ -31,6 +37,7 @@ def seen(name, seed):
     return view_scene(name, seed)
 
 
+@every_task
 def test_the_seed_determines_the_scene(name):
     first, again, other = seen(name, 0), view_scene(name, 0), seen(name, 1)
     assert first.instruction == again.instruction
@@ -42,41 +49,48 @@ def test_the_seed_determines_the_scene(name):
         assert (frame.rgb != different.rgb).any()
 
 
+@every_task
 def test_objects_and_instructions_can_stand_in_a_prompt(name):
-    task = TASKS[name]
+    task = ALL_TASKS[name]
     scenes = [make_task(name, 0, variation) for variation in range(task.variations)]
-    assert len({scene.instruction for scene in scenes}) == task.variations
+    if name in TASKS:  # of compositions scenes may vary instead
+        assert len({scene.instruction for scene in scenes}) == task.variations
     for scene in scenes:
         checked_instruction("instruction", scene.instruction)
         assert [checked_name("name", pose.name) for pose in scene.object_poses()] == list(task.object_names)
     assert set(task.yaw_symmetry_deg) <= set(task.object_names)
 
 
+@every_task
 def test_variations_take_turns_with_the_seed(name):
-    variations = TASKS[name].variations
+    variations = ALL_TASKS[name].variations
     assert [make_task(name, seed).variation for seed in range(variations)] == list(range(variations))
 
 
+@every_task
 def test_an_unknown_variation_is_refused(name):
     with pytest.raises(InvalidInputError, match="variation"):
-        make_task(name, 0, TASKS[name].variations + TASKS[name].test_only_variations)
+        make_task(name, 0, ALL_TASKS[name].variations + ALL_TASKS[name].test_only_variations)
 
 
+@every_task
 def test_objects_move_and_turn_from_seed_to_seed(name):
     scenes = [make_task(name, seed) for seed in range(8)]
     positions = np.array([[pose.position_m for pose in scene.object_poses()] for scene in scenes])
     assert (positions[..., :2].std(axis=0) > MIN_SPREAD_M).all()
-    for object_name in TASKS[name].object_names:
-        if TASKS[name].yaw_symmetry_deg.get(object_name) != 0:
+    for object_name in ALL_TASKS[name].object_names:
+        if ALL_TASKS[name].yaw_symmetry_deg.get(object_name) != 0:
             assert np.std([scene.yaw_rad(object_name) for scene in scenes]) > MIN_SPREAD_RAD
 
 
+@every_task
 def test_things_rest_before_the_arm_moves(name):
     scene = make_task(name, 2)
     assert np.abs(scene.data.qvel).max() < 0.01
     assert not scene.succeeded()
 
 
+@every_task
 @pytest.mark.parametrize("seed", [0, 1, *LATER])
 def test_the_front_camera_sees_every_object(name, seed):
     scene = seen(name, seed)
@@ -85,19 +99,21 @@ def test_the_front_camera_sees_every_object(name, seed):
         assert np.isin(front.mask, ids).sum() > MIN_PIXELS, object_name
 
 
+@every_expert
 @pytest.mark.parametrize("seed", [0, ONE_MORE, *LATER])
 def test_the_expert_and_its_binned_keyframes_succeed(name, seed):
     demonstration = record_demonstration(name, seed, images=False)
     assert demonstration.succeeded, demonstration.failure
     keyframes = merged(demonstration.trajectory)
     assert len(keyframes) == demonstration.num_expert_poses
-    assert 3 <= len(keyframes) <= 15
+    assert 3 <= len(keyframes) <= (MOST_KEYFRAMES if name in TASKS else MOST_OF_COMPOSITIONS)
     binned = [discretize_action(demonstration.trajectory.action_at(frame), WORKSPACE) for frame in keyframes]
     assert not any(action.clamped for action in binned)
     result = rollout(name, seed, [undiscretize_action(action.bins, WORKSPACE) for action in binned])
     assert result.succeeded, result.failure
 
 
+@every_expert
 @pytest.mark.parametrize("frequency_hz", [6, 50])
 def test_keyframes_are_the_experts_poses_at_other_rates(name, frequency_hz):
     demonstration = record_demonstration(name, 1, frequency_hz, images=False)

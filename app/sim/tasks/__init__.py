@@ -1,4 +1,4 @@
-"""The tasks, by name."""
+"""The tasks, by name: those of the paper, and beside them those of compositions."""
 
 from collections.abc import Mapping
 
@@ -6,6 +6,7 @@ from app.sim.tasks.base import SimTask
 from app.sim.tasks.buttons import PushButton, PushButtonReal, PushMultipleButtons
 from app.sim.tasks.close_jar import CloseJar
 from app.sim.tasks.close_laptop import CloseLaptop
+from app.sim.tasks.composition import COMPOSITIONS
 from app.sim.tasks.cubes import DestackCube, StackCube
 from app.sim.tasks.drawers import OpenDrawer, PutInDrawer
 from app.sim.tasks.meat_off_grill import MeatOffGrill
@@ -50,6 +51,8 @@ TASKS: Mapping[str, type[SimTask]] = {
         PutInCupboard,
     )
 }
+COMPOSITION_TASKS: Mapping[str, type[SimTask]] = {task.name: task for task in COMPOSITIONS}
+ALL_TASKS: Mapping[str, type[SimTask]] = {**TASKS, **COMPOSITION_TASKS}
 
 
 def make_task(name: str, seed: int, variation: int | None = None) -> SimTask:
@@ -58,9 +61,9 @@ def make_task(name: str, seed: int, variation: int | None = None) -> SimTask:
     Raises:
         InvalidInputError: if there is no such task or variation, naming those there are.
     """
-    if name not in TASKS:
-        raise InvalidInputError("task", f"{name!r} is not simulated", ", ".join(TASKS))
-    task = TASKS[name]
+    if name not in ALL_TASKS:
+        raise InvalidInputError("task", f"{name!r} is not simulated", ", ".join(ALL_TASKS))
+    task = ALL_TASKS[name]
     last = task.variations + task.test_only_variations - 1
     if variation is not None and not 0 <= variation <= last:
         raise InvalidInputError("variation", f"{name} has no variation {variation}", f"0..{last}")

@@ -1,0 +1,128 @@
+"""The sweep over compositions measures the model: one that says what the expert does solves each of its tasks.
+
+The model is a server that speaks OpenAI's HTTP API; it reads which scene is meant, and answers with the expert's poses.
+"""
+
+import json
+import re
+
+import numpy as np
+import pytest
+from rich.progress import Progress
+
+from app.evaluation.ledger import Ledger
+from app.evaluation.methods import EMBEDDED, OPEN, SWEEPS, chosen
+from app.evaluation.plan import Plan
+from app.evaluation.results import FIRST_TEST_SEED, Method
+from app.evaluation.run import Run
+from app.evaluation.server import running_server
+from app.evaluation.teach import suffix_of
+from app.pipeline.workspace import Workspace, discretize_action
+from app.sim.moves import action_from_move
+from app.sim.tasks import COMPOSITION_TASKS, make_task
+from roboprompt_client.client import RoboPromptClient
+from tests.evaluation.copying_llm import copying_llm
+from tests.evaluation.test_run import InlineExecutor
+
+MODEL = "openai_compatible/solver"
+BY_ITSELF = Method("default")
+# Where the instruction is unlike those of the demonstrations; elsewhere it is the scene that differs.
+REFUSED = {"build_tower", "press_in_order", "place_beside"}
+SWEEP = SWEEPS["composition"]
+QUERY = re.compile(r"\{[^{}]*'([^']*)'\}>\Z")
+
+
+def unseen(task):
+    return make_task(task, FIRST_TEST_SEED, COMPOSITION_TASKS[task].test_variation(FIRST_TEST_SEED))
+
+
+class Solver:
+    """Replies with the expert's poses, as integers of the task's workspace."""
+
+    def __init__(self):
+        self.scenes = {(scene := unseen(task)).instruction: scene for task in COMPOSITION_TASKS}
+        self.client, self.task = None, ""
+
+    def __call__(self, message):
+        if not (query := QUERY.search(message)):
+            return "none"  # asked which of the taught instructions is meant
+        scene = self.scenes[query[1]]
+        return str([bins(action_from_move(move), self.workspace) for move in scene.expert()])
+
+    @property
+    def workspace(self):
+        """As it follows from the demonstrations."""
+        box = self.client.get(f"/tasks/{self.task}")["workspace"]
+        return Workspace(box["min"], box["max"])
+
+
+def bins(action, workspace):
+    return list(discretize_action(action, workspace).bins)
+
+
+@pytest.fixture(scope="module")
+def service(tmp_path_factory):
+    """Its LLM, and what that was asked."""
+    solver = Solver()
+    with copying_llm(solver) as (llm, asked):
+        environment = {"ROBOPROMPT_DEFAULT_MODEL": MODEL, "ROBOPROMPT_COMPATIBLE_BASE_URL": llm}
+        with running_server(tmp_path_factory.mktemp("data"), environment) as url, RoboPromptClient(url) as client:
+            solver.client = client
+            yield solver, asked
+
+
+def run(solver, folder, task, methods, demonstrations):
+    plan = Plan((task,), methods, 1, demonstrations, "roboprompt eval")
+    with Ledger(folder / "results.jsonl") as ledger:
+        session = Run(plan, ledger, solver.client, InlineExecutor(), Progress(disable=True), shared=True)
+        solver.task = f"{task}{suffix_of(methods[0], methods)}.eval-{session._session}"
+        (result,) = session().tasks
+    assert not result.crashes
+    return result
+
+
+def assert_shown_as_recorded(prompt, taught, workspace):
+    """Each demonstration has the expert's poses, up to a bin, and none is left out."""
+    rows = [np.array(json.loads(text)) for text in re.findall(r">(\[\[.*?\]\])", prompt)]
+    poses = [item.recorded.expert_actions for item in taught]
+    assert [len(each) for each in rows] == [len(each) for each in poses]
+    for shown, actions in zip(rows, poses, strict=True):
+        expected = np.array([bins(action, workspace) for action in actions])
+        np.testing.assert_allclose(shown[:, :3], expected[:, :3], atol=1)
+        np.testing.assert_array_equal(shown[:, -1], expected[:, -1])
+
+
+@pytest.mark.parametrize("demonstrations", [1, pytest.param(10, marks=pytest.mark.long)])
+@pytest.mark.parametrize("task", COMPOSITION_TASKS)
+def test_the_right_answer_succeeds_where_it_is_allowed(service, tmp_path, task, demonstrations):
+    solver, asked = service
+    (method,) = chosen(SWEEP.with_models([MODEL]), [MODEL], [])
+    result = run(solver, tmp_path, task, (method, BY_ITSELF), demonstrations)
+    allowed, by_itself = result.trials
+    assert allowed.succeeded, allowed.failure
+    assert by_itself.execution is None
+    assert by_itself.refused == (task in REFUSED)
+    prompt = allowed.answer["prompt"]
+    assert "Franka" in prompt["system"]
+    assert prompt["user"] in [body["messages"][-1]["content"] for _, body in asked]
+    query = prompt["user"][prompt["user"].rindex("{") :]
+    assert all(f"'{name}': [" in query for name in COMPOSITION_TASKS[task].object_names)
+    assert_shown_as_recorded(prompt["user"], result.taught, solver.workspace)
+
+
+def test_what_the_scene_decides_is_shown_and_not_averaged(service, tmp_path):
+    solver, _ = service
+    (method,) = chosen(SWEEP.with_models([MODEL]), [MODEL], [])
+    result = run(solver, tmp_path, "way_round", (method,), 3)
+    answer = result.trials[0].answer
+    assert_shown_as_recorded(answer["prompt"]["user"], result.taught, solver.workspace)
+
+
+def test_models_are_asked_alike_and_the_yardsticks_have_no_other_rules():
+    *models, by_itself, copy, regression, replay = SWEEP.with_models([MODEL])
+    assert [method.options["model"] for method in models] == [*EMBEDDED, MODEL]
+    assert all(method.options == {**OPEN.options, "model": method.options["model"]} for method in models)
+    assert all(method.settings == OPEN.settings for method in (*models, copy, regression))
+    assert by_itself == Method("default", {"timeout_s": 300.0, "model": MODEL})
+    assert all(method.options["unfamiliar"] == "allow" for method in (copy, regression))
+    assert chosen(SWEEP.with_models([]), ["nearest", "replay"], []) == (copy, replay)
