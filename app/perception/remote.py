@@ -5,6 +5,7 @@ One question to the server has a deadline and retries, and each of its refusals 
 
 import asyncio
 import json
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -15,7 +16,7 @@ from app.perception.base import ObjectQuery, model_of
 from app.perception.models import RemoteModel
 from app.perception.poses_wire import Part, PoseAnswer, PoseQuestion, answers_from_json, request_parts
 from app.perception.sightings import Miss, Sighting, fused
-from app.pipeline.errors import ObjectNotVisibleError, UncertainPoseError
+from app.pipeline.errors import NoPoseError, ObjectNotVisibleError, UncertainPoseError
 from roboprompt_client.addresses import without_proxy
 from roboprompt_client.camera import RgbdFrame
 from roboprompt_client.errors import InvalidInputError, RoboPromptError
@@ -26,11 +27,12 @@ FIRST_PAUSE_S = 0.2  # doubled for each further try
 MAX_REPLY_BYTES = 1_000_000  # a pose takes 300
 MAX_SHOWN_CHARS = 300
 BUSY = frozenset({429, 502, 503, 504})
-# The service's own problems (RFC 9457), by the end of their type
-PROBLEMS: Mapping[str, type[InvalidInputError]] = {
+# The service's own problems of objects without a pose (RFC 9457), by the end of their type
+NO_POSE: Mapping[str, type[NoPoseError]] = {
     "object-not-visible": ObjectNotVisibleError,
     "uncertain-pose": UncertainPoseError,
 }
+OBJECT_FIELD = re.compile(r"objects\[(.+)\]")
 Asked = tuple[ObjectQuery, RemoteModel]
 
 
@@ -132,9 +134,12 @@ class PoseServer:
         if not isinstance(problem, dict) or not isinstance(problem.get("errors"), list) or not problem["errors"]:
             return InvalidInputError("cameras", f"the pose server {self.url} refused them: {_shown(response, body)}")
         first = problem["errors"][0] if isinstance(problem["errors"][0], dict) else {}
-        kind = PROBLEMS.get(str(problem.get("type", "")).rpartition("/")[2], InvalidInputError)
+        type_ = str(problem.get("type", "")).rpartition("/")[2]
         message = f"{_cut(first.get('message'))} (says the pose server {self.url})"
-        return kind(_cut(first.get("field")) or "cameras", message, _cut(first.get("valid")) or None)
+        field, valid = _cut(first.get("field")) or "cameras", _cut(first.get("valid")) or None
+        if (named := OBJECT_FIELD.fullmatch(field)) and (no_pose := NO_POSE.get(type_)):
+            return no_pose(named[1], message, valid)
+        return InvalidInputError(field, message, valid)
 
 
 async def _read(response: httpx.Response) -> bytes:

@@ -96,7 +96,7 @@ BODIES = {
     "question that is not UTF-8": posted("/predict", asking(b'"model": "\xc3\x28"'), 400),
     "UTF-8 of a surrogate": posted("/predict", asking(b'"model": "\xed\xa0\x80"'), 400),
     "overlong UTF-8": posted("/predict", asking(b'"model": "\xc0\xaf"'), 400),
-    "the same member twice": posted("/predict", asking(b'"seed": 1, "seed": "x"'), 422, "seed"),
+    "the same member twice": posted("/predict", asking(b'"seed": 1, "seed": "x"'), 400),
     "an integer of 4,000 digits": posted("/predict", asking(b'"seed": ' + b"9" * 4000), 422, "seed"),
     "a float of 1,000 digits": posted(
         "/predict", asking(b'"temperature": 2.' + b"0" * 999 + b"1e1"), 422, "temperature"
@@ -132,7 +132,7 @@ BODIES = {
         "/episodes", gzip.compress(b" " * 20_000_000), 400, None, {**JSON, "content-encoding": "gzip"}
     ),
     "MessagePack with the same key twice": posted(
-        "/predict", packed(b"\xa4seed\x01\xa4seed\xa1x", 2), 422, "seed", MSGPACK
+        "/predict", packed(b"\xa4seed\x01\xa4seed\xa1x", 2), 400, None, MSGPACK
     ),
     "MessagePack with NaN": posted(
         "/predict", packed(b"\xabtemperature\xcb" + struct.pack(">d", float("nan"))), 422, "temperature", MSGPACK
