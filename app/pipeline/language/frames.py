@@ -11,6 +11,11 @@ from app.pipeline.language.sentences import Sentences
 from app.pipeline.language.verbs import Family, common_families
 from app.pipeline.language.words import NUMBERS
 
+# Words without which a clause asks for something else, as numbers are: "in the reverse order"
+ALTERING = frozenset(
+    "reverse reversed backward backwards inverse inverted opposite contrary alternate alternating ascending descending "
+    "first last half halfway partly partially almost nearly slightly only except without once twice thrice never".split()
+)
 Signature = tuple[str | None, tuple[tuple[str, int], ...], frozenset[str]]
 
 
@@ -123,9 +128,9 @@ def _roles(clause: Clause, one_destination: bool) -> dict[str, tuple[NounPhrase,
 
 
 def _fixed_fit(asked: Clause, taught: Clause) -> bool:
-    """Words of the taught instruction may be left out, but not numbers; others may not be there."""
-    numbers = {word for word in taught.fixed if word in NUMBERS.values() or word.isdigit()}
-    return set(asked.fixed) <= set(taught.fixed) and numbers <= set(asked.fixed)
+    """Words of the taught instruction may be left out, but not those that decide; others may not be there."""
+    deciding = {word for word in taught.fixed if word in NUMBERS.values() or word.isdigit() or word in ALTERING}
+    return set(asked.fixed) <= set(taught.fixed) and deciding <= set(asked.fixed)
 
 
 def frames_of(instruction: str, lexicon: Lexicon) -> tuple[Frame, ...]:
