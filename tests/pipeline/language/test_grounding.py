@@ -101,6 +101,10 @@ def test_a_task_of_one_object_or_without_names_keeps_working(names, instructions
         (("part12", "bin"), ["put part12 in the bin"], "put part13 in the bin", UngroundedInstructionError),
         (("red block", "pad"), ["put 2 bricks on the pad"], "put 3 bricks on the pad", UngroundedInstructionError),
         (("red block", "pad"), ["put 2 bricks on the pad"], "put bricks on the pad", UngroundedInstructionError),
+        # a word that decides, and was taught
+        (BUTTONS, ["press the red and the blue button in the reverse order"],
+         "press the blue and the red button in this order", UnfamiliarInstructionError),
+        (("drawer",), ["open the drawer halfway"], "open the drawer", UnfamiliarInstructionError),
         # part of a plan that was taught as a whole
         (("door", "mug"), ["open the door, then lift the mug"], "lift the mug", UnfamiliarInstructionError),
         # two taught verbs that a third is like
