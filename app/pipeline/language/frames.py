@@ -12,10 +12,11 @@ from app.pipeline.language.verbs import Family, common_families
 from app.pipeline.language.words import NUMBERS
 
 # Words without which a clause asks for something else, as numbers are: "in the reverse order"
-ALTERING = frozenset(
-    "reverse reversed backward backwards inverse inverted opposite contrary alternate alternating ascending descending "
-    "first last half halfway partly partially almost nearly slightly only except without once twice thrice never".split()
-)
+ALTERING = frozenset({
+    "reverse", "reversed", "backward", "backwards", "inverse", "inverted", "opposite", "contrary", "alternate",
+    "alternating", "ascending", "descending", "first", "last", "half", "halfway", "partly", "partially", "almost",
+    "nearly", "slightly", "only", "except", "without", "once", "twice", "thrice", "never",
+})  # fmt: skip
 Signature = tuple[str | None, tuple[tuple[str, int], ...], frozenset[str]]
 
 
