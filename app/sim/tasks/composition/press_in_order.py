@@ -1,4 +1,4 @@
-"""Press buttons in an order that "before" and "after" tell."""
+"""Press buttons in an order that "before" and "after" give."""
 
 from app.sim.tasks.buttons import ButtonTask
 from app.sim.tasks.composition.base import CompositionTask
@@ -27,7 +27,7 @@ ASKED: tuple[Order, ...] = (
 class PressInOrder(CompositionTask, ButtonTask):
     """The scene of `push_button`; poses are the centres of the caps' tops.
 
-    Demonstrated are two and three presses told by "before", two told by "after"; asked for are three told by "after".
+    Demonstrated are two and three presses with "before", two with "after"; asked for are three with "after".
     Success: the buttons have been pressed in exactly the order asked for, with no other press.
     """
 
