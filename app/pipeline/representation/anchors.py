@@ -125,8 +125,7 @@ def choose_anchors(
         of_objects = [spreads[k] for spreads in spreads_m[: len(candidates)]]
         best = min(of_objects)
         equal = [c for c, spread in zip(candidates, of_objects, strict=True) if spread <= best + EQUAL_SPREAD_M]
-        likeliest = equal[-1] if len(group) == 1 else equal[0]
-        choice = chosen[-1] if chosen and chosen[-1] in equal else likeliest
+        choice = chosen[-1] if chosen and chosen[-1] in equal else equal[0]
         for anchors, spreads in zip(others, spreads_m[len(candidates) :], strict=True):
             if spreads[k] + EQUAL_SPREAD_M < CLEARLY_LESS * best:
                 best, choice = spreads[k], anchors
@@ -135,7 +134,10 @@ def choose_anchors(
 
 
 def _candidates(group: Sequence[Demonstration]) -> list[list[Anchor]]:
-    """Per candidate one anchor for each demonstration: objects by order of mention, the others by name."""
+    """Per candidate one anchor for each demonstration: objects by order of mention, the others by name.
+
+    The likelier first; a single demonstration rather follows an object's own axes.
+    """
     ordered = [in_order(d.objects, d.instruction) for d in group]
     mentioned = [len(mention_order([pose.name for pose in d.objects], d.instruction)) for d in group]
     by_mention = [[objects[i].name for objects in ordered] for i in range(min(mentioned))]
@@ -145,11 +147,12 @@ def _candidates(group: Sequence[Demonstration]) -> list[list[Anchor]]:
         if all(pose.name not in [p.name for p in o[:m]] for o, m in zip(ordered, mentioned, strict=True))
     ]
     columns = by_mention + [[name] * len(group) for name in never_mentioned]
+    frames = OBJECT_FRAMES[::-1] if len(group) == 1 else OBJECT_FRAMES
     without_rotation = {pose.name for d in group for pose in d.objects if pose.quaternion_xyzw is None}
     return [
         [Anchor(name, frame) for name in column]
         for column in columns
-        for frame in OBJECT_FRAMES
+        for frame in frames
         if frame == "w" or without_rotation.isdisjoint(column)
     ]
 

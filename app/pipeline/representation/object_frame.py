@@ -6,9 +6,8 @@ Objects stand in the order in which the instruction mentions them, each with a l
 letter, one of two frames at the object's position (`w`: world axes, `o`: axes turned with the object), the offset in
 units of 5 mm, the relative rotation in 72 bins and the gripper. A rotation with the numbers of the row before is left
 out. A row that follows no object has `world` or `start` (where the end effector was at first) instead of letter and
-frame. Rows of demonstrations that ask for the same thing of
-other objects are then the same. A reply is decoded against the CONTINUOUS observed pose, so that the object's own
-binning costs nothing.
+frame. Rows of demonstrations that ask for the same thing of other objects are then the same. A reply is decoded against
+the CONTINUOUS observed pose, so that the object's own binning costs nothing.
 """
 
 import re
