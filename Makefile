@@ -1,5 +1,7 @@
 # make setup | dev | demo | serve | test | check | audit | wheels | sbom | long | torture | attack | fuzz | soak | growth | bench | metaworld | client | franka | format | openapi | lock
 PYTHON ?= python3
+# Modules are compiled when they are first imported: most never are, and all of them take a minute.
+PIP_INSTALL = $(BIN)/python -m pip install --quiet --no-compile
 BIN := .venv/bin
 STAMP := .venv/.installed
 DEV_STAMP := .venv/.installed-dev
@@ -15,17 +17,17 @@ $(STAMP): requirements.lock pyproject.toml client/pyproject.toml
 	@echo "1 of 3: makes the virtual environment .venv"
 	@$(PYTHON) -m venv .venv
 	@echo "2 of 3: installs the $$(grep -c == requirements.lock) packages of requirements.lock, a minute or two"
-	@$(BIN)/python -m pip install --quiet --require-hashes --requirement requirements.lock
+	@$(PIP_INSTALL) --require-hashes --requirement requirements.lock
 	@echo "3 of 3: installs RoboPrompt itself"
-	@$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable ./client
-	@$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable .
+	@$(PIP_INSTALL) --no-deps --no-build-isolation --editable ./client
+	@$(PIP_INSTALL) --no-deps --no-build-isolation --editable .
 	@touch $(STAMP)
 
 dev: $(DEV_STAMP)
 
 $(DEV_STAMP): requirements-dev.lock $(STAMP)
 	@echo "For developers: installs what requirements-dev.lock has beyond it, a minute"
-	@$(BIN)/python -m pip install --quiet --require-hashes --requirement requirements-dev.lock
+	@$(PIP_INSTALL) --require-hashes --requirement requirements-dev.lock
 	@touch $(DEV_STAMP)
 
 demo: setup
@@ -40,7 +42,7 @@ lint: dev
 	$(BIN)/mypy
 
 test: lint
-	$(BIN)/python -m pytest --numprocesses 2 --dist loadfile --no-loadscope-reorder
+	$(BIN)/python -m pytest --numprocesses 3 --dist loadfile --no-loadscope-reorder
 
 # Says so where the database of vulnerabilities cannot be reached, and fails where a package has one.
 audit: dev

@@ -144,13 +144,17 @@ def hdf5_of_nothing(folder):
     return folder / "data.hdf5"
 
 
+def by_make_attack(bomb):
+    return pytest.param(bomb, marks=pytest.mark.long)
+
+
 BOMBS = (
     mcap_of_long_messages,
-    mcap_of_many_messages,
-    zip_of_one_picture,
+    by_make_attack(mcap_of_many_messages),
+    by_make_attack(zip_of_one_picture),
     zip_of_many_pictures,
     parquet_of_equal_rows,
-    parquet_of_long_instructions,
+    by_make_attack(parquet_of_long_instructions),
     hdf5_of_nothing,
 )
 

@@ -31,8 +31,8 @@ def killable_server(data, environment=None, *options):
 
 @contextmanager
 def running_server(data, environment=None):
-    """What `app.evaluation.server.running_server` does, in a forked process."""
-    with killable_server(data, {"ROBOPROMPT_WARM_UP": "true", **WITHOUT_KEYS, **(environment or {})}) as (_, url):
+    """What `app.evaluation.server.running_server` does, in a forked process; no LLM reads what is uploaded."""
+    with killable_server(data, {**WITHOUT_KEYS, **(environment or {})}) as (_, url):
         yield url
 
 

@@ -12,7 +12,7 @@ from tests.episodes import metadata, upload
 @pytest.fixture(scope="module")
 def http(tmp_path_factory):
     with (
-        running_server(tmp_path_factory.mktemp("warm")) as url,
+        running_server(tmp_path_factory.mktemp("warm"), {"ROBOPROMPT_WARM_UP": "true"}) as url,
         httpx.Client(base_url=url, timeout=120) as client,
     ):
         for number in range(4):

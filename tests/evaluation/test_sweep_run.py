@@ -27,7 +27,7 @@ PATIENCE_S = 90
 
 def arguments(folder):
     tasks = [word for task in TASKS for word in ("--task", task)]
-    few = ["--episodes", "2", "--demos", "3", "--model", "regression", "--no-report", "--json"]
+    few = ["--episodes", "2", "--demos", "2", "--model", "regression", "--no-report", "--json"]
     return ["eval", *tasks, *few, "--out", str(folder)]
 
 
@@ -147,7 +147,7 @@ def test_a_finished_run_is_not_run_again(folder):
 
 
 def test_the_page_of_failures(tmp_path):
-    plan = Plan(("push_button",), (REGRESSION, REPLAY), 1, 4, "roboprompt eval")
+    plan = Plan(("push_button",), (REGRESSION, REPLAY), 1, 2, "roboprompt eval")
     run = SweepRun("main", plan, tmp_path)
     result = run(Progress(disable=True))
     assert result.remaining == 0

@@ -68,7 +68,7 @@ def test_the_reply_is_the_pattern_up_to_the_stop_string_and_usage_counts(model, 
     assert completion.finish_reason == "stop"
     assert re.fullmatch(r" 1 (red|blue) cube w: \+0 \+0 \+20 0 36 36 1", completion.text)
     usage = completion.usage
-    assert 50 < usage.prompt_tokens < 400
+    assert 50 < usage.prompt_tokens < 300
     assert 9 < usage.completion_tokens < 60
     assert 0 <= usage.cached_tokens < usage.prompt_tokens
 
@@ -94,7 +94,7 @@ def test_a_repeated_prefix_is_not_read_again(backend, models, run):
     first, second = (
         run(complete(models[backend], asking(object_frame_prompt(seed, query), max_tokens=2))).usage for query in (3, 4)
     )
-    assert first.prompt_tokens - first.cached_tokens > 100
+    assert first.prompt_tokens - first.cached_tokens > 70
     assert second.prompt_tokens - second.cached_tokens < 60
 
 

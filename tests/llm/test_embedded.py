@@ -181,8 +181,10 @@ async def client_of(llama_server):
 
 @pytest.mark.parametrize(
     ("request_", "other_words"),
-    [(asking(object_frame_prompt(grammar=ENDLESS), max_tokens=1500), "e f g h "), (asking(LONG_PROMPT), "i j k l ")],
-    ids=["writing", "reading"],
+    [
+        pytest.param(asking(object_frame_prompt(grammar=ENDLESS), max_tokens=1500), "e f g h ", id="writing"),
+        pytest.param(asking(LONG_PROMPT), "i j k l ", id="reading", marks=pytest.mark.long),
+    ],
 )
 def test_a_cancelled_request_stops_llama_cpp(llama_server, request_, other_words):
     """1500 tokens take 30 s to write, LONG_PROMPT takes 7 s to read; a piece of it takes half a second.

@@ -14,7 +14,7 @@ from app.llm.llama.weights import find_trimmed_weights
 from tests.llm.test_embedded import PROFILE
 from tests.llm.texts import asking, object_frame_prompt
 
-NUM_REQUESTS, NUM_TASKS, SLOTS = 6, 4, 4
+NUM_REQUESTS, NUM_TASKS, SLOTS = 5, 3, 4
 
 
 @pytest.fixture(scope="module")

@@ -26,8 +26,8 @@ def trimmed_path(settings):
 
 
 @pytest.fixture(scope="module")
-def trimmed_server(trimmed_path):
-    options = LlamaOptions(str(trimmed_path), slots=2, context_tokens=2048, threads=1)
+def whole_server(settings):
+    options = LlamaOptions(str(find_weights("gemma-3-270m", settings)()), slots=2, context_tokens=2048, threads=1)
     process = LlamaProcess(options)
     process.api_key = options.api_key
     yield process
@@ -119,16 +119,16 @@ TEXTS = {
 
 
 @pytest.mark.parametrize("text", TEXTS.values(), ids=TEXTS)
-def test_prompts_are_read_as_the_same_tokens(llama_server, trimmed_server, text):
-    assert pieces(trimmed_server, text) == pieces(llama_server, text)
+def test_prompts_are_read_as_the_same_tokens(llama_server, whole_server, text):
+    assert pieces(llama_server, text) == pieces(whole_server, text)
 
 
-def test_rare_words_are_read_in_pieces(trimmed_server):
+def test_rare_words_are_read_in_pieces(llama_server):
     text = " maroon screwdriver"
-    assert pieces(trimmed_server, text) == [" mar", "oon", " scre", "wdriver"]
+    assert pieces(llama_server, text) == [" mar", "oon", " scre", "wdriver"]
 
 
-def test_replies_are_the_same(llama_server, trimmed_server):
+def test_replies_are_the_same(llama_server, whole_server):
     prompt = object_frame_prompt()
     body = {"prompt": prompt.user, "n_predict": 60, "temperature": 0, "grammar": prompt.grammar, "stop": ["\n"]}
 
@@ -137,7 +137,7 @@ def test_replies_are_the_same(llama_server, trimmed_server):
         url = server.base_url.replace("/v1", "/completion")
         return httpx.post(url, json=body, headers=headers, timeout=120, trust_env=False).raise_for_status().json()
 
-    assert reply(trimmed_server)["content"] == reply(llama_server)["content"]
+    assert reply(llama_server)["content"] == reply(whole_server)["content"]
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ ENDLESS = 'root ::= "a " root'
 REPLY = " 1 red cube w: +0 +0 +20 0 36 36 1"
 
 
-def object_frame_prompt(seed=0, query_seed=0, num_demonstrations=3, grammar=GRAMMAR):
+def object_frame_prompt(seed=0, query_seed=0, num_demonstrations=2, grammar=GRAMMAR):
     """Move above the cube that the instruction names."""
     rng = random.Random(seed)
     prefix = "".join(_demonstration(rng) for _ in range(num_demonstrations))
@@ -33,7 +33,7 @@ def _observation(rng, colour):
     return f"{cubes}; lift the {colour} cube >"
 
 
-def absolute_prompt(num_demonstrations=6):
+def absolute_prompt(num_demonstrations=4):
     """The paper's format: 10 bins above the block, then on it."""
     rng = random.Random(0)
     prefix = ""

@@ -22,7 +22,7 @@ def plans(off_m, number=10, after_m=None, closes=1):
     return Support.of([shown]).placed(shown[0].objects, INSTRUCTION, None)
 
 
-@pytest.mark.parametrize(("off_m", "severity"), [(0.005, None), (0.02, "info"), (0.05, "warning")])
+@pytest.mark.parametrize(("off_m", "severity"), [(0.005, None), (0.02, "info"), (0.05, "warning"), (0.1, "danger")])
 def test_the_centre_counts(off_m, severity):
     found = list(scatter_findings(plans(off_m)))
     assert [finding.severity for finding in found] == ([] if severity is None else [severity])
@@ -39,7 +39,7 @@ def test_more_demonstrations_make_up_for_noise():
 def test_an_empty_hand_that_closes_on_the_way_says_nothing():
     assert list(scatter_findings(plans(0.15, after_m=0.0))) == []
     (lost,) = scatter_findings(plans(0.15))
-    assert lost.severity == "warning"
+    assert lost.severity == "danger"
 
 
 def test_without_a_switch_nothing_acts():

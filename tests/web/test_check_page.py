@@ -13,7 +13,7 @@ def test_the_way_there(page, seeded):
     assert sorted(links.all_inner_texts()) == sorted(episode["id"][:8] for episode in seeded)
 
 
-@pytest.mark.parametrize(("scheme", "width"), [("light", 1280), ("dark", 360)])
+@pytest.mark.parametrize(("scheme", "width"), [pytest.param("light", 1280, marks=pytest.mark.long), ("dark", 360)])
 def test_it_can_be_read_by_everyone(page, check_accessibility, scheme, width):
     page.emulate_media(color_scheme=scheme)
     page.set_viewport_size({"width": width, "height": 800})

@@ -227,7 +227,7 @@ def test_wrong_addresses_and_values_are_told(page, seeded):
     expect(page.get_by_role("alert")).to_contain_text("delta_rad_s")
 
 
-@pytest.mark.parametrize(("scheme", "width"), [("light", 1280), ("dark", 360)])
+@pytest.mark.parametrize(("scheme", "width"), [pytest.param("light", 1280, marks=pytest.mark.long), ("dark", 360)])
 def test_it_can_be_read_by_everyone(page, seeded, check_accessibility, scheme, width):
     page.emulate_media(color_scheme=scheme)
     page.set_viewport_size({"width": width, "height": 800})

@@ -86,7 +86,7 @@ def test_empty_and_unknown_tasks_say_so(page):
     expect(page.get_by_role("alert")).to_contain_text("cursor")
 
 
-@pytest.mark.parametrize(("scheme", "width"), [("light", 1280), ("dark", 360)])
+@pytest.mark.parametrize(("scheme", "width"), [pytest.param("light", 1280, marks=pytest.mark.long), ("dark", 360)])
 def test_it_can_be_read_by_everyone(page, check_accessibility, scheme, width):
     page.emulate_media(color_scheme=scheme)
     page.set_viewport_size({"width": width, "height": 800})

@@ -134,7 +134,7 @@ def test_files_that_are_no_demonstration_are_named(page, tmp_path):
     expect(said).to_contain_text("rgb_front.png: metadata.json with trajectory.npz is not beside it")
 
 
-@pytest.mark.parametrize(("scheme", "width"), [("light", 1280), ("dark", 360)])
+@pytest.mark.parametrize(("scheme", "width"), [pytest.param("light", 1280, marks=pytest.mark.long), ("dark", 360)])
 def test_it_can_be_read_by_everyone(page, check_accessibility, scheme, width):
     page.emulate_media(color_scheme=scheme)
     page.set_viewport_size({"width": width, "height": 800})

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from app.pipeline.episode import Demonstration
-from app.pipeline.plans.rows import PlanRow, plan_rows
+from app.pipeline.plans.rows import BEYOND_NOISE_M, PlanRow, acting_rows, plan_rows
 from app.pipeline.representation.anchors import M_PER_RAD, Anchor, anchor_frame, in_order, tilted_objects
 from roboprompt_client.arrays import Array
 from roboprompt_client.trajectory import EndEffectorAction
@@ -30,6 +30,9 @@ FAR_APART_M = 0.03  # two demonstrations cannot tell scatter from two ways
 def agreed(group: Sequence[Demonstration]) -> tuple[Demonstration, ...]:
     """The demonstrations of one plan with each row that they agree on at its centre.
 
+    Where the gripper acts here in one demonstration and there in another, its rows that scatter as far are not among
+    them: half-way the hand does nothing of use.
+
     Args:
         group: demonstrations with equally many actions that ask for the same.
     """
@@ -37,9 +40,13 @@ def agreed(group: Sequence[Demonstration]) -> tuple[Demonstration, ...]:
         return tuple(group)
     tilted = tilted_objects(group)
     columns = []
-    for k, row in enumerate(plan_rows(group)):
+    rows = plan_rows(group)
+    undecided = {k for k, row in enumerate(rows) if row.scatter_m > BEYOND_NOISE_M}
+    if undecided.isdisjoint(acting_rows(rows)):
+        undecided = set()
+    for k, row in enumerate(rows):
         shown = [demonstration.actions[k] for demonstration in group]
-        columns.append(_centred(group, row, tilted) if agrees(group, row) else shown)
+        columns.append(_centred(group, row, tilted) if k not in undecided and agrees(group, row) else shown)
     return tuple(
         replace(demonstration, actions=tuple(actions))
         for demonstration, actions in zip(group, zip(*columns, strict=True), strict=True)
@@ -97,7 +104,7 @@ def _depends_on_scene(group: Sequence[Demonstration], row: PlanRow) -> bool:
 
     A row of this kind has no anchor that explains it, e.g. half-way between two objects.
     """
-    if float(np.median(row.off_m)) < NEGLIGIBLE_M or len(group) < 6:
+    if row.scatter_m < NEGLIGIBLE_M or len(group) < 6:
         return False
     constant_m = _left_out_m(np.zeros((len(group), 0)), row.offsets_m)
     for place in range(len(group[0].objects)):

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -14,6 +15,20 @@ HUBER = 1.5  # in robust standard deviations: what is farther from the centre co
 ITERATIONS = 5
 MAD_TO_SIGMA = 1.4826  # of a normal distribution
 PRECISE_M = 0.002
+BEYOND_NOISE_M = 0.08  # twice what rows scatter by where the noise of poses is twice the paper's
+CLOSER = 0.5  # times the scatter of a row, from which on a later one keeps to something
+
+
+class ScatteredRow(Protocol):
+    """A row of a plan, as far as it matters whether the gripper acts there."""
+
+    @property
+    def grippers(self) -> frozenset[bool]:
+        """Everything that the gripper does there."""
+
+    @property
+    def scatter_m(self) -> float:
+        """How far the median demonstration is from the centre."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +58,11 @@ class PlanRow:
         """(N,) distances of the demonstrations' offsets from the centre."""
         off: Array = np.linalg.norm(self.offsets_m - self.centre_m, axis=1)
         return off
+
+    @property
+    def scatter_m(self) -> float:
+        """How far the median demonstration is from the centre."""
+        return float(np.median(self.off_m))
 
     @property
     def off_deg(self) -> Array:
@@ -85,3 +105,14 @@ def robust_centre(offsets_m: Array, rotations: Rotation) -> tuple[Array, Rotatio
         centre_m = weights @ offsets_m / weights.sum()
         mean = rotations.mean(weights)
     return centre_m, mean
+
+
+def acting_rows(plan: Sequence[ScatteredRow]) -> list[int]:
+    """The rows in which the gripper acts on something: people close an empty hand on the way, wherever they are.
+
+    That is so where it switches only once, and the hand comes to something later that it keeps to more closely.
+    """
+    switches = [k for k in range(1, len(plan)) if plan[k - 1].grippers != plan[k].grippers]
+    if len(switches) > 1:
+        return switches
+    return [k for k in switches if not any(row.scatter_m < CLOSER * plan[k].scatter_m for row in plan[k + 1 :])]

@@ -137,7 +137,7 @@ class Support:
             float(row.off_m.max()) + MARGIN_M,
             float(row.off_deg.max()) + MARGIN_DEG,
             row.grippers,
-            float(np.median(row.off_m)),
+            row.scatter_m,
             len(row.off_m),
         )
 

@@ -68,6 +68,17 @@ def test_two_ways_are_never_averaged(apart_m, shares):
         assert same_actions(before.actions, after.actions)
 
 
+@pytest.mark.parametrize("closes", [True, False])
+def test_what_scatters_too_far_for_noise_is_averaged_on_the_way_only(closes):
+    """A third of the demonstrations act at the cube, the others anywhere; on the way the middle is as good."""
+    random = np.random.default_rng(11)
+    places_m = random.uniform(-0.2, 0.2, (12, 3)) * (np.arange(12) % 3 > 0)[:, None]
+    group = reached(OFFSET_M + places_m, random=random)
+    if closes:
+        group = [replace(d, actions=(*d.actions, replace(d.actions[0], gripper_open=False))) for d in group]
+    assert agrees(group) is not closes
+
+
 def test_a_row_half_way_between_two_objects_stays_as_it_was_shown():
     random = np.random.default_rng(3)
     seen = [scene(random) for _ in range(10)]

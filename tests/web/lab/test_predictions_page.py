@@ -134,7 +134,7 @@ def test_configurations_are_counted(page):
     assert fates(page) == ["succeeded"]
 
 
-@pytest.mark.parametrize(("scheme", "width"), [("light", 1280), ("dark", 375)])
+@pytest.mark.parametrize(("scheme", "width"), [pytest.param("light", 1280, marks=pytest.mark.long), ("dark", 375)])
 def test_all_can_be_read_by_everyone(page, seeded, check_accessibility, scheme, width):
     page.emulate_media(color_scheme=scheme)
     page.set_viewport_size({"width": width, "height": 800})
