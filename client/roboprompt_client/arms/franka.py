@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 
 from roboprompt_client.arms.driver import ArmState
-from roboprompt_client.arms.panda_kinematics import LIMITS_RAD, check_way
+from roboprompt_client.arms.geometry import PandaGeometry
+from roboprompt_client.arms.panda_kinematics import LIMITS_RAD
 from roboprompt_client.arrays import Array
 from roboprompt_client.errors import InvalidInputError, MotionError
 
@@ -82,9 +83,12 @@ class Franka:
         with self._errors("state"):
             if self._robot.has_errors:
                 raise MotionError(f"the arm reports {self._robot.state.current_errors}: call recover()")
-            tip = np.array(self._robot.state.F_T_EE.matrix, float)
             joints = np.array(self._robot.current_joint_state.position, float).reshape(7)
-        check_way(joints, tip, position_m, quaternion_xyzw, self._model)
+        self.geometry().way(joints, position_m, quaternion_xyzw)
+
+    def geometry(self) -> PandaGeometry:
+        with self._errors("state"):
+            return PandaGeometry(self._model, np.array(self._robot.state.F_T_EE.matrix, float))
 
     def start(self, position_m: Array, quaternion_xyzw: Array) -> None:
         target = self._franky.Affine(position_m, quaternion_xyzw)
