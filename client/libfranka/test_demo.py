@@ -13,6 +13,7 @@ from app.sim.libfranka.served import ServedScene
 from roboprompt_client import EndEffectorAction
 
 NEAR_M, NEAR_DEG = 0.001, 0.2
+SLOW_M = 0.003  # what 0.1 rad/s, still at rest to the rule, moves a hand 0.6 m away in a frame of 50 ms
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +30,7 @@ def test_what_the_driver_reports_has_the_expert_s_poses_as_keyframes(recorded):
     found = [trajectory.action_at(index) for index in merged(trajectory)]
     assert len(found) == len(actions)
     for keyframe, action in zip(found, actions, strict=True):
-        np.testing.assert_allclose(keyframe.position_m, action.position_m, atol=NEAR_M)
+        np.testing.assert_allclose(keyframe.position_m, action.position_m, atol=SLOW_M)
         assert keyframe.gripper_open == action.gripper_open
 
 

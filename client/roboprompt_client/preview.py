@@ -52,7 +52,7 @@ class Previewed:
             "open" if self.action.gripper_open else "closed",
             reach,
             nearest,
-            ", ".join(map(_box, self.touches)) or "nothing known",
+            ", ".join(map(_box, self.touches)) or "no known box",
         )
 
 
