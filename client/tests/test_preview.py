@@ -1,19 +1,24 @@
 """A plan is shown with what is wrong with it before anything moves."""
 
-from functools import partial
-
 import numpy as np
 import pytest
 from arms import Service
 
-from roboprompt_client import EndEffectorAction, PredictedActions, UnsafeActionError, run_closed_loop, run_task
+from roboprompt_client import (
+    EndEffectorAction,
+    NotConfirmedError,
+    PredictedActions,
+    UnsafeActionError,
+    run_closed_loop,
+    run_task,
+)
 from roboprompt_client import quaternions as rotations
 from roboprompt_client.arms.arm import Arm
 from roboprompt_client.arms.calibration import Calibration
 from roboprompt_client.arms.driver import ArmState
 from roboprompt_client.arms.geometry import PandaGeometry, franka_hand, nearest_limit
 from roboprompt_client.arms.panda_kinematics import flange
-from roboprompt_client.cli import _show
+from roboprompt_client.confirming import Person
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.motion_limits import Box, MotionLimits
 from roboprompt_client.preview import Cell, table
@@ -132,8 +137,30 @@ def test_a_plan_is_shown_before_it_is_refused_or_asked_about(run, capsys):
     arm = Arm(driver, calibration=AT_BASE, limits=MotionLimits(hand_radius_m=0.0))
     limits = MotionLimits(Box((-1, -1, 0), (2, 1, 2)), keep_out=(BOX,), hand_radius_m=0.05)
     service = Service(PredictedActions("p", (to(0.2, 0, 0.3),), {}), limits)
-    shown = {"preview": partial(_show, arm), "confirm": lambda *_: pytest.fail("asked")}
+    shown = {"preview": Person(arm).preview, "confirm": lambda *_: pytest.fail("asked")}
     with pytest.raises(UnsafeActionError):
         run(service, arm, "t", "go", **shown)
     assert "! action 1: the way touches the box" in capsys.readouterr().err
     assert driver.commands == ["halt"]
+
+
+@pytest.mark.parametrize("run", [whole, streamed, closed_loop])
+def test_a_person_hears_what_is_wrong_before_saying_yes(run, capsys, monkeypatch):
+    asked = []
+    monkeypatch.setattr("builtins.input", lambda question: asked.append((question, capsys.readouterr().err)) or "no")
+    driver = Ready()
+    arm = Arm(driver, calibration=AT_BASE)
+    person = Person(arm)
+    service = Service(PredictedActions("p", (to(1.2, 0, 0.4), to(0.4, 0, 0.4)), {}))
+    with pytest.raises(NotConfirmedError):
+        run(service, arm, "t", "go", preview=person.preview, confirm=person.confirm)
+    ((question, before),) = asked
+    assert question.startswith("action 1: to 0.900 0.000 1.150 m, gripper open")
+    assert before.splitlines()[0].startswith("action  position, m")
+    assert before.splitlines()[-1].startswith("! the pose is out of reach")
+    assert driver.commands == ["halt"]
+
+
+def test_of_another_robot_nothing_is_known(capsys):
+    Person(object()).preview([to(0.4, 0, 0.4)], NO_LIMITS)
+    assert "no preview" in capsys.readouterr().err
