@@ -16,7 +16,7 @@ from roboprompt_client.client import DEFAULT_URL, RoboPromptClient
 from roboprompt_client.confirming import Person
 from roboprompt_client.danger import OnDanger
 from roboprompt_client.errors import InvalidInputError, RoboPromptError
-from roboprompt_client.loop import run_closed_loop, run_task
+from roboprompt_client.loop import run_closed_loop, run_task, show_nothing
 from roboprompt_client.motion_limits import Box, MotionLimits, Pose
 from roboprompt_client.record_command import add_commands
 from roboprompt_client.scene_file import OBJECTS, observation_from_file
@@ -134,17 +134,18 @@ def _predict(client: RoboPromptClient, arguments: argparse.Namespace) -> dict[st
 def _run(client: RoboPromptClient, arguments: argparse.Namespace) -> dict[str, Any]:
     robot = open_robot(arguments.robot)
     person = Person(robot) if arguments.confirm else None
-    asked: dict[str, Any] = {} if person is None else {"confirm": person.confirm, "preview": person.preview}
+    confirm = None if person is None else person.confirm
+    preview = show_nothing if person is None else person.preview
     what = (client, robot, arguments.task, arguments.instruction)
     pinned = _pinned(arguments)
     # Who ends this script ends it through `run_task`, which stops the arm.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     danger = arguments.on_danger
     if arguments.closed_loop:
-        steps = run_closed_loop(*what, pinned=pinned, on_danger=danger, **asked)
+        steps = run_closed_loop(*what, pinned=pinned, confirm=confirm, on_danger=danger, preview=preview)
         return {"steps": [step.response for step in steps]}
     how = {"stream": arguments.stream, "look_again": arguments.look_again, "on_danger": danger}
-    return dict(run_task(*what, pinned=pinned, **asked, **how).response)
+    return dict(run_task(*what, pinned=pinned, confirm=confirm, preview=preview, **how).response)
 
 
 def _pinned(arguments: argparse.Namespace) -> MotionLimits:
