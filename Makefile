@@ -99,7 +99,8 @@ lock:
 		--output-file docker/server.lock
 	$(COMPILE) docker/build.in --constraint requirements-dev.lock --output-file docker/build.lock
 	$(COMPILE) benchmarks/metaworld/requirements.in --output-file benchmarks/metaworld/requirements.txt
-	$(COMPILE) client/libfranka/requirements.in --output-file client/libfranka/requirements.txt
+	$(COMPILE) client/libfranka/requirements.in --constraint requirements-dev.lock \
+		--output-file client/libfranka/requirements.txt
 	$(subst 3.11,3.10,$(COMPILE)) client/pyproject.toml client/tests.in --output-file client/tests.txt
 
 bench: dev
@@ -132,18 +133,16 @@ $(CLIENT_STAMP): client/tests.txt client/pyproject.toml
 client: $(CLIENT_STAMP)
 	cd client && .venv/bin/python -m pytest
 
-# A Franka arm through libfranka's own protocol, simulated, in an environment of its own.
-FRANKA_BIN := client/libfranka/.venv/bin
-FRANKA_STAMP := client/libfranka/.venv/.installed
+# A Franka arm through libfranka's own protocol, simulated. Its driver and the simulation are installed beside the rest, so
+# that `roboprompt demo --robot franka` works from then on; the lock holds both to one version of every package.
+FRANKA_STAMP := .venv/.installed-franka
 
-$(FRANKA_STAMP): client/libfranka/requirements.txt client/pyproject.toml
-	$(PYTHON) -m venv client/libfranka/.venv
-	$(FRANKA_BIN)/python -m pip install --quiet --require-hashes --requirement client/libfranka/requirements.txt
-	$(FRANKA_BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable ./client
-	touch $(FRANKA_STAMP)
+$(FRANKA_STAMP): client/libfranka/requirements.txt $(DEV_STAMP)
+	@$(BIN)/python -m pip install --quiet --require-hashes --requirement client/libfranka/requirements.txt
+	@touch $(FRANKA_STAMP)
 
 franka: $(FRANKA_STAMP)
-	cd client && libfranka/.venv/bin/python -m pytest libfranka
+	cd client && ../$(BIN)/python -m pytest libfranka
 
 clean:
-	rm -rf .venv client/.venv client/libfranka/.venv benchmarks/metaworld/.venv .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache
+	rm -rf .venv client/.venv benchmarks/metaworld/.venv .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache

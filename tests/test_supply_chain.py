@@ -48,6 +48,12 @@ def test_every_lock_has_the_versions_that_are_tested(path):
     assert {name: tested.get(name) for name in locked} == locked
 
 
+def test_what_is_installed_beside_the_lock_changes_nothing_of_it():
+    tested, beside = versions("requirements-dev.lock"), versions("client/libfranka/requirements.txt")
+    assert {"mujoco", "numpy"} <= set(beside) & set(tested)
+    assert {name: tested.get(name, beside[name]) for name in beside} == beside
+
+
 def test_every_pinned_package_has_a_hash():
     for path in ("docker/server.lock", "docker/build.lock"):
         for block in re.split(r"\n(?=\S)", (ROOT / path).read_text().strip()):

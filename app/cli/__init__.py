@@ -16,6 +16,7 @@ from app.cli import (
     import_data,
     jobs,
     keys,
+    record,
     serve,
     teach_objects,
 )
@@ -28,6 +29,7 @@ application.command("backup")(backup.back_up)
 application.command("restore")(backup.restore)
 application.command("jobs")(jobs.jobs)
 application.command("demo")(demo.demo)
+application.command("record")(record.record)
 application.command("eval")(evaluate.evaluate)
 application.command("films")(demo.films)
 application.command("film")(demo.film)

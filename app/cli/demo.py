@@ -6,7 +6,9 @@
 import json
 import shlex
 import sys
+from dataclasses import asdict
 from datetime import datetime
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -17,6 +19,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from app.cli.shared import check_models, check_names
 
 TASKS = ("push_button", "stack_cube", "open_drawer")
+DRIVERS = {"simulated": (), "franka": ("franky", "franky_sim")}
 
 
 def demo(
@@ -28,6 +31,10 @@ def demo(
     poses: Annotated[
         Literal["given", "vision"], typer.Option(help="vision: images only, by object models learned beforehand")
     ] = "given",
+    robot: Annotated[
+        Literal["simulated", "franka"],
+        typer.Option(help="franka: teach and act through its driver, over libfranka's protocol"),
+    ] = "simulated",
     compare: Annotated[
         bool, typer.Option(help="also a regression, the expert's replay and, with --model, the paper's format")
     ] = True,
@@ -41,6 +48,7 @@ def demo(
     # The simulator is an extra that `roboprompt serve` does without.
     from app.evaluation.methods import methods_beside, with_poses
     from app.evaluation.plan import Plan
+    from app.evaluation.reached import reached
     from app.evaluation.report import write_report
     from app.evaluation.run import run_demo
     from app.evaluation.scores import errors_of, results_table, summary
@@ -51,6 +59,7 @@ def demo(
     if representation is not None:
         check_names("--representation", [representation], REPRESENTATIONS)
     check_models([] if model is None else [model])
+    _check_robot(robot)
     folder = report or Path("reports") / f"demo-{datetime.now():%Y%m%d-%H%M%S}"
     if (data := folder / "data").exists():
         raise typer.BadParameter(
@@ -59,18 +68,29 @@ def demo(
     console = Console(stderr=as_json)
     command = shlex.join(["roboprompt", *sys.argv[1:]])
     methods = with_poses(methods_beside(model, representation)[: None if compare else 1], poses)
-    plan = Plan(tuple(task or TASKS), methods, episodes, demos, command, images=True)
+    plan = Plan(tuple(task or TASKS), methods, episodes, demos, command, images=True, robot=robot)
     columns = (TextColumn("{task.description:<30}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console) as progress:
         evaluation = run_demo(plan, progress, data)
     console.print(results_table(evaluation))
     for message, number in errors_of(evaluation):
         console.print(f"{number} trials could not be run: {message}", markup=False)
+    if (arrivals := reached(evaluation)) is not None:
+        console.print(f"{arrivals}; pictures in the report: the same actions in the direct simulation")
     index = write_report(evaluation, folder)
     console.print(f"{evaluation.duration_s:.0f} s in all; report: {index}")
     console.print(f"To walk through it in a browser: roboprompt serve --data {data}", soft_wrap=True)
     if as_json:
-        print(json.dumps({**summary(evaluation), "report": str(index)}))  # noqa: T201
+        arrived = {} if arrivals is None else {"reached": asdict(arrivals)}
+        print(json.dumps({**summary(evaluation), **arrived, "report": str(index)}))  # noqa: T201
+
+
+def _check_robot(robot: str) -> None:
+    """Refuse a robot whose driver is not installed, before anything is started."""
+    missing = [name for name in DRIVERS[robot] if find_spec(name) is None]
+    if missing:
+        message = f"{robot} needs {' and '.join(missing)} (valid: pip install '.[franka]', or make franka)"
+        raise typer.BadParameter(message, param_hint="--robot")
 
 
 def films(

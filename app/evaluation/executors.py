@@ -33,11 +33,15 @@ class Executor(Protocol):
 
 
 class LocalExecutor:
-    """A process for each core that this process may use. A pool whose worker died is replaced."""
+    """Processes on this machine. A pool whose worker died is replaced.
 
-    def __init__(self) -> None:
-        self.workers = usable_cores()
-        self.description = f"{self.workers} processes on this machine"
+    Args:
+        workers: None: one for each core that this process may use.
+    """
+
+    def __init__(self, workers: int | None = None) -> None:
+        self.workers = workers or usable_cores()
+        self.description = f"{self.workers} process{'es' if self.workers > 1 else ''} on this machine"
         self._lock = threading.Lock()
         self._pool = self._new_pool()
 

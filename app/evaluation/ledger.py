@@ -42,6 +42,7 @@ def document_of(outcome: Trial | Crash) -> Document:
         "objects": [object_json(pose) for pose in outcome.scene.objects],
         "actions": [_action_json(action) for action in outcome.actions],
         "num_executed": None if execution is None else execution.num_executed,
+        "misses": [] if execution is None else list(execution.misses),
         "predict_s": outcome.predict_s,
         "execute_s": outcome.execute_s,
         "answer": outcome.answer,
@@ -59,7 +60,8 @@ def outcome_of(document: Document) -> Trial | Crash:
     execution, num_executed = None, document["num_executed"]
     if num_executed is not None:
         succeeded = document["status"] == "success"
-        execution = RolloutResult(task, seed, num_executed, succeeded, document["failure"], film_strip=())
+        misses = tuple((off_m, off_deg) for off_m, off_deg in document.get("misses", ()))
+        execution = RolloutResult(task, seed, num_executed, succeeded, document["failure"], (), misses)
     return Trial(
         task,
         seed,

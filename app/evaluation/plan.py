@@ -9,7 +9,7 @@ from app.evaluation.ledger import Ledger, digest_of
 from app.evaluation.results import FIRST_TEST_SEED, Crash, Evaluation, Method, TaskEvaluation, Trial
 from app.evaluation.teach import Lesson, Recording
 from app.evaluation.trials import Cell
-from app.sim.demonstrate import Recordings
+from app.sim.demonstrate import Recordings, RobotName
 
 CONTROL_FREQUENCY_HZ = 20.0  # of RLBench's demonstrations
 
@@ -26,6 +26,7 @@ class Plan:
         predictions_at_once: requests that the service is asked at a time.
         recordings: whether the expert rests at its poses while it demonstrates.
         first_test_seed: unseen scenes are drawn from this seed on.
+        robot: what moves the arm, in demonstrations and tests.
     """
 
     tasks: tuple[str, ...]
@@ -38,6 +39,7 @@ class Plan:
     control_frequency_hz: float = CONTROL_FREQUENCY_HZ
     recordings: Recordings = "rests"
     first_test_seed: int = FIRST_TEST_SEED
+    robot: RobotName = "simulated"
 
     @property
     def recorded(self) -> int:
@@ -58,7 +60,7 @@ class Plan:
     @property
     def recording(self) -> Recording:
         """How demonstrations are recorded; they are drawn from the seeds from 0 on, but for those of unseen scenes."""
-        return Recording(self.control_frequency_hz, self.recordings, self.seeds)
+        return Recording(self.control_frequency_hz, self.recordings, self.seeds, self.robot)
 
     def cells(self) -> Iterator[Cell]:
         """Every trial. A method's trials on a task follow each other, so that the LLM keeps their common prefix."""
@@ -76,6 +78,8 @@ class Plan:
         }
         if self.recordings != "rests":  # results that do not say stay valid
             taught["recordings"] = self.recordings
+        if self.robot != "simulated":
+            taught["robot"] = self.robot
         if self.first_test_seed != FIRST_TEST_SEED:
             taught["first_test_seed"] = self.first_test_seed
         if self.first_test_seed < FIRST_TEST_SEED:  # their number decides which scenes are left to demonstrate

@@ -167,7 +167,7 @@ class Run:
 
     def _laboratory(self) -> Laboratory:
         asking = threading.Semaphore(self.plan.predictions_at_once)
-        return Laboratory(self.client, self.executor, asking, self.plan.recordings)
+        return Laboratory(self.client, self.executor, asking, self.plan.recordings, self.plan.robot)
 
     def _run_cell(self, laboratory: Laboratory, cell: Cell, lesson: Lesson | Exception) -> None:
         digest = self.plan.digest(cell.method)
@@ -194,7 +194,7 @@ def run_demo(plan: Plan, progress: Progress, data: Path) -> Evaluation:
     with (
         tempfile.TemporaryDirectory(prefix="roboprompt-") as folder,
         Ledger(Path(folder) / "results.jsonl") as ledger,
-        closing(LocalExecutor()) as executor,
+        closing(LocalExecutor(1 if plan.robot == "franka" else None)) as executor,
         service(warm_up=plan.asks_default_model, data=data) as client,
     ):
         evaluation = Run(plan, ledger, client, executor, progress)()

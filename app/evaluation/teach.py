@@ -16,7 +16,8 @@ from app.evaluation.executors import Executor
 from app.evaluation.failures import ExpertFailedError, NotLearnedError
 from app.evaluation.paper import disturbed
 from app.evaluation.results import Method, TaughtEpisode
-from app.sim.demonstrate import RecordedDemonstration, Recordings, record_demonstration
+from app.sim.demonstrate import RecordedDemonstration, Recordings, RobotName, record_demonstration
+from app.sim.libfranka import demonstrate as over_libfranka
 from app.sim.tasks import ALL_TASKS
 from roboprompt_client.camera import RgbdFrame
 from roboprompt_client.client import RoboPromptClient
@@ -74,11 +75,13 @@ class Recording:
     Attributes:
         recordings: whether the expert rests at its poses.
         unseen: seeds of scenes that no demonstration may show.
+        robot: what moves the arm; a Franka's driver rests at each pose.
     """
 
     control_frequency_hz: float
     recordings: Recordings = "rests"
     unseen: Collection[int] = ()
+    robot: RobotName = "simulated"
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,7 +193,7 @@ def _successful(
     seeds = (seed for seed in count(first_seed) if seed not in how.unseen)
 
     def submit() -> Future[RecordedDemonstration]:
-        return executor.submit(_record, task, next(seeds), how.control_frequency_hz, how.recordings, images)
+        return executor.submit(_record, task, next(seeds), how.control_frequency_hz, how.recordings, images, how.robot)
 
     pending = deque(submit() for _ in range(number))
     failed = 0
@@ -206,8 +209,10 @@ def _successful(
 
 
 def _record(
-    task: str, seed: int, control_frequency_hz: float, recordings: Recordings, images: bool
+    task: str, seed: int, control_frequency_hz: float, recordings: Recordings, images: bool, robot: RobotName
 ) -> RecordedDemonstration:
+    if robot == "franka":
+        return over_libfranka.record_demonstration(task, seed, control_frequency_hz, images=images)
     return record_demonstration(task, seed, control_frequency_hz, images=images, recordings=recordings)
 
 

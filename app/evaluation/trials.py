@@ -24,12 +24,14 @@ from app.pipeline.workspace import Workspace, discretize_action, undiscretize_ac
 from app.sim.demonstrate import (
     RecordedDemonstration,
     Recordings,
+    RobotName,
     RolloutResult,
     SceneView,
     record_demonstration,
     rollout,
     view_scene,
 )
+from app.sim.libfranka import demonstrate as over_libfranka
 from app.sim.tasks import ALL_TASKS
 from roboprompt_client.camera import RgbdFrame
 from roboprompt_client.client import RoboPromptClient
@@ -88,12 +90,14 @@ class Laboratory:
     Attributes:
         asking: held while the LLM is asked, so that it is not asked for more at once than it should be.
         recordings: how experts that are tried solve their scenes.
+        robot: what carries out actions that are asked for as a whole.
     """
 
     client: RoboPromptClient
     executor: Executor
     asking: threading.Semaphore = field(default_factory=threading.Semaphore)
     recordings: Recordings = "rests"
+    robot: RobotName = "simulated"
 
     def run(self, cell: Cell, lesson: Lesson) -> Trial:
         """Run the trial of `cell`.
@@ -112,7 +116,7 @@ class Laboratory:
 
     def execute(self, trial: Trial, actions: tuple[EndEffectorAction, ...]) -> Trial:
         """The trial with what became of the actions."""
-        timed = call(self.executor, _execute, trial.task, trial.seed, actions)
+        timed = call(self.executor, _execute, trial.task, trial.seed, actions, self.robot)
         return replace(trial, actions=actions, execution=timed.result, execute_s=timed.seconds)
 
 
@@ -243,9 +247,9 @@ def _photograph(task: str, seed: int) -> tuple[RgbdFrame, ...]:
     return view_scene(task, seed, variation=ALL_TASKS[task].test_variation(seed)).frames
 
 
-def _execute(task: str, seed: int, actions: _Actions) -> _Timed[RolloutResult]:
-    started = time.perf_counter()
-    result = rollout(task, seed, actions, variation=ALL_TASKS[task].test_variation(seed))
+def _execute(task: str, seed: int, actions: _Actions, robot: RobotName) -> _Timed[RolloutResult]:
+    started, carry_out = time.perf_counter(), over_libfranka.rollout if robot == "franka" else rollout
+    result = carry_out(task, seed, actions, variation=ALL_TASKS[task].test_variation(seed))
     return _Timed(result, time.perf_counter() - started)
 
 

@@ -49,6 +49,7 @@ Point = tuple[Number, Number, Number]
 Representation = Literal["absolute", "object_frame", "action_tokens"]
 PromptFormat = Literal["paper", "authors", "kat"]
 Preset = Literal["auto", "rlbench"]
+ArmModel = Literal["panda", "fr3"]  # whose joints the client knows, with a Franka Hand
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f]")
 MERGED = ("workspace", "keyframes", "motion_limits")  # a change keeps what it does not name of them
 MIN_SYMMETRY_DEG = 1.0  # what is rounder is round
@@ -235,6 +236,10 @@ class TaskSettings(_Settings):
     robot_base: Annotated[
         Point, Field(description="where the robot's base stands, metres, world frame; it looks along +x, left is +y")
     ] = (0.0, 0.0, 0.0)
+    arm: Annotated[
+        ArmModel | None,
+        Field(description="the robot, for the preview of a prediction's path on its page; null: not known"),
+    ] = None
     yaw_symmetry_deg: Annotated[
         dict[str, Annotated[Number, AfterValidator(_symmetry)]],
         Field(

@@ -14,6 +14,7 @@ from app.sim.rendering import FilmStrip, RgbImage
 from app.sim.robot import DWELL_S, SimulatedPanda
 from app.sim.shift import shift_free_objects
 from app.sim.tasks import make_task
+from app.sim.tasks.base import FINAL_HOLD_S, NOT_SOLVED
 from app.sim.world import CAMERA_NAMES
 from roboprompt_client.camera import RgbdFrame
 from roboprompt_client.errors import MotionError
@@ -21,9 +22,10 @@ from roboprompt_client.trajectory import EndEffectorAction, ObjectPose, Trajecto
 
 # How experts are recorded: at rest at each of their poses, or passing them as a person does (`app.sim.guided`)
 Recordings = Literal["rests", "continuous"]
+# What moves the arm: the simulation itself, or a Franka's driver over libfranka's protocol (`app.sim.libfranka`)
+RobotName = Literal["simulated", "franka"]
 GRIPPER_STATES: Mapping[Recordings, GripperState] = {"rests": "commanded", "continuous": "measured"}
 DWELL_SAMPLES = 2  # of every rest, so that keyframe rules see it at any rate
-FINAL_HOLD_S = 0.5  # things come to rest before the outcome is judged
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +75,7 @@ class RolloutResult:
     Attributes:
         num_executed: actions that were carried out.
         succeeded, failure, film_strip: as in RecordedDemonstration.
+        misses: where a driver moved the arm: how far off each action's pose it ended, m and degrees.
     """
 
     task: str
@@ -81,6 +84,7 @@ class RolloutResult:
     succeeded: bool
     failure: str
     film_strip: tuple[RgbImage, ...]
+    misses: tuple[tuple[float, float], ...] = ()
 
 
 def view_scene(task_name: str, seed: int, *, variation: int | None = None, images: bool = True) -> SceneView:
@@ -205,4 +209,4 @@ def _perform(robot: SimulatedPanda, moves: Sequence[Move], *, film_strip: bool) 
 def judge(robot: SimulatedPanda) -> str:
     """Why the scene is not solved once things came to rest; empty if it is."""
     robot.hold(FINAL_HOLD_S)
-    return "" if robot.task.succeeded() else "every action was carried out, but the task is not solved"
+    return "" if robot.task.succeeded() else NOT_SOLVED

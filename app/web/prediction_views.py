@@ -12,6 +12,7 @@ from sqlalchemy import Connection
 from app.pipeline.comparison import ActionDeviation
 from app.pipeline.prompt_colours import Span, prompt_spans
 from app.services.predict.evidence import Explanation, configuration, explain_prediction
+from app.services.predict.path import path_of
 from app.services.predict.select import demonstrations_of
 from app.services.task_settings import TaskSettings
 from app.store import episodes, predictions, tasks
@@ -20,6 +21,7 @@ from app.store.records import DemonstrationRecord, EpisodeRecord, PredictionReco
 from app.store.trajectories import get_trajectories
 from app.store.values import JsonObject
 from app.web.scene3d import frame, scene
+from roboprompt_client.preview import Previewed
 
 STAGES = {
     "read": "Reading the demonstrations",
@@ -69,6 +71,11 @@ class PredictionView:
         """Each action as clients get it, and how it differs from the demonstrations'."""
         actions, deviations = self.record.actions or (), self.explanation.deviations
         return list(zip(actions, deviations or (None,) * len(actions), strict=True))
+
+    @property
+    def path(self) -> tuple[Previewed, ...]:
+        """Each action as the robot's side previews it."""
+        return path_of(self.record, self.settings)
 
     @property
     def stages(self) -> Sequence[tuple[str, float]]:

@@ -70,6 +70,13 @@ def test_it_arrives_within_a_millimetre(arm):
         assert arm.state().gripper_width_m == pytest.approx(0.08 if k % 2 == 0 else 0.0, abs=0.004)
 
 
+def test_an_action_at_the_same_pose_sets_the_gripper_alone(arm):
+    here = to(arm, (0, 0, 0))
+    for is_open in (False, True, False):
+        arm.execute(EndEffectorAction(here.position_m, here.quaternion_xyzw, is_open))
+        assert arm.state().gripper_width_m == pytest.approx(0.08 if is_open else 0.0, abs=0.004)
+
+
 def test_our_geometry_is_the_arm_s(arm):
     tip = np.array(arm.driver._robot.state.F_T_EE.matrix)
     state = arm.state()

@@ -13,13 +13,13 @@ from typing import Any, get_args
 
 from roboprompt_client.arms.cell import open_robot
 from roboprompt_client.client import DEFAULT_URL, RoboPromptClient
+from roboprompt_client.confirming import Person
 from roboprompt_client.danger import OnDanger
 from roboprompt_client.errors import InvalidInputError, RoboPromptError
-from roboprompt_client.loop import run_closed_loop, run_task
+from roboprompt_client.loop import run_closed_loop, run_task, show_nothing
 from roboprompt_client.motion_limits import Box, MotionLimits, Pose
 from roboprompt_client.record_command import add_commands
 from roboprompt_client.scene_file import OBJECTS, observation_from_file
-from roboprompt_client.trajectory import EndEffectorAction
 from roboprompt_client.trajectory_npz import trajectory_from_npz
 
 ROBOT = "a cell's JSON file, or MODULE:FACTORY: a callable that returns a Robot"
@@ -71,7 +71,7 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--task", required=True)
     run.add_argument("--instruction", required=True)
     run.add_argument("--robot", required=True, metavar="ROBOT", help=ROBOT)
-    run.add_argument("--confirm", action="store_true", help="ask before each motion")
+    run.add_argument("--confirm", action="store_true", help="show the plan, and ask before each motion")
     run.add_argument(
         "--workspace",
         nargs=6,
@@ -133,17 +133,19 @@ def _predict(client: RoboPromptClient, arguments: argparse.Namespace) -> dict[st
 
 def _run(client: RoboPromptClient, arguments: argparse.Namespace) -> dict[str, Any]:
     robot = open_robot(arguments.robot)
-    confirm = _ask if arguments.confirm else None
+    person = Person(robot) if arguments.confirm else None
+    confirm = None if person is None else person.confirm
+    preview = show_nothing if person is None else person.preview
     what = (client, robot, arguments.task, arguments.instruction)
     pinned = _pinned(arguments)
     # Who ends this script ends it through `run_task`, which stops the arm.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     danger = arguments.on_danger
     if arguments.closed_loop:
-        steps = run_closed_loop(*what, pinned=pinned, confirm=confirm, on_danger=danger)
+        steps = run_closed_loop(*what, pinned=pinned, confirm=confirm, on_danger=danger, preview=preview)
         return {"steps": [step.response for step in steps]}
     how = {"stream": arguments.stream, "look_again": arguments.look_again, "on_danger": danger}
-    return dict(run_task(*what, pinned=pinned, confirm=confirm, **how).response)
+    return dict(run_task(*what, pinned=pinned, confirm=confirm, preview=preview, **how).response)
 
 
 def _pinned(arguments: argparse.Namespace) -> MotionLimits:
@@ -163,13 +165,3 @@ def _limits_in(path: Path) -> MotionLimits:
             "--limits", f"{path}: {error}", "a JSON file with workspace, motion_limits or both"
         ) from error
     return MotionLimits.from_file(document)
-
-
-def _ask(index: int, action: EndEffectorAction) -> bool:
-    gripper = "open" if action.gripper_open else "closed"
-    x_m, y_m, z_m = action.position_m
-    try:
-        answer = input(f"action {index + 1}: to {x_m:.3f} {y_m:.3f} {z_m:.3f} m, gripper {gripper}. Go? [y/N] ")
-    except EOFError:  # nobody is there to ask
-        return False
-    return answer.strip().lower() in ("y", "yes")

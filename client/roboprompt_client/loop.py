@@ -1,6 +1,6 @@
 """Observe, ask, act: the loop of a robot that uses the service."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -15,6 +15,12 @@ from roboprompt_client.motion_limits import MAX_ACTIONS, MotionLimits
 from roboprompt_client.robot import Robot
 from roboprompt_client.trajectory import EndEffectorAction
 
+Preview = Callable[[Sequence[EndEffectorAction], MotionLimits], None]
+
+
+def show_nothing(actions: Sequence[EndEffectorAction], limits: MotionLimits) -> None:
+    """A preview for a loop that nobody watches."""
+
 
 def run_task(
     client: RoboPromptClient,
@@ -28,6 +34,7 @@ def run_task(
     stream: bool = False,
     look_again: bool = False,
     on_danger: OnDanger | None = None,
+    preview: Preview = show_nothing,
     **options: Any,  # noqa: ANN401
 ) -> PredictedActions:
     """Let the robot carry out one instruction; returns what was predicted.
@@ -46,6 +53,8 @@ def run_task(
         on_danger: where the service finds its own answer dangerous: ask `confirm` before anything moves, refuse, or go
             on all the same. None: `confirm` where there is one, else `refuse`. With `stream` this holds for what is
             found ahead of the first action.
+        preview: shown the actions and the limits that hold, before they are held against each other and before anything
+            moves; with `stream` each action as it comes.
         options: as for `RoboPromptClient.predict`.
 
     Raises:
@@ -70,9 +79,10 @@ def run_task(
             findings: list[Mapping[str, Any]] = []
             arriving = client.stream(task, instruction, observation, on_findings=findings.extend, **options)
             first = partial(heed, findings, on_danger=danger, confirm=confirm)
-            return _run_streamed(arriving, robot, new_guard(), confirm, first)
+            return _run_streamed(_previewed(arriving, preview, allowed), robot, new_guard(), confirm, first)
         eyes = Eyes(client, robot, task, observation) if look_again else None
         predicted = client.predict(task, instruction, observation, **options)
+        preview(predicted.actions, allowed)
         check = partial(_check_all, new_guard)
         check(predicted.actions)
         heed(predicted.findings, predicted.actions, on_danger=danger, confirm=confirm)
@@ -107,6 +117,15 @@ def _run_following(
     return replace(predicted, actions=follower.actions)
 
 
+def _previewed(
+    arriving: Iterator[EndEffectorAction | PredictedActions], preview: Preview, allowed: MotionLimits
+) -> Iterator[EndEffectorAction | PredictedActions]:
+    for item in arriving:
+        if isinstance(item, EndEffectorAction):
+            preview((item,), allowed)
+        yield item
+
+
 def _run_streamed(
     arriving: Iterator[EndEffectorAction | PredictedActions],
     robot: Robot,
@@ -135,13 +154,15 @@ def run_closed_loop(
     pinned: MotionLimits | None = None,
     confirm: Confirm | None = None,
     on_danger: OnDanger | None = None,
+    preview: Preview = show_nothing,
     **options: Any,  # noqa: ANN401
 ) -> Iterator[PredictedActions]:
     """Observe, ask for one action, carry it out, and again, until the LLM says that it is done.
 
     Args:
         max_steps: after so many the run ends, done or not.
-        limits, pinned, confirm, on_danger, options: as for `run_task`; a danger is heeded at each step that has one.
+        limits, pinned, confirm, on_danger, preview, options: as for `run_task`; a danger is heeded at each step that
+            has one, and each step's action is shown.
 
     Yields:
         the answer to each step, before a danger in it is heeded and its action is carried out; the last has no action
@@ -161,6 +182,7 @@ def run_closed_loop(
                 allowed.require_start(observation.end_effector)
                 guard = MotionGuard(allowed, max_steps, observation.end_effector)
             predicted = client.predict(task, instruction, observation, **asked)
+            preview(predicted.actions, allowed)
             for action in predicted.actions:
                 guard.check(action)
             yield predicted

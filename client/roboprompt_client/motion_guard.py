@@ -77,7 +77,7 @@ class MotionGuard:
             if passes_through(end_m, end_m, *box):
                 raise UnsafeActionError(index, "position", f"is {place} m", f"outside {where}")
             for beginning_m, way in ((end_m, ""), (start_m, f", reached straight from {_shown(start_m)} m")):
-                if _enters(beginning_m, end_m, box, radius_m):
+                if enters(beginning_m, end_m, box, radius_m):
                     bound = f"at least {radius_m:g} m (hand_radius_m) outside {where}"
                     raise UnsafeActionError(index, "position", f"is {place} m{way}", bound)
 
@@ -124,7 +124,7 @@ def _far(start_m: Sequence[float], end_m: Sequence[float], box: Box, radius_m: f
     )
 
 
-def _enters(start_m: Sequence[float], end_m: Sequence[float], box: Box, radius_m: float) -> bool:
+def enters(start_m: Sequence[float], end_m: Sequence[float], box: Box, radius_m: float) -> bool:
     """Whether a sphere enters the box on its way, by more than rounding does."""
     if not clearance_m(start_m, end_m, *box) >= radius_m - ROUNDING_M:  # nor does NaN pass, of a way beyond all measure
         return True

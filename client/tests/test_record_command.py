@@ -13,7 +13,9 @@ from roboprompt_client.arms.arm import Arm
 from roboprompt_client.arms.cell import open_cell, open_robot
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.motion_limits import MotionLimits
 from roboprompt_client.robot import Observation
+from roboprompt_client.trajectory import EndEffectorAction
 
 OBJECTS = [{"name": "cube", "position": [0.3, 0, 0.1]}]
 STORED = {
@@ -143,11 +145,14 @@ def test_a_cell_s_file(tmp_path, monkeypatch):
         "limits": {"workspace": {"min": [-1, -1, 0], "max": [1, 1, 2]}},
         "objects": "objects.json",
         "tolerance": {"rotation_deg": 5},
+        "reach_m": 0.7,
     }
     cell.write_text(json.dumps(document))
     arm = open_cell(cell)
     assert arm.observe().objects[0].name == "cube"
     assert arm.state().position_m[2] == pytest.approx(body.position_m[2] + 0.5)
+    far = EndEffectorAction(np.array([0.71, 0, 0.5]), np.array([1.0, 0, 0, 0]), True)
+    assert arm.preview([far], MotionLimits())[0].warning == "the pose is out of reach: at most 0.7 m"
     for changes, field in (
         ({"arm": None}, "arm"),
         ({"arm": "nobody:Arm"}, "arm"),
@@ -155,6 +160,9 @@ def test_a_cell_s_file(tmp_path, monkeypatch):
         ({"tolerance": {"speed": 1}}, "tolerance"),
         ({"options": {"port": 1}}, "options"),
         ({"base_to_world": {}}, "base_to_world"),
+        ({"reach_m": -1}, "reach_m"),
+        ({"urdf": "arm.urdf"}, "urdf"),
+        ({"urdf": {"file": "none.urdf", "frame": "tool0"}}, "urdf"),
     ):
         cell.write_text(json.dumps({**document, **changes}))
         with pytest.raises(InvalidInputError) as caught:

@@ -37,6 +37,7 @@ def _no_work(monkeypatch):
         (["demo", "--model", "gpt-5"], "there is no model 'gpt-5'; there are embedded/gemma-3-270m"),
         (["demo", "--model", "openai/gpt-4o"], "needs a key: set ROBOPROMPT_OPENAI_API_KEY"),
         (["demo", "--representation", "words"], "'words' is none of absolute, object_frame"),
+        (["demo", "--robot", "ur5"], "'ur5' is not one of 'simulated', 'franka'"),
         (["eval", "--model", "nearest", "--model", "gpt-5"], "there is no model 'gpt-5'"),
         (["serve", "--port", "99999"], "99999 is no port (valid: 1 to 65535)"),
         (["serve", "--port", "0"], "0 is no port (valid: 1 to 65535)"),
@@ -49,6 +50,13 @@ def test_wrong_choices(words, expected):
     run = CliRunner().invoke(application, words)
     assert run.exit_code == 2, run.output
     assert expected in said(run)
+
+
+def test_a_driver_that_is_not_installed(monkeypatch):
+    monkeypatch.setattr("app.cli.demo.find_spec", lambda name: None)
+    run = CliRunner().invoke(application, ["demo", "--robot", "franka"])
+    assert run.exit_code == 2, run.output
+    assert "franka needs franky and franky_sim (valid: pip install '.[franka]', or make franka)" in said(run)
 
 
 def test_a_demo_is_not_taught_on_top_of_an_earlier_one(tmp_path):

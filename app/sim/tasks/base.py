@@ -20,6 +20,8 @@ from roboprompt_client.arrays import Array
 from roboprompt_client.trajectory import ObjectPose
 
 SETTLE_S = 0.3
+FINAL_HOLD_S = 0.5  # things come to rest before the outcome is judged
+NOT_SOLVED = "every action was carried out, but the task is not solved"
 OPEN_FINGER_M = panda.FINGER_TRAVEL_M / 2  # the gripper is commanded open above this
 
 

@@ -4,7 +4,7 @@ import logging
 import math
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,10 +12,12 @@ import numpy as np
 from roboprompt_client import quaternions as rotations
 from roboprompt_client.arms.calibration import Calibration
 from roboprompt_client.arms.driver import ArmState, Driver
+from roboprompt_client.arms.geometry import Geometry, KnowsItsJoints
 from roboprompt_client.arrays import Array
 from roboprompt_client.errors import InvalidInputError, MotionError
 from roboprompt_client.motion_guard import MotionGuard
 from roboprompt_client.motion_limits import MotionLimits, Pose
+from roboprompt_client.preview import Cell, Previewed
 from roboprompt_client.robot import Observation
 from roboprompt_client.trajectory import EndEffectorAction
 
@@ -46,6 +48,8 @@ class Arm:
         eyes: what there is to see, in the world frame; None: nothing.
         limits: of the cell, in the world frame: held before every motion, whatever the service says.
         open_width_m: what the fingers measure when they are open; None: as wide as they were ever measured.
+        geometry: of its joints, for the preview; None: the driver's own, if it has one.
+        reach_m: how far from its base the hand gets, for the preview of an arm whose joints are not known.
     """
 
     def __init__(
@@ -57,6 +61,8 @@ class Arm:
         limits: MotionLimits | None = None,
         tolerance: Tolerance = TOLERANCE,
         open_width_m: float | None = None,
+        geometry: Geometry | None = None,
+        reach_m: float | None = None,
     ) -> None:
         self.driver = driver
         self._calibration = calibration or Calibration.none()
@@ -67,6 +73,7 @@ class Arm:
         self._moving = threading.Lock()
         self._starting = threading.Lock()  # a stop comes before a motion begins or after it, never in between
         self._open_width_m = open_width_m
+        self._known_geometry, self._reach_m = geometry, reach_m
         if not driver.proven:
             log.warning("%s: untested on hardware: keep a hand on the emergency stop", driver.name)
 
@@ -99,6 +106,26 @@ class Arm:
         state = self.state()
         hand = Pose(tuple(state.position_m.tolist()), tuple(state.quaternion_xyzw.tolist()))
         return Observation(seen.objects, seen.frames, seen.to_find, hand)
+
+    def preview(self, actions: Sequence[EndEffectorAction], limits: MotionLimits) -> tuple[Previewed, ...]:
+        """What a plan asks of the arm from where it is; nothing moves.
+
+        Args:
+            limits: of the task, whose boxes are held against the way together with the cell's.
+
+        Raises:
+            MotionError: if the arm does not answer.
+        """
+        state = self.state()
+        boxes = (*self._limits.keep_out, *limits.keep_out)
+        bounds = MotionLimits(keep_out=boxes, hand_radius_m=max(self._limits.hand_radius_m, limits.hand_radius_m))
+        cell = Cell(self._calibration, bounds, self._geometry(), self._reach_m)
+        return cell.preview(actions, state.joint_positions_rad, state.position_m.tolist())
+
+    def _geometry(self) -> Geometry | None:
+        if self._known_geometry is None and isinstance(self.driver, KnowsItsJoints):
+            return self.driver.geometry()
+        return self._known_geometry
 
     def execute(self, action: EndEffectorAction) -> None:
         """Move, and set the gripper.

@@ -3,7 +3,8 @@
     {"arm": "franka", "options": {"address": "172.16.0.2"},
      "base_to_world": {"position": [0, 0, 0.6], "quaternion_xyzw": [0, 0, 0, 1]},
      "limits": {"workspace": {"min": [0.2, -0.4, 0.6], "max": [0.7, 0.4, 1.2]}},
-     "objects": "objects.json", "tolerance": {"position_m": 0.005}, "open_width_m": 0.08}
+     "objects": "objects.json", "tolerance": {"position_m": 0.005}, "open_width_m": 0.08,
+     "reach_m": 0.85, "urdf": {"file": "arm.urdf", "frame": "tool0"}}
 
 Only `arm` is needed. `arm` may also be MODULE:FACTORY, a callable that returns a Robot or a driver for `Arm`.
 """
@@ -17,7 +18,9 @@ from typing import Any
 
 from roboprompt_client.arms.arm import Arm, Eyes, Tolerance
 from roboprompt_client.arms.calibration import Calibration
+from roboprompt_client.arms.urdf import UrdfGeometry
 from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.limit_values import checked_bound
 from roboprompt_client.motion_limits import MotionLimits
 from roboprompt_client.robot import Observation, Robot
 from roboprompt_client.scene_file import observation_from_file
@@ -28,7 +31,7 @@ DRIVERS = {
     "xarm": "roboprompt_client.arms.xarm:XArm",
     "lerobot": "roboprompt_client.arms.lerobot:LeRobotArm",
 }
-KNOWN = ("arm", "options", "base_to_world", "limits", "objects", "tolerance", "open_width_m")
+KNOWN = ("arm", "options", "base_to_world", "limits", "objects", "tolerance", "open_width_m", "reach_m", "urdf")
 
 
 def open_robot(name: str) -> Robot:
@@ -70,6 +73,8 @@ def open_cell(path: Path) -> Robot:
         limits=limits,
         tolerance=tolerance,
         open_width_m=cell.get("open_width_m"),
+        geometry=_geometry(path.parent, cell["urdf"]) if "urdf" in cell else None,
+        reach_m=checked_bound("reach_m", cell["reach_m"]) if "reach_m" in cell else None,
     )
 
 
@@ -91,6 +96,12 @@ def _tolerance(document: object) -> Tolerance:
     if not isinstance(document, Mapping) or not set(document) <= set(known):
         raise InvalidInputError("tolerance", f"is {document!r:.80}", f"an object with {', '.join(known)}")
     return Tolerance(**document)
+
+
+def _geometry(folder: Path, document: object) -> UrdfGeometry:
+    if not isinstance(document, Mapping) or not {"file", "frame"} == set(document):
+        raise InvalidInputError("urdf", f"is {document!r:.80}", '{"file": "arm.urdf", "frame": "tool0"}')
+    return UrdfGeometry(folder / str(document["file"]), str(document["frame"]))
 
 
 def _eyes(path: Path) -> Eyes:

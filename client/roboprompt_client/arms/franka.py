@@ -12,8 +12,10 @@ from typing import Any
 
 import numpy as np
 
+from roboprompt_client import quaternions as rotations
 from roboprompt_client.arms.driver import ArmState
-from roboprompt_client.arms.panda_kinematics import LIMITS_RAD, check_way
+from roboprompt_client.arms.geometry import PandaGeometry
+from roboprompt_client.arms.panda_kinematics import LIMITS_RAD
 from roboprompt_client.arrays import Array
 from roboprompt_client.errors import InvalidInputError, MotionError
 
@@ -22,6 +24,7 @@ GRIPPER_M_S, GRASP_N = 0.05, 20.0
 POLL_S = 0.05
 CONNECT_S = 10.0
 LEAST_WIDTH_M = 0.001
+THERE = 1e-6  # metres and radians
 
 
 class Franka:
@@ -57,7 +60,8 @@ class Franka:
         if not 0 < dynamics <= 1:
             raise InvalidInputError("dynamics", f"is {dynamics!r:.40}", "above 0 and at most 1")
         self._franky = franky = _franky()
-        self._model, self._grasp_n, self._gripping = model, grasp_n, False
+        self._model, self._grasp_n = model, grasp_n
+        self._gripping = self._going = False
         kernel = franky.RealtimeConfig.Enforce if realtime else franky.RealtimeConfig.Ignore
         with self._errors(f"connect {address}"):
             self._robot = _within(
@@ -82,16 +86,29 @@ class Franka:
         with self._errors("state"):
             if self._robot.has_errors:
                 raise MotionError(f"the arm reports {self._robot.state.current_errors}: call recover()")
-            tip = np.array(self._robot.state.F_T_EE.matrix, float)
             joints = np.array(self._robot.current_joint_state.position, float).reshape(7)
-        check_way(joints, tip, position_m, quaternion_xyzw, self._model)
+        self.geometry().way(joints, position_m, quaternion_xyzw)
+
+    def geometry(self) -> PandaGeometry:
+        with self._errors("state"):
+            return PandaGeometry(self._model, np.array(self._robot.state.F_T_EE.matrix, float))
 
     def start(self, position_m: Array, quaternion_xyzw: Array) -> None:
+        self._going = not self._is_at(position_m, quaternion_xyzw)
+        if not self._going:  # franky's planner fails on ways as short as the last bits of floats
+            return
         target = self._franky.Affine(position_m, quaternion_xyzw)
         with self._errors("move"):  # a motion object is good for one motion
             self._robot.move(self._franky.CartesianMotion(target), asynchronous=True)
 
+    def _is_at(self, position_m: Array, quaternion_xyzw: Array) -> bool:
+        here = self.state()
+        turn = rotations.product(rotations.inverse(here.quaternion_xyzw), quaternion_xyzw)
+        return float(np.linalg.norm(here.position_m - position_m)) < THERE and rotations.angle_rad(turn) < THERE
+
     def finished(self) -> bool:
+        if not self._going:
+            return True
         with self._errors("motion"):
             # True once it has ended (franky 2.0; its docstring says the opposite). `join_motion` would take an
             # interrupt for itself.
@@ -138,9 +155,9 @@ class Franka:
             raise MotionError(f"{self.name}: {what}: {error or type(error).__name__}") from error
 
     def _kinds(self) -> tuple[type[Exception], ...]:
-        """Franky's exceptions share no base."""
+        """Franky's exceptions share no base, and that of its motion planner comes as a RuntimeError."""
         names = (name for name in dir(self._franky) if name.endswith("Exception"))
-        return tuple(kind for name in names if issubclass(kind := getattr(self._franky, name), Exception))
+        return (RuntimeError, *(kind for name in names if issubclass(kind := getattr(self._franky, name), Exception)))
 
 
 def _within(most_s: float, connect: Callable[[], Any]) -> Any:  # noqa: ANN401

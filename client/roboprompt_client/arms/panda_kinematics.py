@@ -7,6 +7,7 @@ Panda and the Research 3 share the geometry).
 import numpy as np
 
 from roboprompt_client import quaternions as rotations
+from roboprompt_client.arms.straight_way import follow_line
 from roboprompt_client.arrays import Array
 from roboprompt_client.errors import MotionError
 
@@ -24,12 +25,9 @@ LIMITS_RAD = {
         (2.7437, 1.7837, 2.9007, -0.1518, 2.8065, 4.5169, 3.0159),
     ),
 }
-MARGIN_RAD = 0.02  # the arm's own reflex comes at the limit
+READY_RAD = (0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4)
 REACH_M = 0.855  # of the flange from the shoulder
 SHOULDER_M = np.array([0.0, 0.0, 0.333])
-STEP_M, STEP_RAD = 0.01, 0.05
-NEAR = 1e-4  # metres and radians
-DAMPING, MOST_ITERATIONS = 0.02, 60
 
 
 def flange(joints_rad: Array) -> tuple[Array, Array]:
@@ -61,39 +59,8 @@ def check_way(joints_rad: Array, flange_to_tip: Array, position_m: Array, quater
     away_m = float(np.linalg.norm(goal[:3, 3] - SHOULDER_M))
     if away_m > REACH_M:
         raise MotionError(f"the pose is out of reach: {away_m:.3f} m from the shoulder, at most {REACH_M} m")
-    start, _ = flange(joints_rad)
-    turn = rotations.to_rotation_vector(rotations.from_matrix(goal[:3, :3] @ start[:3, :3].T))
-    way_m, way_rad = float(np.linalg.norm(goal[:3, 3] - start[:3, 3])), float(np.linalg.norm(turn))
-    steps = max(1, int(np.ceil(max(way_m / STEP_M, way_rad / STEP_RAD))))
     low, high = (np.array(bound) for bound in LIMITS_RAD[model])
-    joints = np.array(joints_rad, float)
-    for part in np.arange(1, steps + 1) / steps:
-        between = np.eye(4)
-        between[:3, :3] = rotations.to_matrix(rotations.from_rotation_vector(part * turn)) @ start[:3, :3]
-        between[:3, 3] = start[:3, 3] + part * (goal[:3, 3] - start[:3, 3])
-        joints = _follow(joints, between, float(part))
-        _check_limits(joints, low + MARGIN_RAD, high - MARGIN_RAD, float(part))
-    return joints
-
-
-def _follow(joints_rad: Array, goal: Array, part: float) -> Array:
-    joints = joints_rad
-    for _ in range(MOST_ITERATIONS):
-        here, jacobian = flange(joints)
-        turn = rotations.to_rotation_vector(rotations.from_matrix(goal[:3, :3] @ here[:3, :3].T))
-        error = np.concatenate([goal[:3, 3] - here[:3, 3], turn])
-        if np.abs(error).max() < NEAR:
-            return joints
-        joints = joints + jacobian.T @ np.linalg.solve(jacobian @ jacobian.T + DAMPING**2 * np.eye(6), error)
-    raise MotionError(f"the pose is out of reach: the straight way to it ends after {100 * part:.0f} %")
-
-
-def _check_limits(joints_rad: Array, low_rad: Array, high_rad: Array, part: float) -> None:
-    for number, (angle, low, high) in enumerate(zip(joints_rad, low_rad, high_rad, strict=True), 1):
-        if not low <= angle <= high:
-            bound = f"{low:.3f} to {high:.3f} rad"
-            where = f"after {100 * part:.0f} % of the way"
-            raise MotionError(f"joint {number} would come to {angle:.3f} rad {where} (allowed: {bound})")
+    return follow_line(flange, joints_rad, goal, low, high)
 
 
 def _link(a_m: float, d_m: float, alpha_rad: float, angle_rad: float) -> Array:

@@ -54,6 +54,24 @@ def test_why_a_prediction_failed_in_three_clicks(page, seeded):
     assert "30.0 cm" in row.inner_text()
 
 
+def test_the_path_has_a_row_for_each_action(page, http, seeded):
+    rows = page.get_by_role("region", name="Preview of the path").locator("tbody tr")
+    page.goto(f"/ui/predictions/{seeded['success']}")
+    actions = http.get(f"/predictions/{seeded['success']}").json()["actions"]
+    assert rows.count() == len(actions)
+    assert "distances alone" in page.get_by_role("region", name="Path", exact=True).inner_text()
+    try:
+        http.put("/tasks/pick", json={"arm": "fr3", "robot_base": [-9, 0, 0]})
+        page.reload()
+        assert rows.locator("td[data-label=Reach]").all_inner_texts()[0].startswith("no")
+        http.put("/tasks/pick", json={"robot_base": [-0.3, 0, 0.7]})
+        page.reload()
+        assert rows.locator("td[data-label=Reach]").all_inner_texts() == ["yes"] * len(actions)
+        assert "joint" in rows.first.inner_text()
+    finally:
+        http.put("/tasks/pick", json={"arm": None, "robot_base": [0, 0, 0]})
+
+
 def test_page_api_and_comparison_show_the_same_findings(page, http, seeded):
     """One for each cause: the actions that follow from a far cube are one of them."""
     kept = http.get(f"/predictions/{seeded['failure']}").json()["findings"]

@@ -1,0 +1,121 @@
+"""`roboprompt record`: a demonstration by hand, with the keys of the terminal and the simulated arm."""
+
+import os
+import select
+import sys
+import termios
+import time
+import tty
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+from rich.live import Live
+from rich.table import Table
+
+from app.cli.shared import URL_HELP, check_names, check_service
+from roboprompt_client.client import DEFAULT_URL, RoboPromptClient
+from roboprompt_client.errors import ServiceProblemError, ServiceUnreachableError
+from roboprompt_client.robot import Observation
+
+if TYPE_CHECKING:
+    from app.sim.jog import JoggedPanda
+    from app.sim.recorder import Recorder
+
+RATE_HZ = 20.0
+SHOWN_HZ = 10
+KEYS = "w s: away, nearer   a d: left, right   r f: up, down   q e: turn   space: gripper   Enter: keep   x: give up"
+
+
+def record(
+    task: Annotated[str, typer.Option(help="a simulated task")] = "push_button",
+    seed: Annotated[int, typer.Option(min=0, help="of the scene")] = 0,
+    name: Annotated[str | None, typer.Option(help="of the task at the service; default: the simulated task's")] = None,
+    url: Annotated[str, typer.Option(help=URL_HELP)] = DEFAULT_URL,
+) -> None:
+    """Make a demonstration by hand: move the simulated Panda with the keyboard, and upload what it did.
+
+    A key moves the hand while it is held. There is no picture: the table says where the objects are from the hand.
+    """
+    # The simulator is an extra that `roboprompt serve` does without.
+    from app.sim.jog import JoggedPanda, drive
+    from app.sim.recorder import Recorder
+    from app.sim.tasks import TASKS, make_task
+
+    check_names("--task", [task], TASKS)
+    if not sys.stdin.isatty():
+        raise typer.BadParameter("the keys come from a terminal, and standard input is none")
+    check_service(url)
+    scene, console = make_task(task, seed), Console()
+    arm, seen, recorders = JoggedPanda(scene), Observation(scene.object_poses()), []
+
+    def begin() -> None:
+        recorders.append(Recorder(scene.model, scene.data, RATE_HZ))
+        arm.after_step.append(recorders[0].sample)
+
+    console.print(f"[bold]{scene.instruction}[/]\n{KEYS}")
+    with _keyboard() as pressed, Live(console=console, refresh_per_second=SHOWN_HZ) as live:
+        kept = drive(arm, pressed, begin, _Pace(arm, live))
+    console.print("solved" if scene.succeeded() else "not solved")
+    if kept and recorders:
+        _upload(url, name or task, scene.instruction, recorders[0], seen, seed)
+
+
+class _Pace:
+    """Keeps simulated time to the clock's, and the table up to date."""
+
+    def __init__(self, arm: "JoggedPanda", live: Live) -> None:
+        self._arm, self._live = arm, live
+        self._began_s, self._shown_s = time.monotonic() - arm.task.data.time, 0.0
+
+    def __call__(self) -> None:
+        now_s = float(self._arm.task.data.time)
+        if now_s - self._shown_s > 1 / SHOWN_HZ:
+            self._shown_s = now_s
+            self._live.update(_table(self._arm))
+        time.sleep(max(0.0, self._began_s + now_s - time.monotonic()))
+
+
+def _table(arm: "JoggedPanda") -> Table:
+    state = "open" if arm.gripper_commanded_open else "closed"
+    table = Table("from the hand, cm", "away", "left", "up", title=f"gripper {state}", title_justify="left")
+    for pose in arm.task.object_poses():
+        table.add_row(pose.name, *(f"{100 * value:+.1f}" for value in pose.position_m - arm.hand.position_m))
+    return table
+
+
+@contextmanager
+def _keyboard() -> Iterator["_Keys"]:
+    """The terminal's keys one by one and unseen; as it was afterwards."""
+    before = termios.tcgetattr(sys.stdin)
+    tty.setcbreak(sys.stdin)
+    try:
+        yield _Keys()
+    finally:
+        termios.tcsetattr(sys.stdin, termios.TCSADRAIN, before)
+
+
+class _Keys:
+    """The keys pressed since the last call."""
+
+    def __call__(self) -> str:
+        ready, _, _ = select.select([sys.stdin], [], [], 0)
+        if not ready:
+            return ""
+        return os.read(sys.stdin.fileno(), 64).decode(errors="ignore") or "x"  # the terminal has gone
+
+
+def _upload(url: str, name: str, instruction: str, recorder: "Recorder", seen: Observation, seed: int) -> None:
+    extra = {"seed": seed, "simulator": "mujoco", "by": "keyboard"}
+    trajectory = recorder.trajectory("measured")
+    try:
+        with RoboPromptClient(url) as client:
+            answer = client.upload(name, instruction, trajectory, seen, control_frequency_hz=RATE_HZ, extra=extra)
+    except (ServiceProblemError, ServiceUnreachableError) as error:
+        Console(stderr=True).print(str(error), markup=False, soft_wrap=True)
+        raise typer.Exit(1) from error
+    print(f"stored as {answer['id']}: {len(answer['keyframes'])} keyframes")  # noqa: T201
+    for finding in answer["findings"]:
+        print(f"  {finding['severity']} {finding['code']}: {finding['message']}")  # noqa: T201

@@ -1,0 +1,126 @@
+"""A plan before it moves anything: how far each pose is, whether the arm gets there, and what is in its way."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from roboprompt_client.arms.calibration import Calibration
+from roboprompt_client.arms.geometry import Geometry, Nearest
+from roboprompt_client.arrays import Array
+from roboprompt_client.errors import MotionError
+from roboprompt_client.motion_guard import enters
+from roboprompt_client.motion_limits import Box, MotionLimits
+from roboprompt_client.trajectory import EndEffectorAction
+
+COLUMNS = ("action", "position, m", "from base", "gripper", "reach", "nearest joint limit", "in the way")
+
+
+@dataclass(frozen=True)
+class Previewed:
+    """One action of a plan.
+
+    Attributes:
+        from_base_m: of its position.
+        reachable: None where too little is known of the arm.
+        problem: why the straight way to it cannot be gone; empty if it can, or if nobody knows.
+        nearest: at its pose; None where the joints are not known.
+        touches: boxes that the hand touches on the straight way to it.
+    """
+
+    action: EndEffectorAction
+    from_base_m: float
+    reachable: bool | None
+    problem: str
+    nearest: Nearest | None
+    touches: tuple[Box, ...]
+
+    @property
+    def warning(self) -> str:
+        """What a person must know before it moves; empty: nothing."""
+        boxes = [f"the way touches the box {_box(box)}" for box in self.touches]
+        return "; ".join([*([self.problem] if self.problem else []), *boxes])
+
+    def cells(self, number: int) -> tuple[str, ...]:
+        """A row of `COLUMNS`."""
+        reach = {True: "yes", False: "NO", None: "not known"}[self.reachable]
+        nearest = "not known" if self.nearest is None else f"joint {self.nearest.joint}, {self.nearest.margin_deg:.0f}°"
+        return (
+            str(number),
+            " ".join(f"{value:.3f}" for value in self.action.position_m),
+            f"{self.from_base_m:.3f} m",
+            "open" if self.action.gripper_open else "closed",
+            reach,
+            nearest,
+            ", ".join(map(_box, self.touches)) or "no known box",
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Cell:
+    """What is known of an arm and of what stands around it.
+
+    Attributes:
+        calibration: where its base stands.
+        limits: of which the boxes to keep out of are held against the way.
+        geometry: of its joints; None: not known.
+        reach_m: how far from the base its hand gets, where the joints are not known; None: not known either.
+    """
+
+    calibration: Calibration
+    limits: MotionLimits
+    geometry: Geometry | None = None
+    reach_m: float | None = None
+
+    def preview(
+        self,
+        actions: Iterable[EndEffectorAction],
+        joints_rad: Array | None = None,
+        start_m: Sequence[float] | None = None,
+    ) -> tuple[Previewed, ...]:
+        """Each action in turn, reached straight from the one before.
+
+        Args:
+            joints_rad: (J,) where the arm is; None: only the distance is held against its reach.
+            start_m: (3,) where the hand is, world frame; None: nothing is known of the way to the first action.
+        """
+        return tuple(self._previewed(actions, joints_rad, start_m))
+
+    def _previewed(
+        self, actions: Iterable[EndEffectorAction], joints_rad: Array | None, start_m: Sequence[float] | None
+    ) -> Iterator[Previewed]:
+        for action in actions:
+            end_m: list[float] = action.position_m.tolist()
+            away_m = float(np.linalg.norm(action.position_m - self.calibration.position_m))
+            touches = self._touched(end_m if start_m is None else start_m, end_m)
+            start_m = end_m
+            if self.geometry is None or joints_rad is None:
+                reachable = None if self.reach_m is None else away_m <= self.reach_m
+                beyond = "" if reachable is not False else f"the pose is out of reach: at most {self.reach_m:g} m"
+                yield Previewed(action, away_m, reachable, beyond, None, touches)
+                continue
+            wanted = self.calibration.to_base(action.position_m, action.quaternion_xyzw)
+            try:
+                joints_rad = self.geometry.way(joints_rad, *wanted)
+            except MotionError as error:  # the way to the next is looked at as if this one were left out
+                yield Previewed(action, away_m, False, str(error), None, touches)
+            else:
+                yield Previewed(action, away_m, True, "", self.geometry.nearest_limit(joints_rad), touches)
+
+    def _touched(self, start_m: Sequence[float], end_m: Sequence[float]) -> tuple[Box, ...]:
+        radius_m = self.limits.hand_radius_m
+        return tuple(box for box in self.limits.keep_out if enters(start_m, end_m, box, radius_m))
+
+
+def table(previewed: Sequence[Previewed]) -> str:
+    """The plan for a terminal, warnings below it."""
+    rows = [COLUMNS, *(item.cells(number) for number, item in enumerate(previewed, 1))]
+    widths = [max(len(row[k]) for row in rows) for k in range(len(COLUMNS))]
+    lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+    warnings = [f"! action {number}: {item.warning}" for number, item in enumerate(previewed, 1) if item.warning]
+    return "\n".join([*lines, *warnings])
+
+
+def _box(box: Box) -> str:
+    low, high = (" ".join(f"{value:g}" for value in corner) for corner in box)
+    return f"{low} to {high} m"

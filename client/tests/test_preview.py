@@ -1,0 +1,166 @@
+"""A plan is shown with what is wrong with it before anything moves."""
+
+import numpy as np
+import pytest
+from arms import Service
+
+from roboprompt_client import (
+    EndEffectorAction,
+    NotConfirmedError,
+    PredictedActions,
+    UnsafeActionError,
+    run_closed_loop,
+    run_task,
+)
+from roboprompt_client import quaternions as rotations
+from roboprompt_client.arms.arm import Arm
+from roboprompt_client.arms.calibration import Calibration
+from roboprompt_client.arms.driver import ArmState
+from roboprompt_client.arms.geometry import PandaGeometry, franka_hand, nearest_limit
+from roboprompt_client.arms.panda_kinematics import flange
+from roboprompt_client.confirming import Person
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.motion_limits import Box, MotionLimits
+from roboprompt_client.preview import Cell, table
+
+DOWN = np.array([1.0, 0, 0, 0])
+BASE_M = np.array([-0.3, 0.0, 0.75])
+AT_BASE = Calibration(BASE_M, rotations.IDENTITY)
+READY = PandaGeometry().ready_rad
+NO_LIMITS = MotionLimits(hand_radius_m=0.0)
+
+
+def to(x_m, y_m, z_m, quaternion=DOWN):
+    """An action, its position given from the base."""
+    return EndEffectorAction(BASE_M + np.array([x_m, y_m, z_m]), quaternion, True)
+
+
+def test_the_joints_are_followed_from_pose_to_pose():
+    geometry = PandaGeometry("panda")
+    one, two = Cell(AT_BASE, NO_LIMITS, geometry).preview([to(0.45, 0.15, 0.2), to(0.45, 0.15, 0.1)], READY)
+    assert (one.reachable, two.reachable, one.warning, two.warning) == (True, True, "", "")
+    assert one.from_base_m == pytest.approx(np.linalg.norm([0.45, 0.15, 0.2]))
+    joints = geometry.way(READY, np.array([0.45, 0.15, 0.2]), DOWN)
+    assert one.nearest == geometry.nearest_limit(joints)
+    joints = geometry.way(joints, np.array([0.45, 0.15, 0.1]), DOWN)
+    np.testing.assert_allclose((flange(joints)[0] @ franka_hand())[:3, 3], [0.45, 0.15, 0.1], atol=1e-3)
+    assert two.nearest == geometry.nearest_limit(joints)
+
+
+def test_what_cannot_be_reached_says_why_and_the_rest_is_looked_at():
+    turned = rotations.product(rotations.about_z(-2.6), DOWN)
+    plan = [to(1.2, 0, 0.4), to(0.4, 0, 0.3, turned), to(0.45, 0.1, 0.2)]
+    far, twisted, fine = Cell(AT_BASE, NO_LIMITS, PandaGeometry()).preview(plan, READY)
+    assert "out of reach: 1.2" in far.warning
+    assert twisted.warning.startswith("joint 7 would come to")
+    assert (far.reachable, far.nearest, twisted.reachable, fine.reachable) == (False, None, False, True)
+
+
+def test_the_joint_that_is_nearest_to_its_limit():
+    low, high = np.radians([-90.0, -20.0, -90.0]), np.radians([90.0, 90.0, 90.0])
+    assert nearest_limit(np.radians([0.0, -5.0, 70.0]), low, high) == (2, pytest.approx(15.0))
+    assert nearest_limit(np.radians([0.0, 5.0, 93.0]), low, high) == (3, pytest.approx(-3.0))
+
+
+def test_boxes_on_the_way_are_named_by_the_rule_that_refuses_them():
+    box = Box((-0.05, -0.05, 0.7), (0.05, 0.05, 0.9))
+    left, right, beside = (EndEffectorAction([x, y, 0.8], DOWN, True) for x, y in ((-0.3, 0), (0.3, 0), (0.3, 0.3)))
+    cell = Cell(Calibration.none(), MotionLimits(keep_out=(box,), hand_radius_m=0.05))
+    shown = cell.preview([left, right, beside], start_m=[-0.3, 0.3, 0.8])
+    assert [item.touches for item in shown] == [(), (box,), ()]
+    assert "the way touches the box -0.05 -0.05 0.7 to 0.05 0.05 0.9 m" in shown[1].warning
+    assert cell.preview([right])[0].touches == ()
+    assert cell.preview([right], start_m=[-0.3, 0, 0.8])[0].touches == (box,)
+
+
+def test_without_joints_the_distance_is_held_against_the_reach():
+    near, far = to(0.5, 0, 0.3), to(0.9, 0, 0.3)
+    assert [item.reachable for item in Cell(AT_BASE, NO_LIMITS, reach_m=0.85).preview([near, far])] == [True, False]
+    unknown = Cell(AT_BASE, NO_LIMITS, PandaGeometry()).preview([far])[0]
+    assert (unknown.reachable, unknown.nearest, unknown.warning) == (None, None, "")
+    assert unknown.cells(1)[4:6] == ("not known", "not known")
+
+
+def test_the_table_has_a_row_for_each_action_and_warnings_below():
+    lines = table(
+        Cell(AT_BASE, NO_LIMITS, PandaGeometry()).preview([to(0.45, 0, 0.2), to(1.2, 0, 0.4)], READY)
+    ).splitlines()
+    assert lines[0].split("  ")[0] == "action"
+    assert lines[1].startswith("1       0.150 0.000 0.950")
+    assert " yes " in lines[1]
+    assert " NO " in lines[2]
+    assert lines[3].startswith("! action 2: the pose is out of reach")
+
+
+def test_another_model_is_refused():
+    with pytest.raises(InvalidInputError, match="model"):
+        PandaGeometry("ur5")
+
+
+class Ready:
+    """A driver at its ready pose, that never moves."""
+
+    name, proven = "ready", "a test"
+
+    def __init__(self):
+        self.commands = []
+
+    def state(self):
+        tip = flange(READY)[0] @ franka_hand()
+        return ArmState(tip[:3, 3], DOWN, READY, np.zeros(7), 0.08)
+
+    def geometry(self):
+        return PandaGeometry("panda")
+
+    def __getattr__(self, name):
+        return lambda *given, **named: self.commands.append(name)
+
+
+BOX = Box((-0.05, -0.05, 0.8), (0.0, 0.05, 1.2))
+
+
+def whole(*what, **how):
+    return run_task(*what, **how)
+
+
+def streamed(*what, **how):
+    return run_task(*what, stream=True, **how)
+
+
+def closed_loop(*what, **how):
+    return list(run_closed_loop(*what, **how))
+
+
+@pytest.mark.parametrize("run", [whole, streamed, closed_loop])
+def test_a_plan_is_shown_before_it_is_refused_or_asked_about(run, capsys):
+    driver = Ready()
+    arm = Arm(driver, calibration=AT_BASE, limits=MotionLimits(hand_radius_m=0.0))
+    limits = MotionLimits(Box((-1, -1, 0), (2, 1, 2)), keep_out=(BOX,), hand_radius_m=0.05)
+    service = Service(PredictedActions("p", (to(0.2, 0, 0.3),), {}), limits)
+    shown = {"preview": Person(arm).preview, "confirm": lambda *_: pytest.fail("asked")}
+    with pytest.raises(UnsafeActionError):
+        run(service, arm, "t", "go", **shown)
+    assert "! action 1: the way touches the box" in capsys.readouterr().err
+    assert driver.commands == ["halt"]
+
+
+@pytest.mark.parametrize("run", [whole, streamed, closed_loop])
+def test_a_person_hears_what_is_wrong_before_saying_yes(run, capsys, monkeypatch):
+    asked = []
+    monkeypatch.setattr("builtins.input", lambda question: asked.append((question, capsys.readouterr().err)) or "no")
+    driver = Ready()
+    arm = Arm(driver, calibration=AT_BASE)
+    person = Person(arm)
+    service = Service(PredictedActions("p", (to(1.2, 0, 0.4), to(0.4, 0, 0.4)), {}))
+    with pytest.raises(NotConfirmedError):
+        run(service, arm, "t", "go", preview=person.preview, confirm=person.confirm)
+    ((question, before),) = asked
+    assert question.startswith("action 1: to 0.900 0.000 1.150 m, gripper open")
+    assert before.splitlines()[0].startswith("action  position, m")
+    assert before.splitlines()[-1].startswith("! the pose is out of reach")
+    assert driver.commands == ["halt"]
+
+
+def test_of_another_robot_nothing_is_known(capsys):
+    Person(object()).preview([to(0.4, 0, 0.4)], NO_LIMITS)
+    assert "no preview" in capsys.readouterr().err
