@@ -16,7 +16,8 @@ from roboprompt_client.trajectory import ObjectPose
 
 SYSTEM = (
     "You control a robot arm with a parallel gripper. For a task and the objects in the scene you write a short "
-    "program in a small part of Python that paints 3D value maps and moves the gripper by them. Reply with the program alone."
+    "program in a small part of Python that paints 3D value maps and moves the gripper by them. Reply with the "
+    "program alone."
 )
 STOP = ("\n# objects:", "\n# task:")
 _FENCED = re.compile(r"```(?:python|py)?[ \t]*\n(.*?)```", re.DOTALL)

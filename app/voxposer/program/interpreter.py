@@ -165,20 +165,23 @@ class Interpreter:
         raise CommandError(f"the name {node.id!r} {known} (functions: {', '.join(self._commands)})")
 
     def _call(self, node: ast.Call) -> object:
-        if not isinstance(node.func, ast.Name):
-            raise CommandError("only functions with a name can be called")
+        name = self._function_name(node)
         arguments = [self._value(argument) for argument in node.args]
         named = {self._keyword(keyword): self._value(keyword.value) for keyword in node.keywords}
         self._line = node.lineno
-        if node.func.id in self._functions:
-            return self._call_function(self._functions[node.func.id], arguments, named)
-        if node.func.id not in self._commands:
-            known = ", ".join([*self._commands, *self._functions])
-            raise CommandError(f"the function {node.func.id!r} is not known (valid: {known})")
+        if name in self._functions:
+            return self._call_function(self._functions[name], arguments, named)
         try:
-            return self._commands[node.func.id](*arguments, **named)
+            return self._commands[name](*arguments, **named)
         except TypeError as error:
-            raise CommandError(f"{node.func.id}: {str(error).rpartition('() ')[2]}") from None
+            raise CommandError(f"{name}: {str(error).rpartition('() ')[2]}") from None
+
+    def _function_name(self, node: ast.Call) -> str:
+        if not isinstance(node.func, ast.Name):
+            raise CommandError("only functions with a name can be called")
+        if node.func.id not in (known := [*self._commands, *self._functions]):
+            raise CommandError(f"the function {node.func.id!r} is not known (valid: {', '.join(known)})")
+        return node.func.id
 
     def _keyword(self, keyword: ast.keyword) -> str:
         if keyword.arg is None:

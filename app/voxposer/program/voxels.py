@@ -54,7 +54,7 @@ def pointing_down(yaw_deg: float, tilt_deg: float) -> tuple[float, float, float,
     """xyzw: about z by the yaw, about y by minus the tilt, about x by a half turn: the tool's z then points down."""
     yaw, tilt = math.radians(yaw_deg) / 2, -math.radians(tilt_deg) / 2
     (cos_yaw, sin_yaw), (cos_tilt, sin_tilt) = ((math.cos(half), math.sin(half)) for half in (yaw, tilt))
-    return cos_yaw * cos_tilt, sin_yaw * cos_tilt, -cos_yaw * sin_tilt, -sin_yaw * sin_tilt
+    return cos_yaw * cos_tilt, sin_yaw * cos_tilt, -cos_yaw * sin_tilt, sin_yaw * sin_tilt
 
 
 def turned(quaternion_xyzw: Sequence[float], vector: Sequence[float]) -> tuple[float, float, float]:
