@@ -4,6 +4,7 @@ Each knows how its task is done, as the task's expert does, and sees no more tha
 in the first image, by voxels. `mentioned` stands before each, the objects in the order of the instruction.
 """
 
+import json
 import re
 from collections.abc import Mapping, Sequence
 
@@ -240,5 +241,5 @@ def oracle_program(task: str, instruction: str, object_names: Sequence[str]) -> 
         KeyError: for a task without one.
     """
     pattern = "|".join(re.escape(name) for name in sorted(object_names, key=len, reverse=True))
-    mentioned = ", ".join(f'"{name}"' for name in re.findall(pattern, instruction))
+    mentioned = ", ".join(map(json.dumps, re.findall(pattern, instruction)))
     return f"mentioned = [{mentioned}]\n{_COMMON}{PROGRAMS[task]}"

@@ -70,7 +70,7 @@ class Method:
     @property
     def sees_poses(self) -> bool:
         """Whether the actions depend on where objects are seen."""
-        return self.asks_service or self.source == "nearest demonstration"
+        return self.asks_service or self.source in ("nearest demonstration", "voxposer oracle")
 
     @property
     def taught_noise(self) -> float:

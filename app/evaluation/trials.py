@@ -216,9 +216,10 @@ def _perform_expert(laboratory: Laboratory, cell: Cell, lesson: Lesson, scene: S
 def _plan_oracle(laboratory: Laboratory, cell: Cell, lesson: Lesson, scene: SceneView) -> Trial:
     """The baseline's planner with the program of a person; a program that it refuses counts as a failure."""
     trial = Trial(cell.task, cell.seed, cell.method.label, scene)
+    seen = disturbed(scene.objects, cell.method.noise, cell.seed)
     started = time.perf_counter()
     try:
-        actions: _Actions = call(laboratory.executor, oracle_actions, replace(scene, frames=()))
+        actions: _Actions = call(laboratory.executor, oracle_actions, replace(scene, frames=(), objects=seen))
     except ProgramRefusedError as error:
         return replace(trial, error=str(error), predict_s=time.perf_counter() - started)
     return laboratory.execute(replace(trial, predict_s=time.perf_counter() - started), actions)

@@ -5,6 +5,7 @@ each kind of map. Here one reply does all three, in a program of the same kinds 
 functions and worked examples, of tasks that no evaluation here has.
 """
 
+import json
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -37,7 +38,7 @@ class ProgramTemplate:
 
     def ask(self, objects: Sequence[ObjectPose], instruction: str, max_actions: int, so_far: str = "") -> Prompt:
         """The prompt that asks for a program; its arguments are those of `PromptTemplate.ask`."""
-        names = ", ".join(f'"{pose.name}"' for pose in objects)
+        names = ", ".join(json.dumps(pose.name, ensure_ascii=False) for pose in objects)
         return Prompt(self.system, self.prefix, f"{so_far}# objects: {names}\n# task: {instruction}\n", STOP)
 
 
