@@ -1,8 +1,8 @@
 """The one prompt of the baseline, the same for every task, and the program in a reply.
 
 The published method asks a chain of language models: one splits the instruction, one composes value maps, one writes
-each kind of map. Here one reply does all three, in a program of the same kinds of steps. `examples.txt` has the
-functions and worked examples, of tasks that no evaluation here has.
+each kind of map. Here one reply does all three, in a program of the same kinds of steps. `functions.txt` has what it may
+call, `examples.txt` worked examples, of tasks that no evaluation here has.
 """
 
 import json
@@ -15,10 +15,15 @@ from app.pipeline.prompt import Prompt
 from app.voxposer.errors import ProgramRefusedError
 from roboprompt_client.trajectory import ObjectPose
 
+
+def _text(name: str) -> str:
+    return (files("app.voxposer") / name).read_text(encoding="utf-8")
+
+
 SYSTEM = (
     "You control a robot arm with a parallel gripper. For a task and the objects in the scene you write a short "
     "program in a small part of Python that paints 3D value maps and moves the gripper by them. Reply with the "
-    "program alone."
+    f"program alone.\n\n{_text('functions.txt')}"
 )
 STOP = ("\n# objects:", "\n# task:")
 _FENCED = re.compile(r"```(?:python|py)?[ \t]*\n(.*?)```", re.DOTALL)
@@ -42,7 +47,7 @@ class ProgramTemplate:
         return Prompt(self.system, self.prefix, f"{so_far}# objects: {names}\n# task: {instruction}\n", STOP)
 
 
-PROGRAM_TEMPLATE = ProgramTemplate(SYSTEM, (files("app.voxposer") / "examples.txt").read_text(encoding="utf-8"))
+PROGRAM_TEMPLATE = ProgramTemplate(SYSTEM, _text("examples.txt"))
 
 
 def program_of(reply_text: str) -> str:

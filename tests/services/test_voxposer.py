@@ -60,6 +60,7 @@ def test_a_program_becomes_actions_and_is_recorded(store, services):
     assert len(record.actions) == len(prediction.actions)
     assert GO in record.reply_text
     assert "empty_affordance_map" in record.prompt_user
+    assert "shifted_along" in record.prompt_system
     assert [finding["code"] for finding in record.findings] == ["assumed-size"]
     assert {"llm", "program"} <= set(record.timings_ms)
 

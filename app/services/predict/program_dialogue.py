@@ -18,7 +18,7 @@ from app.voxposer.prompt import program_of
 from app.voxposer.sandbox import run_program
 from roboprompt_client.trajectory import EndEffectorAction
 
-MAX_TOKENS = 2048  # of a program
+MAX_TOKENS = 1024  # of a program; the longest of `evaluation/oracle_programs` has about 900
 
 
 class ProgramDialogue:
