@@ -1,8 +1,8 @@
 """The one prompt of the baseline, the same for every task, and the program in a reply.
 
 The published method asks a chain of language models: one splits the instruction, one composes value maps, one writes
-each kind of map. Here one reply does all three, in a program of the same kinds of steps. `functions.txt` has what it may
-call, `examples.txt` worked examples, of tasks that no evaluation here has.
+each kind of map. Here one reply does all three, in a program of the same kinds of steps. `functions.txt` has what it
+may call, `examples.txt` worked examples, of tasks that no evaluation here has.
 """
 
 import json
