@@ -149,7 +149,6 @@ OTHER_VALUES = {
     "after": "a",
     "unfamiliar": "allow",
     "unsupported": "allow",
-    "stream_text": True,
 }
 
 

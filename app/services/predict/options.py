@@ -17,7 +17,7 @@ Method = Literal["roboprompt", "voxposer"]
 # Options of the method whose prompts show demonstrations and whose replies are rows
 OF_ROWS = (
     *("num_demonstrations", "selection", "num_samples", "permute_demonstrations", "episode_ids", "representation"),
-    *("prompt_format", "system_prompt", "closed_loop", "after", "unfamiliar", "unsupported", "stream_text"),
+    *("prompt_format", "system_prompt", "closed_loop", "after", "unfamiliar", "unsupported"),
 )
 
 

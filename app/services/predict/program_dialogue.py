@@ -1,10 +1,11 @@
 """The talk with an LLM that writes a program: asked once, run apart, planned, and handed on as a whole."""
 
 from collections.abc import AsyncGenerator, Iterator, Sequence
+from contextlib import aclosing
 
 import anyio.to_thread
 
-from app.llm.base import Completion, CompletionRequest, LanguageModel, TextDelta, Usage, complete
+from app.llm.base import Completion, CompletionRequest, LanguageModel, TextDelta, Usage
 from app.pipeline.errors import ReplyParseError
 from app.pipeline.findings import Finding
 from app.pipeline.plans.support import PlacedRow
@@ -41,14 +42,22 @@ class ProgramDialogue:
         return tuple(_findings(self._planned))
 
     async def actions(self, *, piecewise: bool) -> AsyncGenerator[Sequence[EndEffectorAction] | TextDelta, None]:
-        """Every action of the program, at once, whether or not they are wanted piecewise.
+        """Every action of the program, at once; with `piecewise` before them its text, if the request asks for it.
 
         Raises:
             LanguageModelError: if the LLM does not answer.
             ReplyParseError: if its program is cut off, refused, or fails.
         """
-        with timed(self._timings_ms, "llm"):
-            completion = await complete(self._model, self._asked())
+        async with aclosing(self._model.stream(self._asked(piecewise=piecewise))) as pieces:
+            while True:
+                with timed(self._timings_ms, "llm"):
+                    piece = await anext(pieces)
+                if isinstance(piece, Completion):
+                    completion = piece
+                    break
+                self.reply_text = (self.reply_text or "") + piece.text
+                if self._question.request.options.stream_text:
+                    yield piece
         self.reply_text, self.usage = completion.text, completion.usage
         with timed(self._timings_ms, "program"):
             self._planned = await anyio.to_thread.run_sync(self._plan, completion)
@@ -64,7 +73,7 @@ class ProgramDialogue:
         except ProgramRefusedError as error:
             raise ReplyParseError(str(error), completion.text) from error
 
-    def _asked(self) -> CompletionRequest:
+    def _asked(self, *, piecewise: bool) -> CompletionRequest:
         options = self._question.request.options
         return CompletionRequest(
             self.prompt,
@@ -73,7 +82,7 @@ class ProgramDialogue:
             temperature=options.sampling_temperature,
             seed=options.seed,
             cache_key=self._question.template.cache_key,
-            piecewise=False,
+            piecewise=piecewise,
         )
 
 
