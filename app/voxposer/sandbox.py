@@ -29,7 +29,14 @@ def run_program(program: str, scene: Scene) -> list[dict[str, Any]]:
     asked = json.dumps({"program": program, "scene": scene.to_json()})
     try:
         ended = subprocess.run(
-            COMMAND, input=asked.encode(), capture_output=True, timeout=WALL_S, env={}, cwd="/", check=False
+            COMMAND,
+            input=asked.encode(),
+            capture_output=True,
+            timeout=WALL_S,
+            env={},
+            cwd="/",
+            check=False,
+            start_new_session=True,  # Ctrl-C is for the service to handle
         )
     except subprocess.TimeoutExpired:
         raise ProgramRefusedError(f"the program took more than {WALL_S:g} s") from None

@@ -68,8 +68,9 @@ def test_programs_are_answered_streamed_shown_and_refused(http):
         assert (stored["status"], stored["request"]["method"]) == ("parse_error", "voxposer")
 
     for id_ in (answer["id"], problem["prediction_id"]):
-        page = http.get(f"/ui/predictions/{id_}")
-        assert page.status_code == 200
+        assert http.get(f"/ui/predictions/{id_}").status_code == 200
+    form = http.get("/ui/predict", params={"again": answer["id"]})
+    assert "<option selected>voxposer</option>" in form.text
 
 
 @pytest.mark.parametrize(
