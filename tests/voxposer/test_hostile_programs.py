@@ -83,11 +83,11 @@ HOSTILE = {
 @pytest.mark.parametrize("name", HOSTILE)
 def test_hostile_program_is_refused(name):
     program, why = HOSTILE[name]
-    started_s = time.perf_counter()
+    started_s = time.process_time()
     answer = answer_to({"program": program, "scene": SCENE.to_json()})
     assert why in answer["error"]
     assert "moves" not in answer
-    assert time.perf_counter() - started_s < 2
+    assert time.process_time() - started_s < 2
 
 
 @pytest.mark.parametrize("name", ["nested sum", "loops in loops", "memory by doubling", "walk up from a constant"])

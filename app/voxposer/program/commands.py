@@ -1,17 +1,17 @@
 """What a program can call: find objects, paint value maps, and move. Everything it asks for is plain data."""
 
-import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from app.voxposer.program.interpreter import MAX_ITEMS, CommandError, Readable, Target
-from app.voxposer.program.voxels import AXES, SIZE, Box, Voxel, Voxels, pointing_down, turned, yaw_deg
+from app.voxposer.program.arguments import PLAIN, axis_number, finite, is_index, length_cm, map_value, span
+from app.voxposer.program.interpreter import Readable, Target
+from app.voxposer.program.operations import CommandError
+from app.voxposer.program.voxels import SIZE, Box, Voxel, Voxels, pointing_down, turned, yaw_deg
 
 MAX_MOVES = 40
 MAX_PAINTED = 5_000  # boxes that are painted, and those that moves ask for
 MAX_VOLUME = 300 * SIZE**3  # voxels that moves ask for: what painting them costs the service
-MAX_CM = 1_000.0
 KINDS = ("affordance", "avoidance", "rotation", "velocity", "gripper")
 EVERYWHERE: Box = ((0, SIZE), (0, SIZE), (0, SIZE))
 NO_TURN = (0.0, 0.0, 0.0, 1.0)
@@ -78,7 +78,7 @@ class ValueMap(Target):
         parts = index if isinstance(index, tuple) else (index,)
         if not 1 <= len(parts) <= 3:
             raise CommandError("a map has three indices: [x, y, z]")
-        x, y, z = (*(_span(part) for part in parts), *EVERYWHERE[len(parts) :])
+        x, y, z = (*(span(part) for part in parts), *EVERYWHERE[len(parts) :])
         self.add((x, y, z), value)
 
     def add(self, box: Box, value: object) -> None:
@@ -86,7 +86,7 @@ class ValueMap(Target):
         self.commands.count_painted()
         if box == EVERYWHERE:
             self.painted.clear()  # nothing of it would be seen
-        self.painted.append((box, _map_value(self.kind, value)))
+        self.painted.append((box, map_value(self.kind, value)))
 
 
 class Commands:
@@ -143,31 +143,31 @@ class Commands:
 
     def _moved(self, where: object, by_cm: Sequence[object], turn: Sequence[float]) -> Voxel:
         start_m = where.position_m if isinstance(where, Thing) else self._voxels.centre_m(_voxel(where))
-        by_m = turned(turn, [_cm(value) / 100 for value in by_cm])
+        by_m = turned(turn, [length_cm(value) / 100 for value in by_cm])
         return self._voxels.at([start + by for start, by in zip(start_m, by_m, strict=True)])
 
     def set_voxels(self, map: object, position: object, value: object = 1, radius_cm: object = 0) -> None:  # noqa: A002
         """Paint the box of that radius about a voxel."""
         at = _voxel(position)
-        _a_map("set_voxels", map).add(self._voxels.around(at, at, abs(_cm(radius_cm))), value)
+        _a_map("set_voxels", map).add(self._voxels.around(at, at, abs(length_cm(radius_cm))), value)
 
     def set_object(self, map: object, thing: object, value: object = 1, margin_cm: object = 0) -> None:  # noqa: A002
         """Paint the bounding box of an object, and a margin about it."""
         if not isinstance(thing, Thing):
             raise CommandError("set_object takes a map, then an object from detect")
-        _a_map("set_object", map).add(self._voxels.around(thing.low, thing.high, abs(_cm(margin_cm))), value)
+        _a_map("set_object", map).add(self._voxels.around(thing.low, thing.high, abs(length_cm(margin_cm))), value)
 
     def cm_to_voxels(self, cm: object, axis: object = "z") -> int:
         """How many voxels a length has along an axis."""
-        return self._voxels.count(_cm(cm), _axis(axis))
+        return self._voxels.count(length_cm(cm), axis_number(axis))
 
     def voxels_to_cm(self, voxels: object, axis: object = "z") -> float:
         """How long so many voxels are along an axis."""
-        return 100 * _finite(voxels, "a number of voxels") * self._voxels.step_m[_axis(axis)]
+        return 100 * finite(voxels, "a number of voxels") * self._voxels.step_m[axis_number(axis)]
 
     def pointing_down(self, yaw_deg: object = 0, tilt_deg: object = 0) -> tuple[float, ...]:
         """A rotation of the gripper, its fingers closing at right angles to the yaw."""
-        return pointing_down(_finite(yaw_deg, "a yaw in degrees"), _finite(tilt_deg, "a tilt in degrees"))
+        return pointing_down(finite(yaw_deg, "a yaw in degrees"), finite(tilt_deg, "a tilt in degrees"))
 
     def move(
         self,
@@ -204,97 +204,9 @@ def _a_map(command: str, value: object) -> ValueMap:
     return value
 
 
-def _finite(value: object, what: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise CommandError(f"{what} is a number, not {type(value).__name__}")
-    return value
-
-
-def _cm(value: object) -> float:
-    if abs(length := _finite(value, "a length in cm")) > MAX_CM:
-        raise CommandError(f"a length is {length:g} cm (valid: at most {MAX_CM:g})")
-    return length
-
-
-def _axis(value: object) -> int:
-    if value not in AXES:
-        raise CommandError(f"there is no such axis (valid: {', '.join(map(repr, AXES))})")
-    return AXES.index(str(value))
-
-
 def _voxel(value: object) -> Voxel:
     if isinstance(value, Thing):
         return value.position
-    if isinstance(value, tuple) and len(value) == 3 and all(_is_index(number) for number in value):
+    if isinstance(value, tuple) and len(value) == 3 and all(is_index(number) for number in value):
         return value
     raise CommandError(f"a position is three whole numbers (x, y, z), each 0..{SIZE - 1}, or an object from detect")
-
-
-def _is_index(value: object) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool) and 0 <= value < SIZE
-
-
-def _span(part: object) -> tuple[int, int]:
-    """The voxels along one axis that an index means."""
-    if isinstance(part, slice) and part.step in (None, 1):
-        first, last, _ = part.indices(SIZE)
-        if first < last:
-            return first, last
-    elif isinstance(part, int) and _is_index(part):
-        return part, part + 1
-    raise CommandError(f"an index of a map is a whole number 0..{SIZE - 1} or a slice of them")
-
-
-def _map_value(kind: str, value: object) -> object:
-    if kind == "rotation":
-        if not (isinstance(value, tuple) and len(value) == 4):
-            raise CommandError("a rotation map holds quaternions (valid: pointing_down(yaw_deg))")
-        x, y, z, w = (_finite(part, "a part of a quaternion") for part in value)
-        if abs(math.hypot(x, y, z, w) - 1) > 1e-3:
-            raise CommandError("a quaternion of a rotation map is not of length 1")
-        return (x, y, z, w)
-    number = _finite(value, f"a value of the {kind} map")
-    if kind == "gripper" and number not in (0, 1):
-        raise CommandError(f"a gripper map holds {number:g} (valid: 1 open, 0 closed)")
-    if kind == "velocity" and not 0 < number <= 1:
-        raise CommandError(f"a velocity map holds {number:g} (valid: above 0, up to 1, the usual speed)")
-    if kind in ("affordance", "avoidance") and not 0 <= number <= 1:
-        raise CommandError(f"an {kind} map holds {number:g} (valid: 0 to 1)")
-    return number
-
-
-def _scalars(values: Sequence[object]) -> list[float]:
-    items = values[0] if len(values) == 1 and isinstance(values[0], list | tuple | range) else values
-    if not isinstance(items, list | tuple | range) or not items:
-        raise CommandError("takes at least one number")
-    return [_finite(item, "each item") for item in items]
-
-
-def _sequence(value: object) -> Sequence[object]:
-    if not isinstance(value, list | tuple | range):
-        raise CommandError("takes a sequence")
-    return value
-
-
-def _range(*ends: object) -> range:
-    numbers = [_finite(end, "an end of a range") for end in ends]
-    if not 1 <= len(ends) <= 3 or not all(isinstance(number, int) for number in numbers):
-        raise CommandError("range takes one to three whole numbers")
-    steps = range(*[int(number) for number in numbers])
-    if len(steps) > MAX_ITEMS:
-        raise CommandError(f"a range has {len(steps)} items (valid: at most {MAX_ITEMS})")
-    return steps
-
-
-PLAIN: Mapping[str, Callable[..., object]] = {
-    "range": _range,
-    "len": lambda items: len(_sequence(items)),
-    "enumerate": lambda items: tuple(enumerate(_sequence(items))),
-    "zip": lambda *items: tuple(zip(*(_sequence(item) for item in items), strict=False)),
-    "min": lambda *values: min(_scalars(values)),
-    "max": lambda *values: max(_scalars(values)),
-    "sum": lambda *values: sum(_scalars(values)),
-    "abs": lambda value: abs(_finite(value, "what abs takes")),
-    "round": lambda value: round(_finite(value, "what round takes")),
-    "int": lambda value: int(_finite(value, "what int takes")),
-}

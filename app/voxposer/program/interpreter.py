@@ -5,40 +5,14 @@ hold of an object of the process.
 """
 
 import ast
-import operator
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from app.voxposer.program.syntax import ATTRIBUTES, MAX_NUMBER, ProgramError
+from app.voxposer.program.operations import COMPARISONS, CommandError, comparable, computed, items, number, scalar
+from app.voxposer.program.syntax import ATTRIBUTES, ProgramError
 
 MAX_STEPS = 100_000
 MAX_CALLS = 16  # of the program's functions within each other
-MAX_ITEMS = 10_000  # of a sequence
-SCALARS = (bool, int, float, str, type(None))
-ARITHMETIC: Mapping[type[ast.AST], Callable[[Any, Any], Any]] = {
-    ast.Add: operator.add,
-    ast.Sub: operator.sub,
-    ast.Mult: operator.mul,
-    ast.Div: operator.truediv,
-    ast.FloorDiv: operator.floordiv,
-    ast.Mod: operator.mod,
-}
-COMPARISONS: Mapping[type[ast.AST], Callable[[Any, Any], bool]] = {
-    ast.Eq: operator.eq,
-    ast.NotEq: operator.ne,
-    ast.Lt: operator.lt,
-    ast.LtE: operator.le,
-    ast.Gt: operator.gt,
-    ast.GtE: operator.ge,
-    ast.Is: operator.is_,
-    ast.IsNot: operator.is_not,
-    ast.In: lambda item, items: item in items,
-    ast.NotIn: lambda item, items: item not in items,
-}
-
-
-class CommandError(Exception):
-    """A command that cannot be carried out as it was called."""
 
 
 class Returned(Exception):  # noqa: N818 - no error: how a function of the program ends
@@ -116,7 +90,7 @@ class Interpreter:
         if not isinstance(node.target, ast.Name):
             raise CommandError("only a name can be changed by += and its like")
         before = self._name(ast.Name(node.target.id, ast.Load()))
-        self._bind(node.target, _computed(type(node.op), before, self._value(node.value)))
+        self._bind(node.target, computed(type(node.op), before, self._value(node.value)))
 
     def _bind(self, target: ast.expr, value: object) -> None:
         if isinstance(target, ast.Name):
@@ -124,10 +98,10 @@ class Interpreter:
                 raise CommandError(f"{target.id} is a function and cannot be assigned to")
             self._scopes[-1][target.id] = value
         elif isinstance(target, ast.Tuple | ast.List):
-            items = _items(value)
-            if len(items) != len(target.elts):
-                raise CommandError(f"{len(items)} values cannot be given to {len(target.elts)} names")
-            for part, item in zip(target.elts, items, strict=True):
+            values = items(value)
+            if len(values) != len(target.elts):
+                raise CommandError(f"{len(values)} values cannot be given to {len(target.elts)} names")
+            for part, item in zip(target.elts, values, strict=True):
                 self._bind(part, item)
         elif isinstance(target, ast.Subscript):
             self._paint(target, value)
@@ -141,7 +115,7 @@ class Interpreter:
         written.paint(self._value(target.slice), value)
 
     def _for(self, node: ast.For) -> None:
-        for item in _items(self._value(node.iter)):
+        for item in items(self._value(node.iter)):
             self._step(node)
             self._bind(node.target, item)
             self._block(node.body)
@@ -211,12 +185,12 @@ class Interpreter:
         return getattr(owner, node.attr)
 
     def _subscript(self, node: ast.Subscript) -> object:
-        items, index = self._value(node.value), self._value(node.slice)
-        if not isinstance(items, list | tuple | range):
+        sequence, index = self._value(node.value), self._value(node.slice)
+        if not isinstance(sequence, list | tuple | range):
             raise CommandError("only sequences can be read by an index; maps are written, not read")
         if not isinstance(index, int | slice):
             raise CommandError("the index of a sequence is a whole number")
-        return items[index]
+        return sequence[index]
 
     def _slice(self, node: ast.Slice) -> slice:
         ends = [None if end is None else self._value(end) for end in (node.lower, node.upper, node.step)]
@@ -228,13 +202,13 @@ class Interpreter:
         return tuple(self._value(item) for item in node.elts)
 
     def _binary(self, node: ast.BinOp) -> object:
-        return _computed(type(node.op), self._value(node.left), self._value(node.right))
+        return computed(type(node.op), self._value(node.left), self._value(node.right))
 
     def _unary(self, node: ast.UnaryOp) -> object:
         value = self._value(node.operand)
         if isinstance(node.op, ast.Not):
             return not value
-        return -_number(value) if isinstance(node.op, ast.USub) else _number(value)
+        return -number(value) if isinstance(node.op, ast.USub) else number(value)
 
     def _bool(self, node: ast.BoolOp) -> object:
         stops_at = isinstance(node.op, ast.Or)
@@ -249,46 +223,13 @@ class Interpreter:
         left = self._value(node.left)
         for comparison, part in zip(node.ops, node.comparators, strict=True):
             right = self._value(part)
-            if not COMPARISONS[type(comparison)](_scalar(left), _comparable(comparison, right)):
+            if not COMPARISONS[type(comparison)](scalar(left), comparable(comparison, right)):
                 return False
             left = right
         return True
 
     def _if_expression(self, node: ast.IfExp) -> object:
         return self._value(node.body if self._value(node.test) else node.orelse)
-
-
-def _number(value: object) -> Any:  # noqa: ANN401
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise CommandError("arithmetic takes numbers only")
-    return value
-
-
-def _computed(kind: type[ast.AST], left: object, right: object) -> object:
-    result = ARITHMETIC[kind](_number(left), _number(right))
-    if not abs(result) <= MAX_NUMBER:
-        raise CommandError(f"a number is beyond {MAX_NUMBER:g}")
-    return result
-
-
-def _scalar(value: object) -> Any:  # noqa: ANN401
-    if not isinstance(value, SCALARS):
-        raise CommandError("only numbers and texts can be compared")
-    return value
-
-
-def _comparable(comparison: ast.cmpop, value: object) -> Any:  # noqa: ANN401
-    if isinstance(comparison, ast.In | ast.NotIn) and not isinstance(value, str):
-        return [_scalar(item) for item in _items(value)]
-    return _scalar(value)
-
-
-def _items(value: object) -> Sequence[object]:
-    if not isinstance(value, list | tuple | range):
-        raise CommandError("is no sequence")
-    if len(value) > MAX_ITEMS:
-        raise CommandError(f"a sequence has {len(value)} items (valid: at most {MAX_ITEMS})")
-    return value
 
 
 _Node = Any
