@@ -5,6 +5,7 @@ hold of an object of the process.
 """
 
 import ast
+import inspect
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -147,8 +148,9 @@ class Interpreter:
             return self._call_function(self._functions[name], arguments, named)
         try:
             return self._commands[name](*arguments, **named)
-        except TypeError as error:
-            raise CommandError(f"{name}: {str(error).rpartition('() ')[2]}") from None
+        except TypeError:
+            names = ", ".join(inspect.signature(self._commands[name]).parameters)
+            raise CommandError(f"{name} takes {names or 'no arguments'}") from None
 
     def _function_name(self, node: ast.Call) -> str:
         if not isinstance(node.func, ast.Name):
