@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from app.evaluation.results import EXPERT, REPLAY, Method, NoiseOn, Poses
+from app.evaluation.results import EXPERT, REPLAY, VOXPOSER_ORACLE, Method, NoiseOn, Poses
 from app.sim.tasks import COMPOSITION_TASKS, TASKS
 from roboprompt_client.errors import InvalidInputError
 
@@ -19,7 +19,8 @@ KAT = {"representation": "action_tokens", "prompt_format": "kat"}
 REGRESSION = Method("regression, no LLM", {"model": "regression", "unsupported": "allow"})
 COPY = Method("nearest demonstration's rows, no LLM", {"model": "nearest"})
 NEAREST = Method("nearest demonstration", source="nearest demonstration")
-
+# A way over value maps has more corners than a list of keyframes has rows.
+VOXPOSER = Method("voxposer", {"method": "voxposer", "max_actions": 100, "timeout_s": 300.0})
 
 # What a method can be called beside the labels of a sweep
 SIMPLE_NAMES: Mapping[str, Method] = {
@@ -28,6 +29,8 @@ SIMPLE_NAMES: Mapping[str, Method] = {
     "regression": REGRESSION,
     "replay": REPLAY,
     "expert": EXPERT,
+    "voxposer": VOXPOSER,
+    "voxposer-oracle": VOXPOSER_ORACLE,
 }
 INTERVALS = (5, 10, 20, 40, 80)  # frames; paper, section V "Keyframe extraction"
 DEMONSTRATIONS = (1, 2, 5, 10, 15)

@@ -16,7 +16,15 @@ FIRST_TEST_SEED = 100_000  # demonstrations are drawn from the seeds below
 # Where a method's actions come from; `app.evaluation.trials` has the function for each.
 Poses = Literal["given", "vision"]
 NoiseOn = Literal["both", "test"]
-Source = Literal["service", "closed loop", "nearest demonstration", "expert replay", "expert", "robot loop"]
+Source = Literal[
+    "service",
+    "closed loop",
+    "nearest demonstration",
+    "expert replay",
+    "expert",
+    "robot loop",
+    "voxposer oracle",
+]
 
 
 @dataclass(frozen=True)
@@ -62,7 +70,7 @@ class Method:
     @property
     def sees_poses(self) -> bool:
         """Whether the actions depend on where objects are seen."""
-        return self.asks_service or self.source == "nearest demonstration"
+        return self.asks_service or self.source in ("nearest demonstration", "voxposer oracle")
 
     @property
     def taught_noise(self) -> float:
@@ -70,6 +78,8 @@ class Method:
         return self.noise if self.noise_on == "both" else 0.0
 
 
+# The baseline's programs as people write them, planned without the service: its planner alone
+VOXPOSER_ORACLE = Method("voxposer oracle", source="voxposer oracle")
 REPLAY = Method("expert replay", source="expert replay")
 EXPERT = Method("expert", source="expert")
 

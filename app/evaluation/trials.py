@@ -14,6 +14,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from app.evaluation.executors import Executor, call
+from app.evaluation.oracle import oracle_actions
 from app.evaluation.paper import disturbed
 from app.evaluation.results import Method, Source, TaughtEpisode, Trial
 from app.evaluation.robot_loops import USELESS_REPLY, ClosedLoopResult, run_in_closed_loop, run_in_robot_loop
@@ -33,6 +34,7 @@ from app.sim.demonstrate import (
 )
 from app.sim.libfranka import demonstrate as over_libfranka
 from app.sim.tasks import ALL_TASKS
+from app.voxposer.errors import ProgramRefusedError
 from roboprompt_client.camera import RgbdFrame
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import ServiceProblemError
@@ -144,7 +146,8 @@ def _seen(laboratory: Laboratory, cell: Cell, scene: SceneView) -> Observation:
     """What the robot tells the service of the scene."""
     if cell.method.poses == "vision":
         return images_only(call(laboratory.executor, _photograph, cell.task, cell.seed), scene.objects)
-    return Observation(disturbed(scene.objects, cell.method.noise, cell.seed))
+    start = scene.end_effector if cell.method.options.get("method") == "voxposer" else None
+    return Observation(disturbed(scene.objects, cell.method.noise, cell.seed), end_effector=start)
 
 
 def _without_actions(client: RoboPromptClient, error: ServiceProblemError) -> dict[str, Any]:
@@ -214,6 +217,18 @@ def _perform_expert(laboratory: Laboratory, cell: Cell, lesson: Lesson, scene: S
     )
 
 
+def _plan_oracle(laboratory: Laboratory, cell: Cell, lesson: Lesson, scene: SceneView) -> Trial:
+    """The baseline's planner with the program of a person; a program that it refuses counts as a failure."""
+    trial = Trial(cell.task, cell.seed, cell.method.label, scene)
+    seen = disturbed(scene.objects, cell.method.noise, cell.seed)
+    started = time.perf_counter()
+    try:
+        actions: _Actions = call(laboratory.executor, oracle_actions, replace(scene, frames=(), objects=seen))
+    except ProgramRefusedError as error:
+        return replace(trial, error=str(error), predict_s=time.perf_counter() - started)
+    return laboratory.execute(replace(trial, predict_s=time.perf_counter() - started), actions)
+
+
 _Run = Callable[[Laboratory, Cell, Lesson, SceneView], Trial]
 SOURCES: Mapping[Source, _Run] = {
     "service": _ask_service,
@@ -222,6 +237,7 @@ SOURCES: Mapping[Source, _Run] = {
     "nearest demonstration": _replay_nearest,
     "expert replay": _replay_expert,
     "expert": _perform_expert,
+    "voxposer oracle": _plan_oracle,
 }
 
 

@@ -18,6 +18,7 @@ from app.sim.tasks.base import FINAL_HOLD_S, NOT_SOLVED
 from app.sim.world import CAMERA_NAMES
 from roboprompt_client.camera import RgbdFrame
 from roboprompt_client.errors import MotionError
+from roboprompt_client.motion_limits import Pose
 from roboprompt_client.trajectory import EndEffectorAction, ObjectPose, Trajectory
 
 # How experts are recorded: at rest at each of their poses, or passing them as a person does (`app.sim.guided`)
@@ -36,6 +37,7 @@ class SceneView:
         objects: true poses.
         frames: one per camera; empty if no images were asked for.
         mask_ids: for each object the ids of its pixels in the frames' masks.
+        end_effector: where the robot's is; None where nobody has looked.
     """
 
     task: str
@@ -44,6 +46,7 @@ class SceneView:
     objects: tuple[ObjectPose, ...]
     frames: tuple[RgbdFrame, ...]
     mask_ids: dict[str, tuple[int, ...]]
+    end_effector: Pose | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,7 +189,15 @@ def _guided_robot(task_name: str, seed: int, variation: int | None, *, images: b
 
 def _view(robot: SimulatedPanda, seed: int) -> SceneView:
     task, observation = robot.task, robot.observe()
-    return SceneView(task.name, seed, task.instruction, observation.objects, observation.frames, task.mask_ids())
+    return SceneView(
+        task.name,
+        seed,
+        task.instruction,
+        observation.objects,
+        observation.frames,
+        task.mask_ids(),
+        observation.end_effector,
+    )
 
 
 def _perform(robot: SimulatedPanda, moves: Sequence[Move], *, film_strip: bool) -> tuple[FilmStrip, int, str]:

@@ -14,7 +14,7 @@ from uuid import uuid4
 
 import anyio.to_thread
 
-from app.llm.base import Completion, LanguageModelError, TextDelta
+from app.llm.base import Completion, LanguageModel, LanguageModelError, TextDelta
 from app.llm.registry import ModelRegistry
 from app.pipeline.errors import InstructionError, ReplyParseError, UnsupportedActionError
 from app.pipeline.workspace import discretize_actions
@@ -24,8 +24,9 @@ from app.services.motion_bounds import ActionCheck, CurrentLimits
 from app.services.predict.dialogue import Dialogue
 from app.services.predict.doubts import findings_of
 from app.services.predict.instruction import ask_meaning
-from app.services.predict.question import PredictedAction, Prediction, PredictRequest, Question
-from app.services.predict.record import Ended, Recorder
+from app.services.predict.program_dialogue import ProgramDialogue
+from app.services.predict.question import PredictedAction, Prediction, PredictRequest, ProgramQuestion, Question
+from app.services.predict.record import AnyDialogue, Ended, Recorder
 from app.services.predict.sampled import SampledDialogue
 from app.services.predict.warm import PrefixWarmer
 from app.services.predict.write import QuestionWriter
@@ -162,8 +163,7 @@ class PredictActions:
             UnsafeReplyError: if an action is beyond a bound of motion of the moment; recorded, carries the reply.
         """
         async with self._models.using(question.profile.name) as model:
-            kind = SampledDialogue if question.samples else Dialogue
-            dialogue = kind(question, model, timings_ms)
+            dialogue = _dialogue(question, model, timings_ms)
             ended = partial(Ended, question, dialogue, timings_ms, started_s)
             actions: list[PredictedAction] = []
             check = ActionCheck(self._limits, question)
@@ -189,7 +189,12 @@ class PredictActions:
         )
 
     async def _checked(
-        self, question: Question, dialogue: Dialogue | SampledDialogue, check: ActionCheck, *, piecewise: bool
+        self,
+        question: Question,
+        dialogue: AnyDialogue,
+        check: ActionCheck,
+        *,
+        piecewise: bool,
     ) -> AsyncGenerator[PredictedAction | TextDelta, None]:
         """The dialogue's actions, each within the bounds of motion; meanwhile people see that it is under way."""
         workspace = question.settings.workspace.workspace()
@@ -233,6 +238,13 @@ class PredictActions:
         failed = ended(status, error=message)
         id_ = await self._record(failed)
         raise refusal(failed.dialogue.reply_text or "", id_) from error
+
+
+def _dialogue(question: Question, model: LanguageModel, timings_ms: Timings) -> AnyDialogue:
+    if isinstance(question, ProgramQuestion):
+        return ProgramDialogue(question, model, timings_ms)
+    kind = SampledDialogue if question.samples else Dialogue
+    return kind(question, model, timings_ms)
 
 
 def _refusal(

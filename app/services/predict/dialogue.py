@@ -101,7 +101,7 @@ class Dialogue:
     ) -> AsyncGenerator[Sequence[EndEffectorAction] | TextDelta, None]:
         """The actions of the reply to one instruction, as far as the demonstrations support them."""
         question = self._question
-        reader = ReplyReader(question.written.codec, question.objects, instruction, max_actions, question.start)
+        reader = ReplyReader(question.codec, question.objects, instruction, max_actions, question.start)
         support = SupportCheck(question, instruction, question.request.options.max_actions - max_actions)
         async with aclosing(self._reply(reader, max_actions, piecewise=piecewise)) as arriving:
             async for item in arriving:
@@ -158,7 +158,7 @@ class Dialogue:
             tokens = completion.usage.completion_tokens
             raise ReplyParseError(f"the reply was cut off after {tokens} tokens", completion.text)
         actions = reader.finish(completion.text)
-        codec = self._question.written.codec
+        codec = self._question.codec
         written = codec.reply_text(codec.rows(completion.text, complete=True))
         self._so_far = f"{self.prompt.query}{written}{codec.separator}"
         return actions

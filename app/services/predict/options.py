@@ -1,5 +1,6 @@
 """How to predict, as a request may say it; what it leaves out follows the task, then the model."""
 
+import json
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -7,16 +8,31 @@ from pydantic import BaseModel, ConfigDict, Field
 from app.perception.strict import WHOLE, Number, Truth
 from app.services.predict.select import Selection
 from app.services.task_settings import PromptFormat, Representation, SystemPrompt
+from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.motion_limits import MAX_ACTIONS
 
 SAMPLES_TEMPERATURE = 0.5
 Unsupported = Literal["refuse", "allow"]
+Method = Literal["roboprompt", "voxposer"]
+# Options of the method whose prompts show demonstrations and whose replies are rows
+OF_ROWS = (
+    *("num_demonstrations", "selection", "num_samples", "permute_demonstrations", "episode_ids", "representation"),
+    *("prompt_format", "system_prompt", "closed_loop", "after", "unfamiliar", "unsupported"),
+)
 
 
 class PredictOptions(BaseModel):
     """How to predict."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    method: Annotated[
+        Method,
+        Field(
+            description="roboprompt: the LLM continues the demonstrations' rows; voxposer, a baseline: it writes a "
+            "program over value maps, no demonstrations are shown, and `end_effector` is required"
+        ),
+    ] = "roboprompt"
 
     num_demonstrations: Annotated[int | None, Field(ge=1, le=100), WHOLE] = None
     selection: Annotated[
@@ -76,6 +92,17 @@ class PredictOptions(BaseModel):
     stream_text: Annotated[
         Truth, Field(description="with `Accept: text/event-stream`: the reply's text, too, in events `text`")
     ] = False
+
+    def require_alone(self) -> None:
+        """Refuse options that mean nothing to a method without demonstrations and rows.
+
+        Raises:
+            InvalidInputError: naming the first of them.
+        """
+        for name in OF_ROWS:
+            if getattr(self, name) != (default := PredictOptions.model_fields[name].default):
+                said = "left out" if default is None else f"{json.dumps(default)}, or left out"
+                raise InvalidInputError(name, f"has no meaning with the method {self.method}", said)
 
     @property
     def sampling_temperature(self) -> float:

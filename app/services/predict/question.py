@@ -15,11 +15,14 @@ from app.pipeline.language.grounding import Grounded
 from app.pipeline.plans.support import PlacedPlan, PlacedRow
 from app.pipeline.prompt import Prompt, PromptTemplate
 from app.pipeline.representation.anchors import relative_pose
+from app.pipeline.representation.base import Codec
 from app.pipeline.workspace import DiscreteAction
 from app.services.predict.options import AS_THE_TASK_SAYS, PredictOptions
-from app.services.predict.template import PromptStyle, Template
+from app.services.predict.template import PromptStyle, Shown
 from app.services.task_settings import TaskSettings
 from app.store.values import JsonObject
+from app.voxposer.prompt import ProgramTemplate
+from app.voxposer.scene import Scene
 from roboprompt_client.camera import Camera, RgbdFrame
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.motion_limits import Pose
@@ -62,6 +65,8 @@ class PredictRequest:
 
     def __post_init__(self) -> None:
         options = self.options
+        if options.method == "voxposer":
+            options.require_alone()
         if options.num_samples > 1 and (options.closed_loop or options.after is not None):
             raise InvalidInputError("num_samples", f"is {options.num_samples} in a closed loop", "1")
 
@@ -87,8 +92,8 @@ class Question:
     grounded: Grounded
     instructions: tuple[str, ...]
     objects: tuple[ObjectPose, ...]
-    template: Template
-    written: PromptTemplate
+    template: Shown
+    written: PromptTemplate | ProgramTemplate
     so_far: str
     step: int | None
     profile: ModelProfile
@@ -115,10 +120,27 @@ class Question:
         samples = tuple(sample.without_frames() for sample in self.samples)
         return replace(self, request=self.request.without_frames(), samples=samples)
 
+    @property
+    def codec(self) -> Codec:
+        """Reads the reply's rows; a reply that is a program has none."""
+        assert isinstance(self.written, PromptTemplate)
+        return self.written.codec
+
     @cached_property
     def prompt(self) -> Prompt:
         """The prompt that asks for the first of the instructions."""
         return self.written.ask(self.objects, self.instructions[0], self.request.options.max_actions, self.so_far)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ProgramQuestion(Question):
+    """A question whose answer is a program over value maps instead of rows of actions.
+
+    Attributes:
+        scene: what the program is about.
+    """
+
+    scene: Scene
 
 
 @dataclass(frozen=True)

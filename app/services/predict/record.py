@@ -11,6 +11,7 @@ from sqlalchemy import Connection
 from app.services.measures import Metrics, Timings, note, timed
 from app.services.predict.dialogue import Dialogue
 from app.services.predict.doubts import findings_of
+from app.services.predict.program_dialogue import ProgramDialogue
 from app.services.predict.question import PredictedAction, Question
 from app.services.predict.sampled import SampledDialogue
 from app.services.scene_images import put_images
@@ -19,6 +20,7 @@ from app.store.records import PredictionDraft, PredictionStatus
 from app.store.store import Store
 from app.store.values import ObjectRecord
 
+AnyDialogue = Dialogue | SampledDialogue | ProgramDialogue
 Check = Callable[[Connection], None]
 
 
@@ -37,7 +39,7 @@ class Ended:
     """
 
     question: Question
-    dialogue: Dialogue | SampledDialogue
+    dialogue: AnyDialogue
     timings_ms: Timings
     started_s: float
     status: PredictionStatus

@@ -58,20 +58,27 @@ class TemplateKey:
 
 
 @dataclass(frozen=True, eq=False)
-class Template:
-    """A prompt template with what it was made of.
+class Shown:
+    """What a prompt shows before its query.
 
     Attributes:
-        support: what the demonstrations support; None for the steps of a closed loop.
         cache_key: equal for equal prefixes.
+        demonstration_ids: of the demonstrations; none where a prompt shows none.
+        support: what the demonstrations support; None for the steps of a closed loop, and without demonstrations.
         instructions: of the demonstrations.
     """
 
-    prompt: PromptTemplate | ClosedLoopTemplate
-    support: Support | None
-    demonstration_ids: tuple[str, ...]
     cache_key: str
+    demonstration_ids: tuple[str, ...] = ()
+    support: Support | None = None
     instructions: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Template(Shown):
+    """A prompt template with what it was made of."""
+
+    prompt: PromptTemplate | ClosedLoopTemplate
 
     def at_step(self, step: int) -> PromptTemplate:
         """The template for a step of a closed loop; without one there is only step 0."""
@@ -88,10 +95,21 @@ def make_template(demonstrations: Demonstrations, settings: TaskSettings, style:
     if not style.from_start:
         shown, recorded = (tuple(replace(item, start=None) for item in items) for items in (shown, recorded))
     prompt = _prompt_template(shown, settings.workspace.workspace(), style)
-    digest = hashlib.sha256(f"{prompt.system}\0{prompt.prefix}".encode()).hexdigest()[:16]
     support = None if style.closed_loop else Support.of(by_plan(recorded))
     instructions = tuple(d.instruction for d in shown)
-    return Template(prompt, support, tuple(d.id for d in shown), digest, instructions)
+    ids = tuple(d.id for d in shown)
+    return Template(
+        cache_key=cache_key_of(prompt.system, prompt.prefix),
+        demonstration_ids=ids,
+        support=support,
+        instructions=instructions,
+        prompt=prompt,
+    )
+
+
+def cache_key_of(system: str, prefix: str) -> str:
+    """Equal for equal prompts up to the query."""
+    return hashlib.sha256(f"{system}\0{prefix}".encode()).hexdigest()[:16]
 
 
 def _prompt_template(

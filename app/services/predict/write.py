@@ -7,17 +7,16 @@ from dataclasses import dataclass, replace
 from sqlalchemy import Connection
 
 from app.llm.base import ModelProfile
-from app.perception.registry import estimate_poses
 from app.pipeline.plans.support import PlacedPlan
-from app.pipeline.prompt import check_object_names, objects_of_task
 from app.pipeline.representation import KAT_FORMAT
-from app.pipeline.units import check_scene_units
 from app.services.cache import Cache
-from app.services.limits import Limits, NoDemonstrationsError
+from app.services.limits import Limits
 from app.services.measures import Timings, timed
 from app.services.pose_servers import PoseServers
 from app.services.predict.doubts import findings_before
 from app.services.predict.instruction import ground_instruction, is_english
+from app.services.predict.observe import demonstrated_objects, look, observed
+from app.services.predict.program_question import ProgramQuestionWriter
 from app.services.predict.question import PredictRequest, Question
 from app.services.predict.select import DemonstrationSelector, read_demonstrations, stepwise_demonstrations
 from app.services.predict.template import (
@@ -31,7 +30,6 @@ from app.services.predict.template import (
 )
 from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks
-from app.store.errors import ConflictError
 from app.store.records import TaskRecord
 from app.store.store import Store
 from roboprompt_client.trajectory import ObjectPose
@@ -58,6 +56,7 @@ class QuestionWriter:
         self._limits = limits or Limits()
         self._pose_servers = pose_servers or PoseServers()
         self._profile_of = profile_of
+        self._write_program = ProgramQuestionWriter(store, profile_of, self._pose_servers)
         self._select = DemonstrationSelector()
         self._templates: Cache[TemplateKey, Template] = Cache(CAPACITY)
         is_english("")  # reads its list now, so that no request waits for it
@@ -74,8 +73,10 @@ class QuestionWriter:
             InvalidInputError, ObjectSetError: if the observation does not fit the task.
             UngroundedInstructionError, UnfamiliarInstructionError: if the instruction is not clear.
         """
+        if request.options.method == "voxposer":
+            return self._write_program(request, timings_ms)
         instruction = checked_instruction("instruction", request.instruction)
-        seen = self._look(request, timings_ms) if request.frames else None
+        seen = look(self._store, self._pose_servers, request, timings_ms) if request.frames else None
         with self._store.read() as connection:
             with timed(timings_ms, "read"):
                 task = tasks.get(connection, request.task)
@@ -86,7 +87,7 @@ class QuestionWriter:
             settings.limits_of_motion().require_start(end_effector)
             if seen is None:
                 with timed(timings_ms, "poses"):
-                    objects = _observed(request, task, settings)
+                    objects = observed(request, settings, demonstrated_objects(task))
             else:
                 objects = seen.objects_of(task)
             with timed(timings_ms, "prompt"):
@@ -136,15 +137,6 @@ class QuestionWriter:
             style = _style(request, settings, self._profile_of(None))
             ids = self._demonstration_ids(connection, request, task, settings, ())
             return self._template(connection, task, settings, style, ids)
-
-    def _look(self, request: PredictRequest, timings_ms: Timings) -> "_Seen":
-        """What the images show, found without a transaction open: a server may be asked."""
-        with timed(timings_ms, "read"), self._store.read() as connection:
-            task = tasks.get(connection, request.task)
-        settings = TaskSettings.model_validate(task.settings)
-        self._pose_servers.check(settings.object_models)
-        with timed(timings_ms, "poses"):
-            return _Seen(task, _observed(request, task, settings))
 
     def _chosen(
         self,
@@ -253,31 +245,6 @@ class _Chosen:
     profile: ModelProfile
     style: PromptStyle
     templates: Sequence[Template]
-
-
-@dataclass(frozen=True, eq=False)
-class _Seen:
-    """The objects that were found with the settings of `task`."""
-
-    task: TaskRecord
-    objects: tuple[ObjectPose, ...]
-
-    def objects_of(self, task: TaskRecord) -> tuple[ObjectPose, ...]:
-        """The objects, if `task` still wants them found so."""
-        if (task.settings, task.object_names) != (self.task.settings, self.task.object_names):
-            raise ConflictError(f"task {task.name!r} changed while its images were looked at: send the request again")
-        return self.objects
-
-
-def _observed(request: PredictRequest, task: TaskRecord, settings: TaskSettings) -> tuple[ObjectPose, ...]:
-    """The observed objects' poses in the task's order, symmetric objects at their canonical yaw."""
-    if task.object_names is None:
-        raise NoDemonstrationsError(request.task)
-    check_object_names([query.name for query in request.objects], task.object_names)
-    queries = settings.with_models(request.objects)
-    poses = estimate_poses(settings.pose_estimator, queries, request.frames, given_first=True)
-    check_scene_units(poses, settings.workspace.workspace())
-    return settings.canonical(objects_of_task(poses, task.object_names))
 
 
 def _style(request: PredictRequest, settings: TaskSettings, profile: ModelProfile) -> PromptStyle:

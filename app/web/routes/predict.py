@@ -21,6 +21,7 @@ from app.api.routes import Wired
 from app.api.routes.predict import questioned
 from app.pipeline.prompt import SYSTEM_PROMPTS
 from app.pipeline.prompt_colours import prompt_spans
+from app.services.predict.options import Method
 from app.services.predict.question import Question
 from app.services.predict.select import Selection
 from app.services.scene_images import stored_image
@@ -36,6 +37,7 @@ from app.web.scene3d import scene
 NUM_EPISODES = 100  # offered to take a scene from
 SETTINGS = (
     "model",
+    "method",
     "representation",
     "prompt_format",
     "system_prompt",
@@ -171,6 +173,7 @@ def predict_page(request: Request, services: Wired, task: Id = "", episode: Id =
         prompt_formats=get_args(PromptFormat),
         system_prompts=list(SYSTEM_PROMPTS),
         selections=get_args(Selection),
+        methods=get_args(Method),
     )
 
 
