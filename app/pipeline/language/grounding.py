@@ -6,7 +6,7 @@ from functools import cached_property
 from itertools import islice, permutations, product
 from typing import Any
 
-from app.pipeline.errors import UnfamiliarInstructionError
+from app.pipeline.errors import UnfamiliarInstructionError, UngroundedInstructionError
 from app.pipeline.language.clause_parser import DIRECT, Clause
 from app.pipeline.language.descriptions import MEANS
 from app.pipeline.language.frames import Frame, frames_of, taught_verb
@@ -125,6 +125,22 @@ class Taught:
             raise error
         text, named = passed_on(self, instruction, words, phrases)
         return Grounded(text, tuple(_taken(instruction, words, named)), error.message)
+
+    def ground_names(self, instruction: str, layout: Layout | None = None) -> Grounded:
+        """An instruction of which nobody taught the words: its objects by their names, the rest as it stands.
+
+        What stands where objects do must be one of the scene; of several objects one must be named, since rows follow
+        them in the order of mention.
+
+        Raises:
+            UngroundedInstructionError: if not, or if it says what not to do.
+        """
+        words = self._lexicon.read(instruction)
+        text, named = passed_on(self, instruction, words, NounPhrases(words, self._lexicon, layout))
+        if not named and len(self.names) > 1:
+            message = f"{instruction!r} names no object of the scene"
+            raise UngroundedInstructionError("instruction", message, f"one of the objects {', '.join(self.names)}")
+        return Grounded(text, tuple(_taken(instruction, words, named)))
 
     @cached_property
     def choices(self) -> tuple[str, ...]:

@@ -157,4 +157,5 @@ def _valid(known: Known) -> str:
     ]
     listed = [repr(text) for text in known.instructions[:MAX_LISTED]]
     more = len(known.instructions) - len(listed)
-    return f"objects {', '.join(objects)}; taught {', '.join(listed)}" + (f" and {more} more" if more > 0 else "")
+    taught = f"; taught {', '.join(listed)}" + (f" and {more} more" if more > 0 else "") if listed else ""
+    return f"objects {', '.join(objects)}{taught}"

@@ -4,7 +4,7 @@ In a closed loop the step before is part of it: the next prompt goes on from tha
 """
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from sqlalchemy import Connection
@@ -15,7 +15,7 @@ from app.pipeline.language.grounding import Grounded
 from app.pipeline.plans import by_plan
 from app.pipeline.plans.support import Support
 from app.pipeline.prompt import PromptTemplate, system_prompt_text
-from app.pipeline.representation import fit_codec, fit_step
+from app.pipeline.representation import fit_codec, fit_other_tasks, fit_step
 from app.pipeline.representation.base import Codec
 from app.pipeline.representation.object_frame import ObjectFrameCodec
 from app.pipeline.workspace import Workspace
@@ -48,13 +48,18 @@ class PromptStyle:
 
 @dataclass(frozen=True)
 class TemplateKey:
-    """What a template depends on: nothing else may change its bytes."""
+    """What a template depends on: nothing else may change its bytes.
+
+    Attributes:
+        other_tasks: whose demonstrations it has instead of the task's own, with their versions.
+    """
 
     task: str
     version: int
     style: PromptStyle
     demonstration_ids: tuple[str, ...]
     all_of_them: bool = False
+    other_tasks: tuple[tuple[str, int], ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,9 +67,10 @@ class Template:
     """A prompt template with what it was made of.
 
     Attributes:
-        support: what the demonstrations support; None for the steps of a closed loop.
+        support: what the demonstrations support; None for the steps of a closed loop, and of other tasks.
         cache_key: equal for equal prefixes.
-        instructions: of the demonstrations.
+        instructions: of the demonstrations, where they show the task that is asked for.
+        other_tasks: where they show others, these with the numbers of demonstrations.
     """
 
     prompt: PromptTemplate | ClosedLoopTemplate
@@ -72,6 +78,7 @@ class Template:
     demonstration_ids: tuple[str, ...]
     cache_key: str
     instructions: tuple[str, ...] = ()
+    other_tasks: tuple[tuple[str, int], ...] = ()
 
     def at_step(self, step: int) -> PromptTemplate:
         """The template for a step of a closed loop; without one there is only step 0."""
@@ -88,10 +95,31 @@ def make_template(demonstrations: Demonstrations, settings: TaskSettings, style:
     if not style.from_start:
         shown, recorded = (tuple(replace(item, start=None) for item in items) for items in (shown, recorded))
     prompt = _prompt_template(shown, settings.workspace.workspace(), style)
-    digest = hashlib.sha256(f"{prompt.system}\0{prompt.prefix}".encode()).hexdigest()[:16]
     support = None if style.closed_loop else Support.of(by_plan(recorded))
     instructions = tuple(d.instruction for d in shown)
-    return Template(prompt, support, tuple(d.id for d in shown), digest, instructions)
+    return Template(prompt, support, tuple(d.id for d in shown), _digest(prompt), instructions)
+
+
+def make_other_tasks_template(
+    tasks: Mapping[str, Sequence[Demonstration]], ids: Sequence[str], settings: TaskSettings, style: PromptStyle
+) -> Template:
+    """The same of other tasks' demonstrations, which nothing is held to.
+
+    Args:
+        tasks: by name what a prompt shows of each.
+        ids: in the order in which they are shown.
+        settings: of the task that is asked for.
+    """
+    groups = [tuple(item if style.from_start else replace(item, start=None) for item in tasks[name]) for name in tasks]
+    codec = fit_other_tasks(style.representation, style.prompt_format, groups, settings.workspace.workspace())
+    shown = sorted((item for group in groups for item in group), key=lambda item: ids.index(item.id))
+    prompt = PromptTemplate.write_other_tasks(codec, shown, system_prompt_text(style.system_prompt))
+    numbers = tuple((name, len(tasks[name])) for name in tasks)
+    return Template(prompt, None, tuple(item.id for item in shown), _digest(prompt), other_tasks=numbers)
+
+
+def _digest(prompt: PromptTemplate | ClosedLoopTemplate) -> str:
+    return hashlib.sha256(f"{prompt.system}\0{prompt.prefix}".encode()).hexdigest()[:16]
 
 
 def _prompt_template(

@@ -7,17 +7,17 @@ from dataclasses import dataclass, replace
 from sqlalchemy import Connection
 
 from app.llm.base import ModelProfile
-from app.perception.registry import estimate_poses
+from app.pipeline.language.similarity import Described
 from app.pipeline.plans.support import PlacedPlan
-from app.pipeline.prompt import check_object_names, objects_of_task
 from app.pipeline.representation import KAT_FORMAT
-from app.pipeline.units import check_scene_units
 from app.services.cache import Cache
-from app.services.limits import Limits, NoDemonstrationsError
+from app.services.limits import Limits
 from app.services.measures import Timings, timed
 from app.services.pose_servers import PoseServers
 from app.services.predict.doubts import findings_before
 from app.services.predict.instruction import ground_instruction, is_english
+from app.services.predict.observe import Seen, observed_objects
+from app.services.predict.others import other_tasks, read_other_tasks
 from app.services.predict.question import PredictRequest, Question
 from app.services.predict.select import DemonstrationSelector, read_demonstrations, stepwise_demonstrations
 from app.services.predict.template import (
@@ -26,12 +26,12 @@ from app.services.predict.template import (
     PromptStyle,
     Template,
     TemplateKey,
+    make_other_tasks_template,
     make_template,
     previous_step,
 )
 from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks
-from app.store.errors import ConflictError
 from app.store.records import TaskRecord
 from app.store.store import Store
 from roboprompt_client.trajectory import ObjectPose
@@ -86,7 +86,7 @@ class QuestionWriter:
             settings.limits_of_motion().require_start(end_effector)
             if seen is None:
                 with timed(timings_ms, "poses"):
-                    objects = _observed(request, task, settings)
+                    objects = observed_objects(request, task, settings)
             else:
                 objects = seen.objects_of(task)
             with timed(timings_ms, "prompt"):
@@ -95,7 +95,7 @@ class QuestionWriter:
         with timed(timings_ms, "words"):
             grounded = ground_instruction(request, instruction, template.instructions, settings, objects, previous)
         step = None if not style.closed_loop else 0 if previous is None else previous.step + 1
-        written = template.at_step(step or 0)
+        written = template.at_step(step or 0).in_scene(objects)
         so_far = "" if previous is None else previous.so_far(template)
         self._limits.check_prompt(len(written.system) + len(written.prefix) + len(so_far))
         question = Question(
@@ -137,14 +137,14 @@ class QuestionWriter:
             ids = self._demonstration_ids(connection, request, task, settings, ())
             return self._template(connection, task, settings, style, ids)
 
-    def _look(self, request: PredictRequest, timings_ms: Timings) -> "_Seen":
+    def _look(self, request: PredictRequest, timings_ms: Timings) -> Seen:
         """What the images show, found without a transaction open: a server may be asked."""
         with timed(timings_ms, "read"), self._store.read() as connection:
             task = tasks.get(connection, request.task)
         settings = TaskSettings.model_validate(task.settings)
         self._pose_servers.check(settings.object_models)
         with timed(timings_ms, "poses"):
-            return _Seen(task, _observed(request, task, settings))
+            return Seen(task, observed_objects(request, task, settings))
 
     def _chosen(
         self,
@@ -157,6 +157,9 @@ class QuestionWriter:
     ) -> "_Chosen":
         """As the request asks; a closed loop goes on as it began."""
         profile = self._profile_of(request.options.model if previous is None else previous.model)
+        if request.options.demonstrations_from is not None:
+            style = _style(request, settings, profile)
+            return _Chosen(profile, style, self._of_other_tasks(connection, request, task, settings, style, objects))
         if previous is None:
             style = _style(request, settings, profile)
             ids = self._demonstration_ids(connection, request, task, settings, objects)
@@ -166,6 +169,31 @@ class QuestionWriter:
         named = request.options.episode_ids is not None
         templates = [self._template(connection, task, settings, style, order, all_of_them=named) for order in orders]
         return _Chosen(profile, style, templates)
+
+    def _of_other_tasks(
+        self,
+        connection: Connection,
+        request: PredictRequest,
+        task: TaskRecord,
+        settings: TaskSettings,
+        style: PromptStyle,
+        objects: Sequence[ObjectPose],
+    ) -> list[Template]:
+        """What other tasks demonstrate, one template for all samples or one for each."""
+        asked = Described(request.instruction, tuple(pose.name for pose in objects))
+        number = request.options.num_demonstrations or settings.num_demonstrations
+        lending = other_tasks(connection, asked, task, request.options, number, self._select)
+        versions = tuple((other.record.name, other.record.version) for other in lending)
+
+        def template(ids: tuple[str, ...]) -> Template:
+            def make() -> Template:
+                read = read_other_tasks(connection, lending, task, settings)
+                return make_other_tasks_template(read, ids, settings, style)
+
+            key = TemplateKey(task.name, task.version, style, ids, other_tasks=versions)
+            return self._templates.get(key, make)
+
+        return [template(ids) for ids in _orders(tuple(id_ for other in lending for id_ in other.ids), request)]
 
     def _demonstration_ids(
         self,
@@ -236,7 +264,7 @@ def _samples(question: Question, templates: Sequence[Template]) -> tuple[Questio
             question,
             request=request.with_options(seed=(request.options.seed + k) % SEEDS),
             template=template,
-            written=template.at_step(0),
+            written=template.at_step(0).in_scene(question.objects),
         )
         for k, template in enumerate(own)
     )
@@ -253,31 +281,6 @@ class _Chosen:
     profile: ModelProfile
     style: PromptStyle
     templates: Sequence[Template]
-
-
-@dataclass(frozen=True, eq=False)
-class _Seen:
-    """The objects that were found with the settings of `task`."""
-
-    task: TaskRecord
-    objects: tuple[ObjectPose, ...]
-
-    def objects_of(self, task: TaskRecord) -> tuple[ObjectPose, ...]:
-        """The objects, if `task` still wants them found so."""
-        if (task.settings, task.object_names) != (self.task.settings, self.task.object_names):
-            raise ConflictError(f"task {task.name!r} changed while its images were looked at: send the request again")
-        return self.objects
-
-
-def _observed(request: PredictRequest, task: TaskRecord, settings: TaskSettings) -> tuple[ObjectPose, ...]:
-    """The observed objects' poses in the task's order, symmetric objects at their canonical yaw."""
-    if task.object_names is None:
-        raise NoDemonstrationsError(request.task)
-    check_object_names([query.name for query in request.objects], task.object_names)
-    queries = settings.with_models(request.objects)
-    poses = estimate_poses(settings.pose_estimator, queries, request.frames, given_first=True)
-    check_scene_units(poses, settings.workspace.workspace())
-    return settings.canonical(objects_of_task(poses, task.object_names))
 
 
 def _style(request: PredictRequest, settings: TaskSettings, profile: ModelProfile) -> PromptStyle:

@@ -43,6 +43,7 @@ SETTINGS = (
     "selection",
     "seed",
     "episode_ids",
+    "demonstrations_from",
     "unfamiliar",
     "max_actions",
     "timeout_s",
