@@ -6,14 +6,14 @@ from functools import cached_property
 from itertools import islice, permutations, product
 from typing import Any
 
-from app.pipeline.errors import UnfamiliarInstructionError, UngroundedInstructionError
+from app.pipeline.errors import UnfamiliarInstructionError
 from app.pipeline.language.clause_parser import DIRECT, Clause
 from app.pipeline.language.descriptions import MEANS
 from app.pipeline.language.frames import Frame, frames_of, taught_verb
 from app.pipeline.language.lexicon import Lexicon
 from app.pipeline.language.mentions import clauses, mention_order, mentions, template
 from app.pipeline.language.phrases import NounPhrase, NounPhrases, TooInvolvedError
-from app.pipeline.language.refusals import passed_on, refusal
+from app.pipeline.language.refusals import check_named, passed_on, refusal
 from app.pipeline.language.sentences import Sentences
 from app.pipeline.language.space import Layout
 from app.pipeline.language.words import IsWord, Word
@@ -137,9 +137,7 @@ class Taught:
         """
         words = self._lexicon.read(instruction)
         text, named = passed_on(self, instruction, words, NounPhrases(words, self._lexicon, layout))
-        if not named and len(self.names) > 1:
-            message = f"{instruction!r} names no object of the scene"
-            raise UngroundedInstructionError("instruction", message, f"one of the objects {', '.join(self.names)}")
+        check_named(self, instruction, words, named)
         return Grounded(text, tuple(_taken(instruction, words, named)))
 
     @cached_property

@@ -128,7 +128,6 @@ def _check_inside(shown: Sequence[Demonstration], field: str, name: str, asked: 
     outside = next((place_m for place_m in places_m if not workspace.contains(place_m)), None)
     if outside is not None:
         box = f"{workspace.min_m.tolist()} to {workspace.max_m.tolist()}"
-        message = (
-            f"demonstrations of {name!r} reach {outside.round(3).tolist()} m, outside of {asked!r}'s workspace {box}"
-        )
+        reached = f"demonstrations of {name!r} reach {outside.round(3).tolist()} m"
+        message = f"{reached}, outside of the workspace of {asked!r}, {box}"
         raise InvalidInputError(field, message, f"PUT /tasks/{asked} with a workspace that holds them")
