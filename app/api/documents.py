@@ -129,8 +129,8 @@ def _asked(question: Question, prompt: Prompt) -> JsonObject:
 
 
 def _prompt(system: str, user: str) -> JsonObject | None:
-    """A `PromptOut`, for those who may read the demonstrations in it."""
-    return {"system": system, "user": user} if present().demonstrations else None
+    """A `PromptOut`, for those who may read the demonstrations in it; the store leaves out what it must not show."""
+    return {"system": system, "user": user} if present().demonstrations and user else None
 
 
 def _understood(grounded: Grounded | None) -> JsonObject:

@@ -139,6 +139,7 @@ def _plan(asked: Asked) -> "Plan":
         predictions_at_once=asked.at_once,
         recordings=asked.recordings,
         first_test_seed=asked.seed,
+        lending=SWEEPS[asked.sweep].lending,
     )
 
 

@@ -109,6 +109,8 @@ def digest_of(method: Method, taught: Mapping[str, Any]) -> str:
         del everything["noise_on"]
     if not method.shift_m:  # and of scenes that nobody changes
         del everything["shift_m"], everything["look_again"]
+    if not method.unseen:  # and of tasks that are taught themselves
+        del everything["unseen"]
     return hashlib.sha256(json.dumps(everything, sort_keys=True).encode()).hexdigest()[:DIGEST_CHARS]
 
 

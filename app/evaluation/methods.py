@@ -18,6 +18,7 @@ KAT = {"representation": "action_tokens", "prompt_format": "kat"}
 # A yardstick shows what its actions are worth; held to the demonstrations, most of them would be refused.
 REGRESSION = Method("regression, no LLM", {"model": "regression", "unsupported": "allow"})
 COPY = Method("nearest demonstration's rows, no LLM", {"model": "nearest"})
+UNSEEN = Method("similar tasks", unseen=True)
 NEAREST = Method("nearest demonstration", source="nearest demonstration")
 # A way over value maps has more corners than a list of keyframes has rows.
 VOXPOSER = Method("voxposer", {"method": "voxposer", "max_actions": 100, "timeout_s": 300.0})
@@ -165,6 +166,7 @@ class Sweep:
         models: compared beside those that are asked for; empty where models are not what is compared.
         asked: how they are asked; its label is each model's name.
         tasks: which are evaluated unless others are asked for.
+        lending: which are taught in any case, see `app.evaluation.plan`.
     """
 
     about: str
@@ -172,6 +174,7 @@ class Sweep:
     models: tuple[str, ...] = ()
     asked: Method = BY_NAME
     tasks: tuple[str, ...] = tuple(TASKS)
+    lending: tuple[str, ...] = ()
 
     def with_models(self, given: Sequence[str]) -> tuple[Method, ...]:
         """The methods with the models that are asked for, if any."""
@@ -244,6 +247,17 @@ SWEEPS: Mapping[str, Sweep] = {
         (Method("open loop"), Method("closed loop", source="closed loop")),
     ),
     "models": Sweep("the embedded LLMs and any given", models=EMBEDDED),
+    "unseen": Sweep(
+        "each task untaught, the prompt with demonstrations of the three most similar of the other tasks; beside it the"
+        " copy of the nearest of its own",
+        (
+            UNSEEN,
+            replace(COPY, label=f"{UNSEEN.label}, nearest, no LLM", unseen=True),
+            replace(REGRESSION, label=f"{UNSEEN.label}, regression, no LLM", unseen=True),
+            COPY,
+        ),
+        lending=tuple(TASKS),
+    ),
     "composition": Sweep(
         "tasks whose tests ask for combinations that no demonstration shows, so that copying fails; `default` as the"
         " service refuses by itself, all others with everything allowed",

@@ -27,6 +27,7 @@ class Plan:
         recordings: whether the expert rests at its poses while it demonstrates.
         first_test_seed: unseen scenes are drawn from this seed on.
         robot: what moves the arm, in demonstrations and tests.
+        lending: tasks that are taught beside those that are tested, for methods that show other tasks' demonstrations.
     """
 
     tasks: tuple[str, ...]
@@ -40,12 +41,18 @@ class Plan:
     recordings: Recordings = "rests"
     first_test_seed: int = FIRST_TEST_SEED
     robot: RobotName = "simulated"
+    lending: tuple[str, ...] = ()
 
     @property
     def recorded(self) -> int:
         """Demonstrations to record a task: as many as the method that needs most."""
         shown: list[int] = [method.options.get("num_demonstrations", 0) for method in self.methods]
         return max(self.demonstrations, *shown, *(method.stored for method in self.methods))
+
+    @property
+    def taught(self) -> tuple[str, ...]:
+        """Every task that is taught."""
+        return tuple(dict.fromkeys([*self.tasks, *self.lending]))
 
     @property
     def asks_default_model(self) -> bool:
@@ -84,6 +91,8 @@ class Plan:
             taught["first_test_seed"] = self.first_test_seed
         if self.first_test_seed < FIRST_TEST_SEED:  # their number decides which scenes are left to demonstrate
             taught["episodes"] = self.episodes
+        if method.unseen:  # which of them lend their demonstrations depends on all
+            taught["lending"] = sorted(self.taught)
         return digest_of(method, taught)
 
     def outcome(self, ledger: Ledger, cell: Cell) -> Trial | Crash | None:

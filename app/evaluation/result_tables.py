@@ -153,7 +153,8 @@ def _asked(trials: Sequence[Trial], method: Method) -> str:
     answers = [trial.answer for trial in trials if trial.answer is not None]
     asked = dict.fromkeys(f"{a['model']}, {a['representation']}, {a['prompt_format']}" for a in answers)
     shift = {"objects moved by m": method.shift_m} if method.shift_m else {}
-    own = {**method.options, **method.settings, **_noise_of(method), **shift}
+    unseen = {"demonstrations of": "similar tasks"} if method.unseen else {}
+    own = {**method.options, **method.settings, **_noise_of(method), **shift, **unseen}
     further = {name: value for name, value in own.items() if name not in ("model", "representation", "prompt_format")}
     return "; ".join([*asked, *(f"{name} {json.dumps(value)}" for name, value in further.items())]) or NOTHING
 

@@ -105,8 +105,8 @@ class Run:
 
     def teach(self) -> dict[str, Lessons]:
         """Record each task's demonstrations once, and upload them in every way that remaining trials need."""
-        bar = self.progress.add_task("demonstrations", total=self.plan.recorded * len(self.plan.tasks))
-        needed: dict[str, set[str]] = {task: {""} for task in self.plan.tasks}
+        bar = self.progress.add_task("demonstrations", total=self.plan.recorded * len(self.plan.taught))
+        needed: dict[str, set[str]] = {task: {""} for task in self.plan.taught}
         for cell in self.plan.remaining(self.ledger):
             needed[cell.task].add(suffix_of(cell.method, self.plan.methods))
         lessons: dict[str, Lessons] = {}
@@ -114,7 +114,7 @@ class Run:
         def teach(task: str) -> None:
             lessons[task] = self._teach_task(task, needed[task], lambda: self.progress.advance(bar))
 
-        in_threads(teach, self.plan.tasks, TEACHING_THREADS, lambda future: future.result())
+        in_threads(teach, self.plan.taught, TEACHING_THREADS, lambda future: future.result())
         return lessons
 
     def _teach_task(self, task: str, suffixes: set[str], on_done: Callable[[], None]) -> Lessons:
@@ -147,7 +147,7 @@ class Run:
         cells = self.plan.remaining(self.ledger)
         total = sum(1 for _ in self.plan.cells())
         bar = self.progress.add_task("trials", total=total, completed=total - len(cells))
-        laboratory = self._laboratory()
+        laboratory = self._laboratory(lessons)
         unreachable = 0
 
         def run(cell: Cell) -> None:
@@ -165,9 +165,10 @@ class Run:
 
         in_threads(run, cells, self.plan.predictions_at_once + self.executor.workers + 1, on_done)
 
-    def _laboratory(self) -> Laboratory:
+    def _laboratory(self, lessons: Mapping[str, Lessons] | None = None) -> Laboratory:
         asking = threading.Semaphore(self.plan.predictions_at_once)
-        return Laboratory(self.client, self.executor, asking, self.plan.recordings, self.plan.robot)
+        lending = {task: lesson for task, each in (lessons or {}).items() if isinstance(lesson := each[""], Lesson)}
+        return Laboratory(self.client, self.executor, asking, self.plan.recordings, self.plan.robot, lending)
 
     def _run_cell(self, laboratory: Laboratory, cell: Cell, lesson: Lesson | Exception) -> None:
         digest = self.plan.digest(cell.method)

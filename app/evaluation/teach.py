@@ -125,7 +125,7 @@ def suffix_of(method: Method, methods: Sequence[Method]) -> str:
 
 
 def _variant(method: Method) -> str:
-    taught = [method.settings, method.taught_noise, method.source == "closed loop", method.poses]
+    taught = [method.settings, method.taught_noise, method.source == "closed loop", method.poses, method.unseen]
     return json.dumps(taught, sort_keys=True)
 
 
@@ -163,7 +163,7 @@ def upload(
     num_demonstrations: int,
     labelled: Sequence[RecordedDemonstration] = (),
 ) -> Lesson:
-    """Set the task `name` up as `method` wants it, and upload the demonstrations in their order.
+    """Set the task `name` up as `method` wants it, and upload the demonstrations in their order, unless it is unseen.
 
     Args:
         num_demonstrations: the task's default for prompts.
@@ -177,7 +177,8 @@ def upload(
     if method.poses == "vision":
         settings = {**settings, "object_models": learned_models(client, name, labelled)}
     client.configure_task(name, **settings)
-    taught = tuple(TaughtEpisode(item, _upload(client, name, item, method)) for item in recorded)
+    shown = () if method.unseen else recorded
+    taught = tuple(TaughtEpisode(item, _upload(client, name, item, method)) for item in shown)
     return Lesson(name, num_demonstrations, taught)
 
 

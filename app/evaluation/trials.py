@@ -21,6 +21,7 @@ from app.evaluation.robot_loops import USELESS_REPLY, ClosedLoopResult, run_in_c
 from app.evaluation.teach import UNSEEN, Lesson, images_only
 from app.pipeline.geometry import canonical_pose
 from app.pipeline.keyframes import merged
+from app.pipeline.language.similarity import Described, most_similar
 from app.pipeline.workspace import Workspace, discretize_action, undiscretize_action
 from app.sim.demonstrate import (
     RecordedDemonstration,
@@ -41,6 +42,8 @@ from roboprompt_client.errors import ServiceProblemError
 from roboprompt_client.robot import Observation
 from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
 
+# The yardsticks among the backends: where they have no answer, that is no failure of a service
+YARDSTICKS = frozenset({"nearest", "regression"})
 # The problems that say of an instruction, not of the service, that it is not understood
 REFUSED = frozenset({"/problems/ungrounded-instruction", "/problems/unfamiliar-instruction"})
 LEVER_M = 0.1  # a turn counts as far as it moves a point at this distance; the length of KAT's triplets
@@ -93,6 +96,7 @@ class Laboratory:
         asking: held while the LLM is asked, so that it is not asked for more at once than it should be.
         recordings: how experts that are tried solve their scenes.
         robot: what carries out actions that are asked for as a whole.
+        lending: by task what each was taught, for tasks that are taught nothing.
     """
 
     client: RoboPromptClient
@@ -100,6 +104,7 @@ class Laboratory:
     asking: threading.Semaphore = field(default_factory=threading.Semaphore)
     recordings: Recordings = "rests"
     robot: RobotName = "simulated"
+    lending: Mapping[str, Lesson] = field(default_factory=dict)
 
     def run(self, cell: Cell, lesson: Lesson) -> Trial:
         """Run the trial of `cell`.
@@ -111,6 +116,14 @@ class Laboratory:
             ServiceProblemError, ServiceUnreachableError, or what a worker raised: nothing is known about the method.
         """
         return SOURCES[cell.method.source](self, cell, lesson, self.look(cell))
+
+    def options(self, cell: Cell, scene: SceneView) -> dict[str, Any]:
+        """What the cell's method asks for; of an unseen task the demonstrations of the most similar other tasks."""
+        if not cell.method.unseen:
+            return dict(cell.method.options)
+        others = [(task, _described(lesson.taught[-1].recorded.scene)) for task, lesson in self.lending.items()]
+        similar = most_similar(_described(scene), [item for item in others if item[0] != cell.task])
+        return {**cell.method.options, "demonstrations_from": [self.lending[task].name for task in similar]}
 
     def look(self, cell: Cell) -> SceneView:
         """The scene of the trial, without pictures."""
@@ -124,15 +137,15 @@ class Laboratory:
 
 def _ask_service(laboratory: Laboratory, cell: Cell, lesson: Lesson, scene: SceneView) -> Trial:
     trial = Trial(cell.task, cell.seed, cell.method.label, scene)
-    seen = _seen(laboratory, cell, scene)
+    seen, options = _seen(laboratory, cell, scene), laboratory.options(cell, scene)
     with laboratory.asking:
         started = time.perf_counter()
         try:
-            predicted = laboratory.client.predict(lesson.name, scene.instruction, seen, **cell.method.options)
+            predicted = laboratory.client.predict(lesson.name, scene.instruction, seen, **options)
         except ServiceProblemError as error:
             seconds, problem = time.perf_counter() - started, error.problem.get("type")
             unseen = cell.method.poses == "vision" and problem in UNSEEN
-            if problem not in USELESS_REPLY | REFUSED and not unseen:
+            if problem not in USELESS_REPLY | REFUSED and not unseen and not _has_no_answer(cell.method, problem):
                 raise
             answer = _without_actions(laboratory.client, error) if problem in USELESS_REPLY else None
             return replace(trial, answer=answer, error=str(error), predict_s=seconds, refused=problem in REFUSED)
@@ -140,6 +153,15 @@ def _ask_service(laboratory: Laboratory, cell: Cell, lesson: Lesson, scene: Scen
     trial = laboratory.execute(trial, predicted.actions)
     laboratory.client.record_outcome(predicted.id, trial.succeeded, trial.failure or None)
     return trial
+
+
+def _has_no_answer(method: Method, problem: str | None) -> bool:
+    """Whether a yardstick found no demonstration like the question among those of other tasks."""
+    return method.unseen and method.options.get("model") in YARDSTICKS and problem == "/problems/model-error"
+
+
+def _described(scene: SceneView) -> Described:
+    return Described(scene.instruction, tuple(pose.name for pose in scene.objects))
 
 
 def _seen(laboratory: Laboratory, cell: Cell, scene: SceneView) -> Observation:

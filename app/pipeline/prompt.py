@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from app.pipeline.episode import Demonstration
 from app.pipeline.errors import ObjectSetError
 from app.pipeline.representation.base import Codec
+from app.pipeline.representation.other_tasks import OtherTasksCodec
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.trajectory import ObjectPose
 
@@ -72,12 +73,14 @@ class PromptTemplate:
     Attributes:
         codec: fitted to the demonstrations; reads the replies as well.
         rotated: objects whose rotation every demonstration has.
+        of_other_tasks: whether the demonstrations are of other tasks, and have other objects (`in_scene`).
     """
 
     codec: Codec
     system: str
     prefix: str
     rotated: frozenset[str]
+    of_other_tasks: bool = False
 
     @classmethod
     def write(
@@ -95,6 +98,22 @@ class PromptTemplate:
         known = [{pose.name for pose in d.objects if pose.quaternion_xyzw is not None} for d in demonstrations]
         prefix = "".join(codec.demonstration_text(d) for d in (demonstrations if written is None else written))
         return cls(codec, system, prefix, frozenset(set.intersection(*known)))
+
+    @classmethod
+    def write_other_tasks(cls, codec: Codec, demonstrations: Sequence[Demonstration], system: str) -> "PromptTemplate":
+        """The demonstrations of other tasks in their order; a codec that knows leaves out those that repeat others."""
+        needed = codec.telling() if isinstance(codec, OtherTasksCodec) else demonstrations
+        written = [item for item in demonstrations if any(item is one for one in needed)]
+        prefix = "".join(map(codec.demonstration_text, written))
+        return cls(codec, system, prefix, frozenset(), of_other_tasks=True)
+
+    def in_scene(self, objects: Sequence[ObjectPose]) -> "PromptTemplate":
+        """The template to ask about these objects, which the demonstrations of other tasks do not have."""
+        if not self.of_other_tasks:
+            return self
+        codec = self.codec.in_scene(objects) if isinstance(self.codec, OtherTasksCodec) else self.codec
+        rotated = frozenset(pose.name for pose in objects if pose.quaternion_xyzw is not None)
+        return replace(self, codec=codec, rotated=rotated)
 
     def posed(self, objects: Sequence[ObjectPose]) -> tuple[ObjectPose, ...]:
         """The observed objects with rotations just where the demonstrations have them, so that both read alike.

@@ -80,12 +80,14 @@ def configuration_counts(connection: Connection, task: str) -> tuple[Configurati
     """How the task's predictions ended, by model, style and choice of demonstrations."""
     request = _PREDICTIONS.c.request
     # What a request leaves out is the default, as it was asked; named episodes are no selection.
-    named, selected = request["episode_ids"].as_string(), request["selection"].as_string()
+    named, selected, lent = (request[name].as_string() for name in ("episode_ids", "selection", "demonstrations_from"))
     configuration = {
         "model": _PREDICTIONS.c.model,
         "representation": _PREDICTIONS.c.representation,
         "prompt_format": _PREDICTIONS.c.prompt_format,
-        "selection": case((named.is_(None), func.coalesce(selected, "first")), else_=None),
+        "selection": case(
+            (lent.is_not(None), "other tasks"), (named.is_(None), func.coalesce(selected, "first")), else_=None
+        ),
         "num_demonstrations": func.json_array_length(_PREDICTIONS.c.demonstration_ids),
         "num_samples": func.coalesce(func.json_array_length(_PREDICTIONS.c.samples), 1),
     }
@@ -110,4 +112,6 @@ def _record(row: Row[Any]) -> PredictionRecord:
         "objects": tuple(ObjectRecord.from_json(value) for value in row.objects or ()),
         "cameras": tuple(CameraRecord.from_json(value) for value in row.cameras or ()),
     }
-    return PredictionRecord(**{**row._mapping, **decoded})
+    lent = row.request.get("demonstrations_from")
+    hidden = {} if lent is None or present().has_lent(lent, row.key_id) else {"prompt_system": "", "prompt_user": ""}
+    return PredictionRecord(**{**row._mapping, **decoded, **hidden})

@@ -127,7 +127,10 @@ class ConfigurationOut(StandingOut):
     model: str
     representation: str
     prompt_format: str
-    selection: Annotated[str | None, Field(description="null where the request named its episodes")]
+    selection: Annotated[
+        str | None,
+        Field(description="null where the request named its episodes; `other tasks` where it showed theirs"),
+    ]
     num_demonstrations: int
     num_samples: int
 

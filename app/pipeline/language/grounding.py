@@ -13,7 +13,7 @@ from app.pipeline.language.frames import Frame, frames_of, taught_verb
 from app.pipeline.language.lexicon import Lexicon
 from app.pipeline.language.mentions import clauses, mention_order, mentions, template
 from app.pipeline.language.phrases import NounPhrase, NounPhrases, TooInvolvedError
-from app.pipeline.language.refusals import passed_on, refusal
+from app.pipeline.language.refusals import check_named, passed_on, refusal
 from app.pipeline.language.sentences import Sentences
 from app.pipeline.language.space import Layout
 from app.pipeline.language.words import IsWord, Word
@@ -125,6 +125,20 @@ class Taught:
             raise error
         text, named = passed_on(self, instruction, words, phrases)
         return Grounded(text, tuple(_taken(instruction, words, named)), error.message)
+
+    def ground_names(self, instruction: str, layout: Layout | None = None) -> Grounded:
+        """An instruction of which nobody taught the words: its objects by their names, the rest as it stands.
+
+        What stands where objects do must be one of the scene; of several objects one must be named, since rows follow
+        them in the order of mention.
+
+        Raises:
+            UngroundedInstructionError: if not, or if it says what not to do.
+        """
+        words = self._lexicon.read(instruction)
+        text, named = passed_on(self, instruction, words, NounPhrases(words, self._lexicon, layout))
+        check_named(self, instruction, words, named)
+        return Grounded(text, tuple(_taken(instruction, words, named)))
 
     @cached_property
     def choices(self) -> tuple[str, ...]:

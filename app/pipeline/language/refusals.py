@@ -13,6 +13,7 @@ from app.pipeline.language.words import Word
 
 FIELD = "instruction"
 MAX_LISTED = 12  # instructions that a refusal repeats
+_THINGS = grammar.GENERIC_NOUNS.union(*grammar.NOUN_KINDS)  # nouns that are known though no object has them
 
 
 class Known(Protocol):
@@ -81,6 +82,25 @@ def passed_on(
     if mention_order(known.names, text) != tuple(dict.fromkeys(phrase.name for phrase in found)):
         raise UngroundedInstructionError(FIELD, f"{instruction!r} names its objects in an unclear way", valid)
     return text, found
+
+
+def check_named(known: Known, instruction: str, words: Sequence[Word], found: Sequence[NounPhrase]) -> None:
+    """Refuse an untaught instruction that names a thing which no object is, or none of several objects.
+
+    Args:
+        found: where it names objects.
+
+    Raises:
+        UngroundedInstructionError.
+    """
+    valid = _valid(known)
+    inside = {place for phrase in found for place in range(phrase.start, phrase.end)}
+    for place, word in enumerate(words):
+        is_verb = word.text in verbs.FIRST_WORDS and (place == 0 or words[place - 1].text not in grammar.DETERMINERS)
+        if word.text in _THINGS and place not in inside and not is_verb:
+            raise _ungrounded(instruction, words, Miss(place, place + 1, ()), valid)
+    if not found and len(known.names) > 1:
+        raise UngroundedInstructionError(FIELD, f"{instruction!r} names no object of the scene", valid)
 
 
 def _with_names(instruction: str, words: Sequence[Word], found: Sequence[NounPhrase]) -> str:
@@ -157,4 +177,5 @@ def _valid(known: Known) -> str:
     ]
     listed = [repr(text) for text in known.instructions[:MAX_LISTED]]
     more = len(known.instructions) - len(listed)
-    return f"objects {', '.join(objects)}; taught {', '.join(listed)}" + (f" and {more} more" if more > 0 else "")
+    taught = f"; taught {', '.join(listed)}" + (f" and {more} more" if more > 0 else "") if listed else ""
+    return f"objects {', '.join(objects)}{taught}"

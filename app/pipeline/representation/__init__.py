@@ -8,6 +8,7 @@ from app.pipeline.representation.absolute import AbsoluteCodec
 from app.pipeline.representation.action_tokens import ActionTokensCodec, KatCodec
 from app.pipeline.representation.base import Codec
 from app.pipeline.representation.object_frame import ObjectFrameCodec
+from app.pipeline.representation.other_tasks import OtherTasksCodec
 from app.pipeline.workspace import Workspace
 from roboprompt_client.errors import InvalidInputError
 
@@ -38,6 +39,20 @@ def fit_codec(
         raise InvalidInputError("demonstrations", "there are none", "at least one uploaded episode")
     fit = KatCodec.fit if prompt_format == KAT_FORMAT else _FIT[representation]
     return fit(demonstrations, workspace, prompt_format == "paper")
+
+
+def fit_other_tasks(
+    representation: str, prompt_format: str, tasks: Sequence[Sequence[Demonstration]], workspace: Workspace
+) -> Codec:
+    """As `fit_codec`, for the demonstrations of several tasks, none of them the one that is asked for.
+
+    Rows relative to objects are fitted task by task; of the others only the number of rows depends on demonstrations.
+    """
+    everything = [demonstration for shown in tasks for demonstration in shown]
+    codec = fit_codec(representation, prompt_format, everything[:1], workspace)
+    if isinstance(codec, ObjectFrameCodec):
+        return OtherTasksCodec.fit(tasks, workspace, codec.with_instruction)
+    return fit_codec(representation, prompt_format, everything, workspace)
 
 
 def fit_step(

@@ -113,8 +113,18 @@ def plans_grammar(plans: Sequence[Plan], first_row: int, most: int) -> str:
     return f'root ::= " " ({" | ".join(names)}) "\\n"\n{rules}'
 
 
-def any_rows_grammar(demonstrations: Sequence[Demonstration], instruction: str, first_row: int, most: int) -> str:
-    """The grammar of replies of well-formed rows, as many as the instruction's clauses have in the demonstrations."""
+def any_rows_grammar(
+    demonstrations: Sequence[Demonstration],
+    instruction: str,
+    first_row: int,
+    most: int,
+    scenes: Sequence[Demonstration] = (),
+) -> str:
+    """The grammar of replies of well-formed rows, as many as the instruction's clauses have in the demonstrations.
+
+    Args:
+        scenes: with the objects that rows may follow; none: those of the demonstrations.
+    """
     fewest, most = row_count_bounds(demonstrations, instruction, most)
     rows = [
         f'"{number} " a ": " {"b" if number == first_row else "s"}' for number in range(first_row, first_row + most)
@@ -122,7 +132,7 @@ def any_rows_grammar(demonstrations: Sequence[Demonstration], instruction: str, 
     optional = ""
     for row in reversed(rows[fewest:]):
         optional = f' ("; " {row}{optional})?'
-    anchors = " | ".join(f'"{anchor}"' for anchor in _anchors(demonstrations, instruction))
+    anchors = " | ".join(f'"{anchor}"' for anchor in _anchors(scenes or demonstrations, instruction))
     required = ' "; " '.join(rows[:fewest])
     return f'root ::= " " {required}{optional} "\\n"\na ::= {anchors}\n{_GRAMMAR_TAIL}'
 

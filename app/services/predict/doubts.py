@@ -45,7 +45,7 @@ def findings_before(question: Question) -> tuple[Finding, ...]:
     shown = [] if support is None else [demonstration for group, _ in support.plans for demonstration in group]
     plans = [plan for placed in question.plans.values() for plan in placed or ()]
     scene = scene_findings(question.observed, shown, question.grounded.instruction)
-    return (*_words(question), *scene, *scatter_findings(plans))
+    return (*_other_tasks(question), *_words(question), *scene, *scatter_findings(plans))
 
 
 def findings_of(
@@ -57,6 +57,16 @@ def findings_of(
         error: why there are no actions, unless the status is `ok`.
     """
     return (*question.findings, *answered.findings, *_failure(status, error))
+
+
+def _other_tasks(question: Question) -> Iterator[Finding]:
+    if others := question.template.other_tasks:
+        listed = ", ".join(f"{name} ({number})" for name, number in others)
+        message = (
+            f"Nobody has shown this task: the prompt has demonstrations of {listed}, with objects of their own. No"
+            " demonstrated plan holds the actions, only the bounds of motion do."
+        )
+        yield Finding("other-tasks-demonstrations", "danger", message)
 
 
 def _words(question: Question) -> Iterator[Finding]:

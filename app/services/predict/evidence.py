@@ -55,7 +55,16 @@ def _actions(record: PredictionRecord) -> Iterator[EndEffectorAction]:
 
 def configuration(record: PredictionRecord) -> dict[str, Any]:
     """The settings that a prediction was made with, as a request names them."""
-    asked = ("selection", "seed", "max_actions", "closed_loop", "num_samples", "temperature", "permute_demonstrations")
+    asked = (
+        "demonstrations_from",
+        "selection",
+        "seed",
+        "max_actions",
+        "closed_loop",
+        "num_samples",
+        "temperature",
+        "permute_demonstrations",
+    )
     return {
         "model": record.model,
         "representation": record.representation,

@@ -71,7 +71,8 @@ def ground_instruction(
     The objects move while a closed loop runs: "the leftmost cube" must stay the one that it was.
 
     Args:
-        taught: the instructions of the demonstrations that the prompt shows.
+        taught: the instructions of the demonstrations that the prompt shows; empty where these are of other tasks:
+            then only the objects are understood.
         objects: as they were observed, in the task's order.
 
     Raises:
@@ -86,6 +87,8 @@ def ground_instruction(
         phrases = tuple(Grounding(instruction, phrase.object_name, "llm") for phrase in grounded.phrases)
         return replace(grounded, phrases=phrases)
     layout = Layout({pose.name: pose.position_m for pose in objects}, np.array(settings.robot_base))
+    if request.options.demonstrations_from is not None:
+        return words.ground_names(instruction, layout)
     return words.ground(instruction, layout, allow_unfamiliar=request.options.unfamiliar == "allow")
 
 

@@ -26,7 +26,11 @@ class Seen:
     objects: tuple[ObjectPose, ...]
 
     def objects_of(self, task: TaskRecord) -> tuple[ObjectPose, ...]:
-        """The objects, if `task` still wants them found so."""
+        """The objects, if `task` still wants them found so.
+
+        Raises:
+            ConflictError: if not.
+        """
         if (task.settings, task.object_names) != (self.task.settings, self.task.object_names):
             raise ConflictError(f"task {task.name!r} changed while its images were looked at: send the request again")
         return self.objects
@@ -43,14 +47,20 @@ def look(store: Store, pose_servers: PoseServers, request: PredictRequest, timin
     settings = TaskSettings.model_validate(task.settings)
     pose_servers.check(settings.object_models)
     with timed(timings_ms, "poses"):
-        return Seen(task, observed(request, settings, demonstrated_objects(task)))
+        return Seen(task, observed(request, settings, object_names(request, task)))
 
 
-def demonstrated_objects(task: TaskRecord) -> tuple[str, ...]:
-    """The names of the objects that the task's demonstrations show; raises NoDemonstrationsError without any."""
-    if task.object_names is None:
+def object_names(request: PredictRequest, task: TaskRecord) -> tuple[str, ...]:
+    """The objects of the task's demonstrations; those that the robot sees where it asks for other tasks' instead.
+
+    Raises:
+        NoDemonstrationsError: if the task has none, and the request asks for no other task's.
+    """
+    if task.object_names is not None:
+        return tuple(task.object_names)
+    if request.options.demonstrations_from is None:
         raise NoDemonstrationsError(task.name)
-    return tuple(task.object_names)
+    return tuple(dict.fromkeys(query.name for query in request.objects))
 
 
 def observed(request: PredictRequest, settings: TaskSettings, names: Sequence[str]) -> tuple[ObjectPose, ...]:

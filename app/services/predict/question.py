@@ -69,6 +69,7 @@ class PredictRequest:
             options.require_alone()
         if options.num_samples > 1 and (options.closed_loop or options.after is not None):
             raise InvalidInputError("num_samples", f"is {options.num_samples} in a closed loop", "1")
+        options.check_other_tasks(self.task)
 
 
 @dataclass(frozen=True, eq=False)

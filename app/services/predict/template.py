@@ -4,7 +4,7 @@ In a closed loop the step before is part of it: the next prompt goes on from tha
 """
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from sqlalchemy import Connection
@@ -15,7 +15,7 @@ from app.pipeline.language.grounding import Grounded
 from app.pipeline.plans import by_plan
 from app.pipeline.plans.support import Support
 from app.pipeline.prompt import PromptTemplate, system_prompt_text
-from app.pipeline.representation import fit_codec, fit_step
+from app.pipeline.representation import fit_codec, fit_other_tasks, fit_step
 from app.pipeline.representation.base import Codec
 from app.pipeline.representation.object_frame import ObjectFrameCodec
 from app.pipeline.workspace import Workspace
@@ -48,13 +48,18 @@ class PromptStyle:
 
 @dataclass(frozen=True)
 class TemplateKey:
-    """What a template depends on: nothing else may change its bytes."""
+    """What a template depends on: nothing else may change its bytes.
+
+    Attributes:
+        other_tasks: whose demonstrations it has instead of the task's own, with their versions.
+    """
 
     task: str
     version: int
     style: PromptStyle
     demonstration_ids: tuple[str, ...]
     all_of_them: bool = False
+    other_tasks: tuple[tuple[str, int], ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,14 +69,17 @@ class Shown:
     Attributes:
         cache_key: equal for equal prefixes.
         demonstration_ids: of the demonstrations; none where a prompt shows none.
-        support: what the demonstrations support; None for the steps of a closed loop, and without demonstrations.
-        instructions: of the demonstrations.
+        support: what the demonstrations support; None for the steps of a closed loop, and without demonstrations of
+            the task that is asked for.
+        instructions: of the demonstrations, where they show that task.
+        other_tasks: where they show others, these with the numbers of demonstrations.
     """
 
     cache_key: str
     demonstration_ids: tuple[str, ...] = ()
     support: Support | None = None
     instructions: tuple[str, ...] = ()
+    other_tasks: tuple[tuple[str, int], ...] = ()
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -110,6 +118,29 @@ def make_template(demonstrations: Demonstrations, settings: TaskSettings, style:
 def cache_key_of(system: str, prefix: str) -> str:
     """Equal for equal prompts up to the query."""
     return hashlib.sha256(f"{system}\0{prefix}".encode()).hexdigest()[:16]
+
+
+def make_other_tasks_template(
+    tasks: Mapping[str, Sequence[Demonstration]], ids: Sequence[str], settings: TaskSettings, style: PromptStyle
+) -> Template:
+    """The same of other tasks' demonstrations, which nothing is held to.
+
+    Args:
+        tasks: by name what a prompt shows of each.
+        ids: in the order in which they are shown.
+        settings: of the task that is asked for.
+    """
+    groups = [tuple(item if style.from_start else replace(item, start=None) for item in tasks[name]) for name in tasks]
+    codec = fit_other_tasks(style.representation, style.prompt_format, groups, settings.workspace.workspace())
+    shown = sorted((item for group in groups for item in group), key=lambda item: ids.index(item.id))
+    prompt = PromptTemplate.write_other_tasks(codec, shown, system_prompt_text(style.system_prompt))
+    numbers = tuple((name, len(tasks[name])) for name in tasks)
+    return Template(
+        cache_key=cache_key_of(prompt.system, prompt.prefix),
+        demonstration_ids=tuple(item.id for item in shown),
+        other_tasks=numbers,
+        prompt=prompt,
+    )
 
 
 def _prompt_template(

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from sqlalchemy import Connection
 
 from app.llm.base import ModelProfile
+from app.pipeline.language.similarity import Described
 from app.pipeline.plans.support import PlacedPlan
 from app.pipeline.representation import KAT_FORMAT
 from app.services.cache import Cache
@@ -15,7 +16,8 @@ from app.services.measures import Timings, timed
 from app.services.pose_servers import PoseServers
 from app.services.predict.doubts import findings_before
 from app.services.predict.instruction import ground_instruction, is_english
-from app.services.predict.observe import demonstrated_objects, look, observed
+from app.services.predict.observe import look, object_names, observed
+from app.services.predict.others import other_tasks, read_other_tasks
 from app.services.predict.program_question import ProgramQuestionWriter
 from app.services.predict.question import PredictRequest, Question
 from app.services.predict.select import DemonstrationSelector, read_demonstrations, stepwise_demonstrations
@@ -25,6 +27,7 @@ from app.services.predict.template import (
     PromptStyle,
     Template,
     TemplateKey,
+    make_other_tasks_template,
     make_template,
     previous_step,
 )
@@ -87,7 +90,7 @@ class QuestionWriter:
             settings.limits_of_motion().require_start(end_effector)
             if seen is None:
                 with timed(timings_ms, "poses"):
-                    objects = observed(request, settings, demonstrated_objects(task))
+                    objects = observed(request, settings, object_names(request, task))
             else:
                 objects = seen.objects_of(task)
             with timed(timings_ms, "prompt"):
@@ -96,7 +99,7 @@ class QuestionWriter:
         with timed(timings_ms, "words"):
             grounded = ground_instruction(request, instruction, template.instructions, settings, objects, previous)
         step = None if not style.closed_loop else 0 if previous is None else previous.step + 1
-        written = template.at_step(step or 0)
+        written = template.at_step(step or 0).in_scene(objects)
         so_far = "" if previous is None else previous.so_far(template)
         self._limits.check_prompt(len(written.system) + len(written.prefix) + len(so_far))
         question = Question(
@@ -149,6 +152,9 @@ class QuestionWriter:
     ) -> "_Chosen":
         """As the request asks; a closed loop goes on as it began."""
         profile = self._profile_of(request.options.model if previous is None else previous.model)
+        if request.options.demonstrations_from is not None:
+            style = _style(request, settings, profile)
+            return _Chosen(profile, style, self._of_other_tasks(connection, request, task, settings, style, objects))
         if previous is None:
             style = _style(request, settings, profile)
             ids = self._demonstration_ids(connection, request, task, settings, objects)
@@ -158,6 +164,31 @@ class QuestionWriter:
         named = request.options.episode_ids is not None
         templates = [self._template(connection, task, settings, style, order, all_of_them=named) for order in orders]
         return _Chosen(profile, style, templates)
+
+    def _of_other_tasks(
+        self,
+        connection: Connection,
+        request: PredictRequest,
+        task: TaskRecord,
+        settings: TaskSettings,
+        style: PromptStyle,
+        objects: Sequence[ObjectPose],
+    ) -> list[Template]:
+        """What other tasks demonstrate, one template for all samples or one for each."""
+        asked = Described(request.instruction, tuple(pose.name for pose in objects))
+        number = request.options.num_demonstrations or settings.num_demonstrations
+        lending = other_tasks(connection, asked, task, request.options, number, self._select)
+        versions = tuple((other.record.name, other.record.version) for other in lending)
+
+        def template(ids: tuple[str, ...]) -> Template:
+            def make() -> Template:
+                read = read_other_tasks(connection, lending, task, settings)
+                return make_other_tasks_template(read, ids, settings, style)
+
+            key = TemplateKey(task.name, task.version, style, ids, other_tasks=versions)
+            return self._templates.get(key, make)
+
+        return [template(ids) for ids in _orders(tuple(id_ for other in lending for id_ in other.ids), request)]
 
     def _demonstration_ids(
         self,
@@ -228,7 +259,7 @@ def _samples(question: Question, templates: Sequence[Template]) -> tuple[Questio
             question,
             request=request.with_options(seed=(request.options.seed + k) % SEEDS),
             template=template,
-            written=template.at_step(0),
+            written=template.at_step(0).in_scene(question.objects),
         )
         for k, template in enumerate(own)
     )

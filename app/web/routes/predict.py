@@ -45,6 +45,7 @@ SETTINGS = (
     "selection",
     "seed",
     "episode_ids",
+    "demonstrations_from",
     "unfamiliar",
     "max_actions",
     "timeout_s",
