@@ -138,7 +138,7 @@ client: $(CLIENT_STAMP)
 FRANKA_STAMP := .venv/.installed-franka
 
 $(FRANKA_STAMP): client/libfranka/requirements.txt $(DEV_STAMP)
-	@$(BIN)/python -m pip install --quiet --require-hashes --requirement client/libfranka/requirements.txt
+	@$(PIP_INSTALL) --require-hashes --requirement client/libfranka/requirements.txt
 	@touch $(FRANKA_STAMP)
 
 franka: $(FRANKA_STAMP)

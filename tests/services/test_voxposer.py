@@ -137,6 +137,7 @@ def test_the_end_effector_is_needed(services):
 
 
 OTHER_VALUES = {
+    "demonstrations_from": "similar",
     "num_demonstrations": 3,
     "selection": "recent",
     "num_samples": 2,
