@@ -3,12 +3,13 @@
 import math
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from roboprompt_client import quaternions as rotations
+from roboprompt_client.arrays import Array
 from roboprompt_client.errors import MotionError, RoboPromptError
 from roboprompt_client.motion_limits import Pose
 from roboprompt_client.robot import Robot
@@ -16,6 +17,7 @@ from roboprompt_client.trajectory import EndEffectorAction
 
 LIFT_M, TURN_RAD = 0.03, math.radians(10)
 NEAR_M, NEAR_DEG = 0.005, 2.0
+TOUCH_M = 0.005  # a hand that is guided to a corner is there within 2 mm
 LOOK_S = 1.0  # longer, and a look before each contact is felt
 STOP_AFTER_S, STOP_S = 0.3, 1.0
 
@@ -39,17 +41,23 @@ class ArmCheck:
     """Checks one robot; with `moves` it lifts the hand by 3 cm, turns it by 10 degrees and works the gripper.
 
     Args:
-        confirm: asked before the first motion; None: go.
+        confirm: asked before the first motion, and when a place is touched; None: go.
+        touched_m: places in the world frame, metres, to which a person guides the point between the fingertips, such as
+            corners of the ChArUco board that the camera was calibrated with.
     """
 
     robot: Robot
     moves: bool = False
     confirm: Callable[[str], bool] | None = None
+    touched_m: Sequence[Sequence[float]] = ()
     outcomes: list[Outcome] = field(default_factory=list)
 
     def run(self) -> tuple[Outcome, ...]:
         """All checks; the arm is stopped where one goes wrong, and the moving ones end there."""
         start = self._check_observation()
+        if start is not None:
+            for place_m in self.touched_m:
+                self._check_touch(np.array(place_m))
         if start is not None and self.moves:
             question = (
                 f"The hand will rise by {100 * LIFT_M:.0f} cm and turn by 10 degrees. Is the space above it free?"
@@ -81,6 +89,26 @@ class ArmCheck:
         detail = f"hand at {place} m, its z axis {math.degrees(math.acos(np.clip(-down, -1, 1))):.0f} degrees from down"
         self._say("observe: end_effector", None, f"{detail}: measure it")
         return hand
+
+    def _check_touch(self, place_m: Array) -> None:
+        """Whether the arm's base and tool are where the calibration has them."""
+        named = ", ".join(f"{value:.3f}" for value in place_m)
+        question = f"Guide the point between the fingertips to {named} m, by hand. Is it there?"
+        if self.confirm is not None and not self.confirm(question):
+            self._say(f"touch {named}", None, "was left out")
+            return
+        try:
+            hand = self.robot.observe().end_effector
+        except RoboPromptError as error:
+            self._say(f"touch {named}", False, str(error))
+            return
+        assert hand is not None
+        off_m = np.array(hand.position_m) - place_m
+        along = ", ".join(f"{1000 * value:+.1f}" for value in off_m)
+        detail = f"the arm says {1000 * np.linalg.norm(off_m):.1f} mm off ({along} along x, y, z)"
+        remedy = "base_to_world, the tool's length or the board's place are wrong by that"
+        passed = float(np.linalg.norm(off_m)) <= TOUCH_M
+        self._say(f"touch {named}", passed, detail if passed else f"{detail}: {remedy}")
 
     def _check_motions(self, start: Pose) -> None:
         home_m, home = np.array(start.position_m), np.array(start.quaternion_xyzw)

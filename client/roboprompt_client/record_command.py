@@ -9,6 +9,7 @@ from typing import Any
 
 from roboprompt_client.arm_check import ArmCheck
 from roboprompt_client.arms.cell import open_robot
+from roboprompt_client.arrays import finite_array
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import InvalidInputError, MotionError, ServiceUnreachableError
 from roboprompt_client.recorder import RATE_HZ, HasState, Recorder
@@ -33,6 +34,16 @@ def add_commands(commands: "_SubParsersAction[ArgumentParser]", robot_help: str)
     check = commands.add_parser("check", help="see whether an arm does what the Robot Protocol says")
     check.add_argument("--robot", metavar="ROBOT", required=True, help=robot_help)
     check.add_argument("--move", action="store_true", help="3 cm up, a turn by 10 degrees, gripper, stop; asks first")
+    check.add_argument(
+        "--touch",
+        nargs=3,
+        type=float,
+        action="append",
+        default=[],
+        metavar=("X", "Y", "Z"),
+        help="metres, world frame: a place, such as a corner of the ChArUco board, to which you guide the fingertips by "
+        "hand; says how far off the arm takes itself to be (may be repeated)",
+    )
     check.set_defaults(offline=run_check)
 
 
@@ -55,7 +66,13 @@ def run_record(client: RoboPromptClient, arguments: Namespace) -> int:
 def run_check(_: RoboPromptClient, arguments: Namespace) -> int:
     """Print the report; 1 where something failed."""
     robot = open_robot(arguments.robot)
-    check = ArmCheck(robot, moves=arguments.move, confirm=lambda question: _asked(f"{question} [y/N] ") == "y")
+    for k, place_m in enumerate(arguments.touch):
+        finite_array(f"--touch[{k}]", place_m, (3,))
+
+    def confirm(question: str) -> bool:
+        return _asked(f"{question} [y/N] ") == "y"
+
+    check = ArmCheck(robot, moves=arguments.move, confirm=confirm, touched_m=arguments.touch)
     for outcome in check.run():
         _print(f"{MARKS[outcome.passed]}  {outcome.name}: {outcome.detail}")
     return int(any(outcome.passed is False for outcome in check.outcomes))

@@ -134,6 +134,20 @@ def test_an_adapter_with_the_wrong_frame_fails(arm):
     assert failed
 
 
+@pytest.mark.parametrize(("off_m", "passed"), [((0.0, 0.0, 0.0), True), ((0.0, -0.012, 0.005), False)])
+def test_a_place_that_is_touched_says_how_far_off_the_arm_takes_itself_to_be(arm, off_m, passed):
+    hand_m = np.array(arm.state().position_m)
+    check = ArmCheck(arm, confirm=lambda question: "by hand" in question, touched_m=[hand_m - off_m])
+    (touch,) = [outcome for outcome in check.run() if outcome.name.startswith("touch")]
+    assert touch.passed is passed
+    assert ("13.0 mm off (+0.0, -12.0, +5.0 along x, y, z)" in touch.detail) is not passed
+
+
+def test_a_place_that_nobody_touches_is_left_out(arm):
+    check = ArmCheck(arm, confirm=lambda _: False, touched_m=[(0.0, 0.0, 0.0)])
+    assert [outcome.passed for outcome in check.run() if outcome.name.startswith("touch")] == [None]
+
+
 def test_a_cell_s_file(tmp_path, monkeypatch):
     cell, body = tmp_path / "cell.json", Body()
     monkeypatch.setattr("roboprompt_client.arms.xarm._sdk", lambda: __import__("makers").xarm(body))
