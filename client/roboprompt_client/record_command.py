@@ -41,7 +41,7 @@ def add_commands(commands: "_SubParsersAction[ArgumentParser]", robot_help: str)
         action="append",
         default=[],
         metavar=("X", "Y", "Z"),
-        help="metres, world frame: a place, such as a corner of the ChArUco board, to which you guide the fingertips by "
+        help="metres, world frame: a place, such as a corner of the ChArUco board, to which you guide the fingers by "
         "hand; says how far off the arm takes itself to be (may be repeated)",
     )
     check.set_defaults(offline=run_check)
