@@ -18,11 +18,12 @@ def test_only_the_lead_differs():
 
 
 def test_two_looks_and_a_clock_catch_the_cube(tmp_path):
-    scenes = ["--sweep", "moving", "--task", "pick_from_conveyor", "--episodes", "3", "--demos", "3"]
-    options = ["--model", "nearest", "--no-report", "--json", "--out", str(tmp_path)]
+    """At 2 and 5 cm/s; at 10 not every scene is solved (docs/results/moving.md)."""
+    scenes = ["--sweep", "moving", "--task", "pick_from_conveyor", "--seed", "100002", "--episodes", "2"]
+    options = ["--demos", "3", "--model", "nearest", "--no-report", "--json", "--out", str(tmp_path)]
     run = CliRunner().invoke(application, ["eval", *scenes, *options])
     assert run.exit_code == 0, run.output
     figures = json.loads(run.stdout.splitlines()[-1])["tasks"]["pick_from_conveyor"]["methods"]
     solved = {name: (f["successes"], f["trials"]) for name, f in figures.items()}
-    assert solved["look again and lead"] == (3, 3)
-    assert solved["as answered"] == (0, 3)
+    assert solved["look again and lead"] == (2, 2)
+    assert solved["as answered"] == solved["look again"] == (0, 2)
