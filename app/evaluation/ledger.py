@@ -108,7 +108,11 @@ def digest_of(method: Method, taught: Mapping[str, Any]) -> str:
     if method.taught_noise == method.noise:  # the same holds of noise on both
         del everything["noise_on"]
     if not method.shift_m:  # and of scenes that nobody changes
-        del everything["shift_m"], everything["look_again"]
+        del everything["shift_m"]
+        if not method.look_again:
+            del everything["look_again"]
+    if not method.lead_s:  # and of robots that go where they see an object
+        del everything["lead_s"]
     if not method.unseen:  # and of tasks that are taught themselves
         del everything["unseen"]
     return hashlib.sha256(json.dumps(everything, sort_keys=True).encode()).hexdigest()[:DIGEST_CHARS]

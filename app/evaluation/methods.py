@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from app.evaluation.results import EXPERT, REPLAY, VOXPOSER_ORACLE, Method, NoiseOn, Poses
-from app.sim.tasks import COMPOSITION_TASKS, TASKS
+from app.sim.tasks import COMPOSITION_TASKS, MOVING_TASKS, TASKS
 from roboprompt_client.errors import InvalidInputError
 
 BY_NAME = Method("")  # a model as the service asks it
@@ -48,6 +48,10 @@ LONG_REPLIES = {"max_actions": 100, "timeout_s": 300.0}
 ALLOWED = {"unfamiliar": "allow", "unsupported": "allow"}
 AS_RECORDED = {"keyframes": {"rule": "merged"}}
 LONG_PLAN_S = 300.0
+# From a look to closed fingers: 0.4 s until the poses are known, some 1.4 s of motion, half of the fingers' way.
+LEAD_S = 2.0
+AS_ANSWERED = Method("as answered", source="robot loop")
+LOOKING = replace(AS_ANSWERED, label="look again", look_again=True)
 OPEN = Method("", {**PAPER, **ALLOWED, "timeout_s": LONG_PLAN_S}, AS_RECORDED)
 
 
@@ -257,6 +261,12 @@ SWEEPS: Mapping[str, Sweep] = {
             COPY,
         ),
         lending=tuple(TASKS),
+    ),
+    "moving": Sweep(
+        "a cube that moves at 2, 5 or 10 cm/s (in turn with the scenes) and was demonstrated at rest: as answered,"
+        " looking again, and aiming where two looks say that it will be",
+        (AS_ANSWERED, LOOKING, replace(LOOKING, label="look again and lead", lead_s=LEAD_S)),
+        tasks=tuple(MOVING_TASKS),
     ),
     "composition": Sweep(
         "tasks whose tests ask for combinations that no demonstration shows, so that copying fails; `default` as the"

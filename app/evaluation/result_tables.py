@@ -154,9 +154,15 @@ def _asked(trials: Sequence[Trial], method: Method) -> str:
     asked = dict.fromkeys(f"{a['model']}, {a['representation']}, {a['prompt_format']}" for a in answers)
     shift = {"objects moved by m": method.shift_m} if method.shift_m else {}
     unseen = {"demonstrations of": "similar tasks"} if method.unseen else {}
-    own = {**method.options, **method.settings, **_noise_of(method), **shift, **unseen}
+    own = {**method.options, **method.settings, **_noise_of(method), **shift, **unseen, **_looks(method)}
     further = {name: value for name, value in own.items() if name not in ("model", "representation", "prompt_format")}
     return "; ".join([*asked, *(f"{name} {json.dumps(value)}" for name, value in further.items())]) or NOTHING
+
+
+def _looks(method: Method) -> dict[str, Any]:
+    if not method.look_again:
+        return {}
+    return {"looks again": True} | ({"leads by s": method.lead_s} if method.lead_s else {})
 
 
 def _noise_of(method: Method) -> dict[str, Any]:

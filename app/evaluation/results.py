@@ -44,6 +44,7 @@ class Method:
             all, and the robot carries them out one by one; others do not ask it.
         shift_m: how far the free objects are moved between answer and first action; for the `robot loop`.
         look_again: whether the robot then looks again (`roboprompt_client.look_again`).
+        lead_s: where objects move by themselves, how far ahead the robot then aims (`roboprompt_client.leading`).
         unseen: whether the task is taught nothing, and prompts show the most similar ones of the other tasks.
     """
 
@@ -57,6 +58,7 @@ class Method:
     noise_on: NoiseOn = "both"
     shift_m: float = 0.0
     look_again: bool = False
+    lead_s: float = 0.0
     unseen: bool = False
 
     def __post_init__(self) -> None:

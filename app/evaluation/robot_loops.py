@@ -13,16 +13,22 @@ from app.evaluation.paper import disturbed
 from app.sim.demonstrate import RolloutResult, judge, robot_in_scene
 from app.sim.robot import SimulatedPanda
 from app.sim.shift import shift_free_objects
-from app.sim.tasks import ALL_TASKS
+from app.sim.tasks import ALL_TASKS, MOVING_TASKS
 from roboprompt_client.answers import PredictedActions
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import MotionError, ObjectLostError, ServiceProblemError, UnsafeActionError
+from roboprompt_client.leading import Leading
 from roboprompt_client.loop import run_closed_loop, run_task
 from roboprompt_client.robot import Observation, Robot
 from roboprompt_client.trajectory import EndEffectorAction
 
 # the problems that are the LLM's failure, not the service's
 USELESS_REPLY = frozenset({"/problems/unparsable-reply", "/problems/unsafe-action", "/problems/unsupported"})
+
+
+# What passes in a scene that moves while the simulation itself stands still: until the service has answered, and from a
+# picture to the poses in it. Fixed, so that results can be repeated; measured in docs/results/moving.md.
+ANSWER_S, LOOK_S = 1.0, 0.4
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,13 +152,26 @@ class ShiftedPanda:
             self._shifted = True
 
 
+class WaitingPanda(ShiftedPanda):
+    """The same in a scene that goes on while the robot looks: what it sees is `LOOK_S` old once it knows it."""
+
+    def observe(self) -> Observation:
+        """As they lay when the picture was taken."""
+        seen = super().observe()
+        self._robot.hold(LOOK_S)
+        return seen
+
+
 class _Client(RoboPromptClient):
-    """Keeps what it was answered, also where carrying it out fails."""
+    """Keeps what it was answered, also where carrying it out fails; the arm waits for the answer where that matters."""
 
     predicted: PredictedActions | None = None
+    waiting: SimulatedPanda | None = None
 
     def predict(self, *arguments: Any, **options: Any) -> PredictedActions:  # noqa: ANN401
         self.predicted = super().predict(*arguments, **options)
+        if self.waiting is not None:
+            self.waiting.hold(ANSWER_S)
         return self.predicted
 
 
@@ -165,24 +184,36 @@ def run_in_robot_loop(
     options: Mapping[str, Any],
     shift_m: float,
     look_again: bool,
+    lead_s: float = 0.0,
 ) -> ClosedLoopResult:
     """Run a trial; for a worker process, which must reach the service.
 
     Args:
         name: of the task at the service.
         look_again: whether the robot looks again, so that its actions follow.
+        lead_s: how far ahead it then aims; 0: where it sees an object.
 
     Raises:
         ServiceProblemError, ServiceUnreachableError, InvalidInputError: nothing is known about the method.
     """
     started = time.perf_counter()
     panda = robot_in_scene(task, seed, ALL_TASKS[task].test_variation(seed), images=False)
-    robot = ShiftedPanda(panda, shift_m, seed, noise)
+    moves = task in MOVING_TASKS
+    robot = (WaitingPanda if moves else ShiftedPanda)(panda, shift_m, seed, noise)
+    leading = Leading(lead_s, lambda: float(panda.task.data.time)) if lead_s else None
     error, blocked = "", ""
     with _Client(url) as client:
+        client.waiting = panda if moves else None
         try:
             run_task(
-                client, robot, name, panda.task.instruction, look_again=look_again, on_danger="go", **dict(options)
+                client,
+                robot,
+                name,
+                panda.task.instruction,
+                look_again=look_again,
+                leading=leading,
+                on_danger="go",
+                **dict(options),
             )
         except (MotionError, ObjectLostError, UnsafeActionError) as failure:
             blocked = str(failure)

@@ -192,7 +192,7 @@ def _ask_step_by_step(laboratory: Laboratory, cell: Cell, lesson: Lesson, scene:
 def _ask_and_act(laboratory: Laboratory, cell: Cell, lesson: Lesson, scene: SceneView) -> Trial:
     """With the robot's own loop, which looks again where the method says so."""
     url, method = laboratory.client.url, cell.method
-    how = (method.noise, dict(method.options), method.shift_m, method.look_again)
+    how = (method.noise, dict(method.options), method.shift_m, method.look_again, method.lead_s)
     with laboratory.asking:
         result: ClosedLoopResult = call(
             laboratory.executor, run_in_robot_loop, url, lesson.name, cell.task, cell.seed, *how

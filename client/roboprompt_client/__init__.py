@@ -20,6 +20,7 @@ from roboprompt_client.errors import (
     ServiceUnreachableError,
     UnsafeActionError,
 )
+from roboprompt_client.leading import Leading
 from roboprompt_client.loop import run_closed_loop, run_task
 from roboprompt_client.motion_limits import Box, MotionLimits, Pose
 from roboprompt_client.robot import Observation, Robot
@@ -31,6 +32,7 @@ __all__ = [
     "DangerError",
     "EndEffectorAction",
     "InvalidInputError",
+    "Leading",
     "MotionError",
     "MotionLimits",
     "NotConfirmedError",

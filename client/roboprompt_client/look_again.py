@@ -17,6 +17,7 @@ from collections.abc import Callable, Mapping
 from roboprompt_client.answers import PredictedActions
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import InvalidInputError, ObjectLostError, ServiceProblemError
+from roboprompt_client.leading import Leading
 from roboprompt_client.reanchoring import MOVED, Moved, has_moved, reanchored
 from roboprompt_client.robot import Observation, Robot
 from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
@@ -80,13 +81,20 @@ class Follower:
     Args:
         first: what the robot saw when it asked.
         check: raises if the actions, all of them in their order, may not be carried out.
+        leading: where objects move by themselves, so that actions go where they will be; knows the first look.
 
     Attributes:
         actions: as they were carried out and as they are to be.
     """
 
     def __init__(
-        self, eyes: Eyes, predicted: PredictedActions, first: Observation, check: Check, moved: Moved = MOVED
+        self,
+        eyes: Eyes,
+        predicted: PredictedActions,
+        first: Observation,
+        check: Check,
+        moved: Moved = MOVED,
+        leading: Leading | None = None,
     ) -> None:
         if predicted.actions and not any(predicted.anchors):
             message = "the answer says of no action what it hangs on"
@@ -95,7 +103,7 @@ class Follower:
         self._anchors = predicted.anchors
         self._names = [None if anchor is None else anchor.object_name for anchor in predicted.anchors]
         self._known = {pose.name: pose for pose in first.objects or predicted.objects}
-        self._eyes, self._check, self._threshold = eyes, check, moved
+        self._eyes, self._check, self._threshold, self._leading = eyes, check, moved, leading
         self._touched: set[str] = set()
         self._visits: Counter[str] = Counter()
 
@@ -109,7 +117,7 @@ class Follower:
         name = self._names[index]
         leaves = index > 0 and self._names[index - 1] == name and self._switches(index - 1)
         if name is not None and name not in self._touched and not leaves:
-            self._follow(index, self._eyes.look_for(name))
+            self._follow(index, self._look_for(name))
         return self.actions[index]
 
     def after(self, index: int) -> None:
@@ -130,6 +138,16 @@ class Follower:
         """Whether the gripper opens or closes at the end of an action; it counts as open before the first."""
         was_open = index == 0 or self.actions[index - 1].gripper_open
         return self.actions[index].gripper_open != was_open
+
+    def _look_for(self, name: str) -> Poses:
+        """The poses of untouched objects to follow; where they move by themselves, those at contact."""
+        at_s = 0.0 if self._leading is None else self._leading.clock()
+        seen = self._eyes.look_for(name)
+        if self._leading is None:
+            return seen
+        untouched = {other: pose for other, pose in seen.items() if other not in self._touched}
+        self._leading.saw(untouched, at_s)
+        return {other: self._leading.led(other, pose) for other, pose in untouched.items()}
 
     def _follow(self, index: int, seen: Poses) -> None:
         now = {name: pose for name, pose in seen.items() if name not in self._touched}

@@ -9,6 +9,7 @@ from roboprompt_client.answers import PredictedActions
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.danger import Confirm, OnDanger, heed, what_to_do
 from roboprompt_client.errors import InvalidInputError, NotConfirmedError
+from roboprompt_client.leading import Leading
 from roboprompt_client.look_again import Eyes, Follower
 from roboprompt_client.motion_guard import MotionGuard
 from roboprompt_client.motion_limits import MAX_ACTIONS, MotionLimits
@@ -33,6 +34,7 @@ def run_task(
     confirm: Confirm | None = None,
     stream: bool = False,
     look_again: bool = False,
+    leading: Leading | None = None,
     on_danger: OnDanger | None = None,
     preview: Preview = show_nothing,
     **options: Any,  # noqa: ANN401
@@ -50,6 +52,8 @@ def run_task(
         look_again: observe again before contact (the module `look_again` says when) and move the remaining actions
             along with the objects that they hang on, without asking the LLM; what is returned has the actions as they
             were carried out. Not together with `stream`.
+        leading: with `look_again`, of objects that move by themselves: go where they will be at contact, by their
+            velocity between looks, instead of where they were seen (the module `leading`).
         on_danger: where the service finds its own answer dangerous: ask `confirm` before anything moves, refuse, or go
             on all the same. None: `confirm` where there is one, else `refuse`. With `stream` this holds for what is
             found ahead of the first action.
@@ -65,13 +69,15 @@ def run_task(
         MotionError: if an action could not be carried out.
         NotConfirmedError: if `confirm` said no.
         DangerError: if the answer is dangerous and `on_danger` refuses it; nothing was moved.
-        ObjectLostError: if an object that is looked for again is not seen.
+        ObjectLostError: if an object that is looked for again is not seen; with `leading` also if it has left what
+            carried it, or moves too fast.
         InvalidInputError: if `look_again` or `on_danger` cannot be had; nothing was moved.
     """
     try:
         danger = what_to_do(on_danger, confirm)
-        _check_modes(look_again=look_again, stream=stream)
+        _check_modes(look_again=look_again, stream=stream, leads=leading is not None)
         allowed = _allowed(client, task, limits, pinned)
+        looked_s = 0.0 if leading is None else leading.clock()
         observation = robot.observe()
         allowed.require_start(observation.end_effector)
         new_guard = partial(MotionGuard, allowed, options.get("max_actions", MAX_ACTIONS), observation.end_effector)
@@ -87,7 +93,11 @@ def run_task(
         check(predicted.actions)
         heed(predicted.findings, predicted.actions, on_danger=danger, confirm=confirm)
         if eyes is not None:
-            return _run_following(Follower(eyes, predicted, observation, check), robot, predicted, confirm)
+            if leading is not None:
+                seen = observation.objects or predicted.objects
+                leading.saw({pose.name: pose for pose in seen}, looked_s)
+            follower = Follower(eyes, predicted, observation, check, leading=leading)
+            return _run_following(follower, robot, predicted, confirm)
         for index, action in enumerate(predicted.actions):
             _execute(robot, index, action, confirm)
     except BaseException:
@@ -96,7 +106,9 @@ def run_task(
     return predicted
 
 
-def _check_modes(*, look_again: bool, stream: bool) -> None:
+def _check_modes(*, look_again: bool, stream: bool, leads: bool) -> None:
+    if leads and not look_again:
+        raise InvalidInputError("leading", "is given, but the robot does not look again", "look_again=True")
     if look_again and stream:
         message = "is asked for together with stream, which moves before all actions are known"
         raise InvalidInputError("look_again", message, "one of both")

@@ -107,6 +107,18 @@ def test_what_does_not_go_is_a_problem_that_names_the_field(taught, options, fie
     assert valid in entry["valid"]
 
 
+def test_the_pages_show_it_and_ask_for_it_again(taught):
+    id_ = ask(taught, model="nearest").json()["id"]
+    shown = taught.get(f"/ui/predictions/{id_}", headers={"accept": "text/html"})
+    assert shown.status_code == 200
+    assert "Nobody has shown this task" in shown.text
+    again = taught.get("/ui/predict", params={"again": id_}, headers={"accept": "text/html"})
+    assert '<input id="others" name="demonstrations_from" value="lift"' in again.text
+    prompt = taught.post("/ui/predict/prompt", json={**FETCH, "demonstrations_from": "similar", "model": "nearest"})
+    assert "hoist the mug" in prompt.json()["html"]
+    assert taught.get("/tasks/fetch/stats").json()["configurations"][0]["selection"] == "other tasks"
+
+
 def test_an_empty_task_stays_without_an_answer_otherwise(taught):
     assert taught.post("/predict", json=FETCH).status_code == 409
     assert ask(taught, task="never heard of").status_code == 404

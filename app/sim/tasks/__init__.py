@@ -1,4 +1,4 @@
-"""The tasks, by name: those of the paper, and beside them those of compositions."""
+"""The tasks, by name: those of the paper, and beside them those of compositions and those that move."""
 
 from collections.abc import Mapping
 
@@ -10,6 +10,7 @@ from app.sim.tasks.composition import COMPOSITIONS
 from app.sim.tasks.cubes import DestackCube, StackCube
 from app.sim.tasks.drawers import OpenDrawer, PutInDrawer
 from app.sim.tasks.meat_off_grill import MeatOffGrill
+from app.sim.tasks.moving import MOVING
 from app.sim.tasks.place_cups import PlaceCups
 from app.sim.tasks.place_wine import PlaceWine
 from app.sim.tasks.put_in_cupboard import PutInCupboard
@@ -52,7 +53,8 @@ TASKS: Mapping[str, type[SimTask]] = {
     )
 }
 COMPOSITION_TASKS: Mapping[str, type[SimTask]] = {task.name: task for task in COMPOSITIONS}
-ALL_TASKS: Mapping[str, type[SimTask]] = {**TASKS, **COMPOSITION_TASKS}
+MOVING_TASKS: Mapping[str, type[SimTask]] = {task.name: task for task in MOVING}
+ALL_TASKS: Mapping[str, type[SimTask]] = {**TASKS, **COMPOSITION_TASKS, **MOVING_TASKS}
 
 
 def make_task(name: str, seed: int, variation: int | None = None) -> SimTask:

@@ -1,0 +1,90 @@
+"""Objects that move by themselves, on a belt, say: their velocity from two looks, and where they will be at contact.
+
+The velocity counts as constant from the look to the contact, and horizontal; objects that turn are not led in that.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from time import monotonic
+from typing import Protocol
+
+import numpy as np
+
+from roboprompt_client.arrays import Array
+from roboprompt_client.errors import InvalidInputError, ObjectLostError
+from roboprompt_client.trajectory import ObjectPose
+
+LEAST_BETWEEN_S = 0.2  # of two looks: an estimator's noise of 1 cm would be 5 cm/s
+MOST_SPEED_M_S = 0.15  # what is faster cannot be grasped by a motion that ends at rest
+RESTING_M_S = 0.003
+LEFT_M = 0.01  # an object that rises or sinks by more has left what carried it
+MOST_LEAD_S = 10.0
+
+
+class Clock(Protocol):
+    """Seconds from any beginning, as they pass for the robot."""
+
+    def __call__(self) -> float: ...
+
+
+@dataclass(frozen=True)
+class _Seen:
+    pose: ObjectPose
+    at_s: float
+
+
+class Leading:
+    """Leads objects by their velocity.
+
+    Args:
+        lead_s: how long the robot takes from a look until its fingers close.
+        clock: for simulations, whose time passes otherwise.
+
+    Raises:
+        InvalidInputError: if `lead_s` is no time above 0, or longer than 10 s.
+    """
+
+    def __init__(self, lead_s: float, clock: Clock = monotonic) -> None:
+        if not (math.isfinite(lead_s) and 0 < lead_s <= MOST_LEAD_S):
+            raise InvalidInputError("lead_s", f"is {lead_s:g}", f"seconds above 0, {MOST_LEAD_S:g} at most")
+        self._lead_s, self.clock = lead_s, clock
+        self._seen: dict[str, _Seen] = {}
+        self._velocities_m_s: dict[str, Array] = {}
+
+    def saw(self, poses: Mapping[str, ObjectPose], at_s: float) -> None:
+        """Note a look; of two that follow each other closely the second says nothing about a velocity.
+
+        Raises:
+            ObjectLostError: if an object has left what carried it, or is too fast.
+        """
+        for name, pose in poses.items():
+            last = self._seen.get(name)
+            if last is None:
+                self._seen[name] = _Seen(pose, at_s)
+                continue
+            moved_m = pose.position_m - last.pose.position_m
+            if abs(moved_m[2]) > LEFT_M:
+                raise ObjectLostError(name, f"it left what carried it: {100 * moved_m[2]:+.1f} cm in height")
+            if at_s - last.at_s < LEAST_BETWEEN_S:
+                continue
+            self._velocities_m_s[name] = _horizontal(moved_m) / (at_s - last.at_s)
+            self._seen[name] = _Seen(pose, at_s)
+            self._check_speed(name)
+
+    def led(self, name: str, pose: ObjectPose) -> ObjectPose:
+        """The pose where the object will be when the fingers close; one that rests stays."""
+        velocity_m_s = self._velocities_m_s.get(name)
+        if velocity_m_s is None or float(np.linalg.norm(velocity_m_s)) < RESTING_M_S:
+            return pose
+        return replace(pose, position_m=pose.position_m + self._lead_s * velocity_m_s)
+
+    def _check_speed(self, name: str) -> None:
+        speed_m_s = float(np.linalg.norm(self._velocities_m_s[name]))
+        if speed_m_s > MOST_SPEED_M_S:
+            most = f"{100 * MOST_SPEED_M_S:.0f} cm/s at most can be led"
+            raise ObjectLostError(name, f"it moves at {100 * speed_m_s:.0f} cm/s, {most}")
+
+
+def _horizontal(moved_m: Array) -> Array:
+    return np.array([moved_m[0], moved_m[1], 0.0])
