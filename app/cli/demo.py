@@ -10,13 +10,16 @@ from dataclasses import asdict
 from datetime import datetime
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from app.cli.shared import check_models, check_names
+
+if TYPE_CHECKING:
+    from app.evaluation.results import Evaluation
 
 TASKS = ("push_button", "stack_cube", "open_drawer")
 DRIVERS = {"simulated": (), "franka": ("franky", "franky_sim")}
@@ -48,17 +51,9 @@ def demo(
     # The simulator is an extra that `roboprompt serve` does without.
     from app.evaluation.methods import methods_beside, with_poses
     from app.evaluation.plan import Plan
-    from app.evaluation.reached import reached
-    from app.evaluation.report import write_report
     from app.evaluation.run import run_demo
-    from app.evaluation.scores import errors_of, results_table, summary
-    from app.pipeline.representation import REPRESENTATIONS
-    from app.sim.tasks import TASKS as SIMULATED
 
-    check_names("--task", task or (), SIMULATED)
-    if representation is not None:
-        check_names("--representation", [representation], REPRESENTATIONS)
-    check_models([] if model is None else [model])
+    _check_names(task, representation, model)
     _check_robot(robot)
     folder = report or Path("reports") / f"demo-{datetime.now():%Y%m%d-%H%M%S}"
     if (data := folder / "data").exists():
@@ -72,17 +67,39 @@ def demo(
     columns = (TextColumn("{task.description:<30}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console) as progress:
         evaluation = run_demo(plan, progress, data)
+    figures = _report(evaluation, folder, console)
+    console.print(f"To walk through it in a browser: roboprompt serve --data {data}", soft_wrap=True)
+    if as_json:
+        print(json.dumps(figures))  # noqa: T201
+
+
+def _check_names(tasks: list[str] | None, representation: str | None, model: str | None) -> None:
+    """Refuse names that there are not, before anything is started."""
+    from app.pipeline.representation import REPRESENTATIONS
+    from app.sim.tasks import TASKS as SIMULATED
+
+    check_names("--task", tasks or (), SIMULATED)
+    if representation is not None:
+        check_names("--representation", [representation], REPRESENTATIONS)
+    check_models([] if model is None else [model])
+
+
+def _report(evaluation: "Evaluation", folder: Path, console: Console) -> dict[str, object]:
+    """Print the results and write the report; the same figures for programs."""
+    from app.evaluation.reached import reached
+    from app.evaluation.report import write_report
+    from app.evaluation.scores import errors_of, results_table, summary
+
     console.print(results_table(evaluation))
     for message, number in errors_of(evaluation):
         console.print(f"{number} trials could not be run: {message}", markup=False)
-    if (arrivals := reached(evaluation)) is not None:
+    arrivals = reached(evaluation)
+    if arrivals is not None:
         console.print(f"{arrivals}; pictures in the report: the same actions in the direct simulation")
     index = write_report(evaluation, folder)
     console.print(f"{evaluation.duration_s:.0f} s in all; report: {index}")
-    console.print(f"To walk through it in a browser: roboprompt serve --data {data}", soft_wrap=True)
-    if as_json:
-        arrived = {} if arrivals is None else {"reached": asdict(arrivals)}
-        print(json.dumps({**summary(evaluation), **arrived, "report": str(index)}))  # noqa: T201
+    arrived = {} if arrivals is None else {"reached": asdict(arrivals)}
+    return {**summary(evaluation), **arrived, "report": str(index)}
 
 
 def _check_robot(robot: str) -> None:
