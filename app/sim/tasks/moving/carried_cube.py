@@ -86,7 +86,7 @@ class PickFromConveyor(CarriedCube):
 
     def draw(self, random: np.random.Generator) -> tuple[Array, Array]:
         heading = random.choice([-1.0, 1.0])
-        x_m = self.carrier_at_m[0] + random.uniform(-0.03, 0.03)
+        x_m = self.carrier_at_m[0] + random.uniform(-0.05, 0.05)
         return np.array([0.0, heading]), np.array([x_m, -heading * random.uniform(0.26, 0.34)])
 
 
