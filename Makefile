@@ -1,7 +1,7 @@
 # make setup | dev | demo | serve | test | check | audit | wheels | sbom | long | torture | attack | fuzz | soak | growth | bench | metaworld | client | franka | format | openapi | lock
 PYTHON ?= python3
 # Modules are compiled when they are first imported: most never are, and all of them take a minute.
-PIP_INSTALL = $(BIN)/python -m pip install --quiet --no-compile
+NO_COMPILE := --no-compile
 BIN := .venv/bin
 STAMP := .venv/.installed
 DEV_STAMP := .venv/.installed-dev
@@ -17,17 +17,17 @@ $(STAMP): requirements.lock pyproject.toml client/pyproject.toml
 	@echo "1 of 3: makes the virtual environment .venv"
 	@$(PYTHON) -m venv .venv
 	@echo "2 of 3: installs the $$(grep -c == requirements.lock) packages of requirements.lock, a minute or two"
-	@$(PIP_INSTALL) --require-hashes --requirement requirements.lock
+	@$(BIN)/python -m pip install --quiet $(NO_COMPILE) --require-hashes --requirement requirements.lock
 	@echo "3 of 3: installs RoboPrompt itself"
-	@$(PIP_INSTALL) --no-deps --no-build-isolation --editable ./client
-	@$(PIP_INSTALL) --no-deps --no-build-isolation --editable .
+	@$(BIN)/python -m pip install --quiet $(NO_COMPILE) --no-deps --no-build-isolation --editable ./client
+	@$(BIN)/python -m pip install --quiet $(NO_COMPILE) --no-deps --no-build-isolation --editable .
 	@touch $(STAMP)
 
 dev: $(DEV_STAMP)
 
 $(DEV_STAMP): requirements-dev.lock $(STAMP)
 	@echo "For developers: installs what requirements-dev.lock has beyond it, a minute"
-	@$(PIP_INSTALL) --require-hashes --requirement requirements-dev.lock
+	@$(BIN)/python -m pip install --quiet $(NO_COMPILE) --require-hashes --requirement requirements-dev.lock
 	@touch $(DEV_STAMP)
 
 demo: setup
@@ -138,7 +138,7 @@ client: $(CLIENT_STAMP)
 FRANKA_STAMP := .venv/.installed-franka
 
 $(FRANKA_STAMP): client/libfranka/requirements.txt $(DEV_STAMP)
-	@$(PIP_INSTALL) --require-hashes --requirement client/libfranka/requirements.txt
+	@$(BIN)/python -m pip install --quiet $(NO_COMPILE) --require-hashes --requirement client/libfranka/requirements.txt
 	@touch $(FRANKA_STAMP)
 
 franka: $(FRANKA_STAMP)
