@@ -166,6 +166,7 @@ def test_a_service_that_dies_in_the_middle_stops_the_robot():
     assert [isinstance(entry, EndEffectorAction) for entry in arm.log] == [True, False]
 
 
+@pytest.mark.long
 def test_closed_loop_with_the_real_llm(client):
     arm = Arm()
     steps = list(run_closed_loop(client, arm, "stream", INSTRUCTION, num_demonstrations=5))

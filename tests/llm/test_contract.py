@@ -44,7 +44,11 @@ def models(gemma, llama_server, run):
         run(model.aclose())
 
 
-@pytest.fixture(params=[*LLMS, "nearest", "regression", "scripted"])
+# `completion` and `chat` are one client that asks llama.cpp in two ways: most of what they promise, one of them shows.
+BY_MAKE_LONG = [pytest.param("completion", marks=pytest.mark.long)]
+
+
+@pytest.fixture(params=["embedded", *BY_MAKE_LONG, "chat", "nearest", "regression", "scripted"])
 def model(request, models):
     return models[request.param]
 

@@ -147,6 +147,7 @@ def test_a_grammar_that_is_none_is_an_error_and_nothing_is_printed(gemma, run, c
     assert capfd.readouterr() == ("", "")
 
 
+@pytest.mark.long
 def test_more_tasks_than_slots_keep_their_prefixes(gemma, run):
     """Four slots, six tasks taking turns: the second time round, no demonstration is read again."""
 

@@ -186,6 +186,7 @@ def test_a_paid_run_is_repeated_offline_without_a_key(tmp_path):
     assert not any(claude.KEY in path.read_text() for path in tmp_path.iterdir())
 
 
+@pytest.mark.long
 def test_an_embedded_models_replies_are_repeated_without_it(settings, tmp_path, run):
     async def both():
         recording = ModelRegistry(settings.model_copy(update={"record_llm": tmp_path}), BUILT_IN)

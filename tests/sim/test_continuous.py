@@ -23,7 +23,11 @@ def speeds_rad_s(trajectory):
     return np.linalg.norm(trajectory.joint_velocities_rad_s, axis=1)
 
 
-@pytest.mark.parametrize("name", TASKS)
+# Every second one, the others by `make long`.
+SOME_OR_LONG = [pytest.param(name, marks=[pytest.mark.long] if k % 2 else []) for k, name in enumerate(TASKS)]
+
+
+@pytest.mark.parametrize("name", SOME_OR_LONG)
 def test_the_expert_succeeds_without_rests(name):
     demonstration = recorded(name)
     assert demonstration.succeeded, demonstration.failure
