@@ -126,11 +126,12 @@ def test_an_empty_task_stays_without_an_answer_otherwise(taught):
 
 def test_the_client_asks_for_similar_tasks(taught, url):
     with RoboPromptClient(url) as client:
-        seen = Observation((ObjectPose("cube", np.array(MUG_M)),))
-        client.upload("lift", "pick up the cube", pick_trajectory(MUG_M), seen)
+        seen = Observation((ObjectPose("teapot", np.array(MUG_M)),))
+        client.upload("lift", "pick up the teapot", pick_trajectory(MUG_M), seen)
         client.configure_task("lift again")
-        answer = client.predict("lift again", "pick up the cube", seen, demonstrations_from="similar", model="nearest")
+        asked = ("lift again", "pick up the teapot", seen)
+        answer = client.predict(*asked, demonstrations_from="similar", model="nearest")
         shown = {client.get(f"/episodes/{id_}")["task"] for id_ in answer.response["demonstration_ids"]}
         assert "lift" in shown
         with pytest.raises(ServiceProblemError, match="demonstrations_from"):
-            client.predict("lift again", "pick up the cube", seen, demonstrations_from="alike")
+            client.predict(*asked, demonstrations_from="alike")

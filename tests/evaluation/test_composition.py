@@ -60,6 +60,12 @@ def bins(action, workspace):
     return list(discretize_action(action, workspace).bins)
 
 
+# Every second one, the others by `make long`.
+SOME_OR_LONG = [
+    pytest.param(name, marks=[pytest.mark.long] if k % 2 else []) for k, name in enumerate(COMPOSITION_TASKS)
+]
+
+
 @pytest.fixture(scope="module")
 def service(tmp_path_factory):
     """Its LLM, and what that was asked."""
@@ -93,7 +99,7 @@ def assert_shown_as_recorded(prompt, taught, workspace):
 
 
 @pytest.mark.parametrize("demonstrations", [1, pytest.param(10, marks=pytest.mark.long)])
-@pytest.mark.parametrize("task", COMPOSITION_TASKS)
+@pytest.mark.parametrize("task", SOME_OR_LONG)
 def test_the_right_answer_succeeds_where_it_is_allowed(service, tmp_path, task, demonstrations):
     solver, asked = service
     (method,) = chosen(SWEEP.with_models([MODEL]), [MODEL], [])
