@@ -31,7 +31,7 @@ def measure() -> dict[str, Cost]:
         data = Path(folder)
         costs = {"FastAPI hello-world": _hello(data / "hello.log")}
         teach(data)
-        reply = _reply(data)
+        reply = copied_reply(data)
         costs[f"{NUM_DEMONSTRATIONS} episodes stored"] = _predictions(data, reply)
         fill(data)
         costs[f"{NUM_STORED:,} episodes stored"] = _predictions(data, reply)
@@ -75,7 +75,7 @@ def _hello(log: Path) -> Cost:
         return cost(server, lambda _: http.get("/healthz"), NUM_REQUESTS)
 
 
-def _reply(data: Path) -> str:
+def copied_reply(data: Path) -> str:
     """What an LLM that copies the demonstrations' rows replies."""
     with service(data, warm_up="false") as server, httpx.Client(base_url=server.url) as http:
         answer = http.post("/predict", json={**asked(0), "model": "nearest"}).raise_for_status()

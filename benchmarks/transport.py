@@ -15,7 +15,7 @@ from websockets.sync.client import connect
 
 from benchmarks.peers import pack_array
 from benchmarks.processes import Cost, cost, running, service
-from benchmarks.service_time import REPLY, asked, teach
+from benchmarks.service_time import asked, copied_reply, teach
 from roboprompt_client.camera import Camera, RgbdFrame
 from roboprompt_client.encoding import packed_request, request_parts
 from roboprompt_client.metadata import camera_json
@@ -71,7 +71,7 @@ def _openpi(log: Path) -> dict[str, Cost]:
 def _ours(data: Path) -> dict[str, Cost]:
     teach(data)
     seen = frame()
-    scripted = {"default_model": "scripted", "scripted_replies": json.dumps([REPLY])}
+    scripted = {"default_model": "scripted", "scripted_replies": json.dumps([copied_reply(data)])}
     with service(data, warm_up="false", **scripted) as server, httpx.Client(base_url=server.url) as http:
 
         def ask(k: int, *, packed: bool, kept: bool) -> None:

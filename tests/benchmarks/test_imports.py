@@ -1,0 +1,17 @@
+"""Benchmarks are run seldom: what they take from each other is there."""
+
+import importlib
+from pathlib import Path
+
+import pytest
+
+import benchmarks.bench
+
+FOLDER = Path(benchmarks.bench.__file__).parent
+OF_ANOTHER_ENVIRONMENT = {"write_lerobot"}  # LeRobot is not installed here; the module says how
+NAMES = sorted({path.stem for path in FOLDER.glob("*.py")} - OF_ANOTHER_ENVIRONMENT)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_benchmark_can_be_imported(name):
+    importlib.import_module(f"benchmarks.{name}")
