@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -15,6 +16,7 @@ HUBER = 1.5  # in robust standard deviations: what is farther from the centre co
 ITERATIONS = 5
 MAD_TO_SIGMA = 1.4826  # of a normal distribution
 PRECISE_M = 0.002
+MOST = 0.9  # the share of the demonstrations that lie within a row's tolerance
 BEYOND_NOISE_M = 0.08  # twice what rows scatter by where the noise of poses is twice the paper's
 CLOSER = 0.5  # times the scatter of a row, from which on a later one keeps to something
 
@@ -53,18 +55,23 @@ class PlanRow:
     gripper_open: bool
     grippers: frozenset[bool]
 
-    @property
+    @cached_property
     def off_m(self) -> Array:
         """(N,) distances of the demonstrations' offsets from the centre."""
         off: Array = np.linalg.norm(self.offsets_m - self.centre_m, axis=1)
         return off
 
-    @property
+    @cached_property
     def scatter_m(self) -> float:
         """How far the median demonstration is from the centre."""
         return float(np.median(self.off_m))
 
-    @property
+    @cached_property
+    def tolerance(self) -> tuple[float, float]:
+        """Within how many metres and degrees of the centre most demonstrations lie."""
+        return float(np.quantile(self.off_m, MOST)), float(np.quantile(self.off_deg, MOST))
+
+    @cached_property
     def off_deg(self) -> Array:
         """(N,) angles of the demonstrations' rotations from their mean."""
         off: Array = np.degrees((self.mean_rotation.inv() * self.rotations).magnitude())

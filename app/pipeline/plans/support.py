@@ -12,12 +12,12 @@ from app.pipeline.errors import UnsupportedActionError
 from app.pipeline.language.mentions import clauses, mention_order, template
 from app.pipeline.plans.rows import PlanRow, plan_rows
 from app.pipeline.representation.anchors import Anchor, anchor_frame, tilted_objects
+from roboprompt_client import quaternions
 from roboprompt_client.arrays import Array
 from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
 
 MARGIN_M = 0.03
 MARGIN_DEG = 20.0
-MOST = 0.9  # the share of the demonstrations that lie within a row's tolerance
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,9 +57,9 @@ class PlacedRow:
 
     def away(self, action: EndEffectorAction) -> tuple[float, float]:
         """How far an action is from the row's centre, in metres and degrees."""
-        turn = Rotation.from_quat(self.action.quaternion_xyzw).inv() * Rotation.from_quat(action.quaternion_xyzw)
         off_m = float(np.linalg.norm(action.position_m - self.action.position_m))
-        return off_m, float(np.degrees(turn.magnitude()))
+        turn = quaternions.product(quaternions.inverse(self.action.quaternion_xyzw), action.quaternion_xyzw)
+        return off_m, math.degrees(quaternions.angle_rad(turn))
 
     def beyond(self, action: EndEffectorAction) -> tuple[float, float]:
         """How far an action is beyond the farthest demonstration, in metres and degrees; 0 within."""
@@ -132,8 +132,7 @@ class Support:
             action,
             origin_m,
             axes,
-            float(np.quantile(row.off_m, MOST)),
-            float(np.quantile(row.off_deg, MOST)),
+            *row.tolerance,
             float(row.off_m.max()) + MARGIN_M,
             float(row.off_deg.max()) + MARGIN_DEG,
             row.grippers,
