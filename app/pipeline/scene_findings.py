@@ -6,6 +6,7 @@ Where demonstrations have an object says how far an observed pose is from that.
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import chain, combinations
 
 import numpy as np
@@ -113,6 +114,23 @@ class ShownPlaces:
         return max(float(off_deg.min()) - own_deg, own_deg - float(off_deg.max()), 0.0), range_deg
 
 
+@dataclass(frozen=True, eq=False)
+class ShownScenes:
+    """The scenes of demonstrations; what they say of an object is computed once."""
+
+    demonstrations: tuple[Demonstration, ...]
+
+    @cached_property
+    def _places(self) -> dict[str, ShownPlaces]:
+        return {}
+
+    def places(self, name: str) -> ShownPlaces:
+        """Where the object is in all of them, at least one."""
+        if (places := self._places.get(name)) is None:
+            places = self._places[name] = ShownPlaces.of(name, self.demonstrations)
+        return places
+
+
 def estimated_error_m(observed: Sequence[ObjectPose], places: Sequence[ShownPlaces]) -> float:
     """The mean error of the observed positions, from heights and tilts that are the same in all demonstrations.
 
@@ -135,19 +153,17 @@ def _wrapped_deg(angles_rad: Array) -> Array:
     return wrapped
 
 
-def scene_findings(
-    observed: Sequence[ObjectPose], shown: Sequence[Demonstration], instruction: str
-) -> tuple[Finding, ...]:
+def scene_findings(observed: Sequence[ObjectPose], scenes: ShownScenes, instruction: str) -> tuple[Finding, ...]:
     """What deserves a look, causes first: at most one finding for each object, and one for all of them together.
 
     Args:
-        shown: the demonstrations of the prompt, with the same objects; empty where they are not known.
+        scenes: of the demonstrations of the prompt, with the same objects; none where they are not known.
         instruction: as the LLM reads it.
     """
-    uncertain = tuple(_uncertain(observed))
+    uncertain, shown = tuple(_uncertain(observed)), scenes.demonstrations
     if len(shown) < ENOUGH:
         return uncertain
-    places = [ShownPlaces.of(pose.name, shown) for pose in observed]
+    places = [scenes.places(pose.name) for pose in observed]
     found, confused = _one_place(observed, shown)
     of_objects = [next(_place(*item), None) for item in zip(observed, places, strict=True) if item[0] not in confused]
     found += [finding for finding in of_objects if finding is not None]

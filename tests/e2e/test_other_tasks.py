@@ -84,7 +84,7 @@ def test_the_robots_loop_does_not_move_for_it(taught, url):
 @pytest.mark.parametrize(
     ("options", "field", "valid"),
     [
-        ({"demonstrations_from": ["no such task"]}, "demonstrations_from[0]", "lift"),
+        ({"demonstrations_from": ["no such task"]}, "demonstrations_from[0]", "tasks with episodes: "),
         ({"demonstrations_from": ["fetch"]}, "demonstrations_from[0]", "other tasks"),
         ({"demonstrations_from": ["lift", "lift"]}, "demonstrations_from[1]", "different names"),
         ({"demonstrations_from": ["lift"] * 9}, "demonstrations_from", "1 to 8"),

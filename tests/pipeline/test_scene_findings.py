@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from app.pipeline.noise import disturbed
-from app.pipeline.scene_findings import ShownPlaces, estimated_error_m, scene_findings
+from app.pipeline.scene_findings import ShownPlaces, ShownScenes, estimated_error_m, scene_findings
 from roboprompt_client.trajectory import ObjectPose
 from tests.pipeline.scenes import demonstration, pose, rotated
 
@@ -29,7 +29,8 @@ OBSERVED = scene(0.09, 0.05, 12)
 
 
 def found(observed, shown=SHOWN, instruction=STACK):
-    return [(finding.code, finding.severity, finding.where) for finding in scene_findings(observed, shown, instruction)]
+    findings = scene_findings(observed, ShownScenes(tuple(shown)), instruction)
+    return [(finding.code, finding.severity, finding.where) for finding in findings]
 
 
 def with_changed(name, **changes):

@@ -12,8 +12,9 @@ the CONTINUOUS observed pose, so that the object's own binning costs nothing.
 
 import re
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property, lru_cache
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -49,6 +50,7 @@ from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
 
 # So many demonstrations with the same rows are written; further ones would be read at every start and say nothing new.
 MOST_REPEATED = 3
+MOST_GRAMMARS = 32
 _ROW = re.compile(
     r"(\d{1,3}) ([A-Z]{1,2} [wo]|world|start): ([+-]\d{1,3}) ([+-]\d{1,3}) ([+-]\d{1,3})"
     r" (\d{1,2}) (\d{1,2}) (\d{1,2}) ([01])",
@@ -138,6 +140,14 @@ class ObjectFrameCodec:
         """Its rows are no JSON."""
 
     def grammar(self, instruction: str, max_actions: int) -> str:
+        return self._grammars(instruction, max_actions)
+
+    @cached_property
+    def _grammars(self) -> Callable[[str, int], str]:
+        """Grammars of the last instructions: to write one takes as long as to read a reply."""
+        return lru_cache(maxsize=MOST_GRAMMARS)(self._grammar)
+
+    def _grammar(self, instruction: str, max_actions: int) -> str:
         if (plans := plans_of(self.demonstrations, self.table, instruction)) is not None:
             return plans_grammar(plans, self.first_row, max_actions)
         return any_rows_grammar(self.demonstrations, instruction, self.first_row, max_actions)

@@ -41,10 +41,8 @@ class Answered(Protocol):
 
 def findings_before(question: Question) -> tuple[Finding, ...]:
     """What deserves a look before the LLM is asked, causes first."""
-    support = question.template.support
-    shown = [] if support is None else [demonstration for group, _ in support.plans for demonstration in group]
     plans = [plan for placed in question.plans.values() for plan in placed or ()]
-    scene = scene_findings(question.observed, shown, question.grounded.instruction)
+    scene = scene_findings(question.observed, question.template.scenes, question.grounded.instruction)
     return (*_other_tasks(question), *_words(question), *scene, *scatter_findings(plans))
 
 

@@ -164,9 +164,10 @@ class PredictedAction:
             "gripper_open": self.action.gripper_open,
             "bins": list(self.discrete.bins),
             "clamped": self.discrete.clamped,
-            "anchor": self._anchor(),
+            "anchor": self._anchor,
         }
 
+    @cached_property
     def _anchor(self) -> JsonObject | None:
         """What the action hangs on, so that a robot that looks again can follow it."""
         if (row := self.row) is None:

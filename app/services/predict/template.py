@@ -6,6 +6,7 @@ In a closed loop the step before is part of it: the next prompt goes on from tha
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 from sqlalchemy import Connection
 
@@ -18,6 +19,7 @@ from app.pipeline.prompt import PromptTemplate, system_prompt_text
 from app.pipeline.representation import fit_codec, fit_other_tasks, fit_step
 from app.pipeline.representation.base import Codec
 from app.pipeline.representation.object_frame import ObjectFrameCodec
+from app.pipeline.scene_findings import ShownScenes
 from app.pipeline.workspace import Workspace
 from app.services.predict.select import Demonstrations
 from app.services.task_settings import TaskSettings
@@ -80,6 +82,12 @@ class Shown:
     support: Support | None = None
     instructions: tuple[str, ...] = ()
     other_tasks: tuple[tuple[str, int], ...] = ()
+
+    @cached_property
+    def scenes(self) -> ShownScenes:
+        """The scenes of the demonstrations that support a reply."""
+        plans = () if self.support is None else self.support.plans
+        return ShownScenes(tuple(demonstration for group, _ in plans for demonstration in group))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
