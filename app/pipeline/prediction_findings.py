@@ -77,13 +77,14 @@ def _named(doubts: Sequence[ActionDoubt]) -> str:
 def scatter_findings(plans: Sequence[PlacedPlan]) -> Iterator[Finding]:
     """Where the gripper acts, demonstrations that scatter say that poses are noisy or an object is missing.
 
-    Prompts show the demonstrations' centre, so that what counts is how far that is likely to be off.
+    Prompts show the demonstrations' centre, so that what counts is how far that is likely to be off; beyond all noise
+    they show no centre, and the number of demonstrations makes up for nothing.
     """
     acting = [(k, plan[k]) for plan in plans for k in acting_rows(plan)]
     scattered = [item for item in acting if item[1].scatter_m > SCATTER_M]
     if not scattered:
         return
-    k, row = max(scattered, key=lambda item: item[1].centre_off_m)
+    k, row = max(scattered, key=lambda item: (item[1].scatter_m > BEYOND_NOISE_M, item[1].centre_off_m))
     severity: Severity = "warning" if row.centre_off_m > CENTRE_OFF_M else "info"
     cause = "poses are noisy, or what it follows is not among the objects."
     if row.scatter_m > BEYOND_NOISE_M:

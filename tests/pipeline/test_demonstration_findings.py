@@ -36,6 +36,14 @@ def test_more_demonstrations_make_up_for_noise():
     assert (few.severity, many.severity) == ("warning", "info")
 
 
+def test_many_demonstrations_do_not_make_up_for_what_no_noise_does():
+    """Of two plans that with more demonstrations scatters farther, and its centre is the better known."""
+    wide, narrow = plans(0.1, number=40), plans(0.06, number=5)
+    assert wide[0][1].centre_off_m < narrow[0][1].centre_off_m
+    (finding,) = scatter_findings((*narrow, *wide))
+    assert (finding.severity, finding.numbers["scatter_m"]) == ("danger", wide[0][1].scatter_m)
+
+
 def test_an_empty_hand_that_closes_on_the_way_says_nothing():
     assert list(scatter_findings(plans(0.15, after_m=0.0))) == []
     (lost,) = scatter_findings(plans(0.15))

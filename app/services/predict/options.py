@@ -19,16 +19,19 @@ Unsupported = Literal["refuse", "allow"]
 Method = Literal["roboprompt", "voxposer"]
 # Options of the method whose prompts show demonstrations and whose replies are rows
 OF_ROWS = (
-    *(
-        "demonstrations_from",
-        "num_demonstrations",
-        "selection",
-        "num_samples",
-        "permute_demonstrations",
-        "episode_ids",
-        "representation",
-    ),
-    *("prompt_format", "system_prompt", "closed_loop", "after", "unfamiliar", "unsupported"),
+    "demonstrations_from",
+    "num_demonstrations",
+    "selection",
+    "num_samples",
+    "permute_demonstrations",
+    "episode_ids",
+    "representation",
+    "prompt_format",
+    "system_prompt",
+    "closed_loop",
+    "after",
+    "unfamiliar",
+    "unsupported",
 )
 
 
