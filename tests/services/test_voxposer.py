@@ -61,7 +61,7 @@ def test_a_program_becomes_actions_and_is_recorded(store, services):
     assert GO in record.reply_text
     assert "empty_affordance_map" in record.prompt_user
     assert "shifted_along" in record.prompt_system
-    assert [finding["code"] for finding in record.findings] == ["assumed-size"]
+    assert [finding["code"] for finding in record.findings] == ["undemonstrated-actions", "assumed-size"]
     assert {"llm", "program"} <= set(record.timings_ms)
 
 
@@ -128,7 +128,8 @@ move(target, wall, velocity=slow)
 """
     request = replace(REQUEST, options=PredictOptions(method="voxposer", max_actions=100))
     found = {finding.code: finding.severity for finding in ask(services(program), request).findings}
-    assert found == {"assumed-size": "info", "planner-stuck": "warning", "velocity-not-sent": "info"}
+    of_plan = {"assumed-size": "info", "planner-stuck": "warning", "velocity-not-sent": "info"}
+    assert found == {"undemonstrated-actions": "danger", **of_plan}
 
 
 def test_the_end_effector_is_needed(services):

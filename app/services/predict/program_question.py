@@ -27,6 +27,11 @@ from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
 from roboprompt_client.wording import checked_instruction
 
 STYLE = PromptStyle("voxposer", "program", "none")
+UNDEMONSTRATED = Finding(
+    "undemonstrated-actions",
+    "danger",
+    "A program that the model wrote decides the actions: no demonstration holds them, only the bounds of motion do.",
+)
 
 
 class ProgramQuestionWriter:
@@ -80,7 +85,7 @@ class ProgramQuestionWriter:
             end_effector=end_effector,
             scene=Scene(settings.workspace.workspace(), objects, start),
         )
-        return replace(question, findings=(*findings_before(question), *_assumed(poses, sources)))
+        return replace(question, findings=(UNDEMONSTRATED, *findings_before(question), *_assumed(poses, sources)))
 
 
 def _given(end_effector: Pose | None) -> Pose:
