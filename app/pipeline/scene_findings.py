@@ -10,16 +10,16 @@ from functools import cached_property
 from itertools import chain, combinations
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding, Severity
-from app.pipeline.geometry import yaw_rad
 from app.pipeline.language.mentions import mention_order
 from app.pipeline.noise import MEAN_ERROR_M, MEAN_ERROR_RAD, MEAN_LENGTH
+from roboprompt_client import quaternions
 from roboprompt_client.arrays import Array
 from roboprompt_client.trajectory import ObjectPose
 
+UP = (0.0, 0.0, 1.0)
 FIXED_M = 0.01  # what varies by less is the same in all demonstrations
 FIXED_DEG = 3.0
 FULL_TURN_DEG = 200.0  # demonstrations over more than this have an object at any angle
@@ -60,9 +60,8 @@ class ShownPlaces:
         poses = [demonstration.object(name) for demonstration in shown]
         places_m = np.array([pose.position_m for pose in poses])
         known = [pose.quaternion_xyzw for pose in poses if pose.quaternion_xyzw is not None]
-        turns = [Rotation.from_quat(quaternion) for quaternion in known]
-        up = np.array([turn.apply([0.0, 0.0, 1.0]) for turn in turns]).reshape(-1, 3)
-        yaws_rad = np.array([yaw_rad(turn) for turn in turns])
+        up = np.array([quaternions.rotated(turn, UP) for turn in known]).reshape(-1, 3)
+        yaws_rad = np.array([quaternions.yaw_rad(turn) for turn in known])
         return cls(len(poses), places_m.min(axis=0), places_m.max(axis=0), up, yaws_rad)
 
     @property
@@ -84,7 +83,7 @@ class ShownPlaces:
         """The angle between its z axis and that of the nearest demonstration; 0 where it is not known."""
         if pose.quaternion_xyzw is None or not len(self.up):
             return 0.0
-        axis = Rotation.from_quat(pose.quaternion_xyzw).apply([0.0, 0.0, 1.0])
+        axis = quaternions.rotated(pose.quaternion_xyzw, UP)
         return math.degrees(math.acos(float(np.clip((self.up @ axis).max(), -1, 1))))
 
     @property
@@ -97,8 +96,7 @@ class ShownPlaces:
         if pose.quaternion_xyzw is None or not len(self.up):
             return 0.0
         tilts_deg = np.degrees(np.arccos(np.clip(self.up[:, 2], -1, 1)))
-        up_z = Rotation.from_quat(pose.quaternion_xyzw).apply([0.0, 0.0, 1.0])[2]
-        tilt_deg = math.degrees(math.acos(float(np.clip(up_z, -1, 1))))
+        tilt_deg = math.degrees(quaternions.tilt_rad(pose.quaternion_xyzw))
         return float(max(tilts_deg.min() - tilt_deg, tilt_deg - tilts_deg.max(), 0))
 
     def turned_beyond_deg(self, pose: ObjectPose) -> tuple[float, float]:
@@ -110,7 +108,7 @@ class ShownPlaces:
         range_deg = float(np.ptp(off_deg))
         if range_deg > FULL_TURN_DEG:
             return 0.0, range_deg
-        own_deg = float(_wrapped_deg(np.array(yaw_rad(Rotation.from_quat(pose.quaternion_xyzw)) - middle_rad)))
+        own_deg = float(_wrapped_deg(np.array(quaternions.yaw_rad(pose.quaternion_xyzw) - middle_rad)))
         return max(float(off_deg.min()) - own_deg, own_deg - float(off_deg.max()), 0.0), range_deg
 
 
@@ -129,6 +127,17 @@ class ShownScenes:
         if (places := self._places.get(name)) is None:
             places = self._places[name] = ShownPlaces.of(name, self.demonstrations)
         return places
+
+    @cached_property
+    def _least_apart_m(self) -> dict[tuple[str, str], float]:
+        return {}
+
+    def least_apart_m(self, one: str, other: str) -> float:
+        """The least distance between two objects in any of them."""
+        if (least_m := self._least_apart_m.get((one, other))) is None:
+            least_m = min(_apart_m(d.object(one), d.object(other)) for d in self.demonstrations)
+            self._least_apart_m[one, other] = least_m
+        return least_m
 
 
 def estimated_error_m(observed: Sequence[ObjectPose], places: Sequence[ShownPlaces]) -> float:
@@ -164,7 +173,7 @@ def scene_findings(observed: Sequence[ObjectPose], scenes: ShownScenes, instruct
     if len(shown) < ENOUGH:
         return uncertain
     places = [scenes.places(pose.name) for pose in observed]
-    found, confused = _one_place(observed, shown)
+    found, confused = _one_place(observed, scenes)
     of_objects = [next(_place(*item), None) for item in zip(observed, places, strict=True) if item[0] not in confused]
     found += [finding for finding in of_objects if finding is not None]
     if not found:
@@ -182,13 +191,11 @@ def _uncertain(observed: Sequence[ObjectPose]) -> Iterator[Finding]:
             yield Finding("uncertain-pose", severity, message, f"objects[{pose.name}]", numbers)
 
 
-def _one_place(
-    observed: Sequence[ObjectPose], shown: Sequence[Demonstration]
-) -> tuple[list[Finding], tuple[ObjectPose, ...]]:
+def _one_place(observed: Sequence[ObjectPose], scenes: ShownScenes) -> tuple[list[Finding], tuple[ObjectPose, ...]]:
     """Two objects that an estimator took for one, which explains whatever else is odd about them."""
     for one, other in combinations(observed, 2):
         apart_m = _apart_m(one, other)
-        least_m = min(_apart_m(d.object(one.name), d.object(other.name)) for d in shown)
+        least_m = scenes.least_apart_m(one.name, other.name)
         if least_m > FIXED_M and apart_m < APART * least_m:
             message = (
                 f"{one.name} and {other.name} are seen {100 * apart_m:.1f} cm apart, in no demonstration less than"

@@ -17,6 +17,8 @@ ITERATIONS = 5
 MAD_TO_SIGMA = 1.4826  # of a normal distribution
 PRECISE_M = 0.002
 MOST = 0.9  # the share of the demonstrations that lie within a row's tolerance
+MARGIN_M = 0.03  # beyond the farthest demonstration, within which an action is supported
+MARGIN_DEG = 20.0
 BEYOND_NOISE_M = 0.08  # twice what rows scatter by where the noise of poses is twice the paper's
 CLOSER = 0.5  # times the scatter of a row, from which on a later one keeps to something
 
@@ -56,6 +58,12 @@ class PlanRow:
     grippers: frozenset[bool]
 
     @cached_property
+    def mean_xyzw(self) -> Array:
+        """(4,) the mean rotation as a quaternion."""
+        mean: Array = self.mean_rotation.as_quat(canonical=True)
+        return mean
+
+    @cached_property
     def off_m(self) -> Array:
         """(N,) distances of the demonstrations' offsets from the centre."""
         off: Array = np.linalg.norm(self.offsets_m - self.centre_m, axis=1)
@@ -70,6 +78,11 @@ class PlanRow:
     def tolerance(self) -> tuple[float, float]:
         """Within how many metres and degrees of the centre most demonstrations lie."""
         return float(np.quantile(self.off_m, MOST)), float(np.quantile(self.off_deg, MOST))
+
+    @cached_property
+    def reach(self) -> tuple[float, float]:
+        """Within how many metres and degrees of the centre an action is supported."""
+        return float(self.off_m.max()) + MARGIN_M, float(self.off_deg.max()) + MARGIN_DEG
 
     @cached_property
     def off_deg(self) -> Array:

@@ -5,19 +5,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.errors import UnsupportedActionError
 from app.pipeline.language.mentions import clauses, mention_order, template
-from app.pipeline.plans.rows import PlanRow, plan_rows
+from app.pipeline.plans.rows import MARGIN_DEG, MARGIN_M, PlanRow, plan_rows
 from app.pipeline.representation.anchors import Anchor, anchor_frame, tilted_objects
 from roboprompt_client import quaternions
 from roboprompt_client.arrays import Array
 from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
-
-MARGIN_M = 0.03
-MARGIN_DEG = 20.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,9 +22,8 @@ class PlacedRow:
 
     Attributes:
         anchor: what it is relative to.
-        offset_m, rotation: its centre, along the anchor's axes.
-        action: the centre in the world frame.
-        origin_m, axes: of the anchor, in the world frame.
+        action: its centre in the world frame.
+        origin_m, axes_xyzw: (3,) and (4,) where the anchor is and how its axes are turned, in the world frame.
         tolerance_m, tolerance_deg: within which most demonstrations lie.
         reach_m, reach_deg: within which an action is supported.
         grippers: what demonstrations do with the gripper there.
@@ -37,11 +32,9 @@ class PlacedRow:
     """
 
     anchor: Anchor
-    offset_m: Array
-    rotation: Rotation
     action: EndEffectorAction
     origin_m: Array
-    axes: Rotation
+    axes_xyzw: Array
     tolerance_m: float
     tolerance_deg: float
     reach_m: float
@@ -54,6 +47,12 @@ class PlacedRow:
     def centre_off_m(self) -> float:
         """How far the centre is likely to be from that of very many demonstrations."""
         return self.scatter_m / math.sqrt(self.number)
+
+    def seen_from_anchor(self, action: EndEffectorAction) -> tuple[Array, Array]:
+        """An action's offset (3,) in metres along the anchor's axes, and its rotation (4,) from them."""
+        to_anchor = quaternions.inverse(self.axes_xyzw)
+        offset_m = quaternions.rotated(to_anchor, action.position_m - self.origin_m)
+        return offset_m, quaternions.canonical(quaternions.product(to_anchor, action.quaternion_xyzw))
 
     def away(self, action: EndEffectorAction) -> tuple[float, float]:
         """How far an action is from the row's centre, in metres and degrees."""
@@ -109,36 +108,47 @@ class Support:
         wanted = template(names, instruction)
         alike = [plan for plan in self.plans if template(names, plan[0][0].instruction) == wanted]
         return tuple(
-            tuple(self._placed(group[0], row, objects, instruction, start) for row in rows)
+            _placed_plan(rows, _Frames(group[0], instruction, objects, start, self.tilted))
             for group, rows in alike or self.plans
         )
 
-    def _placed(
-        self,
-        shown: Demonstration,
-        row: PlanRow,
-        objects: Sequence[ObjectPose],
-        instruction: str,
-        start: EndEffectorAction | None,
-    ) -> PlacedRow:
-        anchor = asked_anchor(row.anchors[0], shown, instruction)
-        origin_m, axes = anchor_frame(anchor, objects, start, self.tilted)
-        quaternion_xyzw = (axes * row.mean_rotation).as_quat(canonical=True)
-        action = EndEffectorAction(origin_m + axes.apply(row.centre_m), quaternion_xyzw, row.gripper_open)
-        return PlacedRow(
-            anchor,
-            row.centre_m,
-            row.mean_rotation,
-            action,
-            origin_m,
-            axes,
-            *row.tolerance,
-            float(row.off_m.max()) + MARGIN_M,
-            float(row.off_deg.max()) + MARGIN_DEG,
-            row.grippers,
-            row.scatter_m,
-            len(row.off_m),
-        )
+
+@dataclass(frozen=True, eq=False)
+class _Frames:
+    """What the anchors of a demonstration are in another scene; rows that share one have it computed once."""
+
+    shown: Demonstration
+    instruction: str
+    objects: Sequence[ObjectPose]
+    start: EndEffectorAction | None
+    tilted: frozenset[str]
+
+    def __call__(self, anchor: Anchor) -> tuple[Anchor, Array, Array]:
+        """The anchor there, its origin (3,) and its axes (4,) in the world frame."""
+        asked = asked_anchor(anchor, self.shown, self.instruction)
+        origin_m, axes = anchor_frame(asked, self.objects, self.start, self.tilted)
+        return asked, origin_m, axes.as_quat(canonical=True)
+
+
+def _placed_plan(rows: Sequence[PlanRow], frames: _Frames) -> PlacedPlan:
+    found = {anchor: frames(anchor) for anchor in dict.fromkeys(row.anchors[0] for row in rows)}
+    return tuple(_placed_row(row, *found[row.anchors[0]]) for row in rows)
+
+
+def _placed_row(row: PlanRow, anchor: Anchor, origin_m: Array, axes_xyzw: Array) -> PlacedRow:
+    position_m = origin_m + quaternions.rotated(axes_xyzw, row.centre_m)
+    quaternion_xyzw = quaternions.canonical(quaternions.product(axes_xyzw, row.mean_xyzw))
+    return PlacedRow(
+        anchor,
+        EndEffectorAction(position_m, quaternion_xyzw, row.gripper_open),
+        origin_m,
+        axes_xyzw,
+        *row.tolerance,
+        *row.reach,
+        row.grippers,
+        row.scatter_m,
+        len(row.off_m),
+    )
 
 
 def asked_anchor(anchor: Anchor, demonstration: Demonstration, instruction: str) -> Anchor:

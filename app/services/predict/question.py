@@ -14,7 +14,6 @@ from app.pipeline.findings import Finding
 from app.pipeline.language.grounding import Grounded
 from app.pipeline.plans.support import PlacedPlan, PlacedRow
 from app.pipeline.prompt import Prompt, PromptTemplate
-from app.pipeline.representation.anchors import relative_pose
 from app.pipeline.representation.base import Codec
 from app.pipeline.workspace import DiscreteAction
 from app.services.predict.options import AS_THE_TASK_SAYS, PredictOptions
@@ -172,12 +171,12 @@ class PredictedAction:
         """What the action hangs on, so that a robot that looks again can follow it."""
         if (row := self.row) is None:
             return None
-        offset_m, rotation = relative_pose(row.origin_m, row.axes, self.action)
+        offset_m, rotation_xyzw = row.seen_from_anchor(self.action)
         return {
             "object": row.anchor.object_name or None,
             "frame": row.anchor.frame,
             "offset_m": offset_m.tolist(),
-            "rotation_xyzw": rotation.as_quat(canonical=True).tolist(),
+            "rotation_xyzw": rotation_xyzw.tolist(),
             "tolerance_m": row.tolerance_m,
             "tolerance_deg": row.tolerance_deg,
         }
