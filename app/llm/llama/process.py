@@ -83,6 +83,11 @@ class LlamaProcess:
         self.base_url = f"{json.loads(answer)['url']}/v1"
 
     @property
+    def pid(self) -> int:
+        """Of the process, for the operating system's own account of it."""
+        return self._process.pid
+
+    @property
     def running(self) -> bool:
         """Whether the process still lives."""
         return self._process.poll() is None
