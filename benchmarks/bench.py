@@ -104,11 +104,8 @@ def _prefixes(llm: Measured) -> str:
 def _alone(llm: Measured, alone: Sequence[Arithmetic]) -> str:
     """The speeds, and what of a streamed prediction they explain."""
     head = ("threads", "reads", "writes", "copies", f"writes {arithmetic.SLOTS} replies at once", "memory, MB")
-    rows = [
-        (str(item.threads), *(f"{rate:.0f}" for rate in (item.reads, item.writes, item.copies, item.writes_together)))
-        + (f"{item.memory_mb:.0f}",)
-        for item in alone
-    ]
+    measures = ("reads", "writes", "copies", "writes_together", "memory_mb")
+    rows = [(str(item.threads), *(f"{getattr(item, name):.0f}" for name in measures)) for item in alone]
     new = llm.prefixes.prompt_tokens * (1 - llm.prefixes.cached_share)
     written, fastest = llm.tokens[0].completion, alone[-1]
     least_s = new / fastest.reads + written / fastest.copies
