@@ -36,7 +36,7 @@ def guarded(tmp_path_factory):
 @pytest.fixture
 def page(browser, guarded):
     context = browser.new_context(base_url=guarded[0])
-    with watched_page(context, guarded[0]) as page:
+    with watched_page(context.new_page(), guarded[0]) as page:
         yield page
     context.close()
 

@@ -118,7 +118,14 @@ def context(browser, url):
     context.close()
 
 
+@pytest.fixture(scope="package")
+def tab(context):
+    tab = context.new_page()
+    yield tab
+    tab.close()
+
+
 @pytest.fixture
-def page(context, url, seeded):
-    with watched_page(context, url) as page:
+def page(tab, url, seeded):
+    with watched_page(tab, url) as page:
         yield page
