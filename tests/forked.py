@@ -2,13 +2,15 @@
 
 To import the app takes three seconds of a core, to fork a process that has done so a hundredth. What is run is the
 same as by `python -m MODULE ...`: a process of its own, with its own environment, folder and files, that ends as the
-module lets it. `python -m tests.forked FD` is the process that is forked; the tests talk to it through `Forked`.
+module lets it. The workers of `serve --workers` are forked as well, where uvicorn would start each from nothing;
+tests/e2e/test_workers.py has those. `python -m tests.forked FD` is the process that is forked; the tests talk to it through `Forked`.
 """
 
 import atexit
 import contextlib
 import gc
 import json
+import multiprocessing
 import os
 import runpy
 import select
@@ -191,6 +193,14 @@ def _become(request, files):
     return sys.argv[0]
 
 
+def _fork_workers():
+    """Let uvicorn fork its workers, without the supervisor's handlers: a worker that does not serve yet has to end, too."""
+    from uvicorn import _subprocess
+
+    _subprocess.spawn = multiprocessing.get_context("fork")
+    os.register_at_fork(after_in_child=lambda: signal.signal(signal.SIGTERM, signal.SIG_DFL))
+
+
 def main():
     """Import, then be forked; the forked run the module as `python -m` does."""
     connection = socket.socket(fileno=int(sys.argv[1]))
@@ -198,6 +208,7 @@ def main():
         __import__(module)
     gc.freeze()
     if module := _serve(connection):
+        _fork_workers()
         runpy.run_module(module, run_name="__main__", alter_sys=True)
 
 

@@ -101,34 +101,49 @@ def context(browser, url):
     context.close()
 
 
+@pytest.fixture(scope="package")
+def tab(context):
+    """One for all tests: each new one is a process of the browser's that compiles every script again, also plotly.js."""
+    tab = context.new_page()
+    yield tab
+    tab.close()
+
+
 @pytest.fixture
-def page(context, url, seeded):
+def page(tab, url, seeded):
     """See `watched_page`."""
-    with watched_page(context, url) as page:
+    with watched_page(tab, url) as page:
         yield page
 
 
 @contextmanager
-def watched_page(context, url):
-    """A page whose console must stay free of errors, and which must talk to no other host.
+def watched_page(page, url):
+    """`page` as if it were new; its console must stay free of errors, and it must talk to no other host.
 
     A test that makes the service refuse something on purpose lists the status in `page.expected_refusals`.
     """
-    page = context.new_page()
     page.set_viewport_size({"width": 1280, "height": 900})
+    page.emulate_media(color_scheme="light")
+    page.mouse.move(0, 0)
     page.set_default_timeout(PATIENCE_S * 1000)
     page.expected_refusals = []
     said, asked, refused = [], [], []
-    page.on("console", lambda message: said.append(message.text) if message.type == "error" else None)
-    page.on("pageerror", lambda error: said.append(str(error)))
-    page.on("request", lambda request: asked.append(request.url))
-    page.on("response", lambda response: refused.append(response.status) if response.status >= 400 else None)
+    listeners = {
+        "console": lambda message: said.append(message.text) if message.type == "error" else None,
+        "pageerror": lambda error: said.append(str(error)),
+        "request": lambda request: asked.append(request.url),
+        "response": lambda response: refused.append(response.status) if response.status >= 400 else None,
+    }
+    for event, listener in listeners.items():
+        page.on(event, listener)
     yield page
-    page.close()
+    page.goto("about:blank")
+    for event, listener in listeners.items():
+        page.remove_listener(event, listener)
     assert refused == page.expected_refusals
     # Chromium itself reports every refused request as an error.
     assert [text for text in said if not text.startswith("Failed to load resource: the server responded")] == []
-    assert [address for address in asked if not address.startswith((url, "data:", "blob:"))] == []
+    assert [address for address in asked if not address.startswith((url, "data:", "blob:", "about:"))] == []
 
 
 @pytest.fixture
@@ -136,7 +151,7 @@ def check_accessibility():
     """Ask axe-core about the page: labels, roles, names, contrast."""
 
     def check(page):
-        found = Axe().run(page).response["violations"]
+        found = Axe().run(page, options={"resultTypes": ["violations"]}).response["violations"]
         problems = [f"{item['id']}: {item['help']}: {item['nodes'][0]['html']}" for item in found]
         assert problems == []
 

@@ -33,12 +33,19 @@ def guarded(tmp_path_factory):
         yield address, key
 
 
-@pytest.fixture
-def page(browser, guarded):
+@pytest.fixture(scope="module")
+def tab(browser, guarded):
     context = browser.new_context(base_url=guarded[0])
-    with watched_page(context, guarded[0]) as page:
-        yield page
+    yield context.new_page()
     context.close()
+
+
+@pytest.fixture
+def page(tab, guarded):
+    """Of somebody who has not logged in."""
+    tab.context.clear_cookies()
+    with watched_page(tab, guarded[0]) as page:
+        yield page
 
 
 def log_in(page, key):
@@ -50,8 +57,10 @@ def test_a_key_opens_the_pages_with_all_their_pictures(page, guarded):
     page.goto("/ui/episodes")
     assert page.url.endswith("/ui/login?next=/ui/episodes")
     log_in(page, guarded[1])
-    page.wait_for_url("**/ui/episodes")
-    for picture in page.locator("tbody img").all():
+    page.wait_for_url(f"{guarded[0]}/ui/episodes")
+    pictures = page.locator("tbody img")
+    expect(pictures).to_have_count(NUM_EPISODES)
+    for picture in pictures.all():
         picture.scroll_into_view_if_needed()
         assert picture.evaluate("image => image.decode().then(() => image.naturalWidth)") > 0
     page.get_by_role("button", name="Log out").click()
@@ -62,8 +71,7 @@ def test_what_a_key_may_not_do_is_told(page, guarded):
     page.expected_refusals = [403]
     page.goto("/ui/episodes")
     log_in(page, guarded[1])
-    page.wait_for_url("**/ui/episodes")
-    page.wait_for_load_state("networkidle")  # scripts and pictures
+    page.wait_for_url(f"{guarded[0]}/ui/episodes")
     page.get_by_role("button", name="Delete episode").first.click()
     page.get_by_role("dialog").get_by_role("button", name="Delete").click()
     expect(page.get_by_role("alert")).to_contain_text("this needs admin")
@@ -76,7 +84,7 @@ def test_who_was_logged_out_meanwhile_logs_in_again(page, guarded, tmp_path):
     )
     page.goto("/ui/upload")
     log_in(page, guarded[1])
-    page.wait_for_url("**/ui/upload")
+    page.wait_for_url(f"{guarded[0]}/ui/upload")
     page.context.clear_cookies()
     page.get_by_label("Choose files").set_input_files(tmp_path / "episode.json")
     page.wait_for_url("**/ui/login?next=%2Fui%2Fupload")

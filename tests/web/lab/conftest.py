@@ -8,7 +8,8 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 import httpx
 import pytest
 
-from app.evaluation.server import running_server
+from app.evaluation.server import WITHOUT_KEYS
+from tests.e2e.processes import killable_server
 from tests.web.conftest import INSTRUCTION, PLACES_M, SCRIPTED_REPLY, teach, watched_page
 
 PIECE_S = 0.05
@@ -75,7 +76,9 @@ def url(tmp_path_factory, provider_address):
         "ROBOPROMPT_WARM_UP": "false",
         "ROBOPROMPT_COMPATIBLE_BASE_URL": f"{provider_address}",
     }
-    with running_server(tmp_path_factory.mktemp("lab"), environment, ["--workers", "2"]) as address:
+    with killable_server(
+        tmp_path_factory.mktemp("lab"), {**WITHOUT_KEYS, **environment}, "--workers", "2"
+    ) as (_, address):
         yield address
 
 
@@ -118,7 +121,14 @@ def context(browser, url):
     context.close()
 
 
+@pytest.fixture(scope="package")
+def tab(context):
+    tab = context.new_page()
+    yield tab
+    tab.close()
+
+
 @pytest.fixture
-def page(context, url, seeded):
-    with watched_page(context, url) as page:
+def page(tab, url, seeded):
+    with watched_page(tab, url) as page:
         yield page
