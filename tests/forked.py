@@ -44,10 +44,11 @@ class Forked:
         environment: in addition to that of this process.
         output: file of standard output, and of standard error unless there are `errors`.
         leashed: whether standard input is a pipe that ends with this process, instead of nothing.
+        keys: file of standard input.
         new_session: whether it is out of reach of this terminal's Ctrl-C.
     """
 
-    def __init__(self, arguments, environment, output, errors=None, *, leashed=False, new_session=False):
+    def __init__(self, arguments, environment, output, errors=None, *, leashed=False, keys=None, new_session=False):
         self.args, self.returncode = arguments, None
         self._status, status = os.pipe()
         held, self.stdin = None, None
@@ -61,11 +62,20 @@ class Forked:
             "new_session": new_session,
         }
         with open(os.devnull) as nothing:
-            files = [nothing.fileno() if held is None else held, output.fileno(), (errors or output).fileno(), status]
+            stdin = (keys or nothing).fileno() if held is None else held
+            files = [stdin, output.fileno(), (errors or output).fileno(), status]
             self.pid = _template().fork(request, files)
         os.close(status)
         if held is not None:
             os.close(held)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        if self.stdin is not None:
+            self.stdin.close()
+        self.wait()
 
     def poll(self):
         return self._wait(0)

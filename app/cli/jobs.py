@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from app.store.store import Store
 
 CHUNK = 20  # episodes that a worker extracts in one go, some seconds
+IMPORTS = ("app.cli.jobs", "app.bootstrap", "app.services.teach.extract")  # what a worker needs
 
 
 def jobs(
@@ -43,7 +44,7 @@ def jobs(
     settings = settings_of(data, env_file)
     settings = settings.model_copy(update={"data": settings.data.resolve()})
     try:
-        executor = LocalExecutor() if ray is None else RayExecutor(ray)
+        executor = LocalExecutor(imports=IMPORTS) if ray is None else RayExecutor(ray)
         try:
             done = _work(settings, executor)
         finally:

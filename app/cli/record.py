@@ -3,11 +3,11 @@
 import os
 import select
 import sys
-import termios
 import time
-import tty
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib.util import find_spec
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -17,12 +17,12 @@ from rich.table import Table
 
 from app.cli.shared import URL_HELP, check_names, check_service
 from roboprompt_client.client import DEFAULT_URL, RoboPromptClient
-from roboprompt_client.errors import ServiceProblemError, ServiceUnreachableError
+from roboprompt_client.errors import ServiceUnreachableError
 from roboprompt_client.robot import Observation
+from roboprompt_client.spool import Spool
 
 if TYPE_CHECKING:
     from app.sim.jog import JoggedPanda
-    from app.sim.recorder import Recorder
 
 RATE_HZ = 20.0
 SHOWN_HZ = 10
@@ -34,6 +34,7 @@ def record(
     seed: Annotated[int, typer.Option(min=0, help="of the scene")] = 0,
     name: Annotated[str | None, typer.Option(help="of the task at the service; default: the simulated task's")] = None,
     url: Annotated[str, typer.Option(help=URL_HELP)] = DEFAULT_URL,
+    spool: Annotated[Path, typer.Option(help="folder of what the service could not take")] = Path("recordings"),
 ) -> None:
     """Make a demonstration by hand: move the simulated Panda with the keyboard, and upload what it did.
 
@@ -47,7 +48,10 @@ def record(
     check_names("--task", [task], TASKS)
     if not sys.stdin.isatty():
         raise typer.BadParameter("the keys come from a terminal, and standard input is none")
+    if find_spec("termios") is None:
+        raise typer.BadParameter("reading single keys needs a terminal of Linux or macOS")
     check_service(url)
+    recordings = _opened(spool)
     scene, console = make_task(task, seed), Console()
     arm, seen, recorders = JoggedPanda(scene), Observation(scene.object_poses()), []
 
@@ -60,7 +64,15 @@ def record(
         kept = drive(arm, pressed, begin, _Pace(arm, live))
     console.print("solved" if scene.succeeded() else "not solved")
     if kept and recorders:
-        _upload(url, name or task, scene.instruction, recorders[0], seen, seed)
+        folder = recordings.keep(
+            name or task,
+            scene.instruction,
+            seen,
+            recorders[0].trajectory("measured"),
+            control_frequency_hz=RATE_HZ,
+            extra={"seed": seed, "simulator": "mujoco", "by": "keyboard"},
+        )
+        _upload(url, recordings, folder)
 
 
 class _Pace:
@@ -89,8 +101,11 @@ def _table(arm: "JoggedPanda") -> Table:
 @contextmanager
 def _keyboard() -> Iterator["_Keys"]:
     """The terminal's keys one by one and unseen; as it was afterwards."""
+    import termios  # Windows has neither
+    import tty
+
     before = termios.tcgetattr(sys.stdin)
-    tty.setcbreak(sys.stdin)
+    tty.setcbreak(sys.stdin, termios.TCSADRAIN)  # what was typed already counts
     try:
         yield _Keys()
     finally:
@@ -107,15 +122,30 @@ class _Keys:
         return os.read(sys.stdin.fileno(), 64).decode(errors="ignore") or "x"  # the terminal has gone
 
 
-def _upload(url: str, name: str, instruction: str, recorder: "Recorder", seen: Observation, seed: int) -> None:
-    extra = {"seed": seed, "simulator": "mujoco", "by": "keyboard"}
-    trajectory = recorder.trajectory("measured")
+def _opened(folder: Path) -> Spool:
+    """Before anything is recorded, which could not be kept."""
+    try:
+        return Spool(folder)
+    except OSError as error:
+        raise typer.BadParameter(f"{error} (valid: a folder that can be written)", param_hint="--spool") from error
+
+
+def _upload(url: str, spool: Spool, folder: Path) -> None:
+    """Send what the spool keeps in `folder`; it stays there until the service has stored it."""
+    errors = Console(stderr=True)
     try:
         with RoboPromptClient(url) as client:
-            answer = client.upload(name, instruction, trajectory, seen, control_frequency_hz=RATE_HZ, extra=extra)
-    except (ServiceProblemError, ServiceUnreachableError) as error:
-        Console(stderr=True).print(str(error), markup=False, soft_wrap=True)
+            sent = spool.send(client, folder)
+    except ServiceUnreachableError as error:
+        later = f"roboprompt-robot --url {url} record --send-only --spool {folder.parent}"
+        errors.print(f"{error}; kept in {folder}, to be uploaded by: {later}", markup=False, soft_wrap=True)
         raise typer.Exit(1) from error
+    answer = sent.answer
+    if not sent.stored:
+        reason = answer.get("detail", answer.get("title"))
+        errors.print(f"refused: {reason}; kept in {folder}", markup=False, soft_wrap=True)
+        raise typer.Exit(1)
+    spool.discard(folder)
     print(f"stored as {answer['id']}: {len(answer['keyframes'])} keyframes")  # noqa: T201
     for finding in answer["findings"]:
         print(f"  {finding['severity']} {finding['code']}: {finding['message']}")  # noqa: T201

@@ -9,6 +9,7 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from typing import TextIO
 
 import httpx
 
@@ -40,14 +41,7 @@ def running_server(
     url = f"http://127.0.0.1:{port}"
     serve = ["app.cli", "serve", "--port", str(port), "--data", str(data), *arguments]
     with (data / "server.log").open("w+") as log:
-        process = subprocess.Popen(
-            [sys.executable, "-m", "app.evaluation.leash", *serve],
-            stdin=subprocess.PIPE,
-            stdout=log,
-            stderr=subprocess.STDOUT,
-            env={**os.environ, **WITHOUT_KEYS, **(environment or {})},
-            start_new_session=True,  # Ctrl-C is for this process to handle
-        )
+        process = _leashed(serve, {**WITHOUT_KEYS, **(environment or {})}, log)
         try:
             _wait_until_alive(process, url, Path(log.name))
             yield url
@@ -88,6 +82,17 @@ def free_port() -> int:
         listener.bind(("127.0.0.1", 0))
         port: int = listener.getsockname()[1]
         return port
+
+
+def _leashed(command: Sequence[str], environment: Mapping[str, str], log: TextIO) -> subprocess.Popen[bytes]:
+    return subprocess.Popen(
+        [sys.executable, "-m", "app.evaluation.leash", *command],
+        stdin=subprocess.PIPE,
+        stdout=log,
+        stderr=subprocess.STDOUT,
+        env={**os.environ, **environment},
+        start_new_session=True,  # Ctrl-C is for this process to handle
+    )
 
 
 def _wait_until_alive(process: subprocess.Popen[bytes], url: str, log: Path) -> None:

@@ -96,8 +96,8 @@ class SweepRun:
             record.write(session)
             try:
                 evaluation = self._run(ledger, executor, progress, session.timing)
-                self._write_results(evaluation)
                 if self.wants_report:
+                    self._write_results(evaluation)  # what there is, should the pictures take too long
                     self._write_report(evaluation, executor, progress, session.timing)
             except KeyboardInterrupt:
                 return "interrupted"

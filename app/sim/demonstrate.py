@@ -126,7 +126,7 @@ def record_demonstration(
         robot = _guided_robot(task_name, seed, variation, images=images)
     task = robot.task
     commanded_open = lambda: robot.gripper_commanded_open  # noqa: E731
-    recorder = Recorder(task.model, task.data, control_frequency_hz, task.object_poses, commanded_open)
+    recorder = Recorder(task.model, task.data, control_frequency_hz, task.object_names, commanded_open)
     scene = _view(robot, seed)
     robot.after_step.append(recorder.sample)
     moves = task.expert()

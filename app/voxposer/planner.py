@@ -7,8 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.ndimage import distance_transform_edt, gaussian_filter
-from scipy.signal import savgol_filter
 
 from app.voxposer.maps import ValueMaps
 from app.voxposer.program.voxels import SIZE
@@ -39,6 +37,8 @@ class Way:
 
 def cost_map(maps: ValueMaps) -> Array:
     """(100, 100, 100) what it costs to be in a voxel."""
+    from scipy.ndimage import distance_transform_edt, gaussian_filter  # here for the reason in `_smoothed`
+
     cost: Array = TARGET_WEIGHT * _normalised(distance_transform_edt(~maps.targets))
     if maps.avoidance.any():
         cost += OBSTACLE_WEIGHT * _normalised(gaussian_filter(maps.avoidance.astype(float), BLUR_VOXELS))
@@ -89,6 +89,9 @@ def _nearest(targets: npt.NDArray[np.bool_], at: Index) -> Index:
 
 
 def _smoothed(path: Array) -> Array:
+    # A second of imports, which only those who ask for a program shall wait, not whoever starts the service.
+    from scipy.signal import savgol_filter
+
     window = min(len(path), SMOOTHED_OVER)
     window -= window % 2 == 0
     if window <= SMOOTH_ORDER:

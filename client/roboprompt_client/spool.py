@@ -14,6 +14,7 @@ from roboprompt_client.encoding import request_parts, scene_json
 from roboprompt_client.errors import InvalidInputError, ServiceProblemError, ServiceUnreachableError
 from roboprompt_client.recorder import trajectory_from_journal
 from roboprompt_client.robot import Observation
+from roboprompt_client.trajectory import Trajectory
 from roboprompt_client.trajectory_npz import npz_from_trajectory
 
 log = logging.getLogger(__name__)
@@ -21,6 +22,7 @@ WAITS_S = (1.0, 2.0, 4.0, 8.0)
 # No or a wrong key, too slow, too many requests: the same recording may be stored later.
 NOT_THE_RECORDINGS_FAULT = (401, 403, 408, 429)
 SCENE, JOURNAL, SENT, REFUSED = "scene.json", "journal", "sent.json", "refused.json"
+TRAJECTORY = "trajectory.npz"  # instead of a journal
 
 
 @dataclass(frozen=True)
@@ -45,9 +47,28 @@ class Spool:
 
     def new(self, task: str, instruction: str, observation: Observation) -> Path:
         """A place for a recording that begins: what was seen is written, and its `journal` may follow."""
+        return self._new({"task": task, "instruction": instruction, **scene_json(observation, None)}, observation)
+
+    def keep(
+        self,
+        task: str,
+        instruction: str,
+        observation: Observation,
+        trajectory: Trajectory,
+        *,
+        control_frequency_hz: float = 20.0,
+        extra: Mapping[str, Any] | None = None,
+    ) -> Path:
+        """Write a recording that is whole already; arguments as for `RoboPromptClient.upload`."""
+        metadata = {"task": task, "instruction": instruction, **scene_json(observation, None)}
+        metadata |= {"control_frequency_hz": control_frequency_hz, "extra": dict(extra or {})}
+        folder = self._new(metadata, observation)
+        (folder / TRAJECTORY).write_bytes(npz_from_trajectory(trajectory))
+        return folder
+
+    def _new(self, metadata: dict[str, Any], observation: Observation) -> Path:
         folder = self._folder / uuid4().hex
         folder.mkdir()
-        metadata = {"task": task, "instruction": instruction, **scene_json(observation, None)}
         for name, (file, data, kind) in request_parts(metadata, observation.frames).items():
             if name != "metadata":
                 metadata.setdefault("parts", {})[name] = [file, kind]
@@ -57,7 +78,7 @@ class Spool:
 
     def waiting(self) -> Iterator[Path]:
         """The recordings that were neither stored nor refused, oldest first."""
-        folders = [path.parent for path in self._folder.glob(f"*/{JOURNAL}")]
+        folders = [path.parent for name in (JOURNAL, TRAJECTORY) for path in self._folder.glob(f"*/{name}")]
         for folder in sorted(folders, key=lambda path: (path / SCENE).stat().st_mtime):
             if not (folder / SENT).exists() and not (folder / REFUSED).exists():
                 yield folder
@@ -102,10 +123,15 @@ def _parts(folder: Path) -> dict[str, tuple[str, bytes, str]]:
         raise InvalidInputError("recording", f"{folder}: {error}", "a folder of roboprompt-robot record") from error
     listed = metadata.pop("parts", {})
     parts = {name: (file, (folder / file).read_bytes(), kind) for name, (file, kind) in listed.items()}
-    trajectory = npz_from_trajectory(trajectory_from_journal(folder / JOURNAL))
+    trajectory = _trajectory_npz(folder)
     document = json.dumps(metadata).encode()
     return {
         "metadata": ("metadata.json", document, "application/json"),
         "trajectory": ("trajectory.npz", trajectory, "application/octet-stream"),
         **parts,
     }
+
+
+def _trajectory_npz(folder: Path) -> bytes:
+    whole = folder / TRAJECTORY
+    return whole.read_bytes() if whole.exists() else npz_from_trajectory(trajectory_from_journal(folder / JOURNAL))

@@ -10,15 +10,15 @@ from pathlib import Path
 import pytest
 
 from app.evaluation.executors import LocalExecutor, call
+from app.sim.rendering import opengl_works
 from tests.evaluation.processes import alive
 
 PARENT = """
-import time
+import os, time
 from app.evaluation.executors import LocalExecutor
-from tests.evaluation.test_executors import process_id
 if __name__ == "__main__":
-    executor = LocalExecutor()
-    print(*{executor.submit(process_id, 0.2).result() for _ in range(2)}, flush=True)
+    executor = LocalExecutor(imports=())
+    print(executor.submit(os.getpid).result(), flush=True)
     time.sleep(60)
 """
 
@@ -54,6 +54,19 @@ def test_work_happens_elsewhere(executor):
     assert call(executor, divide, 6, 3) == 2
     assert call(executor, process_id) != os.getpid()
     assert executor.workers >= 1
+
+
+def imported(module):
+    return module in sys.modules
+
+
+def test_workers_begin_with_the_simulation_imported(executor):
+    """On Linux; elsewhere each imports for itself."""
+    assert call(executor, imported, "app.evaluation.trials") == (sys.platform == "linux")
+
+
+def test_workers_render_as_this_process_does(executor):
+    assert call(executor, opengl_works) == opengl_works()
 
 
 def test_errors_come_back(executor):

@@ -68,15 +68,16 @@ def _enter(solid, eye, rays):
     turn = np.array([[cos, sin, 0], [-sin, cos, 0], [0, 0, 1]])
     start, along = turn @ (eye - solid.position_m), rays @ turn.T
     half = np.array(solid.size_m) / 2
+    # By axis, (3, N): the least of each row of three takes much longer.
+    to, at, size = np.ascontiguousarray(along.T), start[:, None], half[:, None]
     with np.errstate(divide="ignore", invalid="ignore"):
-        near, far = (-start - np.sign(along) * half) / along, (-start + np.sign(along) * half) / along
+        near, far = (-at - np.sign(to) * size) / to, (-at + np.sign(to) * size) / to
         if solid.round:
             a, b = (along[:, :2] ** 2).sum(axis=1), along[:, :2] @ start[:2]
             root = np.sqrt(b**2 - a * (start[:2] @ start[:2] - half[0] ** 2))
-            near = np.column_stack([(-b - root) / a, (-b - root) / a, near[:, 2]])
-            far = np.column_stack([(-b + root) / a, (-b + root) / a, far[:, 2]])
-    entry, leave = near.max(axis=1), far.min(axis=1)
-    shade = np.array(SHADES)[np.nan_to_num(near, nan=-np.inf).argmax(axis=1)]
+            near[:2], far[:2] = (-b - root) / a, (-b + root) / a
+    entry, leave = near.max(axis=0), far.min(axis=0)
+    shade = np.array(SHADES)[np.nan_to_num(near, nan=-np.inf).argmax(axis=0)]
     return np.where(entry < leave, entry, np.inf), shade
 
 

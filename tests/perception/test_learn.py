@@ -1,4 +1,5 @@
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 import pytest
@@ -13,12 +14,18 @@ from tests.perception.solid_scene import FRONT, LEFT, Solid, cube, labelled, sho
 BAR_M = (0.08, 0.04, 0.03)
 
 
+@lru_cache(maxsize=16)
+def shot(solids, view, seed):
+    """Several tests look at the same scenes with other labels."""
+    return shoot(solids, view, seed)
+
+
 def scenes(solids_of, count=3, labels=labelled, views=(FRONT, LEFT)):
     """`solids_of` gives the named solids of a scene from a random generator."""
     made = []
     for seed in range(count):
         named = solids_of(np.random.default_rng(seed))
-        frames = tuple(shoot(list(named.values()), view, seed) for view in views)
+        frames = tuple(shot(tuple(named.values()), view, seed) for view in views)
         objects = tuple(labels(name, solid, k) for k, (name, solid) in enumerate(named.items(), 1) if name[0] != "_")
         made.append(LabelledScene(frames, objects))
     return made
@@ -66,6 +73,24 @@ def test_what_was_learned_finds_the_objects_of_another_scene(models):
         np.testing.assert_allclose(pose.position_m, solid.position_m, atol=0.003)
 
 
+def test_masks_do_without_poses():
+    def masks_only(name, solid, number):
+        return ObjectQuery(name, mask_ids=(number,))
+
+    models = learn_models(scenes(cube_and_bar, labels=masks_only))
+    np.testing.assert_allclose(models["bar"].size_m, BAR_M, atol=0.002)
+
+
+def test_wrong_labels_are_found_out():
+    def shifted(name, solid, number):
+        x, y, z = solid.position_m
+        return labelled(name, replace(solid, position_m=(x + (0.1 if x > 0 else 0), y, z)), number)
+
+    with pytest.raises(InvalidInputError) as caught:
+        learn_models(scenes(cube_and_bar, labels=shifted))
+    assert caught.value.field.startswith("object_models[")
+
+
 def test_given_positions_do_without_masks():
     def positions_only(name, solid, number):
         return ObjectQuery(name, solid.position_m)
@@ -73,14 +98,6 @@ def test_given_positions_do_without_masks():
     model = learn_models(scenes(lambda random: anywhere(random, cube=cube("red", 0, 0)), labels=positions_only))["cube"]
     np.testing.assert_allclose(model.size_m, [0.05] * 3, atol=0.002)
     assert abs(model.origin_m[2]) < 0.002
-
-
-def test_masks_do_without_poses():
-    def masks_only(name, solid, number):
-        return ObjectQuery(name, mask_ids=(number,))
-
-    models = learn_models(scenes(cube_and_bar, labels=masks_only))
-    np.testing.assert_allclose(models["bar"].size_m, BAR_M, atol=0.002)
 
 
 def test_a_round_button_is_learned_as_a_cylinder_with_its_pose_on_top():
@@ -123,16 +140,6 @@ def test_an_object_without_a_colour_is_refused():
     with pytest.raises(InvalidInputError, match="have a colour") as caught:
         learn_models(scenes(lambda random: anywhere(random, box=cube("grey", 0, 0)), count=2))
     assert caught.value.field == "object_models[box]"
-
-
-def test_wrong_labels_are_found_out():
-    def shifted(name, solid, number):
-        x, y, z = solid.position_m
-        return labelled(name, replace(solid, position_m=(x + (0.1 if x > 0 else 0), y, z)), number)
-
-    with pytest.raises(InvalidInputError) as caught:
-        learn_models(scenes(cube_and_bar, labels=shifted))
-    assert caught.value.field.startswith("object_models[")
 
 
 def test_there_must_be_something_to_learn_from():

@@ -1,5 +1,7 @@
 """Demonstrations as a person guides the arm: every task's succeed, and none rests where nothing happens."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -15,8 +17,11 @@ REST_SAMPLES = 3
 ARRAYS = ("positions_m", "quaternions_xyzw", "joint_velocities_rad_s", "gripper_open", "object_positions_m")
 
 
-def recorded(task, seed=SEED, **options):
+def newly_recorded(task, seed=SEED, **options):
     return record_demonstration(task, seed, images=False, recordings="continuous", **options)
+
+
+recorded = cache(newly_recorded)  # for tests that only look
 
 
 def speeds_rad_s(trajectory):
@@ -87,7 +92,7 @@ def test_corners_are_cut():
 
 
 def test_the_seed_determines_the_recording():
-    first, again, other = recorded("open_drawer"), recorded("open_drawer"), recorded("open_drawer", SEED + 1)
+    first, again, other = recorded("open_drawer"), newly_recorded("open_drawer"), recorded("open_drawer", SEED + 1)
     for name in ARRAYS:
         np.testing.assert_array_equal(getattr(first.trajectory, name), getattr(again.trajectory, name))
     assert len(first.trajectory) != len(other.trajectory)
@@ -124,7 +129,7 @@ def test_where_the_arm_rests_both_are_at_the_same_pose():
 
 def test_a_failed_demonstration_says_so(monkeypatch):
     monkeypatch.setattr(TASKS["open_drawer"], "succeeded", lambda self: False)
-    demonstration = recorded("open_drawer")
+    demonstration = newly_recorded("open_drawer")
     assert not demonstration.succeeded
     assert "not solved" in demonstration.failure
 

@@ -1,6 +1,7 @@
 """Recordings of a cube that is put on a plate, from seeds: with rests at the poses, or in one flow."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
@@ -31,15 +32,20 @@ def recorded(number, rule=None, *, flows=(), noise_m=0.0, without=(), instructio
         without: names of objects that nobody sees.
         way_m: points over which the cube is carried, from the cube's place.
     """
+    way_m = tuple(way_m or ())
+    return list(_recorded(number, rule or KeyframeRule(), tuple(flows), noise_m, without, instruction, way_m, seed))
+
+
+@cache
+def _recorded(number, rule, flows, noise_m, without, instruction, way_m, seed):
     rng = np.random.default_rng(seed)
-    rule = rule or KeyframeRule()
     seen = {"noise_m": noise_m, "without": without, "instruction": instruction}
     return [recording(f"e{k}", rng, rule, flows=k in flows, way_m=way_m, **seen) for k in range(number)]
 
 
 def recording(id_, rng, rule, *, flows, way_m, noise_m, without, instruction):
     cube_m, plate_m = (rng.uniform([-0.2, low, 0.02], [0.2, low + 0.3, 0.02]) for low in (-0.35, 0.1))
-    trajectory = motion(steps(cube_m, plate_m, way_m or ()), flows=flows)
+    trajectory = motion(steps(cube_m, plate_m, way_m), flows=flows)
     objects = tuple(
         ObjectPose(name, place_m + rng.normal(0, noise_m, 3) if noise_m else place_m)
         for name, place_m in (("cube", cube_m), ("plate", plate_m), ("lamp", rng.uniform(-0.3, 0.3, 3)))
