@@ -3,7 +3,8 @@
 To import the app takes three seconds of a core, to fork a process that has done so a hundredth. What is run is the
 same as by `python -m MODULE ...`: a process of its own, with its own environment, folder and files, that ends as the
 module lets it. The workers of `serve --workers` are forked as well, where uvicorn would start each from nothing;
-tests/e2e/test_workers.py has those. `python -m tests.forked FD` is the process that is forked; the tests talk to it through `Forked`.
+tests/e2e/test_workers.py has those. `python -m tests.forked FD` is the process that is forked; the tests talk to it
+through `Forked`.
 """
 
 import atexit
@@ -204,7 +205,7 @@ def _become(request, files):
 
 
 def _fork_workers():
-    """Let uvicorn fork its workers, without the supervisor's handlers: a worker that does not serve yet has to end, too."""
+    """Let uvicorn fork its workers, without the supervisor's handlers: SIGTERM ends one that does not serve yet."""
     from uvicorn import _subprocess
 
     _subprocess.spawn = multiprocessing.get_context("fork")

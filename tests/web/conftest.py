@@ -103,7 +103,7 @@ def context(browser, url):
 
 @pytest.fixture(scope="package")
 def tab(context):
-    """One for all tests: each new one is a process of the browser's that compiles every script again, also plotly.js."""
+    """One for all tests: a new one is a process of the browser that compiles every script again, also plotly.js."""
     tab = context.new_page()
     yield tab
     tab.close()

@@ -76,9 +76,10 @@ def url(tmp_path_factory, provider_address):
         "ROBOPROMPT_WARM_UP": "false",
         "ROBOPROMPT_COMPATIBLE_BASE_URL": f"{provider_address}",
     }
-    with killable_server(
-        tmp_path_factory.mktemp("lab"), {**WITHOUT_KEYS, **environment}, "--workers", "2"
-    ) as (_, address):
+    with killable_server(tmp_path_factory.mktemp("lab"), {**WITHOUT_KEYS, **environment}, "--workers", "2") as (
+        _,
+        address,
+    ):
         yield address
 
 
