@@ -114,8 +114,8 @@ def _alone(llm: Measured, alone: Sequence[Arithmetic]) -> str:
         "rows that the prompt has, written by drafts; the others are texts that no draft foresees.\n\n"
         f"{_table(head, rows)}\n\n"
         f"A prediction reads {new:.0f} new tokens and writes {written}: at these speeds with {fastest.threads} threads "
-        f"{least_s:.2f} s of the {llm.streaming.whole_s:.2f} s above. {arithmetic.SLOTS} replies at once are written at "
-        f"{fastest.writes_together / fastest.copies:.2f} times the speed of one reply with drafts: both compute several "
+        f"{least_s:.2f} s of the {llm.streaming.whole_s:.2f} s above. {arithmetic.SLOTS} replies at once are written "
+        f"{fastest.writes_together / fastest.copies:.2f} times as fast as one reply with drafts: both compute several "
         "tokens as one batch, so that drafts have gained already what replies at once could."
     )
 
