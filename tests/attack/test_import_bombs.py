@@ -6,8 +6,6 @@ The real command, whose memory and time the system counts, children included.
 import hashlib
 import json
 import struct
-import subprocess
-import sys
 import zipfile
 
 import h5py
@@ -20,36 +18,21 @@ from pyarrow import parquet
 from app.datasets.lerobot.writer import write_lerobot
 from tests.datasets import test_mcap as mcap
 from tests.datasets.parcels import parcels
+from tests.forked import run
 
 MAX_FILE_BYTES = 3_000_000
 MAX_UNPACKED_MB = 100
 MAX_MEMORY_MB = 850  # 150 of the importer itself, and what it may take at most for 100 MB unpacked
 MAX_SECONDS = 60
 ZEROS = bytes(1_000_000)
-# A process of its own between: what pytest has in memory counts for those that it starts.
-COUNTED = """
-import json, resource, subprocess, sys
-done = subprocess.run([sys.executable, "-m", "app.cli", "import", *sys.argv[1:]], capture_output=True, text=True)
-memory_mb = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss // 1000
-print(json.dumps({"said": done.stdout + done.stderr, "status": done.returncode, "memory_mb": memory_mb}))
-"""
 
 
 def imported(path):
     """What `roboprompt import --dry-run` says, its status, and the most memory that one of its processes had."""
-    command = [
-        sys.executable,
-        "-c",
-        COUNTED,
-        str(path),
-        "--dry-run",
-        "--instruction",
-        "x",
-        "--max-unpacked-mb",
-        str(MAX_UNPACKED_MB),
-    ]
-    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=MAX_SECONDS)
-    return json.loads(done.stdout)
+    options = ["--dry-run", "--instruction", "x", "--max-unpacked-mb", str(MAX_UNPACKED_MB)]
+    done = run("tests.attack.counted", path, *options, timeout_s=MAX_SECONDS)
+    *said, counted = done.stdout.splitlines()
+    return {"said": "\n".join([*said, done.stderr]), **json.loads(counted)}
 
 
 def mcap_of_long_messages(folder):

@@ -5,7 +5,7 @@ import json
 import httpx
 import pytest
 
-from app.evaluation.server import running_server
+from tests.e2e.processes import running_server
 
 SCRIPTED_REPLY = "I would rather not move today."
 
@@ -15,7 +15,6 @@ def url(tmp_path_factory):
     environment = {
         "ROBOPROMPT_SCRIPTED_REPLIES": json.dumps([SCRIPTED_REPLY]),
         "ROBOPROMPT_MAX_BODY_MB": "20",
-        "ROBOPROMPT_WARM_UP": "false",  # the LLM would read every upload; test_warm_up.py has its own service
     }
     with running_server(tmp_path_factory.mktemp("data"), environment) as address:
         yield address

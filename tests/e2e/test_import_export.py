@@ -9,11 +9,12 @@ from typer.testing import CliRunner
 
 from app.cli import application
 from app.datasets.archive import write_archive
-from app.evaluation.server import free_port, running_server
+from app.evaluation.server import free_port
 from app.pipeline.keyframes import merged
 from roboprompt_client.trajectory_npz import trajectory_from_npz
 from tests.datasets import peract_folder as peract
 from tests.datasets.parcels import parcels
+from tests.e2e.processes import running_server
 from tests.episodes import arrays, camera, metadata, multipart, npz, pick_trajectory, png
 
 PLACES_M = ((0.25, 0.05, 0.9), (0.2, 0.1, 0.9), (0.3, -0.1, 0.9))
@@ -140,7 +141,7 @@ def test_an_archive_is_the_same_on_another_service(url, http, tmp_path):
     assert run("export", "--task", "travels", "--archive", here, "--server", url)["episodes"] == 1
     assert run("import", here, "--server", url)["imported"] == 1  # it was uploaded without a key
     assert run("import", here, "--server", url)["already_there"] == 1
-    with running_server(tmp_path / "data", {"ROBOPROMPT_WARM_UP": "false"}) as other:
+    with running_server(tmp_path / "data") as other:
         assert run("import", here, "--server", other)["imported"] == 1
         run("export", "--task", "travels", "--archive", there, "--server", other)
     assert here.read_bytes() == there.read_bytes()
