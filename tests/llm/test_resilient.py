@@ -142,21 +142,23 @@ def test_a_wait_beyond_the_deadline_is_not_begun():
 
 
 def test_a_deadline_leaves_no_connection_open():
-    """The deadlines of the wrapper and of the model come at once: the one must not interrupt the other's tidying up."""
-    asked, patience_s = 60, 1.0
+    """The deadlines of the wrapper and of the model come at once: the one must not interrupt the other's tidying up.
 
-    async def run():
-        limits = Limits(concurrent=asked, queued=0)
+    On a busy machine few requests arrive before an early deadline; a later one is taken then.
+    """
+    asked, limits = 60, Limits(concurrent=60, queued=0)
+
+    async def arrived(patience_s):
         async with provider_at(after(100.0, OK), limits) as (provider, server):
             asking_all = (provider.ask(timeout_s=patience_s) for _ in range(asked))
             outcomes = await asyncio.gather(*asking_all, return_exceptions=True)
             assert {type(outcome) for outcome in outcomes} == {ModelTimeoutError}
-            assert len(server.requests) > asked / 2
             async with asyncio.timeout(10):
                 while server.num_gone < len(server.requests):
                     await asyncio.sleep(0.01)
+            return len(server.requests)
 
-    asyncio.run(run())
+    assert any(asyncio.run(arrived(patience_s)) > asked / 2 for patience_s in (1.0, 5.0, 25.0))
 
 
 def test_waits_grow_to_a_limit():
