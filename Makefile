@@ -9,7 +9,7 @@ DEV_STAMP := .venv/.installed-dev
 # Some machines forbid it: then each of the many processes that tests start compiles the whole app, half a second each.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: setup dev demo serve test check audit wheels sbom long torture attack fuzz soak growth bench metaworld client franka lint format openapi lock clean
+.PHONY: setup dev demo serve test check audit wheels sbom long torture attack fuzz soak growth bench metaworld client franka style lint format openapi lock clean
 
 setup: $(STAMP)
 
@@ -36,15 +36,15 @@ demo: setup
 serve: setup
 	$(BIN)/roboprompt serve
 
-lint: dev
+style: dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+
+lint: style
 	$(BIN)/mypy
 
 # While one core checks the types, the other compiles the tests for the processes that will run them.
-test: dev
-	$(BIN)/ruff check .
-	$(BIN)/ruff format --check .
+test: style
 	$(BIN)/mypy & types=$$!; $(BIN)/python -m pytest --collect-only --quiet > /dev/null; wait $$types
 	$(BIN)/python -m pytest --numprocesses 3 --dist loadfile --no-loadscope-reorder
 

@@ -11,12 +11,13 @@ from typing import Any
 
 import httpx
 
+from app.llm.llama.embedded import usable_cores
 from app.llm.llama.process import LlamaOptions, LlamaProcess
 from app.llm.llama.weights import find_trimmed_weights
 from app.llm.llm_settings import LlmSettings
 
 MODEL = "gemma-3-270m"
-THREADS = (1, 2)
+THREADS = tuple(dict.fromkeys((1, usable_cores())))  # the last as the service has it
 SLOTS = 4
 CONTEXT_TOKENS = 2048
 READ_NUMBERS = 120  # some 500 tokens
@@ -29,10 +30,10 @@ ROWS = "; ".join(f"{k} A w: +{7 * k % 50} -{11 * k % 50} +{13 * k % 50} 0 36 36 
 
 @dataclass(frozen=True)
 class Arithmetic:
-    """Tokens a second, medians; no grammar, no HTTP in the times of the first three.
+    """Tokens a second, medians, by llama.cpp's own account; no grammar.
 
     Attributes:
-        reads: of a prompt that nothing of is cached.
+        reads: of a prompt of which nothing is cached.
         writes: one after the other, text that no draft foresees.
         copies: rows that the prompt has, by drafts that are tried as a whole.
         writes_together: of `SLOTS` replies at once, all of them, again without drafts.
@@ -57,9 +58,7 @@ def _with_threads(number: int) -> Arithmetic:
         dice = random.Random(number)
         read = [ask(prompt=_numbers(dice), n_predict=1)["prompt_per_second"] for _ in range(REPEATS)]
         written = [ask(**_surprising(dice))["predicted_per_second"] for _ in range(REPEATS)]
-        copied = [
-            ask(prompt=4 * ROWS, n_predict=WRITTEN_TOKENS, seed=k)["predicted_per_second"] for k in range(REPEATS)
-        ]
+        copied = [ask(prompt=4 * ROWS, n_predict=WRITTEN_TOKENS)["predicted_per_second"] for _ in range(REPEATS)]
         at_once = [
             _rate(list(together.map(lambda body: ask(**body), [_surprising(dice) for _ in range(SLOTS)])))
             for _ in range(REPEATS)
@@ -84,15 +83,9 @@ def _rate(timings: list[dict[str, float]]) -> float:
 class _Ask:
     """Asks llama.cpp itself for a completion, and returns its own account of the times."""
 
-    def __init__(self, process: LlamaProcess, options: LlamaOptions) -> None:
+    def __init__(self, process: LlamaProcess, http: httpx.Client) -> None:
         self._process = process
-        self._http = httpx.Client(
-            base_url=process.base_url.removesuffix("/v1"),
-            headers={"Authorization": f"Bearer {options.api_key}"},
-            timeout=TIMEOUT_S,
-            limits=httpx.Limits(max_keepalive_connections=0),  # llama.cpp closes what it has answered
-            trust_env=False,
-        )
+        self._http = http
 
     def __call__(self, **body: Any) -> dict[str, float]:  # noqa: ANN401
         asked = {"cache_prompt": False, "temperature": 0, **body}
@@ -113,7 +106,14 @@ def _server(threads: int) -> Iterator[_Ask]:
     options = LlamaOptions(model=str(path()), slots=SLOTS, context_tokens=CONTEXT_TOKENS, threads=threads)
     process = LlamaProcess(options)
     try:
-        yield _Ask(process, options)
+        with httpx.Client(
+            base_url=process.base_url.removesuffix("/v1"),
+            headers={"Authorization": f"Bearer {options.api_key}"},
+            timeout=TIMEOUT_S,
+            limits=httpx.Limits(max_keepalive_connections=0),  # llama.cpp closes connections that wait
+            trust_env=False,
+        ) as http:
+            yield _Ask(process, http)
     finally:
         process.stop()
 

@@ -63,7 +63,9 @@ class Spool:
         metadata = {"task": task, "instruction": instruction, **scene_json(observation, None)}
         metadata |= {"control_frequency_hz": control_frequency_hz, "extra": dict(extra or {})}
         folder = self._new(metadata, observation)
-        (folder / TRAJECTORY).write_bytes(npz_from_trajectory(trajectory))
+        begun = folder / f"{TRAJECTORY}.part"  # half a trajectory is never sent
+        begun.write_bytes(npz_from_trajectory(trajectory))
+        begun.replace(folder / TRAJECTORY)
         return folder
 
     def _new(self, metadata: dict[str, Any], observation: Observation) -> Path:

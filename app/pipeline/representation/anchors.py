@@ -87,19 +87,14 @@ def anchor_frame(
     return pose.position_m, object_rotation(pose, anchor.frame, tilted)
 
 
-def relative_pose(origin_m: Array, axes: Rotation, action: EndEffectorAction) -> tuple[Array, Rotation]:
-    """An action's offset (3,) in metres from an origin along its axes, and its rotation from these axes."""
-    to_anchor = axes.inv()
-    offset_m: Array = to_anchor.apply(action.position_m - origin_m)
-    return offset_m, to_anchor * Rotation.from_quat(action.quaternion_xyzw)
-
-
 def relative_action(
     demonstration: Demonstration, k: int, anchor: Anchor, tilted: frozenset[str]
 ) -> tuple[Array, Rotation]:
     """Action `k` relative to the anchor: offset (3,) in metres along the anchor's axes, and rotation."""
-    frame = anchor_frame(anchor, demonstration.objects, demonstration.start, tilted)
-    return relative_pose(*frame, demonstration.actions[k])
+    origin_m, axes = anchor_frame(anchor, demonstration.objects, demonstration.start, tilted)
+    action, to_anchor = demonstration.actions[k], axes.inv()
+    offset_m: Array = to_anchor.apply(action.position_m - origin_m)
+    return offset_m, to_anchor * Rotation.from_quat(action.quaternion_xyzw)
 
 
 def choose_anchors(
