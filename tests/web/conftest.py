@@ -34,6 +34,11 @@ def wait_until(condition, what=""):
         time.sleep(0.05)
 
 
+def until_pictures_are_there(page):
+    """Wait for pictures that load lazily: one whose episode is deleted meanwhile would be refused."""
+    until(page, "[...document.images].every((image) => image.complete || !image.checkVisibility())")
+
+
 def picture(hue):
     """A small scene as a JPEG: a cube on a table."""
     hsv = np.full((48, 64, 3), (20, 60, 190), np.uint8)
@@ -132,7 +137,9 @@ def watched_page(page, url):
         "console": lambda message: said.append(message.text) if message.type == "error" else None,
         "pageerror": lambda error: said.append(str(error)),
         "request": lambda request: asked.append(request.url),
-        "response": lambda response: refused.append(response.status) if response.status >= 400 else None,
+        "response": lambda response: (
+            refused.append((response.status, response.url)) if response.status >= 400 else None
+        ),
     }
     for event, listener in listeners.items():
         page.on(event, listener)
@@ -140,7 +147,7 @@ def watched_page(page, url):
     page.goto("about:blank")
     for event, listener in listeners.items():
         page.remove_listener(event, listener)
-    assert refused == page.expected_refusals
+    assert [status for status, _ in refused] == page.expected_refusals, refused
     # Chromium itself reports every refused request as an error.
     assert [text for text in said if not text.startswith("Failed to load resource: the server responded")] == []
     assert [address for address in asked if not address.startswith((url, "data:", "blob:", "about:"))] == []

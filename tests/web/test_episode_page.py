@@ -5,7 +5,7 @@ import pytest
 from playwright.sync_api import expect
 
 from tests.episodes import arrays, metadata, multipart, npz, pick_trajectory
-from tests.web.conftest import PLACES_M, teach, until
+from tests.web.conftest import PLACES_M, teach, until, until_pictures_are_there
 
 DRAWN = "document.getElementById('speed').layout?.shapes?.length > 0"
 
@@ -119,6 +119,7 @@ def test_an_image_that_cannot_be_read_says_why(page, http, data_folder):
     max((data_folder / "blobs").rglob("*"), key=lambda path: path.stat().st_mtime_ns * path.is_file()).write_bytes(b"")
     page.goto(f"/ui/episodes/{id_}")
     expect(page.get_by_role("alert")).to_contain_text("Stored data is damaged")
+    until_pictures_are_there(page)
     http.delete(f"/episodes/{id_}")
 
 

@@ -4,7 +4,7 @@ import pytest
 from playwright.sync_api import expect
 
 from tests.episodes import upload
-from tests.web.conftest import PLACES_M, teach
+from tests.web.conftest import PLACES_M, teach, until_pictures_are_there
 
 PAGE_SIZE = 50
 
@@ -52,6 +52,7 @@ def test_instructions_are_searched(page, many):
 def test_deletion_asks_first(page, http):
     kept, gone = (teach(http, "deletion", place_m)["id"] for place_m in PLACES_M[:2])
     page.goto("/ui/episodes?task=deletion")
+    until_pictures_are_there(page)
     button = page.get_by_role("button", name=f"Delete episode {gone[:8]}")
     button.focus()
     page.keyboard.press("Enter")
@@ -70,6 +71,7 @@ def test_what_the_service_refuses_is_shown(page, http):
     id_ = teach(http, "deletion", PLACES_M[2])["id"]
     page.expected_refusals = [404]
     page.goto("/ui/episodes?task=deletion")
+    until_pictures_are_there(page)
     http.delete(f"/episodes/{id_}")
     page.get_by_role("button", name=f"Delete episode {id_[:8]}").click()
     page.get_by_role("dialog").get_by_role("button", name="Delete").click()

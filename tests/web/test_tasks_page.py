@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.web.conftest import PLACES_M, teach, until
+from tests.web.conftest import PLACES_M, teach, until, until_pictures_are_there
 
 
 def test_the_entrance_leads_to_the_tasks(page, seeded):
@@ -35,6 +35,7 @@ def test_tasks_of_evaluations_stand_apart_and_are_named_in_words(page, http):
         assert page.locator("optgroup option").evaluate("option => [option.value, option.selected]") == [name, True]
         page.goto("/ui/tasks?q=vision")
         assert page.get_by_role("link", name="pick-vision, evaluation 0fe741", exact=True).is_visible()
+        until_pictures_are_there(page)
     finally:
         for episode in http.get("/episodes", params={"task": name}).json()["episodes"]:
             http.delete(f"/episodes/{episode['id']}")
