@@ -175,7 +175,8 @@ def own_problem(request: Request, error: RoboPromptError) -> JSONResponse:
     if isinstance(error, UnknownModelError):
         return problem(kind, str(error), [{"field": "model", "message": str(error), "valid": None}])
     if isinstance(error, ForbiddenTaskError):
-        return problem(kind, str(error), [{"field": "task", "message": str(error), "valid": ", ".join(error.allowed)}])
+        entry = {"field": error.field, "message": str(error), "valid": ", ".join(error.allowed)}
+        return problem(kind, str(error), [entry])
     if isinstance(error, UnparsableReplyError):
         return problem(kind, str(error), reply_text=error.reply_text, prediction_id=error.prediction_id)
     if isinstance(error, UnsafeReplyError):

@@ -108,8 +108,9 @@ def test_a_task_that_the_key_is_not_for_lends_nothing(services):
     with seeing(Visibility("k", ("fetch", "press"))):
         with pytest.raises(ForbiddenTaskError, match="'pick'"):
             question(services)
-        with pytest.raises(ForbiddenTaskError, match="'no task'"):
+        with pytest.raises(ForbiddenTaskError, match="'no task'") as refused:
             question(services, demonstrations_from=("press", "no task"))
+        assert refused.value.field == "demonstrations_from[1]"
         assert set(lent(services, question(services, demonstrations_from=("press",)))) == {"press"}
 
 

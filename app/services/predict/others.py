@@ -15,7 +15,7 @@ from app.services.predict.options import MAX_OTHER_TASKS, SIMILAR, PredictOption
 from app.services.predict.select import DemonstrationSelector, read_demonstrations
 from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks
-from app.store.errors import NotFoundError
+from app.store.errors import ForbiddenTaskError, NotFoundError
 from app.store.records import TaskRecord
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.trajectory import ObjectPose
@@ -109,6 +109,8 @@ def _lending(connection: Connection, task: TaskRecord, name: str, place: int) ->
         record = tasks.get(connection, name)
     except NotFoundError:
         raise _cannot_lend(connection, task, place, f"there is no task {name!r}") from None
+    except ForbiddenTaskError as error:
+        raise ForbiddenTaskError(name, error.allowed, f"{FIELD}[{place}]") from None
     if record.object_names is None:
         raise _cannot_lend(connection, task, place, f"the task {name!r} has no episodes")
     return record
