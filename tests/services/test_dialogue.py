@@ -10,12 +10,15 @@ import pytest
 
 from app.llm.base import ModelResponseError, TextDelta
 from app.perception.base import ObjectQuery
+from app.pipeline.episode import Episode
 from app.services.limits import UnparsableReplyError, UnsupportedReplyError
 from app.services.predict.options import PredictOptions
 from app.services.predict.question import PredictedAction, Prediction, PredictRequest
+from app.services.teach.upload import Upload
 from app.store import predictions
 from app.store.errors import ConflictError
 from roboprompt_client.errors import InvalidInputError
+from tests.episodes import pick_trajectory
 from tests.services.test_predict_actions import ask, recorded
 from tests.services.test_upload_episode import respond, upload
 
@@ -98,6 +101,25 @@ def test_an_unsupported_action_is_let_pass_with_a_finding(taught):
     assert len(prediction.actions) == 6
     (danger,) = [finding for finding in prediction.findings if finding.severity == "danger"]
     assert (danger.code, danger.where) == ("unsupported-action", "actions[4]")
+
+
+@pytest.mark.parametrize(("vase_m", "codes"), [((0.2, 0.11, 0.93), ["passes-close"]), ((0.2, 0.3, 0.9), [])])
+def test_what_stands_in_the_way_is_a_finding_of_answer_record_and_stream(scripted, vase_m, codes):
+    """The hand comes down and goes up over the cube; demonstrations had the vase far from there."""
+    services = scripted(RELATIVE)
+    for place_m in ((0.1, 0.1, 0.78), (0.15, 0.0, 0.78), (0.2, -0.1, 0.78)):
+        objects = (ObjectQuery("cube", place_m), ObjectQuery("vase", (0.2, 0.3, 0.9)))
+        services.upload_episode(
+            Upload("pick", Episode("pick up the cube", pick_trajectory(place_m)), objects, {}), respond
+        )
+    asked = replace(REQUEST, objects=(*CUBE, ObjectQuery("vase", vase_m)))
+    dangers = [finding for finding in ask(services, asked).findings if finding.where == "objects[vase]"]
+    assert [finding.code for finding in dangers if finding.severity == "danger"] == codes
+    items, error = streamed(services, asked)
+    assert error is None
+    assert [finding.code for finding in items[-1].findings if finding.code == "passes-close"] == codes
+    for record in recorded(services.store):
+        assert [found["code"] for found in record.findings if found["code"] == "passes-close"] == codes
 
 
 def test_a_stream_ends_before_the_unsupported_action_and_is_not_asked_again(taught):

@@ -6,6 +6,7 @@ from contextlib import aclosing
 from dataclasses import replace
 
 from app.llm.base import Completion, CompletionRequest, LanguageModel, ModelTimeoutError, TextDelta, Usage
+from app.pipeline.clearance import passing_findings
 from app.pipeline.errors import ReplyParseError, UnsupportedActionError
 from app.pipeline.findings import Finding
 from app.pipeline.plans.support import PlacedRow
@@ -41,6 +42,7 @@ class Dialogue:
         self._so_far = question.so_far
         self._temperature = question.request.options.sampling_temperature
         self._doubts: list[ActionDoubt] = []
+        self._actions: list[EndEffectorAction] = []
         self.rows: list[PlacedRow | None] = []
         self.prompt: Prompt = question.prompt
         self.reply_text: str | None = None
@@ -50,7 +52,11 @@ class Dialogue:
     @property
     def findings(self) -> tuple[Finding, ...]:
         """What in the replies deserves a look."""
-        return action_findings(self._doubts)
+        question = self._question
+        passing = passing_findings(
+            question.start, self._actions, question.observed, question.grounded.instruction, question.template.ways
+        )
+        return (*action_findings(self._doubts), *passing)
 
     async def actions(self, *, piecewise: bool) -> AsyncGenerator[Sequence[EndEffectorAction] | TextDelta, None]:
         """The actions of every reply, as many at a time as became complete together.
@@ -77,6 +83,7 @@ class Dialogue:
                 async for item in arriving:
                     if not isinstance(item, TextDelta):
                         remaining -= len(item)
+                        self._actions += item
                     yield item
 
     async def _part(

@@ -10,6 +10,7 @@ from functools import cached_property
 
 from sqlalchemy import Connection
 
+from app.pipeline.clearance import ShownWays
 from app.pipeline.closed_loop import ClosedLoopTemplate
 from app.pipeline.episode import Demonstration
 from app.pipeline.language.grounding import Grounded
@@ -86,8 +87,17 @@ class Shown:
     @cached_property
     def scenes(self) -> ShownScenes:
         """The scenes of the demonstrations that support a reply."""
+        return ShownScenes(self._supporting)
+
+    @cached_property
+    def ways(self) -> ShownWays:
+        """The ways of the same demonstrations."""
+        return ShownWays(self._supporting)
+
+    @property
+    def _supporting(self) -> tuple[Demonstration, ...]:
         plans = () if self.support is None else self.support.plans
-        return ShownScenes(tuple(demonstration for group, _ in plans for demonstration in group))
+        return tuple(demonstration for group, _ in plans for demonstration in group)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -1,0 +1,115 @@
+"""How near the hand passes by objects, beside the ways that were demonstrated: what now stands in its way.
+
+Nobody says how large objects are. How near to an object demonstrated hands came says what was enough.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from app.pipeline.episode import Demonstration
+from app.pipeline.findings import Finding, Severity
+from app.pipeline.language.mentions import mention_order
+from app.pipeline.scene_findings import ENOUGH
+from roboprompt_client.arrays import Array
+from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
+
+NEAR_M = 0.08  # about half the width of a hand
+NEARER, NEARER_M = 0.5, 0.03  # than every demonstrated hand: times its distance, and by this at least
+HITS_M = 0.03  # nearer to its centre a hand meets whatever has a size
+
+
+@dataclass(frozen=True, eq=False)
+class ShownWays:
+    """How near the hands of demonstrations came to their objects; computed once."""
+
+    demonstrations: tuple[Demonstration, ...]
+
+    def least_m(self, name: str, mentioned: Sequence[str]) -> float | None:
+        """The least distance from an object, or from what has its place in the instruction; None if nothing has.
+
+        Args:
+            mentioned: by the instruction, in its order.
+        """
+        if name not in mentioned:
+            return self._of_name.get(name)
+        place = mentioned.index(name)
+        return self._of_place[place] if place < len(self._of_place) else None
+
+    @cached_property
+    def _of_name(self) -> dict[str, float]:
+        least_m: dict[str, float] = {}
+        for distances_m in self._distances_m:
+            for name, distance_m in distances_m.items():
+                least_m[name] = min(distance_m, least_m.get(name, distance_m))
+        return least_m
+
+    @cached_property
+    def _of_place(self) -> tuple[float, ...]:
+        columns: list[list[float]] = []
+        for demonstration, distances_m in zip(self.demonstrations, self._distances_m, strict=True):
+            for place, name in enumerate(mention_order(list(distances_m), demonstration.instruction)):
+                if place == len(columns):
+                    columns.append([])
+                columns[place].append(distances_m[name])
+        return tuple(min(column) for column in columns)
+
+    @cached_property
+    def _distances_m(self) -> tuple[dict[str, float], ...]:
+        found = []
+        for demonstration in self.demonstrations:
+            way_m = way(demonstration.start, demonstration.actions)
+            found.append(
+                {pose.name: float(distances_m(way_m, pose.position_m).min()) for pose in demonstration.objects}
+            )
+        return tuple(found)
+
+
+def way(start: EndEffectorAction | None, actions: Sequence[EndEffectorAction]) -> Array:
+    """(P, 3) the positions that the hand goes to in turn, straight from one to the next."""
+    poses = actions if start is None else (start, *actions)
+    return np.array([pose.position_m for pose in poses]).reshape(-1, 3)
+
+
+def distances_m(way_m: Array, place_m: Array) -> Array:
+    """(P,) of a place from the straight motion to each position of a way; the first is where it begins."""
+    before_m = np.concatenate([way_m[:1], way_m[:-1]])
+    gone_m, to_place_m = way_m - before_m, place_m - before_m
+    squared = np.maximum(np.einsum("pk,pk->p", gone_m, gone_m), 1e-12)
+    share = np.clip(np.einsum("pk,pk->p", to_place_m, gone_m) / squared, 0, 1)
+    distances: Array = np.linalg.norm(to_place_m - share[:, None] * gone_m, axis=1)
+    return distances
+
+
+def passing_findings(
+    start: EndEffectorAction | None,
+    actions: Sequence[EndEffectorAction],
+    observed: Sequence[ObjectPose],
+    instruction: str,
+    shown: ShownWays,
+) -> Iterator[Finding]:
+    """What the hand passes by far nearer than any demonstrated hand did; one finding for each such object.
+
+    Args:
+        start: where the hand is before the first action; None where nobody says so.
+        instruction: as the LLM reads it.
+    """
+    if len(shown.demonstrations) < ENOUGH or not actions:
+        return
+    way_m = way(start, actions)
+    mentioned = mention_order([pose.name for pose in observed], instruction)
+    for pose in observed:
+        least_m, all_m = shown.least_m(pose.name, mentioned), distances_m(way_m, pose.position_m)
+        near_m = float(all_m.min())
+        if least_m is None or near_m > min(NEAR_M, NEARER * least_m, least_m - NEARER_M):
+            continue
+        number = max(0, int(all_m.argmin()) - (start is not None))
+        severity: Severity = "danger" if near_m < HITS_M else "warning"
+        message = (
+            f"On the way to action {number + 1} the hand passes {100 * near_m:.1f} cm from the centre of {pose.name!r};"
+            f" demonstrations kept {100 * least_m:.1f} cm away. The hand, or what it holds, may hit it."
+        )
+        numbers = {"distance_m": near_m, "demonstrated_m": least_m, "action": number}
+        yield Finding("passes-close", severity, message, f"objects[{pose.name}]", numbers)
