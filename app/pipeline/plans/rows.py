@@ -116,8 +116,9 @@ def robust_centre(offsets_m: Array, rotations: Rotation) -> tuple[Array, Rotatio
         rotations: N.
     """
     centre_m: Array = np.median(offsets_m, axis=0)
-    medoid = int(np.argmin([(r.inv() * rotations).magnitude().sum() for r in rotations]))
-    mean = rotations[medoid]
+    quaternions = rotations.as_quat()
+    apart_rad = 2 * np.arccos(np.clip(np.abs(quaternions @ quaternions.T), 0, 1))
+    mean = rotations[int(apart_rad.sum(axis=1).argmin())]  # the medoid
     for _ in range(ITERATIONS):
         off_m = np.linalg.norm(offsets_m - centre_m, axis=1) + M_PER_RAD * (mean.inv() * rotations).magnitude()
         sigma_m = max(MAD_TO_SIGMA * float(np.median(off_m)), PRECISE_M)
