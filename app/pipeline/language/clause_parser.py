@@ -2,8 +2,10 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 from app.pipeline.language import grammar, verbs
+from app.pipeline.language.fixed_phrases import MODIFIED_OBJECT, OBJECT, FixedPhrase, fixed_phrases
 from app.pipeline.language.phrases import NounPhrase, NounPhrases
 from app.pipeline.language.words import NUMBERS, PhraseTable, Word
 
@@ -19,7 +21,8 @@ class Clause:
     Attributes:
         verb: in its base form, with its particle; None where a noun phrase stands alone.
         roles: by preposition (see `grammar.PREPOSITIONS`) or `DIRECT` the objects, in their order.
-        fixed: words of taught instructions that are no objects, as "the dirt" in "sweep the dirt to the dustpan".
+        fixed: words of taught instructions that are no objects, as "the dirt" in "sweep the dirt to the dustpan", with
+            marks between (see `fixed_phrases`).
     """
 
     verb: str | None
@@ -34,6 +37,16 @@ class Clause:
     def phrases(self) -> tuple[NounPhrase, ...]:
         """All of its objects."""
         return tuple(phrase for _, phrases in self.roles for phrase in phrases)
+
+    @cached_property
+    def fixed_phrases(self) -> tuple[FixedPhrase, ...]:
+        """What it says besides."""
+        return fixed_phrases(self.fixed)
+
+    def with_objects(self, role: str, phrases: tuple[NounPhrase, ...], *, after_article: bool) -> "Clause":
+        """With further objects, which fixed words right before them describe unless an article stands between."""
+        mark = OBJECT if role or after_article else MODIFIED_OBJECT
+        return replace(self, roles=(*self.roles, (role, phrases)), fixed=(*self.fixed, mark))
 
     def about(self, phrase: NounPhrase) -> "Clause":
         """With a direct object instead of "it" or none."""
@@ -134,10 +147,12 @@ class Clauses:
         role, after = self._preposition(start)
         for phrases, end in self._objects(after, forbidden) if role else ():
             if not clause.objects_in(role):
-                yield from self._arguments(end, replace(clause, roles=(*clause.roles, (role, phrases))), forbidden)
+                yield from self._arguments(end, clause.with_objects(role, phrases, after_article=False), forbidden)
         if not clause.objects_in(DIRECT):
+            after_article = self.text(start) in grammar.DETERMINERS
             for phrases, end in self._objects(start, forbidden):
-                yield from self._arguments(end, replace(clause, roles=(*clause.roles, (DIRECT, phrases))), forbidden)
+                more = clause.with_objects(DIRECT, phrases, after_article=after_article)
+                yield from self._arguments(end, more, forbidden)
         if f"{clause.verb} {self.text(start)}" in verbs.PHRASES:
             verb = f"{clause.verb} {self.text(start)}"
             yield from self._arguments(start + 1, replace(clause, verb=verb), forbidden)

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from app.pipeline.language.colours import look_alike
-from app.pipeline.language.grammar import ADJECTIVES
+from app.pipeline.language.grammar import ADJECTIVES, PLACE_ADJECTIVES
 from app.pipeline.language.lexicon import Lexicon, noun_of
 from app.pipeline.language.space import Layout, Pick, extreme, farthest_from, nearest_to
 
@@ -48,6 +48,11 @@ class Description:
         """Whether it says what the object is, and not only which one."""
         return bool(self.exact or self.kinds or self.generic or not ADJECTIVES.issuperset(self.words))
 
+    @property
+    def is_place_alone(self) -> bool:
+        """Whether it is nothing but "left" or "top", which may as well say where to."""
+        return not self.has_noun and not self.colours and PLACE_ADJECTIVES.issuperset(self.words)
+
     def by(self) -> str:
         """The least certain of the means."""
         return max(self.means, key=MEANS.index)
@@ -79,7 +84,8 @@ class Description:
             return _in_order(lexicon.names, named)
         # What is clear without the relation must agree with it: "the red button on the left" may be on the right.
         pool = complete._compared(lexicon)
-        agree = len(pool) > 1 and all(set(named) <= set(pick(layout, pool)) for pick in complete.picks)
+        picked = [pick(layout, pool) for pick in complete.picks]
+        agree = len(pool) > 1 and all(set(named) <= set(each) and len(each) < len(pool) for each in picked)
         return named if agree else ()
 
     def _named(self, lexicon: Lexicon) -> tuple[str, ...]:

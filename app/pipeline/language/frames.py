@@ -4,20 +4,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from app.pipeline.language.clause_parser import DIRECT, Clause
+from app.pipeline.language.fixed_phrases import FixedPhrase, fits
 from app.pipeline.language.lexicon import Lexicon
 from app.pipeline.language.mentions import Mention, clauses, mention_order, mentions
 from app.pipeline.language.phrases import NounPhrase, NounPhrases, TooInvolvedError
 from app.pipeline.language.sentences import Sentences
 from app.pipeline.language.verbs import Family, common_families
-from app.pipeline.language.words import NUMBERS
 
-# Words without which a clause asks for something else, as numbers are: "in the reverse order"
-ALTERING = frozenset({
-    "reverse", "reversed", "backward", "backwards", "inverse", "inverted", "opposite", "contrary", "alternate",
-    "alternating", "ascending", "descending", "first", "last", "half", "halfway", "partly", "partially", "almost",
-    "nearly", "slightly", "only", "except", "without", "once", "twice", "thrice", "never",
-})  # fmt: skip
-Signature = tuple[str | None, tuple[tuple[str, int], ...], frozenset[str]]
+Signature = tuple[str | None, tuple[tuple[str, int], ...], tuple[FixedPhrase, ...]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +44,7 @@ class Frame:
         """By the objects of the frame those that `clause` puts in their place; None if it asks for something else."""
         roles = dict(self.clause.roles)
         one_destination = _alike(clause, self.clause)
-        if one_destination is None or not _fixed_fit(clause, self.clause):
+        if one_destination is None or not fits(clause.fixed_phrases, self.clause.fixed_phrases):
             return None
         asked = _roles(clause, one_destination)
         taught = {_plain(role, one_destination): phrases for role, phrases in roles.items()}
@@ -100,8 +94,8 @@ def _own_words(name: str, names: Sequence[str]) -> set[str]:
 
 
 def signature_of(clause: Clause) -> Signature:
-    """Verb, number of objects in each role, and fixed words."""
-    return clause.verb, tuple(sorted((role, len(phrases)) for role, phrases in clause.roles)), frozenset(clause.fixed)
+    """Verb, number of objects in each role, and fixed phrases."""
+    return clause.verb, tuple(sorted((role, len(phrases)) for role, phrases in clause.roles)), clause.fixed_phrases
 
 
 def _alike(one: Clause, other: Clause) -> bool | None:
@@ -126,12 +120,6 @@ def _plain(role: str, one_destination: bool) -> str:
 
 def _roles(clause: Clause, one_destination: bool) -> dict[str, tuple[NounPhrase, ...]]:
     return {_plain(role, one_destination): phrases for role, phrases in clause.roles}
-
-
-def _fixed_fit(asked: Clause, taught: Clause) -> bool:
-    """Words of the taught instruction may be left out, but not those that decide; others may not be there."""
-    deciding = {word for word in taught.fixed if word in NUMBERS.values() or word.isdigit() or word in ALTERING}
-    return set(asked.fixed) <= set(taught.fixed) and deciding <= set(asked.fixed)
 
 
 def frames_of(instruction: str, lexicon: Lexicon) -> tuple[Frame, ...]:
@@ -167,4 +155,5 @@ def _read(text: str, lexicon: Lexicon) -> Clause | None:
 
 
 def _unlikelihood(clause: Clause) -> tuple[bool, int, int]:
-    return clause.verb is None, len(clause.fixed), -len(clause.verb or "")
+    words = sum(len(phrase.words) + bool(phrase.role) for phrase in clause.fixed_phrases)
+    return clause.verb is None, words, -len(clause.verb or "")

@@ -59,7 +59,7 @@ ORDINALS = {
     for word in words
 }
 # Words that say which one rather than what: no noun, wherever a name has them.
-_ADJECTIVES = frozenset(
+PLACE_ADJECTIVES = frozenset(
     {"left", "right", "top", "bottom", "middle", "center", "centre", "upper", "lower", "front", "back", "rear"}
 )
 # Words before the noun by which a place picks an object.
@@ -118,7 +118,7 @@ SIDES_OF: dict[Phrase, str] = {
 }
 RELATIONS = PhraseTable((*SIDES_OF, *BESIDE))
 
-ADJECTIVES = _ADJECTIVES | BASIC | ORDINALS.keys() | set(NUMBERS) | set(NUMBERS.values()) | {"1"}
+ADJECTIVES = PLACE_ADJECTIVES | BASIC | ORDINALS.keys() | set(NUMBERS) | set(NUMBERS.values()) | {"1"}
 
 _MARKS = frozenset({",", ".", ";", "?"})
 _TABLES = (

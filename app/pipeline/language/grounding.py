@@ -266,7 +266,7 @@ def _has_verb(filled: _Filled) -> bool:
 
 
 def _has_words(filled: _Filled) -> bool:
-    return set(filled.frame.clause.fixed) == set(filled.clause.fixed)
+    return filled.frame.clause.fixed_phrases == filled.clause.fixed_phrases
 
 
 def _uncertainty(grounded: Grounded) -> tuple[int, int]:

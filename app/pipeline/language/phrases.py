@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from app.pipeline.language import grammar
+from app.pipeline.language import grammar, verbs
 from app.pipeline.language.colours import COLOURS, SHADES_OF
 from app.pipeline.language.descriptions import Description
 from app.pipeline.language.lexicon import Lexicon
@@ -100,9 +100,11 @@ class NounPhrases:
         if first != start and self._text(start) in self._lexicon.objects_of:
             first = start
         for said in self._described(_Said(Description(), first)):
-            candidates = said.description.candidates(self._lexicon, self._layout)
+            description = said.description
+            if first == start and self._text(start - 1) != "and" and description.is_place_alone:
+                continue  # "turn left" is a direction, "the top and bottom" are things
+            candidates = description.candidates(self._lexicon, self._layout)
             if len(candidates) == 1:
-                description = said.description
                 by, plural, with_noun = description.by(), description.plural, description.has_noun
                 yield NounPhrase(start, said.end, candidates[0], by, plural, with_noun)
             else:
@@ -132,7 +134,10 @@ class NounPhrases:
         description = replace(before, means=means, plural=before.plural or self._words[at].plural)
         yield from self._whole_names(at, description)
         loose = self._lexicon.loose
+        after_noun = bool(description.words) and description.has_noun
         for word in {text, grammar.PLACES_IN_NAMES.get(text, text)} & loose - set(description.words):
+            if after_noun and word in grammar.PLACE_ADJECTIVES:
+                continue  # "turn the tap left" names no left tap
             means = description.means if word in self._lexicon.name_words else description.means | {"alias"}
             yield _Said(replace(description, words=(*description.words, word), means=means), at + 1)
         if text in loose:
@@ -248,11 +253,19 @@ class NounPhrases:
         if preposition == "from":
             if side in grammar.COUNTED_FROM and description.place:
                 yield _Said(description.counted_from(grammar.COUNTED_FROM[side]), end)
-        elif side in ("middle", "center", "centre"):
+            return
+        if side in grammar.PLACE_ADJECTIVES & self._lexicon.loose and self._ends_phrase(end):
+            yield _Said(replace(description, words=(*description.words, side)), end)
+        if side in ("middle", "center", "centre") and self._ends_phrase(place + 1):
             yield _Said(description.with_pick(in_the_middle), place + 1)
-        elif side in grammar.EDGES and self._text(end) != "of":
+        elif side in grammar.EDGES and self._text(end) != "of" and self._ends_phrase(end):
             pick: Pick = extreme(side) if very else on_side(side)
             yield _Said(description.with_pick(pick), end)
+
+    def _ends_phrase(self, at: int) -> bool:
+        """Whether no noun follows: in "put the mug in the bottom drawer" nobody says where the mug is."""
+        text = self._text(at)
+        return not text or text in grammar.FUNCTION_WORDS or text in verbs.FIRST_WORDS
 
     def _of_several(self, at: int, description: Description) -> Iterator[_Said]:
         """Of the buttons, of them all: says among which, which the noun says as well."""
