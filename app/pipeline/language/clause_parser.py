@@ -129,10 +129,13 @@ class Clauses:
         """The red button should be pushed."""
         for phrases, end in self._objects(at, forbidden):
             if (begin := self.end(end, grammar.PASSIVE)) is not None:
-                for verb, after in self._verb(begin):
+                for verb, after in self._verb(begin, passive=True):
                     yield from self._arguments(after, Clause(verb, ((DIRECT, phrases),)), forbidden)
 
-    def _verb(self, at: int) -> Iterator[tuple[str, int]]:
+    def _verb(self, at: int, *, passive: bool = False) -> Iterator[tuple[str, int]]:
+        """The verbs that stand here in the form of an order, or as a participle; "pushed" alone is a report."""
+        if not self._has_form(at, passive=passive):
+            return
         for phrase in verbs.TABLE.all_at(self._texts, at):
             yield " ".join(phrase), at + len(phrase)
         text = self.text(at)
@@ -140,10 +143,18 @@ class Clauses:
         if base and (base != text or base not in verbs.PHRASES):
             yield base, at + 1
 
+    def _has_form(self, at: int, *, passive: bool) -> bool:
+        if self._fixed is None or self.at_end(at):  # whatever a taught instruction is written in
+            return True
+        word = self._words[at]
+        if passive or word.corrected or word.token.text == word.text:
+            return True
+        return word.token.text.endswith("ing") and at > 0 and self.text(at - 1) in grammar.BEFORE_GERUND
+
     def _arguments(self, at: int, clause: Clause, forbidden: bool) -> Iterator[tuple[Clause, int]]:
         """With everything that may follow the verb, wherever the clause may end."""
         self._phrases.count_step()
-        start = self.skip(at, grammar.FILLERS)
+        start = self.skip(at, grammar.FILLERS_OF_FORBIDDEN if forbidden else grammar.FILLERS)
         role, after = self._preposition(start)
         for phrases, end in self._objects(after, forbidden) if role else ():
             if not clause.objects_in(role):

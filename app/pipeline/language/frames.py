@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 from app.pipeline.language.clause_parser import DIRECT, Clause
 from app.pipeline.language.fixed_phrases import FixedPhrase, fits
@@ -49,15 +50,20 @@ class Frame:
         asked = _roles(clause, one_destination)
         taught = {_plain(role, one_destination): phrases for role, phrases in roles.items()}
         if len(names) == 1 and not (set(asked) | set(taught)) - {DIRECT}:
-            return self._of_the_only(asked, names[0])
+            return self._of_the_only(clause, names[0])
         if {role: len(phrases) for role, phrases in taught.items()} != {r: len(p) for r, p in asked.items()}:
             return None
         pairs = [pair for role in taught for pair in zip(taught[role], asked[role], strict=True)]
         return self._checked([(mine.name, other.name) for mine, other in pairs])
 
-    def _of_the_only(self, asked: Mapping[str, Sequence[NounPhrase]], name: str) -> Mapping[str, str] | None:
-        """A task's only object need not be named, neither by what is taught nor by what is asked."""
-        return {name: name} if len(asked.get(DIRECT, ())) <= 1 else None
+    def _of_the_only(self, clause: Clause, name: str) -> Mapping[str, str] | None:
+        """A task's only object need not be named, neither by what is taught nor by what is asked.
+
+        A particle may then be about the robot: "turn around".
+        """
+        number = len(clause.objects_in(DIRECT))
+        clear = number == 1 or clause.verb is None or " " not in clause.verb or clause.verb == self.clause.verb
+        return {name: name} if number <= 1 and clear else None
 
     def _checked(self, pairs: Sequence[tuple[str | None, str | None]]) -> Mapping[str, str] | None:
         filled = {mine: other for mine, other in pairs if mine and other}
@@ -68,6 +74,8 @@ class Frame:
 
     def text_for(self, filled: Mapping[str, str], names: Sequence[str]) -> str | None:
         """The taught text with other objects; None if it would not name them in the order that they have."""
+        if any(filled.get(name, name) != name for name in self._scattered):
+            return None
         wanted = tuple(filled[name] for name in mention_order(names, self.text) if name in filled)
         for whole in (False, True):
             text = self.text
@@ -77,6 +85,14 @@ class Frame:
             if mention_order(names, text) == wanted:
                 return text
         return None
+
+    @cached_property
+    def _scattered(self) -> frozenset[str]:
+        """What is named by words apart, for which no other name can stand: "pour water from the bottle"."""
+        mentions = zip(self.named, self.named[1:], strict=False)
+        return frozenset(
+            one.name for one, next_ in mentions if one.name == next_.name and self.text[one.end : next_.start].strip()
+        )
 
 
 def _called(name: str, before: str, was: str, names: Sequence[str], whole: bool) -> str:

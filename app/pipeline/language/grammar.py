@@ -12,10 +12,9 @@ NOUN_KINDS = (frozenset({"cube", "block", "brick"}), frozenset({"cup", "mug"}), 
 COLOURED = frozenset(["coloured", "colored", "colour", "color"])
 
 # Politeness, wherever a clause has a place for it; addresses and lead-ins, where a clause begins.
-FILLERS = _phrases(
-    "please,kindly,now,right now,just,thanks,thank you,thank you very much,many thanks,for me,if you please,"
-    "if possible,if you can"
-)
+_POLITE = "please,kindly,thanks,thank you,thank you very much,many thanks,for me,if you please,if possible,if you can"
+FILLERS = _phrases(f"{_POLITE},now,right now,just")
+FILLERS_OF_FORBIDDEN = _phrases(_POLITE)  # "not just the red one" wants it, too
 LEADS = _phrases(
     "robot,hey,hello,hi,dear,ok,okay,so,well,could you,can you,would you,will you,i want you to,i would like you to,"
     "i need you to,i ask you to,you should,you must,you have to,you need to,you can,you may,you will,let us,"
@@ -27,7 +26,8 @@ FIRST = _phrases("first,firstly,first of all,to begin with,start by,begin by,sta
 THEN = _phrases("then,after that,afterwards,afterward,next,finally,lastly,at last,after this,thereafter,subsequently")
 NOT = _phrases("do not,never,not,you must not,you should not,please do not")
 PASSIVE = _phrases("should be,must be,has to be,have to be,needs to be,need to be,is to be,are to be,shall be")
-SKIP = _phrases("ignore,forget,forget about,skip,avoid,leave out,stay away from,keep away from")
+BEFORE_GERUND = frozenset({"mind", "by", "with", "of", "than", "to"})  # "would you mind pushing", "instead of pushing"
+SKIP = _phrases("ignore,forget,forget about,skip,leave out")
 RATHER = _phrases("instead of,rather than,in place of,as opposed to")
 
 # A role is named after the plainest of the prepositions that mean the same for a robot.

@@ -101,7 +101,8 @@ class NounPhrases:
             first = start
         for said in self._described(_Said(Description(), first)):
             description = said.description
-            if first == start and self._text(start - 1) != "and" and description.is_place_alone:
+            listed = start > 0 and self._text(start - 1) == "and"
+            if first == start and not listed and description.is_place_alone:
                 continue  # "turn left" is a direction, "the top and bottom" are things
             candidates = description.candidates(self._lexicon, self._layout)
             if len(candidates) == 1:

@@ -11,6 +11,7 @@ from typing import Literal
 from app.pipeline.language import grammar
 from app.pipeline.language.clause_parser import DIRECT, Clause, Clauses
 from app.pipeline.language.phrases import NounPhrases
+from app.pipeline.language.verbs import common_families
 from app.pipeline.language.words import PhraseTable, Word
 
 Mood = Literal["do", "not", "skip", "rather"]
@@ -23,6 +24,7 @@ _PICKING = frozenset(
 class _Unit:
     clause: Clause
     mood: Mood
+    own_verb: bool
 
 
 class Sentences:
@@ -49,11 +51,21 @@ class Sentences:
             TooInvolvedError: if that takes too many steps.
         """
         for units in self._units(0, (), frozenset()):
+            if not self._is_order(units):
+                continue
             done = tuple(unit.clause for unit in units if unit.mood == "do")
             forbidden = [unit.clause for unit in units if unit.mood != "do"]
             says_what = len(units) == 1 or all(unit.clause.roles for unit in units)
-            if done and says_what and not any(_contradict(one, other) for one in forbidden for other in done):
+            if done and says_what and all(_is_other(one, done) for one in forbidden):
                 yield _without_pronouns(done)
+
+    def _is_order(self, units: Sequence[_Unit]) -> bool:
+        """Whether the text asks to do something: "the red button?" and "it" alone do not."""
+        asks = any(word.text == "?" for word in self._words)
+        if any(unit.own_verb for unit in units):
+            return True
+        named = all(phrase.name and phrase.with_noun for phrase in units[0].clause.phrases)
+        return not asks and (len(units) > 1 or named)
 
     def _units(self, at: int, units: tuple[_Unit, ...], joined: frozenset[str]) -> Iterator[tuple[_Unit, ...]]:
         """The text from here on.
@@ -72,11 +84,11 @@ class Sentences:
         for mood, table in forbidding:
             if (end := self._clauses.end(start, table)) is not None:
                 for clause, after in self._clauses.at(end, forbidden=True):
-                    yield from self._after(after, (*units, _Unit(_inherited(clause, units), mood)))
+                    yield from self._after(after, (*units, _unit(clause, units, mood)))
         for begin in {at, start}:
             for clause, after in self._clauses.at(begin, forbidden=False):
                 if _may_follow(clause, units, joined) and not self._goes_on(clause, units):
-                    yield from self._after(after, (*units, _Unit(_inherited(clause, units), "do")))
+                    yield from self._after(after, (*units, _unit(clause, units, "do")))
 
     def _goes_on(self, clause: Clause, units: Sequence[_Unit]) -> bool:
         """Whether a clause without a verb may describe the object before it further."""
@@ -93,15 +105,34 @@ class Sentences:
         """What follows a unit: the end, a separator, or what is not meant."""
         if (
             len(units) == 1
+            and units[0].mood == "do"
             and (first := self._clauses.end(at, grammar.FIRST)) is not None
             and self._clauses.separator(first)[1]
         ):
             at = first  # "push the red button first, then the blue one"
         end, joined = self._clauses.separator(at)
         if self._clauses.at_end(end):
-            yield units
+            if joined <= {",", "stop"}:  # "now and then" and "after that" say when
+                yield units
         elif end > at or units[-1].mood == "rather" or self._clauses.forbids(at):
             yield from self._units(end, units, joined)
+
+
+def _is_other(forbidden: Clause, wanted: Sequence[Clause]) -> bool:
+    """Whether what is forbidden is something else that might have been wanted.
+
+    It is not where it is wanted as well, nor where it is another kind of motion: "do not touch the blue one" bounds the
+    way to the red one, of which nothing here knows.
+    """
+    return any(_same_verb(forbidden, clause) for clause in wanted) and not any(
+        _contradict(forbidden, clause) for clause in wanted
+    )
+
+
+def _same_verb(forbidden: Clause, wanted: Clause) -> bool:
+    roles = {role for role, _ in wanted.roles if role != DIRECT}
+    same = not forbidden.verb or not wanted.verb or forbidden.verb == wanted.verb
+    return same or bool(common_families(forbidden.verb or "", wanted.verb or "", roles))
 
 
 def _contradict(forbidden: Clause, wanted: Clause) -> bool:
@@ -110,10 +141,10 @@ def _contradict(forbidden: Clause, wanted: Clause) -> bool:
     return all({p.name for p in phrases} & names.get(role, set()) for role, phrases in forbidden.roles)
 
 
-def _inherited(clause: Clause, units: Sequence[_Unit]) -> Clause:
-    """With the verb of the unit before where it has none."""
+def _unit(clause: Clause, units: Sequence[_Unit], mood: Mood) -> _Unit:
+    """A unit that has the verb of the one before where it has none of its own."""
     before = next((unit.clause.verb for unit in reversed(units) if unit.clause.verb), None)
-    return clause if clause.verb else replace(clause, verb=before)
+    return _Unit(clause if clause.verb else replace(clause, verb=before), mood, clause.verb is not None)
 
 
 def _may_follow(clause: Clause, units: Sequence[_Unit], joined: frozenset[str]) -> bool:

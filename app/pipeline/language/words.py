@@ -13,7 +13,7 @@ from rapidfuzz.distance import OSA
 Phrase = tuple[str, ...]
 IsWord = Callable[[str], bool]
 
-_TOKEN = re.compile(r"[^\W_]+-most\b|[^\W_]+(?:['\u2019][^\W_]+)*|[^\w\s]")
+_TOKEN = re.compile(r"[^\W_]+-most\b|(?<![^\W_])[-\u2212]\d+|[^\W_]+(?:['\u2019][^\W_]+)*|[^\w\s]")
 _DROPPED = frozenset("\"'`\u2018\u2019\u201c\u201d\u00ab\u00bb-\u2010\u2011)")  # "left-hand" reads as "left hand"
 _STOPS = {"(": ",", ":": ",", "\u2013": ",", "\u2014": ",", "!": ".", "\u2026": "."}
 _CONTRACTIONS = {
