@@ -106,12 +106,16 @@ class Clauses:
             if (end := self.end(at, grammar.THEN)) is not None:
                 sorts.add("then")
                 at = end
-            elif text in ("and", "but", ",", ".", ";", "?"):
+            elif text in ("and", "but", ",", ".", ";") or (text == "?" and self._only_marks_follow(at)):
                 sorts.add(text if text in ("and", "but", ",") else "stop")
                 at += 1
             else:
                 break
         return at, frozenset(sorts)
+
+    def _only_marks_follow(self, at: int) -> bool:
+        """Whether a question mark asks for all of it: what follows a question is another matter."""
+        return all(text in ".?!," for text in self._texts[at:])
 
     def at(self, at: int, *, forbidden: bool) -> Iterator[tuple[Clause, int]]:
         """The clauses that begin here, and where each ends."""
@@ -134,20 +138,18 @@ class Clauses:
 
     def _verb(self, at: int, *, passive: bool = False) -> Iterator[tuple[str, int]]:
         """The verbs that stand here in the form of an order, or as a participle; "pushed" alone is a report."""
-        if not self._has_form(at, passive=passive):
-            return
         for phrase in verbs.TABLE.all_at(self._texts, at):
-            yield " ".join(phrase), at + len(phrase)
+            if self._has_form(at, phrase[0], passive=passive):
+                yield " ".join(phrase), at + len(phrase)
         text = self.text(at)
         base = text if text in self._verbs else verbs.forms().get(text, "")  # "placed" is a word of places, too
-        if base and (base != text or base not in verbs.PHRASES):
+        if base and (base != text or base not in verbs.PHRASES) and self._has_form(at, base, passive=passive):
             yield base, at + 1
 
-    def _has_form(self, at: int, *, passive: bool) -> bool:
-        if self._fixed is None or self.at_end(at):  # whatever a taught instruction is written in
-            return True
+    def _has_form(self, at: int, base: str, *, passive: bool) -> bool:
+        """Whether a verb has the form that an order has; a taught instruction may be written in any."""
         word = self._words[at]
-        if passive or word.corrected or word.token.text == word.text:
+        if self._fixed is None or passive or word.corrected or word.token.text == base:
             return True
         return word.token.text.endswith("ing") and at > 0 and self.text(at - 1) in grammar.BEFORE_GERUND
 
@@ -164,7 +166,7 @@ class Clauses:
             for phrases, end in self._objects(start, forbidden):
                 more = clause.with_objects(DIRECT, phrases, after_article=after_article)
                 yield from self._arguments(end, more, forbidden)
-        if f"{clause.verb} {self.text(start)}" in verbs.PHRASES:
+        if clause.objects_in(DIRECT) and f"{clause.verb} {self.text(start)}" in verbs.PHRASES:
             verb = f"{clause.verb} {self.text(start)}"
             yield from self._arguments(start + 1, replace(clause, verb=verb), forbidden)
         yield from self._with_fixed(start, clause, forbidden)
@@ -235,6 +237,6 @@ class Clauses:
         found = self._phrases.at(at)
         if not forbidden:
             return found
-        none = (miss for miss in self._phrases.misses if miss.start == at and not miss.candidates)
-        named = (phrase for phrase in found if phrase.name is not None)
+        named = [phrase for phrase in found if phrase.name is not None]
+        none = (miss for miss in self._phrases.misses if miss.start == at and not miss.candidates and not named)
         return (*named, *(NounPhrase(at, miss.end, None, "name") for miss in sorted(none)))

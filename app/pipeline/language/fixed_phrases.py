@@ -81,4 +81,4 @@ def fits(asked: Sequence[FixedPhrase], taught: Sequence[FixedPhrase]) -> bool:
 def _keys(phrase: FixedPhrase) -> tuple[tuple[str, tuple[str, ...]], ...]:
     """As what a phrase may have been taught: "left" also as "to the left"."""
     own = (phrase.role, phrase.words)
-    return (own,) if phrase.role else (own, ("to", phrase.words))
+    return (own,) if phrase.role or phrase.describes else (own, ("to", phrase.words))

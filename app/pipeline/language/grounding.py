@@ -16,6 +16,7 @@ from app.pipeline.language.phrases import NounPhrase, NounPhrases, TooInvolvedEr
 from app.pipeline.language.refusals import check_named, passed_on, refusal
 from app.pipeline.language.sentences import Sentences
 from app.pipeline.language.space import Layout
+from app.pipeline.language.verbs import DESTINATIONS
 from app.pipeline.language.words import IsWord, Word
 
 MAX_READINGS = 64  # that are compared; who needs more is ambiguous
@@ -190,7 +191,10 @@ class Taught:
         """The instruction itself, if it is a taught one or such a one about other objects."""
         whole, parts = self._templates
         known = template(self.names, instruction) in whole
-        if known or all(template(self.names, part) in parts for part in clauses(instruction)):
+        strung = clauses(instruction)
+        named = [name for part in strung for name in mention_order(self.names, part)]
+        apart = len(set(named)) == len(named)  # else what was taken elsewhere may be wanted again
+        if known or (apart and all(template(self.names, part) in parts for part in strung)):
             return Grounded(instruction, tuple(self._mentioned(instruction)))
         return None
 
@@ -226,7 +230,7 @@ class Taught:
             plan = tuple(filled for part in choice for filled in part)
             signatures = tuple(filled.frame.signature for filled in plan)
             alone = all(filled.frame.may_stand_alone for filled in plan)
-            if alone or any(signatures == frame.plan for frame in self.frames):
+            if any(signatures == frame.plan for frame in self.frames) or (alone and not _wants_moved(plan)):
                 yield plan
 
     def _choices(self, clause: Clause) -> list[tuple[_Filled, ...]]:
@@ -259,6 +263,17 @@ class Taught:
         if len(known) < len(texts):
             return None
         return _JOINT.join([*(text.rstrip(". ") for text in known[:-1]), known[-1]])
+
+
+def _wants_moved(plan: Sequence[_Filled]) -> bool:
+    """Whether an object is asked for again after it was taken elsewhere: only where it was seen is known."""
+    moved: set[str] = set()
+    for filled in plan:
+        if not moved.isdisjoint(phrase.name for phrase in filled.clause.phrases if phrase.name):
+            return True
+        if any(role in DESTINATIONS or role == "off" for role, _ in filled.clause.roles):
+            moved |= {phrase.name for phrase in filled.clause.objects_in(DIRECT) if phrase.name}
+    return False
 
 
 def _has_verb(filled: _Filled) -> bool:

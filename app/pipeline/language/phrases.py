@@ -135,9 +135,8 @@ class NounPhrases:
         description = replace(before, means=means, plural=before.plural or self._words[at].plural)
         yield from self._whole_names(at, description)
         loose = self._lexicon.loose
-        after_noun = bool(description.words) and description.has_noun
         for word in {text, grammar.PLACES_IN_NAMES.get(text, text)} & loose - set(description.words):
-            if after_noun and word in grammar.PLACE_ADJECTIVES:
+            if before.has_noun and word in grammar.PLACE_ADJECTIVES:
                 continue  # "turn the tap left" names no left tap
             means = description.means if word in self._lexicon.name_words else description.means | {"alias"}
             yield _Said(replace(description, words=(*description.words, word), means=means), at + 1)
@@ -173,7 +172,10 @@ class NounPhrases:
     def _placed(self, at: int, description: Description) -> Iterator[_Said]:
         text = self._text(at)
         if (end := grammar.PLACES.end_at(self._texts, at)) is not None:
-            yield _Said(description.with_pick(grammar.PICKS[tuple(self._texts[at:end])]), end)
+            said = tuple(self._texts[at:end])
+            yield _Said(description.with_pick(grammar.PICKS[said]), end)
+            for side in grammar.EDGES.intersection(said) & self._lexicon.loose:  # a name may say so as well
+                yield _Said(replace(description, words=(*description.words, side)), end)
         if description.place and text in grammar.COUNTED_FROM and text.endswith("st"):
             yield _Said(description.counted_from(grammar.COUNTED_FROM[text]), at + 1)
         if text in grammar.ORDINALS and description.place is None:

@@ -55,8 +55,12 @@ def refusal(
     if unknown := [repr(word.token.text) for word in words if not word.known and word.text[0].isalnum()]:
         message = f"the words {', '.join(unknown)} of {instruction!r} are not understood"
         return UnfamiliarInstructionError(FIELD, message, valid)
-    message = f"{instruction!r} has no form that the task was taught, or says only what not to do"
-    return UnfamiliarInstructionError(FIELD, message, valid)
+    what = "says what not to do in a way that is not understood"
+    if not _forbids(words):
+        what = (
+            "has no form that was taught: another order, place, direction, number or role, or of a thing moved before"
+        )
+    return UnfamiliarInstructionError(FIELD, f"{instruction!r} {what}", valid)
 
 
 def passed_on(
@@ -69,9 +73,7 @@ def passed_on(
             something: which object is acted on would be chance.
     """
     valid = _valid(known)
-    texts = [word.text for word in words]
-    forbidding = (grammar.NOT, grammar.SKIP, grammar.RATHER)
-    if any(table.end_at(texts, k) is not None for table in forbidding for k in range(len(texts))):
+    if _forbids(words):
         raise UngroundedInstructionError(FIELD, f"{instruction!r} says what not to do", valid)
     if (missed := _missed(words, phrases) or _unknown_thing(words)) is not None:
         raise _ungrounded(instruction, words, missed, valid)
@@ -82,6 +84,13 @@ def passed_on(
     if mention_order(known.names, text) != tuple(dict.fromkeys(phrase.name for phrase in found)):
         raise UngroundedInstructionError(FIELD, f"{instruction!r} names its objects in an unclear way", valid)
     return text, found
+
+
+def _forbids(words: Sequence[Word]) -> bool:
+    """Whether it says what not to do."""
+    texts = [word.text for word in words]
+    tables = (grammar.NOT, grammar.SKIP, grammar.RATHER)
+    return any(table.end_at(texts, k) is not None for table in tables for k in range(len(texts)))
 
 
 def check_named(known: Known, instruction: str, words: Sequence[Word], found: Sequence[NounPhrase]) -> None:

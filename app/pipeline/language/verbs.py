@@ -11,7 +11,9 @@ from functools import lru_cache
 
 from app.pipeline.language.words import PhraseTable, verb_forms
 
-DESTINATIONS = frozenset({"to", "on", "in", "against", "next to"})
+DESTINATIONS = frozenset({
+    "to", "on", "in", "against", "next to", "left of", "right of", "behind", "in front of", "under", "above", "between",
+})  # fmt: skip
 
 
 def _anything(roles: Collection[str]) -> bool:
@@ -52,14 +54,23 @@ FAMILIES: tuple[Family, ...] = (
         _nowhere,
     ),
     Family(_verbs("pick, pick up, grasp, grab, grip, take, lift, lift up, get, take hold of, grab hold of"), _nowhere),
-    Family(_verbs("take, remove, lift, lift up, pick, pick up, get"), lambda roles: "off" in roles),
+    Family(
+        _verbs("take, remove, lift, lift up, pick, pick up, get, grab, destack, unstack, de stack, un stack"),
+        lambda roles: "off" in roles,
+    ),
     Family(_verbs("put, put down, place, set, set down, lay, lay down, position")),
     Family(
         _verbs("stack, stack up, pile, put, put down, place, set, set down, lay, lay down, move"),
         lambda roles: not {"on", "in"}.isdisjoint(roles),
     ),
-    Family(_verbs("insert, put, place, move"), lambda roles: "in" in roles),
-    Family(_verbs("put, place, set, move, bring, transfer, carry"), _somewhere),
+    Family(
+        _verbs("insert, put, place, move, drop, deposit, stow, store, load, transfer, bring, fit"),
+        lambda roles: "in" in roles,
+    ),
+    Family(_verbs("put, place, set, lay, move, shift, bring, transfer, carry"), _somewhere),
+    Family(_verbs("give, hand, pass, hand over, pass over")),
+    Family(_verbs("turn on, switch on")),
+    Family(_verbs("turn off, switch off")),
     Family(_verbs("open, open up, pull open, slide open"), _nowhere),
     Family(_verbs("close, shut, push shut, push closed, slide shut, slide closed"), _nowhere),
     Family(_verbs("turn, rotate, twist, turn around, rotate around")),
