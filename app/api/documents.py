@@ -5,7 +5,7 @@ from typing import Any
 
 from app.llm.base import ModelProfile
 from app.pipeline.episode import Demonstration
-from app.pipeline.language.grounding import Grounded
+from app.pipeline.language.grounded import Grounded
 from app.pipeline.prompt import Prompt
 from app.pipeline.representation import fit_codec
 from app.pipeline.workspace import Workspace, discretize_action, object_bins

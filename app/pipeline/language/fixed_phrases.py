@@ -1,7 +1,8 @@
 """What a clause says besides its verb and its objects: "to the left", "in the top drawer", "the dirt", "away".
 
 A taught phrase counts as a whole and with its own preposition: "from 5 to 2" has the words of "from 2 to 5". One that
-says which way, where, which one or how often may not be left out, since its opposite is another motion.
+says which way, how often or in which manner may not be left out, since its opposite is another motion; a place may, as
+long as no other was taught.
 """
 
 from collections import Counter
@@ -23,6 +24,7 @@ _DIRECTIONS = frozenset({
     "rightwards", "north", "south", "east", "west", "open", "closed", "shut", "on", "off", "in", "out",
 })  # fmt: skip
 _DECIDING = _ALTERING | _DIRECTIONS | ADJECTIVES | set(NUMBERS.values())
+_PLACES = frozenset({"on", "in", "at", "of", "under", "above", "next to", "behind", "in front of", "by", "against"})
 # Marks among a clause's fixed words: an object stands here, after its article or right after the word before.
 OBJECT, MODIFIED_OBJECT = "", "+"
 
@@ -42,8 +44,9 @@ class FixedPhrase(NamedTuple):
     @property
     def decides(self) -> bool:
         """Whether a clause without them asks for something else."""
-        deciding = any(word in _DECIDING or word.isdigit() for word in self.words)
-        return deciding and not (self.describes and ADJECTIVES.issuperset(self.words))
+        deciding = _DECIDING if self.role not in _PLACES else _ALTERING
+        decides = any(word in deciding or word.isdigit() for word in self.words)
+        return decides and not (self.describes and ADJECTIVES.issuperset(self.words))
 
 
 def fixed_phrases(fixed: Sequence[str]) -> tuple[FixedPhrase, ...]:

@@ -4,13 +4,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import islice, permutations, product
-from typing import Any
 
 from app.pipeline.errors import UnfamiliarInstructionError
 from app.pipeline.language.clause_parser import DIRECT, Clause
 from app.pipeline.language.descriptions import MEANS
 from app.pipeline.language.frames import Frame, frames_of, taught_verb
-from app.pipeline.language.lexicon import Lexicon
+from app.pipeline.language.grammar import PLACE_ADJECTIVES
+from app.pipeline.language.grounded import Grounded, Grounding
+from app.pipeline.language.lexicon import Lexicon, noun_of, phrase_of
 from app.pipeline.language.mentions import clauses, mention_order, mentions, template
 from app.pipeline.language.phrases import NounPhrase, NounPhrases, TooInvolvedError
 from app.pipeline.language.refusals import check_named, passed_on, refusal
@@ -22,53 +23,6 @@ from app.pipeline.language.words import IsWord, Word
 MAX_READINGS = 64  # that are compared; who needs more is ambiguous
 MAX_CHOICES = 200  # instructions that a model can be asked to choose from
 _JOINT = ", then "
-
-
-@dataclass(frozen=True)
-class Grounding:
-    """What a phrase of an instruction was taken for.
-
-    Attributes:
-        by: name, alias, spelling, colour, relation, taught (nothing named it, but what was taught does), or llm.
-    """
-
-    phrase: str
-    object_name: str
-    by: str
-
-    def to_json(self) -> dict[str, str]:
-        """As answers carry it."""
-        return {"phrase": self.phrase, "object": self.object_name, "by": self.by}
-
-    @classmethod
-    def from_json(cls, value: Mapping[str, str]) -> "Grounding":
-        """As `to_json` wrote it."""
-        return cls(value["phrase"], value["object"], value["by"])
-
-
-@dataclass(frozen=True)
-class Grounded:
-    """An instruction as it was understood.
-
-    Attributes:
-        instruction: the canonical instruction: objects by their names, in the form of a taught instruction.
-        unfamiliar: why it is unlike every taught instruction, where that was allowed.
-    """
-
-    instruction: str
-    phrases: tuple[Grounding, ...] = ()
-    unfamiliar: str | None = None
-
-    def to_json(self) -> dict[str, Any]:
-        """As it is stored."""
-        phrases = [phrase.to_json() for phrase in self.phrases]
-        return {"instruction": self.instruction, "phrases": phrases, "unfamiliar": self.unfamiliar}
-
-    @classmethod
-    def from_json(cls, value: Mapping[str, Any]) -> "Grounded":
-        """As `to_json` wrote it."""
-        phrases = tuple(map(Grounding.from_json, value["phrases"]))
-        return cls(value["instruction"], phrases, value["unfamiliar"])
 
 
 @dataclass(frozen=True)
@@ -194,9 +148,19 @@ class Taught:
         strung = clauses(instruction)
         named = [name for part in strung for name in mention_order(self.names, part)]
         apart = len(set(named)) == len(named)  # else what was taken elsewhere may be wanted again
+        if instruction not in self.instructions and self._says_where_only(instruction):
+            return None  # "turn left" has the form of "turn left tap"
         if known or (apart and all(template(self.names, part) in parts for part in strung)):
             return Grounded(instruction, tuple(self._mentioned(instruction)))
         return None
+
+    def _says_where_only(self, instruction: str) -> bool:
+        """Whether words of place stand for an object without its noun, where a direction can stand as well."""
+        said = {word.text for word in self._lexicon.read(instruction)}
+        return any(
+            instruction[start:end].lower() in PLACE_ADJECTIVES and noun_of(phrase_of(name)) not in said
+            for start, end, name in mentions(self.names, instruction)
+        )
 
     def _mentioned(self, instruction: str) -> Iterator[Grounding]:
         found = mentions(self.names, instruction)

@@ -8,7 +8,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Protocol
 
 from app.pipeline.errors import UnsupportedActionError
-from app.pipeline.findings import Finding
+from app.pipeline.findings import Finding, Severity
+from app.pipeline.language.strangers import strangers
 from app.pipeline.plans.support import PlacedRow, SupportGuard
 from app.pipeline.prediction_findings import ActionDoubt, scatter_findings
 from app.pipeline.scene_findings import scene_findings
@@ -77,6 +78,18 @@ def _words(question: Question) -> Iterator[Finding]:
         listed = ", ".join(map(repr, taught[:LISTED])) + more
         message = f"No demonstration has this instruction, {grounded.instruction!r}; they have {listed}."
         yield Finding("new-instruction", "info", message, "instruction")
+        yield from _new_roles(question, taught)
+
+
+def _new_roles(question: Question, taught: Sequence[str]) -> Iterator[Finding]:
+    names = tuple(pose.name for pose in question.observed)
+    for stranger in strangers(names, question.grounded.instruction, taught):
+        shown = ", ".join(map(repr, stranger.instead_of[:LISTED]))
+        severity: Severity = "danger" if stranger.named_elsewhere else "warning"
+        message = (
+            f"{stranger.name!r} stands where demonstrations have {shown}, another kind of thing: the motion is theirs."
+        )
+        yield Finding("new-role", severity, message, "instruction")
 
 
 def _failure(status: PredictionStatus, error: str | None) -> Iterator[Finding]:

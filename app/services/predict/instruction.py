@@ -14,7 +14,8 @@ from importlib.resources import files
 import numpy as np
 
 from app.llm.base import CompletionRequest, LanguageModel, LanguageModelError, complete
-from app.pipeline.language.grounding import Grounded, Grounding, Taught
+from app.pipeline.language.grounded import Grounded, Grounding
+from app.pipeline.language.grounding import Taught
 from app.pipeline.language.space import Layout
 from app.pipeline.prompt import Prompt
 from app.services.predict.question import PredictRequest

@@ -8,7 +8,7 @@ import numpy as np
 from app.llm.base import ModelProfile
 from app.perception.points import ASSUMED_RADIUS_M, Source, object_points
 from app.pipeline.findings import Finding
-from app.pipeline.language.grounding import Grounded
+from app.pipeline.language.grounded import Grounded
 from app.services.measures import Timings, timed
 from app.services.pose_servers import PoseServers
 from app.services.predict.doubts import findings_before

@@ -11,7 +11,7 @@ from app.llm.base import Completion, ModelProfile
 from app.perception.base import ObjectQuery
 from app.perception.images import ImageBytes
 from app.pipeline.findings import Finding
-from app.pipeline.language.grounding import Grounded
+from app.pipeline.language.grounded import Grounded
 from app.pipeline.plans.support import PlacedPlan, PlacedRow
 from app.pipeline.prompt import Prompt, PromptTemplate
 from app.pipeline.representation.base import Codec

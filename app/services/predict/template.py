@@ -13,7 +13,7 @@ from sqlalchemy import Connection
 from app.pipeline.clearance import ShownWays
 from app.pipeline.closed_loop import ClosedLoopTemplate
 from app.pipeline.episode import Demonstration
-from app.pipeline.language.grounding import Grounded
+from app.pipeline.language.grounded import Grounded
 from app.pipeline.plans import by_plan
 from app.pipeline.plans.support import Support
 from app.pipeline.prompt import PromptTemplate, system_prompt_text

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from app.pipeline.errors import UnfamiliarInstructionError, UngroundedInstructionError
-from app.pipeline.language.grounding import Grounded, Grounding, Taught
+from app.pipeline.language.grounded import Grounded, Grounding
+from app.pipeline.language.grounding import Taught
 from app.pipeline.language.space import Layout
 from app.services.predict.instruction import is_english
 
