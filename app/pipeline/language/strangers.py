@@ -33,13 +33,19 @@ def strangers(names: Sequence[str], instruction: str, taught: Sequence[str]) -> 
     """
     parts = [(template(names, part), mention_order(names, part)) for text in taught for part in clauses(text)]
     known = {name for _, order in parts for name in order}
+    usual = {(_verb(form), place, name) for form, order in parts for place, name in enumerate(order)}
     for part in clauses(instruction):
         form, order = template(names, part), mention_order(names, part)
         alike = [taught_order for taught_form, taught_order in parts if taught_form == form]
         for place, name in enumerate(order if alike else ()):
             there = tuple(dict.fromkeys(taught_order[place] for taught_order in alike))
-            if name not in there and _kind(name).isdisjoint(frozenset().union(*map(_kind, there))):
+            as_usual = (_verb(form), place, name) in usual  # put on another thing, but put
+            if not as_usual and _kind(name).isdisjoint(frozenset().union(*map(_kind, there))):
                 yield Stranger(name, there, name in known)
+
+
+def _verb(form: str) -> str:
+    return form.partition(" ")[0]
 
 
 def _kind(name: str) -> frozenset[str]:

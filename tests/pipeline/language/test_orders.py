@@ -27,6 +27,7 @@ TASKS = {
     "safe": (("money", "safe"), ("put the money away in the safe on the bottom shelf",)),
     "dirt": (("broom", "dustpan"), ("sweep the dirt away to the dustpan",)),
 }
+PEAR = Stranger("pear", ("plate",), named_elsewhere=False)
 TAUGHT = {task: Taught(names, {}, texts, is_english) for task, (names, texts) in TASKS.items()}
 
 
@@ -139,6 +140,18 @@ def test_what_is_another_order_or_none_is_refused(task, said):
         (("apple", "banana"), "pick up the banana", ("pick up the apple",), [Stranger("banana", ("apple",), False)]),
         (("box a", "box b", "bin"), "put box b in the bin", ("put box a in the bin",), []),
         (("red cube", "blue block"), "pick up the blue block", ("pick up the red cube",), []),
+        (
+            TASKS["kitchen"][0],
+            "put the apple on the banana",
+            TASKS["kitchen"][1],
+            [Stranger("banana", ("plate",), False)],
+        ),
+        (
+            TASKS["kitchen"][0],
+            "put the banana on the plate",
+            ("put the banana in the bowl", "put the apple on the plate"),
+            [],
+        ),
         (("a", "b"), "something else", ("pick up a",), []),
     ],
 )
