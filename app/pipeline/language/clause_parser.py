@@ -106,16 +106,21 @@ class Clauses:
             if (end := self.end(at, grammar.THEN)) is not None:
                 sorts.add("then")
                 at = end
-            elif text in ("and", "but", ",", ".", ";") or (text == "?" and self._only_marks_follow(at)):
+            elif text in ("and", "but", ",", ".", ";") or (text == "?" and self._is_all_asked(at + 1)):
                 sorts.add(text if text in ("and", "but", ",") else "stop")
                 at += 1
             else:
                 break
         return at, frozenset(sorts)
 
-    def _only_marks_follow(self, at: int) -> bool:
-        """Whether a question mark asks for all of it: what follows a question is another matter."""
-        return all(text in ".?!," for text in self._texts[at:])
+    def _is_all_asked(self, at: int) -> bool:
+        """Whether a question ends here that asks for all of it: nothing but thanks follows."""
+        while not self.at_end(at):
+            end = at + 1 if self.text(at) in grammar.MARKS else self.end(at, grammar.FILLERS)
+            if end is None:
+                return False
+            at = end
+        return True
 
     def at(self, at: int, *, forbidden: bool) -> Iterator[tuple[Clause, int]]:
         """The clauses that begin here, and where each ends."""

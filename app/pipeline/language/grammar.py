@@ -120,7 +120,7 @@ RELATIONS = PhraseTable((*SIDES_OF, *BESIDE))
 
 ADJECTIVES = PLACE_ADJECTIVES | BASIC | ORDINALS.keys() | set(NUMBERS) | set(NUMBERS.values()) | {"1"}
 
-_MARKS = frozenset({",", ".", ";", "?"})
+MARKS = frozenset({",", ".", ";", "?"})
 _TABLES = (
     *(FILLERS, LEADS, INSTEAD, FIRST, THEN, NOT, PASSIVE, SKIP, RATHER, PREPOSITIONS, PLACES, ROBOT, BEING, EXACTLY),
     *(SIDES, RELATIONS),
@@ -135,5 +135,5 @@ NEVER_LOOSE = DETERMINERS | GENERIC_NOUNS | {word for phrase in PREPOSITIONS for
 } | {"and", "or", "not", "it", "is"}  # fmt: skip
 FUNCTION_WORDS = (
     frozenset(word for table in _TABLES for phrase in table for word in phrase)
-    | {*DETERMINERS, *COLOURED, *ORDINALS, *NEAR, *FAR, *_MARKS, *_ALONE}
+    | {*DETERMINERS, *COLOURED, *ORDINALS, *NEAR, *FAR, *MARKS, *_ALONE}
 )  # fmt: skip

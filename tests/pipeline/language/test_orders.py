@@ -45,6 +45,7 @@ TAUGHT = {task: Taught(names, {}, texts, is_english) for task, (names, texts) in
         ("lamp", "turn the lamp on", "turn on the lamp"),
         ("lamp", "switch on the lamp", "turn on the lamp"),
         ("buttons", "would you mind pushing the red button?", "push the red button"),
+        ("buttons", "could you push the red button? Thank you!", "push the red button"),
         ("buttons", "instead of pushing the red button, push the blue one", "push the blue button"),
         ("buttons", "the red button should be pushed", "push the red button"),
         ("kitchen", "put the apple in the bowl, not on the plate", "put the apple in the bowl"),
