@@ -8,13 +8,13 @@ import asyncio
 import math
 import re
 from collections.abc import AsyncGenerator, AsyncIterator, Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import AsyncExitStack, asynccontextmanager, contextmanager, suppress
 from datetime import UTC, datetime
 from email.utils import parsedate_to_datetime
 from typing import Any
 
 import httpx
-from httpx_sse import ServerSentEvent, SSEError, aconnect_sse
+from httpx_sse import EventSource, ServerSentEvent, SSEError, aconnect_sse
 
 from app.llm.base import (
     CompletionRequest,
@@ -118,7 +118,7 @@ class SseEndpoint:
             ModelResponseError: the server answered with an error, or its reply cannot be read.
         """
         with self._errors_mapped():
-            async with aconnect_sse(self._http(), "POST", self._url, json=body) as source:
+            async with self._asked(body) as source:
                 if source.response.status_code != httpx.codes.OK:
                     await source.response.aread()
                     raise self._refusal(source.response)
@@ -130,6 +130,16 @@ class SseEndpoint:
                             await _read_out(events)
                         return
                     yield chunk
+
+    @asynccontextmanager
+    async def _asked(self, body: Mapping[str, Any]) -> AsyncGenerator[EventSource, None]:
+        async with AsyncExitStack() as stack:
+            try:
+                source = await stack.enter_async_context(aconnect_sse(self._http(), "POST", self._url, json=body))
+            except AttributeError as error:
+                # httpcore asks a connection that broke as soon as it was made for its socket: uvloop has none then
+                raise httpx.ConnectError("the connection broke as soon as it was made") from error
+            yield source
 
     async def aclose(self) -> None:
         """Close the connections; later requests are an error."""

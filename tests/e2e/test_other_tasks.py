@@ -114,7 +114,8 @@ def test_the_pages_show_it_and_ask_for_it_again(taught):
     assert "Nobody has shown this task" in shown.text
     again = taught.get("/ui/predict", params={"again": id_}, headers={"accept": "text/html"})
     assert '<input id="others" name="demonstrations_from" value="lift"' in again.text
-    prompt = taught.post("/ui/predict/prompt", json={**FETCH, "demonstrations_from": "similar", "model": "nearest"})
+    prompt = taught.post("/ui/predict/prompt", json={**FETCH, "demonstrations_from": ["lift"], "model": "nearest"})
+    assert prompt.status_code == 200, prompt.text
     assert "hoist the mug" in prompt.json()["html"]
     assert taught.get("/tasks/fetch/stats").json()["configurations"][0]["selection"] == "other tasks"
 
@@ -128,7 +129,8 @@ def test_the_client_asks_for_similar_tasks(taught, url):
     with RoboPromptClient(url) as client:
         seen = Observation((ObjectPose("teapot", np.array(MUG_M)),))
         client.upload("tea", "pick up the teapot", pick_trajectory(MUG_M), seen)
-        client.configure_task("tea again")
+        # Whatever other tests have taught this service, it lies inside.
+        client.configure_task("tea again", workspace={"min": [-9, -9, -9], "max": [9, 9, 9]})
         asked = ("tea again", "pick up the teapot", seen)
         answer = client.predict(*asked, demonstrations_from="similar", model="nearest")
         shown = {client.get(f"/episodes/{id_}")["task"] for id_ in answer.response["demonstration_ids"]}

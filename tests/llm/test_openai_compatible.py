@@ -4,6 +4,7 @@ import asyncio
 import json
 import time
 
+import httpx
 import pytest
 
 from app.llm import sse
@@ -302,6 +303,18 @@ def test_an_unreachable_server_names_the_url_and_the_variable(base_url):
     with pytest.raises(ModelUnavailableError, match=r"cannot reach some/completion .*ROBOPROMPT_SOME_URL") as caught:
         asyncio.run(run())
     assert "password" not in str(caught.value)
+
+
+def test_a_connection_that_breaks_as_soon_as_it_is_made_may_be_tried_again(monkeypatch):
+    """As httpcore has it with uvloop when the server is killed at this moment."""
+
+    async def broken(transport, request):
+        raise AttributeError("'NoneType' object has no attribute 'getpeername'")
+
+    monkeypatch.setattr(httpx.AsyncHTTPTransport, "handle_async_request", broken)
+    with pytest.raises(ModelUnavailableError, match="broke as soon as it was made") as caught:
+        ask(streamed(text("4"), "[DONE]"))
+    assert caught.value.retryable
 
 
 def test_text_in_many_events_of_one_packet_arrives_in_pieces():
