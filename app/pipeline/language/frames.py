@@ -12,6 +12,7 @@ from app.pipeline.language.phrases import NounPhrase, NounPhrases, TooInvolvedEr
 from app.pipeline.language.sentences import Sentences
 from app.pipeline.language.verbs import Family, common_families
 
+INSTRUMENT = "with"  # the role that may be left out
 Signature = tuple[str | None, tuple[tuple[str, int], ...], tuple[FixedPhrase, ...]]
 
 
@@ -51,6 +52,8 @@ class Frame:
         taught = {_plain(role, one_destination): phrases for role, phrases in roles.items()}
         if len(names) == 1 and not (set(asked) | set(taught)) - {DIRECT}:
             return self._of_the_only(clause, names[0])
+        if INSTRUMENT in taught and INSTRUMENT not in asked:
+            asked[INSTRUMENT] = taught[INSTRUMENT]  # "wipe the table": with what it was taught with
         if {role: len(phrases) for role, phrases in taught.items()} != {r: len(p) for r, p in asked.items()}:
             return None
         pairs = [pair for role in taught for pair in zip(taught[role], asked[role], strict=True)]

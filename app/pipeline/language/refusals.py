@@ -57,9 +57,7 @@ def refusal(
         return UnfamiliarInstructionError(FIELD, message, valid)
     what = "says what not to do in a way that is not understood"
     if not _forbids(words):
-        what = (
-            "has no form that was taught: another order, place, direction, number or role, or of a thing moved before"
-        )
+        what = "is no order in a form that was taught: another place, direction, number, role or sequence, or a report"
     return UnfamiliarInstructionError(FIELD, f"{instruction!r} {what}", valid)
 
 

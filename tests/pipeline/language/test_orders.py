@@ -25,6 +25,7 @@ TASKS = {
     "tools": (("hammer", "screwdriver"), ("give me the hammer",)),
     "order": (("tray",), ("empty the tray in the reverse order",)),
     "safe": (("money", "safe"), ("put the money away in the safe on the bottom shelf",)),
+    "wipe": (("table", "sponge", "tray"), ("wipe the table with the sponge",)),
     "dirt": (("broom", "dustpan"), ("sweep the dirt away to the dustpan",)),
 }
 PEAR = Stranger("pear", ("plate",), named_elsewhere=False)
@@ -52,6 +53,7 @@ TAUGHT = {task: Taught(names, {}, texts, is_english) for task, (names, texts) in
         ("kitchen", "drop the apple into the bowl", "put the apple in the bowl"),
         ("tools", "hand me the screwdriver", "give me the screwdriver"),
         ("safe", "put the money in the safe", "put the money away in the safe on the bottom shelf"),
+        ("wipe", "wipe the table", "wipe the table with the sponge"),
         ("dirt", "sweep the dirt to the dustpan", "sweep the dirt away to the dustpan"),
         ("dirt", "sweep away the dirt to the dustpan", "sweep the dirt away to the dustpan"),
     ],
@@ -118,6 +120,8 @@ def test_what_is_meant_is_understood_or_refused_but_never_another_thing(task, sa
         ("safe", "put the money in the safe on the top shelf"),
         ("safe", "put the money on the left shelf in the safe"),
         ("order", "empty the tray"),
+        ("wipe", "wipe the sponge"),
+        ("wipe", "wipe with the sponge"),
         ("tubes", "place test tube -1 in the rack"),
         ("pour", "pour water from the glass into the bottle"),
     ],
