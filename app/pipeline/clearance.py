@@ -40,37 +40,39 @@ class ShownWays:
 
     @cached_property
     def _of_name(self) -> dict[str, float]:
-        least_m: dict[str, float] = {}
-        for distances_m in self._distances_m:
-            for name, distance_m in distances_m.items():
-                least_m[name] = min(distance_m, least_m.get(name, distance_m))
-        return least_m
+        found: dict[str, float] = {}
+        for least_m in self._least_m:
+            for name, distance_m in least_m.items():
+                found[name] = min(distance_m, found.get(name, distance_m))
+        return found
 
     @cached_property
     def _of_place(self) -> tuple[float, ...]:
         columns: list[list[float]] = []
-        for demonstration, distances_m in zip(self.demonstrations, self._distances_m, strict=True):
-            for place, name in enumerate(mention_order(list(distances_m), demonstration.instruction)):
+        for demonstration, least_m in zip(self.demonstrations, self._least_m, strict=True):
+            for place, name in enumerate(mention_order(list(least_m), demonstration.instruction)):
                 if place == len(columns):
                     columns.append([])
-                columns[place].append(distances_m[name])
+                columns[place].append(least_m[name])
         return tuple(min(column) for column in columns)
 
     @cached_property
-    def _distances_m(self) -> tuple[dict[str, float], ...]:
-        found = []
-        for demonstration in self.demonstrations:
-            way_m = way(demonstration.start, demonstration.actions)
-            found.append(
-                {pose.name: float(distances_m(way_m, pose.position_m).min()) for pose in demonstration.objects}
-            )
-        return tuple(found)
+    def _least_m(self) -> tuple[dict[str, float], ...]:
+        return tuple(_least_m(demonstration) for demonstration in self.demonstrations)
+
+
+def _least_m(demonstration: Demonstration) -> dict[str, float]:
+    """The least distance of the hand from each object; of a hand that goes nowhere from none."""
+    if not demonstration.actions:
+        return {}
+    way_m = way(demonstration.start, demonstration.actions)
+    return {pose.name: float(distances_m(way_m, pose.position_m).min()) for pose in demonstration.objects}
 
 
 def way(start: EndEffectorAction | None, actions: Sequence[EndEffectorAction]) -> Array:
     """(P, 3) the positions that the hand goes to in turn, straight from one to the next."""
     poses = actions if start is None else (start, *actions)
-    return np.array([pose.position_m for pose in poses]).reshape(-1, 3)
+    return np.array([pose.position_m for pose in poses])
 
 
 def distances_m(way_m: Array, place_m: Array) -> Array:

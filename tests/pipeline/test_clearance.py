@@ -59,6 +59,13 @@ def test_few_demonstrations_say_nothing_of_what_is_near(number):
     assert found((0.2, 0.0, 0.8), shown=ShownWays(SHOWN.demonstrations[:number])) == []
 
 
+def test_demonstrations_without_actions_keep_no_distance():
+    still = demonstration(INSTRUCTION, SHOWN.demonstrations[0].objects, [])
+    assert found((0.2, 0.0, 0.8), shown=ShownWays((still, still, still))) == []
+    (finding,) = found((0.2, 0.0, 0.8), shown=ShownWays((still, *SHOWN.demonstrations)))
+    assert finding.numbers["demonstrated_m"] == pytest.approx(0.15)
+
+
 def test_an_object_is_held_against_what_had_its_place_in_the_instruction():
     """The vase is carried for the first time: the hand goes to it as it went to the cup."""
     names = ("vase", "plate", "cup")

@@ -8,14 +8,14 @@ from itertools import islice, permutations, product
 from app.pipeline.errors import UnfamiliarInstructionError
 from app.pipeline.language.clause_parser import DIRECT, Clause
 from app.pipeline.language.descriptions import MEANS
-from app.pipeline.language.frames import Frame, frames_of, taught_verb
+from app.pipeline.language.frames import INSTRUMENT, Frame, frames_of, taught_verb
 from app.pipeline.language.grammar import PLACE_ADJECTIVES
 from app.pipeline.language.grounded import Grounded, Grounding
 from app.pipeline.language.lexicon import Lexicon, noun_of, phrase_of
 from app.pipeline.language.mentions import clauses, mention_order, mentions, template
 from app.pipeline.language.phrases import NounPhrase, NounPhrases, TooInvolvedError
 from app.pipeline.language.refusals import check_named, passed_on, refusal
-from app.pipeline.language.sentences import Sentences
+from app.pipeline.language.sentences import PICKING, Sentences
 from app.pipeline.language.space import Layout
 from app.pipeline.language.verbs import DESTINATIONS
 from app.pipeline.language.words import IsWord, Word
@@ -148,11 +148,11 @@ class Taught:
         strung = clauses(instruction)
         named = [name for part in strung for name in mention_order(self.names, part)]
         apart = len(set(named)) == len(named)  # else what was taken elsewhere may be wanted again
+        if not known and not (apart and all(template(self.names, part) in parts for part in strung)):
+            return None
         if instruction not in self.instructions and self._says_where_only(instruction):
             return None  # "turn left" has the form of "turn left tap"
-        if known or (apart and all(template(self.names, part) in parts for part in strung)):
-            return Grounded(instruction, tuple(self._mentioned(instruction)))
-        return None
+        return Grounded(instruction, tuple(self._mentioned(instruction)))
 
     def _says_where_only(self, instruction: str) -> bool:
         """Whether words of place stand for an object without its noun, where a direction can stand as well."""
@@ -214,7 +214,7 @@ class Taught:
             for frame in self.frames
             if (objects := frame.filled(clause, self.names)) is not None
         ]
-        for exact in (_has_verb, _has_words):
+        for exact in (_has_instrument, _has_verb, _has_words):
             every = [filled for filled in every if exact(filled)] or every
         by_signature: dict[object, _Filled] = {}
         for filled in sorted(every, key=lambda filled: not filled.is_as_taught):
@@ -230,18 +230,27 @@ class Taught:
 
 
 def _wants_moved(plan: Sequence[_Filled]) -> bool:
-    """Whether an object is asked for again after it was taken elsewhere: only where it was seen is known."""
+    """Whether an object is asked for again after it was taken elsewhere: only where it was seen is known.
+
+    To pick it up twice is as it was said.
+    """
     moved: set[str] = set()
-    for filled in plan:
-        if not moved.isdisjoint(phrase.name for phrase in filled.clause.phrases if phrase.name):
+    for k, filled in enumerate(plan):
+        picks = filled.clause.verb in PICKING and len(filled.clause.roles) <= 1
+        again = picks and k > 0 and filled.objects == plan[k - 1].objects and filled.frame is plan[k - 1].frame
+        if not again and not moved.isdisjoint(phrase.name for phrase in filled.clause.phrases if phrase.name):
             return True
-        if any(role in DESTINATIONS or role == "off" for role, _ in filled.clause.roles):
+        if picks or any(role in DESTINATIONS or role == "off" for role, _ in filled.clause.roles):
             moved |= {phrase.name for phrase in filled.clause.objects_in(DIRECT) if phrase.name}
     return False
 
 
 def _has_verb(filled: _Filled) -> bool:
     return filled.frame.clause.verb == filled.clause.verb
+
+
+def _has_instrument(filled: _Filled) -> bool:
+    return len(filled.frame.clause.objects_in(INSTRUMENT)) == len(filled.clause.objects_in(INSTRUMENT))
 
 
 def _has_words(filled: _Filled) -> bool:

@@ -15,7 +15,7 @@ from app.pipeline.language.verbs import common_families
 from app.pipeline.language.words import PhraseTable, Word
 
 Mood = Literal["do", "not", "skip", "rather"]
-_PICKING = frozenset(
+PICKING = frozenset(
     {"pick", "pick up", "grasp", "grab", "grip", "take", "lift", "lift up", "get", "take hold of", "grab hold of"}
 )
 
@@ -61,11 +61,11 @@ class Sentences:
 
     def _is_order(self, units: Sequence[_Unit]) -> bool:
         """Whether the text asks to do something: "the red button?" and "it" alone do not."""
-        asks = any(word.text == "?" for word in self._words)
         if any(unit.own_verb for unit in units):
             return True
-        named = all(phrase.name and phrase.with_noun for phrase in units[0].clause.phrases)
-        return not asks and (len(units) > 1 or named)
+        phrases = units[0].clause.phrases
+        named = all(phrase.name for phrase in phrases) and any(phrase.with_noun for phrase in phrases)
+        return (len(units) > 1 or named) and all(word.text != "?" for word in self._words)
 
     def _units(self, at: int, units: tuple[_Unit, ...], joined: frozenset[str]) -> Iterator[tuple[_Unit, ...]]:
         """The text from here on.
@@ -181,7 +181,7 @@ def _without_pronouns(clauses: tuple[Clause, ...]) -> tuple[tuple[Clause, ...], 
             merged.append(clause)
             continue
         whole = clause.about(antecedent[0])
-        picked = merged[-1].verb in _PICKING and len(merged[-1].roles) == 1
+        picked = merged[-1].verb in PICKING and len(merged[-1].roles) == 1
         announced = resolved[-1].verb is None  # "the red button, push it"
         merged = [*merged[:-1], whole] if picked or announced else [*merged, whole]
         resolved = [*resolved[:-1], whole] if announced else [*resolved, whole]

@@ -22,7 +22,6 @@ from app.services.limits import UnparsableReplyError, UnsafeReplyError, Unsuppor
 from app.services.measures import Timings, note, timed
 from app.services.motion_bounds import ActionCheck, CurrentLimits
 from app.services.predict.dialogue import Dialogue
-from app.services.predict.doubts import findings_of
 from app.services.predict.instruction import ask_meaning
 from app.services.predict.program_dialogue import ProgramDialogue
 from app.services.predict.question import PredictedAction, Prediction, PredictRequest, ProgramQuestion, Question
@@ -177,15 +176,15 @@ class PredictActions:
             except FAILURES as error:
                 await self._record_failure(error, ended)
                 raise
+        answered = ended("ok", actions)
         try:
-            id_ = await self._record(ended("ok", actions), check.within)
+            id_ = await self._record(answered, check.within)
         except UnsafeActionError as error:  # beyond limits that were set after the last action came
             await self._record_failure(error, ended)
             raise
-        findings = findings_of(question, dialogue, "ok")
         completion = Completion(dialogue.reply_text or "", dialogue.usage)
         yield Prediction(
-            id_, question, dialogue.prompt, tuple(actions), completion, timings_ms, dialogue.samples, findings
+            id_, question, dialogue.prompt, tuple(actions), completion, timings_ms, dialogue.samples, answered.findings
         )
 
     async def _checked(

@@ -3,11 +3,13 @@
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Protocol
 
 import anyio.to_thread
 from sqlalchemy import Connection
 
+from app.pipeline.findings import Finding
 from app.services.measures import Metrics, Timings, note, timed
 from app.services.predict.dialogue import Dialogue
 from app.services.predict.doubts import findings_of
@@ -45,6 +47,11 @@ class Ended:
     status: PredictionStatus
     actions: Sequence[PredictedAction] | None = None
     error: str | None = None
+
+    @cached_property
+    def findings(self) -> tuple[Finding, ...]:
+        """All that deserves a look."""
+        return findings_of(self.question, self.dialogue, self.status, self.error)
 
 
 class Recorder(Protocol):
@@ -113,5 +120,5 @@ def _draft(ended: Ended) -> PredictionDraft:
         objects=tuple(map(ObjectRecord.of, question.observed)),
         samples=dialogue.samples,
         grounding=question.grounded.to_json(),
-        findings=tuple(finding.to_json() for finding in findings_of(question, dialogue, ended.status, ended.error)),
+        findings=tuple(finding.to_json() for finding in ended.findings),
     )

@@ -1,4 +1,4 @@
-"""What is no order, or another one than was taught, is refused; found by people who were not told how this works."""
+"""What is no order, or another one than was taught, is refused; found by one who had not read how this works."""
 
 import pytest
 
@@ -25,6 +25,8 @@ TASKS = {
     "tools": (("hammer", "screwdriver"), ("give me the hammer",)),
     "order": (("tray",), ("empty the tray in the reverse order",)),
     "safe": (("money", "safe"), ("put the money away in the safe on the bottom shelf",)),
+    "either": (("table", "sponge"), ("wipe the table", "wipe the table with the sponge")),
+    "pick": (("apple", "banana", "bowl"), ("pick up the apple", "put the apple in the bowl")),
     "wipe": (("table", "sponge", "tray"), ("wipe the table with the sponge",)),
     "dirt": (("broom", "dustpan"), ("sweep the dirt away to the dustpan",)),
 }
@@ -40,7 +42,6 @@ TAUGHT = {task: Taught(names, {}, texts, is_english) for task, (names, texts) in
         ("dial", "rotate the dial from two to five", "turn the dial from 2 to 5"),
         ("dial", "turn the dial to 5 from 2", "turn the dial from 2 to 5"),
         ("knob", "turn the knob left", "turn the knob to the left"),
-        ("knob", "to the left, turn the knob", None),
         ("drawer", "place the mug in the top drawer", "put the mug in the top drawer"),
         ("shelf", "place the cup on the right shelf", "put the cup on the right shelf"),
         ("lamp", "turn the lamp on", "turn on the lamp"),
@@ -54,16 +55,17 @@ TAUGHT = {task: Taught(names, {}, texts, is_english) for task, (names, texts) in
         ("tools", "hand me the screwdriver", "give me the screwdriver"),
         ("safe", "put the money in the safe", "put the money away in the safe on the bottom shelf"),
         ("wipe", "wipe the table", "wipe the table with the sponge"),
+        ("either", "please wipe the table", "wipe the table"),
+        ("either", "please wipe the table with the sponge", "wipe the table with the sponge"),
+        ("pick", "pick up the apple and put it in the bowl", "put the apple in the bowl"),
+        ("pick", "pick up the apple, then pick up the apple", "pick up the apple, then pick up the apple"),
+        ("buttons", "the red and the blue button", "push the red button, then push the blue button"),
         ("dirt", "sweep the dirt to the dustpan", "sweep the dirt away to the dustpan"),
         ("dirt", "sweep away the dirt to the dustpan", "sweep the dirt away to the dustpan"),
     ],
 )
-def test_what_is_meant_is_understood_or_refused_but_never_another_thing(task, said, canonical):
-    """None: it may be refused."""
-    try:
-        assert TAUGHT[task].ground(said).instruction == canonical
-    except UnfamiliarInstructionError:
-        assert canonical is None
+def test_what_is_meant_is_understood(task, said, canonical):
+    assert TAUGHT[task].ground(said).instruction == canonical
 
 
 @pytest.mark.parametrize(
@@ -121,6 +123,8 @@ def test_what_is_meant_is_understood_or_refused_but_never_another_thing(task, sa
         ("safe", "put the money on the left shelf in the safe"),
         ("order", "empty the tray"),
         ("wipe", "wipe the sponge"),
+        ("pick", "pick up the apple, then put the apple in the bowl"),
+        ("pick", "pick up the apple, then put the banana on the apple"),
         ("wipe", "wipe with the sponge"),
         ("tubes", "place test tube -1 in the rack"),
         ("pour", "pour water from the glass into the bottle"),
@@ -160,5 +164,5 @@ def test_what_is_another_order_or_none_is_refused(task, said):
         (("a", "b"), "something else", ("pick up a",), []),
     ],
 )
-def test_another_kind_of_thing_in_a_place_is_told(names, said, taught, found):
+def test_another_kind_of_thing_in_a_place_is_found(names, said, taught, found):
     assert list(strangers(names, said, taught)) == found
