@@ -6,6 +6,7 @@ from http.server import BaseHTTPRequestHandler, HTTPServer
 from importlib.metadata import version
 
 import pytest
+import typer
 from typer.testing import CliRunner
 
 from app.cli import application
@@ -43,7 +44,6 @@ def _no_work(monkeypatch):
         (["serve", "--port", "0"], "0 is no port (valid: 1 to 65535)"),
         (["films", "--task", "foo"], "'foo' is none of push_button"),
         (["film", "--task", "foo"], "'foo' is none of push_button"),
-        (["export", "--task", "x", "--archive", "x.zip", "--url", "http://a", "--server", "http://b"], "than --url"),
     ],
 )
 def test_wrong_choices(words, expected):
@@ -95,7 +95,6 @@ def stranger(request):
 def commands(url, folder):
     return [
         ["export", "--task", "x", "--archive", str(folder / "x.zip"), "--url", url],
-        ["export", "--task", "x", "--archive", str(folder / "x.zip"), "--server", url],
         ["teach-objects", "x", "--url", url],
         ["eval", "--url", url, "--model", "nearest", "--out", str(folder / "out")],
     ]
@@ -173,7 +172,20 @@ def test_one_name_for_the_address():
     for command in ("import", "export", "teach-objects", "eval"):
         help_text = CliRunner().invoke(application, [command, "--help"]).output
         assert "--url" in help_text
-        assert "--server" not in help_text
+
+
+def test_nothing_is_hidden():
+    """Every command and every option is in the help."""
+
+    def commands_below(command):
+        yield command
+        for inner in getattr(command, "commands", {}).values():
+            yield from commands_below(inner)
+
+    everything = list(commands_below(typer.main.get_command(application)))
+    assert len(everything) > 10
+    assert not [item.name for item in everything if item.hidden]
+    assert not [item.name for command in everything for item in command.params if getattr(item, "hidden", False)]
 
 
 def test_models_of_a_running_service(monkeypatch):
