@@ -1,6 +1,5 @@
 """Queries on predictions. Each runs on the caller's transaction."""
 
-from dataclasses import fields as fields_of
 from datetime import UTC, datetime
 from typing import Any, Literal
 from uuid import uuid4
@@ -26,9 +25,9 @@ def add(connection: Connection, draft: PredictionDraft) -> PredictionRecord:
     Raises:
         NotFoundError: if its task has been deleted since it was asked for.
     """
-    fields = {field.name: getattr(draft, field.name) for field in fields_of(PredictionDraft)}
-    values = {**fields, "id": uuid4().hex, "created_at": datetime.now(UTC), "key_id": present().key_id or None}
-    seen = {name: [item.to_json() for item in fields[name]] or None for name in ("objects", "cameras")}
+    values = {**vars(draft), "id": uuid4().hex, "created_at": datetime.now(UTC), "key_id": present().key_id or None}
+    objects = [item.to_json() for item in draft.objects]
+    seen = {"objects": objects, "cameras": [item.to_json() for item in draft.cameras] or None}
     try:
         sequence = connection.execute(_INSERT, {**values, **seen}).scalar_one()
     except IntegrityError as error:
@@ -108,9 +107,9 @@ def _record(row: Row[Any]) -> PredictionRecord:
         "demonstration_ids": tuple(row.demonstration_ids),
         "actions": None if row.actions is None else tuple(row.actions),
         "samples": None if row.samples is None else tuple(row.samples),
-        "findings": None if row.findings is None else tuple(row.findings),
-        "objects": tuple(ObjectRecord.from_json(value) for value in row.objects or ()),
-        "cameras": tuple(CameraRecord.from_json(value) for value in row.cameras or ()),
+        "findings": tuple(row.findings),
+        "objects": tuple(map(ObjectRecord.from_json, row.objects)),
+        "cameras": tuple(map(CameraRecord.from_json, row.cameras or ())),
     }
     lent = row.request.get("demonstrations_from")
     hidden = {} if lent is None or present().has_lent(lent, row.key_id) else {"prompt_system": "", "prompt_user": ""}

@@ -149,11 +149,11 @@ class PredictionDraft:
         request: as the caller sent it.
         reply_text: None if the model gave none; `actions` None if the reply had none; `error` None if all went well.
         step: of a closed loop, from 0; None without one.
-        objects: as they were observed; empty in rows from before they were kept.
+        objects: as they were observed.
         cameras: with the images that were sent, if any.
         samples: where several replies were asked for, each of them and whether it entered.
-        grounding: how the instruction was understood (`Grounded.to_json`); None in rows from before it was kept.
-        findings: what deserves a look (`Finding.to_json`), causes first; None in rows from before they were kept.
+        grounding: how the instruction was understood (`Grounded.to_json`).
+        findings: what deserves a look (`Finding.to_json`), causes first.
     """
 
     task: str
@@ -171,12 +171,12 @@ class PredictionDraft:
     error: str | None
     usage: JsonObject
     timings_ms: JsonObject
+    objects: tuple[ObjectRecord, ...]
+    grounding: JsonObject
+    findings: tuple[JsonObject, ...]
     step: int | None = None
-    objects: tuple[ObjectRecord, ...] = ()
     cameras: tuple[CameraRecord, ...] = ()
     samples: tuple[JsonObject, ...] | None = None
-    grounding: JsonObject | None = None
-    findings: tuple[JsonObject, ...] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -184,7 +184,7 @@ class PredictionRecord(PredictionDraft):
     """A stored prediction; its outcome is None until somebody records one.
 
     Attributes:
-        key_id: of the API key that asked for it; None where none was needed, and in rows from before it was kept.
+        key_id: of the API key that asked for it; None where none was needed.
     """
 
     id: str
@@ -193,7 +193,7 @@ class PredictionRecord(PredictionDraft):
     outcome_success: bool | None
     outcome_note: str | None
     outcome_at: datetime | None
-    key_id: str | None = None
+    key_id: str | None
 
 
 @dataclass(frozen=True)

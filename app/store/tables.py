@@ -1,4 +1,4 @@
-"""The tables. `migrations/` holds the same in steps; a test compares the two."""
+"""The tables, as `migrations/` makes them; a test compares the two."""
 
 from datetime import UTC, datetime
 
@@ -63,7 +63,7 @@ tasks = Table(
     Column("updated_at", UtcDateTime, nullable=False),
 )
 
-# What prompts need comes first and the trajectory last: SQLite then reads prompts without walking past the bulk.
+# The trajectory comes last, as prompts do below: SQLite walks through all that stands before what it reads.
 episodes = Table(
     "episodes",
     metadata,
@@ -74,13 +74,13 @@ episodes = Table(
     Column("num_frames", Integer, nullable=False),
     Column("control_frequency_hz", Float, nullable=False),
     Column("created_at", UtcDateTime, nullable=False),
+    Column("prediction_id", String(32)),
     Column("objects", Json, nullable=False),
     Column("keyframes", Json, nullable=False),
     Column("cameras", Json, nullable=False),
     Column("given_objects", Json, nullable=False),
     Column("extra", Json, nullable=False),
     Column("trajectory", LargeBinary, nullable=False),
-    Column("prediction_id", String(32)),
     Index(None, "task", "sequence"),
     Index(None, "task", "instruction", "sequence"),
     sqlite_autoincrement=True,  # a deleted episode's number is never given again: cursors stay valid
@@ -92,31 +92,31 @@ predictions = Table(
     Column("sequence", SequenceNumber, primary_key=True),
     Column("id", String(32), nullable=False, unique=True),
     Column("task", String(64), ForeignKey("tasks.name"), nullable=False),
+    Column("key_id", String(16)),
     Column("instruction", String(500), nullable=False),
     Column("model", String, nullable=False),
     Column("representation", String, nullable=False),
     Column("prompt_format", String, nullable=False),
+    Column("step", Integer),
     Column("status", String(16), nullable=False),
     Column("error", Text),
     Column("outcome_success", Boolean),
     Column("outcome_note", Text),
     Column("outcome_at", UtcDateTime),
     Column("created_at", UtcDateTime, nullable=False),
-    Column("request", Json, nullable=False),
     Column("demonstration_ids", Json, nullable=False),
+    Column("timings_ms", Json, nullable=False),
+    Column("usage", Json, nullable=False),
+    Column("cameras", Json),
+    Column("request", Json, nullable=False),
+    Column("objects", Json, nullable=False),
+    Column("grounding", Json, nullable=False),
+    Column("findings", Json, nullable=False),
     Column("prompt_system", Text, nullable=False),
     Column("prompt_user", Text, nullable=False),
     Column("reply_text", Text),
     Column("actions", Json),
-    Column("usage", Json, nullable=False),
-    Column("timings_ms", Json, nullable=False),
-    Column("step", Integer),
-    Column("objects", Json),
-    Column("cameras", Json),
     Column("samples", Json),
-    Column("grounding", Json),
-    Column("findings", Json),
-    Column("key_id", String(16)),
     Index(None, "task", "sequence"),
     Index(None, "key_id", "sequence"),
     sqlite_autoincrement=True,
@@ -126,7 +126,7 @@ idempotency_keys = Table(
     "idempotency_keys",
     metadata,
     Column("scope", String(64), primary_key=True),
-    Column("owner", String(16), primary_key=True, server_default=""),
+    Column("owner", String(16), primary_key=True),
     Column("key", String(255), primary_key=True),
     Column("request_digest", String(64), nullable=False),
     Column("status", Integer, nullable=False),
@@ -141,10 +141,10 @@ api_keys = Table(
     Column("name", String(64), nullable=False),
     Column("digest", String(64), nullable=False),
     Column("scopes", Json, nullable=False),
-    Column("created_at", UtcDateTime, nullable=False),
-    Column("revoked_at", UtcDateTime),
     Column("tasks", Json),
+    Column("created_at", UtcDateTime, nullable=False),
     Column("expires_at", UtcDateTime),
+    Column("revoked_at", UtcDateTime),
     Column("last_used_at", UtcDateTime),
 )
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from roboprompt_client.arrays import Array
 from roboprompt_client.camera import Camera
+from roboprompt_client.metadata import camera_from_json, camera_json
 from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
 
 JsonObject = dict[str, Any]
@@ -61,7 +62,7 @@ class ObjectRecord:
 
     @classmethod
     def from_json(cls, value: JsonObject) -> Self:
-        """The inverse of `to_json`; rows from before poses were judged have neither confidence nor reason."""
+        """The inverse of `to_json`."""
         quaternion = value["quaternion_xyzw"]
         return cls(
             value["name"],
@@ -69,8 +70,8 @@ class ObjectRecord:
             None if quaternion is None else tuple(quaternion),
             value["estimator"],
             tuple(value["cameras"]),
-            value.get("confidence", 1.0),
-            value.get("reason", ""),
+            value["confidence"],
+            value["reason"],
         )
 
 
@@ -118,19 +119,16 @@ class KeyframeRecord:
 
 @dataclass(frozen=True)
 class CameraRecord:
-    """A camera's calibration (see `Camera`) and the digests of its encoded images of the first frame, as uploaded."""
+    """A camera, and the digests of its encoded images of the first frame, as uploaded.
 
-    name: str
-    fx_px: float
-    fy_px: float
-    cx_px: float
-    cy_px: float
-    camera_to_world: tuple[tuple[float, ...], ...]
-    depth_scale: float
+    Attributes:
+        calibration: as an upload's metadata has it (`camera_json`).
+    """
+
+    calibration: JsonObject
     rgb_digest: str | None = None
     depth_digest: str | None = None
     mask_digest: str | None = None
-    image_size_px: tuple[int, int] | None = None
 
     @classmethod
     def of(
@@ -141,19 +139,12 @@ class CameraRecord:
         mask_digest: str | None = None,
     ) -> Self:
         """The record of `camera` and its images."""
-        return cls(
-            camera.name,
-            camera.fx_px,
-            camera.fy_px,
-            camera.cx_px,
-            camera.cy_px,
-            tuple(_floats(row) for row in camera.camera_to_world),
-            camera.depth_scale,
-            rgb_digest,
-            depth_digest,
-            mask_digest,
-            camera.image_size_px,
-        )
+        return cls(camera_json(camera), rgb_digest, depth_digest, mask_digest)
+
+    @property
+    def name(self) -> str:
+        """The camera's."""
+        return str(self.calibration["name"])
 
     def digest(self, kind: ImageKind) -> str | None:
         """Where its image of that kind is stored, if it has one."""
@@ -161,36 +152,13 @@ class CameraRecord:
 
     def camera(self) -> Camera:
         """As the pipeline wants it."""
-        intrinsics = (self.fx_px, self.fy_px, self.cx_px, self.cy_px)
-        return Camera(self.name, *intrinsics, np.array(self.camera_to_world), self.depth_scale, self.image_size_px)
+        return camera_from_json(self.calibration)
 
     def to_json(self) -> dict[str, Any]:
         """As it is stored."""
-        return {
-            "name": self.name,
-            "intrinsics": {"fx": self.fx_px, "fy": self.fy_px, "cx": self.cx_px, "cy": self.cy_px},
-            "camera_to_world": self.camera_to_world,
-            "depth_scale": self.depth_scale,
-            "rgb": self.rgb_digest,
-            "depth": self.depth_digest,
-            "mask": self.mask_digest,
-            **({} if self.image_size_px is None else {"image_size": self.image_size_px}),
-        }
+        return dict(vars(self))
 
     @classmethod
     def from_json(cls, value: JsonObject) -> Self:
-        """The inverse of `to_json`; rows from before image sizes were kept have none."""
-        intrinsics, size = value["intrinsics"], value.get("image_size")
-        return cls(
-            value["name"],
-            intrinsics["fx"],
-            intrinsics["fy"],
-            intrinsics["cx"],
-            intrinsics["cy"],
-            tuple(tuple(row) for row in value["camera_to_world"]),
-            value["depth_scale"],
-            value["rgb"],
-            value["depth"],
-            value["mask"],
-            None if size is None else tuple(size),
-        )
+        """The inverse of `to_json`."""
+        return cls(**value)

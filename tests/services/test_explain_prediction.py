@@ -38,7 +38,8 @@ def prediction(predicted, objects, **changes):
         "model": "m", "representation": "absolute", "prompt_format": "paper", "status": "ok", "request": {},
         "demonstration_ids": ("0", "1", "2"), "prompt_system": "", "prompt_user": "", "reply_text": "", "error": None,
         "actions": tuple(actions), "usage": {}, "timings_ms": {}, "objects": objects,
-        "outcome_success": None, "outcome_note": None, "outcome_at": None,
+        "outcome_success": None, "outcome_note": None, "outcome_at": None, "key_id": None,
+        "grounding": {"instruction": INSTRUCTION}, "findings": (),
     }  # fmt: skip
     return PredictionRecord(**{**values, **changes})
 
@@ -60,9 +61,9 @@ def test_actions_beside_the_object_are_measured():
 
 
 def test_the_instruction_is_the_one_that_the_llm_read():
-    asked = {"instruction": "fetch it", "grounding": {"instruction": INSTRUCTION}}
-    assert len(explained(prediction(actions(0.12), cube(0.12), **asked)).deviations) == 3
-    assert explained(prediction(actions(0.12), cube(0.12), instruction="fetch it")).deviations == ()
+    assert len(explained(prediction(actions(0.12), cube(0.12), instruction="fetch it")).deviations) == 3
+    other = {"instruction": INSTRUCTION, "grounding": {"instruction": "fetch it"}}
+    assert explained(prediction(actions(0.12), cube(0.12), **other)).deviations == ()
 
 
 def test_without_its_demonstrations_nothing_is_compared():

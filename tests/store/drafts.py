@@ -86,6 +86,9 @@ def prediction_draft(task: str = TASK, **changes: object) -> PredictionDraft:
         "error": None,
         "usage": {"prompt_tokens": 2174, "cached_tokens": 2141, "completion_tokens": 40},
         "timings_ms": {"model": 312.5},
+        "objects": (),
+        "grounding": {"instruction": "open the bottom drawer", "phrases": []},
+        "findings": (),
     }
     return PredictionDraft(**{**values, **changes})
 

@@ -1,85 +1,32 @@
-"""What belongs to which key: in a database from before keys owned anything, and for each query."""
+"""What belongs to which key, and what to none, in each query."""
 
-import asyncio
-from collections.abc import Iterator
-from contextlib import closing
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
-from alembic import command
 from sqlalchemy import text
 
-from app.services.api_keys import KeyRing, caller_from, digest_of
-from app.store import api_keys, idempotency, predictions
+from app.services.api_keys import caller_from
+from app.store import idempotency, predictions
 from app.store.api_keys import ApiKeyRecord
-from app.store.database import Database
 from app.store.errors import ForbiddenTaskError, NotFoundError
-from app.store.migration import alembic_config, migration_transaction
 from app.store.records import StoredResponse
 from app.store.store import Store
 from app.store.visibility import Visibility, seeing
 
 from .drafts import TASK, predict, prediction_draft
 
-TOKEN = "rp_0123456789ab_of_before"
-BEFORE = (
-    "INSERT INTO tasks (name, version, settings, created_at, updated_at) "
-    f"VALUES ('{TASK}', 1, '{{}}', '2026-01-01', '2026-01-01')",
-    "INSERT INTO api_keys (id, name, digest, scopes, created_at) "
-    f"VALUES ('0123456789ab', 'robot', '{digest_of(TOKEN)}', '[\"predict\"]', '2026-01-01')",
-    "INSERT INTO predictions (id, task, instruction, model, representation, prompt_format, status, created_at, "
-    "request, demonstration_ids, prompt_system, prompt_user, usage, timings_ms) VALUES ("
-    f"'old', '{TASK}', 'pick', 'nearest', 'absolute', 'paper', 'ok', '2026-01-01', "
-    "'{}', '[]', '', '', '{}', '{}')",
-    "INSERT INTO idempotency_keys (scope, key, request_digest, status, response, created_at) "
-    "VALUES ('POST /episodes', 'k', 'd', 201, '{\"id\": \"e\"}', '2026-01-01')",
-)
 ROBOT, RIVAL = (Visibility(key, others=False, demonstrations=False, judges_others=False) for key in ("robot", "rival"))
 
 
-@pytest.fixture(params=["sqlite", "postgres"])
-def upgraded(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Store]:
-    """A store whose database was filled at the revision before this one."""
-    data = tmp_path / "data"
-    data.mkdir()
-    if request.param == "sqlite":
-        url = f"sqlite:///{data / 'roboprompt.db'}"
-    else:
-        url = request.getfixturevalue("postgres").empty()
-    config = alembic_config()
-    with closing(Database(url)) as database, migration_transaction(database) as connection:
-        config.attributes["connection"] = connection
-        command.upgrade(config, "0008")
-        for statement in BEFORE:
-            connection.execute(text(statement.replace(":", "\\:")))
-    store = Store.open(data, url)
-    yield store
-    store.close()
-
-
-def test_keys_from_before_work_on(upgraded: Store) -> None:
-    async def recognised() -> frozenset[str] | None:
-        ring = KeyRing(upgraded)
-        caller = await ring.recognise(TOKEN)
-        await ring.aclose()
-        return None if caller is None else caller.scopes
-
-    assert asyncio.run(recognised()) == {"predict"}
-    with upgraded.read() as connection:
-        (key,) = api_keys.list_all(connection)
-    assert (key.tasks, key.expires_at) == (None, None)
-    assert key.last_used_at is not None
-
-
-def test_what_is_from_before_is_nobodys(upgraded: Store) -> None:
-    with upgraded.read() as connection:
-        assert predictions.get(connection, "old").key_id is None
-        with seeing(ROBOT), pytest.raises(NotFoundError):
-            predictions.get(connection, "old")
-        with seeing(ROBOT):
-            assert idempotency.find(connection, "POST /episodes", "k", "d") == StoredResponse(201, {"id": "e"})
-            assert idempotency.find(connection, "POST /episodes", "k", "other content") is None
+def test_what_was_sent_without_a_key_has_no_owner(store: Store) -> None:
+    asked = predict(store, prediction_draft())
+    with store.write() as connection:
+        idempotency.save(connection, idempotency.UPLOAD, "k", "d", StoredResponse(201, {"id": "e"}))
+    with seeing(ROBOT), store.read() as connection:
+        with pytest.raises(NotFoundError):
+            predictions.get(connection, asked.id)
+        assert idempotency.find(connection, idempotency.UPLOAD, "k", "d") == StoredResponse(201, {"id": "e"})
+        assert idempotency.find(connection, idempotency.UPLOAD, "k", "other content") is None
 
 
 def test_answers_belong_to_who_got_them(store: Store) -> None:

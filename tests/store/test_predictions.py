@@ -1,9 +1,8 @@
 from dataclasses import replace
 
 import pytest
-from sqlalchemy import update
 
-from app.store import predictions, tables
+from app.store import predictions
 from app.store.errors import NotFoundError
 from app.store.store import Store
 
@@ -27,20 +26,6 @@ def test_the_scene_that_was_seen_comes_back(store: Store) -> None:
     with store.read() as connection:
         stored = predictions.get(connection, added.id)
     assert (stored.objects, stored.cameras) == (draft.objects, draft.cameras)
-
-
-def test_rows_from_before_scenes_were_kept_are_read(store: Store) -> None:
-    old = {"name": "drawer", "position": [0.1, 0.2, 0.7], "quaternion_xyzw": None, "estimator": "masks", "cameras": []}
-    added = predict(store, prediction_draft(objects=(object_record("drawer"),)))
-    with store.write() as connection:
-        connection.execute(update(tables.predictions).values(objects=[old], cameras=None))
-    with store.read() as connection:
-        (drawer,) = predictions.get(connection, added.id).objects
-    assert (drawer.confidence, drawer.reason) == (1.0, "")
-    with store.write() as connection:
-        connection.execute(update(tables.predictions).values(objects=None))
-    with store.read() as connection:
-        assert predictions.get(connection, added.id).objects == ()
 
 
 def test_failure_has_neither_reply_nor_actions(store: Store) -> None:

@@ -206,7 +206,7 @@ def _image(services: Services, episode_id: str, camera: str, kind: ImageKind, or
     data = services.store.blobs.read(digest)
     if original:
         return Response(data, media_type="application/octet-stream")
-    data, media_type = as_image(data, kind, stored.depth_scale)
+    data, media_type = as_image(data, kind, stored.camera().depth_scale)
     return Response(data, media_type=media_type)
 
 

@@ -96,8 +96,7 @@ class PredictForm:
     @property
     def camera_documents(self) -> Sequence[JsonObject]:
         """The cameras as a request names them."""
-        wanted = ("name", "intrinsics", "camera_to_world", "depth_scale")
-        return [{name: camera.to_json()[name] for name in wanted} for camera in self.cameras]
+        return [camera.calibration for camera in self.cameras]
 
 
 def form_again(connection: Connection, prediction_id: str) -> PredictForm:
