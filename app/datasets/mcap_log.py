@@ -3,21 +3,26 @@
 Topics become columns: a JointState gives `TOPIC.velocity` and `TOPIC.position`, a pose `TOPIC.position` and
 `TOPIC.quaternion`, a number or a truth value `TOPIC`. The clock is that of the joint states; of every other topic each
 frame has the last message up to then. Without a mapping the topics are recognised by their types, where that is clear.
+
+Chunks are unpacked here, within the budget: mcap's own reader unpacks one to whatever size it has, and makes an object
+of each of its records at once.
 """
 
 import struct
+import zlib
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
+from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 
 from app.datasets.bounds import Budget, DamagedError, MissingPackageError, inside
 from app.datasets.columns import recording_of
 from app.datasets.mapping import FeatureMap
-from app.datasets.mcap_chunks import read_messages
 from app.datasets.options import ImportOptions, as_name
 from app.datasets.recording import Dataset, Entry, Parcel
 from roboprompt_client.arrays import Array
@@ -26,6 +31,9 @@ from roboprompt_client.errors import InvalidInputError
 SUFFIX = ".mcap"
 JOINTS = "sensor_msgs/msg/JointState"
 NANOSECONDS = 1e-9
+MAX_MESSAGE_BYTES = 1_000_000  # of joints, a pose or a number; images are never decoded
+OBJECT_BYTES = 500  # what Python needs for a message beside its numbers
+GROWTH = 4  # a number of 8 bytes takes 32 in a list
 ARM_JOINTS = 7  # what follows them in a JointState are usually fingers; another arm names its columns
 
 
@@ -114,15 +122,72 @@ def _messages(file: Path, budget: Budget) -> Iterator[tuple[str, str, float, Any
         from mcap_ros2.decoder import DecoderFactory
     except ImportError as error:
         raise MissingPackageError("MCAP files", "mcap-ros2-support") from error
-    decoders = DecoderFactory()
+    decoders, schemas, channels = DecoderFactory(), {}, {}
     try:
-        for message in read_messages(file, _NUMBERS.__contains__, budget):
-            topic, encoding = message.channel.topic, message.channel.message_encoding
-            if (decode := decoders.decoder_for(encoding, message.schema)) is None:
-                raise DamagedError(file, f"{topic} is in {encoding}, not in ROS 2's encoding")
-            yield message.schema.name, topic, message.log_time_ns * NANOSECONDS, decode(message.data)
+        with file.open("rb") as stream:
+            for record in _records(stream, file.stat().st_size, budget):
+                match type(record).__name__:
+                    case "Schema":
+                        schemas[record.id] = record
+                    case "Channel":
+                        channels[record.id] = record
+                    case "Message" if record.channel_id in channels:
+                        channel = channels[record.channel_id]
+                        schema = schemas.get(channel.schema_id)
+                        if schema is None or schema.name not in _NUMBERS:
+                            continue
+                        _check_size(file, channel.topic, len(record.data), budget)
+                        if (decode := decoders.decoder_for(channel.message_encoding, schema)) is None:
+                            encoding = channel.message_encoding
+                            raise DamagedError(file, f"{channel.topic} is in {encoding}, not in ROS 2's encoding")
+                        yield schema.name, channel.topic, record.log_time * NANOSECONDS, decode(record.data)
     except (OSError, McapError, ValueError, EOFError, struct.error, IndexError, RuntimeError) as error:
         raise DamagedError(file, f"cannot be read: {str(error) or type(error).__name__}") from error
+
+
+def _check_size(file: Path, topic: str, num_bytes: int, budget: Budget) -> None:
+    if num_bytes > MAX_MESSAGE_BYTES:
+        raise DamagedError(file, f"{topic} has a message of {num_bytes} bytes, expected at most {MAX_MESSAGE_BYTES}")
+    budget.take(OBJECT_BYTES + GROWTH * num_bytes)
+
+
+def _records(stream: IO[bytes], size: int, budget: Budget) -> Iterator[Any]:
+    """A file's records, one by one, those in chunks among them; raises what mcap raises over a damaged file."""
+    from mcap.exceptions import EndOfFile
+    from mcap.records import Chunk
+    from mcap.stream_reader import StreamReader
+
+    for record in StreamReader(stream, emit_chunks=True, record_size_limit=size).records:
+        if not isinstance(record, Chunk):
+            yield record
+            continue
+        data = _unpacked(record, budget)
+        within = StreamReader(BytesIO(data), skip_magic=True, emit_chunks=True, record_size_limit=len(data))
+        with suppress(EndOfFile):  # a chunk has no footer to end at
+            yield from within.records
+
+
+def _unpacked(chunk: Any, budget: Budget) -> bytes:  # noqa: ANN401
+    """A chunk's records: as many bytes as it says, or ValueError; DamagedError if the budget does not allow them."""
+    import lz4.frame
+    import zstandard
+
+    size = chunk.uncompressed_size if chunk.compression else len(chunk.data)
+    budget.take(size)
+    match chunk.compression:
+        case "":
+            data = chunk.data
+        case "lz4":
+            data = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=size + 1)
+        case "zstd":
+            data = zstandard.ZstdDecompressor().stream_reader(chunk.data).read(size + 1)
+        case _:
+            raise ValueError(f"compression {chunk.compression!r:.20} is not known")
+    if len(data) != size:
+        raise ValueError(f"a chunk unpacks to other than the {size} bytes that it says")
+    if chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
+        raise ValueError("a chunk does not match its checksum")
+    return bytes(data)
 
 
 def _on_clock(tracks: dict[str, Track], clock_s: Array) -> tuple[dict[str, Array], float]:

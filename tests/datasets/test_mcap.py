@@ -2,6 +2,7 @@ import sys
 
 import numpy as np
 import pytest
+from mcap.writer import CompressionType
 from mcap_ros2.writer import Writer
 
 from app.datasets.bounds import DamagedError, MissingPackageError
@@ -59,10 +60,10 @@ def pose(position_m, quaternion_xyzw):
     }
 
 
-def write(path, trajectory, tracked=False):
+def write(path, trajectory, tracked=False, compression=CompressionType.ZSTD):
     """A recording with joints in an order of its own, poses a little before them, and the gripper's command."""
     with path.open("wb") as file:
-        writer = Writer(file)
+        writer = Writer(file, compression=compression)
         joints = writer.register_msgdef("sensor_msgs/msg/JointState", JOINT_STATE)
         poses = writer.register_msgdef("geometry_msgs/msg/PoseStamped", POSE_STAMPED)
         command = writer.register_msgdef("std_msgs/msg/Bool", "bool data")
@@ -115,6 +116,21 @@ def test_a_file_that_is_cut_off_is_named(tmp_path):
     write(path, pick_trajectory(PLACES_M[0]))
     path.write_bytes(path.read_bytes()[:2000])
     with pytest.raises(DamagedError, match=r"run\.mcap"):
+        open_dataset(path, SAID).entries[0].read()
+
+
+@pytest.mark.parametrize("compression", CompressionType)
+def test_every_compression(tmp_path, compression):
+    write(tmp_path / "run.mcap", pick_trajectory(PLACES_M[0]), compression=compression)
+    parcel = open_dataset(tmp_path, SAID).entries[0].read()
+    assert len(trajectory_from_npz(parcel.files["trajectory"])) == len(pick_trajectory(PLACES_M[0]))
+
+
+def test_a_changed_chunk_is_named(tmp_path):
+    path = tmp_path / "run.mcap"
+    write(path, pick_trajectory(PLACES_M[0]), compression=CompressionType.NONE)
+    path.write_bytes(path.read_bytes().replace(b"hello", b"jello"))
+    with pytest.raises(DamagedError, match=r"run\.mcap: cannot be read: a chunk does not match its checksum"):
         open_dataset(path, SAID).entries[0].read()
 
 
