@@ -20,7 +20,7 @@ import numpy as np
 from app.cli.import_data import import_dataset, prepare_tasks
 from app.datasets.archive import open_archive, write_archive
 from app.datasets.options import ImportOptions
-from app.datasets.recording import ObjectEntry, Parcel, Recording, canonical_json
+from app.datasets.parcel import ObjectEntry, Parcel, canonical_json
 from app.evaluation.server import running_server
 from roboprompt_client.camera import Camera
 from roboprompt_client.client import RoboPromptClient
@@ -47,7 +47,15 @@ def parcel(number: int) -> Parcel:
     )
     camera = Camera("front", 600, 600, 319.5, 239.5, np.eye(4), image_size_px=(WIDTH_PX, HEIGHT_PX))
     objects = (ObjectEntry("cube", tuple(place_m.tolist())),)
-    return Recording("bench", "pick up the cube", trajectory, 20.0, objects, (camera,), _images(random)).parcel()
+    return Parcel.of(
+        task="bench",
+        instruction="pick up the cube",
+        trajectory=trajectory,
+        control_frequency_hz=20.0,
+        objects=objects,
+        cameras=(camera,),
+        images=_images(random),
+    )
 
 
 def _images(random: np.random.Generator) -> dict[str, bytes]:

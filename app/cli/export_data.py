@@ -15,7 +15,7 @@ from app.cli.shared import URL_HELP, check_service, counted
 from app.datasets.archive import write_archive
 from app.datasets.bounds import DatasetError
 from app.datasets.lerobot.writer import write_lerobot
-from app.datasets.recording import Parcel
+from app.datasets.parcel import Parcel
 from app.datasets.rerun import write_rerun
 from app.services.task_settings import TaskSettings
 from roboprompt_client.client import DEFAULT_URL, RoboPromptClient

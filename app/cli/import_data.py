@@ -17,7 +17,7 @@ from app.datasets.bounds import MAX_UNPACKED_BYTES, MEGABYTE, DamagedError, Data
 from app.datasets.formats import FORMATS
 from app.datasets.mapping import read_changes
 from app.datasets.options import ImportOptions, KnownObjects, read_objects
-from app.datasets.recording import Dataset, Entry, Parcel, canonical_json
+from app.datasets.parcel import Dataset, Entry, Parcel, canonical_json
 from app.pipeline.keyframes import KeyframeRule, find_keyframes
 from roboprompt_client.client import DEFAULT_URL, RoboPromptClient
 from roboprompt_client.errors import InvalidInputError, ServiceProblemError, ServiceUnreachableError

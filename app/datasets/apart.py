@@ -23,7 +23,7 @@ import msgpack
 
 from app.datasets.bounds import MEGABYTE, REMEDY, DamagedError, DatasetError, MissingPackageError, ReadLimits
 from app.datasets.options import ImportOptions
-from app.datasets.recording import Dataset, Entry, Parcel
+from app.datasets.parcel import Dataset, Entry, Parcel
 from roboprompt_client.errors import InvalidInputError
 
 _LENGTH = struct.Struct(">Q")

@@ -13,10 +13,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from app.datasets.bounds import Budget, DamagedError, DatasetError
+from app.datasets.bounds import Budget, DamagedError, DatasetError, in_one_step
 from app.datasets.options import ImportOptions
-from app.datasets.recording import Dataset, Entry, Parcel, canonical_json, checked_metadata
-from app.datasets.writing import in_one_step
+from app.datasets.parcel import Dataset, Entry, Parcel, canonical_json, checked_metadata
 from roboprompt_client.wording import checked_name
 
 FORMAT, VERSION = "roboprompt-task", 1

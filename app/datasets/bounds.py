@@ -1,13 +1,17 @@
-"""What a dataset may be: which files it may name, how much it may take, and the errors of one that is otherwise.
+"""The files of datasets: which may be read, how much they may take, the errors of others; and how one is written.
 
 Paths and links of a dataset's folder may name any file of this machine, and a small file can say that it unpacks to any
 size.
 """
 
 import os
+import shutil
 import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from uuid import uuid4
 
 from roboprompt_client.errors import RoboPromptError
 
@@ -142,3 +146,26 @@ def _folders(root: Path) -> tuple[Path, ...]:
     if root.parent.name == "snapshots" and repository.name.startswith("datasets--"):
         return root, repository / "blobs"
     return (root,)
+
+
+@contextmanager
+def in_one_step(target: Path) -> Iterator[Path]:
+    """A path beside `target` to write a file or folder to; it becomes `target` if all goes well, else it is removed.
+
+    Raises:
+        DatasetError: if `target` exists, or the disk refuses.
+    """
+    if target.exists():
+        raise DatasetError(f"{target} exists: name another, or remove it first")
+    unfinished = target.with_name(f".{target.name}.{uuid4().hex[:8]}")
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        yield unfinished
+        unfinished.rename(target)
+    except OSError as error:
+        raise DatasetError(f"{target}: cannot be written: {error}") from error
+    finally:
+        if unfinished.is_dir():
+            shutil.rmtree(unfinished, ignore_errors=True)
+        else:
+            unfinished.unlink(missing_ok=True)

@@ -1,4 +1,4 @@
-"""A table of named arrays and a mapping of its columns -> Trajectory and objects, and one episode's Recording.
+"""A table of named arrays and a mapping of its columns -> Trajectory and objects, and one episode's Parcel.
 
 The mapping and the user's options say what the columns are.
 """
@@ -11,7 +11,7 @@ import numpy as np
 
 from app.datasets.mapping import FeatureMap, RotationFormat
 from app.datasets.options import ImportOptions
-from app.datasets.recording import ObjectEntry, Recording
+from app.datasets.parcel import ObjectEntry, Parcel
 from roboprompt_client.arrays import Array
 from roboprompt_client.camera import Camera
 from roboprompt_client.errors import InvalidInputError
@@ -142,7 +142,7 @@ def _missing(part: str, why: str, columns: Columns) -> InvalidInputError:
     return InvalidInputError(part, why, f"--feature {part}=COLUMN, one of {', '.join(columns)}")
 
 
-def recording_of(
+def parcel_of(
     *,
     name: str,
     source: str,
@@ -154,8 +154,8 @@ def recording_of(
     options: ImportOptions,
     image: Callable[[str], bytes],
     image_columns: Sequence[str] = (),
-) -> Recording:
-    """The recording.
+) -> Parcel:
+    """The episode as it is sent.
 
     Args:
         name: of the episode in its dataset.
@@ -178,7 +178,7 @@ def recording_of(
         *(["joint velocities: derived from joint positions"] if derived else []),
         *([f"calibration of {', '.join(unused)}: images are left out"] if unused else []),
     ]
-    return Recording(
+    return Parcel.of(
         task=options.task or task,
         instruction=said,
         trajectory=trajectory,

@@ -8,7 +8,7 @@ from app.datasets import archive, mcap_log, robomimic
 from app.datasets.bounds import DatasetError
 from app.datasets.lerobot import reader as lerobot
 from app.datasets.options import ImportOptions
-from app.datasets.recording import Dataset
+from app.datasets.parcel import Dataset
 from app.datasets.rlbench import reader as rlbench
 
 

@@ -21,10 +21,10 @@ from typing import IO, Any
 import numpy as np
 
 from app.datasets.bounds import Budget, DamagedError, MissingPackageError, inside
-from app.datasets.columns import recording_of
+from app.datasets.columns import parcel_of
 from app.datasets.mapping import FeatureMap
 from app.datasets.options import ImportOptions, as_name
-from app.datasets.recording import Dataset, Entry, Parcel
+from app.datasets.parcel import Dataset, Entry, Parcel
 from roboprompt_client.arrays import Array
 from roboprompt_client.errors import InvalidInputError
 
@@ -91,7 +91,7 @@ def _read(file: Path, root: Path, options: ImportOptions) -> Parcel:
     def image(topic: str) -> bytes:
         raise DamagedError(file, f"images of topic {topic} cannot be read from MCAP files")
 
-    return recording_of(
+    return parcel_of(
         name=file.stem,
         source="MCAP",
         task=as_name(root.resolve().stem),
@@ -101,7 +101,7 @@ def _read(file: Path, root: Path, options: ImportOptions) -> Parcel:
         mapping=_mapping(columns, joints[0], options),
         options=options,
         image=image,
-    ).parcel()
+    )
 
 
 def _tracks(file: Path, budget: Budget) -> tuple[dict[str, Track], list[str]]:

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from app.datasets.bounds import DatasetError, ReadLimits
-from app.datasets.recording import ObjectEntry
+from app.datasets.parcel import ObjectEntry
 from roboprompt_client.wording import NAME_PATTERN
 
 Objects = tuple[ObjectEntry, ...]

@@ -9,7 +9,7 @@ from typing import Any
 from app.datasets.apart import read_bytes, read_frame, write_frame
 from app.datasets.bounds import MEGABYTE, DamagedError, DatasetError, MissingPackageError, ReadLimits
 from app.datasets.formats import open_dataset
-from app.datasets.recording import Dataset, Parcel, canonical_json
+from app.datasets.parcel import Dataset, Parcel, canonical_json
 from roboprompt_client.errors import InvalidInputError
 
 MAX_QUESTION_BYTES = 100 * MEGABYTE  # the options hold what the user says of the objects of every episode

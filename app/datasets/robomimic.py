@@ -17,10 +17,10 @@ from typing import Any
 import numpy as np
 
 from app.datasets.bounds import Budget, DamagedError, DatasetError, MissingPackageError
-from app.datasets.columns import recording_of
+from app.datasets.columns import parcel_of
 from app.datasets.mapping import FeatureMap
 from app.datasets.options import ImportOptions, as_name
-from app.datasets.recording import Dataset, Entry, Parcel, depth_png, rgb_png
+from app.datasets.parcel import Dataset, Entry, Parcel, depth_png, rgb_png
 
 MAX_LINKS = 8  # of soft links one after the other: they may lead in a circle
 SUFFIXES = (".hdf5", ".h5")
@@ -138,7 +138,7 @@ def _read(path: Path, name: str, described: dict[str, Any], options: ImportOptio
 
     environment = str(described.get("env_name", path.stem))
     frequency_hz = float(dict(described.get("env_kwargs", {})).get("control_freq", CONTROL_FREQUENCY_HZ))
-    return recording_of(
+    return parcel_of(
         name=name,
         source="robomimic",
         task=as_name(_WORD.sub("_", environment).lower()),
@@ -149,7 +149,7 @@ def _read(path: Path, name: str, described: dict[str, Any], options: ImportOptio
         options=options,
         image=image,
         image_columns=list(images),
-    ).parcel()
+    )
 
 
 def _columns(

@@ -15,7 +15,7 @@ from app.datasets.lerobot.files import Info, Place
 from app.datasets.lerobot.reader import first_image
 from app.datasets.lerobot.writer import write_lerobot
 from app.datasets.options import ImportOptions, KnownObjects
-from app.datasets.recording import ObjectEntry
+from app.datasets.parcel import ObjectEntry
 from tests.datasets import peract_folder as peract
 from tests.datasets.parcels import parcels
 from tests.episodes import pick_trajectory

@@ -6,7 +6,7 @@ import pytest
 from app.datasets.apart import open_apart
 from app.datasets.bounds import Budget, DamagedError, ReadLimits
 from app.datasets.options import ImportOptions, KnownObjects
-from app.datasets.recording import ObjectEntry
+from app.datasets.parcel import ObjectEntry
 from app.datasets.rlbench.low_dim import load_demo
 from tests.attack import hostile_pickles as pickles
 from tests.datasets import peract_folder as peract

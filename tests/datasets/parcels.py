@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from app.datasets.recording import ObjectEntry, Recording
+from app.datasets.parcel import ObjectEntry, Parcel
 from roboprompt_client.metadata import camera_from_json
 from tests.episodes import camera, pick_trajectory, png
 
@@ -35,7 +35,7 @@ def parcel(place_m=PLACES_M[0], task="pick", instruction="pick up the cube", eve
         "rgb_front": png(rng.integers(0, 255, (48, 64, 3), np.uint8)),
         "depth_front": png(rng.integers(500, 900, (48, 64), np.uint16)),
     }
-    recording = Recording(
+    return Parcel.of(
         task=task,
         instruction=instruction,
         trajectory=recorded(place_m, everything),
@@ -45,7 +45,6 @@ def parcel(place_m=PLACES_M[0], task="pick", instruction="pick up the cube", eve
         images=images,
         extra={"operator": "me"},
     )
-    return recording.parcel()
 
 
 def parcels():

@@ -11,7 +11,7 @@ from app.datasets.bounds import DamagedError, DatasetError, MissingPackageError
 from app.datasets.formats import open_dataset
 from app.datasets.lerobot.writer import write_lerobot
 from app.datasets.options import ImportOptions, KnownObjects
-from app.datasets.recording import ObjectEntry
+from app.datasets.parcel import ObjectEntry
 from app.perception.images import decode_rgb
 from roboprompt_client.trajectory_npz import trajectory_from_npz
 from tests.datasets.parcels import parcel, parcels

@@ -8,7 +8,7 @@ from mcap_ros2.writer import Writer
 from app.datasets.bounds import DamagedError, MissingPackageError
 from app.datasets.formats import open_dataset
 from app.datasets.options import ImportOptions, KnownObjects
-from app.datasets.recording import ObjectEntry
+from app.datasets.parcel import ObjectEntry
 from app.pipeline.keyframes import merged
 from roboprompt_client.trajectory_npz import trajectory_from_npz
 from tests.datasets.parcels import PLACES_M

@@ -6,7 +6,7 @@ import pytest
 from app.datasets.bounds import Budget, DamagedError, DatasetError, ReadLimits
 from app.datasets.formats import open_dataset
 from app.datasets.options import ImportOptions, KnownObjects
-from app.datasets.recording import ObjectEntry
+from app.datasets.parcel import ObjectEntry
 from app.datasets.rlbench.low_dim import load_demo
 from app.perception.images import ImageBytes, decode_frame
 from app.pipeline.geometry import backproject

@@ -16,7 +16,7 @@ from typing import Any
 
 from app.datasets.bounds import Budget, DamagedError, DatasetError, inside, read_inside
 from app.datasets.lerobot.parquet import column_names, read_table
-from app.datasets.recording import canonical_json, checked_metadata
+from app.datasets.parcel import canonical_json, checked_metadata
 
 FOLDER = Path("meta/roboprompt")
 METADATA = "metadata.json"

@@ -1,4 +1,4 @@
-"""LeRobot datasets, versions 3.0, 2.1 and 2.0 -> Recordings.
+"""LeRobot datasets, versions 3.0, 2.1 and 2.0 -> Parcels.
 
 A dataset that this project exported carries its scenes with it (`meta/roboprompt`) and needs nothing else. Of others
 the mapping says what their columns are; a column that is named like one of `DEFAULTS` needs no mapping. An episode's
@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 
 from app.datasets.bounds import Budget, DamagedError, MissingPackageError, read_inside
-from app.datasets.columns import Columns, recording_of, trajectory_of
+from app.datasets.columns import Columns, parcel_of, trajectory_of
 from app.datasets.lerobot.files import INFO, Info, Place, Scene, path_of, read_info, read_places, read_scene
 from app.datasets.lerobot.parquet import numbers_of, read_table, read_value
 from app.datasets.mapping import FeatureMap
 from app.datasets.options import ImportOptions, as_name
-from app.datasets.recording import Dataset, Entry, Parcel, rgb_png
+from app.datasets.parcel import Dataset, Entry, Parcel, rgb_png
 from roboprompt_client.trajectory_npz import npz_from_trajectory
 
 # FFmpeg tells a container by its content, and some name other files or addresses to play: those are left out.
@@ -142,7 +142,7 @@ def _read(
     name = f"episode_{place.index:06d}"
     if scene is not None:
         return _exported(scene, columns, mapping, options)
-    return recording_of(
+    return parcel_of(
         name=name,
         source=f"LeRobot {info.version}",
         task=as_name(root.name),
@@ -153,7 +153,7 @@ def _read(
         options=options,
         image=partial(first_image, root, info, place, budget),
         image_columns=info.named("image", "video"),
-    ).parcel()
+    )
 
 
 def _exported(scene: Scene, columns: Columns, mapping: FeatureMap, options: ImportOptions) -> Parcel:

@@ -12,12 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from app.datasets.bounds import DatasetError
+from app.datasets.bounds import DatasetError, in_one_step
 from app.datasets.lerobot import reader
 from app.datasets.lerobot.files import Scene, write_scene
 from app.datasets.lerobot.parquet import require_arrow
-from app.datasets.recording import Parcel
-from app.datasets.writing import in_one_step
+from app.datasets.parcel import Parcel
 from roboprompt_client.trajectory import Trajectory
 from roboprompt_client.trajectory_npz import trajectory_from_npz
 

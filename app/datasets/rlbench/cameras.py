@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from app.datasets.bounds import Budget, DamagedError, read_inside
-from app.datasets.recording import depth_png, mask_png
+from app.datasets.parcel import depth_png, mask_png
 from roboprompt_client.arrays import Array, finite_array
 from roboprompt_client.camera import Camera
 

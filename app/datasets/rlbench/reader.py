@@ -19,7 +19,7 @@ import numpy as np
 
 from app.datasets.bounds import Budget, DamagedError
 from app.datasets.options import ImportOptions, as_name
-from app.datasets.recording import Dataset, Entry, ObjectEntry, Parcel, Recording
+from app.datasets.parcel import Dataset, Entry, ObjectEntry, Parcel
 from app.datasets.rlbench.cameras import calibrated_cameras, read_images, visible_ids
 from app.datasets.rlbench.low_dim import Record, load_demo, load_descriptions, load_number
 from roboprompt_client.arrays import Array
@@ -79,7 +79,7 @@ def _read(root: Path, folder: Path, name: str, options: ImportOptions) -> Parcel
     if not wanted:
         message = f"the dataset names none; its masks show the ids {_listed(visible_ids(images))}"
         raise InvalidInputError("objects", message, "poses, mask ids or names with --objects FILE")
-    recording = Recording(
+    return Parcel.of(
         task=options.task or as_name(_task(folder)),
         instruction=instruction,
         trajectory=_trajectory(folder / LOW_DIM, observations, states),
@@ -90,7 +90,6 @@ def _read(root: Path, folder: Path, name: str, options: ImportOptions) -> Parcel
         extra={"source": "RLBench", "variation": variation, "other_instructions": others},
         notes=notes,
     )
-    return recording.parcel()
 
 
 def _trajectory(path: Path, observations: list[Record], states: Array | None) -> Trajectory:

@@ -1,8 +1,8 @@
-"""An episode as a dataset holds it -> the parts of an upload, its images as files."""
+"""An episode of a dataset as it is sent, its images as files; and the datasets that readers make of them."""
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -81,49 +81,49 @@ class ObjectEntry:
 
 
 @dataclass(frozen=True, eq=False)
-class Recording:
-    """What a reader makes of one episode.
+class Parcel:
+    """An episode as it is sent: the metadata document, and the trajectory and the images as files.
 
     Attributes:
-        images: encoded images of the first frame by the names of their parts: rgb_NAME, depth_NAME, mask_NAME.
-        extra: kept with the episode, not interpreted.
         notes: what the dataset lacks that an upload could have.
     """
 
-    task: str
-    instruction: str
-    trajectory: Trajectory
-    control_frequency_hz: float
-    objects: tuple[ObjectEntry, ...]
-    cameras: tuple[Camera, ...] = ()
-    images: Mapping[str, bytes] = field(default_factory=dict)
-    extra: Mapping[str, Any] = field(default_factory=dict)
+    metadata: Mapping[str, Any]
+    files: Mapping[str, bytes]
     notes: tuple[str, ...] = ()
 
-    def parcel(self) -> "Parcel":
-        """Ready to be sent.
+    @classmethod
+    def of(
+        cls,
+        *,
+        task: str,
+        instruction: str,
+        trajectory: Trajectory,
+        control_frequency_hz: float,
+        objects: Sequence[ObjectEntry],
+        cameras: Sequence[Camera] = (),
+        images: Mapping[str, bytes] | None = None,
+        extra: Mapping[str, Any] | None = None,
+        notes: tuple[str, ...] = (),
+    ) -> "Parcel":
+        """What a reader makes of one episode.
+
+        Args:
+            images: encoded images of the first frame by the names of their parts: rgb_NAME, depth_NAME, mask_NAME.
+            extra: kept with the episode, not interpreted.
 
         Raises:
             InvalidInputError: for names or an instruction that a prompt cannot have.
         """
         metadata = {
-            "task": checked_name("task", self.task),
-            "instruction": checked_instruction("instruction", self.instruction),
-            "objects": [item.as_json() for item in self.objects],
-            "cameras": [camera_json(camera) for camera in self.cameras],
-            "control_frequency_hz": self.control_frequency_hz,
-            "extra": dict(self.extra),
+            "task": checked_name("task", task),
+            "instruction": checked_instruction("instruction", instruction),
+            "objects": [item.as_json() for item in objects],
+            "cameras": [camera_json(camera) for camera in cameras],
+            "control_frequency_hz": control_frequency_hz,
+            "extra": dict(extra or {}),
         }
-        return Parcel(metadata, {"trajectory": npz_from_trajectory(self.trajectory), **self.images}, self.notes)
-
-
-@dataclass(frozen=True, eq=False)
-class Parcel:
-    """An episode as it is sent: the metadata document, and the trajectory and the images as files."""
-
-    metadata: Mapping[str, Any]
-    files: Mapping[str, bytes]
-    notes: tuple[str, ...] = ()
+        return cls(metadata, {"trajectory": npz_from_trajectory(trajectory), **(images or {})}, notes)
 
     @property
     def key(self) -> str:
