@@ -16,6 +16,7 @@ from typing import Any
 from app.datasets.bounds import Budget, DamagedError, DatasetError, in_one_step
 from app.datasets.options import ImportOptions
 from app.datasets.parcel import Dataset, Entry, Parcel, canonical_json, checked_metadata
+from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.wording import checked_name
 
 FORMAT, VERSION = "roboprompt-task", 1
@@ -62,10 +63,10 @@ def open_archive(path: Path, options: ImportOptions) -> Dataset:
     budget = Budget(path, options.limits)
     try:
         archive = zipfile.ZipFile(path)  # stays open while the dataset is read, from several threads
-        manifest = _manifest(archive, budget)
+        task, digests = _manifest(archive, budget)
     except (OSError, zipfile.BadZipFile, KeyError, TypeError, ValueError) as error:
         raise DatasetError(f"{path}: is no archive of a task: {error}") from error
-    task, digests = checked_name("task", options.task or manifest["task"]), manifest["files"]
+    named = checked_name("task", options.task or task)
     settings = json.loads(_read(archive, TASK, digests, budget))
     if not isinstance(settings, dict) or "task" in settings:
         raise DatasetError(f"{path}: {TASK} holds no task's settings")
@@ -73,22 +74,29 @@ def open_archive(path: Path, options: ImportOptions) -> Dataset:
     for name in digests:
         if name.startswith("episodes/"):
             folders.setdefault(name.rpartition("/")[0], []).append(name)
-    entries = (Entry(name, partial(_parcel, archive, folders[name], digests, options)) for name in sorted(folders))
-    return Dataset("RoboPrompt archive", tuple(entries), {task: settings})
+    there, entries, damaged = set(archive.namelist()), [], []
+    for folder in sorted(folders):
+        if absent := [name for name in folders[folder] if name not in there]:
+            damaged.append(f"{folder}: {absent[0]} is not in the archive")
+        else:
+            entries.append(Entry(folder, partial(_parcel, archive, folders[folder], digests, task, options)))
+    return Dataset("RoboPrompt archive", tuple(entries), {named: settings}, tuple(damaged))
 
 
-def _manifest(archive: zipfile.ZipFile, budget: Budget) -> dict[str, Any]:
+def _manifest(archive: zipfile.ZipFile, budget: Budget) -> tuple[str, dict[str, Any]]:
+    """The task's name, and the SHA-256 of every other member by its name."""
     manifest = json.loads(_unpacked(archive, MANIFEST, budget))
     if (manifest["format"], manifest["version"]) != (FORMAT, VERSION):
         raise ValueError(f"is {manifest['format']} {manifest['version']}, expected {FORMAT} {VERSION}")
-    return {"task": str(manifest["task"]), "files": dict(manifest["files"])}
+    return str(manifest["task"]), dict(manifest["files"])
 
 
-def _parcel(archive: zipfile.ZipFile, names: list[str], digests: Mapping[str, str], options: ImportOptions) -> Parcel:
+def _parcel(
+    archive: zipfile.ZipFile, names: list[str], digests: Mapping[str, str], task: str, options: ImportOptions
+) -> Parcel:
     where = f"{archive.filename}: {names[0].rpartition('/')[0]}"
     # Added up before the first is unpacked.
-    listed = {item.filename: item.file_size for item in archive.infolist()}
-    Budget(where, options.limits).take(sum(listed.get(name, 0) for name in names))
+    Budget(where, options.limits).take(sum(archive.getinfo(name).file_size for name in names))
     budget = Budget(where, options.limits)
     files = {name.rpartition("/")[2]: _read(archive, name, digests, budget) for name in names}
     try:
@@ -96,6 +104,9 @@ def _parcel(archive: zipfile.ZipFile, names: list[str], digests: Mapping[str, st
         parts = {"trajectory": files.pop(TRAJECTORY), **files}
     except (KeyError, ValueError) as error:
         raise DamagedError(names[0], f"the episode is not complete: {error}") from error
+    if options.task is None and metadata["task"] != task:
+        said = f"the episode is of task {metadata['task']!r}, the archive of task {task!r}"
+        raise InvalidInputError("task", said, "one task in both, or --task NAME for every episode")
     given = {"task": options.task, "instruction": options.instruction}
     metadata.update({name: value for name, value in given.items() if value is not None})
     return Parcel(metadata, parts)

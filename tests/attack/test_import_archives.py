@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import time
 import zipfile
 
 import pytest
@@ -46,6 +47,21 @@ def test_an_episode_that_no_export_writes_is_one_bad_result(tmp_path, metadata, 
     (result,) = check_dataset(open_dataset(archive(tmp_path / "a.zip", metadata), ImportOptions()))
     assert result.status in ("damaged", "refused")
     assert reason in result.detail
+
+
+def test_many_absent_episodes_take_no_longer_than_their_list(tmp_path):
+    digests = {"task.json": hashlib.sha256(b"{}").hexdigest()}
+    digests |= {f"episodes/{number:06d}/metadata.json": "0" * 64 for number in range(150_000)}
+    manifest = {"format": "roboprompt-task", "version": 1, "task": "pick", "files": digests}
+    with zipfile.ZipFile(tmp_path / "a.zip", "w") as file:
+        for name, data in {"task.json": b"{}", "manifest.json": json.dumps(manifest)}.items():
+            file.writestr(name, data)
+        for number in range(20_000):
+            file.writestr(f"other/{number}", b"")
+    begun_s = time.process_time()
+    dataset = open_dataset(tmp_path / "a.zip", ImportOptions())
+    assert (len(dataset.entries), len(dataset.damaged)) == (0, 150_000)
+    assert time.process_time() - begun_s < 10
 
 
 @pytest.mark.parametrize("task", ["../keys", "a/b", "x" * 65, "a?b=c"])

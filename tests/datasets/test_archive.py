@@ -6,7 +6,8 @@ from app.datasets.archive import write_archive
 from app.datasets.bounds import DamagedError, DatasetError
 from app.datasets.formats import open_dataset
 from app.datasets.options import ImportOptions
-from tests.datasets.parcels import parcels
+from roboprompt_client.errors import InvalidInputError
+from tests.datasets.parcels import parcel, parcels
 
 SETTINGS = {"num_demonstrations": 5}
 
@@ -58,8 +59,19 @@ def test_a_changed_file_is_named_and_the_others_are_read(archive):
 
 def test_a_missing_file_is_named(archive):
     rewrite(archive, lambda name, data: None if name == "episodes/000002/trajectory.npz" else data)
-    with pytest.raises(DamagedError, match=r"episodes/000002/trajectory\.npz"):
-        open_dataset(archive, ImportOptions()).entries[2].read()
+    dataset = open_dataset(archive, ImportOptions())
+    assert len(dataset.entries) == 2
+    assert dataset.damaged == ("episodes/000002: episodes/000002/trajectory.npz is not in the archive",)
+
+
+def test_an_episode_of_another_task_is_refused_with_both_names(tmp_path):
+    write_archive(tmp_path / "mixed.zip", "pick", SETTINGS, [parcel(), parcel(task="push")])
+    own, other = open_dataset(tmp_path / "mixed.zip", ImportOptions()).entries
+    assert own.read().metadata["task"] == "pick"
+    with pytest.raises(InvalidInputError, match="episode is of task 'push', the archive of task 'pick'"):
+        other.read()
+    _, given = open_dataset(tmp_path / "mixed.zip", ImportOptions(task="both")).entries
+    assert given.read().metadata["task"] == "both"
 
 
 def test_what_is_no_archive(archive):
