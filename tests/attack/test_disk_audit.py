@@ -48,6 +48,11 @@ def test_a_whole_log_is_printed(data):
         ("UPDATE audit_log SET at = '2020-01-01 00:00:00.000000' WHERE number = 1", 1),
         ("UPDATE audit_log SET details = '{}' WHERE number = 4", 4),
         ("UPDATE audit_log SET digest = previous WHERE number = 3", 3),
+        ("UPDATE audit_log SET details = x'7b7d' WHERE number = 2", 2),
+        ("UPDATE audit_log SET subject = x'ff' WHERE number = 4", 4),
+        ("UPDATE audit_log SET at = x'00' WHERE number = 3", 3),
+        ("UPDATE audit_log SET at = 'long ago' WHERE number = 2", 2),
+        ("UPDATE audit_log SET digest = x'00' WHERE number = 4", 4),
         ("DELETE FROM audit_log WHERE number = 1", 1),
         ("DELETE FROM audit_log WHERE number = 3", 3),
         ("UPDATE audit_log SET number = number + 1 WHERE number = 4", 4),
@@ -76,6 +81,18 @@ def test_an_entry_that_is_forged_with_its_digest_breaks_the_next(data):
     status, lines, said = printed(data)
     assert (status, len(lines)) == (1, 2)
     assert "entry 3: does not follow the entry before it" in said
+
+
+def test_a_log_whose_newest_entry_was_spoiled_goes_on_and_shows_it(data):
+    with sqlite3.connect(data / "roboprompt.db") as connection:
+        connection.execute("UPDATE audit_log SET at = x'00', digest = x'00' WHERE number = 4")
+    connection.close()
+    store = Store.open(data)
+    with store.write() as connection:
+        audit.record(connection, "key.created", "another")
+    store.close()
+    status, lines, said = printed(data)
+    assert (status, len(lines), "entry 4:" in said) == (1, 3, True)
 
 
 def test_a_log_that_was_cut_off_lacks_a_digest_that_somebody_kept(data):
@@ -115,7 +132,7 @@ def test_what_is_done_over_http_is_noted_with_the_keys_name(tmp_path):
 
 def test_keys_are_noted_when_they_are_made_and_taken_back(tmp_path):
     folder = ["--data", str(tmp_path / "data")]
-    token = CliRunner().invoke(application, ["keys", "create", "robot", "--scope", "read", *folder]).stdout.strip()
+    token = CliRunner().invoke(application, ["keys", "add", "robot", "--scope", "read", *folder]).stdout.strip()
     key_id = token.split("_")[1]
     for _ in range(2):
         assert CliRunner().invoke(application, ["keys", "revoke", key_id, *folder]).exit_code == 0
