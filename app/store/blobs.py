@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Protocol
 from uuid import uuid4
 
-from app.store.errors import CorruptDataError, StoreUnavailableError
+from app.store.errors import CorruptDataError, StoreUnavailableError, disk_unavailable
 from app.store.private import FILE_MODE, FOLDER_MODE, private_opener
 
 _TEMPORARY_PREFIX = ".tmp-"
@@ -66,9 +66,11 @@ class FileBlobStore:
     def __init__(self, root: Path) -> None:
         self._root = root
         self._synced_folders: set[Path] = set()
-        with _disk_errors():
+        try:
             root.mkdir(FOLDER_MODE, parents=True, exist_ok=True)
             (root / ".lock").touch(FILE_MODE)
+        except OSError as error:
+            raise StoreUnavailableError(f"blob storage: {error}") from error
 
     def put(self, data: bytes) -> str:
         digest = hashlib.sha256(data).hexdigest()
@@ -84,12 +86,11 @@ class FileBlobStore:
 
     def read(self, digest: str) -> bytes:
         try:
-            with _disk_errors():
-                data = self._path(digest).read_bytes()
-        except StoreUnavailableError as error:
-            if isinstance(error.__cause__, FileNotFoundError):
-                raise CorruptDataError("blob", digest, "its file is gone") from error
-            raise
+            data = self._path(digest).read_bytes()
+        except FileNotFoundError as error:
+            raise CorruptDataError("blob", digest, "its file is gone") from error
+        except OSError as error:
+            raise disk_unavailable("blob storage", error) from error
         if hashlib.sha256(data).hexdigest() != digest:
             raise CorruptDataError("blob", digest, "its bytes do not match the digest")
         return data
@@ -182,4 +183,4 @@ def _disk_errors() -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise StoreUnavailableError(f"blob storage: {error}") from error
+        raise disk_unavailable("blob storage", error) from error

@@ -4,12 +4,13 @@ import json
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 from sqlalchemy import Connection, Engine, QueuePool, create_engine, exc, make_url
 
 from app.store import sqlite
-from app.store.errors import CorruptDataError, StoreUnavailableError
+from app.store.errors import CorruptDataError, StoreUnavailableError, unavailable
 
 BUSY_TIMEOUT_S = 10.0
 # As many as anyio's thread pool has threads by default: no caller waits for a connection.
@@ -88,26 +89,25 @@ class Database:
         """
         try:
             yield
-        except exc.OperationalError as error:
-            raise StoreUnavailableError(f"database {self.name}: {error.orig}") from error
         except exc.TimeoutError as error:
-            raise StoreUnavailableError(
-                f"database {self.name}: all {self.max_connections} connections are in use"
-            ) from error
+            raise unavailable("database", f"all {self.max_connections} connections are in use", self.name) from error
         except exc.DatabaseError as error:
             raise self._meaning(error) from error
 
     def _meaning(self, error: exc.DatabaseError) -> Exception:
+        """What an error of the driver means to callers, without the database's place; which is in the log."""
         if self.is_sqlite:
-            # SQLite reports a damaged file by the base class; the subclasses are mistakes of ours.
-            unavailable, damaged = False, type(error) is exc.DatabaseError
+            # SQLite reports a damaged file by the base class; the other subclasses are mistakes of ours.
+            passing, damaged, reason = False, type(error) is exc.DatabaseError, str(error.orig)
         else:
             from app.store import postgres
 
-            unavailable, damaged = postgres.is_unavailable(error), postgres.is_damaged(error)
-        if unavailable:
-            return StoreUnavailableError(f"database {self.name}: {error.orig}")
-        return CorruptDataError("database", self.name, str(error.orig)) if damaged else error
+            passing, damaged = postgres.is_unavailable(error), postgres.is_damaged(error)
+            reason = postgres.reason_of(error)
+        if passing or isinstance(error, exc.OperationalError):
+            return unavailable("database", reason, f"{self.name}: {error.orig}")
+        file_name = Path(self.engine.url.database or "").name
+        return CorruptDataError("database", file_name, reason) if damaged else error
 
     def _turn(self) -> AbstractContextManager[None]:
         return self._writers.turn() if self._writers else nullcontext()

@@ -1,8 +1,11 @@
 """What the store can refuse; a branch of the tree in `app.pipeline.errors`."""
 
+import logging
 from collections.abc import Sequence
 
 from roboprompt_client.errors import RoboPromptError
+
+logger = logging.getLogger(__name__)
 
 
 class StoreError(RoboPromptError):
@@ -61,7 +64,37 @@ class ForbiddenTaskError(ForbiddenError):
 
 
 class StoreUnavailableError(StoreError):
-    """Database or disk does not answer as it should: full, read-only, locked, unreachable."""
+    """Database or disk does not answer as it should: full, read-only, locked, unreachable.
+
+    Once the store is open the text names no path and no address: whoever sent a request reads it. `unavailable` makes
+    it, and logs the rest.
+    """
+
+
+# What to do, by what the system's and the database's texts say.
+_REMEDIES = {
+    ("full", "no space left", "quota", "too large"): "free space on the service's disk, then send the request again",
+    ("read-only", "readonly", "permission denied"): "make the service's data writable, then send the request again",
+    ("locked", "lock timeout", "in use"): "send the request again",
+}
+
+
+def unavailable(what: str, reason: str, detail: str) -> StoreUnavailableError:
+    """The error to raise, with what can be done about it.
+
+    Args:
+        what: does not answer, e.g. ``"database"``.
+        reason: without paths and addresses.
+        detail: for the log.
+    """
+    logger.warning("%s: %s", what, detail)
+    remedy = next((remedy for words, remedy in _REMEDIES.items() if any(word in reason.lower() for word in words)), "")
+    return StoreUnavailableError(f"{what}: {reason}{remedy and f': {remedy}'}")
+
+
+def disk_unavailable(what: str, error: OSError) -> StoreUnavailableError:
+    """As `unavailable`, for what the operating system says."""
+    return unavailable(what, error.strerror or type(error).__name__, str(error))
 
 
 class SchemaVersionError(StoreError):

@@ -14,12 +14,13 @@ from obstore.exceptions import BaseError, NotFoundError, UnknownConfigurationKey
 from obstore.store import ObjectStore, from_url
 
 from app.store.blobs import digest_path
-from app.store.errors import CorruptDataError, StoreUnavailableError
+from app.store.errors import CorruptDataError, StoreUnavailableError, unavailable
 
 TIMEOUT_S = 20
 RETRIES = 2
 # An older one counts as put just now only if it is written again, so that no sweep takes it before the commit.
 TRUSTED_AGE = timedelta(minutes=20)
+_FAILURES = (BaseError, UnknownConfigurationKeyError, OSError, ValueError)
 
 
 class ObjectBlobStore:
@@ -33,13 +34,15 @@ class ObjectBlobStore:
     """
 
     def __init__(self, url: str) -> None:
-        with _errors():
+        try:
             self._store: ObjectStore = from_url(
                 url,
                 # who names an endpoint of http:// means it
                 client_options={"timeout": f"{TIMEOUT_S}s", "connect_timeout": "5s", "allow_http": True},
                 retry_config={"max_retries": RETRIES, "retry_timeout": timedelta(seconds=TIMEOUT_S)},
             )
+        except _FAILURES as error:
+            raise StoreUnavailableError(f"object store: {str(error).splitlines()[0]}") from error
 
     def put(self, data: bytes) -> str:
         digest = hashlib.sha256(data).hexdigest()
@@ -50,13 +53,11 @@ class ObjectBlobStore:
         return digest
 
     def read(self, digest: str) -> bytes:
-        try:
-            with _errors():
+        with _errors():
+            try:
                 data = bytes(obstore.get(self._store, digest_path(digest)).bytes())
-        except StoreUnavailableError as error:
-            if isinstance(error.__cause__, NotFoundError | FileNotFoundError):
+            except (NotFoundError, FileNotFoundError) as error:
                 raise CorruptDataError("blob", digest, "its object is gone") from error
-            raise
         if hashlib.sha256(data).hexdigest() != digest:
             raise CorruptDataError("blob", digest, "its bytes do not match the digest")
         return data
@@ -98,5 +99,7 @@ class ObjectBlobStore:
 def _errors() -> Iterator[None]:
     try:
         yield
-    except (BaseError, UnknownConfigurationKeyError, OSError, ValueError) as error:
-        raise StoreUnavailableError(f"object store: {str(error).splitlines()[0]}") from error
+    except _FAILURES as error:
+        raise unavailable(
+            "object store", f"{type(error).__name__}, see the service's log", str(error).splitlines()[0]
+        ) from error

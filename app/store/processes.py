@@ -19,7 +19,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from app.store.errors import StoreUnavailableError
+from app.store.errors import disk_unavailable
 from app.store.private import FOLDER_MODE, private_opener
 
 
@@ -60,7 +60,7 @@ class Turns:
                     return Turn(path, descriptor)
             os.close(descriptor)
         except OSError as error:
-            raise StoreUnavailableError(f"turns of requests: {error}") from error
+            raise disk_unavailable("turns of requests", error) from error
         return None
 
 
@@ -100,7 +100,7 @@ class UnderWayNotes:
                 json.dump(asdict(note), file)
             unfinished.rename(path)
         except OSError as error:
-            raise StoreUnavailableError(f"note of a prediction under way: {error}") from error
+            raise disk_unavailable("note of a prediction under way", error) from error
 
     def end(self, note_id: str) -> None:
         """Forget it, if it is there."""

@@ -73,11 +73,13 @@ def test_writer_of_this_process_that_takes_too_long(database: Database) -> None:
         pass
 
 
-def test_full_disk(database: Database) -> None:
+def test_full_disk_is_told_without_its_path(database: Database, caplog: pytest.LogCaptureFixture) -> None:
     with database.write() as connection:
         connection.exec_driver_sql("PRAGMA max_page_count=1")  # of this connection, which the next write takes again
-    with pytest.raises(StoreUnavailableError, match="full"), database.write() as connection:
+    told = r"^database: database or disk is full: free space on the service's disk, then send the request again$"
+    with pytest.raises(StoreUnavailableError, match=told), database.write() as connection:
         tasks.get_or_create(connection, "a", {"note": "x" * 1_000_000})
+    assert str(database.engine.url.database) in caplog.text
     with database.read() as connection:
         assert tasks.list_all(connection) == ()
 
