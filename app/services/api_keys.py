@@ -17,7 +17,7 @@ from datetime import UTC, datetime, timedelta
 
 import anyio.to_thread
 
-from app.store import api_keys, audit, sessions
+from app.store import api_keys, audit
 from app.store.api_keys import ApiKeyRecord
 from app.store.errors import StoreError
 from app.store.store import Store
@@ -232,7 +232,7 @@ class Sessions:
 
         def write() -> None:
             with self._store.write() as connection:
-                sessions.begin(connection, digest_of(token), caller.key_id, datetime.now(UTC) + LONGEST)
+                api_keys.begin_session(connection, digest_of(token), caller.key_id, datetime.now(UTC) + LONGEST)
 
         await anyio.to_thread.run_sync(write)
         return token
@@ -253,7 +253,7 @@ class Sessions:
 
         def read() -> str | None:
             with self._store.read() as connection:
-                return sessions.key_of(connection, digest_of(token))
+                return api_keys.key_of_session(connection, digest_of(token))
 
         return await self._keys.caller_of(key_id) if await anyio.to_thread.run_sync(read) == key_id else None
 
@@ -266,6 +266,6 @@ class Sessions:
 
         def write() -> None:
             with self._store.write() as connection:
-                sessions.end(connection, digest_of(token))
+                api_keys.end_session(connection, digest_of(token))
 
         await anyio.to_thread.run_sync(write)

@@ -1,15 +1,19 @@
-"""API keys, of which only digests are stored. Each query runs on the caller's transaction."""
+"""API keys, and the browsers that have logged in with one; only digests are stored.
+
+Each query runs on the caller's transaction.
+"""
 
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
-from sqlalchemy import Connection, Row, insert, or_, select, update
+from sqlalchemy import Connection, Row, delete, insert, or_, select, update
 
-from app.store import audit, sessions, tables
+from app.store import audit, tables
 from app.store.errors import NotFoundError
 
-_KEYS = tables.api_keys
+_KEYS, _SESSIONS = tables.api_keys, tables.sessions
+MAX_SESSIONS = 50  # of a key; the oldest beyond ends
 
 
 @dataclass(frozen=True)
@@ -67,7 +71,7 @@ def revoke(connection: Connection, key_id: str) -> None:
         raise NotFoundError("API key", key_id)
     query = update(_KEYS).where(_KEYS.c.id == key_id, _KEYS.c.revoked_at.is_(None))
     if connection.execute(query.values(revoked_at=datetime.now(UTC))).rowcount:
-        sessions.end_all_of(connection, key_id)
+        connection.execute(delete(_SESSIONS).where(_SESSIONS.c.key_id == key_id))
         audit.record(connection, "key.revoked", key_id, {"name": name})
 
 
@@ -76,6 +80,32 @@ def note_use(connection: Connection, key_id: str, within: timedelta) -> None:
     now, last = datetime.now(UTC), _KEYS.c.last_used_at
     query = update(_KEYS).where(_KEYS.c.id == key_id, or_(last.is_(None), last <= now - within))
     connection.execute(query.values(last_used_at=now))
+
+
+def begin_session(connection: Connection, digest: str, key_id: str, expires_at: datetime) -> None:
+    """Store a session; those that have expired go, and so does the key's oldest where there are too many.
+
+    Args:
+        digest: of what the browser's cookie holds.
+    """
+    now = datetime.now(UTC)
+    connection.execute(delete(_SESSIONS).where(_SESSIONS.c.expires_at <= now))
+    newest = select(_SESSIONS.c.digest).where(_SESSIONS.c.key_id == key_id).order_by(_SESSIONS.c.created_at.desc())
+    if beyond := list(connection.scalars(newest.offset(MAX_SESSIONS - 1))):
+        connection.execute(delete(_SESSIONS).where(_SESSIONS.c.digest.in_(beyond)))
+    values = {"digest": digest, "key_id": key_id, "created_at": now, "expires_at": expires_at}
+    connection.execute(insert(_SESSIONS).values(values))
+
+
+def key_of_session(connection: Connection, digest: str) -> str | None:
+    """The id of the key that the session was begun with; None if there is no such session, or it has expired."""
+    query = select(_SESSIONS.c.key_id).where(_SESSIONS.c.digest == digest, _SESSIONS.c.expires_at > datetime.now(UTC))
+    return connection.scalar(query)
+
+
+def end_session(connection: Connection, digest: str) -> None:
+    """Forget the session, if there is one."""
+    connection.execute(delete(_SESSIONS).where(_SESSIONS.c.digest == digest))
 
 
 def _record(row: Row[Any]) -> ApiKeyRecord:

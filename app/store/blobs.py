@@ -9,9 +9,10 @@ import hashlib
 import os
 import re
 import time
-from collections.abc import Iterator, Set
+from collections.abc import Iterable, Iterator, Set
 from contextlib import contextmanager, suppress
 from datetime import timedelta
+from itertools import chain
 from pathlib import Path
 from typing import Protocol
 from uuid import uuid4
@@ -21,6 +22,7 @@ from app.store.private import FILE_MODE, FOLDER_MODE, private_opener
 
 _TEMPORARY_PREFIX = ".tmp-"
 _DIGEST = re.compile(r"[0-9a-f]{64}")
+_QUOTED_DIGEST = re.compile(r'"([0-9a-f]{64})"')
 
 
 class BlobStore(Protocol):
@@ -144,6 +146,11 @@ class FileBlobStore:
         with (self._root / ".lock").open("rb") as file:
             fcntl.flock(file, kind)
             yield
+
+
+def digests_in(texts: Iterable[str]) -> Iterator[str]:
+    """The digests that JSON names, found without decoding it."""
+    return chain.from_iterable(map(_QUOTED_DIGEST.findall, texts))
 
 
 def digest_path(digest: str) -> str:

@@ -1,6 +1,5 @@
 """Queries on episodes. Each runs on the caller's transaction."""
 
-import re
 from collections.abc import Sequence
 from functools import cache
 from typing import Any, Literal
@@ -8,14 +7,14 @@ from typing import Any, Literal
 from sqlalchemy import Connection, Row, Select, Text, bindparam, cast, delete, exists, func, insert, select, update
 
 from app.store import audit, tables, tasks
+from app.store.blobs import digests_in
 from app.store.errors import NotFoundError
-from app.store.pages import Page, fetch_page
-from app.store.records import DemonstrationRecord, EpisodeDraft, EpisodeRecord, Extraction, SceneRecord
+from app.store.records import DemonstrationRecord, EpisodeDraft, EpisodeRecord, Extraction, Page, SceneRecord
+from app.store.tables import fetch_page
 from app.store.values import CameraRecord, KeyframeRecord, ObjectRecord
 from app.store.visibility import of_visible_tasks, present
 
 _EPISODES = tables.episodes
-_DIGEST = re.compile(r'"([0-9a-f]{64})"')
 _WITHOUT_TRAJECTORY = [column for column in _EPISODES.c if column.name != "trajectory"]
 LISTED = [column for column in _WITHOUT_TRAJECTORY if column.name != "extra"]
 _SCENES = (
@@ -227,8 +226,7 @@ def blob_digests(connection: Connection) -> set[str]:
     digests: set[str] = set()
     for column in (_EPISODES.c.cameras, tables.predictions.c.cameras):
         query = select(cast(column, Text)).where(column.is_not(None)).execution_options(yield_per=1000)
-        for cameras in connection.scalars(query):
-            digests.update(_DIGEST.findall(cameras))
+        digests.update(digests_in(connection.scalars(query)))
     return digests
 
 

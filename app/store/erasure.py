@@ -4,21 +4,19 @@ Their images stay until no other row refers to them either, see `Store.sweep`. W
 prediction that is gone: it keeps the id.
 """
 
-import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from datetime import datetime
-from itertools import chain
 
 from sqlalchemy import Connection, Text, cast, delete, func, select
 
 from app.store import audit, tables
+from app.store.blobs import digests_in
 from app.store.errors import NotFoundError
 from app.store.idempotency import PREDICT, UPLOAD
 from app.store.visibility import of_visible_predictions, present
 
 _TASKS, _EPISODES, _PREDICTIONS = tables.tasks, tables.episodes, tables.predictions
 _JOBS, _STAGED, _KEYS = tables.jobs, tables.staged_extractions, tables.idempotency_keys
-_DIGEST = re.compile(r'"([0-9a-f]{64})"')
 _TEXTS = ("request", "prompt_system", "prompt_user", "reply_text", "actions", "samples", "objects")
 
 
@@ -91,19 +89,15 @@ def predictions_beyond(connection: Connection, max_bytes: int, blob_bytes: Mappi
     Args:
         blob_bytes: the sizes of images by digest.
     """
-    counted = set(_digests(connection.scalars(select(cast(_EPISODES.c.cameras, Text)))))
+    counted = set(digests_in(connection.scalars(select(cast(_EPISODES.c.cameras, Text)))))
     lengths = (func.coalesce(func.length(cast(_PREDICTIONS.c[name], Text)), 0) for name in _TEXTS)
     columns = (_PREDICTIONS.c.id, cast(_PREDICTIONS.c.cameras, Text), *lengths)
     query = select(*columns).order_by(_PREDICTIONS.c.sequence.desc()).execution_options(yield_per=1000)
     total, beyond = 0, []
     for id_, cameras, *texts in connection.execute(query):
-        images = set(_digests([cameras or ""])) - counted
+        images = set(digests_in([cameras or ""])) - counted
         counted |= images
         total += sum(texts) + sum(blob_bytes.get(digest, 0) for digest in images)
         if total > max_bytes:
             beyond.append(id_)
     return tuple(reversed(beyond))
-
-
-def _digests(texts: Iterable[str]) -> Iterable[str]:
-    return chain.from_iterable(map(_DIGEST.findall, texts))

@@ -13,7 +13,7 @@ from app.store import tables
 from app.store.database import lock, writes
 from app.store.errors import ConflictError
 from app.store.records import StoredResponse
-from app.store.visibility import NOBODY, present
+from app.store.visibility import NO_KEY, present
 
 UPLOAD, PREDICT = "POST /episodes", "POST /predict"  # scopes
 # After this a key may be used again. An upload's is kept: a dataset imported twice adds nothing, however much later.
@@ -37,7 +37,7 @@ def find(connection: Connection, scope: str, key: str, request_digest: str) -> S
         lock(connection, f"{scope} {present().key_id} {key}")
     row = _row(connection, scope, key, present().key_id)
     if row is None and scope == UPLOAD:
-        unowned = _row(connection, scope, key, NOBODY)
+        unowned = _row(connection, scope, key, NO_KEY)
         row = unowned if unowned is not None and unowned.request_digest == request_digest else None
     if row is None or (scope in KEPT_FOR and row.created_at < datetime.now(UTC) - KEPT_FOR[scope]):
         return None
@@ -50,7 +50,7 @@ def find(connection: Connection, scope: str, key: str, request_digest: str) -> S
 
 def answered(connection: Connection, scope: str, key: str) -> StoredResponse | None:
     """What the caller's request with the key was answered with, or None if there was none."""
-    row = _row(connection, scope, key, present().key_id) or _row(connection, scope, key, NOBODY)
+    row = _row(connection, scope, key, present().key_id) or _row(connection, scope, key, NO_KEY)
     return None if row is None else StoredResponse(row.status, row.response)
 
 

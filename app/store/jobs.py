@@ -12,8 +12,8 @@ from sqlalchemy import Connection, Row, delete, exists, func, insert, select, up
 
 from app.store import episodes, tables, tasks
 from app.store.errors import ConflictError, NotFoundError
-from app.store.pages import Page, fetch_page
-from app.store.records import EpisodeRecord, Extraction, JobRecord
+from app.store.records import EpisodeRecord, Extraction, JobRecord, Page
+from app.store.tables import fetch_page
 from app.store.values import JsonObject
 from app.store.visibility import of_visible_tasks, present
 

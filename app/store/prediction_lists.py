@@ -1,7 +1,7 @@
 """Lists of predictions for people: without prompts, failures first, and how each configuration fares."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from datetime import datetime
 from statistics import median
 from typing import Any, Literal, get_args
@@ -25,11 +25,6 @@ _FATES: dict[Fate, ColumnElement[bool]] = {
     "success": _P.c.outcome_success.is_(True),
 }
 _num_demonstrations = func.json_array_length(_P.c.demonstration_ids)
-_SUMMARY = (
-    *(_P.c[name] for name in ("sequence", "id", "task", "instruction", "model", "representation", "prompt_format")),
-    *(_P.c[name] for name in ("status", "error", "outcome_success", "outcome_note", "created_at")),
-    _num_demonstrations.label("num_demonstrations"),
-)
 _CONFIGURATION = (_P.c.model, _P.c.representation, _P.c.prompt_format, _num_demonstrations)
 
 
@@ -57,6 +52,12 @@ class PredictionSummary:
         if self.outcome_success is not None:
             return "success" if self.outcome_success else "failure"
         return "unknown" if self.status == "ok" else "refused"
+
+
+_SUMMARY = [
+    _P.c[field.name] if field.name in _P.c else _num_demonstrations.label(field.name)
+    for field in fields(PredictionSummary)
+]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,7 +99,7 @@ class SummaryPage:
 
 
 @dataclass(frozen=True)
-class ConfigurationCounts:
+class ConfigurationSummary:
     """How predictions with one configuration fared; `refused` have neither actions nor an outcome.
 
     Attributes:
@@ -142,14 +143,14 @@ def models(connection: Connection) -> tuple[str, ...]:
     return tuple(connection.scalars(of_visible_predictions(select(_P.c.model)).distinct().order_by(_P.c.model)))
 
 
-def configurations(connection: Connection, task: str | None = None) -> tuple[ConfigurationCounts, ...]:
+def configurations(connection: Connection, task: str | None = None) -> tuple[ConfigurationSummary, ...]:
     """Every configuration that was tried, of one task or of all, the most often tried first."""
     counts = [func.count().filter(_FATES[fate]) for fate in ("success", "failure", "refused")]
     failed = func.max(_P.c.sequence).filter(or_(_FATES["failure"], _FATES["refused"]))
     query = select(*_CONFIGURATION, func.count(), *counts, func.max(_P.c.sequence), failed)
     grouped = PredictionFilter(task=task).narrow(query).group_by(*_CONFIGURATION)
     rows = connection.execute(grouped.order_by(func.count().desc(), *_CONFIGURATION))
-    return tuple(ConfigurationCounts(*row) for row in rows)
+    return tuple(ConfigurationSummary(*row) for row in rows)
 
 
 def usual_llm_ms(connection: Connection, model: str, number: int = 20) -> float | None:

@@ -9,8 +9,8 @@ from sqlalchemy.exc import IntegrityError
 
 from app.store import tables
 from app.store.errors import NotFoundError
-from app.store.pages import Page, fetch_page
-from app.store.records import ConfigurationCounts, PredictionDraft, PredictionRecord
+from app.store.records import ConfigurationCounts, Page, PredictionDraft, PredictionRecord
+from app.store.tables import fetch_page
 from app.store.values import CameraRecord, ObjectRecord
 from app.store.visibility import of_visible_predictions, present
 

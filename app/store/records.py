@@ -2,15 +2,24 @@
 
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
-from typing import Literal
+from typing import Generic, Literal, TypeVar
 from uuid import uuid4
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.timeline import CONTROL_FREQUENCY_HZ
 from app.store.values import CameraRecord, JsonObject, KeyframeRecord, ObjectRecord
 
+T = TypeVar("T")
 PredictionStatus = Literal["ok", "parse_error", "unsafe_action", "unsupported", "model_error"]
 JobStatus = Literal["queued", "running", "done", "failed"]
+
+
+@dataclass(frozen=True)
+class Page(Generic[T]):
+    """Some items, newest first, and the cursor of those that follow; None at the end."""
+
+    items: tuple[T, ...]
+    next_cursor: int | None
 
 
 @dataclass(frozen=True)

@@ -1,12 +1,14 @@
-"""The tables, as `migrations/` makes them; a test compares the two."""
+"""The tables, as `migrations/` makes them (a test compares the two), and pages of those that grow."""
 
 from datetime import UTC, datetime
+from typing import Any
 
 from sqlalchemy import (
     JSON,
     BigInteger,
     Boolean,
     Column,
+    Connection,
     DateTime,
     Dialect,
     Float,
@@ -15,6 +17,8 @@ from sqlalchemy import (
     Integer,
     LargeBinary,
     MetaData,
+    Row,
+    Select,
     String,
     Table,
     Text,
@@ -199,3 +203,20 @@ audit_log = Table(
     Column("previous", String(64), nullable=False),
     Column("digest", String(64), nullable=False),
 )
+
+
+def fetch_page(
+    connection: Connection, table: Table, query: Select[Any], limit: int, cursor: int | None
+) -> tuple[list[Row[Any]], int | None]:
+    """At most `limit` rows of `query`, newest first, that are older than `cursor`, and the cursor for the rest.
+
+    By the last row's number and not by offset: rows that come do not shift a page.
+
+    Args:
+        query: selects `sequence` of `table` among others.
+    """
+    if cursor is not None:
+        query = query.where(table.c.sequence < cursor)
+    rows = list(connection.execute(query.order_by(table.c.sequence.desc()).limit(limit + 1)))
+    more = len(rows) > limit
+    return rows[:limit], rows[limit - 1].sequence if more else None

@@ -11,7 +11,7 @@ from sqlalchemy import ColumnElement, Select
 from app.store import tables
 from app.store.errors import ForbiddenError, ForbiddenTaskError
 
-NOBODY = ""  # in the place of a key's id: the command line, or a service that requires no keys
+NO_KEY = ""  # in the place of a key's id: the command line, or a service that requires no keys
 _PREDICTIONS = tables.predictions
 
 
@@ -27,7 +27,7 @@ class Visibility:
         judges_others: whether the outcome of others' predictions may be recorded.
     """
 
-    key_id: str = NOBODY
+    key_id: str = NO_KEY
     tasks: tuple[str, ...] | None = None
     others: bool = True
     demonstrations: bool = True

@@ -16,7 +16,7 @@ from app.services.predict.path import path_of
 from app.services.predict.select import demonstrations_of
 from app.services.task_settings import TaskSettings
 from app.store import episodes, predictions, tasks
-from app.store.prediction_lists import ConfigurationCounts, Fate
+from app.store.prediction_lists import ConfigurationSummary, Fate
 from app.store.records import DemonstrationRecord, EpisodeRecord, PredictionRecord
 from app.store.trajectories import get_trajectories
 from app.store.values import JsonObject
@@ -150,7 +150,7 @@ class Comparison:
     """
 
     views: tuple[PredictionView, PredictionView]
-    counts: tuple[ConfigurationCounts | None, ConfigurationCounts | None]
+    counts: tuple[ConfigurationSummary | None, ConfigurationSummary | None]
     settings: tuple[Difference, ...]
     actions: tuple[ActionPair, ...]
     distances_m: dict[str, float]
@@ -160,8 +160,8 @@ class Comparison:
 def compare(
     one: PredictionView,
     other: PredictionView,
-    counts_one: Sequence[ConfigurationCounts],
-    counts_other: Sequence[ConfigurationCounts],
+    counts_one: Sequence[ConfigurationSummary],
+    counts_other: Sequence[ConfigurationSummary],
 ) -> Comparison:
     """The two predictions; `counts_*` are the configurations of their tasks."""
     first, second = one.record, other.record
@@ -177,7 +177,7 @@ def compare(
     )
 
 
-def _counts_of(record: PredictionRecord, counts: Sequence[ConfigurationCounts]) -> ConfigurationCounts | None:
+def _counts_of(record: PredictionRecord, counts: Sequence[ConfigurationSummary]) -> ConfigurationSummary | None:
     key = (record.model, record.representation, record.prompt_format, len(record.demonstration_ids))
     known = {(c.model, c.representation, c.prompt_format, c.num_demonstrations): c for c in counts}
     return known.get(key)

@@ -9,7 +9,7 @@ from sqlalchemy import update
 
 from app.api.access_rules import COOKIE
 from app.services.api_keys import KNOWN_FOR_S, LONGEST, create_key
-from app.store import api_keys, sessions, tables
+from app.store import api_keys, tables
 from app.store.store import Store
 from tests.e2e.processes import killable_server
 
@@ -84,19 +84,19 @@ def test_sessions_are_stored_as_digests_and_end_by_themselves(store):
     key_id = create_key(store, "somebody", ["read"]).split("_")[1]
     now = datetime.now(UTC)
     with store.write() as connection:
-        sessions.begin(connection, "a" * 64, key_id, now + LONGEST)
-        sessions.begin(connection, "b" * 64, key_id, now - timedelta(seconds=1))
-        assert sessions.key_of(connection, "a" * 64) == key_id
-        assert sessions.key_of(connection, "b" * 64) is None
+        api_keys.begin_session(connection, "a" * 64, key_id, now + LONGEST)
+        api_keys.begin_session(connection, "b" * 64, key_id, now - timedelta(seconds=1))
+        assert api_keys.key_of_session(connection, "a" * 64) == key_id
+        assert api_keys.key_of_session(connection, "b" * 64) is None
 
 
 def test_a_key_has_so_many_sessions(store):
     key_id = create_key(store, "many", ["read"]).split("_")[1]
     with store.write() as connection:
-        digests = [f"{number:064}" for number in range(sessions.MAX_OF_A_KEY + 3)]
+        digests = [f"{number:064}" for number in range(api_keys.MAX_SESSIONS + 3)]
         for digest in digests:
-            sessions.begin(connection, digest, key_id, datetime.now(UTC) + LONGEST)
-        alive = [digest for digest in digests if sessions.key_of(connection, digest)]
+            api_keys.begin_session(connection, digest, key_id, datetime.now(UTC) + LONGEST)
+        alive = [digest for digest in digests if api_keys.key_of_session(connection, digest)]
     assert alive == digests[3:]
 
 
