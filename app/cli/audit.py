@@ -22,7 +22,7 @@ def audit(
     """Print the audit log, oldest first, and verify that no entry was changed, left out or put in between.
 
     The exit status is 1 if one was, and the first such entry is named. What was cut off at the end shows only by a
-    digest that somebody kept elsewhere: --holds.
+    digest that was kept elsewhere: --holds.
     """
     found = holds is None
     newest = log.FIRST
@@ -43,5 +43,7 @@ def audit(
 
 
 def _line(entry: log.AuditEntry) -> str:
-    said = "".join(sign if sign.isprintable() else "?" for sign in f"{entry.actor}  {entry.action}  {entry.subject}")
-    return f"{entry.number}  {entry.at:%Y-%m-%d %H:%M:%S}  {said}  {entry.details}"
+    who_what = "".join(
+        sign if sign.isprintable() else "?" for sign in f"{entry.actor}  {entry.action}  {entry.subject}"
+    )
+    return f"{entry.number}  {entry.at:%Y-%m-%d %H:%M:%S}  {who_what}  {entry.details}"

@@ -207,15 +207,15 @@ def _printable(text: str) -> str:
     return "".join(sign if sign.isprintable() else repr(sign)[1:-1] for sign in text)
 
 
-def _error(kind: str, said: list[str]) -> Exception:
+def _error(kind: str, arguments: list[str]) -> Exception:
     """The error that a reader reports."""
     if kind == "InvalidInputError":
-        field, message, valid = said
+        field, message, valid = arguments
         return InvalidInputError(field, message, valid or None)
     if kind == "MemoryError":
-        return DamagedError(said[0], f"needs more memory than an episode may take: {REMEDY}")
+        return DamagedError(arguments[0], f"needs more memory than an episode may take: {REMEDY}")
     kinds = {"MissingPackageError": MissingPackageError, "DatasetError": DatasetError}
     type_: type[DatasetError] = kinds.get(kind, DamagedError)
     error = type_.__new__(type_)
-    error.args = (said[0],)  # its text is complete
+    error.args = (arguments[0],)  # its text is complete
     return error

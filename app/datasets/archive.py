@@ -105,8 +105,8 @@ def _parcel(
     except (KeyError, ValueError) as error:
         raise DamagedError(names[0], f"the episode is not complete: {error}") from error
     if options.task is None and metadata["task"] != task:
-        said = f"the episode is of task {metadata['task']!r}, the archive of task {task!r}"
-        raise InvalidInputError("task", said, "one task in both, or --task NAME for every episode")
+        mismatch = f"the episode is of task {metadata['task']!r}, the archive of task {task!r}"
+        raise InvalidInputError("task", mismatch, "one task in both, or --task NAME for every episode")
     given = {"task": options.task, "instruction": options.instruction}
     metadata.update({name: value for name, value in given.items() if value is not None})
     return Parcel(metadata, parts)

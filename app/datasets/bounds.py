@@ -129,7 +129,7 @@ def read_inside(root: Path, path: Path | str, budget: Budget) -> bytes:
     """
     found = inside(root, path)
     try:
-        # Opening a pipe would wait for somebody who writes to it.
+        # Without it, opening a pipe would wait for a writer.
         with open(os.open(found, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0)), "rb") as file:
             status = os.fstat(file.fileno())
             if not stat.S_ISREG(status.st_mode):

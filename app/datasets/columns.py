@@ -167,7 +167,7 @@ def parcel_of(
     Raises:
         InvalidInputError: for a part that is missing or not as it must be.
     """
-    if (said := options.instruction or instruction) is None:
+    if (text := options.instruction or instruction) is None:
         raise InvalidInputError("instruction", "the dataset names none", "--instruction 'what the robot does'")
     trajectory = trajectory_of(columns, mapping, frequency_hz)
     cameras, images = _cameras(mapping, options, image)
@@ -180,7 +180,7 @@ def parcel_of(
     ]
     return Parcel.of(
         task=options.task or task,
-        instruction=said,
+        instruction=text,
         trajectory=trajectory,
         control_frequency_hz=frequency_hz,
         objects=objects_of(trajectory, mapping) or options.objects.of(name),

@@ -28,7 +28,7 @@ def depth_png(depth_m: Array) -> tuple[bytes, float]:
     known_m = np.where(np.isfinite(depth_m) & (depth_m > 0), depth_m, 0.0)
     scale = FINE_M if known_m.max(initial=0) <= FINE_M * _MAX_UNITS else COARSE_M
     units = np.rint(known_m / scale)
-    units[units > _MAX_UNITS] = 0  # farther than can be said: unknown
+    units[units > _MAX_UNITS] = 0  # farther than 16 bits can express: unknown
     return _png(units.astype(np.uint16)), scale
 
 

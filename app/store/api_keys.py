@@ -45,8 +45,8 @@ def add(connection: Connection, record: ApiKeyRecord) -> None:
     scopes, tasks = list(record.scopes), None if record.tasks is None else list(record.tasks)
     connection.execute(insert(_KEYS).values({**asdict(record), "scopes": scopes, "tasks": tasks}))
     limits = {"tasks": tasks, "expires_at": None if record.expires_at is None else record.expires_at.isoformat()}
-    said = {name: value for name, value in limits.items() if value is not None}
-    audit.record(connection, "key.created", record.id, {"name": record.name, "scopes": scopes, **said})
+    limits_set = {name: value for name, value in limits.items() if value is not None}
+    audit.record(connection, "key.created", record.id, {"name": record.name, "scopes": scopes, **limits_set})
 
 
 def list_all(connection: Connection) -> tuple[ApiKeyRecord, ...]:

@@ -1,7 +1,7 @@
 """A log that shows what was done to it: each entry holds the SHA-256 of the one before.
 
 An entry that is changed, left out or put in between breaks the chain from there on. Entries cut off at the end leave no
-trace in the log itself: whoever kept the last digest can tell.
+trace in the log itself, only a digest that was kept elsewhere shows it.
 """
 
 import hashlib
@@ -50,7 +50,7 @@ class AuditEntry:
     digest: str
 
     def expected_digest(self) -> str:
-        """What `digest` is if nobody has changed the entry."""
+        """What `digest` is if the entry was not changed."""
         values = {**asdict(self), "at": self.at.astimezone(UTC).isoformat(timespec="microseconds")}
         del values["digest"]
         return hashlib.sha256(json.dumps(values, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
@@ -94,10 +94,10 @@ def record(
     """
     lock(connection, _LOCK)
     last = connection.execute(select(_LOG.c.number, _LOG.c.digest).order_by(_LOG.c.number.desc()).limit(1)).first()
-    said = json.dumps(details or {}, sort_keys=True, separators=(",", ":"))
-    # Text, whatever somebody has put there: a log that was changed goes on, and `verified` shows where it broke.
+    text = json.dumps(details or {}, sort_keys=True, separators=(",", ":"))
+    # As text even if it was changed to another type: the log goes on, and `verified` shows where it broke.
     number, previous = (1, FIRST) if last is None else (last.number + 1, str(last.digest))
-    entry = AuditEntry(number, datetime.now(UTC), actor or _actor.get(), action, subject, said, previous, "")
+    entry = AuditEntry(number, datetime.now(UTC), actor or _actor.get(), action, subject, text, previous, "")
     values = {**asdict(entry), "digest": entry.expected_digest()}
     connection.execute(insert(_LOG).values(values))
 

@@ -66,7 +66,7 @@ def _snapshot(store: Store, path: Path) -> tuple[dict[str, int], set[str]]:
     try:
         migrate(snapshot)
         with store.read() as source, snapshot.write() as target:
-            # Whoever has the file must not be logged in with it.
+            # A backup must not let its holder use another person's session.
             rows, digests = copy_rows(source, target, {sessions.name}), episodes.blob_digests(source)
         with snapshot.engine.connect() as connection:  # one file, without a log beside it
             connection.exec_driver_sql("ROLLBACK")

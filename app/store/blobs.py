@@ -82,7 +82,7 @@ class FileBlobStore:
                 for folder in (path.parent.parent, path.parent):
                     folder.mkdir(FOLDER_MODE, exist_ok=True)
                 _write_durably(path, data)
-            # Also for a blob that was there: whoever wrote it may not have come this far yet.
+            # Also for a blob that was there: the request that wrote it may not have synced it yet.
             self._sync_entry(path)
         return digest
 

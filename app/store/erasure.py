@@ -48,7 +48,7 @@ def erase_task(connection: Connection, name: str) -> None:
         NotFoundError: if there is none of that name.
     """
     present().require_task(name)
-    # Whoever adds an episode or a prediction waits, and then finds no task.
+    # A request that adds an episode or a prediction waits, and then finds no task.
     if connection.execute(select(_TASKS.c.name).where(_TASKS.c.name == name).with_for_update()).first() is None:
         raise NotFoundError("task", name)
     jobs = list(connection.scalars(select(_JOBS.c.id).where(_JOBS.c.task == name).with_for_update()))

@@ -66,8 +66,7 @@ class ForbiddenTaskError(ForbiddenError):
 class StoreUnavailableError(StoreError):
     """Database or disk does not answer as it should: full, read-only, locked, unreachable.
 
-    Once the store is open the text names no path and no address: whoever sent a request reads it. `unavailable` makes
-    it, and logs the rest.
+    Clients read the text, so that it names no path and no address once the store is open; see `unavailable`.
     """
 
 

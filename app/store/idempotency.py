@@ -1,7 +1,7 @@
 """Answers to requests that carried an `Idempotency-Key`. Each query runs on the caller's transaction.
 
 An answer belongs to the API key that got it: another one with the same `Idempotency-Key` gets its own. Uploads to a
-service without API keys have no owner: whoever sends the same content again gets their answer.
+service without API keys have no owner: every caller who sends the same content again gets their answer.
 """
 
 from datetime import UTC, datetime, timedelta

@@ -78,7 +78,7 @@ def has_open(connection: Connection, task: str) -> bool:
 
 
 def claim(connection: Connection, lease: timedelta) -> JobRecord | None:
-    """The oldest job that nobody works at, claimed for `lease`; None if there is none. In a write transaction."""
+    """The oldest job that no process has claimed, claimed for `lease`; None without one. In a write transaction."""
     now = datetime.now(UTC)
     free = select(_JOBS).where(_OPEN, _JOBS.c.claimed_until <= now).order_by(_JOBS.c.sequence).limit(1)
     # Processes that claim at the same time get different jobs. SQLite ignores it: there writers are alone.
@@ -101,7 +101,7 @@ def stage(connection: Connection, job: JobRecord, extractions: Sequence[Extracti
     """Keep a batch and renew the claim.
 
     Raises:
-        LostClaimError: if the claim has run out and somebody else has the job.
+        LostClaimError: if the claim has expired and another process has the job.
     """
     rows = [
         {"job": job.id, "episode": item.episode_id, **episodes.extraction_json(item.keyframes, item.objects)}

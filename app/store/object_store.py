@@ -1,6 +1,6 @@
 """Blobs in an object store such as S3: `prefix/ab/cd/abcd...`, as in the folder of `FileBlobStore`.
 
-Sweeping: between the last look at an object and its deletion lie milliseconds in which somebody may put the same bytes
+Sweeping: between the last look at an object and its deletion lie milliseconds in which a request may put the same bytes
 again. Where that matters switch the bucket's versioning on: deletions can then be undone.
 """
 

@@ -53,8 +53,8 @@ def is_unavailable(error: exc.DatabaseError) -> bool:
 
 def reason_of(error: exc.DatabaseError) -> str:
     """What the server says; of a failed connection only that it failed: the rest names host, port and user."""
-    said: str | None = getattr(getattr(error.orig, "diag", None), "message_primary", None)
-    return said or str(error.orig).partition(":")[0]
+    message: str | None = getattr(getattr(error.orig, "diag", None), "message_primary", None)
+    return message or str(error.orig).partition(":")[0]
 
 
 def is_damaged(error: exc.DatabaseError) -> bool:

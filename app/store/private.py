@@ -9,7 +9,7 @@ from app.store.errors import StoreUnavailableError
 
 FOLDER_MODE, FILE_MODE = 0o700, 0o600
 OTHERS = 0o077
-# What a data folder has; one with other folders and none of these is somebody's home, or the system's.
+# What a data folder has; one with other folders and none of these is a home folder, or the system's.
 MARKS = ("roboprompt.db", "blobs", "under_way", "turns", "llm", "cache", ".swept")
 
 logger = logging.getLogger(__name__)
@@ -58,20 +58,20 @@ def private_folder(path: Path) -> None:
 
 def _require_ours(path: Path, mode: int) -> None:
     """Refuse a folder whose mode is not ours to change."""
-    said = f"data directory {path} is open to others (mode {mode:03o})"
+    opened = f"data directory {path} is open to others (mode {mode:03o})"
     owner = path.stat().st_uid
     if owner != os.geteuid() and os.geteuid() != 0:
         raise StoreUnavailableError(
-            f"{said} and belongs to user {owner}: name a folder of this user's, or give it to them"
+            f"{opened} and belongs to user {owner}: name a folder of this user's, or give it to them"
         )
     inside = [entry for entry in os.scandir(path) if entry.is_dir(follow_symlinks=False)]
     shared = bool(mode & stat.S_ISVTX)
     if shared or (inside and not any((path / name).exists() for name in MARKS)):
-        raise StoreUnavailableError(f"{said} and holds what is not this service's: name a folder of its own")
+        raise StoreUnavailableError(f"{opened} and holds files of others: name a folder of its own")
 
 
 def _tighten(folder: Path) -> None:
-    """The folder first: nobody gets at the rest from then on."""
+    """The folder first: from then on other users cannot reach what is in it."""
     folder.chmod(FOLDER_MODE)
     for current, folders, files in os.walk(folder):
         for names, mode in ((folders, FOLDER_MODE), (files, FILE_MODE)):

@@ -1,9 +1,7 @@
-"""What the processes of a data directory know of each other, by files: whose turn it is, and what is under way.
+"""What the processes of a data directory share by files: turns, and notes of predictions that are not finished.
 
-One at a time takes its turn by a locked file, which the system frees if its holder dies.
-
-What language models are working at stands in small files, for people who watch. Nothing depends on them, so they are
-not synced; what a killed process leaves behind ends at its deadline.
+One process holds a turn at a time: a locked file, which the system unlocks if its holder dies. Notes are for people who
+watch: nothing depends on them and they are not synced. One that a killed process leaves behind ends at its deadline.
 """
 
 import fcntl
@@ -24,7 +22,7 @@ from app.store.private import FOLDER_MODE, private_opener
 
 
 class Turn:
-    """The turn that somebody has; leave it by `with`. One that is only dropped is left, too."""
+    """A turn that is held; `with` ends it, and so does dropping the object."""
 
     def __init__(self, path: Path, descriptor: int) -> None:
         self._path = path
@@ -45,7 +43,7 @@ class Turns:
         self._folder = folder
 
     def take(self, name: str) -> Turn | None:
-        """The turn of that name, or None while somebody else has it.
+        """The turn of that name, or None while it is held elsewhere.
 
         Raises:
             StoreUnavailableError: if the folder cannot be written.

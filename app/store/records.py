@@ -8,6 +8,7 @@ from uuid import uuid4
 from app.pipeline.episode import Demonstration
 from app.pipeline.timeline import CONTROL_FREQUENCY_HZ
 from app.store.values import CameraRecord, JsonObject, KeyframeRecord, ObjectRecord
+from roboprompt_client.trajectory import EndEffectorAction
 
 T = TypeVar("T")
 PredictionStatus = Literal["ok", "parse_error", "unsafe_action", "unsupported", "model_error"]
@@ -136,7 +137,8 @@ class DemonstrationRecord:
     def demonstration(self) -> Demonstration:
         """As the pipeline wants it."""
         poses = tuple(record.pose() for record in self.objects)
-        actions = tuple(record.action() for record in self.keyframes)
+        rows = [(record.position_m, record.quaternion_xyzw, record.gripper_open) for record in self.keyframes]
+        actions = tuple(EndEffectorAction.many(*zip(*rows, strict=True))) if rows else ()
         later = tuple(tuple(item.pose() for item in record.objects) for record in self.keyframes if record.objects)
         return Demonstration(self.instruction, poses, actions, self.id, later)
 

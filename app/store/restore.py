@@ -31,7 +31,7 @@ def restore(store: Store, path: Path, *, with_keys: bool = False) -> BackupSumma
     The audit log of a store that has none yet goes on where the backup's ends; another stays, and notes the restore.
 
     Args:
-        with_keys: bring the keys, too: also those that were revoked since, or that somebody put into the file.
+        with_keys: restore the keys, too, including those revoked since the backup and any that were put into the file.
 
     Raises:
         ConflictError: if the store has something already; keys and an audit log do not count, unless keys are brought.

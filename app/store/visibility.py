@@ -1,4 +1,4 @@
-"""What the request that is answered here may see. The door sets it, the queries heed it: no route can forget it."""
+"""What the present request may see. `app.api.access` sets it and the queries apply it, so that no route can omit it."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
