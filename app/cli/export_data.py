@@ -23,7 +23,6 @@ from roboprompt_client.errors import ServiceProblemError, ServiceUnreachableErro
 
 PAGE = 200
 _IMAGES = ("rgb", "depth", "mask")
-Target = Annotated[Path | None, typer.Option()]
 
 
 def task_settings(client: RoboPromptClient, task: str) -> dict[str, Any]:
