@@ -2,9 +2,9 @@
 
     stream -> within_deadline     the only deadline; nothing outside it but a recording (`recorded`)
       _tries                      a place (`guard.Places`), then one try after the other, with waits between
-        _try                      the circuit (`guard.Circuit`) learns how it goes
-          _wanted                 a reply that is wanted whole is one piece, its Completion
-            the backend's stream
+        _try                      the circuit (`guard.Circuit`) learns how it goes; a reply that is wanted whole is
+                                  one piece, its Completion
+          the backend's stream
 
 A model is asked again where that may help, and no more often than its provider bears.
 """
@@ -92,12 +92,16 @@ class ResilientModel:
         circuit, asked_s, silent = self._guard.circuit, anyio.current_time(), True
         with circuit.passage():
             try:
-                async with aclosing(_wanted(self._model.stream(request), request)) as pieces:
+                async with aclosing(self._model.stream(request)) as pieces:
                     async for piece in pieces:
                         if silent:
                             circuit.answered()
                         silent = False
-                        yield piece
+                        if request.piecewise or isinstance(piece, Completion):
+                            yield piece
+                        if isinstance(piece, Completion):
+                            return
+                raise ModelResponseError(INCOMPLETE)
             except ModelTimeoutError:
                 raise
             except LanguageModelError as error:
@@ -119,17 +123,6 @@ class ResilientModel:
             return None
         backoff_s = min(limits.backoff_s * 2.0**num_retries, MAX_BACKOFF_S) * (1 + self._jitter()) / 2
         return max(backoff_s, error.retry_after_s or 0.0)
-
-
-async def _wanted(pieces: Pieces, request: CompletionRequest) -> Pieces:
-    """Of a backend's pieces those that were asked for, up to the Completion."""
-    async with aclosing(pieces):
-        async for piece in pieces:
-            if request.piecewise or isinstance(piece, Completion):
-                yield piece
-            if isinstance(piece, Completion):
-                return
-    raise ModelResponseError(INCOMPLETE)
 
 
 async def within_deadline(pieces: Pieces, timeout_s: float, model: str) -> Pieces:
