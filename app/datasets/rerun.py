@@ -9,7 +9,7 @@ import numpy as np
 from app.datasets.bounds import MissingPackageError
 from app.datasets.recording import Parcel
 from app.datasets.writing import in_one_step
-from roboprompt_client.metadata import camera_from_json
+from roboprompt_client.camera import camera_from_json
 from roboprompt_client.trajectory import Trajectory
 from roboprompt_client.trajectory_npz import trajectory_from_npz
 

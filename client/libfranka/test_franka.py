@@ -25,7 +25,7 @@ from roboprompt_client import (
 from roboprompt_client import quaternions as rotations
 from roboprompt_client.arms.arm import miss
 from roboprompt_client.arms.franka import Franka
-from roboprompt_client.arms.panda_kinematics import flange
+from roboprompt_client.arms.panda import flange
 from roboprompt_client.motion_limits import MotionLimits
 
 FREE = MotionLimits(hand_radius_m=0.0)

@@ -3,7 +3,9 @@
 `camera_to_world` takes OpenCV camera coordinates (x right, y down, z forward) to the world frame.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -77,6 +79,33 @@ def _is_rigid(transform: Array) -> bool:
     off = np.abs(rotation.T @ rotation - np.eye(3)).max()
     last_row = (transform[3] == (0, 0, 0, 1)).all()
     return bool(off <= ROTATION_MATRIX_TOLERANCE and np.linalg.det(rotation) > 0 and last_row)
+
+
+def camera_json(camera: Camera) -> dict[str, Any]:
+    """A camera's calibration."""
+    intrinsics = {"fx": camera.fx_px, "fy": camera.fy_px, "cx": camera.cx_px, "cy": camera.cy_px}
+    if camera.image_size_px is not None:
+        intrinsics["width"], intrinsics["height"] = camera.image_size_px
+    return {
+        "name": camera.name,
+        "intrinsics": intrinsics,
+        "camera_to_world": camera.camera_to_world.tolist(),
+        "depth_scale": camera.depth_scale,
+    }
+
+
+def camera_from_json(value: Mapping[str, Any]) -> Camera:
+    """The inverse of `camera_json`.
+
+    Raises:
+        InvalidInputError: for a calibration that Camera refuses.
+        KeyError, TypeError: for a document of another form.
+    """
+    k = value["intrinsics"]
+    size = (k["width"], k["height"]) if k.get("width") is not None and k.get("height") is not None else None
+    numbers = (k["fx"], k["fy"], k["cx"], k["cy"])
+    transform = np.asarray(value["camera_to_world"], dtype=np.float64)
+    return Camera(value["name"], *numbers, transform, value.get("depth_scale", 0.001), size)
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,13 +13,13 @@ from typing import Any, get_args
 
 from roboprompt_client.arms.cell import open_robot
 from roboprompt_client.client import DEFAULT_URL, RoboPromptClient
-from roboprompt_client.confirming import Person
 from roboprompt_client.danger import OnDanger
 from roboprompt_client.errors import InvalidInputError, RoboPromptError
 from roboprompt_client.loop import run_closed_loop, run_task, show_nothing
 from roboprompt_client.motion_limits import Box, MotionLimits, Pose
 from roboprompt_client.record_command import add_commands
-from roboprompt_client.scene_file import OBJECTS, observation_from_file
+from roboprompt_client.robot import OBJECTS, observation_from_file
+from roboprompt_client.terminal import Person
 from roboprompt_client.trajectory_npz import trajectory_from_npz
 
 ROBOT = "a cell's JSON file, or MODULE:FACTORY: a callable that returns a Robot"

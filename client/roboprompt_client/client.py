@@ -9,13 +9,12 @@ from uuid import uuid4
 
 import httpx
 
-from roboprompt_client.addresses import without_proxy
 from roboprompt_client.answers import PredictedActions, problem_of
-from roboprompt_client.camera import RgbdFrame
+from roboprompt_client.camera import RgbdFrame, camera_json
+from roboprompt_client.connection import without_proxy
 from roboprompt_client.encoding import ImageFormat, Part, packed_request, request_parts, scene_json
 from roboprompt_client.errors import ServiceProblemError, ServiceUnreachableError
 from roboprompt_client.events import EVENT_STREAM, NotEventsError, events_of
-from roboprompt_client.metadata import camera_json
 from roboprompt_client.motion_guard import action_from_json
 from roboprompt_client.motion_limits import MotionLimits
 from roboprompt_client.robot import Observation

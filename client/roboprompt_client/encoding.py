@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from roboprompt_client.camera import RgbdFrame
+from roboprompt_client.camera import RgbdFrame, camera_json
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.metadata import camera_json, object_json
-from roboprompt_client.packed_array import packed_array
+from roboprompt_client.npy import packed_array
 from roboprompt_client.robot import Observation
+from roboprompt_client.trajectory import object_json
 
 Part = tuple[str, bytes, str]
 JPEG_QUALITY = 95

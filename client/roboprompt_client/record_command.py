@@ -13,8 +13,7 @@ from roboprompt_client.arrays import finite_array
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import InvalidInputError, MotionError, ServiceUnreachableError
 from roboprompt_client.recorder import RATE_HZ, HasState, Recorder
-from roboprompt_client.robot import Robot
-from roboprompt_client.scene_file import observation_from_file
+from roboprompt_client.robot import Robot, observation_from_file
 from roboprompt_client.spool import JOURNAL, Sent, Spool
 
 MARKS = {True: "ok  ", False: "FAIL", None: "look"}

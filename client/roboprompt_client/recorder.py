@@ -10,10 +10,9 @@ import numpy as np
 
 from roboprompt_client.arms.driver import ArmState
 from roboprompt_client.arrays import Array
-from roboprompt_client.derived import LEAST_TRAVEL_M
 from roboprompt_client.errors import InvalidInputError, MotionError
 from roboprompt_client.trajectory import Trajectory
-from roboprompt_client.trajectory_npz import trajectory_from_arrays
+from roboprompt_client.trajectory_npz import LEAST_TRAVEL_M, trajectory_from_arrays
 
 RATE_HZ = 50.0
 LEAST_RATE_HZ = 20.0

@@ -1,9 +1,12 @@
 """What a robot must offer so that the service can teach it and move it."""
 
+import json
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Protocol
 
 from roboprompt_client.camera import RgbdFrame
+from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.motion_limits import Pose
 from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
 
@@ -41,3 +44,26 @@ class Robot(Protocol):
     def stop(self) -> None:
         """Hold still where the arm is; safe to call at any time."""
         ...
+
+
+OBJECTS = 'JSON: [{"name": "cube", "position": [x, y, z]}], metres, each with "quaternion_xyzw" where it is known'
+
+
+def observation_from_file(field: str, path: Path) -> Observation:
+    """The objects of a JSON file.
+
+    Args:
+        field: what an error names.
+
+    Raises:
+        InvalidInputError: if it cannot be read, or is no list of objects.
+    """
+    try:
+        items = json.loads(path.read_text())
+        return Observation(tuple(ObjectPose(i["name"], i["position"], i.get("quaternion_xyzw")) for i in items))
+    except InvalidInputError as error:
+        raise InvalidInputError(f"{field}: {path}: {error.field}", error.message, OBJECTS) from error
+    except (OSError, ValueError) as error:
+        raise InvalidInputError(field, f"{path} cannot be read: {error}", f"a file with {OBJECTS}") from error
+    except (KeyError, TypeError, AttributeError) as error:
+        raise InvalidInputError(field, f"{path} is no list of objects", OBJECTS) from error

@@ -5,6 +5,7 @@ Every value is checked when it is constructed. Positions are in metres in the wo
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -177,6 +178,12 @@ class ObjectPose:
             settle(self, quaternion_xyzw=unit)
         if not 0 <= self.confidence <= 1:
             raise InvalidInputError(f"{where}.confidence", f"is {self.confidence}", "a number in 0..1")
+
+
+def object_json(pose: ObjectPose) -> dict[str, Any]:
+    """An object with the pose that the robot knows."""
+    quaternion = None if pose.quaternion_xyzw is None else pose.quaternion_xyzw.tolist()
+    return {"name": pose.name, "position": pose.position_m.tolist(), "quaternion_xyzw": quaternion}
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,7 @@ import numpy as np
 from roboprompt_client import quaternions as rotations
 from roboprompt_client.arms.franka import Franka
 from roboprompt_client.arms.lerobot import LeRobotArm
-from roboprompt_client.arms.panda_kinematics import flange
+from roboprompt_client.arms.panda import flange
 from roboprompt_client.arms.ur import UR
 from roboprompt_client.arms.xarm import XArm
 

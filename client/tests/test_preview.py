@@ -16,12 +16,12 @@ from roboprompt_client import quaternions as rotations
 from roboprompt_client.arms.arm import Arm
 from roboprompt_client.arms.calibration import Calibration
 from roboprompt_client.arms.driver import ArmState
-from roboprompt_client.arms.geometry import PandaGeometry, franka_hand, nearest_limit
-from roboprompt_client.arms.panda_kinematics import flange
-from roboprompt_client.confirming import Person
+from roboprompt_client.arms.geometry import nearest_limit
+from roboprompt_client.arms.panda import PandaGeometry, flange, franka_hand
+from roboprompt_client.arms.preview import Cell, table
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.motion_limits import Box, MotionLimits
-from roboprompt_client.preview import Cell, table
+from roboprompt_client.terminal import Person
 
 DOWN = np.array([1.0, 0, 0, 0])
 BASE_M = np.array([-0.3, 0.0, 0.75])

@@ -9,10 +9,10 @@ from app.services.task_settings import TaskSettings
 from app.store.records import PredictionRecord
 from roboprompt_client import quaternions as rotations
 from roboprompt_client.arms.calibration import Calibration
-from roboprompt_client.arms.geometry import PandaGeometry
+from roboprompt_client.arms.panda import PandaGeometry
+from roboprompt_client.arms.preview import Cell, Previewed
 from roboprompt_client.arrays import Array
 from roboprompt_client.errors import MotionError
-from roboprompt_client.preview import Cell, Previewed
 from roboprompt_client.trajectory import EndEffectorAction
 
 

@@ -13,11 +13,11 @@ from roboprompt_client import quaternions as rotations
 from roboprompt_client.arms.calibration import Calibration
 from roboprompt_client.arms.driver import ArmState, Driver
 from roboprompt_client.arms.geometry import Geometry, KnowsItsJoints
+from roboprompt_client.arms.preview import Cell, Previewed
 from roboprompt_client.arrays import Array
 from roboprompt_client.errors import InvalidInputError, MotionError
 from roboprompt_client.motion_guard import MotionGuard
 from roboprompt_client.motion_limits import MotionLimits, Pose
-from roboprompt_client.preview import Cell, Previewed
 from roboprompt_client.robot import Observation
 from roboprompt_client.trajectory import EndEffectorAction
 

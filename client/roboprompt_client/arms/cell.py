@@ -20,10 +20,8 @@ from roboprompt_client.arms.arm import Arm, Eyes, Tolerance
 from roboprompt_client.arms.calibration import Calibration
 from roboprompt_client.arms.urdf import UrdfGeometry
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.limit_values import checked_bound
-from roboprompt_client.motion_limits import MotionLimits
-from roboprompt_client.robot import Observation, Robot
-from roboprompt_client.scene_file import observation_from_file
+from roboprompt_client.motion_limits import MotionLimits, checked_bound
+from roboprompt_client.robot import Observation, Robot, observation_from_file
 
 DRIVERS = {
     "franka": "roboprompt_client.arms.franka:Franka",

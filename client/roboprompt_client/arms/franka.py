@@ -14,8 +14,7 @@ import numpy as np
 
 from roboprompt_client import quaternions as rotations
 from roboprompt_client.arms.driver import ArmState
-from roboprompt_client.arms.geometry import PandaGeometry
-from roboprompt_client.arms.panda_kinematics import LIMITS_RAD
+from roboprompt_client.arms.panda import LIMITS_RAD, PandaGeometry
 from roboprompt_client.arrays import Array
 from roboprompt_client.errors import InvalidInputError, MotionError
 

@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 
 from roboprompt_client.arms.driver import pose_matrix
-from roboprompt_client.arms.geometry import Nearest, nearest_limit
-from roboprompt_client.arms.straight_way import follow_line
+from roboprompt_client.arms.geometry import Nearest, follow_line, nearest_limit
 from roboprompt_client.arrays import Array
 from roboprompt_client.errors import InvalidInputError, MotionError
 

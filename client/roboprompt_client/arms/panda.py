@@ -4,12 +4,14 @@ Geometry and limits: Franka Robotics, "Robot and interface specifications" (Dena
 Panda and the Research 3 share the geometry).
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from roboprompt_client import quaternions as rotations
-from roboprompt_client.arms.straight_way import follow_line
+from roboprompt_client.arms.geometry import Nearest, follow_line, nearest_limit
 from roboprompt_client.arrays import Array
-from roboprompt_client.errors import MotionError
+from roboprompt_client.errors import InvalidInputError, MotionError
 
 _A_M = (0.0, 0.0, 0.0, 0.0825, -0.0825, 0.0, 0.088)
 _D_M = (0.333, 0.0, 0.316, 0.0, 0.384, 0.0, 0.0)
@@ -27,6 +29,7 @@ LIMITS_RAD = {
 }
 READY_RAD = (0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4)
 REACH_M = 0.855  # of the flange from the shoulder
+HAND_YAW_RAD, HAND_M = -np.pi / 4, 0.1034  # the Franka Hand on its flange, down to between the fingertips
 SHOULDER_M = np.array([0.0, 0.0, 0.333])
 
 
@@ -74,3 +77,41 @@ def _link(a_m: float, d_m: float, alpha_rad: float, angle_rad: float) -> Array:
             [0.0, 0.0, 0.0, 1.0],
         ]
     )
+
+
+@dataclass(frozen=True, eq=False)
+class PandaGeometry:
+    """A Franka Panda's or Research 3's.
+
+    Args:
+        model: `panda` or `fr3`: whose joint limits hold.
+        flange_to_tip: (4, 4) tip to flange; None: the Franka Hand's.
+
+    Raises:
+        InvalidInputError: for another model.
+    """
+
+    model: str = "fr3"
+    flange_to_tip: Array | None = None
+
+    def __post_init__(self) -> None:
+        if self.model not in LIMITS_RAD:
+            raise InvalidInputError("model", f"is {self.model!r:.40}", ", ".join(LIMITS_RAD))
+
+    def way(self, joints_rad: Array, position_m: Array, quaternion_xyzw: Array) -> Array:
+        tip = franka_hand() if self.flange_to_tip is None else self.flange_to_tip
+        return check_way(joints_rad, tip, position_m, quaternion_xyzw, self.model)
+
+    def nearest_limit(self, joints_rad: Array) -> Nearest:
+        return nearest_limit(joints_rad, *(np.array(bound) for bound in LIMITS_RAD[self.model]))
+
+    @property
+    def ready_rad(self) -> Array:
+        """(7,) the maker's ready pose, the hand pointing down."""
+        return np.array(READY_RAD)
+
+
+def franka_hand() -> Array:
+    """(4, 4) the point between the fingertips to the flange."""
+    cos, sin = np.cos(HAND_YAW_RAD), np.sin(HAND_YAW_RAD)
+    return np.array([[cos, -sin, 0, 0], [sin, cos, 0, 0], [0, 0, 1, HAND_M], [0, 0, 0, 1]])

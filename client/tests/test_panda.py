@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from roboprompt_client import quaternions as rotations
-from roboprompt_client.arms.panda_kinematics import LIMITS_RAD, check_way, flange
+from roboprompt_client.arms.panda import LIMITS_RAD, check_way, flange
 from roboprompt_client.errors import MotionError
 
 READY_RAD = np.array([0, -np.pi / 4, 0, -3 * np.pi / 4, 0, np.pi / 2, np.pi / 4])

@@ -1,6 +1,6 @@
 import pytest
 
-from roboprompt_client.addresses import is_own_machine, without_proxy
+from roboprompt_client.connection import is_own_machine, without_proxy
 
 
 @pytest.mark.parametrize(

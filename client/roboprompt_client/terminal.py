@@ -4,8 +4,8 @@ import sys
 from collections.abc import Sequence
 
 from roboprompt_client.arms.arm import Arm
+from roboprompt_client.arms.preview import Previewed, table
 from roboprompt_client.motion_limits import MotionLimits
-from roboprompt_client.preview import Previewed, table
 from roboprompt_client.robot import Robot
 from roboprompt_client.trajectory import EndEffectorAction
 
