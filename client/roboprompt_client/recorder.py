@@ -1,10 +1,11 @@
 """A record button: an arm's state, sampled while a person moves it, and safe on disk from the first second."""
 
 import json
+import os
 import threading
 import time
 from pathlib import Path
-from typing import Protocol
+from typing import BinaryIO, Protocol
 
 import numpy as np
 
@@ -32,6 +33,11 @@ class HasState(Protocol):
 class Recorder:
     """Samples an arm in a thread of its own, and writes what it has to a journal.
 
+        recorder = Recorder(arm, Path("pick-1.journal"))
+        recorder.start()
+        input("Guide the arm, then press Enter: ")
+        client.upload("pick", "pick up the cube", recorder.stop(), observation)
+
     Args:
         journal: a file that does not exist; `trajectory_from_journal` reads it, also after a crash.
         rate_hz: at least 20.
@@ -47,13 +53,8 @@ class Recorder:
             raise InvalidInputError("journal", f"{journal} exists", "a file of its own for each recording")
         self._arm, self._journal, self._period_s = arm, journal, 1 / rate_hz
         self._ended = threading.Event()
-        self._error: MotionError | None = None
+        self._error: Exception | None = None
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
-
-    @property
-    def num_frames(self) -> int:
-        """How many were written so far."""
-        return len(_rows(self._journal)[0]) if self._journal.exists() else 0
 
     def start(self) -> None:
         """Begin to sample."""
@@ -64,7 +65,7 @@ class Recorder:
 
         Raises:
             MotionError: if the arm did not answer any more; the journal has what came before.
-            InvalidInputError: if what was recorded is no trajectory.
+            InvalidInputError: if what was recorded is no trajectory, or could not be written.
         """
         self._ended.set()
         self._thread.join()
@@ -77,11 +78,13 @@ class Recorder:
             self._sample()
         except MotionError as error:
             self._error = error
+        except OSError as error:
+            self._error = InvalidInputError("journal", f"cannot be written: {error}", "a file of its own")
 
     def _sample(self) -> None:
         began_s, state = self._read()
         joints = 0 if state.joint_positions_rad is None else len(state.joint_positions_rad)
-        with self._journal.open("wb") as file:
+        with create_private(self._journal) as file:
             file.write(json.dumps({"joints": joints}).encode() + b"\n")
             flushed_s = due_s = seen_s = began_s
             while True:  # at least once, however soon it ends
@@ -99,6 +102,15 @@ class Recorder:
         asked_s = time.monotonic()
         state = self._arm.state()
         return (asked_s + time.monotonic()) / 2, state
+
+
+def create_private(path: Path) -> BinaryIO:
+    """A new file that this user alone may read and write.
+
+    Raises:
+        FileExistsError: if there is anything at `path`, be it a link to nowhere.
+    """
+    return os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o600), "wb")
 
 
 def trajectory_from_journal(path: Path) -> Trajectory:
