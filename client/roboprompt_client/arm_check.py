@@ -23,7 +23,7 @@ STOP_AFTER_S, STOP_S = 0.3, 1.0
 
 
 @dataclass(frozen=True)
-class Outcome:
+class CheckResult:
     """One check.
 
     Attributes:
@@ -50,9 +50,9 @@ class ArmCheck:
     moves: bool = False
     confirm: Callable[[str], bool] | None = None
     touched_m: Sequence[Sequence[float]] = ()
-    outcomes: list[Outcome] = field(default_factory=list)
+    results: list[CheckResult] = field(default_factory=list)
 
-    def run(self) -> tuple[Outcome, ...]:
+    def run(self) -> tuple[CheckResult, ...]:
         """All checks; the arm is stopped where one goes wrong, and the moving ones end there."""
         start = self._check_observation()
         if start is not None:
@@ -64,7 +64,7 @@ class ArmCheck:
             )
             if self.confirm is None or self.confirm(question):
                 self._check_motions(start)
-        return tuple(self.outcomes)
+        return tuple(self.results)
 
     def _check_observation(self) -> Pose | None:
         began_s = time.monotonic()
@@ -170,5 +170,5 @@ class ArmCheck:
             self._say("stop", False, f"execute ended {what}: it is to raise MotionError")
 
     def _say(self, name: str, passed: bool | None, detail: str) -> bool:
-        self.outcomes.append(Outcome(name, passed, detail))
+        self.results.append(CheckResult(name, passed, detail))
         return passed is not False

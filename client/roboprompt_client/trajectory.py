@@ -3,7 +3,7 @@
 Every value is checked when it is constructed. Positions are in metres in the world frame; quaternions are xyzw.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -24,7 +24,7 @@ class Trajectory:
     """The robot's motion over T frames.
 
     Attributes:
-        joint_velocities_rad_s: (T, J) of 1 to 16 joints; (T, 0) where nobody knows them.
+        joint_velocities_rad_s: (T, J) of 1 to 16 joints; (T, 0) where they are not known.
         positions_m: (T, 3) end effector in the world frame.
         quaternions_xyzw: (T, 4) end effector in the world frame.
         gripper_open: (T,) bool, what the fingers have done.
@@ -69,6 +69,29 @@ class Trajectory:
         if self.gripper_width_m is not None:
             settle(self, gripper_width_m=_widths("trajectory.gripper_width", self.gripper_width_m, num_frames))
         self._check_objects(num_frames)
+
+    @classmethod
+    def from_poses(
+        cls,
+        positions_m: npt.ArrayLike,
+        quaternions_xyzw: npt.ArrayLike,
+        gripper_open: npt.ArrayLike,
+        timestamps_s: npt.ArrayLike | None = None,
+    ) -> "Trajectory":
+        """The motion of an end effector whose joints are not known.
+
+        Args:
+            positions_m: (T, 3) in the world frame.
+            quaternions_xyzw: (T, 4) in the world frame.
+            gripper_open: (T,) bool.
+            timestamps_s: (T,) increasing.
+
+        Raises:
+            InvalidInputError: naming the array and what is wrong with it.
+        """
+        positions = finite_array("trajectory.end_effector_positions", positions_m, (None, 3))
+        no_joints = np.zeros((len(positions), 0))
+        return cls(no_joints, positions, quaternions_xyzw, gripper_open, timestamps_s)  # type: ignore[arg-type]  # checked
 
     def _check_objects(self, num_frames: int) -> None:
         name = "trajectory.object_quaternions_xyzw"
@@ -181,9 +204,21 @@ class ObjectPose:
 
 
 def object_json(pose: ObjectPose) -> dict[str, Any]:
-    """An object with the pose that the robot knows."""
+    """An object with the pose that the robot knows, as a request has it."""
     quaternion = None if pose.quaternion_xyzw is None else pose.quaternion_xyzw.tolist()
     return {"name": pose.name, "position": pose.position_m.tolist(), "quaternion_xyzw": quaternion}
+
+
+def object_from_json(item: Mapping[str, Any]) -> ObjectPose:
+    """An object as an answer or a file has it: `name`, `position`, and the other members where they are known.
+
+    Raises:
+        InvalidInputError: for what ObjectPose refuses.
+        KeyError, TypeError, AttributeError: for a document of another form.
+    """
+    names = ("quaternion_xyzw", "estimator", "confidence", "reason")
+    known = {name: item[name] for name in names if item.get(name) is not None}
+    return ObjectPose(item["name"], item["position"], cameras=tuple(item.get("cameras") or ()), **known)
 
 
 @dataclass(frozen=True, eq=False)

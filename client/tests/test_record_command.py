@@ -28,11 +28,13 @@ STORED = {
 @pytest.fixture
 def answers(monkeypatch, tmp_path):
     """What the person types; the service answers 201 unless it is away."""
-    typed, state = [], {"away": False}
+    typed, state = [], {"away": False, "refuses": False}
 
     def answer(request):
         if state["away"]:
             raise httpx.ConnectError("refused")
+        if state["refuses"]:
+            return httpx.Response(422, json={"title": "Unprocessable", "detail": "cube: no such object"})
         return httpx.Response(201, json=STORED)
 
     def client(url):
@@ -78,6 +80,20 @@ def test_record_and_throw_away(answers, monkeypatch, tmp_path):
     assert list((tmp_path / "spool").iterdir()) == []
 
 
+def test_a_refused_recording_ends_with_1(answers, monkeypatch, tmp_path, capsys):
+    typed, state = answers
+    state["refuses"] = True
+    typed += ["", "", "y", "q"]
+    assert run(monkeypatch, tmp_path) == 1
+    assert "refused: cube: no such object" in capsys.readouterr().out
+
+
+def test_a_spool_that_cannot_be_made_is_said(answers, monkeypatch, tmp_path, capsys):
+    (tmp_path / "file").write_text("")
+    assert run(monkeypatch, tmp_path, "--spool", str(tmp_path / "file" / "spool")) == 1
+    assert "--spool: " in capsys.readouterr().err
+
+
 def test_an_interrupted_recording_is_sent_later(answers, monkeypatch, tmp_path, capsys):
     typed, state = answers
     typed += ["", KeyboardInterrupt()]
@@ -96,11 +112,11 @@ def arm(monkeypatch):
 
 
 def test_a_sound_arm_passes(arm):
-    outcomes = {outcome.name: outcome.passed for outcome in ArmCheck(arm, moves=True).run()}
-    assert outcomes["motion: up is +z"]
-    assert outcomes["gripper: closes"]
-    assert outcomes["stop"] is not False
-    assert False not in outcomes.values()
+    results = {result.name: result.passed for result in ArmCheck(arm, moves=True).run()}
+    assert results["motion: up is +z"]
+    assert results["gripper: closes"]
+    assert results["stop"] is not False
+    assert False not in results.values()
 
 
 def test_without_leave_nothing_moves(arm):

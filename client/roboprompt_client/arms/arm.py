@@ -13,7 +13,7 @@ from roboprompt_client import quaternions as rotations
 from roboprompt_client.arms.calibration import Calibration
 from roboprompt_client.arms.driver import ArmState, Driver
 from roboprompt_client.arms.geometry import Geometry, KnowsItsJoints
-from roboprompt_client.arms.preview import Cell, Previewed
+from roboprompt_client.arms.preview import Previewed, preview_plan
 from roboprompt_client.arrays import Array
 from roboprompt_client.errors import InvalidInputError, MotionError
 from roboprompt_client.motion_guard import MotionGuard
@@ -22,7 +22,6 @@ from roboprompt_client.robot import Observation
 from roboprompt_client.trajectory import EndEffectorAction
 
 log = logging.getLogger(__name__)
-Eyes = Callable[[], Observation]
 START_S = 0.2
 
 
@@ -45,7 +44,7 @@ class Arm:
     Once it was stopped, from whatever thread, and once a motion failed, it moves no more until `recover` is called.
 
     Args:
-        eyes: what there is to see, in the world frame; None: nothing.
+        observe_scene: what there is to see, in the world frame; None: nothing.
         limits: of the cell, in the world frame: held before every motion, whatever the service says.
         open_width_m: what the fingers measure when they are open; None: as wide as they were ever measured.
         geometry: of its joints, for the preview; None: the driver's own, if it has one.
@@ -57,7 +56,7 @@ class Arm:
         driver: Driver,
         *,
         calibration: Calibration | None = None,
-        eyes: Eyes | None = None,
+        observe_scene: Callable[[], Observation] | None = None,
         limits: MotionLimits | None = None,
         tolerance: Tolerance = TOLERANCE,
         open_width_m: float | None = None,
@@ -66,7 +65,7 @@ class Arm:
     ) -> None:
         self.driver = driver
         self._calibration = calibration or Calibration.none()
-        self._eyes = eyes
+        self._observe_scene = observe_scene
         self._limits = limits or MotionLimits(hand_radius_m=0.0)
         self._tolerance = tolerance
         self._stopped = threading.Event()
@@ -102,7 +101,7 @@ class Arm:
         )
 
     def observe(self) -> Observation:
-        seen = Observation() if self._eyes is None else self._eyes()
+        seen = Observation() if self._observe_scene is None else self._observe_scene()
         state = self.state()
         hand = Pose(tuple(state.position_m.tolist()), tuple(state.quaternion_xyzw.tolist()))
         return Observation(seen.objects, seen.frames, seen.to_find, hand)
@@ -119,8 +118,15 @@ class Arm:
         state = self.state()
         boxes = (*self._limits.keep_out, *limits.keep_out)
         bounds = MotionLimits(keep_out=boxes, hand_radius_m=max(self._limits.hand_radius_m, limits.hand_radius_m))
-        cell = Cell(self._calibration, bounds, self._geometry(), self._reach_m)
-        return cell.preview(actions, state.joint_positions_rad, state.position_m.tolist())
+        return preview_plan(
+            actions,
+            self._calibration,
+            bounds,
+            geometry=self._geometry(),
+            reach_m=self._reach_m,
+            joints_rad=state.joint_positions_rad,
+            start_m=state.position_m.tolist(),
+        )
 
     def _geometry(self) -> Geometry | None:
         if self._known_geometry is None and isinstance(self.driver, KnowsItsJoints):

@@ -11,12 +11,12 @@ Only `arm` is needed. `arm` may also be MODULE:FACTORY, a callable that returns 
 
 import importlib
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from roboprompt_client.arms.arm import Arm, Eyes, Tolerance
+from roboprompt_client.arms.arm import Arm, Tolerance
 from roboprompt_client.arms.calibration import Calibration
 from roboprompt_client.arms.urdf import UrdfGeometry
 from roboprompt_client.errors import InvalidInputError
@@ -63,11 +63,11 @@ def open_cell(path: Path) -> Robot:
     if not hasattr(made, "halt"):
         robot: Robot = made
         return robot
-    eyes = _eyes(path.parent / cell["objects"]) if "objects" in cell else None
+    observe_scene = _scene_of(path.parent / cell["objects"]) if "objects" in cell else None
     return Arm(
         made,
         calibration=calibration,
-        eyes=eyes,
+        observe_scene=observe_scene,
         limits=limits,
         tolerance=tolerance,
         open_width_m=cell.get("open_width_m"),
@@ -102,7 +102,7 @@ def _geometry(folder: Path, document: object) -> UrdfGeometry:
     return UrdfGeometry(folder / str(document["file"]), str(document["frame"]))
 
 
-def _eyes(path: Path) -> Eyes:
+def _scene_of(path: Path) -> Callable[[], Observation]:
     """What the file says, read again at each look."""
 
     def look() -> Observation:
