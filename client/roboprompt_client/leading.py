@@ -4,10 +4,9 @@ The velocity counts as constant from the look to the contact, and horizontal; ob
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from time import monotonic
-from typing import Protocol
 
 import numpy as np
 
@@ -22,12 +21,6 @@ LEFT_M = 0.01  # an object that rises or sinks by more has left what carried it
 MOST_LEAD_S = 10.0
 
 
-class Clock(Protocol):
-    """Seconds from any beginning, as they pass for the robot."""
-
-    def __call__(self) -> float: ...
-
-
 @dataclass(frozen=True)
 class _Seen:
     pose: ObjectPose
@@ -39,13 +32,13 @@ class Leading:
 
     Args:
         lead_s: how long the robot takes from a look until its fingers close.
-        clock: for simulations, whose time passes otherwise.
+        clock: seconds from any beginning; for simulations, whose time passes otherwise.
 
     Raises:
         InvalidInputError: if `lead_s` is no time above 0, or longer than 10 s.
     """
 
-    def __init__(self, lead_s: float, clock: Clock = monotonic) -> None:
+    def __init__(self, lead_s: float, clock: Callable[[], float] = monotonic) -> None:
         if not (math.isfinite(lead_s) and 0 < lead_s <= MOST_LEAD_S):
             raise InvalidInputError("lead_s", f"is {lead_s:g}", f"seconds above 0, {MOST_LEAD_S:g} at most")
         self._lead_s, self.clock = lead_s, clock

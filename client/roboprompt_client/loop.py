@@ -2,7 +2,7 @@
 
 import logging
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -20,7 +20,7 @@ from roboprompt_client.leading import Leading
 from roboprompt_client.look_again import Follower, ObjectFinder
 from roboprompt_client.motion_guard import MotionGuard
 from roboprompt_client.motion_limits import MAX_ACTIONS, MotionLimits
-from roboprompt_client.robot import Robot
+from roboprompt_client.robot import Observation, Robot
 from roboprompt_client.trajectory import EndEffectorAction
 
 Preview = Callable[[Sequence[EndEffectorAction], MotionLimits], None]
@@ -91,105 +91,14 @@ def run_task(
         danger = checked_on_danger(on_danger, confirm)
         _check_modes(look_again=look_again, stream=stream, leads=leading is not None)
         allowed = _allowed(client, task, limits, pinned)
-        looked_s = 0.0 if leading is None else leading.clock()
-        observation = robot.observe()
-        allowed.require_start(observation.end_effector)
-        new_guard = partial(MotionGuard, allowed, options.get("max_actions", MAX_ACTIONS), observation.end_effector)
-        allow = partial(require_allowed, on_danger=danger, confirm=confirm)
-        if stream:
-            findings: list[Sequence[Mapping[str, Any]]] = []
-            arriving = client.stream(task, instruction, observation, on_findings=findings.append, **options)
-            predicted = _run_streamed(
-                arriving,
-                robot,
-                new_guard(),
-                confirm,
-                show=lambda action: preview((action,), allowed),
-                allow=lambda action: allow(_received(findings), (action,)),
-            )
-        else:
-            finder = ObjectFinder(client, robot, task, observation) if look_again else None
-            predicted = client.predict(task, instruction, observation, **options)
-            preview(predicted.actions, allowed)
-            check = partial(_check_all, new_guard)
-            check(predicted.actions)
-            allow(predicted.findings, predicted.actions)
-            if finder is None:
-                for index, action in enumerate(predicted.actions):
-                    _execute(robot, index, action, confirm)
-            else:
-                if leading is not None:
-                    seen = observation.objects or predicted.objects
-                    leading.saw({pose.name: pose for pose in seen}, looked_s)
-                predicted = _run_following(
-                    Follower(finder, predicted, observation, check, leading=leading), robot, predicted, confirm
-                )
+        run = _Run(client, robot, task, instruction, allowed, danger, confirm, preview, options)
+        predicted = run.streamed() if stream else run.whole(look_again, leading)
     except BaseException:
         robot.stop()
         raise
     if on_outcome is not None and predicted.actions:
         _record_outcome(client, predicted, on_outcome)
     return predicted
-
-
-def _check_modes(*, look_again: bool, stream: bool, leads: bool) -> None:
-    if leads and not look_again:
-        raise InvalidInputError("leading", "is given, but the robot does not look again", "look_again=True")
-    if look_again and stream:
-        message = "is asked for together with stream, which moves before all actions are known"
-        raise InvalidInputError("look_again", message, "one of both")
-
-
-def _check_all(new_guard: Callable[[], MotionGuard], actions: tuple[EndEffectorAction, ...]) -> None:
-    guard = new_guard()
-    for action in actions:
-        guard.check(action)
-
-
-def _run_following(
-    follower: Follower, robot: Robot, predicted: PredictedActions, confirm: Confirm | None
-) -> PredictedActions:
-    for index in range(len(predicted.actions)):
-        _execute(robot, index, follower.before(index), confirm)
-        follower.after(index)
-    return replace(predicted, actions=follower.actions)
-
-
-def _run_streamed(
-    arriving: Iterator[EndEffectorAction | PredictedActions],
-    robot: Robot,
-    guard: MotionGuard,
-    confirm: Confirm | None,
-    *,
-    show: Callable[[EndEffectorAction], None],
-    allow: Callable[[EndEffectorAction], None],
-) -> PredictedActions:
-    """Each action as it comes; `allow` is asked before the first."""
-    for index, item in enumerate(arriving):
-        if isinstance(item, PredictedActions):
-            return item
-        show(item)
-        guard.check(item)
-        if index == 0:
-            allow(item)
-        _execute(robot, index, item, confirm)
-    raise AssertionError("a stream ends with the whole answer or an error")
-
-
-def _received(findings: Sequence[Sequence[Mapping[str, Any]]]) -> Sequence[Mapping[str, Any]]:
-    """The findings of the event that comes ahead of the first action."""
-    if not findings:
-        raise InvalidAnswerError("findings", "did not come before the first action", "a first event `findings`")
-    return findings[0]
-
-
-def _record_outcome(client: RoboPromptClient, predicted: PredictedActions, on_outcome: OnOutcome) -> None:
-    if (outcome := on_outcome(predicted)) is None:
-        return
-    try:
-        client.record_outcome(predicted.id, *outcome)
-    except (ServiceProblemError, ServiceUnreachableError) as error:  # the task is done all the same
-        log.warning("the outcome was not recorded: %s", error)
 
 
 def run_closed_loop(
@@ -224,11 +133,10 @@ def run_closed_loop(
     try:
         danger = checked_on_danger(on_danger, confirm)
         allowed = _allowed(client, task, limits, pinned)
+        run = _Run(client, robot, task, instruction, allowed, danger, confirm, preview, options)
         for index in range(max_steps):
             observation = robot.observe()
-            if guard is None:
-                allowed.require_start(observation.end_effector)
-                guard = MotionGuard(allowed, max_steps, observation.end_effector)
+            guard = guard or run.guard(observation, max_steps)
             predicted = client.predict(task, instruction, observation, **asked)
             preview(predicted.actions, allowed)
             for action in predicted.actions:
@@ -236,12 +144,97 @@ def run_closed_loop(
             yield predicted
             if not predicted.actions:
                 return
-            require_allowed(predicted.findings, predicted.actions, on_danger=danger, confirm=confirm)
-            _execute(robot, index, predicted.actions[0], confirm)
+            run.require_allowed(predicted.findings, predicted.actions)
+            run.execute(index, predicted.actions[0])
             asked["after"] = predicted.id
     except BaseException:
         robot.stop()
         raise
+
+
+@dataclass(frozen=True)
+class _Run:
+    """One robot that carries out one instruction within the limits that hold."""
+
+    client: RoboPromptClient
+    robot: Robot
+    task: str
+    instruction: str
+    allowed: MotionLimits
+    on_danger: OnDanger
+    confirm: Confirm | None
+    preview: Preview
+    options: Mapping[str, Any]
+
+    def whole(self, look_again: bool, leading: Leading | None) -> PredictedActions:
+        """Nothing moves before all actions are known to be allowed."""
+        looked_s = 0.0 if leading is None else leading.clock()
+        observation = self.robot.observe()
+        new_guard = partial(self.guard, observation, self._max_actions)
+        new_guard()  # refuses a start that is not known before the service is asked
+        finder = ObjectFinder(self.client, self.robot, self.task, observation) if look_again else None
+        predicted = self.client.predict(self.task, self.instruction, observation, **self.options)
+        self.preview(predicted.actions, self.allowed)
+        check = partial(_check_all, new_guard)
+        check(predicted.actions)
+        self.require_allowed(predicted.findings, predicted.actions)
+        if finder is None:
+            for index, action in enumerate(predicted.actions):
+                self.execute(index, action)
+            return predicted
+        if leading is not None:
+            leading.saw({pose.name: pose for pose in observation.objects or predicted.objects}, looked_s)
+        follower = Follower(finder, predicted, observation, check, leading=leading)
+        for index in range(len(predicted.actions)):
+            self.execute(index, follower.before(index))
+            follower.after(index)
+        return replace(predicted, actions=follower.actions)
+
+    def streamed(self) -> PredictedActions:
+        """Each action is carried out as it comes."""
+        observation = self.robot.observe()
+        guard = self.guard(observation, self._max_actions)
+        findings: list[Sequence[Mapping[str, Any]]] = []  # of the event ahead of the first action
+        for index, item in enumerate(
+            self.client.stream(self.task, self.instruction, observation, on_findings=findings.append, **self.options)
+        ):
+            if isinstance(item, PredictedActions):
+                return item
+            self.preview((item,), self.allowed)
+            guard.check(item)
+            if not findings:
+                raise InvalidAnswerError("findings", "did not come before the first action", "a first event `findings`")
+            if index == 0:
+                self.require_allowed(findings[0], (item,))
+            self.execute(index, item)
+        raise AssertionError("a stream ends with the whole answer or an error")
+
+    @property
+    def _max_actions(self) -> int:
+        return int(self.options.get("max_actions", MAX_ACTIONS))
+
+    def guard(self, observation: Observation, max_actions: int) -> MotionGuard:
+        """For actions that begin where the robot is in `observation`."""
+        self.allowed.require_start(observation.end_effector)
+        return MotionGuard(self.allowed, max_actions, observation.end_effector)
+
+    def require_allowed(self, findings: Sequence[Mapping[str, Any]], actions: Sequence[EndEffectorAction]) -> None:
+        """Raise DangerError or NotConfirmedError for a danger that is not allowed."""
+        require_allowed(findings, actions, on_danger=self.on_danger, confirm=self.confirm)
+
+    def execute(self, index: int, action: EndEffectorAction) -> None:
+        """Move, if `confirm` lets the action go."""
+        if self.confirm is not None and not self.confirm(index, action):
+            raise NotConfirmedError(f"action {index + 1} was not allowed")
+        self.robot.execute(action)
+
+
+def _check_modes(*, look_again: bool, stream: bool, leads: bool) -> None:
+    if leads and not look_again:
+        raise InvalidInputError("leading", "is given, but the robot does not look again", "look_again=True")
+    if look_again and stream:
+        message = "is asked for together with stream, which moves before all actions are known"
+        raise InvalidInputError("look_again", message, "one of both")
 
 
 def _allowed(
@@ -251,7 +244,16 @@ def _allowed(
     return of_task if pinned is None else of_task.intersection(pinned)
 
 
-def _execute(robot: Robot, index: int, action: EndEffectorAction, confirm: Confirm | None) -> None:
-    if confirm is not None and not confirm(index, action):
-        raise NotConfirmedError(f"action {index + 1} was not allowed")
-    robot.execute(action)
+def _check_all(new_guard: Callable[[], MotionGuard], actions: tuple[EndEffectorAction, ...]) -> None:
+    guard = new_guard()
+    for action in actions:
+        guard.check(action)
+
+
+def _record_outcome(client: RoboPromptClient, predicted: PredictedActions, on_outcome: OnOutcome) -> None:
+    if (outcome := on_outcome(predicted)) is None:
+        return
+    try:
+        client.record_outcome(predicted.id, *outcome)
+    except (ServiceProblemError, ServiceUnreachableError) as error:  # the task is done all the same
+        log.warning("the outcome was not recorded: %s", error)

@@ -24,8 +24,8 @@ class MotionGuard:
 
     Args:
         max_actions: one more is a breach.
-        before: where the end effector is before the first action; None where nobody knows: then the way to the first
-            target is not checked, and where steps are bounded every first action is a breach.
+        before: where the end effector is before the first action; None where that is not known: then the way to the
+            first target is not checked, and where steps are bounded every first action is a breach.
 
     Raises:
         InvalidInputError: if `before` is no pose.

@@ -1,11 +1,12 @@
 """What a person does at the arm: record, send, check."""
 
 import json
+from types import SimpleNamespace
 
 import httpx
 import numpy as np
 import pytest
-from makers import Body, open_xarm
+from makers import Body, open_xarm, xarm
 
 from roboprompt_client import cli
 from roboprompt_client.arm_check import ArmCheck
@@ -166,7 +167,8 @@ def test_a_place_that_nobody_touches_is_left_out(arm):
 
 def test_a_cell_s_file(tmp_path, monkeypatch):
     cell, body = tmp_path / "cell.json", Body()
-    monkeypatch.setattr("roboprompt_client.arms.xarm._sdk", lambda: __import__("makers").xarm(body))
+    sdk = SimpleNamespace(XArmAPI=xarm(body))
+    monkeypatch.setattr("roboprompt_client.arms.xarm.import_extra", lambda *_: sdk)
     (tmp_path / "objects.json").write_text(json.dumps(OBJECTS))
     document = {
         "arm": "xarm",

@@ -1,9 +1,7 @@
 """Where an arm's base stands in the world."""
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -32,19 +30,6 @@ class Calibration:
     def none(cls) -> "Calibration":
         """The base is the world's origin."""
         return cls(np.zeros(3), rotations.IDENTITY)
-
-    @classmethod
-    def from_file(cls, path: Path) -> "Calibration":
-        """Read one from a JSON file.
-
-        Raises:
-            InvalidInputError: if it cannot be read or is none.
-        """
-        try:
-            document = json.loads(path.read_text())
-        except (OSError, ValueError) as error:
-            raise InvalidInputError("calibration", f"{path}: {error}", f"a file with {FORM}") from error
-        return cls.from_json(document)
 
     @classmethod
     def from_json(cls, document: object) -> "Calibration":

@@ -1,11 +1,13 @@
 """What an arm's interface must offer: metres, radians, x y z w, all in the arm's base frame."""
 
+import importlib
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from roboprompt_client.arrays import Array
+from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.quaternions import to_matrix
 
 
@@ -27,10 +29,6 @@ class ArmState:
     joint_velocities_rad_s: Array | None = None
     gripper_width_m: float | None = None
     gripper_open: bool | None = None
-
-    def transform(self) -> Array:
-        """(4, 4) end effector to base."""
-        return pose_matrix(self.position_m, self.quaternion_xyzw)
 
 
 class Driver(Protocol):
@@ -91,6 +89,18 @@ class Driver(Protocol):
     def close(self) -> None:
         """Leave the arm."""
         ...
+
+
+def import_extra(module: str, package: str, extra: str) -> Any:  # noqa: ANN401
+    """A module of a maker's package, which is an extra.
+
+    Raises:
+        InvalidInputError: if it is not installed.
+    """
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        raise InvalidInputError(extra, f"{package} is not installed", f"roboprompt-client[{extra}]") from error
 
 
 def pose_matrix(position_m: Array, quaternion_xyzw: Array) -> Array:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from roboprompt_client import quaternions as rotations
-from roboprompt_client.arms.driver import ArmState
+from roboprompt_client.arms.driver import ArmState, import_extra
 from roboprompt_client.arms.panda import LIMITS_RAD, PandaGeometry
 from roboprompt_client.arrays import Array
 from roboprompt_client.errors import InvalidInputError, MotionError
@@ -58,7 +58,7 @@ class Franka:
             raise InvalidInputError("model", f"is {model!r:.40}", ", ".join(LIMITS_RAD))
         if not 0 < dynamics <= 1:
             raise InvalidInputError("dynamics", f"is {dynamics!r:.40}", "above 0 and at most 1")
-        self._franky = franky = _franky()
+        self._franky = franky = import_extra("franky", "franky-control", "franka")
         self._model, self._grasp_n = model, grasp_n
         self._gripping = self._going = False
         kernel = franky.RealtimeConfig.Enforce if realtime else franky.RealtimeConfig.Ignore
@@ -178,11 +178,3 @@ def _within(most_s: float, connect: Callable[[], Any]) -> Any:  # noqa: ANN401
     if error is not None:
         raise error
     return made
-
-
-def _franky() -> Any:  # noqa: ANN401
-    try:
-        import franky
-    except ImportError as error:
-        raise InvalidInputError("robot", "franky is not installed", "roboprompt-client[franka]") from error
-    return franky
