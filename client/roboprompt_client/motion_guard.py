@@ -14,8 +14,8 @@ from roboprompt_client.errors import InvalidInputError, UnsafeActionError
 from roboprompt_client.motion_limits import MAX_ACTIONS, Box, MotionLimits, Pose
 from roboprompt_client.trajectory import EndEffectorAction
 
-ROUNDING_M = 1e-9  # a position on a bound, up to the last bits of its floats
-ROUNDING_DEG = 1e-6
+POSITION_ROUNDING_M = 1e-9  # a position on a bound, up to the last bits of its floats
+ANGLE_ROUNDING_DEG = 1e-6
 AXES = "xyz"
 
 
@@ -62,7 +62,7 @@ class MotionGuard:
         if (box := self._limits.workspace) is None:
             return
         for axis, value, low, high in zip(AXES, pose.position_m, box.min_m, box.max_m, strict=True):
-            if not low - ROUNDING_M <= value <= high + ROUNDING_M:
+            if not low - POSITION_ROUNDING_M <= value <= high + POSITION_ROUNDING_M:
                 bound = f"{low:g} to {high:g} m, the workspace"
                 raise UnsafeActionError(index, f"position.{axis}", f"is {value:.6g} m", bound)
 
@@ -84,12 +84,12 @@ class MotionGuard:
         limits = self._limits
         if limits.max_step_m is not None:
             step_m = math.dist(before.position_m, pose.position_m)
-            if step_m > limits.max_step_m + ROUNDING_M:
+            if step_m > limits.max_step_m + POSITION_ROUNDING_M:
                 message = f"is {step_m:.6g} m from the one before"
                 raise UnsafeActionError(index, "position", message, f"at most {limits.max_step_m:g} m")
         if limits.max_step_rotation_deg is not None:
             turn_deg = angle_deg(before.quaternion_xyzw, pose.quaternion_xyzw)
-            if turn_deg > limits.max_step_rotation_deg + ROUNDING_DEG:
+            if turn_deg > limits.max_step_rotation_deg + ANGLE_ROUNDING_DEG:
                 message = f"is turned by {turn_deg:.6g} degrees from the one before"
                 bound = f"at most {limits.max_step_rotation_deg:g} degrees"
                 raise UnsafeActionError(index, "quaternion_xyzw", message, bound)
@@ -125,9 +125,11 @@ def _far(start_m: Sequence[float], end_m: Sequence[float], box: Box, radius_m: f
 
 def enters(start_m: Sequence[float], end_m: Sequence[float], box: Box, radius_m: float) -> bool:
     """Whether a sphere enters the box on its way, by more than rounding does."""
-    if not clearance_m(start_m, end_m, *box) >= radius_m - ROUNDING_M:  # nor does NaN pass, of a way beyond all measure
+    if (
+        not clearance_m(start_m, end_m, *box) >= radius_m - POSITION_ROUNDING_M
+    ):  # nor does NaN pass, of a way beyond all measure
         return True
-    smaller = [low + ROUNDING_M for low in box.min_m], [high - ROUNDING_M for high in box.max_m]
+    smaller = [low + POSITION_ROUNDING_M for low in box.min_m], [high - POSITION_ROUNDING_M for high in box.max_m]
     return passes_through(start_m, end_m, *smaller)
 
 

@@ -13,13 +13,13 @@ from roboprompt_client.arms.driver import ArmState
 from roboprompt_client.arrays import Array
 from roboprompt_client.errors import InvalidInputError, MotionError
 from roboprompt_client.trajectory import Trajectory
-from roboprompt_client.trajectory_npz import LEAST_TRAVEL_M, trajectory_from_arrays
+from roboprompt_client.trajectory_npz import MIN_GRIPPER_TRAVEL_M, trajectory_from_arrays
 
 RATE_HZ = 50.0
-LEAST_RATE_HZ = 20.0
+MIN_RATE_HZ = 20.0
 FLUSH_S = 1.0
 OPEN_ABOVE_M = 0.01  # of fingers that stay where they are in the whole recording
-_FIXED = 10  # time, position, quaternion, width, open
+_FIXED_COLUMNS = 10  # time, position, quaternion, width, open
 
 
 class HasState(Protocol):
@@ -47,8 +47,8 @@ class Recorder:
     """
 
     def __init__(self, arm: HasState, journal: Path, rate_hz: float = RATE_HZ) -> None:
-        if not LEAST_RATE_HZ <= rate_hz <= 1000:
-            raise InvalidInputError("rate_hz", f"is {rate_hz:g}", f"{LEAST_RATE_HZ:g} to 1000")
+        if not MIN_RATE_HZ <= rate_hz <= 1000:
+            raise InvalidInputError("rate_hz", f"is {rate_hz:g}", f"{MIN_RATE_HZ:g} to 1000")
         if journal.exists():
             raise InvalidInputError("journal", f"{journal} exists", "a file of its own for each recording")
         self._arm, self._journal, self._period_s = arm, journal, 1 / rate_hz
@@ -131,7 +131,7 @@ def trajectory_from_journal(path: Path) -> Trajectory:
         "end_effector_quaternions_xyzw": rows[:, 4:8],
         **_gripper(widths_m, states),
     }
-    positions, velocities = rows[:, _FIXED : _FIXED + joints], rows[:, _FIXED + joints :]
+    positions, velocities = rows[:, _FIXED_COLUMNS : _FIXED_COLUMNS + joints], rows[:, _FIXED_COLUMNS + joints :]
     if joints:
         arrays["joint_positions"] = positions
     if joints and np.isfinite(velocities).all():
@@ -142,7 +142,7 @@ def trajectory_from_journal(path: Path) -> Trajectory:
 def _gripper(widths_m: Array, states: Array) -> dict[str, Array]:
     """Measured fingers, else what was commanded; without a gripper it counts as open."""
     if np.isfinite(widths_m).all():
-        still = float(np.ptp(widths_m)) < LEAST_TRAVEL_M
+        still = float(np.ptp(widths_m)) < MIN_GRIPPER_TRAVEL_M
         return {
             "gripper_width": widths_m,
             **({"gripper_open": (widths_m > OPEN_ABOVE_M).astype(np.float64)} if still else {}),
@@ -167,6 +167,6 @@ def _rows(path: Path) -> tuple[Array, int]:
         joints = int(json.loads(head)["joints"])
     except (ValueError, KeyError, TypeError) as error:
         raise InvalidInputError("recording", f"{path} is no journal", "a file of roboprompt-robot record") from error
-    width = _FIXED + 2 * joints
+    width = _FIXED_COLUMNS + 2 * joints
     whole = len(body) // (8 * width) * width
     return np.frombuffer(body, "<f8", count=whole).reshape(-1, width), joints

@@ -14,9 +14,9 @@ from roboprompt_client.arrays import Array, finite_array, settle, unit_quaternio
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.wording import checked_name
 
-MOST_JOINTS = 16
-MOST_WIDTH_M = 0.2  # that a gripper opens
-ROUNDING_M = 0.002  # closed fingers are measured a little below 0
+MAX_JOINTS = 16
+MAX_GRIPPER_WIDTH_M = 0.2  # that a gripper opens
+WIDTH_ROUNDING_M = 0.002  # closed fingers are measured a little below 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,8 +50,8 @@ class Trajectory:
         num_frames, num_joints = velocities.shape
         if num_frames == 0:
             raise InvalidInputError("trajectory.joint_velocities", "has no frames (T = 0)", "at least one frame")
-        if num_joints > MOST_JOINTS:
-            raise InvalidInputError("trajectory.joint_velocities", f"has {num_joints} joints", f"1 to {MOST_JOINTS}")
+        if num_joints > MAX_JOINTS:
+            raise InvalidInputError("trajectory.joint_velocities", f"has {num_joints} joints", f"1 to {MAX_JOINTS}")
         joints, poses = (num_frames, num_joints), (num_frames, 4)
         quaternions = unit_quaternions("trajectory.end_effector_quaternions_xyzw", self.quaternions_xyzw, poses)
         settle(
@@ -148,7 +148,7 @@ def _booleans(name: str, value: npt.ArrayLike, length: int) -> npt.NDArray[np.bo
     if (bad := ~np.isin(numbers, (0.0, 1.0))).any():
         index = int(np.flatnonzero(bad)[0])
         remedy = "0 (closed) or 1 (open), what the fingers have done"
-        if numbers.min() >= 0 and numbers.max() <= MOST_WIDTH_M:
+        if numbers.min() >= 0 and numbers.max() <= MAX_GRIPPER_WIDTH_M:
             remedy += "; widths in metres are gripper_width"
         raise InvalidInputError(name, f"element {index} is {numbers[index]:g}", remedy)
     booleans = numbers.astype(np.bool_)
@@ -158,9 +158,9 @@ def _booleans(name: str, value: npt.ArrayLike, length: int) -> npt.NDArray[np.bo
 
 def _widths(name: str, value: npt.ArrayLike, length: int) -> Array:
     widths_m = finite_array(name, value, (length,))
-    if widths_m.min() < -ROUNDING_M or widths_m.max() > MOST_WIDTH_M:
+    if widths_m.min() < -WIDTH_ROUNDING_M or widths_m.max() > MAX_GRIPPER_WIDTH_M:
         message = f"is {widths_m.min():.4g} to {widths_m.max():.4g}"
-        raise InvalidInputError(name, message, f"metres between the fingers, 0 to {MOST_WIDTH_M}")
+        raise InvalidInputError(name, message, f"metres between the fingers, 0 to {MAX_GRIPPER_WIDTH_M}")
     return widths_m
 
 

@@ -29,7 +29,7 @@ _FIELDS = {  # in the file's order
     "gripper_width": "gripper_width_m",
 }
 OPTIONAL = tuple(name for name in _FIELDS if name not in REQUIRED)
-LEAST_TRAVEL_M = 0.005  # fingers that move less have neither opened nor closed
+MIN_GRIPPER_TRAVEL_M = 0.005  # fingers that move less have neither opened nor closed
 MAX_UNPACKED_BYTES = 100_000_000  # 600,000 frames; a .npz of 0.3 MB can claim 300 MB
 MAX_FRAMES = 100_000  # 80 minutes at 20 Hz
 MAX_DIRECTORY_BYTES = 131_072  # of the archive; 64 kB of them may be its comment
@@ -163,7 +163,7 @@ def _gripper_open(widths_m: npt.ArrayLike, num_frames: int) -> npt.NDArray[np.bo
     """
     widths = finite_array("trajectory.gripper_width", widths_m, (num_frames,))
     low, high = float(widths.min(initial=np.inf)), float(widths.max(initial=-np.inf))
-    if high - low < LEAST_TRAVEL_M:
+    if high - low < MIN_GRIPPER_TRAVEL_M:
         message = f"stays at {low:.4f} to {high:.4f} m, and nothing says whether that is open"
         raise InvalidInputError("trajectory.gripper_width", message, "gripper_open (T,) beside it")
     opened: npt.NDArray[np.bool_] = widths > (low + high) / 2

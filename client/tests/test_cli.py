@@ -135,7 +135,7 @@ def test_an_outcome_that_cannot_be_recorded_is_logged(service, monkeypatch, capl
     assert "the outcome was not recorded: POST http://robots/predictions/p1/outcome: refused" in caplog.text
 
 
-def test_nobody_is_asked_about_a_run_that_was_stopped(service, monkeypatch):
+def test_a_run_that_was_stopped_asks_for_no_outcome(service, monkeypatch):
     status, asked = run(monkeypatch, *RUN, "--confirm", answers=["no"])
     assert (status, len(asked), service.outcomes) == (1, 1, [])
 

@@ -23,7 +23,7 @@ def run(arm, *findings, **settings):
 
 
 @pytest.mark.parametrize("stream", [False, True])
-def test_a_danger_is_refused_where_nobody_can_be_asked(stream):
+def test_a_danger_is_refused_without_a_person_to_ask(stream):
     arm = Arm()
     with pytest.raises(DangerError, match="cube is tilted by 90 degrees"):
         run(arm, finding(), stream=stream)

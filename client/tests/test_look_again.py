@@ -223,6 +223,6 @@ def test_an_object_that_the_service_does_not_find_is_lost():
     ("models", "said"),
     [({}, "its estimator is the masks"), ({**MODELS, "cube": {"estimator": "remote"}}, "its estimator is remote")],
 )
-def test_images_in_which_nobody_can_look_are_refused_at_once(models, said):
+def test_images_without_an_estimator_for_an_object_are_refused_at_once(models, said):
     with pytest.raises(InvalidInputError, match=said):
         run(Arm(frames=(frame(),)), service=Service(answer(objects=WENT_BY), {"object_models": models}))

@@ -160,7 +160,7 @@ def test_a_place_that_is_touched_says_how_far_off_the_arm_takes_itself_to_be(arm
     assert ("13.0 mm off (+0.0, -12.0, +5.0 along x, y, z)" in touch.detail) is not passed
 
 
-def test_a_place_that_nobody_touches_is_left_out(arm):
+def test_a_place_that_is_not_touched_is_left_out(arm):
     check = ArmCheck(arm, confirm=lambda _: False, touched_m=[(0.0, 0.0, 0.0)])
     assert [outcome.passed for outcome in check.run() if outcome.name.startswith("touch")] == [None]
 

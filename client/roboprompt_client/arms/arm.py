@@ -22,7 +22,7 @@ from roboprompt_client.robot import Observation
 from roboprompt_client.trajectory import EndEffectorAction
 
 log = logging.getLogger(__name__)
-START_S = 0.2
+MAX_START_S = 0.2
 
 
 @dataclass(frozen=True)
@@ -154,7 +154,7 @@ class Arm:
     def stop(self) -> None:
         """Hold still, from any thread; what was moving raises MotionError, and nothing moves until `recover`."""
         self._stopped.set()
-        begun = self._starting.acquire(timeout=START_S)  # a driver that hangs must not keep the stop from it
+        begun = self._starting.acquire(timeout=MAX_START_S)  # a driver that hangs must not keep the stop from it
         try:
             self.driver.halt()
         except MotionError as error:

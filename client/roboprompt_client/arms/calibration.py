@@ -9,7 +9,7 @@ from roboprompt_client import quaternions as rotations
 from roboprompt_client.arrays import Array, finite_array, settle, unit_quaternions
 from roboprompt_client.errors import InvalidInputError
 
-FORM = '{"base_to_world": {"position": [x, y, z], "quaternion_xyzw": [x, y, z, w]}}, metres'
+CALIBRATION_JSON = '{"base_to_world": {"position": [x, y, z], "quaternion_xyzw": [x, y, z, w]}}, metres'
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +36,7 @@ class Calibration:
         """One of a JSON document; raises InvalidInputError if it is none."""
         pose = document.get("base_to_world") if isinstance(document, Mapping) else None
         if not isinstance(pose, Mapping) or not {"position", "quaternion_xyzw"} <= set(pose):
-            raise InvalidInputError("base_to_world", f"is {pose!r:.80}", FORM)
+            raise InvalidInputError("base_to_world", f"is {pose!r:.80}", CALIBRATION_JSON)
         return cls(pose["position"], pose["quaternion_xyzw"])
 
     def to_world(self, position_m: Array, quaternion_xyzw: Array) -> tuple[Array, Array]:

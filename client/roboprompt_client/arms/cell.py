@@ -29,7 +29,7 @@ DRIVERS = {
     "xarm": "roboprompt_client.arms.xarm:XArm",
     "lerobot": "roboprompt_client.arms.lerobot:LeRobotArm",
 }
-KNOWN = ("arm", "options", "base_to_world", "limits", "objects", "tolerance", "open_width_m", "reach_m", "urdf")
+CELL_FIELDS = ("arm", "options", "base_to_world", "limits", "objects", "tolerance", "open_width_m", "reach_m", "urdf")
 
 
 def open_robot(name: str) -> Robot:
@@ -53,8 +53,8 @@ def open_cell(path: Path) -> Robot:
         raise InvalidInputError("robot", f"{path}: {error}", "MODULE:FACTORY, or a cell's JSON file") from error
     if not isinstance(cell, Mapping) or not isinstance(cell.get("arm"), str):
         raise InvalidInputError("arm", "is missing", ", ".join(DRIVERS))
-    if unknown := [name for name in cell if name not in KNOWN]:
-        raise InvalidInputError(unknown[0], "is not known", ", ".join(KNOWN))
+    if unknown := [name for name in cell if name not in CELL_FIELDS]:
+        raise InvalidInputError(unknown[0], "is not known", ", ".join(CELL_FIELDS))
     tolerance = _tolerance(cell.get("tolerance", {}))
     limits = MotionLimits.from_file(cell["limits"]) if "limits" in cell else None
     calibration = Calibration.from_json(cell) if "base_to_world" in cell else None

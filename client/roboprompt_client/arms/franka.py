@@ -22,8 +22,8 @@ DYNAMICS = 0.05
 GRIPPER_M_S, GRASP_N = 0.05, 20.0
 POLL_S = 0.05
 CONNECT_S = 10.0
-LEAST_WIDTH_M = 0.001
-THERE = 1e-6  # metres and radians
+WIDTH_TOLERANCE_M = 0.001
+POSE_TOLERANCE = 1e-6  # metres and radians
 
 
 class Franka:
@@ -103,7 +103,10 @@ class Franka:
     def _is_at(self, position_m: Array, quaternion_xyzw: Array) -> bool:
         here = self.state()
         turn = rotations.product(rotations.inverse(here.quaternion_xyzw), quaternion_xyzw)
-        return float(np.linalg.norm(here.position_m - position_m)) < THERE and rotations.angle_rad(turn) < THERE
+        return (
+            float(np.linalg.norm(here.position_m - position_m)) < POSE_TOLERANCE
+            and rotations.angle_rad(turn) < POSE_TOLERANCE
+        )
 
     def finished(self) -> bool:
         if not self._going:
@@ -122,9 +125,9 @@ class Franka:
         self._gripping = True
         with self._errors("gripper"):
             width_m, most_m = float(hand.width), float(hand.max_width)
-            if is_open and width_m < most_m - LEAST_WIDTH_M:
+            if is_open and width_m < most_m - WIDTH_TOLERANCE_M:
                 hand.open(GRIPPER_M_S)
-            elif not is_open and width_m > LEAST_WIDTH_M:
+            elif not is_open and width_m > WIDTH_TOLERANCE_M:
                 # Whatever it closes on, or nothing, is right: the width afterwards is what counts.
                 hand.grasp(0.0, GRIPPER_M_S, self._grasp_n, most_m, most_m)
         self._gripping = False

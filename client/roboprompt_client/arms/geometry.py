@@ -11,10 +11,10 @@ from roboprompt_client.errors import MotionError
 
 # The end effector (4, 4) in the base frame for joints (J,), and the Jacobian (6, J) of its linear and angular velocity
 Forward = Callable[[Array], tuple[Array, Array]]
-MARGIN_RAD = 0.02  # the arm's own reflex comes at the limit
+JOINT_MARGIN_RAD = 0.02  # the arm's own reflex comes at the limit
 STEP_M, STEP_RAD = 0.01, 0.05
-NEAR = 1e-4  # metres and radians
-DAMPING, MOST_ITERATIONS = 0.02, 60
+POSE_TOLERANCE = 1e-4  # metres and radians
+DAMPING, MAX_ITERATIONS = 0.02, 60
 
 
 class Nearest(NamedTuple):
@@ -81,17 +81,17 @@ def follow_line(forward: Forward, joints_rad: Array, goal: Array, low_rad: Array
         between[:3, :3] = rotations.to_matrix(rotations.from_rotation_vector(part * turn)) @ start[:3, :3]
         between[:3, 3] = start[:3, 3] + part * (goal[:3, 3] - start[:3, 3])
         joints = _follow(forward, joints, between, float(part))
-        _check_limits(joints, low_rad + MARGIN_RAD, high_rad - MARGIN_RAD, float(part))
+        _check_limits(joints, low_rad + JOINT_MARGIN_RAD, high_rad - JOINT_MARGIN_RAD, float(part))
     return joints
 
 
 def _follow(forward: Forward, joints_rad: Array, goal: Array, part: float) -> Array:
     joints = joints_rad
-    for _ in range(MOST_ITERATIONS):
+    for _ in range(MAX_ITERATIONS):
         here, jacobian = forward(joints)
         turn = rotations.to_rotation_vector(rotations.from_matrix(goal[:3, :3] @ here[:3, :3].T))
         error = np.concatenate([goal[:3, 3] - here[:3, 3], turn])
-        if np.abs(error).max() < NEAR:
+        if np.abs(error).max() < POSE_TOLERANCE:
             return joints
         joints = joints + jacobian.T @ np.linalg.solve(jacobian @ jacobian.T + DAMPING**2 * np.eye(6), error)
     raise MotionError(f"the pose is out of reach: the straight way to it ends after {100 * part:.0f} %")
