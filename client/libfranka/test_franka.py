@@ -23,7 +23,6 @@ from roboprompt_client import (
     run_task,
 )
 from roboprompt_client import quaternions as rotations
-from roboprompt_client.arms.arm import miss
 from roboprompt_client.arms.franka import Franka
 from roboprompt_client.arms.panda import flange
 from roboprompt_client.motion_limits import MotionLimits
@@ -64,7 +63,7 @@ def test_it_arrives_within_a_millimetre(arm):
     for k, offset_m in enumerate([(0.05, 0.03, -0.08), (-0.08, -0.1, 0.05), (0.03, 0.07, 0.03)]):
         action = to(arm, offset_m, gripper_open=k % 2 == 0, turn_rad=0.2 * (-1) ** k)
         arm.execute(action)
-        off_m, off_deg = miss(arm.state(), action.position_m, action.quaternion_xyzw)
+        off_m, off_deg = arm.state().distance_to(action.position_m, action.quaternion_xyzw)
         assert off_m < NEAR_M
         assert off_deg < NEAR_DEG
         assert arm.state().gripper_width_m == pytest.approx(0.08 if k % 2 == 0 else 0.0, abs=0.004)
@@ -104,7 +103,7 @@ def test_a_stop_from_another_thread(simulated, after_s):
         threading.Timer(after_s, arm.stop).start()
         with pytest.raises(MotionError):
             arm.execute(goal)
-        assert miss(arm.state(), goal.position_m, goal.quaternion_xyzw)[0] > 0.02
+        assert arm.state().distance_to(goal.position_m, goal.quaternion_xyzw)[0] > 0.02
         assert_stopped(arm, width_m)
         arm.recover()
         arm.execute(goal)
@@ -203,7 +202,7 @@ def test_a_service_that_is_gone_between_two_actions(arm):
     service = Service(PredictedActions("p", (first,), {}), ServiceUnreachableError("POST /predict: refused"))
     with pytest.raises(ServiceUnreachableError):
         list(run_closed_loop(service, arm, "t", "go", limits=FREE))
-    assert miss(arm.state(), first.position_m, first.quaternion_xyzw)[0] < NEAR_M
+    assert arm.state().distance_to(first.position_m, first.quaternion_xyzw)[0] < NEAR_M
     assert_stopped(arm)
 
 

@@ -140,8 +140,7 @@ class ArmCheck:
             return self._say(name, False, str(error))
         assert hand is not None
         off_m = float(np.linalg.norm(np.array(hand.position_m) - action.position_m))
-        turn = rotations.product(rotations.inverse(hand.quaternion_xyzw), action.quaternion_xyzw)
-        off_deg = math.degrees(rotations.angle_rad(turn))
+        off_deg = math.degrees(rotations.angle_between_rad(hand.quaternion_xyzw, action.quaternion_xyzw))
         detail = f"{1000 * off_m:.1f} mm and {off_deg:.1f} degrees off after {took_s:.1f} s"
         return self._say(
             name,

@@ -102,8 +102,7 @@ def has_moved(old: ObjectPose, new: ObjectPose, yaw_symmetry_deg: float | None, 
     if float(np.linalg.norm(new.position_m - old.position_m)) > threshold.position_m:
         return True
     was, is_ = _axes(old, new, yaw_symmetry_deg)
-    turn = rotations.product(is_, rotations.inverse(was))
-    return math.degrees(rotations.angle_rad(turn)) > threshold.rotation_deg
+    return math.degrees(rotations.angle_between_rad(was, is_)) > threshold.rotation_deg
 
 
 def _moved_along(

@@ -1,7 +1,6 @@
 """An arm as a Robot: checked before it moves, compared afterwards, and still once it was stopped."""
 
 import logging
-import math
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -9,12 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from roboprompt_client import quaternions as rotations
 from roboprompt_client.arms.calibration import Calibration
 from roboprompt_client.arms.driver import ArmState, Driver
 from roboprompt_client.arms.geometry import Geometry, KnowsItsJoints
 from roboprompt_client.arms.preview import Previewed, preview_plan
-from roboprompt_client.arrays import Array
 from roboprompt_client.errors import InvalidInputError, MotionError
 from roboprompt_client.motion_guard import MotionGuard
 from roboprompt_client.motion_limits import MotionLimits, Pose
@@ -198,7 +195,7 @@ class Arm:
         self._refuse_if_stopped()
 
     def _check_arrival(self, action: EndEffectorAction) -> None:
-        off_m, off_deg = miss(self.state(), action.position_m, action.quaternion_xyzw)
+        off_m, off_deg = self.state().distance_to(action.position_m, action.quaternion_xyzw)
         if not (off_m <= self._tolerance.position_m and off_deg <= self._tolerance.rotation_deg):
             raise MotionError(f"the motion ended {1000 * off_m:.1f} mm and {off_deg:.1f} degrees off its target")
 
@@ -212,12 +209,6 @@ class Arm:
             raise MotionError(f"the gripper was to open, but measures {1000 * width_m:.1f} of {1000 * open_m:.1f} mm")
         if not is_open and width_m > open_m - near_m:
             raise MotionError(f"the gripper was to close, but still measures {1000 * width_m:.1f} mm")
-
-
-def miss(state: ArmState, position_m: Array, quaternion_xyzw: Array) -> tuple[float, float]:
-    """How far off a pose the end effector is: metres and degrees."""
-    turn = rotations.product(rotations.inverse(state.quaternion_xyzw), quaternion_xyzw)
-    return float(np.linalg.norm(state.position_m - position_m)), math.degrees(rotations.angle_rad(turn))
 
 
 def _pose(state: ArmState) -> Pose:

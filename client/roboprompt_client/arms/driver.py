@@ -1,6 +1,7 @@
 """What an arm's interface must offer: metres, radians, x y z w, all in the arm's base frame."""
 
 import importlib
+import math
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -8,7 +9,7 @@ import numpy as np
 
 from roboprompt_client.arrays import Array
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.quaternions import to_matrix
+from roboprompt_client.quaternions import angle_between_rad, to_matrix
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +30,11 @@ class ArmState:
     joint_velocities_rad_s: Array | None = None
     gripper_width_m: float | None = None
     gripper_open: bool | None = None
+
+    def distance_to(self, position_m: Array, quaternion_xyzw: Array) -> tuple[float, float]:
+        """How far the end effector is from a pose (3,), (4,) in the same frame: metres and degrees."""
+        turn_rad = angle_between_rad(self.quaternion_xyzw, quaternion_xyzw)
+        return float(np.linalg.norm(self.position_m - position_m)), math.degrees(turn_rad)
 
 
 class Driver(Protocol):

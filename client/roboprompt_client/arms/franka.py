@@ -3,6 +3,7 @@
 Metres, x y z w, end effector to base, as franky has them. It starts at 5 % of the arm's dynamics.
 """
 
+import math
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -12,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from roboprompt_client import quaternions as rotations
 from roboprompt_client.arms.driver import ArmState, import_extra
 from roboprompt_client.arms.panda import LIMITS_RAD, PandaGeometry
 from roboprompt_client.arrays import Array
@@ -101,12 +101,8 @@ class Franka:
             self._robot.move(self._franky.CartesianMotion(target), asynchronous=True)
 
     def _is_at(self, position_m: Array, quaternion_xyzw: Array) -> bool:
-        here = self.state()
-        turn = rotations.product(rotations.inverse(here.quaternion_xyzw), quaternion_xyzw)
-        return (
-            float(np.linalg.norm(here.position_m - position_m)) < POSE_TOLERANCE
-            and rotations.angle_rad(turn) < POSE_TOLERANCE
-        )
+        off_m, off_deg = self.state().distance_to(position_m, quaternion_xyzw)
+        return off_m < POSE_TOLERANCE and math.radians(off_deg) < POSE_TOLERANCE
 
     def finished(self) -> bool:
         if not self._going:
