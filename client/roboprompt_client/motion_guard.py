@@ -17,6 +17,7 @@ from roboprompt_client.trajectory import EndEffectorAction
 POSITION_ROUNDING_M = 1e-9  # a position on a bound, up to the last bits of its floats
 ANGLE_ROUNDING_DEG = 1e-6
 AXES = "xyz"
+Point = Sequence[float]  # (3) m
 
 
 class MotionGuard:
@@ -115,7 +116,7 @@ def angle_deg(first_xyzw: tuple[float, ...], second_xyzw: tuple[float, ...]) -> 
     return math.degrees(4 * math.asin(min(1.0, chord / 2)))
 
 
-def _far(start_m: Sequence[float], end_m: Sequence[float], box: Box, radius_m: float) -> bool:
+def _far(start_m: Point, end_m: Point, box: Box, radius_m: float) -> bool:
     """Whether a plane of one of the box's faces keeps a sphere on its way outside; quick, for most boxes are far."""
     return any(
         min(start, end) >= high + radius_m or max(start, end) <= low - radius_m
@@ -123,7 +124,7 @@ def _far(start_m: Sequence[float], end_m: Sequence[float], box: Box, radius_m: f
     )
 
 
-def enters(start_m: Sequence[float], end_m: Sequence[float], box: Box, radius_m: float) -> bool:
+def enters(start_m: Point, end_m: Point, box: Box, radius_m: float) -> bool:
     """Whether a sphere enters the box on its way, by more than rounding does."""
     if (
         not clearance_m(start_m, end_m, *box) >= radius_m - POSITION_ROUNDING_M
@@ -133,7 +134,7 @@ def enters(start_m: Sequence[float], end_m: Sequence[float], box: Box, radius_m:
     return passes_through(start_m, end_m, *smaller)
 
 
-def _shown(place_m: Sequence[float]) -> list[float]:
+def _shown(place_m: Point) -> list[float]:
     return [round(value, 6) for value in place_m]
 
 
@@ -169,9 +170,6 @@ def _numbers(index: int, document: Mapping[str, Any], name: str, length: int) ->
         return tuple(map(float, values))
     except OverflowError:
         raise UnsafeActionError(index, name, f"is {str(values)[:80]}", "finite numbers") from None
-
-
-Point = Sequence[float]
 
 
 def passes_through(start_m: Point, end_m: Point, min_m: Point, max_m: Point) -> bool:

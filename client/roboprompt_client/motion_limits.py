@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.trajectory import EndEffectorAction
 
-Corners = tuple[tuple[float, ...], tuple[float, ...]]
 HAND_RADIUS_M = 0.05
 MAX_ACTIONS = 25  # of one prediction: the steps that an episode may take (RoboPrompt, section IV-B)
 STEP_BOUNDS = ("max_step_m", "max_step_rotation_deg")
@@ -57,9 +56,9 @@ class MotionLimits:
 
     def __post_init__(self) -> None:
         if self.workspace is not None:
-            _checked_corners("workspace", *self.workspace)
+            _checked_box("workspace", *self.workspace)
         for k, box in enumerate(self.keep_out):
-            _checked_corners(f"motion_limits.keep_out[{k}]", *box)
+            _checked_box(f"motion_limits.keep_out[{k}]", *box)
         if self.max_step_m is not None:
             checked_bound("motion_limits.max_step_m", self.max_step_m)
         if self.max_step_rotation_deg is not None:
@@ -145,12 +144,12 @@ def _member(document: object, field: str, name: str) -> Any:  # noqa: ANN401
     return document[name]
 
 
-def _checked_corners(field: str, low: object, high: object) -> Corners:
-    """Opposite corners of a box: (3) finite numbers each, the first below the second on every axis."""
-    corners = _point(f"{field}.min", low), _point(f"{field}.max", high)
-    if not all(a < b for a, b in zip(*corners, strict=True)):
-        raise InvalidInputError(field, f"has min {list(corners[0])} and max {list(corners[1])}", "min below max")
-    return corners
+def _checked_box(field: str, low: object, high: object) -> Box:
+    """Opposite corners: (3) finite numbers each, the first below the second on every axis."""
+    box = Box(_point(f"{field}.min", low), _point(f"{field}.max", high))
+    if not all(a < b for a, b in zip(*box, strict=True)):
+        raise InvalidInputError(field, f"has min {list(box.min_m)} and max {list(box.max_m)}", "min below max")
+    return box
 
 
 def checked_bound(field: str, value: object, most: float = math.inf, *, zero: bool = False) -> float:
@@ -188,7 +187,7 @@ def _number(value: object) -> float | None:
 
 
 def _box(field: str, value: object) -> Box:
-    return Box(*_checked_corners(field, _member(value, field, "min"), _member(value, field, "max")))
+    return _checked_box(field, _member(value, field, "min"), _member(value, field, "max"))
 
 
 def _boxes(bounds: Mapping[str, Any]) -> tuple[Box, ...]:

@@ -14,6 +14,10 @@ import numpy.typing as npt
 
 from roboprompt_client.errors import InvalidInputError
 
+MARK = "__ndarray__"
+MAX_DIMENSIONS = 3
+DTYPES = ("|b1", "|u1", "<u2", "<u4", "<i4", "<i8", "<f2", "<f4", "<f8")
+_VALID = f"a map of {MARK}, data, dtype ({', '.join(DTYPES)}) and shape (at most {MAX_DIMENSIONS} lengths)"
 # Version 3.0 differs from 2.0 in the encoding of field names only.
 _READ_HEADER = {
     (1, 0): np.lib.format.read_array_header_1_0,
@@ -48,12 +52,6 @@ def array_from_npy(field: str, data: bytes, valid: str) -> npt.NDArray[np.generi
     except Exception as error:  # on a hostile header numpy raises whatever Python's own parser does
         raise InvalidInputError(field, f"is a damaged .npy array: {str(error)[:200]}", valid) from None
     return array
-
-
-MARK = "__ndarray__"
-MAX_DIMENSIONS = 3
-DTYPES = ("|b1", "|u1", "<u2", "<u4", "<i4", "<i8", "<f2", "<f4", "<f8")
-_VALID = f"a map of {MARK}, data, dtype ({', '.join(DTYPES)}) and shape (at most {MAX_DIMENSIONS} lengths)"
 
 
 def packed_array(array: npt.NDArray[Any]) -> dict[str, Any]:

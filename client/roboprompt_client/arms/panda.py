@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from roboprompt_client import quaternions as rotations
+from roboprompt_client.arms.driver import pose_matrix
 from roboprompt_client.arms.geometry import Nearest, follow_line, nearest_limit
 from roboprompt_client.arrays import Array
 from roboprompt_client.errors import InvalidInputError, MotionError
@@ -45,27 +45,6 @@ def flange(joints_rad: Array) -> tuple[Array, Array]:
     return frame, np.concatenate([np.cross(axes, arms), axes], axis=1).T
 
 
-def check_way(joints_rad: Array, flange_to_tip: Array, position_m: Array, quaternion_xyzw: Array, model: str) -> Array:
-    """The joints (7,) at the end of the straight way to a pose of the tip.
-
-    Args:
-        joints_rad: (7,) where the arm is.
-        flange_to_tip: (4, 4) tip to flange.
-        model: `panda` or `fr3`.
-
-    Raises:
-        MotionError: if the pose is beyond the arm's reach, or the way leads to a joint's limit, naming it.
-    """
-    target = np.eye(4)
-    target[:3, :3], target[:3, 3] = rotations.to_matrix(quaternion_xyzw), position_m
-    goal = target @ np.linalg.inv(flange_to_tip)
-    away_m = float(np.linalg.norm(goal[:3, 3] - SHOULDER_M))
-    if away_m > REACH_M:
-        raise MotionError(f"the pose is out of reach: {away_m:.3f} m from the shoulder, at most {REACH_M} m")
-    low, high = (np.array(bound) for bound in LIMITS_RAD[model])
-    return follow_line(flange, joints_rad, goal, low, high)
-
-
 def _link(a_m: float, d_m: float, alpha_rad: float, angle_rad: float) -> Array:
     """One joint's frame in the one before (Craig's convention)."""
     ca, sa, ct, st = np.cos(alpha_rad), np.sin(alpha_rad), np.cos(angle_rad), np.sin(angle_rad)
@@ -100,10 +79,19 @@ class PandaGeometry:
 
     def way(self, joints_rad: Array, position_m: Array, quaternion_xyzw: Array) -> Array:
         tip = franka_hand() if self.flange_to_tip is None else self.flange_to_tip
-        return check_way(joints_rad, tip, position_m, quaternion_xyzw, self.model)
+        goal = pose_matrix(position_m, quaternion_xyzw) @ np.linalg.inv(tip)
+        away_m = float(np.linalg.norm(goal[:3, 3] - SHOULDER_M))
+        if away_m > REACH_M:
+            raise MotionError(f"the pose is out of reach: {away_m:.3f} m from the shoulder, at most {REACH_M} m")
+        return follow_line(flange, joints_rad, goal, *self._limits_rad)
 
     def nearest_limit(self, joints_rad: Array) -> Nearest:
-        return nearest_limit(joints_rad, *(np.array(bound) for bound in LIMITS_RAD[self.model]))
+        return nearest_limit(joints_rad, *self._limits_rad)
+
+    @property
+    def _limits_rad(self) -> tuple[Array, Array]:
+        low, high = LIMITS_RAD[self.model]
+        return np.array(low), np.array(high)
 
     @property
     def ready_rad(self) -> Array:
