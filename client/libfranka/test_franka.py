@@ -199,7 +199,9 @@ class Service:
 
 def test_a_service_that_is_gone_between_two_actions(arm):
     first = to(arm, gripper_open=True)
-    service = Service(PredictedActions("p", (first,), {}), ServiceUnreachableError("POST /predict: refused"))
+    service = Service(
+        PredictedActions("p", (first,), {"findings": []}), ServiceUnreachableError("POST /predict: refused")
+    )
     with pytest.raises(ServiceUnreachableError):
         list(run_closed_loop(service, arm, "t", "go", limits=FREE))
     assert arm.state().distance_to(first.position_m, first.quaternion_xyzw)[0] < NEAR_M
@@ -215,7 +217,7 @@ def test_an_object_that_moves_before_contact_is_followed(simulated):
             x_m, y_m = next(places)
             return Observation((ObjectPose("cube", at.position_m + np.array([x_m, y_m, 0.0]), [0, 0, 0, 1]),))
 
-        arm._eyes = look
+        arm._observe_scene = look
         anchor = {"object": "cube", "frame": "w", "offset_m": [0, 0, 0], "rotation_xyzw": [1, 0, 0, 0]}
         anchor |= {"tolerance_m": 0.01, "tolerance_deg": 5}
         items = [
@@ -227,7 +229,7 @@ def test_an_object_that_moves_before_contact_is_followed(simulated):
             }
             for action in (above, at)
         ]
-        service = Service(PredictedActions.from_json({"id": "p", "actions": items}))
+        service = Service(PredictedActions.from_json({"id": "p", "actions": items, "findings": []}))
         run_task(service, arm, "t", "go", limits=FREE, look_again=True)
         off_m = arm.state().position_m - at.position_m
         np.testing.assert_allclose(off_m, [0.03, -0.02, 0.0], atol=NEAR_M)
