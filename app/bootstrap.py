@@ -23,7 +23,7 @@ from app.services.pose_servers import PoseServers
 from app.settings import MEGABYTE, Settings
 from app.store.store import SWEEP_GRACE, Store
 from app.web.site import install_pages
-from roboprompt_client.addresses import is_loopback
+from roboprompt_client.connection import is_loopback
 from roboprompt_client.errors import RoboPromptError
 
 DEFAULT_RATE_PER_S = 20.0

@@ -16,9 +16,8 @@ from websockets.sync.client import connect
 from benchmarks.peers import pack_array
 from benchmarks.processes import Cost, cost, running, service
 from benchmarks.service_time import asked, copied_reply, teach
-from roboprompt_client.camera import Camera, RgbdFrame
+from roboprompt_client.camera import Camera, RgbdFrame, camera_json
 from roboprompt_client.encoding import packed_request, request_parts
-from roboprompt_client.metadata import camera_json
 
 WIDTH, HEIGHT = 640, 480
 NUM_REQUESTS = 240

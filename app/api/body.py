@@ -28,7 +28,7 @@ from app.api.body_limits import (
 )
 from app.api.unique_keys import check_unique_keys, unique_members
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.packed_array import is_packed_array, npy_from_packed
+from roboprompt_client.npy import is_packed_array, npy_from_packed
 
 # Lists and maps are made as long as they claim to be, before their items are read.
 MAX_ITEMS = 4096

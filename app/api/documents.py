@@ -15,7 +15,7 @@ from app.services.task_settings import TaskSettings
 from app.store.records import ConfigurationCounts, EpisodeFields, EpisodeRecord, JobRecord, PredictionRecord, TaskRecord
 from app.store.values import JsonObject, KeyframeRecord, ObjectRecord
 from app.store.visibility import present
-from roboprompt_client.metadata import camera_json
+from roboprompt_client.camera import camera_json
 
 
 def episode_document(record: EpisodeFields, settings: TaskSettings) -> JsonObject:

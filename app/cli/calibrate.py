@@ -49,9 +49,8 @@ def calibrate(
     from app.perception.images import decode_rgb
     from app.pipeline.geometry import rigid
     from roboprompt_client.arrays import unit_quaternions
-    from roboprompt_client.camera import Camera
+    from roboprompt_client.camera import Camera, camera_json
     from roboprompt_client.errors import InvalidInputError
-    from roboprompt_client.metadata import camera_json
 
     console = Console(stderr=True)
     try:

@@ -13,9 +13,8 @@ from app.datasets.mapping import FeatureMap, RotationFormat
 from app.datasets.options import ImportOptions
 from app.datasets.parcel import ObjectEntry, Parcel
 from roboprompt_client.arrays import Array
-from roboprompt_client.camera import Camera
+from roboprompt_client.camera import Camera, camera_from_json
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.metadata import camera_from_json
 from roboprompt_client.trajectory import Trajectory
 
 Columns = Mapping[str, np.ndarray[Any, Any]]

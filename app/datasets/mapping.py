@@ -18,8 +18,8 @@ from pathlib import Path
 from typing import Any, Literal, get_args
 
 from app.datasets.bounds import DatasetError
+from roboprompt_client.camera import camera_from_json
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.metadata import camera_from_json
 
 RotationFormat = Literal["quaternion_xyzw", "quaternion_wxyz", "euler_xyz", "rotation_vector"]
 ROTATION_FORMATS: tuple[RotationFormat, ...] = get_args(RotationFormat)

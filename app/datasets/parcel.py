@@ -12,8 +12,7 @@ import numpy.typing as npt
 
 from app.datasets.bounds import DamagedError
 from roboprompt_client.arrays import Array
-from roboprompt_client.camera import Camera
-from roboprompt_client.metadata import camera_json
+from roboprompt_client.camera import Camera, camera_json
 from roboprompt_client.trajectory import Trajectory
 from roboprompt_client.trajectory_npz import npz_from_trajectory
 from roboprompt_client.wording import checked_instruction, checked_name

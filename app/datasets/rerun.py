@@ -8,7 +8,7 @@ import numpy as np
 
 from app.datasets.bounds import MissingPackageError, in_one_step
 from app.datasets.parcel import Parcel
-from roboprompt_client.metadata import camera_from_json
+from roboprompt_client.camera import camera_from_json
 from roboprompt_client.trajectory import Trajectory
 from roboprompt_client.trajectory_npz import trajectory_from_npz
 

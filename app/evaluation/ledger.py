@@ -20,8 +20,7 @@ import numpy as np
 from app.evaluation.failures import LedgerDamagedError, LedgerInUseError
 from app.evaluation.results import Crash, Method, Trial
 from app.sim.demonstrate import RolloutResult, SceneView
-from roboprompt_client.metadata import object_json
-from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
+from roboprompt_client.trajectory import EndEffectorAction, ObjectPose, object_json
 
 Document = Mapping[str, Any]
 DIGEST_CHARS = 12

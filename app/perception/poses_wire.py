@@ -15,9 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from roboprompt_client.arrays import finite_array, unit_quaternions
-from roboprompt_client.camera import RgbdFrame
+from roboprompt_client.camera import RgbdFrame, camera_json
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.metadata import camera_json
 from roboprompt_client.trajectory import ObjectPose
 
 Part = tuple[str, bytes, str]

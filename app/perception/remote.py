@@ -17,8 +17,8 @@ from app.perception.models import RemoteModel
 from app.perception.poses_wire import Part, PoseAnswer, PoseQuestion, answers_from_json, request_parts
 from app.perception.sightings import Miss, Sighting, fused
 from app.pipeline.errors import NoPoseError, ObjectNotVisibleError, UncertainPoseError
-from roboprompt_client.addresses import without_proxy
 from roboprompt_client.camera import RgbdFrame
+from roboprompt_client.connection import without_proxy
 from roboprompt_client.errors import InvalidInputError, RoboPromptError
 from roboprompt_client.trajectory import ObjectPose
 

@@ -15,8 +15,8 @@ from app.perception.object_model import ObjectModel, ObjectModelError
 from app.perception.poses_wire import PoseQuestion
 from app.perception.registry import estimate_poses
 from app.pipeline.prompt import check_object_names
-from roboprompt_client.addresses import is_loopback
 from roboprompt_client.camera import RgbdFrame
+from roboprompt_client.connection import is_loopback
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.trajectory import ObjectPose
 

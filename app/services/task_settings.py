@@ -33,7 +33,7 @@ from app.pipeline.workspace import RLBENCH_MAX_M, RLBENCH_MIN_M, Workspace
 from roboprompt_client.arrays import Array
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.motion_limits import HAND_RADIUS_M, Box, MotionLimits
-from roboprompt_client.trajectory import MOST_JOINTS, MOST_WIDTH_M, ObjectPose, Trajectory
+from roboprompt_client.trajectory import MAX_GRIPPER_WIDTH_M, MAX_JOINTS, ObjectPose, Trajectory
 from roboprompt_client.wording import checked_name
 
 
@@ -218,13 +218,13 @@ class TaskSettings(_Settings):
     system_prompt: SystemPrompt | None = None
     num_demonstrations: Annotated[int, Field(ge=1, le=100), WHOLE] = 10
     num_joints: Annotated[
-        int | None, Field(ge=1, le=MOST_JOINTS, description="of the arm; null: the first episode decides"), WHOLE
+        int | None, Field(ge=1, le=MAX_JOINTS, description="of the arm; null: the first episode decides"), WHOLE
     ] = None
     gripper_open_above_m: Annotated[
         Number | None,
         Field(
             ge=0,
-            le=MOST_WIDTH_M,
+            le=MAX_GRIPPER_WIDTH_M,
             description="the measured `gripper_width` above which the gripper counts as open;"
             " null: the middle between the extremes of each recording",
         ),

@@ -11,8 +11,7 @@ from typing import Any, Literal, Self
 import numpy as np
 
 from roboprompt_client.arrays import Array
-from roboprompt_client.camera import Camera
-from roboprompt_client.metadata import camera_from_json, camera_json
+from roboprompt_client.camera import Camera, camera_from_json, camera_json
 from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
 
 JsonObject = dict[str, Any]

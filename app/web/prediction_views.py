@@ -21,7 +21,7 @@ from app.store.records import DemonstrationRecord, EpisodeRecord, PredictionReco
 from app.store.trajectories import get_trajectories
 from app.store.values import JsonObject
 from app.web.scene3d import frame, scene
-from roboprompt_client.preview import Previewed
+from roboprompt_client.arms.preview import Previewed
 
 STAGES = {
     "read": "Reading the demonstrations",

@@ -23,9 +23,8 @@ from roboprompt_client import (
     run_task,
 )
 from roboprompt_client import quaternions as rotations
-from roboprompt_client.arms.arm import miss
 from roboprompt_client.arms.franka import Franka
-from roboprompt_client.arms.panda_kinematics import flange
+from roboprompt_client.arms.panda import flange
 from roboprompt_client.motion_limits import MotionLimits
 
 FREE = MotionLimits(hand_radius_m=0.0)
@@ -64,7 +63,7 @@ def test_it_arrives_within_a_millimetre(arm):
     for k, offset_m in enumerate([(0.05, 0.03, -0.08), (-0.08, -0.1, 0.05), (0.03, 0.07, 0.03)]):
         action = to(arm, offset_m, gripper_open=k % 2 == 0, turn_rad=0.2 * (-1) ** k)
         arm.execute(action)
-        off_m, off_deg = miss(arm.state(), action.position_m, action.quaternion_xyzw)
+        off_m, off_deg = arm.state().distance_to(action.position_m, action.quaternion_xyzw)
         assert off_m < NEAR_M
         assert off_deg < NEAR_DEG
         assert arm.state().gripper_width_m == pytest.approx(0.08 if k % 2 == 0 else 0.0, abs=0.004)
@@ -104,7 +103,7 @@ def test_a_stop_from_another_thread(simulated, after_s):
         threading.Timer(after_s, arm.stop).start()
         with pytest.raises(MotionError):
             arm.execute(goal)
-        assert miss(arm.state(), goal.position_m, goal.quaternion_xyzw)[0] > 0.02
+        assert arm.state().distance_to(goal.position_m, goal.quaternion_xyzw)[0] > 0.02
         assert_stopped(arm, width_m)
         arm.recover()
         arm.execute(goal)
@@ -200,10 +199,12 @@ class Service:
 
 def test_a_service_that_is_gone_between_two_actions(arm):
     first = to(arm, gripper_open=True)
-    service = Service(PredictedActions("p", (first,), {}), ServiceUnreachableError("POST /predict: refused"))
+    service = Service(
+        PredictedActions("p", (first,), {"findings": []}), ServiceUnreachableError("POST /predict: refused")
+    )
     with pytest.raises(ServiceUnreachableError):
         list(run_closed_loop(service, arm, "t", "go", limits=FREE))
-    assert miss(arm.state(), first.position_m, first.quaternion_xyzw)[0] < NEAR_M
+    assert arm.state().distance_to(first.position_m, first.quaternion_xyzw)[0] < NEAR_M
     assert_stopped(arm)
 
 
@@ -216,7 +217,7 @@ def test_an_object_that_moves_before_contact_is_followed(simulated):
             x_m, y_m = next(places)
             return Observation((ObjectPose("cube", at.position_m + np.array([x_m, y_m, 0.0]), [0, 0, 0, 1]),))
 
-        arm._eyes = look
+        arm._observe_scene = look
         anchor = {"object": "cube", "frame": "w", "offset_m": [0, 0, 0], "rotation_xyzw": [1, 0, 0, 0]}
         anchor |= {"tolerance_m": 0.01, "tolerance_deg": 5}
         items = [
@@ -228,7 +229,7 @@ def test_an_object_that_moves_before_contact_is_followed(simulated):
             }
             for action in (above, at)
         ]
-        service = Service(PredictedActions.from_json({"id": "p", "actions": items}))
+        service = Service(PredictedActions.from_json({"id": "p", "actions": items, "findings": []}))
         run_task(service, arm, "t", "go", limits=FREE, look_again=True)
         off_m = arm.state().position_m - at.position_m
         np.testing.assert_allclose(off_m, [0.03, -0.02, 0.0], atol=NEAR_M)

@@ -3,14 +3,15 @@
     with RoboPromptClient("http://127.0.0.1:8000") as client:
         run_task(client, my_robot, "open_drawer", "open the bottom drawer")
 
-Needs numpy and httpx. Metres, radians, seconds; poses in the world frame; quaternions x y z w.
+Needs numpy, httpx and httpx-sse. Metres, radians, seconds; poses in the world frame; quaternions x y z w.
 """
 
-from roboprompt_client.answers import PredictedActions
+from roboprompt_client.answers import Outcome, PredictedActions
 from roboprompt_client.camera import Camera, RgbdFrame
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import (
     DangerError,
+    InvalidAnswerError,
     InvalidInputError,
     MotionError,
     NotConfirmedError,
@@ -23,6 +24,7 @@ from roboprompt_client.errors import (
 from roboprompt_client.leading import Leading
 from roboprompt_client.loop import run_closed_loop, run_task
 from roboprompt_client.motion_limits import Box, MotionLimits, Pose
+from roboprompt_client.recorder import Recorder
 from roboprompt_client.robot import Observation, Robot
 from roboprompt_client.trajectory import EndEffectorAction, ObjectPose, Trajectory
 
@@ -31,6 +33,7 @@ __all__ = [
     "Camera",
     "DangerError",
     "EndEffectorAction",
+    "InvalidAnswerError",
     "InvalidInputError",
     "Leading",
     "MotionError",
@@ -39,8 +42,10 @@ __all__ = [
     "ObjectLostError",
     "ObjectPose",
     "Observation",
+    "Outcome",
     "Pose",
     "PredictedActions",
+    "Recorder",
     "RgbdFrame",
     "RoboPromptClient",
     "RoboPromptError",

@@ -16,14 +16,14 @@ from roboprompt_client.robot import Robot
 from roboprompt_client.trajectory import EndEffectorAction
 
 LIFT_M, TURN_RAD = 0.03, math.radians(10)
-NEAR_M, NEAR_DEG = 0.005, 2.0
-TOUCH_M = 0.005  # a hand that is guided to a corner is there within 2 mm
-LOOK_S = 1.0  # longer, and a look before each contact is felt
-STOP_AFTER_S, STOP_S = 0.3, 1.0
+POSITION_TOLERANCE_M, ROTATION_TOLERANCE_DEG = 0.005, 2.0
+TOUCH_TOLERANCE_M = 0.005  # a hand that is guided to a corner is there within 2 mm
+MAX_OBSERVE_S = 1.0  # longer, and a look before each contact is felt
+STOP_AFTER_S, MAX_STOP_S = 0.3, 1.0
 
 
 @dataclass(frozen=True)
-class Outcome:
+class CheckResult:
     """One check.
 
     Attributes:
@@ -50,9 +50,9 @@ class ArmCheck:
     moves: bool = False
     confirm: Callable[[str], bool] | None = None
     touched_m: Sequence[Sequence[float]] = ()
-    outcomes: list[Outcome] = field(default_factory=list)
+    results: list[CheckResult] = field(default_factory=list)
 
-    def run(self) -> tuple[Outcome, ...]:
+    def run(self) -> tuple[CheckResult, ...]:
         """All checks; the arm is stopped where one goes wrong, and the moving ones end there."""
         start = self._check_observation()
         if start is not None:
@@ -64,7 +64,7 @@ class ArmCheck:
             )
             if self.confirm is None or self.confirm(question):
                 self._check_motions(start)
-        return tuple(self.outcomes)
+        return tuple(self.results)
 
     def _check_observation(self) -> Pose | None:
         began_s = time.monotonic()
@@ -74,7 +74,11 @@ class ArmCheck:
             self._say("observe", False, str(error))
             return None
         took_s = time.monotonic() - began_s
-        self._say("observe: time", took_s <= LOOK_S, f"{1000 * took_s:.0f} ms (at most {1000 * LOOK_S:.0f} are good)")
+        self._say(
+            "observe: time",
+            took_s <= MAX_OBSERVE_S,
+            f"{1000 * took_s:.0f} ms (at most {1000 * MAX_OBSERVE_S:.0f} are good)",
+        )
         names = ", ".join(pose.name for pose in seen.objects) or "no object"
         self._say("observe: objects", None if not seen.objects else True, f"{names}; {len(seen.frames)} cameras")
         if (hand := seen.end_effector) is None:
@@ -107,7 +111,7 @@ class ArmCheck:
         along = ", ".join(f"{1000 * value:+.1f}" for value in off_m)
         detail = f"the arm says {1000 * np.linalg.norm(off_m):.1f} mm off ({along} along x, y, z)"
         remedy = "base_to_world, the tool's length or the board's place are wrong by that"
-        passed = float(np.linalg.norm(off_m)) <= TOUCH_M
+        passed = float(np.linalg.norm(off_m)) <= TOUCH_TOLERANCE_M
         self._say(f"touch {named}", passed, detail if passed else f"{detail}: {remedy}")
 
     def _check_motions(self, start: Pose) -> None:
@@ -136,10 +140,13 @@ class ArmCheck:
             return self._say(name, False, str(error))
         assert hand is not None
         off_m = float(np.linalg.norm(np.array(hand.position_m) - action.position_m))
-        turn = rotations.product(rotations.inverse(hand.quaternion_xyzw), action.quaternion_xyzw)
-        off_deg = math.degrees(rotations.angle_rad(turn))
+        off_deg = math.degrees(rotations.angle_between_rad(hand.quaternion_xyzw, action.quaternion_xyzw))
         detail = f"{1000 * off_m:.1f} mm and {off_deg:.1f} degrees off after {took_s:.1f} s"
-        return self._say(name, off_m <= NEAR_M and off_deg <= NEAR_DEG, f"{detail}; did the arm do what it says?")
+        return self._say(
+            name,
+            off_m <= POSITION_TOLERANCE_M and off_deg <= ROTATION_TOLERANCE_DEG,
+            f"{detail}; did the arm do what it says?",
+        )
 
     def _check_stop(self, action: EndEffectorAction) -> None:
         ended: list[BaseException | None] = []
@@ -159,10 +166,10 @@ class ArmCheck:
             return
         began_s = time.monotonic()
         self.robot.stop()
-        motion.join(STOP_S)
+        motion.join(MAX_STOP_S)
         took_s = time.monotonic() - began_s
         if motion.is_alive() or not ended:
-            self._say("stop", False, f"execute did not end within {STOP_S} s of stop()")
+            self._say("stop", False, f"execute did not end within {MAX_STOP_S} s of stop()")
         elif isinstance(ended[0], MotionError):
             self._say("stop", True, f"ended the motion after {1000 * took_s:.0f} ms")
         else:
@@ -170,5 +177,5 @@ class ArmCheck:
             self._say("stop", False, f"execute ended {what}: it is to raise MotionError")
 
     def _say(self, name: str, passed: bool | None, detail: str) -> bool:
-        self.outcomes.append(Outcome(name, passed, detail))
+        self.results.append(CheckResult(name, passed, detail))
         return passed is not False

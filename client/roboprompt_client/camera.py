@@ -3,7 +3,9 @@
 `camera_to_world` takes OpenCV camera coordinates (x right, y down, z forward) to the world frame.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -51,6 +53,24 @@ class Camera:
             raise InvalidInputError(f"{where}.camera_to_world", "is not a rigid transform", remedy)
         settle(self, camera_to_world=transform)
 
+    def project(self, points_world_m: npt.ArrayLike) -> tuple[Array, Array]:
+        """Where points of the world appear in the image.
+
+        Args:
+            points_world_m: (..., 3) metres in the world frame.
+
+        Returns:
+            pixels: (..., 2) as (u, v) = (column, row), not rounded; they may lie outside the image.
+            depth_m: (...) metres along the optical axis. A point behind the camera has a depth <= 0 and its pixel means
+                nothing (infinite or NaN at depth 0): the caller decides.
+        """
+        points = np.asarray(points_world_m, np.float64)
+        in_camera = (points - self.camera_to_world[:3, 3]) @ self.camera_to_world[:3, :3]
+        depth_m: Array = in_camera[..., 2]
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            pixels = in_camera[..., :2] / depth_m[..., None] * (self.fx_px, self.fy_px) + (self.cx_px, self.cy_px)
+        return pixels, depth_m
+
 
 def _is_rigid(transform: Array) -> bool:
     rotation = transform[:3, :3]
@@ -59,6 +79,33 @@ def _is_rigid(transform: Array) -> bool:
     off = np.abs(rotation.T @ rotation - np.eye(3)).max()
     last_row = (transform[3] == (0, 0, 0, 1)).all()
     return bool(off <= ROTATION_MATRIX_TOLERANCE and np.linalg.det(rotation) > 0 and last_row)
+
+
+def camera_json(camera: Camera) -> dict[str, Any]:
+    """A camera's calibration."""
+    intrinsics = {"fx": camera.fx_px, "fy": camera.fy_px, "cx": camera.cx_px, "cy": camera.cy_px}
+    if camera.image_size_px is not None:
+        intrinsics["width"], intrinsics["height"] = camera.image_size_px
+    return {
+        "name": camera.name,
+        "intrinsics": intrinsics,
+        "camera_to_world": camera.camera_to_world.tolist(),
+        "depth_scale": camera.depth_scale,
+    }
+
+
+def camera_from_json(value: Mapping[str, Any]) -> Camera:
+    """The inverse of `camera_json`.
+
+    Raises:
+        InvalidInputError: for a calibration that Camera refuses.
+        KeyError, TypeError: for a document of another form.
+    """
+    k = value["intrinsics"]
+    size = (k["width"], k["height"]) if k.get("width") is not None and k.get("height") is not None else None
+    numbers = (k["fx"], k["fy"], k["cx"], k["cy"])
+    transform = np.asarray(value["camera_to_world"], dtype=np.float64)
+    return Camera(value["name"], *numbers, transform, value.get("depth_scale", 0.001), size)
 
 
 @dataclass(frozen=True, eq=False)

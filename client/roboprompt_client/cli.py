@@ -1,63 +1,66 @@
-"""The thin script for a robot's computer: `roboprompt-robot --help`.
-
-It uploads recorded episodes, asks for actions and prints them as JSON; with `--robot` it moves an arm.
-"""
+"""The commands of `roboprompt-robot`, for the computer that drives an arm."""
 
 import argparse
 import json
 import signal
 import sys
-from dataclasses import replace
+from argparse import ArgumentParser, Namespace
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, get_args
+from typing import get_args
 
 from roboprompt_client.arms.cell import open_robot
 from roboprompt_client.client import DEFAULT_URL, RoboPromptClient
-from roboprompt_client.confirming import Person
 from roboprompt_client.danger import OnDanger
 from roboprompt_client.errors import InvalidInputError, RoboPromptError
 from roboprompt_client.loop import run_closed_loop, run_task, show_nothing
 from roboprompt_client.motion_limits import Box, MotionLimits, Pose
-from roboprompt_client.record_command import add_commands
-from roboprompt_client.scene_file import OBJECTS, observation_from_file
+from roboprompt_client.record_command import add_check, add_record
+from roboprompt_client.robot import OBJECTS, Observation, observation_from_file
+from roboprompt_client.terminal import Person
 from roboprompt_client.trajectory_npz import trajectory_from_npz
 
-ROBOT = "a cell's JSON file, or MODULE:FACTORY: a callable that returns a Robot"
+DESCRIPTION = (
+    "Teach a RoboPrompt service with recorded demonstrations, ask it for actions, and carry them out with an arm."
+)
+ROBOT = "a cell's JSON file, or MODULE:FACTORY: a callable that returns a Robot; the current folder is searched, too"
 
 
 def main() -> int:
-    """Parse the command line, do what it says, and return the exit code."""
+    """Parse the command line, do what it says, and return the exit status."""
     arguments = _parser().parse_args()
+    sys.path.insert(0, "")  # for --robot MODULE:FACTORY
     try:
-        if (given := getattr(arguments, "objects", None)) is not None:
-            observation_from_file("--objects", given)  # what is wrong with it is said before anybody is asked
         with RoboPromptClient(arguments.url) as client:
-            if (offline := getattr(arguments, "offline", None)) is not None:
-                return int(offline(client, arguments))
-            client.ping()
-            print(json.dumps(arguments.command(client, arguments), indent=2))  # noqa: T201
+            return int(arguments.command(client, arguments))
     except RoboPromptError as error:
         print(error, file=sys.stderr)  # noqa: T201
         return 1
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)  # noqa: T201
         return 128 + signal.SIGINT
-    return 0
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="roboprompt-robot", description=__doc__)
-    parser.add_argument("--url", default=DEFAULT_URL, help="where the service listens (default: %(default)s)")
-    commands = parser.add_subparsers(required=True)
+def _parser() -> ArgumentParser:
+    parser = ArgumentParser(prog="roboprompt-robot", description=DESCRIPTION)
+    _add_url(parser, DEFAULT_URL)
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
-    upload = commands.add_parser("upload", help="store a recorded episode")
-    _add_scene(upload)
-    upload.add_argument("trajectory", type=Path, help=".npz with joint_velocities, end_effector_positions ...")
-    upload.set_defaults(command=_upload)
+    def add(name: str, what: str, command: Callable[[RoboPromptClient, Namespace], int]) -> ArgumentParser:
+        added = commands.add_parser(name, help=what, description=f"{what[0].upper()}{what[1:]}.")
+        added.set_defaults(command=command)
+        _add_url(added, argparse.SUPPRESS)
+        return added
 
-    predict = commands.add_parser("predict", help="print the actions for a scene")
-    _add_scene(predict)
-    predict.add_argument("--model")
+    upload = add("upload", "store a recorded episode as a demonstration, and print what was extracted from it", _upload)
+    _add_task(upload)
+    _add_objects(upload)
+    upload.add_argument("trajectory", type=Path, help=".npz with end_effector_positions, gripper_open ...")
+
+    predict = add("predict", "print the actions for a scene; nothing moves", _predict)
+    _add_task(predict)
+    _add_objects(predict)
+    predict.add_argument("--model", help="the LLM to ask (default: the service's)")
     predict.add_argument(
         "--end-effector",
         nargs=7,
@@ -65,11 +68,27 @@ def _parser() -> argparse.ArgumentParser:
         metavar=("X", "Y", "Z", "QX", "QY", "QZ", "QW"),
         help="where the arm is, metres and quaternion, world frame: needed where the task bounds steps",
     )
-    predict.set_defaults(command=_predict)
+    _add_run(add("run", "observe the scene, ask for actions, and carry them out with an arm", _run))
+    add_record(add, ROBOT)
+    add_check(add, ROBOT)
+    return parser
 
-    run = commands.add_parser("run", help="observe, ask and act with an arm")
-    run.add_argument("--task", required=True)
-    run.add_argument("--instruction", required=True)
+
+def _add_url(parser: ArgumentParser, default: str) -> None:
+    parser.add_argument("--url", default=default, help=f"where the service listens (default: {DEFAULT_URL})")
+
+
+def _add_task(parser: ArgumentParser) -> None:
+    parser.add_argument("--task", required=True, help="the task's name at the service")
+    parser.add_argument("--instruction", required=True, help="what the robot is to do, in words")
+
+
+def _add_objects(parser: ArgumentParser) -> None:
+    parser.add_argument("--objects", required=True, type=Path, metavar="FILE", help=f"what the robot sees, {OBJECTS}")
+
+
+def _add_run(run: ArgumentParser) -> None:
+    _add_task(run)
     run.add_argument("--robot", required=True, metavar="ROBOT", help=ROBOT)
     run.add_argument("--confirm", action="store_true", help="show the plan, and ask before each motion")
     run.add_argument(
@@ -92,63 +111,73 @@ def _parser() -> argparse.ArgumentParser:
     how.add_argument(
         "--look-again",
         action="store_true",
-        help="observe again before contact: actions follow the objects that they hang on, without asking again",
+        help="observe again before contact: actions follow objects that were moved, without asking the LLM again",
     )
     run.add_argument(
         "--on-danger",
         choices=get_args(OnDanger),
         help="where the service finds its answer dangerous (default: ask with --confirm, refuse without)",
     )
-    run.set_defaults(command=_run)
-    add_commands(commands, ROBOT)
-    return parser
 
 
-def _add_scene(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--task", required=True)
-    parser.add_argument("--instruction", required=True)
-    parser.add_argument(
-        "--objects",
-        required=True,
-        type=Path,
-        metavar="FILE",
-        help=f"what the robot sees, {OBJECTS}",
-    )
+def _upload(client: RoboPromptClient, arguments: Namespace) -> int:
+    scene = _scene(arguments)
+    try:
+        trajectory = trajectory_from_npz(arguments.trajectory.read_bytes())
+    except OSError as error:
+        raise InvalidInputError("trajectory", f"cannot be read: {error}", "an .npz file") from error
+    client.ping()
+    return _print_json(client.upload(arguments.task, arguments.instruction, trajectory, scene))
 
 
-def _upload(client: RoboPromptClient, arguments: argparse.Namespace) -> dict[str, Any]:
-    trajectory = trajectory_from_npz(arguments.trajectory.read_bytes())
-    return client.upload(
-        arguments.task, arguments.instruction, trajectory, observation_from_file("--objects", arguments.objects)
-    )
-
-
-def _predict(client: RoboPromptClient, arguments: argparse.Namespace) -> dict[str, Any]:
+def _predict(client: RoboPromptClient, arguments: Namespace) -> int:
     options = {} if arguments.model is None else {"model": arguments.model}
-    scene = observation_from_file("--objects", arguments.objects)
-    if (arm := arguments.end_effector) is not None:
-        scene = replace(scene, end_effector=Pose(tuple(arm[:3]), tuple(arm[3:])))
-    return dict(client.predict(arguments.task, arguments.instruction, scene, **options).response)
+    scene = _scene(arguments)
+    client.ping()
+    return _print_json(client.predict(arguments.task, arguments.instruction, scene, **options).response)
 
 
-def _run(client: RoboPromptClient, arguments: argparse.Namespace) -> dict[str, Any]:
-    robot = open_robot(arguments.robot)
-    person = Person(robot) if arguments.confirm else None
-    confirm = None if person is None else person.confirm
-    preview = show_nothing if person is None else person.preview
+def _scene(arguments: Namespace) -> Observation:
+    seen = observation_from_file("--objects", arguments.objects)
+    if (arm := getattr(arguments, "end_effector", None)) is None:
+        return seen
+    return Observation(seen.objects, end_effector=Pose(tuple(arm[:3]), tuple(arm[3:])))
+
+
+def _run(client: RoboPromptClient, arguments: Namespace) -> int:
+    client.ping()
+    robot, pinned = open_robot(arguments.robot), _pinned(arguments)
+    person = Person(robot)
+    confirm, preview = (person.confirm, person.preview) if arguments.confirm else (None, show_nothing)
     what = (client, robot, arguments.task, arguments.instruction)
-    pinned = _pinned(arguments)
-    # Who ends this script ends it through `run_task`, which stops the arm.
+    # A termination leaves through `run_task`, which stops the arm.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     danger = arguments.on_danger
     if arguments.closed_loop:
-        steps = run_closed_loop(*what, pinned=pinned, confirm=confirm, on_danger=danger, preview=preview)
-        return {"steps": [step.response for step in steps]}
-    how = {"stream": arguments.stream, "look_again": arguments.look_again, "on_danger": danger}
-    return dict(run_task(*what, pinned=pinned, confirm=confirm, preview=preview, **how).response)
+        steps = list(run_closed_loop(*what, pinned=pinned, confirm=confirm, on_danger=danger, preview=preview))
+        if (outcome := person.outcome(steps[-1])) is not None:
+            for step in steps:
+                client.record_outcome(step.id, *outcome)
+        return _print_json({"steps": [step.response for step in steps]})
+    predicted = run_task(
+        *what,
+        pinned=pinned,
+        confirm=confirm,
+        preview=preview,
+        stream=arguments.stream,
+        look_again=arguments.look_again,
+        on_danger=danger,
+        on_outcome=person.outcome,
+    )
+    return _print_json(predicted.response)
 
 
-def _pinned(arguments: argparse.Namespace) -> MotionLimits:
+def _print_json(document: object) -> int:
+    print(json.dumps(document, indent=2))  # noqa: T201
+    return 0
+
+
+def _pinned(arguments: Namespace) -> MotionLimits:
     """The caller's own bounds, which hold together with the task's."""
     pinned = MotionLimits(hand_radius_m=0.0) if arguments.limits is None else _limits_in(arguments.limits)
     if arguments.workspace is None:
@@ -161,7 +190,6 @@ def _limits_in(path: Path) -> MotionLimits:
     try:
         document = json.loads(path.read_text())
     except (OSError, ValueError) as error:
-        raise InvalidInputError(
-            "--limits", f"{path}: {error}", "a JSON file with workspace, motion_limits or both"
-        ) from error
+        valid = "a JSON file with workspace, motion_limits or both"
+        raise InvalidInputError("--limits", f"{path}: {error}", valid) from error
     return MotionLimits.from_file(document)

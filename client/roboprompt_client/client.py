@@ -2,33 +2,27 @@
 
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from types import TracebackType
 from typing import Any, TypeVar
 from uuid import uuid4
 
 import httpx
 
-from roboprompt_client.addresses import without_proxy
-from roboprompt_client.answers import PredictedActions, problem_of
-from roboprompt_client.camera import RgbdFrame
+from roboprompt_client.answers import PredictedActions, findings_in
+from roboprompt_client.camera import RgbdFrame, camera_json
+from roboprompt_client.connection import Connection, open_http
 from roboprompt_client.encoding import ImageFormat, Part, packed_request, request_parts, scene_json
 from roboprompt_client.errors import ServiceProblemError, ServiceUnreachableError
-from roboprompt_client.events import EVENT_STREAM, NotEventsError, events_of
-from roboprompt_client.metadata import camera_json
 from roboprompt_client.motion_guard import action_from_json
 from roboprompt_client.motion_limits import MotionLimits
 from roboprompt_client.robot import Observation
-from roboprompt_client.trajectory import EndEffectorAction, ObjectPose, Trajectory
+from roboprompt_client.trajectory import EndEffectorAction, ObjectPose, Trajectory, object_from_json
 from roboprompt_client.trajectory_npz import npz_from_trajectory
 
 OfKind = TypeVar("OfKind", bound="RoboPromptClient")
 KEY_VARIABLE = "ROBOPROMPT_API_KEY"
 DEFAULT_URL = "http://127.0.0.1:8000"
-MAX_PORT = 65535
 LEARNING_TIMEOUT_S = 600.0
 CHECK_TIMEOUT_S = 1260.0  # ten predictions of at most two minutes each
-KEPT_S = 2.0  # idle connections: the service closes them after 5 s, and a request that crosses this is lost
 MARGIN_S = 10.0  # the service answers within the request's own deadline; this is for the way there and back
 
 
@@ -52,32 +46,29 @@ class RoboPromptClient:
         compress: bool | None = None,
     ) -> None:
         key = os.environ.get(KEY_VARIABLE, "") if api_key is None else api_key
-        headers = {"Authorization": f"Bearer {key}"} if key else {}
-        self._http = connection or _connection(url, headers)
+        self._http = Connection(connection or open_http(url, key))
         self._images = ImageFormat.chosen(compress)
 
     def __enter__(self: OfKind) -> OfKind:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     @property
     def url(self) -> str:
         """Where the service listens."""
-        return str(self._http.base_url)
+        return str(self._http.client.base_url)
 
     def close(self) -> None:
         """Close the connections."""
-        self._http.close()
+        self._http.client.close()
 
     def ping(self) -> None:
         """Ask whether the service is there.
 
         Raises:
-            ServiceUnreachableError: if nobody answers, or somebody else does.
+            ServiceUnreachableError: if it does not answer, or what answers is no RoboPrompt service.
             ServiceProblemError: if it refuses.
         """
         try:
@@ -91,7 +82,7 @@ class RoboPromptClient:
 
     def configure_task(self, task: str, **settings: Any) -> dict[str, Any]:  # noqa: ANN401
         """Set a task's settings, see `PUT /tasks/{name}`; returns all of them."""
-        return self._send("PUT", f"/tasks/{task}", json=settings)
+        return self._http.document("PUT", f"/tasks/{task}", json=settings)
 
     def motion_limits(self, task: str) -> MotionLimits:
         """What the task allows an action."""
@@ -141,7 +132,7 @@ class RoboPromptClient:
         Raises:
             ServiceProblemError, ServiceUnreachableError.
         """
-        return self._send("POST", "/episodes", files=parts, headers={"Idempotency-Key": idempotency_key})
+        return self._http.document("POST", "/episodes", files=parts, headers={"Idempotency-Key": idempotency_key})
 
     def predict(
         self,
@@ -166,7 +157,7 @@ class RoboPromptClient:
         """
         asked = {"timeout_s": timeout_s, **options}
         body = self._question(task, instruction, observation, mask_ids, asked)
-        return PredictedActions.from_json(self._send("POST", "/predict", timeout=timeout_s + MARGIN_S, **body))
+        return PredictedActions.from_json(self._http.document("POST", "/predict", timeout=timeout_s + MARGIN_S, **body))
 
     def dry_run(
         self,
@@ -180,7 +171,7 @@ class RoboPromptClient:
         Raises:
             ServiceProblemError, ServiceUnreachableError.
         """
-        return self._send(
+        return self._http.document(
             "POST", "/predict", **self._question(task, instruction, observation, None, {**options, "dry_run": True})
         )
 
@@ -202,29 +193,22 @@ class RoboPromptClient:
 
         Raises:
             as `predict`; also after actions were given, if the rest of the reply goes wrong or does not come.
+            InvalidAnswerError: with `on_findings`, if the findings are not well formed.
         """
         asked = {"timeout_s": timeout_s, **options}
         body = self._question(task, instruction, observation, mask_ids, asked)
-        body["headers"] = {**body.get("headers", {}), "Accept": EVENT_STREAM}
-        with (
-            self._transport_errors("POST", "/predict"),
-            self._http.stream("POST", "/predict", timeout=timeout_s + MARGIN_S, **body) as response,
-        ):
-            if response.is_error:
-                response.read()
-                raise ServiceProblemError(response.status_code, problem_of(response))
-            index = 0
-            for name, document in events_of(response):
-                if name == "findings" and on_findings is not None:
-                    on_findings(document.get("findings") or ())
-                elif name == "action":
-                    yield action_from_json(index, document)
-                    index += 1
-                elif name == "done":
-                    yield PredictedActions.from_json(document)
-                    return
-                elif name == "error":
-                    raise ServiceProblemError(document.get("status", 502), document)
+        index = 0
+        for name, document in self._http.events("POST", "/predict", timeout=timeout_s + MARGIN_S, **body):
+            if name == "findings" and on_findings is not None:
+                on_findings(findings_in(document))
+            elif name == "action":
+                yield action_from_json(index, document)
+                index += 1
+            elif name == "done":
+                yield PredictedActions.from_json(document)
+                return
+            elif name == "error":
+                raise ServiceProblemError(document.get("status", 502), document)
         raise ServiceUnreachableError("POST /predict: the stream ended before it was complete")
 
     def find_poses(
@@ -241,8 +225,8 @@ class RoboPromptClient:
         """
         objects = [{"name": name, "model": dict(model)} for name, model in object_models.items()]
         document = {"objects": objects, "cameras": [camera_json(frame.camera) for frame in frames]}
-        answer = self._send("POST", "/poses", files=request_parts(document, frames, self._images))
-        return tuple(ObjectPose(p["name"], p["position"], p["quaternion_xyzw"]) for p in answer["poses"])
+        answer = self._http.document("POST", "/poses", files=request_parts(document, frames, self._images))
+        return tuple(map(object_from_json, answer["poses"]))
 
     def learn_object_models(
         self, task: str, objects: Sequence[str] | None = None, episodes: int = 10
@@ -259,7 +243,7 @@ class RoboPromptClient:
             ServiceProblemError, ServiceUnreachableError.
         """
         asked = {"objects": None if objects is None else list(objects), "episodes": episodes}
-        return self._send("POST", f"/tasks/{task}/object_models/learn", json=asked, timeout=LEARNING_TIMEOUT_S)
+        return self._http.document("POST", f"/tasks/{task}/object_models/learn", json=asked, timeout=LEARNING_TIMEOUT_S)
 
     def check(self, task: str, model: str | None = None) -> dict[str, Any]:
         """Predict each of a task's demonstrations from the others, see `GET /tasks/{name}/check`.
@@ -271,19 +255,21 @@ class RoboPromptClient:
             ServiceProblemError, ServiceUnreachableError.
         """
         asked = {} if model is None else {"model": model}
-        return self._send("GET", f"/tasks/{task}/check", params=asked, timeout=CHECK_TIMEOUT_S)
+        return self._http.document("GET", f"/tasks/{task}/check", params=asked, timeout=CHECK_TIMEOUT_S)
 
     def record_outcome(self, prediction_id: str, success: bool, note: str | None = None) -> dict[str, Any]:
         """Tell the service how the robot fared with a prediction."""
-        return self._send("POST", f"/predictions/{prediction_id}/outcome", json={"success": success, "note": note})
+        return self._http.document(
+            "POST", f"/predictions/{prediction_id}/outcome", json={"success": success, "note": note}
+        )
 
     def get(self, path: str, **parameters: Any) -> dict[str, Any]:  # noqa: ANN401
         """Any document that the service offers, e.g. ``get("/episodes", task="open_drawer")``."""
-        return self._send("GET", path, params=parameters)
+        return self._http.document("GET", path, params=parameters)
 
     def get_bytes(self, path: str, **parameters: Any) -> bytes:  # noqa: ANN401
         """Any file that the service offers, e.g. ``get_bytes(f"/episodes/{id}/trajectory")``."""
-        return self._request("GET", path, params=parameters).content
+        return self._http.request("GET", path, params=parameters).content
 
     def _question(
         self,
@@ -303,44 +289,3 @@ class RoboPromptClient:
             packed = packed_request(document, observation.frames)
             return {"content": packed, "headers": {"Content-Type": "application/msgpack"}}
         return {"files": request_parts(document, observation.frames, self._images)}
-
-    def _send(self, method: str, path: str, **arguments: Any) -> dict[str, Any]:  # noqa: ANN401
-        try:
-            document = self._request(method, path, **arguments).json()
-        except ValueError:
-            document = None
-        if not isinstance(document, dict):
-            what = f"{method} {self._address(path)}: what answers there is no RoboPrompt service"
-            raise ServiceUnreachableError(what)
-        return document
-
-    def _request(self, method: str, path: str, **arguments: Any) -> httpx.Response:  # noqa: ANN401
-        with self._transport_errors(method, path):
-            response = self._http.request(method, path, **arguments)
-        if response.is_error:
-            raise ServiceProblemError(response.status_code, problem_of(response))
-        return response
-
-    @contextmanager
-    def _transport_errors(self, method: str, path: str) -> Iterator[None]:
-        try:
-            yield
-        except (httpx.TransportError, NotEventsError) as error:
-            what = f"{method} {self._address(path)}: {error or type(error).__name__}"
-            raise ServiceUnreachableError(what, timed_out=isinstance(error, httpx.TimeoutException)) from error
-
-    def _address(self, path: str) -> str:
-        return f"{self.url.rstrip('/')}/{path.lstrip('/')}"
-
-
-def _connection(url: str, headers: Mapping[str, str]) -> httpx.Client:
-    """A connection to an address with a scheme and a host."""
-    refusal = f"{url!r} is no address of a service (valid: one like {DEFAULT_URL})"
-    try:
-        parsed = httpx.URL(url)
-        if parsed.scheme not in ("http", "https") or not parsed.host or (parsed.port or 0) > MAX_PORT:
-            raise ServiceUnreachableError(refusal)
-        limits = httpx.Limits(keepalive_expiry=KEPT_S)
-        return httpx.Client(base_url=parsed, timeout=60, headers=headers, mounts=without_proxy(url), limits=limits)
-    except (httpx.InvalidURL, ValueError) as error:
-        raise ServiceUnreachableError(refusal) from error

@@ -1,4 +1,4 @@
-"""Who decides where the service finds its own answer dangerous."""
+"""What happens where the service finds its own prediction dangerous."""
 
 import logging
 import re
@@ -13,11 +13,11 @@ OnDanger = Literal["confirm", "refuse", "go"]
 log = logging.getLogger(__name__)
 
 
-def what_to_do(on_danger: OnDanger | None, confirm: Confirm | None) -> OnDanger:
-    """The setting, where None asks whoever there is to ask and refuses otherwise.
+def checked_on_danger(on_danger: OnDanger | None, confirm: Confirm | None) -> OnDanger:
+    """The setting; None becomes `confirm` where a person can be asked, else `refuse`.
 
     Raises:
-        InvalidInputError: if it is none, or nobody can be asked.
+        InvalidInputError: if there is no such setting, or no `confirm` to ask.
     """
     if on_danger is None:
         return "refuse" if confirm is None else "confirm"
@@ -28,23 +28,26 @@ def what_to_do(on_danger: OnDanger | None, confirm: Confirm | None) -> OnDanger:
     return on_danger
 
 
-def heed(
+def require_allowed(
     findings: Sequence[Mapping[str, Any]],
     actions: Sequence[EndEffectorAction],
     *,
     on_danger: OnDanger,
     confirm: Confirm | None,
 ) -> None:
-    """Let a prediction pass that nothing speaks against, or that somebody answers for.
+    """Let a prediction pass that has no danger among its findings, or whose dangers a person allows.
 
     Every danger is logged as a warning; `confirm` is asked once for each, with the action that it is about, else with
     the first.
 
+    Args:
+        findings: well-formed, as `findings_in` returns them.
+
     Raises:
-        DangerError: if it is refused.
+        DangerError: if `on_danger` refuses it.
         NotConfirmedError: if `confirm` said no.
     """
-    dangers = [finding for finding in findings if finding.get("severity") == "danger"]
+    dangers = [finding for finding in findings if finding["severity"] == "danger"]
     for finding in dangers if actions else ():
         message = str(finding.get("message", finding.get("code", "")))
         log.warning("danger: %s", message)

@@ -2,18 +2,18 @@
 
 import io
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from enum import Enum
 from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
 
-from roboprompt_client.camera import RgbdFrame
+from roboprompt_client.camera import RgbdFrame, camera_json
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.metadata import camera_json, object_json
-from roboprompt_client.packed_array import packed_array
+from roboprompt_client.npy import packed_array
 from roboprompt_client.robot import Observation
+from roboprompt_client.trajectory import object_json
 
 Part = tuple[str, bytes, str]
 JPEG_QUALITY = 95
@@ -56,21 +56,20 @@ def packed_request(document: Mapping[str, Any], frames: Sequence[RgbdFrame]) -> 
     """The same as one MessagePack document: images are not compressed, which costs neither side time."""
     import msgpack
 
-    arrays: dict[str, Any] = {}
-    for frame in frames:
-        images = (("rgb", frame.rgb), ("depth", frame.depth_m), ("mask", frame.mask))
-        arrays |= {f"{kind}_{frame.camera.name}": packed_array(image) for kind, image in images if image is not None}
+    arrays = {name: packed_array(image) for frame in frames for name, image in _images(frame)}
     packed: bytes = msgpack.packb({**document, **arrays})
     return packed
 
 
+def _images(frame: RgbdFrame) -> Iterator[tuple[str, np.ndarray[Any, Any]]]:
+    """The images that there are, by the names of their parts."""
+    for kind, image in (("rgb", frame.rgb), ("depth", frame.depth_m), ("mask", frame.mask)):
+        if image is not None:
+            yield f"{kind}_{frame.camera.name}", image
+
+
 def _plain(frame: RgbdFrame) -> dict[str, Part]:
-    images = (("rgb", frame.rgb), ("depth", frame.depth_m), ("mask", frame.mask))
-    return {
-        f"{kind}_{frame.camera.name}": (f"{kind}_{frame.camera.name}.npy", _npy(image), "application/octet-stream")
-        for kind, image in images
-        if image is not None
-    }
+    return {name: (f"{name}.npy", _npy(image), "application/octet-stream") for name, image in _images(frame)}
 
 
 def _npy(image: np.ndarray[Any, Any]) -> bytes:

@@ -5,10 +5,11 @@
     ├── UnsafeActionError        an action is valid but beyond a bound of motion; names action, value and bound
     ├── ServiceProblemError      the service refused a request or failed; carries its problem document
     ├── ServiceUnreachableError  the service did not answer
+    ├── InvalidAnswerError       the service answered something that it never may; names the member
     ├── MotionError              the robot could not carry out an action
     ├── NotConfirmedError        a person did not allow an action
-    ├── ObjectLostError          an object that an action hangs on is out of sight
-    └── DangerError              the service finds its own answer dangerous, and nobody allowed it
+    ├── ObjectLostError          an object that an action refers to is out of sight
+    └── DangerError              the service finds its own answer dangerous, and no person allowed it
 
 The server hangs its own branches under RoboPromptError.
 """
@@ -88,8 +89,22 @@ class ServiceUnreachableError(RoboPromptError):
         self.timed_out = timed_out
 
 
+class InvalidAnswerError(RoboPromptError):
+    """The service answered something that it never may, so that nothing else in the answer is trusted either.
+
+    Args:
+        field: path of the member in the answer.
+        message: what was received.
+        valid: what the service may answer.
+    """
+
+    def __init__(self, field: str, message: str, valid: str) -> None:
+        super().__init__(f"the service's answer: {field} {message} (valid: {valid})")
+        self.field = field
+
+
 class ObjectLostError(RoboPromptError):
-    """An object that an action hangs on cannot be seen any more; the robot was stopped.
+    """An object that an action refers to cannot be seen any more; the robot was stopped.
 
     Attributes:
         object_name: which.
@@ -101,7 +116,7 @@ class ObjectLostError(RoboPromptError):
 
 
 class DangerError(RoboPromptError):
-    """The service says of its own prediction that it is probably wrong, and nobody allowed it; nothing was moved."""
+    """The service says of its own prediction that it is probably wrong, and no person allowed it; nothing was moved."""
 
 
 class MotionError(RoboPromptError):

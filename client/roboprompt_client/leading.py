@@ -4,10 +4,9 @@ The velocity counts as constant from the look to the contact, and horizontal; ob
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from time import monotonic
-from typing import Protocol
 
 import numpy as np
 
@@ -15,17 +14,11 @@ from roboprompt_client.arrays import Array
 from roboprompt_client.errors import InvalidInputError, ObjectLostError
 from roboprompt_client.trajectory import ObjectPose
 
-LEAST_BETWEEN_S = 0.2  # of two looks: an estimator's noise of 1 cm would be 5 cm/s
-MOST_SPEED_M_S = 0.15  # what is faster cannot be grasped by a motion that ends at rest
+MIN_LOOK_INTERVAL_S = 0.2  # of two looks: an estimator's noise of 1 cm would be 5 cm/s
+MAX_SPEED_M_S = 0.15  # what is faster cannot be grasped by a motion that ends at rest
 RESTING_M_S = 0.003
-LEFT_M = 0.01  # an object that rises or sinks by more has left what carried it
-MOST_LEAD_S = 10.0
-
-
-class Clock(Protocol):
-    """Seconds from any beginning, as they pass for the robot."""
-
-    def __call__(self) -> float: ...
+MAX_HEIGHT_CHANGE_M = 0.01  # an object that rises or sinks by more has left what carried it
+MAX_LEAD_S = 10.0
 
 
 @dataclass(frozen=True)
@@ -39,15 +32,15 @@ class Leading:
 
     Args:
         lead_s: how long the robot takes from a look until its fingers close.
-        clock: for simulations, whose time passes otherwise.
+        clock: seconds from any beginning; for simulations, whose time passes otherwise.
 
     Raises:
         InvalidInputError: if `lead_s` is no time above 0, or longer than 10 s.
     """
 
-    def __init__(self, lead_s: float, clock: Clock = monotonic) -> None:
-        if not (math.isfinite(lead_s) and 0 < lead_s <= MOST_LEAD_S):
-            raise InvalidInputError("lead_s", f"is {lead_s:g}", f"seconds above 0, {MOST_LEAD_S:g} at most")
+    def __init__(self, lead_s: float, clock: Callable[[], float] = monotonic) -> None:
+        if not (math.isfinite(lead_s) and 0 < lead_s <= MAX_LEAD_S):
+            raise InvalidInputError("lead_s", f"is {lead_s:g}", f"seconds above 0, {MAX_LEAD_S:g} at most")
         self._lead_s, self.clock = lead_s, clock
         self._seen: dict[str, _Seen] = {}
         self._velocities_m_s: dict[str, Array] = {}
@@ -64,9 +57,9 @@ class Leading:
                 self._seen[name] = _Seen(pose, at_s)
                 continue
             moved_m = pose.position_m - last.pose.position_m
-            if abs(moved_m[2]) > LEFT_M:
+            if abs(moved_m[2]) > MAX_HEIGHT_CHANGE_M:
                 raise ObjectLostError(name, f"it left what carried it: {100 * moved_m[2]:+.1f} cm in height")
-            if at_s - last.at_s < LEAST_BETWEEN_S:
+            if at_s - last.at_s < MIN_LOOK_INTERVAL_S:
                 continue
             self._velocities_m_s[name] = _horizontal(moved_m) / (at_s - last.at_s)
             self._seen[name] = _Seen(pose, at_s)
@@ -81,8 +74,8 @@ class Leading:
 
     def _check_speed(self, name: str) -> None:
         speed_m_s = float(np.linalg.norm(self._velocities_m_s[name]))
-        if speed_m_s > MOST_SPEED_M_S:
-            most = f"{100 * MOST_SPEED_M_S:.0f} cm/s at most can be led"
+        if speed_m_s > MAX_SPEED_M_S:
+            most = f"{100 * MAX_SPEED_M_S:.0f} cm/s at most can be led"
             raise ObjectLostError(name, f"it moves at {100 * speed_m_s:.0f} cm/s, {most}")
 
 

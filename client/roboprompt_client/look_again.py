@@ -2,10 +2,10 @@
 
 When the robot looks:
 
-- before every action that hangs on an object, while that object is untouched, and never otherwise;
+- before every action that refers to an object, while that object is untouched, and never otherwise;
 - the object at which the gripper closes is in the hand, and touched, until the gripper opens again;
-- an object at which the gripper neither closes nor opens is pushed or pressed: it is touched once two actions that hang
-  on it have been carried out, the way to it and the contact;
+- an object at which the gripper neither closes nor opens is pushed or pressed: it is touched once two actions that
+  refer to it have been carried out, the way to it and the contact;
 - the action that leaves an object after the gripper has closed or opened at it goes as it was.
 
 What the robot itself moved is not followed: after a release the object's next pose is where it belongs.
@@ -26,7 +26,7 @@ Poses = Mapping[str, ObjectPose]
 Check = Callable[[tuple[EndEffectorAction, ...]], None]
 
 
-class Eyes:
+class ObjectFinder:
     """Where objects are now: as the robot says, or, where it has images only, as `POST /poses` finds them.
 
     Raises:
@@ -89,7 +89,7 @@ class Follower:
 
     def __init__(
         self,
-        eyes: Eyes,
+        finder: ObjectFinder,
         predicted: PredictedActions,
         first: Observation,
         check: Check,
@@ -97,21 +97,21 @@ class Follower:
         leading: Leading | None = None,
     ) -> None:
         if predicted.actions and not any(predicted.anchors):
-            message = "the answer says of no action what it hangs on"
+            message = "the answer gives none of its actions an anchor"
             raise InvalidInputError("look_again", message, "a service and a model whose actions have an `anchor`")
         self.actions = predicted.actions
         self._anchors = predicted.anchors
         self._names = [None if anchor is None else anchor.object_name for anchor in predicted.anchors]
         self._known = {pose.name: pose for pose in first.objects or predicted.objects}
-        self._eyes, self._check, self._threshold, self._leading = eyes, check, moved, leading
+        self._finder, self._check, self._threshold, self._leading = finder, check, moved, leading
         self._touched: set[str] = set()
         self._visits: Counter[str] = Counter()
 
     def before(self, index: int) -> EndEffectorAction:
-        """The action, after a look at what it hangs on where one is due.
+        """The action, after a look at the object that it refers to where one is due.
 
         Raises:
-            ObjectLostError, ServiceUnreachableError: see `Eyes.look_for`.
+            ObjectLostError, ServiceUnreachableError: see `ObjectFinder.look_for`.
             UnsafeActionError: if an action that follows its object leaves the limits of motion.
         """
         name = self._names[index]
@@ -142,7 +142,7 @@ class Follower:
     def _look_for(self, name: str) -> Poses:
         """The poses of untouched objects to follow; where they move by themselves, those at contact."""
         at_s = 0.0 if self._leading is None else self._leading.clock()
-        seen = self._eyes.look_for(name)
+        seen = self._finder.look_for(name)
         if self._leading is None:
             return seen
         untouched = {other: pose for other, pose in seen.items() if other not in self._touched}
@@ -151,7 +151,7 @@ class Follower:
 
     def _follow(self, index: int, seen: Poses) -> None:
         now = {name: pose for name, pose in seen.items() if name not in self._touched}
-        symmetry_deg = self._eyes.yaw_symmetry_deg
+        symmetry_deg = self._finder.yaw_symmetry_deg
         done, ahead = self.actions[:index], self.actions[index:]
         followed = reanchored(ahead, self._anchors[index:], self._known, now, symmetry_deg, self._threshold)
         if any(new is not old for new, old in zip(followed, ahead, strict=True)):

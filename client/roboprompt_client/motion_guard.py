@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 
 from roboprompt_client.arrays import QUATERNION_NORM_TOLERANCE
-from roboprompt_client.clearance import clearance_m, passes_through
 from roboprompt_client.errors import InvalidInputError, UnsafeActionError
 from roboprompt_client.motion_limits import MAX_ACTIONS, Box, MotionLimits, Pose
 from roboprompt_client.trajectory import EndEffectorAction
 
-ROUNDING_M = 1e-9  # a position on a bound, up to the last bits of its floats
-ROUNDING_DEG = 1e-6
+POSITION_ROUNDING_M = 1e-9  # a position on a bound, up to the last bits of its floats
+ANGLE_ROUNDING_DEG = 1e-6
 AXES = "xyz"
+Point = Sequence[float]  # (3) m
 
 
 class MotionGuard:
@@ -25,8 +25,8 @@ class MotionGuard:
 
     Args:
         max_actions: one more is a breach.
-        before: where the end effector is before the first action; None where nobody knows: then the way to the first
-            target is not checked, and where steps are bounded every first action is a breach.
+        before: where the end effector is before the first action; None where that is not known: then the way to the
+            first target is not checked, and where steps are bounded every first action is a breach.
 
     Raises:
         InvalidInputError: if `before` is no pose.
@@ -63,7 +63,7 @@ class MotionGuard:
         if (box := self._limits.workspace) is None:
             return
         for axis, value, low, high in zip(AXES, pose.position_m, box.min_m, box.max_m, strict=True):
-            if not low - ROUNDING_M <= value <= high + ROUNDING_M:
+            if not low - POSITION_ROUNDING_M <= value <= high + POSITION_ROUNDING_M:
                 bound = f"{low:g} to {high:g} m, the workspace"
                 raise UnsafeActionError(index, f"position.{axis}", f"is {value:.6g} m", bound)
 
@@ -85,12 +85,12 @@ class MotionGuard:
         limits = self._limits
         if limits.max_step_m is not None:
             step_m = math.dist(before.position_m, pose.position_m)
-            if step_m > limits.max_step_m + ROUNDING_M:
+            if step_m > limits.max_step_m + POSITION_ROUNDING_M:
                 message = f"is {step_m:.6g} m from the one before"
                 raise UnsafeActionError(index, "position", message, f"at most {limits.max_step_m:g} m")
         if limits.max_step_rotation_deg is not None:
             turn_deg = angle_deg(before.quaternion_xyzw, pose.quaternion_xyzw)
-            if turn_deg > limits.max_step_rotation_deg + ROUNDING_DEG:
+            if turn_deg > limits.max_step_rotation_deg + ANGLE_ROUNDING_DEG:
                 message = f"is turned by {turn_deg:.6g} degrees from the one before"
                 bound = f"at most {limits.max_step_rotation_deg:g} degrees"
                 raise UnsafeActionError(index, "quaternion_xyzw", message, bound)
@@ -116,7 +116,7 @@ def angle_deg(first_xyzw: tuple[float, ...], second_xyzw: tuple[float, ...]) -> 
     return math.degrees(4 * math.asin(min(1.0, chord / 2)))
 
 
-def _far(start_m: Sequence[float], end_m: Sequence[float], box: Box, radius_m: float) -> bool:
+def _far(start_m: Point, end_m: Point, box: Box, radius_m: float) -> bool:
     """Whether a plane of one of the box's faces keeps a sphere on its way outside; quick, for most boxes are far."""
     return any(
         min(start, end) >= high + radius_m or max(start, end) <= low - radius_m
@@ -124,15 +124,17 @@ def _far(start_m: Sequence[float], end_m: Sequence[float], box: Box, radius_m: f
     )
 
 
-def enters(start_m: Sequence[float], end_m: Sequence[float], box: Box, radius_m: float) -> bool:
+def enters(start_m: Point, end_m: Point, box: Box, radius_m: float) -> bool:
     """Whether a sphere enters the box on its way, by more than rounding does."""
-    if not clearance_m(start_m, end_m, *box) >= radius_m - ROUNDING_M:  # nor does NaN pass, of a way beyond all measure
+    if (
+        not clearance_m(start_m, end_m, *box) >= radius_m - POSITION_ROUNDING_M
+    ):  # nor does NaN pass, of a way beyond all measure
         return True
-    smaller = [low + ROUNDING_M for low in box.min_m], [high - ROUNDING_M for high in box.max_m]
+    smaller = [low + POSITION_ROUNDING_M for low in box.min_m], [high - POSITION_ROUNDING_M for high in box.max_m]
     return passes_through(start_m, end_m, *smaller)
 
 
-def _shown(place_m: Sequence[float]) -> list[float]:
+def _shown(place_m: Point) -> list[float]:
     return [round(value, 6) for value in place_m]
 
 
@@ -168,3 +170,53 @@ def _numbers(index: int, document: Mapping[str, Any], name: str, length: int) ->
         return tuple(map(float, values))
     except OverflowError:
         raise UnsafeActionError(index, name, f"is {str(values)[:80]}", "finite numbers") from None
+
+
+def passes_through(start_m: Point, end_m: Point, min_m: Point, max_m: Point) -> bool:
+    """Whether any point of the way from `start_m` to `end_m`, both (3), lies inside the box; its faces do not count.
+
+    Args:
+        min_m, max_m: (3) opposite corners of the box.
+    """
+    entry, leave = -math.inf, math.inf
+    for start, end, low, high in zip(start_m, end_m, min_m, max_m, strict=True):
+        if (step := end - start) == 0:
+            if not low < start < high:
+                return False
+            continue
+        one, other = (low - start) / step, (high - start) / step
+        entry, leave = max(entry, min(one, other)), min(leave, max(one, other))
+    return entry < leave and entry < 1 and leave > 0
+
+
+def clearance_m(start_m: Point, end_m: Point, min_m: Point, max_m: Point) -> float:
+    """The least distance between the way from `start_m` to `end_m`, both (3), and the box; 0 if they touch.
+
+    The squared distance along the way is convex and consists of parabolas that meet where the way crosses the planes of
+    the box's faces, so that its minimum is exact.
+    """
+    steps = [end - start for start, end in zip(start_m, end_m, strict=True)]
+    axes = list(zip(start_m, steps, min_m, max_m, strict=True))
+
+    def beyond(part: float) -> list[float]:
+        places = [(start + part * step, low, high) for start, step, low, high in axes]
+        return [place - high if place > high else min(place - low, 0.0) for place, low, high in places]
+
+    def slope(part: float) -> float:
+        return sum(away * step for away, step in zip(beyond(part), steps, strict=True))
+
+    before, rising_before = 0.0, slope(0.0)
+    if rising_before >= 0:
+        return math.hypot(*beyond(0.0))
+    for part in _crossings(axes):
+        if (rising := slope(part)) >= 0:
+            nearest = before + (part - before) * rising_before / (rising_before - rising)
+            return math.hypot(*beyond(nearest))
+        before, rising_before = part, rising
+    return math.hypot(*beyond(1.0))
+
+
+def _crossings(axes: list[tuple[float, float, float, float]]) -> list[float]:
+    """Which parts (0..1] of the way end at the planes of the box's faces, and the whole; ascending."""
+    parts = [(face - start) / step for start, step, *faces in axes if step != 0 for face in faces]
+    return [*sorted(part for part in parts if 0 < part < 1), 1.0]

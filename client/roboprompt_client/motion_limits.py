@@ -1,11 +1,12 @@
 """What an action must satisfy before a robot carries it out; a breach is an error, never clipped."""
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from numbers import Real
 from typing import Any, NamedTuple
 
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.limit_values import checked_bound, checked_corners, member
 from roboprompt_client.trajectory import EndEffectorAction
 
 HAND_RADIUS_M = 0.05
@@ -55,9 +56,9 @@ class MotionLimits:
 
     def __post_init__(self) -> None:
         if self.workspace is not None:
-            checked_corners("workspace", *self.workspace)
+            _checked_box("workspace", *self.workspace)
         for k, box in enumerate(self.keep_out):
-            checked_corners(f"motion_limits.keep_out[{k}]", *box)
+            _checked_box(f"motion_limits.keep_out[{k}]", *box)
         if self.max_step_m is not None:
             checked_bound("motion_limits.max_step_m", self.max_step_m)
         if self.max_step_rotation_deg is not None:
@@ -71,11 +72,11 @@ class MotionLimits:
         Raises:
             InvalidInputError: naming a bound that is missing or can bound nothing, such as NaN.
         """
-        bounds = member(document, "", "motion_limits")
-        named = {name: member(bounds, "motion_limits", name) for name in ("keep_out", *STEP_BOUNDS)}
+        bounds = _member(document, "", "motion_limits")
+        named = {name: _member(bounds, "motion_limits", name) for name in ("keep_out", *STEP_BOUNDS)}
         if isinstance(bounds, Mapping) and "hand_radius_m" in bounds:
             named["hand_radius_m"] = bounds["hand_radius_m"]
-        return cls(_box("workspace", member(document, "", "workspace")), **{**named, "keep_out": _boxes(named)})
+        return cls(_box("workspace", _member(document, "", "workspace")), **{**named, "keep_out": _boxes(named)})
 
     @classmethod
     def from_file(cls, document: object) -> "MotionLimits":
@@ -104,7 +105,7 @@ class MotionLimits:
         """Make sure that the first step can be held against its bounds.
 
         Raises:
-            InvalidInputError: if steps are bounded and nobody knows where the end effector is.
+            InvalidInputError: if steps are bounded and the place of the end effector is not known.
         """
         if end_effector is None and self.bounds_steps:
             bounds = " and ".join(name for name in STEP_BOUNDS if getattr(self, name) is not None)
@@ -126,8 +127,67 @@ class MotionLimits:
         )
 
 
+def _member(document: object, field: str, name: str) -> Any:  # noqa: ANN401
+    """A member of a JSON object.
+
+    Args:
+        field: path of the object, empty for the whole document.
+
+    Raises:
+        InvalidInputError: if `document` is no object, or has no such member.
+    """
+    path = f"{field}.{name}".lstrip(".")
+    if not isinstance(document, Mapping):
+        raise InvalidInputError(field or "limits", f"is {document!r:.80}", "a JSON object")
+    if name not in document:
+        raise InvalidInputError(path, "is missing", "the bounds of motion in full, as GET /tasks/{name} has them")
+    return document[name]
+
+
+def _checked_box(field: str, low: object, high: object) -> Box:
+    """Opposite corners: (3) finite numbers each, the first below the second on every axis."""
+    box = Box(_point(f"{field}.min", low), _point(f"{field}.max", high))
+    if not all(a < b for a, b in zip(*box, strict=True)):
+        raise InvalidInputError(field, f"has min {list(box.min_m)} and max {list(box.max_m)}", "min below max")
+    return box
+
+
+def checked_bound(field: str, value: object, most: float = math.inf, *, zero: bool = False) -> float:
+    """A finite number above 0.
+
+    Args:
+        most: the greatest that is valid.
+        zero: whether 0 is valid.
+    """
+    number = _number(value)
+    if number is None or not (number >= 0 if zero else number > 0) or number > most:
+        least = "at least 0" if zero else "above 0"
+        upper = "" if math.isinf(most) else f" and at most {most:g}"
+        raise InvalidInputError(field, f"is {value!r:.80}", f"a finite number {least}{upper}")
+    return number
+
+
+def _point(field: str, value: object) -> tuple[float, ...]:
+    items = value if isinstance(value, Sequence) and not isinstance(value, str) else ()
+    numbers = [number for item in items if (number := _number(item)) is not None]
+    if len(numbers) != 3 or len(items) != 3:
+        raise InvalidInputError(field, f"is {value!r:.80}", "3 finite numbers, in metres")
+    return tuple(numbers)
+
+
+def _number(value: object) -> float | None:
+    """As a float, if it is a finite number."""
+    if isinstance(value, bool) or not isinstance(value, Real):
+        return None
+    try:
+        number = float(value)
+    except OverflowError:
+        return None
+    return number if math.isfinite(number) else None
+
+
 def _box(field: str, value: object) -> Box:
-    return Box(*checked_corners(field, member(value, field, "min"), member(value, field, "max")))
+    return _checked_box(field, _member(value, field, "min"), _member(value, field, "max"))
 
 
 def _boxes(bounds: Mapping[str, Any]) -> tuple[Box, ...]:

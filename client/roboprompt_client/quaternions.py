@@ -52,6 +52,11 @@ def angle_rad(rotation: npt.ArrayLike) -> float:
     return 2.0 * math.atan2(float(np.linalg.norm(q[:3])), abs(float(q[3])))
 
 
+def angle_between_rad(first: npt.ArrayLike, second: npt.ArrayLike) -> float:
+    """By how much one rotation must be turned to be the other, 0 to pi."""
+    return angle_rad(product(inverse(first), second))
+
+
 def about_z(angle_rad: float) -> Array:
     """The turn about the vertical."""
     return np.array([0.0, 0.0, math.sin(angle_rad / 2), math.cos(angle_rad / 2)])

@@ -1,4 +1,4 @@
-"""Actions follow the objects that they hang on when these are moved, without asking an LLM again."""
+"""Actions follow the objects that they refer to when these are moved, without asking an LLM again."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -28,10 +28,10 @@ MOVED = Moved()
 
 @dataclass(frozen=True, eq=False)
 class ActionAnchor:
-    """What an action hangs on, as `POST /predict` answers it.
+    """The object or frame that an action refers to, as `POST /predict` answers it.
 
     Attributes:
-        object_name: None for the frames `world` and `start`, which nobody moves.
+        object_name: None for the frames `world` and `start`, which do not move.
         frame: `w` at the object's position, world axes; `o`: axes that turn with the object.
         offset_m, rotation_xyzw: the action's pose (3,), (4,) in that frame.
         tolerance_m, tolerance_deg: within which most demonstrations lie.
@@ -75,7 +75,7 @@ def reanchored(
     yaw_symmetry_deg: Mapping[str, float],
     threshold: Moved = MOVED,
 ) -> tuple[EndEffectorAction, ...]:
-    """The actions with those that hang on moved objects moved along; the others are the same objects.
+    """The actions, those that refer to moved objects moved along; the others are the same instances.
 
     An object that looks the same after a turn (`yaw_symmetry_deg` of the task) counts as turned by the least angle that
     explains what is seen, so that a cube never turns a gripper by more than 45 degrees.
@@ -102,8 +102,7 @@ def has_moved(old: ObjectPose, new: ObjectPose, yaw_symmetry_deg: float | None, 
     if float(np.linalg.norm(new.position_m - old.position_m)) > threshold.position_m:
         return True
     was, is_ = _axes(old, new, yaw_symmetry_deg)
-    turn = rotations.product(is_, rotations.inverse(was))
-    return math.degrees(rotations.angle_rad(turn)) > threshold.rotation_deg
+    return math.degrees(rotations.angle_between_rad(was, is_)) > threshold.rotation_deg
 
 
 def _moved_along(

@@ -1,8 +1,8 @@
 """`roboprompt-robot record` and `roboprompt-robot check`: what a person does at the arm before the first prediction."""
 
 import sys
-from argparse import ArgumentParser, Namespace, _SubParsersAction
-from collections.abc import Mapping
+from argparse import ArgumentParser, Namespace
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -13,25 +13,34 @@ from roboprompt_client.arrays import finite_array
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import InvalidInputError, MotionError, ServiceUnreachableError
 from roboprompt_client.recorder import RATE_HZ, HasState, Recorder
-from roboprompt_client.robot import Robot
-from roboprompt_client.scene_file import observation_from_file
+from roboprompt_client.robot import OBJECTS, Robot, observation_from_file
 from roboprompt_client.spool import JOURNAL, Sent, Spool
+from roboprompt_client.terminal import NO, ask, ask_yes
 
+AddCommand = Callable[[str, str, Callable[[RoboPromptClient, Namespace], int]], ArgumentParser]
 MARKS = {True: "ok  ", False: "FAIL", None: "look"}
 
 
-def add_commands(commands: "_SubParsersAction[ArgumentParser]", robot_help: str) -> None:
-    """Add both to the script's commands."""
-    record = commands.add_parser("record", help="record demonstrations while a person moves the arm, and upload them")
+def add_record(add: AddCommand, robot_help: str) -> None:
+    """Add `record` to the script's commands."""
+    what = "record demonstrations while a person moves the arm, and upload them"
+    record = add("record", what, run_record)
     record.add_argument("--robot", metavar="ROBOT", help=robot_help)
     record.add_argument("--task", help="needed unless --send-only")
     record.add_argument("--instruction", help="needed unless --send-only")
-    record.add_argument("--objects", type=Path, metavar="FILE", help="what the robot sees, unless it says so itself")
+    record.add_argument(
+        "--objects", type=Path, metavar="FILE", help=f"what the robot sees, unless it says so, {OBJECTS}"
+    )
     record.add_argument("--spool", type=Path, default=Path("recordings"), help="folder (default: %(default)s)")
     record.add_argument("--rate-hz", type=float, default=RATE_HZ, help="at least 20 (default: %(default)g)")
     record.add_argument("--send-only", action="store_true", help="upload what is waiting, and record nothing")
-    record.set_defaults(offline=run_record)
-    check = commands.add_parser("check", help="see whether an arm does what the Robot Protocol says")
+
+
+def add_check(add: AddCommand, robot_help: str) -> None:
+    """Add `check` to the script's commands."""
+    check = add(
+        "check", "see whether an arm does what the Robot Protocol says; without --move nothing moves", run_check
+    )
     check.add_argument("--robot", metavar="ROBOT", required=True, help=robot_help)
     check.add_argument("--move", action="store_true", help="3 cm up, a turn by 10 degrees, gripper, stop; asks first")
     check.add_argument(
@@ -44,23 +53,31 @@ def add_commands(commands: "_SubParsersAction[ArgumentParser]", robot_help: str)
         help="metres, world frame: a place, such as a corner of the ChArUco board, to which you guide the fingers by "
         "hand; says how far off the arm takes itself to be (may be repeated)",
     )
-    check.set_defaults(offline=run_check)
 
 
 def run_record(client: RoboPromptClient, arguments: Namespace) -> int:
-    """Record until the person has enough; what the service does not take now waits in the spool."""
-    spool = Spool(arguments.spool)
+    """Record until the person has enough; what the service does not take now waits in the spool.
+
+    Returns 1 where the service refused a recording or did not answer, else 0.
+    """
+    try:
+        spool = Spool(arguments.spool)
+    except OSError as error:
+        raise InvalidInputError("--spool", str(error), "a folder of this user's that can be written") from error
+    failed = 0
     if not arguments.send_only:
         for name in ("robot", "task", "instruction"):
             if getattr(arguments, name) is None:
                 raise InvalidInputError(f"--{name}", "is missing", "needed unless --send-only")
+        if arguments.objects is not None:
+            observation_from_file("--objects", arguments.objects)  # what is wrong with it is said before the recording
         robot = open_robot(arguments.robot)
         if not hasattr(robot, "state"):
             raise InvalidInputError("--robot", "cannot be recorded", "a robot with state(), such as a cell's Arm")
-        while _asked("Enter to record, q to end: ") != "q":
+        while ask("Enter to record, q to end: ") not in ("q", None):
             _record_one(robot, spool, arguments)
-            _send_all(client, spool)
-    return _send_all(client, spool)
+            failed |= _send_all(client, spool)
+    return failed | _send_all(client, spool)
 
 
 def run_check(_: RoboPromptClient, arguments: Namespace) -> int:
@@ -70,12 +87,12 @@ def run_check(_: RoboPromptClient, arguments: Namespace) -> int:
         finite_array(f"--touch[{k}]", place_m, (3,))
 
     def confirm(question: str) -> bool:
-        return _asked(f"{question} [y/N] ") == "y"
+        return ask_yes(f"{question} [y/N] ")
 
-    check = ArmCheck(robot, moves=arguments.move, confirm=confirm, touched_m=arguments.touch)
-    for outcome in check.run():
-        _print(f"{MARKS[outcome.passed]}  {outcome.name}: {outcome.detail}")
-    return int(any(outcome.passed is False for outcome in check.outcomes))
+    results = ArmCheck(robot, moves=arguments.move, confirm=confirm, touched_m=arguments.touch).run()
+    for result in results:
+        _print(f"{MARKS[result.passed]}  {result.name}: {result.detail}")
+    return int(any(result.passed is False for result in results))
 
 
 def _record_one(robot: Robot, spool: Spool, arguments: Namespace) -> None:
@@ -86,7 +103,7 @@ def _record_one(robot: Robot, spool: Spool, arguments: Namespace) -> None:
     recorder = Recorder(arm, folder / JOURNAL, arguments.rate_hz)
     recorder.start()
     try:
-        _asked("Recording. Enter to stop: ")
+        ask("Recording. Enter to stop: ")
         trajectory = recorder.stop()
     except (MotionError, InvalidInputError) as error:
         _print(f"{error}; what came before is in {folder}")
@@ -97,7 +114,7 @@ def _record_one(robot: Robot, spool: Spool, arguments: Namespace) -> None:
         _print(f"kept in {folder}: `roboprompt-robot record --send-only` uploads it")
         raise
     _print(f"{len(trajectory)} frames, {trajectory.num_joints} joints")
-    if _asked("Keep it? [Y/n] ") == "n":
+    if (ask("Keep it? [Y/n] ") or "").lower() in NO:
         spool.discard(folder)
 
 
@@ -126,13 +143,6 @@ def _said(sent: Sent) -> str:
     lines = [f"stored as {answer['id']}: {len(answer.get('keyframes', ()))} keyframes"]
     lines += [f"  {item['severity']} {item['code']}: {item['message']}" for item in answer.get("findings", ())]
     return "\n".join(lines)
-
-
-def _asked(question: str) -> str:
-    try:
-        return input(question).strip().lower()
-    except EOFError:  # nobody is there to ask
-        return "q"
 
 
 def _print(text: str) -> None:

@@ -1,25 +1,25 @@
 """A record button: an arm's state, sampled while a person moves it, and safe on disk from the first second."""
 
 import json
+import os
 import threading
 import time
 from pathlib import Path
-from typing import Protocol
+from typing import BinaryIO, Protocol
 
 import numpy as np
 
 from roboprompt_client.arms.driver import ArmState
 from roboprompt_client.arrays import Array
-from roboprompt_client.derived import LEAST_TRAVEL_M
 from roboprompt_client.errors import InvalidInputError, MotionError
 from roboprompt_client.trajectory import Trajectory
-from roboprompt_client.trajectory_npz import trajectory_from_arrays
+from roboprompt_client.trajectory_npz import MIN_GRIPPER_TRAVEL_M, trajectory_from_arrays
 
 RATE_HZ = 50.0
-LEAST_RATE_HZ = 20.0
+MIN_RATE_HZ = 20.0
 FLUSH_S = 1.0
 OPEN_ABOVE_M = 0.01  # of fingers that stay where they are in the whole recording
-_FIXED = 10  # time, position, quaternion, width, open
+_FIXED_COLUMNS = 10  # time, position, quaternion, width, open
 
 
 class HasState(Protocol):
@@ -33,6 +33,11 @@ class HasState(Protocol):
 class Recorder:
     """Samples an arm in a thread of its own, and writes what it has to a journal.
 
+        recorder = Recorder(arm, Path("pick-1.journal"))
+        recorder.start()
+        input("Guide the arm, then press Enter: ")
+        client.upload("pick", "pick up the cube", recorder.stop(), observation)
+
     Args:
         journal: a file that does not exist; `trajectory_from_journal` reads it, also after a crash.
         rate_hz: at least 20.
@@ -42,19 +47,14 @@ class Recorder:
     """
 
     def __init__(self, arm: HasState, journal: Path, rate_hz: float = RATE_HZ) -> None:
-        if not LEAST_RATE_HZ <= rate_hz <= 1000:
-            raise InvalidInputError("rate_hz", f"is {rate_hz:g}", f"{LEAST_RATE_HZ:g} to 1000")
+        if not MIN_RATE_HZ <= rate_hz <= 1000:
+            raise InvalidInputError("rate_hz", f"is {rate_hz:g}", f"{MIN_RATE_HZ:g} to 1000")
         if journal.exists():
             raise InvalidInputError("journal", f"{journal} exists", "a file of its own for each recording")
         self._arm, self._journal, self._period_s = arm, journal, 1 / rate_hz
         self._ended = threading.Event()
-        self._error: MotionError | None = None
+        self._error: Exception | None = None
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
-
-    @property
-    def num_frames(self) -> int:
-        """How many were written so far."""
-        return len(_rows(self._journal)[0]) if self._journal.exists() else 0
 
     def start(self) -> None:
         """Begin to sample."""
@@ -65,7 +65,7 @@ class Recorder:
 
         Raises:
             MotionError: if the arm did not answer any more; the journal has what came before.
-            InvalidInputError: if what was recorded is no trajectory.
+            InvalidInputError: if what was recorded is no trajectory, or could not be written.
         """
         self._ended.set()
         self._thread.join()
@@ -78,11 +78,13 @@ class Recorder:
             self._sample()
         except MotionError as error:
             self._error = error
+        except OSError as error:
+            self._error = InvalidInputError("journal", f"cannot be written: {error}", "a file of its own")
 
     def _sample(self) -> None:
         began_s, state = self._read()
         joints = 0 if state.joint_positions_rad is None else len(state.joint_positions_rad)
-        with self._journal.open("wb") as file:
+        with create_private(self._journal) as file:
             file.write(json.dumps({"joints": joints}).encode() + b"\n")
             flushed_s = due_s = seen_s = began_s
             while True:  # at least once, however soon it ends
@@ -100,6 +102,15 @@ class Recorder:
         asked_s = time.monotonic()
         state = self._arm.state()
         return (asked_s + time.monotonic()) / 2, state
+
+
+def create_private(path: Path) -> BinaryIO:
+    """A new file that this user alone may read and write.
+
+    Raises:
+        FileExistsError: if there is anything at `path`, be it a link to nowhere.
+    """
+    return os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o600), "wb")
 
 
 def trajectory_from_journal(path: Path) -> Trajectory:
@@ -120,7 +131,7 @@ def trajectory_from_journal(path: Path) -> Trajectory:
         "end_effector_quaternions_xyzw": rows[:, 4:8],
         **_gripper(widths_m, states),
     }
-    positions, velocities = rows[:, _FIXED : _FIXED + joints], rows[:, _FIXED + joints :]
+    positions, velocities = rows[:, _FIXED_COLUMNS : _FIXED_COLUMNS + joints], rows[:, _FIXED_COLUMNS + joints :]
     if joints:
         arrays["joint_positions"] = positions
     if joints and np.isfinite(velocities).all():
@@ -131,7 +142,7 @@ def trajectory_from_journal(path: Path) -> Trajectory:
 def _gripper(widths_m: Array, states: Array) -> dict[str, Array]:
     """Measured fingers, else what was commanded; without a gripper it counts as open."""
     if np.isfinite(widths_m).all():
-        still = float(np.ptp(widths_m)) < LEAST_TRAVEL_M
+        still = float(np.ptp(widths_m)) < MIN_GRIPPER_TRAVEL_M
         return {
             "gripper_width": widths_m,
             **({"gripper_open": (widths_m > OPEN_ABOVE_M).astype(np.float64)} if still else {}),
@@ -156,6 +167,6 @@ def _rows(path: Path) -> tuple[Array, int]:
         joints = int(json.loads(head)["joints"])
     except (ValueError, KeyError, TypeError) as error:
         raise InvalidInputError("recording", f"{path} is no journal", "a file of roboprompt-robot record") from error
-    width = _FIXED + 2 * joints
+    width = _FIXED_COLUMNS + 2 * joints
     whole = len(body) // (8 * width) * width
     return np.frombuffer(body, "<f8", count=whole).reshape(-1, width), joints

@@ -1,7 +1,14 @@
-"""Recordings on disk until the service has them: whatever goes wrong, none is lost and none is stored twice."""
+"""Recordings on disk until the service has them: whatever goes wrong, none is lost and none is stored twice.
+
+A spool belongs to one user: its folders are 0700 and its files 0600, and only plain files of that user are read, so
+that another user can neither see a recording nor make it upload anything else.
+"""
 
 import json
 import logging
+import os
+import re
+import stat
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -10,9 +17,9 @@ from typing import Any
 from uuid import uuid4
 
 from roboprompt_client.client import RoboPromptClient
-from roboprompt_client.encoding import request_parts, scene_json
+from roboprompt_client.encoding import Part, request_parts, scene_json
 from roboprompt_client.errors import InvalidInputError, ServiceProblemError, ServiceUnreachableError
-from roboprompt_client.recorder import trajectory_from_journal
+from roboprompt_client.recorder import create_private, trajectory_from_journal
 from roboprompt_client.robot import Observation
 from roboprompt_client.trajectory import Trajectory
 from roboprompt_client.trajectory_npz import npz_from_trajectory
@@ -23,6 +30,8 @@ WAITS_S = (1.0, 2.0, 4.0, 8.0)
 NOT_THE_RECORDINGS_FAULT = (401, 403, 408, 429)
 SCENE, JOURNAL, SENT, REFUSED = "scene.json", "journal", "sent.json", "refused.json"
 TRAJECTORY = "trajectory.npz"  # instead of a journal
+IMAGE = re.compile(r"(?:rgb|depth|mask)_.+\.npy")
+OWN_FOLDER = "a folder of roboprompt-robot record that belongs to this user alone"
 
 
 @dataclass(frozen=True)
@@ -39,11 +48,16 @@ class Sent:
 
 
 class Spool:
-    """A folder with a folder for each recording, whose name is its idempotency key."""
+    """A folder with a folder for each recording, whose name is its idempotency key.
+
+    Raises:
+        OSError: if it cannot be made, or belongs to another user.
+    """
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        folder.mkdir(parents=True, exist_ok=True)
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        folder.chmod(0o700)
 
     def new(self, task: str, instruction: str, observation: Observation) -> Path:
         """A place for a recording that begins: what was seen is written, and its `journal` may follow."""
@@ -64,24 +78,23 @@ class Spool:
         metadata |= {"control_frequency_hz": control_frequency_hz, "extra": dict(extra or {})}
         folder = self._new(metadata, observation)
         begun = folder / f"{TRAJECTORY}.part"  # half a trajectory is never sent
-        begun.write_bytes(npz_from_trajectory(trajectory))
+        _write(begun, npz_from_trajectory(trajectory))
         begun.replace(folder / TRAJECTORY)
         return folder
 
-    def _new(self, metadata: dict[str, Any], observation: Observation) -> Path:
+    def _new(self, metadata: Mapping[str, Any], observation: Observation) -> Path:
         folder = self._folder / uuid4().hex
-        folder.mkdir()
-        for name, (file, data, kind) in request_parts(metadata, observation.frames).items():
-            if name != "metadata":
-                metadata.setdefault("parts", {})[name] = [file, kind]
-                (folder / file).write_bytes(data)
-        (folder / SCENE).write_text(json.dumps(metadata))
+        folder.mkdir(mode=0o700)
+        for file, data, _ in request_parts({}, observation.frames).values():
+            if IMAGE.fullmatch(file):
+                _write(folder / file, data)
+        _write(folder / SCENE, json.dumps(metadata).encode())
         return folder
 
     def waiting(self) -> Iterator[Path]:
         """The recordings that were neither stored nor refused, oldest first."""
         folders = [path.parent for name in (JOURNAL, TRAJECTORY) for path in self._folder.glob(f"*/{name}")]
-        for folder in sorted(folders, key=lambda path: (path / SCENE).stat().st_mtime):
+        for folder in sorted(folders, key=lambda path: (path / SCENE).lstat().st_mtime):
             if not (folder / SENT).exists() and not (folder / REFUSED).exists():
                 yield folder
 
@@ -96,7 +109,7 @@ class Spool:
 
         Raises:
             ServiceUnreachableError: if it never does, or takes nothing from this robot at present; the recording waits.
-            InvalidInputError: if the recording is none; it stays where it is.
+            InvalidInputError: if the recording is none, or not this user's own; it stays where it is.
         """
         parts = _parts(folder)
         for wait_s in (*WAITS_S, None):
@@ -110,30 +123,59 @@ class Spool:
             except ServiceProblemError as error:
                 if error.status >= 500 or error.status in NOT_THE_RECORDINGS_FAULT:
                     raise ServiceUnreachableError(str(error)) from error
-                (folder / REFUSED).write_text(json.dumps(dict(error.problem)))
+                _write(folder / REFUSED, json.dumps(dict(error.problem)).encode())
                 return Sent(folder, False, error.problem)
             else:
-                (folder / SENT).write_text(json.dumps({"id": answer["id"]}))
+                _write(folder / SENT, json.dumps({"id": answer["id"]}).encode())
                 return Sent(folder, True, answer)
         raise AssertionError("the last attempt returns or raises")
 
 
-def _parts(folder: Path) -> dict[str, tuple[str, bytes, str]]:
+def _parts(folder: Path) -> dict[str, Part]:
+    """The parts of `POST /episodes`: the scene, its images by the names of their files, and the trajectory."""
+    _require_own(folder, stat.S_ISDIR)
     try:
-        metadata = json.loads((folder / SCENE).read_text())
+        scene = json.loads(_read(folder / SCENE))
+    except InvalidInputError:
+        raise
     except (OSError, ValueError) as error:
-        raise InvalidInputError("recording", f"{folder}: {error}", "a folder of roboprompt-robot record") from error
-    listed = metadata.pop("parts", {})
-    parts = {name: (file, (folder / file).read_bytes(), kind) for name, (file, kind) in listed.items()}
-    trajectory = _trajectory_npz(folder)
-    document = json.dumps(metadata).encode()
+        raise InvalidInputError("recording", f"{folder}: {error}", OWN_FOLDER) from error
+    whole = folder / TRAJECTORY
+    trajectory = _read(whole) if whole.exists() else npz_from_trajectory(_recorded(folder / JOURNAL))
+    images = sorted(path for path in folder.iterdir() if IMAGE.fullmatch(path.name))
     return {
-        "metadata": ("metadata.json", document, "application/json"),
-        "trajectory": ("trajectory.npz", trajectory, "application/octet-stream"),
-        **parts,
+        "metadata": ("metadata.json", json.dumps(scene).encode(), "application/json"),
+        "trajectory": (TRAJECTORY, trajectory, "application/octet-stream"),
+        **{path.stem: (path.name, _read(path), "application/octet-stream") for path in images},
     }
 
 
-def _trajectory_npz(folder: Path) -> bytes:
-    whole = folder / TRAJECTORY
-    return whole.read_bytes() if whole.exists() else npz_from_trajectory(trajectory_from_journal(folder / JOURNAL))
+def _recorded(journal: Path) -> Trajectory:
+    _require_own(journal, stat.S_ISREG)
+    return trajectory_from_journal(journal)
+
+
+def _read(path: Path) -> bytes:
+    _require_own(path, stat.S_ISREG)
+    return path.read_bytes()
+
+
+def _write(path: Path, data: bytes) -> None:
+    with create_private(path) as file:
+        file.write(data)
+
+
+def _require_own(path: Path, is_kind: Callable[[int], bool]) -> None:
+    """Refuse links, what belongs to another user, and what another user may write to.
+
+    Raises:
+        InvalidInputError: as said.
+        FileNotFoundError: if there is nothing.
+    """
+    found = path.lstat()
+    others_write = os.name == "posix" and (found.st_uid != os.getuid() or bool(found.st_mode & 0o022))
+    # A second name of a file: of one that this user can read, but that was never recorded.
+    linked = stat.S_ISREG(found.st_mode) and found.st_nlink > 1
+    if not is_kind(found.st_mode) or others_write or linked:
+        message = f"{path} is a link, belongs to another user or may be written by others"
+        raise InvalidInputError("recording", message, OWN_FOLDER)

@@ -3,8 +3,9 @@
 Every value is checked when it is constructed. Positions are in metres in the world frame; quaternions are xyzw.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -13,9 +14,9 @@ from roboprompt_client.arrays import Array, finite_array, settle, unit_quaternio
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.wording import checked_name
 
-MOST_JOINTS = 16
-MOST_WIDTH_M = 0.2  # that a gripper opens
-ROUNDING_M = 0.002  # closed fingers are measured a little below 0
+MAX_JOINTS = 16
+MAX_GRIPPER_WIDTH_M = 0.2  # that a gripper opens
+WIDTH_ROUNDING_M = 0.002  # closed fingers are measured a little below 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +24,7 @@ class Trajectory:
     """The robot's motion over T frames.
 
     Attributes:
-        joint_velocities_rad_s: (T, J) of 1 to 16 joints; (T, 0) where nobody knows them.
+        joint_velocities_rad_s: (T, J) of 1 to 16 joints; (T, 0) where they are not known.
         positions_m: (T, 3) end effector in the world frame.
         quaternions_xyzw: (T, 4) end effector in the world frame.
         gripper_open: (T,) bool, what the fingers have done.
@@ -49,8 +50,8 @@ class Trajectory:
         num_frames, num_joints = velocities.shape
         if num_frames == 0:
             raise InvalidInputError("trajectory.joint_velocities", "has no frames (T = 0)", "at least one frame")
-        if num_joints > MOST_JOINTS:
-            raise InvalidInputError("trajectory.joint_velocities", f"has {num_joints} joints", f"1 to {MOST_JOINTS}")
+        if num_joints > MAX_JOINTS:
+            raise InvalidInputError("trajectory.joint_velocities", f"has {num_joints} joints", f"1 to {MAX_JOINTS}")
         joints, poses = (num_frames, num_joints), (num_frames, 4)
         quaternions = unit_quaternions("trajectory.end_effector_quaternions_xyzw", self.quaternions_xyzw, poses)
         settle(
@@ -68,6 +69,29 @@ class Trajectory:
         if self.gripper_width_m is not None:
             settle(self, gripper_width_m=_widths("trajectory.gripper_width", self.gripper_width_m, num_frames))
         self._check_objects(num_frames)
+
+    @classmethod
+    def from_poses(
+        cls,
+        positions_m: npt.ArrayLike,
+        quaternions_xyzw: npt.ArrayLike,
+        gripper_open: npt.ArrayLike,
+        timestamps_s: npt.ArrayLike | None = None,
+    ) -> "Trajectory":
+        """The motion of an end effector whose joints are not known.
+
+        Args:
+            positions_m: (T, 3) in the world frame.
+            quaternions_xyzw: (T, 4) in the world frame.
+            gripper_open: (T,) bool.
+            timestamps_s: (T,) increasing.
+
+        Raises:
+            InvalidInputError: naming the array and what is wrong with it.
+        """
+        positions = finite_array("trajectory.end_effector_positions", positions_m, (None, 3))
+        no_joints = np.zeros((len(positions), 0))
+        return cls(no_joints, positions, quaternions_xyzw, gripper_open, timestamps_s)  # type: ignore[arg-type]  # checked
 
     def _check_objects(self, num_frames: int) -> None:
         name = "trajectory.object_quaternions_xyzw"
@@ -124,7 +148,7 @@ def _booleans(name: str, value: npt.ArrayLike, length: int) -> npt.NDArray[np.bo
     if (bad := ~np.isin(numbers, (0.0, 1.0))).any():
         index = int(np.flatnonzero(bad)[0])
         remedy = "0 (closed) or 1 (open), what the fingers have done"
-        if numbers.min() >= 0 and numbers.max() <= MOST_WIDTH_M:
+        if numbers.min() >= 0 and numbers.max() <= MAX_GRIPPER_WIDTH_M:
             remedy += "; widths in metres are gripper_width"
         raise InvalidInputError(name, f"element {index} is {numbers[index]:g}", remedy)
     booleans = numbers.astype(np.bool_)
@@ -134,9 +158,9 @@ def _booleans(name: str, value: npt.ArrayLike, length: int) -> npt.NDArray[np.bo
 
 def _widths(name: str, value: npt.ArrayLike, length: int) -> Array:
     widths_m = finite_array(name, value, (length,))
-    if widths_m.min() < -ROUNDING_M or widths_m.max() > MOST_WIDTH_M:
+    if widths_m.min() < -WIDTH_ROUNDING_M or widths_m.max() > MAX_GRIPPER_WIDTH_M:
         message = f"is {widths_m.min():.4g} to {widths_m.max():.4g}"
-        raise InvalidInputError(name, message, f"metres between the fingers, 0 to {MOST_WIDTH_M}")
+        raise InvalidInputError(name, message, f"metres between the fingers, 0 to {MAX_GRIPPER_WIDTH_M}")
     return widths_m
 
 
@@ -177,6 +201,24 @@ class ObjectPose:
             settle(self, quaternion_xyzw=unit)
         if not 0 <= self.confidence <= 1:
             raise InvalidInputError(f"{where}.confidence", f"is {self.confidence}", "a number in 0..1")
+
+
+def object_json(pose: ObjectPose) -> dict[str, Any]:
+    """An object with the pose that the robot knows, as a request has it."""
+    quaternion = None if pose.quaternion_xyzw is None else pose.quaternion_xyzw.tolist()
+    return {"name": pose.name, "position": pose.position_m.tolist(), "quaternion_xyzw": quaternion}
+
+
+def object_from_json(item: Mapping[str, Any]) -> ObjectPose:
+    """An object as an answer or a file has it: `name`, `position`, and the other members where they are known.
+
+    Raises:
+        InvalidInputError: for what ObjectPose refuses.
+        KeyError, TypeError, AttributeError: for a document of another form.
+    """
+    names = ("quaternion_xyzw", "estimator", "confidence", "reason")
+    known = {name: item[name] for name in names if item.get(name) is not None}
+    return ObjectPose(item["name"], item["position"], cameras=tuple(item.get("cameras") or ()), **known)
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,22 +9,14 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
-from roboprompt_client.arrays import finite_array
-from roboprompt_client.derived import gripper_open, joint_velocities
+from roboprompt_client.arrays import Array, finite_array
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.npy import array_from_npy
 from roboprompt_client.trajectory import Trajectory
 
 REQUIRED = ("end_effector_positions", "end_effector_quaternions_xyzw", "gripper_open")
-OPTIONAL = (
-    "joint_velocities",
-    "timestamps",
-    "joint_positions",
-    "object_positions",
-    "object_quaternions_xyzw",
-    "gripper_width",
-)
 _FIELDS = {  # in the file's order
     "joint_velocities": "joint_velocities_rad_s",
     "end_effector_positions": "positions_m",
@@ -36,6 +28,8 @@ _FIELDS = {  # in the file's order
     "object_quaternions_xyzw": "object_quaternions_xyzw",
     "gripper_width": "gripper_width_m",
 }
+OPTIONAL = tuple(name for name in _FIELDS if name not in REQUIRED)
+MIN_GRIPPER_TRAVEL_M = 0.005  # fingers that move less have neither opened nor closed
 MAX_UNPACKED_BYTES = 100_000_000  # 600,000 frames; a .npz of 0.3 MB can claim 300 MB
 MAX_FRAMES = 100_000  # 80 minutes at 20 Hz
 MAX_DIRECTORY_BYTES = 131_072  # of the archive; 64 kB of them may be its comment
@@ -95,7 +89,7 @@ class _ShortDirectory(io.BytesIO):
 def _unpack(archive: zipfile.ZipFile, max_unpacked_bytes: int) -> dict[str, bytes]:
     members = archive.infolist()
     # each is unpacked as often as it is listed
-    if len(members) > len(REQUIRED + OPTIONAL):
+    if len(members) > len(_FIELDS):
         raise InvalidInputError("trajectory", f"has {len(members)} arrays", _VALID)
     unpacked = sum(member.file_size for member in members)
     if unpacked > max_unpacked_bytes:
@@ -110,23 +104,20 @@ def trajectory_from_arrays(arrays: Mapping[str, Any], max_frames: int = MAX_FRAM
         InvalidInputError: for missing or unknown names, or what Trajectory refuses.
     """
     given = {name: array for name, array in arrays.items() if array is not None}
-    if missing := [name for name in REQUIRED if name not in given and not _stands_in(name, given)]:
+    inferred = {"gripper_open"} if "gripper_width" in given else set()
+    if missing := [name for name in REQUIRED if name not in given and name not in inferred]:
         raise InvalidInputError(f"trajectory.{missing[0]}", "is missing", _VALID)
-    if unknown := [name for name in arrays if name not in REQUIRED + OPTIONAL]:
+    if unknown := [name for name in arrays if name not in _FIELDS]:
         raise InvalidInputError(f"trajectory.{unknown[0]}", "is not known", _VALID)
     gripper = "gripper_open" if "gripper_open" in given else "gripper_width"
     num_frames = len(finite_array(f"trajectory.{gripper}", given[gripper], (None,)))
     if num_frames > max_frames:
         raise InvalidInputError("trajectory", f"has {num_frames} frames", f"at most {max_frames}")
     if "joint_velocities" not in given:
-        given["joint_velocities"] = joint_velocities(num_frames, given.get("joint_positions"), given.get("timestamps"))
+        given["joint_velocities"] = _joint_velocities(num_frames, given.get("joint_positions"), given.get("timestamps"))
     if gripper == "gripper_width":
-        given["gripper_open"] = gripper_open(given["gripper_width"], num_frames)
+        given["gripper_open"] = _gripper_open(given["gripper_width"], num_frames)
     return Trajectory(**{_FIELDS[name]: array for name, array in given.items()})
-
-
-def _stands_in(name: str, given: Mapping[str, Any]) -> bool:
-    return name == "gripper_open" and "gripper_width" in given
 
 
 def npz_from_trajectory(trajectory: Trajectory) -> bytes:
@@ -139,3 +130,41 @@ def npz_from_trajectory(trajectory: Trajectory) -> bytes:
     ordered: dict[str, Any] = {name: np.ascontiguousarray(array) for name, array in arrays.items() if array is not None}
     np.savez_compressed(stream, **ordered)
     return stream.getvalue()
+
+
+def _joint_velocities(
+    num_frames: int, joint_positions_rad: npt.ArrayLike | None, timestamps_s: npt.ArrayLike | None
+) -> Array:
+    """(T, J) rad/s, central differences of the positions; (T, 0) where there are none.
+
+    Raises:
+        InvalidInputError: if there are positions, but no times.
+    """
+    if joint_positions_rad is None:
+        return np.zeros((num_frames, 0))
+    positions = finite_array("trajectory.joint_positions", joint_positions_rad, (num_frames, None))
+    if timestamps_s is None:
+        message = "is missing, and joint_positions have no timestamps from which it would follow"
+        raise InvalidInputError("trajectory.joint_velocities", message, "(T, J) rad/s, or timestamps (T,) s")
+    if num_frames < 2:
+        return np.zeros_like(positions)
+    times = finite_array("trajectory.timestamps", timestamps_s, (num_frames,))
+    if (np.diff(times) <= 0).any():
+        raise InvalidInputError("trajectory.timestamps", "do not increase", "increasing seconds")
+    rates: Array = np.gradient(positions, times, axis=0)
+    return rates
+
+
+def _gripper_open(widths_m: npt.ArrayLike, num_frames: int) -> npt.NDArray[np.bool_]:
+    """(T,) whether the fingers are further apart than the middle between their extremes.
+
+    Raises:
+        InvalidInputError: if they hardly move: whether they are open or closed is not known then.
+    """
+    widths = finite_array("trajectory.gripper_width", widths_m, (num_frames,))
+    low, high = float(widths.min(initial=np.inf)), float(widths.max(initial=-np.inf))
+    if high - low < MIN_GRIPPER_TRAVEL_M:
+        message = f"stays at {low:.4f} to {high:.4f} m, and nothing says whether that is open"
+        raise InvalidInputError("trajectory.gripper_width", message, "gripper_open (T,) beside it")
+    opened: npt.NDArray[np.bool_] = widths > (low + high) / 2
+    return opened

@@ -44,9 +44,10 @@ class Service:
             raise self._outcome
         return self._outcome
 
-    def stream(self, task, instruction, observation, **options):
+    def stream(self, task, instruction, observation, on_findings, **options):
+        on_findings(self._outcome.findings)
         yield from self._outcome.actions
         yield self._outcome
 
 
-ANSWER = PredictedActions("p", ACTIONS, {})
+ANSWER = PredictedActions("p", ACTIONS, {"findings": []})

@@ -11,7 +11,7 @@ import numpy as np
 from roboprompt_client import quaternions as rotations
 from roboprompt_client.arms.franka import Franka
 from roboprompt_client.arms.lerobot import LeRobotArm
-from roboprompt_client.arms.panda_kinematics import flange
+from roboprompt_client.arms.panda import flange
 from roboprompt_client.arms.ur import UR
 from roboprompt_client.arms.xarm import XArm
 
@@ -323,17 +323,18 @@ class LeRobot:
 
 
 def open_franka(body, monkeypatch):
-    monkeypatch.setattr("roboprompt_client.arms.franka._franky", lambda: franky(body))
+    monkeypatch.setattr("roboprompt_client.arms.franka.import_extra", lambda *_: franky(body))
     return Franka("127.0.0.1")
 
 
 def open_ur(body, monkeypatch):
-    monkeypatch.setattr("roboprompt_client.arms.ur._rtde", lambda: rtde(body))
+    modules = iter(rtde(body))  # control, receive, io
+    monkeypatch.setattr("roboprompt_client.arms.ur.import_extra", lambda *_: next(modules))
     return UR("127.0.0.1", gripper_output=0, gripper_s=0.0)
 
 
 def open_xarm(body, monkeypatch):
-    monkeypatch.setattr("roboprompt_client.arms.xarm._sdk", lambda: xarm(body))
+    monkeypatch.setattr("roboprompt_client.arms.xarm.import_extra", lambda *_: SimpleNamespace(XArmAPI=xarm(body)))
     monkeypatch.setattr("roboprompt_client.arms.xarm.START_S", 0.0)
     return XArm("127.0.0.1")
 

@@ -176,14 +176,12 @@ def test_what_was_never_seen_on_an_arm_says_so_at_the_start(driver, caplog):
     assert ("untested on hardware" in caplog.text) == (not driver.proven)
 
 
-def test_a_calibration_says_what_it_wants(tmp_path):
-    file = tmp_path / "base.json"
-    for text in ("{", "{}", '{"base_to_world": {"position": [0, 0, 0], "quaternion_xyzw": [0, 0, 0, 2]}}'):
-        file.write_text(text)
-        with pytest.raises(InvalidInputError):
-            Calibration.from_file(file)
-    file.write_text('{"base_to_world": {"position": [0, 0, 0.5], "quaternion_xyzw": [0, 0, 0, 1]}}')
-    np.testing.assert_allclose(Calibration.from_file(file).to_world(np.zeros(3), DOWN)[0], [0, 0, 0.5])
+def test_a_calibration_says_what_it_wants():
+    for document in (None, {}, {"base_to_world": {"position": [0, 0, 0], "quaternion_xyzw": [0, 0, 0, 2]}}):
+        with pytest.raises(InvalidInputError, match="base_to_world"):
+            Calibration.from_json(document)
+    raised = {"base_to_world": {"position": [0, 0, 0.5], "quaternion_xyzw": [0, 0, 0, 1]}}
+    np.testing.assert_allclose(Calibration.from_json(raised).to_world(np.zeros(3), DOWN)[0], [0, 0, 0.5])
 
 
 def test_a_stop_while_a_motion_begins_halts_it_before_it_goes_anywhere(arm, body, monkeypatch):

@@ -1,34 +1,29 @@
 """Predictions that the service itself calls dangerous."""
 
+import json
+
+import httpx
 import pytest
 from arms import ACTIONS, Arm, Service
 
 from roboprompt_client.answers import PredictedActions
-from roboprompt_client.errors import DangerError, InvalidInputError, NotConfirmedError
+from roboprompt_client.client import RoboPromptClient
+from roboprompt_client.errors import DangerError, InvalidAnswerError, InvalidInputError, NotConfirmedError
 from roboprompt_client.loop import run_closed_loop, run_task
+from roboprompt_client.motion_limits import MotionLimits
 
 
 def finding(severity="danger", where="objects[cube]"):
     return {"code": "object-tilted", "severity": severity, "message": "cube is tilted by 90 degrees.", "where": where}
 
 
-class Doubtful(Service):
-    """A service that streams its findings first."""
-
-    def __init__(self, *findings):
-        super().__init__(PredictedActions("p", ACTIONS, {"findings": list(findings)}))
-
-    def stream(self, task, instruction, observation, on_findings, **options):
-        on_findings(self._outcome.findings)
-        yield from super().stream(task, instruction, observation, **options)
-
-
 def run(arm, *findings, **settings):
-    return run_task(Doubtful(*findings), arm, "pick", "pick up the cube", **settings)
+    service = Service(PredictedActions("p", ACTIONS, {"findings": list(findings)}))
+    return run_task(service, arm, "pick", "pick up the cube", **settings)
 
 
 @pytest.mark.parametrize("stream", [False, True])
-def test_a_danger_is_refused_where_nobody_can_be_asked(stream):
+def test_a_danger_is_refused_without_a_person_to_ask(stream):
     arm = Arm()
     with pytest.raises(DangerError, match="cube is tilted by 90 degrees"):
         run(arm, finding(), stream=stream)
@@ -122,6 +117,65 @@ def test_a_closed_loop_checks_its_setting_before_it_asks():
     assert arm.stopped == 1
 
 
-def test_answers_of_services_that_say_less():
-    predicted = PredictedActions("p", ACTIONS, {})
-    assert (predicted.findings, predicted.grounding, predicted.objects, predicted.anchors) == ((), (), (), ())
+# What is no list of findings that says whether there is a danger, and what the error says of it.
+MALFORMED = [
+    ({}, "findings is missing"),
+    ({"findings": None}, "findings is None"),
+    ({"findings": {}}, "findings is {}"),
+    ({"findings": "none"}, "findings is 'none'"),
+    ({"findings": [None]}, r"findings\[0\] is None"),
+    ({"findings": [finding("info"), {"code": "object-tilted"}]}, r"findings\[1\] is {'code': 'object-tilted'}"),
+    ({"findings": [finding(None)]}, r"findings\[0\] is .*'severity': None"),
+    ({"findings": [finding("DANGER")]}, "'severity': 'DANGER'"),
+    ({"findings": [finding(["danger"])]}, r"'severity': \['danger'\]"),
+]
+
+
+@pytest.mark.parametrize(("response", "said"), MALFORMED)
+@pytest.mark.parametrize("on_danger", [None, "go"])
+def test_findings_that_are_not_well_formed_move_nothing(response, said, on_danger):
+    arm = Arm()
+    with pytest.raises(InvalidAnswerError, match=f"the service's answer: .*{said}.*a list of objects"):
+        run_task(Service(PredictedActions("p", ACTIONS, response)), arm, "pick", "pick it up", on_danger=on_danger)
+    assert (arm.heights, arm.stopped) == ([], 1)
+
+
+@pytest.mark.parametrize(("response", "said"), MALFORMED)
+def test_a_closed_loop_does_not_move_by_findings_that_are_not_well_formed(response, said):
+    arm = Arm()
+    with pytest.raises(InvalidAnswerError, match=said):
+        list(run_closed_loop(Service(PredictedActions("p", ACTIONS[:1], response)), arm, "pick", "pick it up"))
+    assert (arm.heights, arm.stopped) == ([], 1)
+
+
+def stream_of(*events):
+    """A client of a service that streams these events."""
+    body = "".join(f"event: {name}\ndata: {json.dumps(document)}\n\n" for name, document in events)
+    answer = httpx.Response(200, text=body, headers={"content-type": "text/event-stream"})
+    http = httpx.Client(transport=httpx.MockTransport(lambda _: answer), base_url="http://robots")
+    return RoboPromptClient(connection=http)
+
+
+def run_stream(arm, *events):
+    return run_task(stream_of(*events), arm, "pick", "pick it up", stream=True, limits=MotionLimits())
+
+
+ACTION = {"position": [0.1, 0.2, 0.9], "quaternion_xyzw": [1, 0, 0, 0], "gripper_open": True}
+DONE = {"id": "p", "actions": [ACTION], "findings": []}
+
+
+@pytest.mark.parametrize(("findings", "said"), MALFORMED)
+def test_a_stream_does_not_move_by_findings_that_are_not_well_formed(findings, said):
+    arm = Arm()
+    with pytest.raises(InvalidAnswerError, match=said):
+        run_stream(arm, ("findings", findings), ("action", ACTION), ("done", DONE))
+    assert (arm.heights, arm.stopped) == ([], 1)
+
+
+def test_a_stream_does_not_move_before_it_has_said_what_it_found():
+    arm = Arm()
+    with pytest.raises(InvalidAnswerError, match="did not come before the first action"):
+        run_stream(arm, ("action", ACTION), ("findings", {"findings": []}), ("done", DONE))
+    assert (arm.heights, arm.stopped) == ([], 1)
+    run_stream(arm, ("findings", {"findings": []}), ("action", ACTION), ("done", DONE))
+    assert arm.heights == [0.9]

@@ -47,7 +47,7 @@ class SlowService(Service):
     def __init__(self, belt, limits=None):
         actions = tuple(EndEffectorAction(CUBE_M + height_m * UP, DOWN, is_open) for height_m, is_open in PICK)
         anchors = (ActionAnchor("cube", "w", np.zeros(3), DOWN),) * len(PICK)
-        super().__init__(PredictedActions("p", actions, {}, anchors), limits=limits)
+        super().__init__(PredictedActions("p", actions, {"findings": []}, anchors), limits=limits)
         self._belt = belt
 
     def predict(self, task, instruction, observation, **options):

@@ -36,7 +36,8 @@ PICK_AND_PLACE = [
 
 
 def answer(plan=PICK_AND_PLACE, **response):
-    return PredictedActions("p", tuple(a for _, a in plan), response, tuple(anchor(name) for name, _ in plan))
+    actions, anchors = tuple(a for _, a in plan), tuple(anchor(name) for name, _ in plan)
+    return PredictedActions("p", actions, {"findings": [], **response}, anchors)
 
 
 class Service:
@@ -176,15 +177,15 @@ def test_a_step_to_where_an_object_was_moved_is_bounded_too():
 
 def test_answers_without_anchors_cannot_be_followed():
     arm = Arm()
-    with pytest.raises(InvalidInputError, match="look_again: the answer says of no action"):
-        run(arm, PredictedActions("p", answer().actions, {}))
+    with pytest.raises(InvalidInputError, match="look_again: the answer gives none of its actions an anchor"):
+        run(arm, PredictedActions("p", answer().actions, {"findings": []}))
     assert (arm.done, arm.stopped) == ([], 1)
 
 
-def test_actions_that_hang_on_nothing_go_as_they_are():
+def test_actions_without_an_anchor_go_as_they_are():
     plan = answer()
     arm = Arm({1: {"cube": CUBE + SHIFT}})
-    run(arm, PredictedActions("p", plan.actions, {}, (None, *plan.anchors[1:])))
+    run(arm, PredictedActions("p", plan.actions, {"findings": []}, (None, *plan.anchors[1:])))
     assert [shift == SHIFT.tolist() for shift in shifts(arm)] == [False, True, True, False, False, False]
 
 
@@ -222,6 +223,6 @@ def test_an_object_that_the_service_does_not_find_is_lost():
     ("models", "said"),
     [({}, "its estimator is the masks"), ({**MODELS, "cube": {"estimator": "remote"}}, "its estimator is remote")],
 )
-def test_images_in_which_nobody_can_look_are_refused_at_once(models, said):
+def test_images_without_an_estimator_for_an_object_are_refused_at_once(models, said):
     with pytest.raises(InvalidInputError, match=said):
         run(Arm(frames=(frame(),)), service=Service(answer(objects=WENT_BY), {"object_models": models}))

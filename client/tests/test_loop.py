@@ -110,7 +110,7 @@ def test_bounded_steps_need_to_know_where_the_arm_is(kind):
 
 def test_a_closed_loop_keeps_to_what_is_pinned():
     arm = Arm(end_effector=START)
-    answer = PredictedActions("p", (ACTIONS[2],), {})
+    answer = PredictedActions("p", (ACTIONS[2],), {"findings": []})
     with pytest.raises(UnsafeActionError, match=r"position\.z is 0\.8 m"):
         list(run_closed_loop(Service(answer), arm, "pick", "pick up the cube", pinned=HIGH))
     assert (arm.heights, arm.stopped) == ([], 1)

@@ -8,7 +8,7 @@ import pytest
 
 import roboprompt_client
 
-DECLARED = {"numpy", "httpx"}
+DECLARED = {"numpy", "httpx", "httpx_sse"}
 OF_THESE = {"httpcore", "h11", "anyio", "certifi", "idna", "sniffio", "exceptiongroup", "typing_extensions"}
 
 

@@ -16,12 +16,12 @@ from roboprompt_client import quaternions as rotations
 from roboprompt_client.arms.arm import Arm
 from roboprompt_client.arms.calibration import Calibration
 from roboprompt_client.arms.driver import ArmState
-from roboprompt_client.arms.geometry import PandaGeometry, franka_hand, nearest_limit
-from roboprompt_client.arms.panda_kinematics import flange
-from roboprompt_client.confirming import Person
+from roboprompt_client.arms.geometry import nearest_limit
+from roboprompt_client.arms.panda import PandaGeometry, flange, franka_hand
+from roboprompt_client.arms.preview import preview_plan, table
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.motion_limits import Box, MotionLimits
-from roboprompt_client.preview import Cell, table
+from roboprompt_client.terminal import Person
 
 DOWN = np.array([1.0, 0, 0, 0])
 BASE_M = np.array([-0.3, 0.0, 0.75])
@@ -37,7 +37,8 @@ def to(x_m, y_m, z_m, quaternion=DOWN):
 
 def test_the_joints_are_followed_from_pose_to_pose():
     geometry = PandaGeometry("panda")
-    one, two = Cell(AT_BASE, NO_LIMITS, geometry).preview([to(0.45, 0.15, 0.2), to(0.45, 0.15, 0.1)], READY)
+    plan = [to(0.45, 0.15, 0.2), to(0.45, 0.15, 0.1)]
+    one, two = preview_plan(plan, AT_BASE, NO_LIMITS, geometry=geometry, joints_rad=READY)
     assert (one.reachable, two.reachable, one.warning, two.warning) == (True, True, "", "")
     assert one.from_base_m == pytest.approx(np.linalg.norm([0.45, 0.15, 0.2]))
     joints = geometry.way(READY, np.array([0.45, 0.15, 0.2]), DOWN)
@@ -50,7 +51,7 @@ def test_the_joints_are_followed_from_pose_to_pose():
 def test_what_cannot_be_reached_says_why_and_the_rest_is_looked_at():
     turned = rotations.product(rotations.about_z(-2.6), DOWN)
     plan = [to(1.2, 0, 0.4), to(0.4, 0, 0.3, turned), to(0.45, 0.1, 0.2)]
-    far, twisted, fine = Cell(AT_BASE, NO_LIMITS, PandaGeometry()).preview(plan, READY)
+    far, twisted, fine = preview_plan(plan, AT_BASE, NO_LIMITS, geometry=PandaGeometry(), joints_rad=READY)
     assert "out of reach: 1.2" in far.warning
     assert twisted.warning.startswith("joint 7 would come to")
     assert (far.reachable, far.nearest, twisted.reachable, fine.reachable) == (False, None, False, True)
@@ -65,26 +66,25 @@ def test_the_joint_that_is_nearest_to_its_limit():
 def test_boxes_on_the_way_are_named_by_the_rule_that_refuses_them():
     box = Box((-0.05, -0.05, 0.7), (0.05, 0.05, 0.9))
     left, right, beside = (EndEffectorAction([x, y, 0.8], DOWN, True) for x, y in ((-0.3, 0), (0.3, 0), (0.3, 0.3)))
-    cell = Cell(Calibration.none(), MotionLimits(keep_out=(box,), hand_radius_m=0.05))
-    shown = cell.preview([left, right, beside], start_m=[-0.3, 0.3, 0.8])
+    known = (Calibration.none(), MotionLimits(keep_out=(box,), hand_radius_m=0.05))
+    shown = preview_plan([left, right, beside], *known, start_m=[-0.3, 0.3, 0.8])
     assert [item.touches for item in shown] == [(), (box,), ()]
     assert "the way touches the box -0.05 -0.05 0.7 to 0.05 0.05 0.9 m" in shown[1].warning
-    assert cell.preview([right])[0].touches == ()
-    assert cell.preview([right], start_m=[-0.3, 0, 0.8])[0].touches == (box,)
+    assert preview_plan([right], *known)[0].touches == ()
+    assert preview_plan([right], *known, start_m=[-0.3, 0, 0.8])[0].touches == (box,)
 
 
 def test_without_joints_the_distance_is_held_against_the_reach():
     near, far = to(0.5, 0, 0.3), to(0.9, 0, 0.3)
-    assert [item.reachable for item in Cell(AT_BASE, NO_LIMITS, reach_m=0.85).preview([near, far])] == [True, False]
-    unknown = Cell(AT_BASE, NO_LIMITS, PandaGeometry()).preview([far])[0]
+    assert [item.reachable for item in preview_plan([near, far], AT_BASE, NO_LIMITS, reach_m=0.85)] == [True, False]
+    unknown = preview_plan([far], AT_BASE, NO_LIMITS, geometry=PandaGeometry())[0]
     assert (unknown.reachable, unknown.nearest, unknown.warning) == (None, None, "")
     assert unknown.cells(1)[4:6] == ("not known", "not known")
 
 
 def test_the_table_has_a_row_for_each_action_and_warnings_below():
-    lines = table(
-        Cell(AT_BASE, NO_LIMITS, PandaGeometry()).preview([to(0.45, 0, 0.2), to(1.2, 0, 0.4)], READY)
-    ).splitlines()
+    plan = [to(0.45, 0, 0.2), to(1.2, 0, 0.4)]
+    lines = table(preview_plan(plan, AT_BASE, NO_LIMITS, geometry=PandaGeometry(), joints_rad=READY)).splitlines()
     assert lines[0].split("  ")[0] == "action"
     assert lines[1].startswith("1       0.150 0.000 0.950")
     assert " yes " in lines[1]
@@ -136,7 +136,7 @@ def test_a_plan_is_shown_before_it_is_refused_or_asked_about(run, capsys):
     driver = Ready()
     arm = Arm(driver, calibration=AT_BASE, limits=MotionLimits(hand_radius_m=0.0))
     limits = MotionLimits(Box((-1, -1, 0), (2, 1, 2)), keep_out=(BOX,), hand_radius_m=0.05)
-    service = Service(PredictedActions("p", (to(0.2, 0, 0.3),), {}), limits)
+    service = Service(PredictedActions("p", (to(0.2, 0, 0.3),), {"findings": []}), limits)
     shown = {"preview": Person(arm).preview, "confirm": lambda *_: pytest.fail("asked")}
     with pytest.raises(UnsafeActionError):
         run(service, arm, "t", "go", **shown)
@@ -151,7 +151,7 @@ def test_a_person_hears_what_is_wrong_before_saying_yes(run, capsys, monkeypatch
     driver = Ready()
     arm = Arm(driver, calibration=AT_BASE)
     person = Person(arm)
-    service = Service(PredictedActions("p", (to(1.2, 0, 0.4), to(0.4, 0, 0.4)), {}))
+    service = Service(PredictedActions("p", (to(1.2, 0, 0.4), to(0.4, 0, 0.4)), {"findings": []}))
     with pytest.raises(NotConfirmedError):
         run(service, arm, "t", "go", preview=person.preview, confirm=person.confirm)
     ((question, before),) = asked

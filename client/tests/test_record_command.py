@@ -1,11 +1,12 @@
 """What a person does at the arm: record, send, check."""
 
 import json
+from types import SimpleNamespace
 
 import httpx
 import numpy as np
 import pytest
-from makers import Body, open_xarm
+from makers import Body, open_xarm, xarm
 
 from roboprompt_client import cli
 from roboprompt_client.arm_check import ArmCheck
@@ -28,11 +29,13 @@ STORED = {
 @pytest.fixture
 def answers(monkeypatch, tmp_path):
     """What the person types; the service answers 201 unless it is away."""
-    typed, state = [], {"away": False}
+    typed, state = [], {"away": False, "refuses": False}
 
     def answer(request):
         if state["away"]:
             raise httpx.ConnectError("refused")
+        if state["refuses"]:
+            return httpx.Response(422, json={"title": "Unprocessable", "detail": "cube: no such object"})
         return httpx.Response(201, json=STORED)
 
     def client(url):
@@ -78,6 +81,20 @@ def test_record_and_throw_away(answers, monkeypatch, tmp_path):
     assert list((tmp_path / "spool").iterdir()) == []
 
 
+def test_a_refused_recording_ends_with_1(answers, monkeypatch, tmp_path, capsys):
+    typed, state = answers
+    state["refuses"] = True
+    typed += ["", "", "y", "q"]
+    assert run(monkeypatch, tmp_path) == 1
+    assert "refused: cube: no such object" in capsys.readouterr().out
+
+
+def test_a_spool_that_cannot_be_made_is_said(answers, monkeypatch, tmp_path, capsys):
+    (tmp_path / "file").write_text("")
+    assert run(monkeypatch, tmp_path, "--spool", str(tmp_path / "file" / "spool")) == 1
+    assert "--spool: " in capsys.readouterr().err
+
+
 def test_an_interrupted_recording_is_sent_later(answers, monkeypatch, tmp_path, capsys):
     typed, state = answers
     typed += ["", KeyboardInterrupt()]
@@ -96,11 +113,11 @@ def arm(monkeypatch):
 
 
 def test_a_sound_arm_passes(arm):
-    outcomes = {outcome.name: outcome.passed for outcome in ArmCheck(arm, moves=True).run()}
-    assert outcomes["motion: up is +z"]
-    assert outcomes["gripper: closes"]
-    assert outcomes["stop"] is not False
-    assert False not in outcomes.values()
+    results = {result.name: result.passed for result in ArmCheck(arm, moves=True).run()}
+    assert results["motion: up is +z"]
+    assert results["gripper: closes"]
+    assert results["stop"] is not False
+    assert False not in results.values()
 
 
 def test_without_leave_nothing_moves(arm):
@@ -143,14 +160,15 @@ def test_a_place_that_is_touched_says_how_far_off_the_arm_takes_itself_to_be(arm
     assert ("13.0 mm off (+0.0, -12.0, +5.0 along x, y, z)" in touch.detail) is not passed
 
 
-def test_a_place_that_nobody_touches_is_left_out(arm):
+def test_a_place_that_is_not_touched_is_left_out(arm):
     check = ArmCheck(arm, confirm=lambda _: False, touched_m=[(0.0, 0.0, 0.0)])
     assert [outcome.passed for outcome in check.run() if outcome.name.startswith("touch")] == [None]
 
 
 def test_a_cell_s_file(tmp_path, monkeypatch):
     cell, body = tmp_path / "cell.json", Body()
-    monkeypatch.setattr("roboprompt_client.arms.xarm._sdk", lambda: __import__("makers").xarm(body))
+    sdk = SimpleNamespace(XArmAPI=xarm(body))
+    monkeypatch.setattr("roboprompt_client.arms.xarm.import_extra", lambda *_: sdk)
     (tmp_path / "objects.json").write_text(json.dumps(OBJECTS))
     document = {
         "arm": "xarm",

@@ -1,6 +1,9 @@
 """A recording survives what happens to it."""
 
+import io
 import json
+import os
+import stat
 import time
 
 import httpx
@@ -8,6 +11,7 @@ import numpy as np
 import pytest
 
 from roboprompt_client.arms.driver import ArmState
+from roboprompt_client.camera import Camera, RgbdFrame
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import InvalidInputError, MotionError, ServiceUnreachableError
 from roboprompt_client.recorder import Recorder, trajectory_from_journal
@@ -15,7 +19,8 @@ from roboprompt_client.robot import Observation
 from roboprompt_client.spool import JOURNAL, Spool
 from roboprompt_client.trajectory import ObjectPose
 
-SCENE = Observation((ObjectPose("cube", np.array([0.4, 0, 0.1])),))
+FRONT = RgbdFrame(Camera("front", 5, 5, 2, 2, np.eye(4)), np.zeros((4, 4, 3), np.uint8), np.ones((4, 4), np.float32))
+SCENE = Observation(ObjectPose("cube", np.array([0.4, 0, 0.1])), FRONT)
 
 
 class Guided:
@@ -49,7 +54,9 @@ def test_a_guided_arm_with_measured_fingers(tmp_path):
     trajectory = record(Guided(), tmp_path / "journal")
     assert len(trajectory) >= 20 * 0.3
     assert trajectory.num_joints == 6
-    assert np.median(trajectory.joint_velocities_rad_s) == pytest.approx(1.0, abs=0.05)
+    angles_rad, times_s = trajectory.joint_positions_rad, trajectory.timestamps_s
+    np.testing.assert_allclose(np.ptp(angles_rad, axis=0), np.ptp(times_s), rtol=0.05)  # 1 rad/s by the arm's own clock
+    np.testing.assert_allclose(trajectory.joint_velocities_rad_s, np.gradient(angles_rad, times_s, axis=0))
     assert trajectory.gripper_open[0]
     assert not trajectory.gripper_open[-1]
 
@@ -100,6 +107,7 @@ class Service:
 
     def __call__(self, request):
         self.keys.append(request.headers["Idempotency-Key"])
+        self.body = request.read()
         answer = self._answers.pop(0)
         if isinstance(answer, Exception):
             raise answer
@@ -113,7 +121,7 @@ class Service:
 def spooled(tmp_path):
     spool = Spool(tmp_path)
     folder = spool.new("pick", "pick up the cube", SCENE)
-    record(Guided(), folder / JOURNAL, 0.3)
+    record(Guided(), folder / JOURNAL, 0.1)
     return spool, folder
 
 
@@ -151,3 +159,106 @@ def test_a_refusal_is_kept_beside_it(spooled):
     assert list(spool.waiting()) == []
     spool.discard(folder)
     assert not folder.exists()
+
+
+def test_what_was_seen_is_uploaded_with_it(spooled):
+    spool, folder = spooled
+    service = Service(httpx.Response(201, json={"id": "e1"}))
+    spool.send(service.client(), folder)
+    for part in ("metadata", "trajectory", "rgb_front", "depth_front"):
+        assert f'name="{part}"; filename='.encode() in service.body
+    assert b'"cameras": [{"name": "front"' in service.body
+    stream = io.BytesIO()
+    np.save(stream, FRONT.depth_m)
+    assert stream.getvalue() in service.body
+
+
+def test_recordings_are_for_their_user_alone(tmp_path):
+    before = os.umask(0)
+    try:
+        spool = Spool(tmp_path / "spool")
+        kept = spool.keep("pick", "pick up the cube", SCENE, record(Guided(), tmp_path / "journal", 0.1))
+        begun = spool.new("pick", "pick up the cube", SCENE)
+        record(Guided(), begun / JOURNAL, 0.1)
+        for folder in (kept, begun):
+            spool.send(Service(httpx.Response(422, json={"title": "No"})).client(), folder)
+    finally:
+        os.umask(before)
+    modes = {path.name: stat.S_IMODE(path.stat().st_mode) for path in (tmp_path / "spool").rglob("*")}
+    assert {modes.pop(folder.name) for folder in (kept, begun)} == {0o700}
+    assert stat.S_IMODE((tmp_path / "spool").stat().st_mode) == 0o700
+    assert set(modes) == {"scene.json", "journal", "trajectory.npz", "rgb_front.npy", "depth_front.npy", "refused.json"}
+    assert set(modes.values()) == {0o600}
+
+
+def test_a_spool_that_was_open_to_others_is_closed(tmp_path):
+    (tmp_path / "spool").mkdir(mode=0o755)
+    Spool(tmp_path / "spool")
+    assert stat.S_IMODE((tmp_path / "spool").stat().st_mode) == 0o700
+
+
+@pytest.fixture
+def secret(tmp_path_factory):
+    path = tmp_path_factory.mktemp("home") / "id_ed25519"
+    path.write_bytes(b"PRIVATE KEY")
+    return path
+
+
+def send_nothing(spool, folder, match):
+    service = Service()
+    with pytest.raises(InvalidInputError, match=match):
+        spool.send(service.client(), folder, lambda _: None)
+    assert service.keys == []
+
+
+@pytest.mark.parametrize("name", ["scene.json", "journal", "trajectory.npz", "rgb_front.npy", "mask_front.npy"])
+@pytest.mark.parametrize("link", [os.symlink, os.link])
+def test_links_are_not_followed(spooled, secret, name, link):
+    spool, folder = spooled
+    (folder / name).unlink(missing_ok=True)
+    link(secret, folder / name)
+    send_nothing(spool, folder, "is a link")
+
+
+def test_a_folder_that_is_a_link_is_not_followed(spooled, tmp_path_factory):
+    spool, folder = spooled
+    elsewhere = tmp_path_factory.mktemp("elsewhere")
+    folder.rename(elsewhere / "recording")
+    folder.symlink_to(elsewhere / "recording")
+    send_nothing(spool, folder, "is a link")
+
+
+def test_a_prepared_scene_names_no_files(spooled, secret):
+    """It is the service's to refuse what it does not know; nothing but the recording is read."""
+    spool, folder = spooled
+    scene = json.loads((folder / "scene.json").read_text())
+    prepared = {**scene, "parts": {"rgb_front": [str(secret), "text/plain"], "rgb_side": ["../../id", "text/plain"]}}
+    (folder / "scene.json").write_text(json.dumps(prepared))
+    service = Service(httpx.Response(422, json={"title": "No"}))
+    spool.send(service.client(), folder)
+    assert b"PRIVATE KEY" not in service.body
+
+
+def test_what_others_may_write_is_not_sent(spooled):
+    spool, folder = spooled
+    (folder / "scene.json").chmod(0o666)
+    send_nothing(spool, folder, "may be written by others")
+    (folder / "scene.json").chmod(0o600)
+    folder.chmod(0o777)
+    send_nothing(spool, folder, "may be written by others")
+
+
+def test_what_another_user_wrote_is_not_sent(spooled, monkeypatch):
+    spool, folder = spooled
+    own = os.getuid()
+    monkeypatch.setattr("roboprompt_client.spool.os.getuid", lambda: own + 1)
+    send_nothing(spool, folder, "belongs to another user")
+
+
+def test_a_journal_is_never_written_over(tmp_path, secret):
+    (tmp_path / "journal").symlink_to(secret.with_name("nothing-yet"))
+    recorder = Recorder(Guided(), tmp_path / "journal", 100)
+    recorder.start()
+    with pytest.raises(InvalidInputError, match="journal"):
+        recorder.stop()
+    assert not secret.with_name("nothing-yet").exists()

@@ -11,7 +11,7 @@ from app.datasets.rlbench.low_dim import load_demo
 from app.perception.images import ImageBytes, decode_frame
 from app.pipeline.geometry import backproject
 from app.pipeline.keyframes import KeyframeRule, find_keyframes
-from roboprompt_client.metadata import camera_from_json
+from roboprompt_client.camera import camera_from_json
 from roboprompt_client.trajectory_npz import trajectory_from_npz
 from tests.datasets import peract_folder as peract
 from tests.episodes import pick_trajectory

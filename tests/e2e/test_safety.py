@@ -300,7 +300,8 @@ class _Babbling(BaseHTTPRequestHandler):
 
     def do_POST(self):
         action = {"position": [0.1, 0.1, 0.8], "quaternion_xyzw": [1, 0, 0, 0], "gripper_open": True}
-        self._answer("text/event-stream", f"event: action\ndata: {json.dumps(action)}\n\n{self.server.then}\n\n")
+        found = 'event: findings\ndata: {"findings": []}\n\n'
+        self._answer("text/event-stream", f"{found}event: action\ndata: {json.dumps(action)}\n\n{self.server.then}\n\n")
 
     def _answer(self, kind, text):
         self.send_response(200)

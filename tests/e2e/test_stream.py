@@ -147,6 +147,7 @@ class _Dying(BaseHTTPRequestHandler):
         self.send_response(200)
         self.send_header("Content-Type", "text/event-stream")
         self.end_headers()
+        self.wfile.write(b'event: findings\ndata: {"findings": []}\n\n')
         self.wfile.write(f"event: action\ndata: {json.dumps(action)}\n\n".encode())
 
     def log_message(self, *arguments):

@@ -5,8 +5,7 @@ from scipy.spatial.transform import Rotation
 from app.evaluation.results import TaughtEpisode
 from app.evaluation.trials import replayed
 from app.sim.demonstrate import RecordedDemonstration, SceneView
-from roboprompt_client.metadata import object_json
-from roboprompt_client.trajectory import ObjectPose, Trajectory
+from roboprompt_client.trajectory import ObjectPose, Trajectory, object_json
 
 KEYFRAMES = [3, 5]
 

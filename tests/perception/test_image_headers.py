@@ -3,12 +3,12 @@
 import cv2
 import numpy as np
 import pytest
+from npy_files import HOSTILE, npy
 
 from app.perception import image_headers
 from app.perception.images import decode_depth, decode_rgb, num_pixels
 from roboprompt_client.errors import InvalidInputError
 from tests.attack.payloads import START_OF_SCAN, many_scans, png_chunk, png_with
-from tests.npy import HOSTILE, npy
 
 RNG = np.random.default_rng(0)
 RGB = RNG.integers(0, 256, (40, 60, 3), np.uint8)

@@ -4,11 +4,10 @@ import zlib
 import cv2
 import numpy as np
 import pytest
+from npy_files import HOSTILE, npy
 
 from app.perception.images import MAX_PIXELS, as_image, decode_depth, decode_mask, decode_rgb
 from roboprompt_client.errors import InvalidInputError
-
-from ..npy import HOSTILE, npy
 
 RGB = np.random.default_rng(0).integers(0, 256, (40, 60, 3), np.uint8)
 SMOOTH = np.add.outer(np.arange(40), np.arange(60))[..., None].astype(np.uint8) + np.array([0, 60, 120], np.uint8)

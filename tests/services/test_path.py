@@ -5,7 +5,7 @@ import pytest
 
 from app.services.predict.path import path_of
 from app.services.task_settings import TaskSettings
-from roboprompt_client.arms.geometry import PandaGeometry
+from roboprompt_client.arms.panda import PandaGeometry
 from tests.services.test_explain_prediction import DOWN, actions, cube, prediction
 
 BASE = {"robot_base": [-0.3, 0.0, 0.75]}

@@ -9,10 +9,10 @@ from app.services.task_settings import TaskSettings
 from app.store.records import PredictionRecord
 from roboprompt_client import quaternions as rotations
 from roboprompt_client.arms.calibration import Calibration
-from roboprompt_client.arms.geometry import PandaGeometry
+from roboprompt_client.arms.panda import PandaGeometry
+from roboprompt_client.arms.preview import Previewed, preview_plan
 from roboprompt_client.arrays import Array
 from roboprompt_client.errors import MotionError
-from roboprompt_client.preview import Cell, Previewed
 from roboprompt_client.trajectory import EndEffectorAction
 
 
@@ -31,7 +31,8 @@ def path_of(record: PredictionRecord, settings: TaskSettings) -> tuple[Previewed
     hand = record.request.get("end_effector")
     joints = None if geometry is None else _start(geometry, base, hand)
     start_m = None if hand is None else hand["position"]
-    return Cell(base, settings.limits_of_motion(), geometry).preview(actions, joints, start_m)
+    limits = settings.limits_of_motion()
+    return preview_plan(actions, base, limits, geometry=geometry, joints_rad=joints, start_m=start_m)
 
 
 def _start(geometry: PandaGeometry, base: Calibration, hand: Mapping[str, Any] | None) -> Array:

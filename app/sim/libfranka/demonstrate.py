@@ -12,7 +12,7 @@ from app.sim.demonstrate import RecordedDemonstration, RolloutResult, view_scene
 from app.sim.libfranka.served import ServedScene
 from app.sim.moves import action_from_move
 from app.sim.tasks import ALL_TASKS, make_task
-from roboprompt_client.arms.arm import Arm, miss
+from roboprompt_client.arms.arm import Arm
 from roboprompt_client.errors import MotionError
 from roboprompt_client.recorder import Recorder
 from roboprompt_client.trajectory import EndEffectorAction
@@ -74,6 +74,6 @@ def _perform(
             arm.execute(action)
         except MotionError as error:
             return misses, f"action {index + 1} of {len(actions)}: {error}"
-        misses.append(miss(arm.state(), action.position_m, action.quaternion_xyzw))
+        misses.append(arm.state().distance_to(action.position_m, action.quaternion_xyzw))
         time.sleep(rest_s)
     return misses, ""

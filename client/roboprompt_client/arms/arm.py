@@ -1,7 +1,6 @@
 """An arm as a Robot: checked before it moves, compared afterwards, and still once it was stopped."""
 
 import logging
-import math
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -9,21 +8,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from roboprompt_client import quaternions as rotations
 from roboprompt_client.arms.calibration import Calibration
 from roboprompt_client.arms.driver import ArmState, Driver
 from roboprompt_client.arms.geometry import Geometry, KnowsItsJoints
-from roboprompt_client.arrays import Array
+from roboprompt_client.arms.preview import Previewed, preview_plan
 from roboprompt_client.errors import InvalidInputError, MotionError
 from roboprompt_client.motion_guard import MotionGuard
 from roboprompt_client.motion_limits import MotionLimits, Pose
-from roboprompt_client.preview import Cell, Previewed
 from roboprompt_client.robot import Observation
 from roboprompt_client.trajectory import EndEffectorAction
 
 log = logging.getLogger(__name__)
-Eyes = Callable[[], Observation]
-START_S = 0.2
+MAX_START_S = 0.2
 
 
 @dataclass(frozen=True)
@@ -45,7 +41,7 @@ class Arm:
     Once it was stopped, from whatever thread, and once a motion failed, it moves no more until `recover` is called.
 
     Args:
-        eyes: what there is to see, in the world frame; None: nothing.
+        observe_scene: what there is to see, in the world frame; None: nothing.
         limits: of the cell, in the world frame: held before every motion, whatever the service says.
         open_width_m: what the fingers measure when they are open; None: as wide as they were ever measured.
         geometry: of its joints, for the preview; None: the driver's own, if it has one.
@@ -57,7 +53,7 @@ class Arm:
         driver: Driver,
         *,
         calibration: Calibration | None = None,
-        eyes: Eyes | None = None,
+        observe_scene: Callable[[], Observation] | None = None,
         limits: MotionLimits | None = None,
         tolerance: Tolerance = TOLERANCE,
         open_width_m: float | None = None,
@@ -66,7 +62,7 @@ class Arm:
     ) -> None:
         self.driver = driver
         self._calibration = calibration or Calibration.none()
-        self._eyes = eyes
+        self._observe_scene = observe_scene
         self._limits = limits or MotionLimits(hand_radius_m=0.0)
         self._tolerance = tolerance
         self._stopped = threading.Event()
@@ -102,7 +98,7 @@ class Arm:
         )
 
     def observe(self) -> Observation:
-        seen = Observation() if self._eyes is None else self._eyes()
+        seen = Observation() if self._observe_scene is None else self._observe_scene()
         state = self.state()
         hand = Pose(tuple(state.position_m.tolist()), tuple(state.quaternion_xyzw.tolist()))
         return Observation(seen.objects, seen.frames, seen.to_find, hand)
@@ -119,8 +115,15 @@ class Arm:
         state = self.state()
         boxes = (*self._limits.keep_out, *limits.keep_out)
         bounds = MotionLimits(keep_out=boxes, hand_radius_m=max(self._limits.hand_radius_m, limits.hand_radius_m))
-        cell = Cell(self._calibration, bounds, self._geometry(), self._reach_m)
-        return cell.preview(actions, state.joint_positions_rad, state.position_m.tolist())
+        return preview_plan(
+            actions,
+            self._calibration,
+            bounds,
+            geometry=self._geometry(),
+            reach_m=self._reach_m,
+            joints_rad=state.joint_positions_rad,
+            start_m=state.position_m.tolist(),
+        )
 
     def _geometry(self) -> Geometry | None:
         if self._known_geometry is None and isinstance(self.driver, KnowsItsJoints):
@@ -148,7 +151,7 @@ class Arm:
     def stop(self) -> None:
         """Hold still, from any thread; what was moving raises MotionError, and nothing moves until `recover`."""
         self._stopped.set()
-        begun = self._starting.acquire(timeout=START_S)  # a driver that hangs must not keep the stop from it
+        begun = self._starting.acquire(timeout=MAX_START_S)  # a driver that hangs must not keep the stop from it
         try:
             self.driver.halt()
         except MotionError as error:
@@ -192,7 +195,7 @@ class Arm:
         self._refuse_if_stopped()
 
     def _check_arrival(self, action: EndEffectorAction) -> None:
-        off_m, off_deg = miss(self.state(), action.position_m, action.quaternion_xyzw)
+        off_m, off_deg = self.state().distance_to(action.position_m, action.quaternion_xyzw)
         if not (off_m <= self._tolerance.position_m and off_deg <= self._tolerance.rotation_deg):
             raise MotionError(f"the motion ended {1000 * off_m:.1f} mm and {off_deg:.1f} degrees off its target")
 
@@ -206,12 +209,6 @@ class Arm:
             raise MotionError(f"the gripper was to open, but measures {1000 * width_m:.1f} of {1000 * open_m:.1f} mm")
         if not is_open and width_m > open_m - near_m:
             raise MotionError(f"the gripper was to close, but still measures {1000 * width_m:.1f} mm")
-
-
-def miss(state: ArmState, position_m: Array, quaternion_xyzw: Array) -> tuple[float, float]:
-    """How far off a pose the end effector is: metres and degrees."""
-    turn = rotations.product(rotations.inverse(state.quaternion_xyzw), quaternion_xyzw)
-    return float(np.linalg.norm(state.position_m - position_m)), math.degrees(rotations.angle_rad(turn))
 
 
 def _pose(state: ArmState) -> Pose:

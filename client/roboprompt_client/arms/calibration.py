@@ -1,9 +1,7 @@
 """Where an arm's base stands in the world."""
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -11,7 +9,7 @@ from roboprompt_client import quaternions as rotations
 from roboprompt_client.arrays import Array, finite_array, settle, unit_quaternions
 from roboprompt_client.errors import InvalidInputError
 
-FORM = '{"base_to_world": {"position": [x, y, z], "quaternion_xyzw": [x, y, z, w]}}, metres'
+CALIBRATION_JSON = '{"base_to_world": {"position": [x, y, z], "quaternion_xyzw": [x, y, z, w]}}, metres'
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,24 +32,11 @@ class Calibration:
         return cls(np.zeros(3), rotations.IDENTITY)
 
     @classmethod
-    def from_file(cls, path: Path) -> "Calibration":
-        """Read one from a JSON file.
-
-        Raises:
-            InvalidInputError: if it cannot be read or is none.
-        """
-        try:
-            document = json.loads(path.read_text())
-        except (OSError, ValueError) as error:
-            raise InvalidInputError("calibration", f"{path}: {error}", f"a file with {FORM}") from error
-        return cls.from_json(document)
-
-    @classmethod
     def from_json(cls, document: object) -> "Calibration":
         """One of a JSON document; raises InvalidInputError if it is none."""
         pose = document.get("base_to_world") if isinstance(document, Mapping) else None
         if not isinstance(pose, Mapping) or not {"position", "quaternion_xyzw"} <= set(pose):
-            raise InvalidInputError("base_to_world", f"is {pose!r:.80}", FORM)
+            raise InvalidInputError("base_to_world", f"is {pose!r:.80}", CALIBRATION_JSON)
         return cls(pose["position"], pose["quaternion_xyzw"])
 
     def to_world(self, position_m: Array, quaternion_xyzw: Array) -> tuple[Array, Array]:

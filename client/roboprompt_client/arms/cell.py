@@ -11,19 +11,17 @@ Only `arm` is needed. `arm` may also be MODULE:FACTORY, a callable that returns 
 
 import importlib
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from roboprompt_client.arms.arm import Arm, Eyes, Tolerance
+from roboprompt_client.arms.arm import Arm, Tolerance
 from roboprompt_client.arms.calibration import Calibration
 from roboprompt_client.arms.urdf import UrdfGeometry
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.limit_values import checked_bound
-from roboprompt_client.motion_limits import MotionLimits
-from roboprompt_client.robot import Observation, Robot
-from roboprompt_client.scene_file import observation_from_file
+from roboprompt_client.motion_limits import MotionLimits, checked_bound
+from roboprompt_client.robot import Observation, Robot, observation_from_file
 
 DRIVERS = {
     "franka": "roboprompt_client.arms.franka:Franka",
@@ -31,7 +29,7 @@ DRIVERS = {
     "xarm": "roboprompt_client.arms.xarm:XArm",
     "lerobot": "roboprompt_client.arms.lerobot:LeRobotArm",
 }
-KNOWN = ("arm", "options", "base_to_world", "limits", "objects", "tolerance", "open_width_m", "reach_m", "urdf")
+CELL_FIELDS = ("arm", "options", "base_to_world", "limits", "objects", "tolerance", "open_width_m", "reach_m", "urdf")
 
 
 def open_robot(name: str) -> Robot:
@@ -55,8 +53,8 @@ def open_cell(path: Path) -> Robot:
         raise InvalidInputError("robot", f"{path}: {error}", "MODULE:FACTORY, or a cell's JSON file") from error
     if not isinstance(cell, Mapping) or not isinstance(cell.get("arm"), str):
         raise InvalidInputError("arm", "is missing", ", ".join(DRIVERS))
-    if unknown := [name for name in cell if name not in KNOWN]:
-        raise InvalidInputError(unknown[0], "is not known", ", ".join(KNOWN))
+    if unknown := [name for name in cell if name not in CELL_FIELDS]:
+        raise InvalidInputError(unknown[0], "is not known", ", ".join(CELL_FIELDS))
     tolerance = _tolerance(cell.get("tolerance", {}))
     limits = MotionLimits.from_file(cell["limits"]) if "limits" in cell else None
     calibration = Calibration.from_json(cell) if "base_to_world" in cell else None
@@ -65,11 +63,11 @@ def open_cell(path: Path) -> Robot:
     if not hasattr(made, "halt"):
         robot: Robot = made
         return robot
-    eyes = _eyes(path.parent / cell["objects"]) if "objects" in cell else None
+    observe_scene = _scene_of(path.parent / cell["objects"]) if "objects" in cell else None
     return Arm(
         made,
         calibration=calibration,
-        eyes=eyes,
+        observe_scene=observe_scene,
         limits=limits,
         tolerance=tolerance,
         open_width_m=cell.get("open_width_m"),
@@ -104,7 +102,7 @@ def _geometry(folder: Path, document: object) -> UrdfGeometry:
     return UrdfGeometry(folder / str(document["file"]), str(document["frame"]))
 
 
-def _eyes(path: Path) -> Eyes:
+def _scene_of(path: Path) -> Callable[[], Observation]:
     """What the file says, read again at each look."""
 
     def look() -> Observation:

@@ -1,12 +1,15 @@
 """What an arm's interface must offer: metres, radians, x y z w, all in the arm's base frame."""
 
+import importlib
+import math
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from roboprompt_client.arrays import Array
-from roboprompt_client.quaternions import to_matrix
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.quaternions import angle_between_rad, to_matrix
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,9 +31,10 @@ class ArmState:
     gripper_width_m: float | None = None
     gripper_open: bool | None = None
 
-    def transform(self) -> Array:
-        """(4, 4) end effector to base."""
-        return pose_matrix(self.position_m, self.quaternion_xyzw)
+    def distance_to(self, position_m: Array, quaternion_xyzw: Array) -> tuple[float, float]:
+        """How far the end effector is from a pose (3,), (4,) in the same frame: metres and degrees."""
+        turn_rad = angle_between_rad(self.quaternion_xyzw, quaternion_xyzw)
+        return float(np.linalg.norm(self.position_m - position_m)), math.degrees(turn_rad)
 
 
 class Driver(Protocol):
@@ -91,6 +95,18 @@ class Driver(Protocol):
     def close(self) -> None:
         """Leave the arm."""
         ...
+
+
+def import_extra(module: str, package: str, extra: str) -> Any:  # noqa: ANN401
+    """A module of a maker's package, which is an extra.
+
+    Raises:
+        InvalidInputError: if it is not installed.
+    """
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        raise InvalidInputError(extra, f"{package} is not installed", f"roboprompt-client[{extra}]") from error
 
 
 def pose_matrix(position_m: Array, quaternion_xyzw: Array) -> Array:

@@ -3,6 +3,7 @@
 Metres, x y z w, end effector to base, as franky has them. It starts at 5 % of the arm's dynamics.
 """
 
+import math
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -12,10 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from roboprompt_client import quaternions as rotations
-from roboprompt_client.arms.driver import ArmState
-from roboprompt_client.arms.geometry import PandaGeometry
-from roboprompt_client.arms.panda_kinematics import LIMITS_RAD
+from roboprompt_client.arms.driver import ArmState, import_extra
+from roboprompt_client.arms.panda import LIMITS_RAD, PandaGeometry
 from roboprompt_client.arrays import Array
 from roboprompt_client.errors import InvalidInputError, MotionError
 
@@ -23,8 +22,8 @@ DYNAMICS = 0.05
 GRIPPER_M_S, GRASP_N = 0.05, 20.0
 POLL_S = 0.05
 CONNECT_S = 10.0
-LEAST_WIDTH_M = 0.001
-THERE = 1e-6  # metres and radians
+WIDTH_TOLERANCE_M = 0.001
+POSE_TOLERANCE = 1e-6  # metres and radians
 
 
 class Franka:
@@ -59,7 +58,7 @@ class Franka:
             raise InvalidInputError("model", f"is {model!r:.40}", ", ".join(LIMITS_RAD))
         if not 0 < dynamics <= 1:
             raise InvalidInputError("dynamics", f"is {dynamics!r:.40}", "above 0 and at most 1")
-        self._franky = franky = _franky()
+        self._franky = franky = import_extra("franky", "franky-control", "franka")
         self._model, self._grasp_n = model, grasp_n
         self._gripping = self._going = False
         kernel = franky.RealtimeConfig.Enforce if realtime else franky.RealtimeConfig.Ignore
@@ -102,9 +101,8 @@ class Franka:
             self._robot.move(self._franky.CartesianMotion(target), asynchronous=True)
 
     def _is_at(self, position_m: Array, quaternion_xyzw: Array) -> bool:
-        here = self.state()
-        turn = rotations.product(rotations.inverse(here.quaternion_xyzw), quaternion_xyzw)
-        return float(np.linalg.norm(here.position_m - position_m)) < THERE and rotations.angle_rad(turn) < THERE
+        off_m, off_deg = self.state().distance_to(position_m, quaternion_xyzw)
+        return off_m < POSE_TOLERANCE and math.radians(off_deg) < POSE_TOLERANCE
 
     def finished(self) -> bool:
         if not self._going:
@@ -123,9 +121,9 @@ class Franka:
         self._gripping = True
         with self._errors("gripper"):
             width_m, most_m = float(hand.width), float(hand.max_width)
-            if is_open and width_m < most_m - LEAST_WIDTH_M:
+            if is_open and width_m < most_m - WIDTH_TOLERANCE_M:
                 hand.open(GRIPPER_M_S)
-            elif not is_open and width_m > LEAST_WIDTH_M:
+            elif not is_open and width_m > WIDTH_TOLERANCE_M:
                 # Whatever it closes on, or nothing, is right: the width afterwards is what counts.
                 hand.grasp(0.0, GRIPPER_M_S, self._grasp_n, most_m, most_m)
         self._gripping = False
@@ -179,11 +177,3 @@ def _within(most_s: float, connect: Callable[[], Any]) -> Any:  # noqa: ANN401
     if error is not None:
         raise error
     return made
-
-
-def _franky() -> Any:  # noqa: ANN401
-    try:
-        import franky
-    except ImportError as error:
-        raise InvalidInputError("robot", "franky is not installed", "roboprompt-client[franka]") from error
-    return franky

@@ -1,15 +1,20 @@
 """What is known of an arm's joints: whether a straight way can be gone, and where they are at its end."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
-from roboprompt_client.arms.panda_kinematics import LIMITS_RAD, READY_RAD, check_way
+from roboprompt_client import quaternions as rotations
 from roboprompt_client.arrays import Array
-from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.errors import MotionError
 
-HAND_YAW_RAD, HAND_M = -np.pi / 4, 0.1034  # the Franka Hand on its flange, down to between the fingertips
+# The end effector (4, 4) in the base frame for joints (J,), and the Jacobian (6, J) of its linear and angular velocity
+Forward = Callable[[Array], tuple[Array, Array]]
+JOINT_MARGIN_RAD = 0.02  # the arm's own reflex comes at the limit
+STEP_M, STEP_RAD = 0.01, 0.05
+POSE_TOLERANCE = 1e-4  # metres and radians
+DAMPING, MAX_ITERATIONS = 0.02, 60
 
 
 class Nearest(NamedTuple):
@@ -48,38 +53,6 @@ class KnowsItsJoints(Protocol):
         ...
 
 
-@dataclass(frozen=True, eq=False)
-class PandaGeometry:
-    """A Franka Panda's or Research 3's.
-
-    Args:
-        model: `panda` or `fr3`: whose joint limits hold.
-        flange_to_tip: (4, 4) tip to flange; None: the Franka Hand's.
-
-    Raises:
-        InvalidInputError: for another model.
-    """
-
-    model: str = "fr3"
-    flange_to_tip: Array | None = None
-
-    def __post_init__(self) -> None:
-        if self.model not in LIMITS_RAD:
-            raise InvalidInputError("model", f"is {self.model!r:.40}", ", ".join(LIMITS_RAD))
-
-    def way(self, joints_rad: Array, position_m: Array, quaternion_xyzw: Array) -> Array:
-        tip = franka_hand() if self.flange_to_tip is None else self.flange_to_tip
-        return check_way(joints_rad, tip, position_m, quaternion_xyzw, self.model)
-
-    def nearest_limit(self, joints_rad: Array) -> Nearest:
-        return nearest_limit(joints_rad, *(np.array(bound) for bound in LIMITS_RAD[self.model]))
-
-    @property
-    def ready_rad(self) -> Array:
-        """(7,) the maker's ready pose, the hand pointing down."""
-        return np.array(READY_RAD)
-
-
 def nearest_limit(joints_rad: Array, low_rad: Array, high_rad: Array) -> Nearest:
     """Which of the joints (J,) is nearest to its bounds (J,)."""
     margins = np.minimum(joints_rad - low_rad, high_rad - joints_rad)
@@ -87,7 +60,46 @@ def nearest_limit(joints_rad: Array, low_rad: Array, high_rad: Array) -> Nearest
     return Nearest(index + 1, float(np.degrees(margins[index])))
 
 
-def franka_hand() -> Array:
-    """(4, 4) the point between the fingertips to the flange."""
-    cos, sin = np.cos(HAND_YAW_RAD), np.sin(HAND_YAW_RAD)
-    return np.array([[cos, -sin, 0, 0], [sin, cos, 0, 0], [0, 0, 1, HAND_M], [0, 0, 0, 1]])
+def follow_line(forward: Forward, joints_rad: Array, goal: Array, low_rad: Array, high_rad: Array) -> Array:
+    """The joints (J,) at the end of the straight way to a pose.
+
+    Args:
+        joints_rad: (J,) where the arm is.
+        goal: (4, 4) of the end effector.
+        low_rad, high_rad: (J,) the joints' limits.
+
+    Raises:
+        MotionError: if the way ends before the goal, or leads to a joint's limit, naming it.
+    """
+    start, _ = forward(joints_rad)
+    turn = rotations.to_rotation_vector(rotations.from_matrix(goal[:3, :3] @ start[:3, :3].T))
+    way_m, way_rad = float(np.linalg.norm(goal[:3, 3] - start[:3, 3])), float(np.linalg.norm(turn))
+    steps = max(1, int(np.ceil(max(way_m / STEP_M, way_rad / STEP_RAD))))
+    joints = np.array(joints_rad, float)
+    for part in np.arange(1, steps + 1) / steps:
+        between = np.eye(4)
+        between[:3, :3] = rotations.to_matrix(rotations.from_rotation_vector(part * turn)) @ start[:3, :3]
+        between[:3, 3] = start[:3, 3] + part * (goal[:3, 3] - start[:3, 3])
+        joints = _follow(forward, joints, between, float(part))
+        _check_limits(joints, low_rad + JOINT_MARGIN_RAD, high_rad - JOINT_MARGIN_RAD, float(part))
+    return joints
+
+
+def _follow(forward: Forward, joints_rad: Array, goal: Array, part: float) -> Array:
+    joints = joints_rad
+    for _ in range(MAX_ITERATIONS):
+        here, jacobian = forward(joints)
+        turn = rotations.to_rotation_vector(rotations.from_matrix(goal[:3, :3] @ here[:3, :3].T))
+        error = np.concatenate([goal[:3, 3] - here[:3, 3], turn])
+        if np.abs(error).max() < POSE_TOLERANCE:
+            return joints
+        joints = joints + jacobian.T @ np.linalg.solve(jacobian @ jacobian.T + DAMPING**2 * np.eye(6), error)
+    raise MotionError(f"the pose is out of reach: the straight way to it ends after {100 * part:.0f} %")
+
+
+def _check_limits(joints_rad: Array, low_rad: Array, high_rad: Array, part: float) -> None:
+    for number, (angle, low, high) in enumerate(zip(joints_rad, low_rad, high_rad, strict=True), 1):
+        if not low <= angle <= high:
+            bound = f"{low:.3f} to {high:.3f} rad"
+            where = f"after {100 * part:.0f} % of the way"
+            raise MotionError(f"joint {number} would come to {angle:.3f} rad {where} (allowed: {bound})")

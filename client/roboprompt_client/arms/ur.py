@@ -1,14 +1,13 @@
 """A Universal Robots arm by ur-rtde: metres, rotation vectors, tool to base."""
 
 import time
-from typing import Any
 
 import numpy as np
 
 from roboprompt_client import quaternions as rotations
-from roboprompt_client.arms.driver import ArmState
+from roboprompt_client.arms.driver import ArmState, import_extra
 from roboprompt_client.arrays import Array
-from roboprompt_client.errors import InvalidInputError, MotionError
+from roboprompt_client.errors import MotionError
 
 SPEED_M_S, ACCELERATION_M_S2 = 0.1, 0.3
 STOP_M_S2 = 2.0
@@ -40,7 +39,9 @@ class UR:
         gripper_output: int | None = None,
         gripper_s: float = GRIPPER_S,
     ) -> None:
-        control, receive, outputs = _rtde()
+        control, receive, outputs = (
+            import_extra(f"rtde_{name}", "ur-rtde", "ur") for name in ("control", "receive", "io")
+        )
         try:
             self._control = control.RTDEControlInterface(address)
             self._receive = receive.RTDEReceiveInterface(address)
@@ -124,13 +125,3 @@ class UR:
 
 def _pose(position_m: Array, quaternion_xyzw: Array) -> list[float]:
     return [*position_m.tolist(), *rotations.to_rotation_vector(quaternion_xyzw).tolist()]
-
-
-def _rtde() -> tuple[Any, Any, Any]:
-    try:
-        import rtde_control
-        import rtde_io
-        import rtde_receive
-    except ImportError as error:
-        raise InvalidInputError("robot", "ur-rtde is not installed", "roboprompt-client[ur]") from error
-    return rtde_control, rtde_receive, rtde_io

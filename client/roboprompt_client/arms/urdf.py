@@ -1,13 +1,11 @@
 """The geometry of an arm that a URDF file describes, by pinocchio."""
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from roboprompt_client.arms.driver import pose_matrix
-from roboprompt_client.arms.geometry import Nearest, nearest_limit
-from roboprompt_client.arms.straight_way import follow_line
+from roboprompt_client.arms.driver import import_extra, pose_matrix
+from roboprompt_client.arms.geometry import Nearest, follow_line, nearest_limit
 from roboprompt_client.arrays import Array
 from roboprompt_client.errors import InvalidInputError, MotionError
 
@@ -24,7 +22,7 @@ class UrdfGeometry:
     """
 
     def __init__(self, path: Path, frame: str) -> None:
-        self._pin = pin = _pinocchio()
+        self._pin = pin = import_extra("pinocchio", "pinocchio", "urdf")
         try:
             self._model = pin.buildModelFromUrdf(str(path))
         except ValueError as error:
@@ -54,11 +52,3 @@ class UrdfGeometry:
         jacobian = self._pin.computeFrameJacobian(self._model, self._data, joints_rad, self._frame, axes)
         self._pin.updateFramePlacement(self._model, self._data, self._frame)
         return np.array(self._data.oMf[self._frame].homogeneous), np.array(jacobian)
-
-
-def _pinocchio() -> Any:  # noqa: ANN401
-    try:
-        import pinocchio
-    except ImportError as error:
-        raise InvalidInputError("urdf", "pinocchio is not installed", "roboprompt-client[urdf]") from error
-    return pinocchio

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 
 from roboprompt_client import quaternions as rotations
-from roboprompt_client.arms.driver import ArmState
+from roboprompt_client.arms.driver import ArmState, import_extra
 from roboprompt_client.arrays import Array
-from roboprompt_client.errors import InvalidInputError, MotionError
+from roboprompt_client.errors import MotionError
 
 SPEED_MM_S, ACCELERATION_MM_S2 = 100.0, 500.0
 MM = 1000.0
@@ -41,8 +41,9 @@ class XArm:
         acceleration_mm_s2: float = ACCELERATION_MM_S2,
         gripper: bool = True,
     ) -> None:
+        sdk = import_extra("xarm.wrapper", "xarm-python-sdk", "xarm")
         try:
-            self._arm = _sdk()(address, is_radian=True)
+            self._arm = sdk.XArmAPI(address, is_radian=True)
         except Exception as error:  # the SDK raises plain Exception
             raise MotionError(f"{self.name}: connect {address}: {error}") from error
         self._speed, self._acceleration = speed_mm_s, acceleration_mm_s2
@@ -127,11 +128,3 @@ class XArm:
 
 def _pose(position_m: Array, quaternion_xyzw: Array) -> list[float]:
     return [*(MM * position_m).tolist(), *rotations.to_roll_pitch_yaw(quaternion_xyzw)]
-
-
-def _sdk() -> Any:  # noqa: ANN401
-    try:
-        from xarm.wrapper import XArmAPI
-    except ImportError as error:
-        raise InvalidInputError("robot", "xarm-python-sdk is not installed", "roboprompt-client[xarm]") from error
-    return XArmAPI

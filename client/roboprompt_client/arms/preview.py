@@ -1,6 +1,6 @@
 """A plan before it moves anything: how far each pose is, whether the arm gets there, and what is in its way."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,7 +23,7 @@ class Previewed:
     Attributes:
         from_base_m: of its position.
         reachable: None where too little is known of the arm.
-        problem: why the straight way to it cannot be gone; empty if it can, or if nobody knows.
+        problem: why the straight way to it cannot be gone; empty if it can, or if that is not known.
         nearest: at its pose; None where the joints are not known.
         touches: boxes that the hand touches on the straight way to it.
     """
@@ -56,60 +56,46 @@ class Previewed:
         )
 
 
-@dataclass(frozen=True, eq=False)
-class Cell:
-    """What is known of an arm and of what stands around it.
+def preview_plan(
+    actions: Iterable[EndEffectorAction],
+    calibration: Calibration,
+    limits: MotionLimits,
+    *,
+    geometry: Geometry | None = None,
+    reach_m: float | None = None,
+    joints_rad: Array | None = None,
+    start_m: Sequence[float] | None = None,
+) -> tuple[Previewed, ...]:
+    """Each action in turn, reached straight from the one before.
 
-    Attributes:
-        calibration: where its base stands.
+    Args:
+        calibration: where the arm's base stands.
         limits: of which the boxes to keep out of are held against the way.
-        geometry: of its joints; None: not known.
-        reach_m: how far from the base its hand gets, where the joints are not known; None: not known either.
+        geometry: of the arm's joints; None: not known.
+        reach_m: how far from the base the hand gets, where the joints are not known; None: not known either.
+        joints_rad: (J,) where the arm is; None: only the distance is held against its reach.
+        start_m: (3,) where the hand is, world frame; None: the way to the first action is not known.
     """
-
-    calibration: Calibration
-    limits: MotionLimits
-    geometry: Geometry | None = None
-    reach_m: float | None = None
-
-    def preview(
-        self,
-        actions: Iterable[EndEffectorAction],
-        joints_rad: Array | None = None,
-        start_m: Sequence[float] | None = None,
-    ) -> tuple[Previewed, ...]:
-        """Each action in turn, reached straight from the one before.
-
-        Args:
-            joints_rad: (J,) where the arm is; None: only the distance is held against its reach.
-            start_m: (3,) where the hand is, world frame; None: nothing is known of the way to the first action.
-        """
-        return tuple(self._previewed(actions, joints_rad, start_m))
-
-    def _previewed(
-        self, actions: Iterable[EndEffectorAction], joints_rad: Array | None, start_m: Sequence[float] | None
-    ) -> Iterator[Previewed]:
-        for action in actions:
-            end_m: list[float] = action.position_m.tolist()
-            away_m = float(np.linalg.norm(action.position_m - self.calibration.position_m))
-            touches = self._touched(end_m if start_m is None else start_m, end_m)
-            start_m = end_m
-            if self.geometry is None or joints_rad is None:
-                reachable = None if self.reach_m is None else away_m <= self.reach_m
-                beyond = "" if reachable is not False else f"the pose is out of reach: at most {self.reach_m:g} m"
-                yield Previewed(action, away_m, reachable, beyond, None, touches)
-                continue
-            wanted = self.calibration.to_base(action.position_m, action.quaternion_xyzw)
-            try:
-                joints_rad = self.geometry.way(joints_rad, *wanted)
-            except MotionError as error:  # the way to the next is looked at as if this one were left out
-                yield Previewed(action, away_m, False, str(error), None, touches)
-            else:
-                yield Previewed(action, away_m, True, "", self.geometry.nearest_limit(joints_rad), touches)
-
-    def _touched(self, start_m: Sequence[float], end_m: Sequence[float]) -> tuple[Box, ...]:
-        radius_m = self.limits.hand_radius_m
-        return tuple(box for box in self.limits.keep_out if enters(start_m, end_m, box, radius_m))
+    previewed = []
+    for action in actions:
+        end_m: list[float] = action.position_m.tolist()
+        away_m = float(np.linalg.norm(action.position_m - calibration.position_m))
+        way = (end_m if start_m is None else start_m, end_m)
+        touches = tuple(box for box in limits.keep_out if enters(*way, box, limits.hand_radius_m))
+        start_m = end_m
+        if geometry is None or joints_rad is None:
+            reachable = None if reach_m is None else away_m <= reach_m
+            beyond = "" if reachable is not False else f"the pose is out of reach: at most {reach_m:g} m"
+            previewed.append(Previewed(action, away_m, reachable, beyond, None, touches))
+            continue
+        try:
+            joints_rad = geometry.way(joints_rad, *calibration.to_base(action.position_m, action.quaternion_xyzw))
+        except MotionError as error:  # the way to the next is looked at as if this one were left out
+            previewed.append(Previewed(action, away_m, False, str(error), None, touches))
+        else:
+            nearest = geometry.nearest_limit(joints_rad)
+            previewed.append(Previewed(action, away_m, True, "", nearest, touches))
+    return tuple(previewed)
 
 
 def table(previewed: Sequence[Previewed]) -> str:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from roboprompt_client import quaternions as rotations
-from roboprompt_client.arms.panda_kinematics import LIMITS_RAD, check_way, flange
+from roboprompt_client.arms.panda import LIMITS_RAD, PandaGeometry, flange
 from roboprompt_client.errors import MotionError
 
 READY_RAD = np.array([0, -np.pi / 4, 0, -3 * np.pi / 4, 0, np.pi / 2, np.pi / 4])
@@ -32,7 +32,7 @@ def test_the_jacobian_is_the_derivative():
 def test_a_reachable_pose_is_reached():
     tip = np.eye(4)
     tip[2, 3] = 0.1034
-    joints = check_way(READY_RAD, tip, np.array([0.45, 0.15, 0.2]), DOWN, "fr3")
+    joints = PandaGeometry("fr3", tip).way(READY_RAD, np.array([0.45, 0.15, 0.2]), DOWN)
     frame, _ = flange(joints)
     np.testing.assert_allclose((frame @ tip)[:3, 3], [0.45, 0.15, 0.2], atol=1e-3)
 
@@ -47,10 +47,10 @@ def test_a_reachable_pose_is_reached():
 )
 def test_what_is_out_of_reach_is_refused_before_it_moves(position_m, message):
     with pytest.raises(MotionError, match=message):
-        check_way(READY_RAD, np.eye(4), np.array(position_m), DOWN, "fr3")
+        PandaGeometry("fr3", np.eye(4)).way(READY_RAD, np.array(position_m), DOWN)
 
 
 def test_a_joint_s_limit_is_named():
     turned = rotations.product(rotations.about_z(2.5), DOWN)
     with pytest.raises(MotionError, match=r"joint 7 would come to .* after \d+ % of the way"):
-        check_way(READY_RAD, np.eye(4), flange(READY_RAD)[0][:3, 3], turned, "fr3")
+        PandaGeometry("fr3", np.eye(4)).way(READY_RAD, flange(READY_RAD)[0][:3, 3], turned)

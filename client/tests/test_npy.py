@@ -2,11 +2,10 @@ import io
 
 import numpy as np
 import pytest
+from npy_files import HOSTILE, npy, npy_that_claims
 
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.npy import array_from_npy
-
-from ..npy import HOSTILE, npy, npy_that_claims
 
 
 @pytest.mark.parametrize(

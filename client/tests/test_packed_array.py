@@ -6,8 +6,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.npy import array_from_npy
-from roboprompt_client.packed_array import DTYPES, is_packed_array, npy_from_packed, packed_array
+from roboprompt_client.npy import DTYPES, array_from_npy, is_packed_array, npy_from_packed, packed_array
 
 IMAGE = {"__ndarray__": True, "data": bytes(6), "dtype": "|u1", "shape": [1, 2, 3]}
 

@@ -3,6 +3,7 @@ import zipfile
 
 import numpy as np
 import pytest
+from npy_files import HOSTILE, npy
 
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.trajectory import Trajectory
@@ -12,8 +13,6 @@ from roboprompt_client.trajectory_npz import (
     trajectory_from_arrays,
     trajectory_from_npz,
 )
-
-from ..npy import HOSTILE, npy
 
 T = 6
 ARRAYS = {

@@ -4,12 +4,14 @@ Geometry and limits: Franka Robotics, "Robot and interface specifications" (Dena
 Panda and the Research 3 share the geometry).
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from roboprompt_client import quaternions as rotations
-from roboprompt_client.arms.straight_way import follow_line
+from roboprompt_client.arms.driver import pose_matrix
+from roboprompt_client.arms.geometry import Nearest, follow_line, nearest_limit
 from roboprompt_client.arrays import Array
-from roboprompt_client.errors import MotionError
+from roboprompt_client.errors import InvalidInputError, MotionError
 
 _A_M = (0.0, 0.0, 0.0, 0.0825, -0.0825, 0.0, 0.088)
 _D_M = (0.333, 0.0, 0.316, 0.0, 0.384, 0.0, 0.0)
@@ -27,6 +29,7 @@ LIMITS_RAD = {
 }
 READY_RAD = (0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4)
 REACH_M = 0.855  # of the flange from the shoulder
+HAND_YAW_RAD, HAND_M = -np.pi / 4, 0.1034  # the Franka Hand on its flange, down to between the fingertips
 SHOULDER_M = np.array([0.0, 0.0, 0.333])
 
 
@@ -42,27 +45,6 @@ def flange(joints_rad: Array) -> tuple[Array, Array]:
     return frame, np.concatenate([np.cross(axes, arms), axes], axis=1).T
 
 
-def check_way(joints_rad: Array, flange_to_tip: Array, position_m: Array, quaternion_xyzw: Array, model: str) -> Array:
-    """The joints (7,) at the end of the straight way to a pose of the tip.
-
-    Args:
-        joints_rad: (7,) where the arm is.
-        flange_to_tip: (4, 4) tip to flange.
-        model: `panda` or `fr3`.
-
-    Raises:
-        MotionError: if the pose is beyond the arm's reach, or the way leads to a joint's limit, naming it.
-    """
-    target = np.eye(4)
-    target[:3, :3], target[:3, 3] = rotations.to_matrix(quaternion_xyzw), position_m
-    goal = target @ np.linalg.inv(flange_to_tip)
-    away_m = float(np.linalg.norm(goal[:3, 3] - SHOULDER_M))
-    if away_m > REACH_M:
-        raise MotionError(f"the pose is out of reach: {away_m:.3f} m from the shoulder, at most {REACH_M} m")
-    low, high = (np.array(bound) for bound in LIMITS_RAD[model])
-    return follow_line(flange, joints_rad, goal, low, high)
-
-
 def _link(a_m: float, d_m: float, alpha_rad: float, angle_rad: float) -> Array:
     """One joint's frame in the one before (Craig's convention)."""
     ca, sa, ct, st = np.cos(alpha_rad), np.sin(alpha_rad), np.cos(angle_rad), np.sin(angle_rad)
@@ -74,3 +56,50 @@ def _link(a_m: float, d_m: float, alpha_rad: float, angle_rad: float) -> Array:
             [0.0, 0.0, 0.0, 1.0],
         ]
     )
+
+
+@dataclass(frozen=True, eq=False)
+class PandaGeometry:
+    """A Franka Panda's or Research 3's.
+
+    Args:
+        model: `panda` or `fr3`: whose joint limits hold.
+        flange_to_tip: (4, 4) tip to flange; None: the Franka Hand's.
+
+    Raises:
+        InvalidInputError: for another model.
+    """
+
+    model: str = "fr3"
+    flange_to_tip: Array | None = None
+
+    def __post_init__(self) -> None:
+        if self.model not in LIMITS_RAD:
+            raise InvalidInputError("model", f"is {self.model!r:.40}", ", ".join(LIMITS_RAD))
+
+    def way(self, joints_rad: Array, position_m: Array, quaternion_xyzw: Array) -> Array:
+        tip = franka_hand() if self.flange_to_tip is None else self.flange_to_tip
+        goal = pose_matrix(position_m, quaternion_xyzw) @ np.linalg.inv(tip)
+        away_m = float(np.linalg.norm(goal[:3, 3] - SHOULDER_M))
+        if away_m > REACH_M:
+            raise MotionError(f"the pose is out of reach: {away_m:.3f} m from the shoulder, at most {REACH_M} m")
+        return follow_line(flange, joints_rad, goal, *self._limits_rad)
+
+    def nearest_limit(self, joints_rad: Array) -> Nearest:
+        return nearest_limit(joints_rad, *self._limits_rad)
+
+    @property
+    def _limits_rad(self) -> tuple[Array, Array]:
+        low, high = LIMITS_RAD[self.model]
+        return np.array(low), np.array(high)
+
+    @property
+    def ready_rad(self) -> Array:
+        """(7,) the maker's ready pose, the hand pointing down."""
+        return np.array(READY_RAD)
+
+
+def franka_hand() -> Array:
+    """(4, 4) the point between the fingertips to the flange."""
+    cos, sin = np.cos(HAND_YAW_RAD), np.sin(HAND_YAW_RAD)
+    return np.array([[cos, -sin, 0, 0], [sin, cos, 0, 0], [0, 0, 1, HAND_M], [0, 0, 0, 1]])

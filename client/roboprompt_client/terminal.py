@@ -1,0 +1,64 @@
+"""A person at the terminal, who sees the plan, is asked before each motion, and says afterwards whether it worked."""
+
+import sys
+from collections.abc import Sequence
+
+from roboprompt_client.answers import Outcome, PredictedActions
+from roboprompt_client.arms.arm import Arm
+from roboprompt_client.arms.preview import Previewed, table
+from roboprompt_client.motion_limits import MotionLimits
+from roboprompt_client.robot import Robot
+from roboprompt_client.trajectory import EndEffectorAction
+
+YES, NO = ("y", "yes"), ("n", "no")
+
+
+def ask(question: str) -> str | None:
+    """What a person types, without surrounding spaces; None where standard input has ended."""
+    try:
+        return input(question).strip()
+    except EOFError:
+        return None
+
+
+def ask_yes(question: str) -> bool:
+    """Whether a person types yes."""
+    return (ask(question) or "").lower() in YES
+
+
+class Person:
+    """What the loop calls `preview`, `confirm` and `on_outcome`."""
+
+    def __init__(self, robot: Robot) -> None:
+        self._robot = robot
+        self._shown: list[Previewed] = []  # in the order in which `confirm` is asked about them
+
+    def preview(self, actions: Sequence[EndEffectorAction], limits: MotionLimits) -> None:
+        """Print the plan, or that nothing is known of the arm."""
+        if not isinstance(self._robot, Arm):
+            _print("no preview: of this robot's arm nothing is known (a cell's file says it)")
+            return
+        previewed = self._robot.preview(actions, limits)
+        self._shown += previewed
+        if previewed:
+            _print(table(previewed))
+
+    def confirm(self, index: int, action: EndEffectorAction) -> bool:
+        """Whether the person lets the action go; what is wrong with it is printed first."""
+        if index < len(self._shown) and (warning := self._shown[index].warning):
+            _print(f"! {warning}")
+        gripper = "open" if action.gripper_open else "closed"
+        x_m, y_m, z_m = action.position_m
+        return ask_yes(f"action {index + 1}: to {x_m:.3f} {y_m:.3f} {z_m:.3f} m, gripper {gripper}. Go? [y/N] ")
+
+    def outcome(self, predicted: PredictedActions) -> Outcome | None:
+        """What the person says: `y` or `n`, with a note behind it; None where they say nothing."""
+        while answer := ask("Did it work? [y, n, or n and why; Enter: not recorded] "):
+            word, _, note = answer.partition(" ")
+            if word.lower().rstrip(",:") in (*YES, *NO):
+                return Outcome(word.lower().rstrip(",:") in YES, note.strip() or None)
+        return None
+
+
+def _print(text: str) -> None:
+    print(text, file=sys.stderr)  # noqa: T201

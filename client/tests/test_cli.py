@@ -1,0 +1,167 @@
+"""`roboprompt-robot` as a person at the robot's computer uses it."""
+
+import json
+import sys
+
+import httpx
+import pytest
+
+from roboprompt_client import cli
+from roboprompt_client.client import RoboPromptClient
+
+ACTION = {"position": [0.1, 0.2, 0.9], "quaternion_xyzw": [1, 0, 0, 0], "gripper_open": True}
+BOUNDS = {"keep_out": [], "max_step_m": None, "max_step_rotation_deg": None}
+LIMITS = {"workspace": {"min": [-1, -1, 0], "max": [1, 1, 2]}, "motion_limits": BOUNDS}
+MY_CELL = """
+from roboprompt_client import Observation, ObjectPose
+
+class Fake:
+    def observe(self):
+        return Observation(ObjectPose("cube", [0, 0, 0]))
+
+    def execute(self, action):
+        pass
+
+    def stop(self):
+        pass
+
+def make():
+    return Fake()
+"""
+
+
+class Service:
+    """A service that has one prediction, and notes what it is told."""
+
+    def __init__(self):
+        self.urls, self.outcomes, self.down = [], [], False
+
+    def __call__(self, request):
+        path = request.url.path
+        if path == "/healthz":
+            return httpx.Response(200, json={"checks": {}})
+        if path == "/tasks/pick":
+            return httpx.Response(200, json=LIMITS)
+        if path == "/predict":
+            after = json.loads(request.read()).get("after")
+            document = {"id": "p2" if after else "p1", "actions": [] if after else [ACTION], "findings": []}
+            return httpx.Response(200, json=document)
+        if self.down:
+            raise httpx.ConnectError("refused")
+        self.outcomes.append((path, json.loads(request.read())))
+        return httpx.Response(200, json={})
+
+    def client(self, url):
+        self.urls.append(url)
+        return RoboPromptClient(connection=httpx.Client(transport=httpx.MockTransport(self), base_url="http://robots"))
+
+
+@pytest.fixture
+def service(monkeypatch, tmp_path):
+    service = Service()
+    monkeypatch.setattr(cli, "RoboPromptClient", service.client)
+    monkeypatch.setattr("sys.path", ["/"])
+    monkeypatch.delitem(sys.modules, "my_cell", raising=False)
+    (tmp_path / "my_cell.py").write_text(MY_CELL)
+    monkeypatch.chdir(tmp_path)
+    return service
+
+
+def run(monkeypatch, *words, answers=()):
+    """The exit status of the command, at a terminal where a person types `answers` and then leaves."""
+    typed, asked = list(answers), []
+
+    def type_next(question):
+        asked.append(question)
+        if not typed:
+            raise EOFError
+        return typed.pop(0)
+
+    monkeypatch.setattr("builtins.input", type_next)
+    monkeypatch.setattr("sys.argv", ["roboprompt-robot", *words])
+    return cli.main(), asked
+
+
+RUN = ("run", "--robot", "my_cell:make", "--task", "pick", "--instruction", "pick up the cube")
+
+
+@pytest.mark.parametrize("words", [("--url", "http://robot-lab:8000", *RUN), (*RUN, "--url", "http://robot-lab:8000")])
+def test_the_url_stands_before_or_behind_the_command(service, monkeypatch, words):
+    assert run(monkeypatch, *words)[0] == 0
+    assert service.urls == ["http://robot-lab:8000"]
+
+
+def test_without_a_url_it_is_this_machine(service, monkeypatch):
+    run(monkeypatch, *RUN)
+    assert service.urls == ["http://127.0.0.1:8000"]
+
+
+def test_a_factory_in_the_current_folder_needs_no_python_path(service, monkeypatch, capsys):
+    assert run(monkeypatch, *RUN)[0] == 0
+    assert json.loads(capsys.readouterr().out)["id"] == "p1"
+
+
+@pytest.mark.parametrize(
+    ("answers", "recorded"),
+    [
+        (["y"], {"success": True, "note": None}),
+        (["Yes, but slowly"], {"success": True, "note": "but slowly"}),
+        (["n"], {"success": False, "note": None}),
+        (["n: the cube slipped"], {"success": False, "note": "the cube slipped"}),
+        (["perhaps", "n it fell"], {"success": False, "note": "it fell"}),
+    ],
+)
+def test_after_a_run_the_person_says_whether_it_worked(service, monkeypatch, answers, recorded):
+    status, asked = run(monkeypatch, *RUN, answers=answers)
+    assert (status, len(asked)) == (0, len(answers))
+    assert service.outcomes == [("/predictions/p1/outcome", recorded)]
+
+
+@pytest.mark.parametrize("answers", [[""], []])
+def test_without_an_answer_no_outcome_is_recorded(service, monkeypatch, answers):
+    status, asked = run(monkeypatch, *RUN, answers=answers)
+    assert (status, len(asked), service.outcomes) == (0, 1, [])
+
+
+def test_the_outcome_of_a_closed_loop_is_that_of_its_predictions(service, monkeypatch):
+    assert run(monkeypatch, *RUN, "--closed-loop", answers=["n it slipped"])[0] == 0
+    recorded = {"success": False, "note": "it slipped"}
+    assert service.outcomes == [(f"/predictions/{id_}/outcome", recorded) for id_ in ("p1", "p2")]
+
+
+def test_an_outcome_that_cannot_be_recorded_is_logged(service, monkeypatch, caplog):
+    service.down = True
+    assert run(monkeypatch, *RUN, answers=["y"])[0] == 0
+    assert "the outcome was not recorded: POST http://robots/predictions/p1/outcome: refused" in caplog.text
+
+
+def test_a_run_that_was_stopped_asks_for_no_outcome(service, monkeypatch):
+    status, asked = run(monkeypatch, *RUN, "--confirm", answers=["no"])
+    assert (status, len(asked), service.outcomes) == (1, 1, [])
+
+
+@pytest.mark.parametrize(
+    ("command", "said"),
+    [
+        ((), "Teach a RoboPrompt service with"),
+        (("upload",), "Store a recorded episode"),
+        (("predict",), "Print the actions for a scene"),
+        (("run",), "Observe the scene, ask for actions, and carry them out with an arm"),
+        (("record",), "Record demonstrations while a person moves the arm"),
+        (("check",), "See whether an arm does what the Robot Protocol says"),
+    ],
+)
+def test_help_says_what_a_command_does(monkeypatch, capsys, command, said):
+    with pytest.raises(SystemExit) as ended:
+        run(monkeypatch, *command, "--help")
+    assert ended.value.code == 0
+    shown = capsys.readouterr().out
+    assert said in " ".join(shown.split())
+    assert "--url URL" in shown
+
+
+def test_a_file_that_is_not_there_is_said(service, monkeypatch, tmp_path, capsys):
+    (tmp_path / "objects.json").write_text("[]")
+    words = ("upload", "--task", "pick", "--instruction", "pick", "--objects", "objects.json", "none.npz")
+    assert run(monkeypatch, *words)[0] == 1
+    assert "trajectory: cannot be read" in capsys.readouterr().err
