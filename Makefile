@@ -89,7 +89,8 @@ format: dev
 	$(BIN)/ruff format .
 
 openapi: setup
-	$(BIN)/python -m app.api.export_openapi > openapi/openapi.json
+	$(BIN)/python -c "import json; from app.asgi import app; print(json.dumps(app.openapi(), indent=2, sort_keys=True))" \
+		> openapi/openapi.json
 
 # Versions and hashes only: the lock names no package registry, and not our own package in client/.
 COMPILE := $(BIN)/uv pip compile --universal --python-version 3.11 --generate-hashes --no-annotate --no-header \

@@ -10,7 +10,7 @@ from app.pipeline.timeline import CONTROL_FREQUENCY_HZ
 from app.pipeline.workspace import discretize_action
 from app.services.task_settings import KeyframeSettings, TaskSettings
 from app.store.values import JsonObject
-from app.web.scene3d import frame
+from app.web.scene import frame
 from roboprompt_client.arrays import Array
 from roboprompt_client.trajectory import Trajectory
 

@@ -10,16 +10,16 @@ from typing import Annotated
 from fastapi import APIRouter, Query, Request
 from starlette.responses import FileResponse, Response
 
-from app.api import sample
 from app.api.image_work import image_work
 from app.api.routes import Cursor, Wired
+from app.api.schemas.examples import SAMPLE, SAMPLE_FILES
 from app.services.container import Services
 from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks
 from app.store.errors import NotFoundError
 from app.store.records import EpisodeRecord, TaskCounts, TaskRecord
-from app.web.evaluations import is_evaluated
 from app.web.page import PageRoute, render, thumbnail
+from app.web.texts import is_evaluated
 
 router = APIRouter(route_class=PageRoute)
 PAGE_SIZE = 50
@@ -109,9 +109,9 @@ def upload_page(request: Request) -> Response:
 @pictures.get("/ui/sample/{name}")
 def sample_file(name: str) -> Response:
     """A file of a demonstration to try an upload with."""
-    if name not in sample.FILES:
+    if name not in SAMPLE_FILES:
         raise NotFoundError("file of the sample", name)
-    return FileResponse(sample.FOLDER / name, media_type=sample.FILES[name], filename=name)
+    return FileResponse(SAMPLE / name, media_type=SAMPLE_FILES[name], filename=name)
 
 
 @pictures.get("/ui/episodes/{episode_id}/thumbnails/{camera}")
