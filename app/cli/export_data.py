@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import typer
 from rich.console import Console
 
-from app.cli.shared import URL_HELP, check_service, counted, the_url
+from app.cli.shared import URL_HELP, check_service, counted
 from app.datasets.archive import write_archive
 from app.datasets.bounds import DatasetError
 from app.datasets.lerobot.writer import write_lerobot
@@ -84,8 +84,7 @@ def export_data(
     archive: Annotated[Path | None, typer.Option(help="one file that `roboprompt import` reads, byte for byte")] = None,
     lerobot: Annotated[Path | None, typer.Option(help="folder of a LeRobot dataset, version 3.0")] = None,
     rerun: Annotated[Path | None, typer.Option(help=".rrd file for the rerun viewer (pip install rerun-sdk)")] = None,
-    url: Annotated[str | None, typer.Option(help=f"{URL_HELP} [default: {DEFAULT_URL}]")] = None,
-    server: Annotated[str | None, typer.Option(hidden=True)] = None,
+    url: Annotated[str, typer.Option(help=URL_HELP)] = DEFAULT_URL,
     as_json: Annotated[bool, typer.Option("--json", help="one JSON object as the last line")] = False,
 ) -> None:
     """Export a task. Name at least one of --archive, --lerobot and --rerun; none may exist yet."""
@@ -94,10 +93,9 @@ def export_data(
     targets = {name: path for name, path in wanted.items() if path is not None}
     if not targets:
         raise typer.BadParameter("name at least one of --archive, --lerobot, --rerun", param_hint="--archive")
-    address = the_url(url, server)
-    check_service(address)
+    check_service(url)
     try:
-        with RoboPromptClient(address) as client:
+        with RoboPromptClient(url) as client:
             settings, ids = task_settings(client, task), episode_ids(client, task)
             writers: dict[str, Callable[[Path, Iterable[Parcel]], int]] = {
                 "archive": lambda path, parcels: write_archive(path, task, settings, parcels),

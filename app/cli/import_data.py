@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 import typer
 from rich.console import Console
 
-from app.cli.shared import URL_HELP, counted, the_url
+from app.cli.shared import URL_HELP, counted
 from app.datasets.apart import open_apart
 from app.datasets.bounds import MAX_UNPACKED_BYTES, MEGABYTE, DamagedError, DatasetError, ReadLimits
 from app.datasets.formats import FORMATS
@@ -155,8 +155,7 @@ def _without_objects(entry: Entry, task: str) -> Result:
 
 def import_data(
     path: Annotated[Path, typer.Argument(help="folder or file; its format is found out")],
-    url: Annotated[str | None, typer.Option(help=f"{URL_HELP} [default: {DEFAULT_URL}]")] = None,
-    server: Annotated[str | None, typer.Option(hidden=True)] = None,
+    url: Annotated[str, typer.Option(help=URL_HELP)] = DEFAULT_URL,
     task: Annotated[str | None, typer.Option(help="instead of the task that the dataset names")] = None,
     instruction: Annotated[str | None, typer.Option(help="instead of the dataset's")] = None,
     objects: Annotated[Path | None, typer.Option(help="JSON: names, mask ids or poses, see docs/datasets.md")] = None,
@@ -179,7 +178,6 @@ def import_data(
     """
     if form is not None and form not in FORMATS:
         raise typer.BadParameter(f"{form!r} is none of {', '.join(FORMATS)}", param_hint="--format")
-    address = the_url(url, server)
     console = Console(stderr=as_json)
     try:
         known = KnownObjects() if objects is None else read_objects(objects)
@@ -187,7 +185,7 @@ def import_data(
         cameras = None if camera is None else tuple(camera)
         limits = ReadLimits(int(max_unpacked_mb * MEGABYTE))
         with open_apart(path, ImportOptions(task, instruction, known, cameras, changes, limits), form) as dataset:
-            summary = _import(dataset, None if dry_run else address, console)
+            summary = _import(dataset, None if dry_run else url, console)
     except (DatasetError, InvalidInputError) as error:
         console.print(str(error), markup=False, soft_wrap=True)
         raise typer.Exit(1) from error

@@ -35,7 +35,6 @@ def expiry(text: str, now: datetime) -> datetime:
 
 
 @application.command("add")
-@application.command("create", hidden=True)
 def add(
     name: Annotated[str, typer.Argument(help="whose key it is, e.g. robot-1")],
     scope: Annotated[list[str], typer.Option(help="read, upload, predict or admin; may be repeated")],

@@ -14,7 +14,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from app.settings import Settings, load_env_file
 from app.store.store import Store
-from roboprompt_client.client import DEFAULT_URL, RoboPromptClient
+from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import RoboPromptError, ServiceProblemError, ServiceUnreachableError
 
 MAX_PORT = 65535
@@ -63,13 +63,6 @@ def check_service(url: str) -> None:
     except (ServiceUnreachableError, ServiceProblemError) as error:
         Console(stderr=True).print(str(error), markup=False, highlight=False, soft_wrap=True)
         raise typer.Exit(1) from error
-
-
-def the_url(url: str | None, server: str | None) -> str:
-    """The service's address, by `--url` or by `--server`, as it was called once."""
-    if url is not None and server is not None and url != server:
-        raise typer.BadParameter("is another address than --url", param_hint="--server")
-    return url or server or DEFAULT_URL
 
 
 def _why_not(name: str) -> str | None:

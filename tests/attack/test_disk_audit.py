@@ -115,7 +115,7 @@ def test_what_is_done_over_http_is_noted_with_the_keys_name(tmp_path):
 
 def test_keys_are_noted_when_they_are_made_and_taken_back(tmp_path):
     folder = ["--data", str(tmp_path / "data")]
-    token = CliRunner().invoke(application, ["keys", "create", "robot", "--scope", "read", *folder]).stdout.strip()
+    token = CliRunner().invoke(application, ["keys", "add", "robot", "--scope", "read", *folder]).stdout.strip()
     key_id = token.split("_")[1]
     for _ in range(2):
         assert CliRunner().invoke(application, ["keys", "revoke", key_id, *folder]).exit_code == 0

@@ -71,8 +71,3 @@ def test_what_is_no_key_is_not_made(tmp_path, words, said):
     assert code != 0
     assert said in error
     assert run(tmp_path, "list")[1] == ""
-
-
-def test_the_earlier_name_of_the_command_goes_on(tmp_path):
-    assert run(tmp_path, "create", "robot", "--scope", "predict")[0] == 0
-    assert "robot  predict  all tasks" in run(tmp_path, "list")[1]

@@ -43,7 +43,6 @@ def _no_work(monkeypatch):
         (["serve", "--port", "0"], "0 is no port (valid: 1 to 65535)"),
         (["films", "--task", "foo"], "'foo' is none of push_button"),
         (["film", "--task", "foo"], "'foo' is none of push_button"),
-        (["export", "--task", "x", "--archive", "x.zip", "--url", "http://a", "--server", "http://b"], "than --url"),
     ],
 )
 def test_wrong_choices(words, expected):
@@ -95,7 +94,6 @@ def stranger(request):
 def commands(url, folder):
     return [
         ["export", "--task", "x", "--archive", str(folder / "x.zip"), "--url", url],
-        ["export", "--task", "x", "--archive", str(folder / "x.zip"), "--server", url],
         ["teach-objects", "x", "--url", url],
         ["eval", "--url", url, "--model", "nearest", "--out", str(folder / "out")],
     ]
@@ -173,7 +171,6 @@ def test_one_name_for_the_address():
     for command in ("import", "export", "teach-objects", "eval"):
         help_text = CliRunner().invoke(application, [command, "--help"]).output
         assert "--url" in help_text
-        assert "--server" not in help_text
 
 
 def test_models_of_a_running_service(monkeypatch):

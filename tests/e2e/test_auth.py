@@ -143,7 +143,7 @@ def test_the_three_carriers(http, address, tokens):
 
 
 def test_revocation_and_the_command_line(http, data):
-    code, token, _ = keys("create", "short lived", "--scope", "read", "--scope", "upload", data=data)
+    code, token, _ = keys("add", "short lived", "--scope", "read", "--scope", "upload", data=data)
     assert (code, token[:3], len(token)) == (0, "rp_", 59)
     deadline = time.monotonic() + 7
     while (status := http.get("/episodes", headers=bearer(token)).status_code) == 401 and time.monotonic() < deadline:
@@ -159,7 +159,7 @@ def test_revocation_and_the_command_line(http, data):
     assert http.get("/episodes", headers=bearer(token)).status_code == 401
     assert "revoked" in next(line for line in keys("list", data=data)[1].splitlines() if key_id in line)
     assert keys("revoke", "nobody", data=data)[::2] == (1, "there is no API key 'nobody'\n")
-    assert "read, upload, predict, admin" in keys("create", "x", "--scope", "everything", data=data)[2]
+    assert "read, upload, predict, admin" in keys("add", "x", "--scope", "everything", data=data)[2]
 
 
 def test_keys_are_stored_as_digests(data, tokens):

@@ -39,7 +39,7 @@ def folder(tmp_path):
 
 
 def test_rlbench_folder(url, http, folder):
-    command = ("import", folder, "--server", url, "--objects", folder / "objects.json", "--task", "rlbench")
+    command = ("import", folder, "--url", url, "--objects", folder / "objects.json", "--task", "rlbench")
     summary = run(*command)
     assert (summary["imported"], summary["already_there"], summary["damaged"]) == (3, 0, [])
     episodes = http.get("/episodes", params={"task": "rlbench"}).json()["episodes"][::-1]
@@ -56,7 +56,7 @@ def test_rlbench_folder(url, http, folder):
 def test_a_damaged_file_is_named_and_the_rest_imported(url, http, folder):
     damaged = folder / "open_drawer/all_variations/episodes/episode1"
     (damaged / "low_dim_obs.pkl").write_bytes(b"no pickle")
-    summary = run("import", folder, "--server", url, "--objects", folder / "objects.json", "--task", "hurt", code=1)
+    summary = run("import", folder, "--url", url, "--objects", folder / "objects.json", "--task", "hurt", code=1)
     assert summary["imported"] == 2
     (named,) = summary["damaged"]
     assert named["episode"].endswith("episode1")
@@ -65,7 +65,7 @@ def test_a_damaged_file_is_named_and_the_rest_imported(url, http, folder):
 
 def test_dry_run_tells_and_stores_nothing(http, folder):
     nowhere = f"http://127.0.0.1:{free_port()}"
-    command = ("import", folder, "--dry-run", "--server", nowhere, "--task", "dry")
+    command = ("import", folder, "--dry-run", "--url", nowhere, "--task", "dry")
     summary = run(*command, "--objects", folder / "objects.json")
     expected = sum(len(merged(pick_trajectory(place_m))) for place_m in PLACES_M)
     assert (summary["imported"], summary["keyframes"], summary["tasks"]) == (3, expected, {"dry": 3})
@@ -81,12 +81,12 @@ def test_dry_run_tells_and_stores_nothing(http, folder):
 
 
 def test_a_service_that_is_not_there(folder):
-    command = ("import", folder, "--server", f"http://127.0.0.1:{free_port()}", "--objects", folder / "objects.json")
+    command = ("import", folder, "--url", f"http://127.0.0.1:{free_port()}", "--objects", folder / "objects.json")
     assert "POST" in run(*command, code=1)["stopped"] or "GET" in run(*command, code=1)["stopped"]
 
 
 def test_what_was_deleted_can_be_imported_again(url, http, folder):
-    command = ("import", folder, "--server", url, "--objects", folder / "objects.json", "--task", "again")
+    command = ("import", folder, "--url", url, "--objects", folder / "objects.json", "--task", "again")
     run(*command)
     gone = http.get("/episodes", params={"task": "again"}).json()["episodes"][0]["id"]
     assert http.delete(f"/episodes/{gone}").status_code == 204
@@ -138,28 +138,28 @@ def test_an_archive_is_the_same_on_another_service(url, http, tmp_path):
     upload_everything(http, "travels")
     http.put("/tasks/travels", json={"num_demonstrations": 7, "keyframes": {"delta_rad_s": 0.05}})
     here, there = tmp_path / "here.zip", tmp_path / "there.zip"
-    assert run("export", "--task", "travels", "--archive", here, "--server", url)["episodes"] == 1
-    assert run("import", here, "--server", url)["imported"] == 1  # it was uploaded without a key
-    assert run("import", here, "--server", url)["already_there"] == 1
+    assert run("export", "--task", "travels", "--archive", here, "--url", url)["episodes"] == 1
+    assert run("import", here, "--url", url)["imported"] == 1  # it was uploaded without a key
+    assert run("import", here, "--url", url)["already_there"] == 1
     with running_server(tmp_path / "data") as other:
-        assert run("import", here, "--server", other)["imported"] == 1
-        run("export", "--task", "travels", "--archive", there, "--server", other)
+        assert run("import", here, "--url", other)["imported"] == 1
+        run("export", "--task", "travels", "--archive", there, "--url", other)
     assert here.read_bytes() == there.read_bytes()
 
 
 def test_settings_that_are_there_stay(url, http, tmp_path):
     http.put("/tasks/kept", json={"num_demonstrations": 3})
     write_archive(tmp_path / "pick.zip", "pick", {"num_demonstrations": 7}, parcels())
-    assert run("import", tmp_path / "pick.zip", "--server", url, "--task", "kept")["imported"] == 3
+    assert run("import", tmp_path / "pick.zip", "--url", url, "--task", "kept")["imported"] == 3
     assert http.get("/tasks/kept").json()["num_demonstrations"] == 3
 
 
 def test_lerobot_and_back(url, http, tmp_path):
     write_archive(tmp_path / "pick.zip", "pick", {}, parcels())
-    run("import", tmp_path / "pick.zip", "--server", url, "--task", "round")
-    run("export", "--task", "round", "--lerobot", tmp_path / "set", "--server", url)
-    assert run("import", tmp_path / "set", "--server", url)["already_there"] == 3
-    assert run("import", tmp_path / "set", "--server", url, "--task", "round_2")["imported"] == 3
+    run("import", tmp_path / "pick.zip", "--url", url, "--task", "round")
+    run("export", "--task", "round", "--lerobot", tmp_path / "set", "--url", url)
+    assert run("import", tmp_path / "set", "--url", url)["already_there"] == 3
+    assert run("import", tmp_path / "set", "--url", url, "--task", "round_2")["imported"] == 3
     first, second = (
         trajectory_from_npz(http.get(f"/episodes/{http_id}/trajectory").content)
         for http_id in (
@@ -174,7 +174,7 @@ def test_export_refusals(url, tmp_path):
     (tmp_path / "there.zip").touch()
     for target, task in (("there.zip", "round"), ("new.zip", "unheard")):
         result = CliRunner().invoke(
-            application, ["export", "--task", task, "--archive", str(tmp_path / target), "--server", url]
+            application, ["export", "--task", task, "--archive", str(tmp_path / target), "--url", url]
         )
         assert result.exit_code == 1
         assert target in result.output or "no task" in result.output
