@@ -47,20 +47,9 @@ def create_app(
     app = FastAPIOffline(
         title="RoboPrompt", version=version, description=DESCRIPTION, lifespan=lifespan, redoc_url=None
     )
-    # Overlays come before episodes, whose image kinds would take their addresses; a robot waits for predictions.
-    for router in (
-        predict.router,
-        poses.overlays_router,
-        episodes.router,
-        tasks.router,
-        operations.jobs_router,
-        poses.router,
-        predictions.router,
-        operations.models_router,
-        operations.health_router,
-        login.router,
-    ):
-        app.include_router(router)
+    # A robot waits for predictions. Overlays come before episodes, whose kinds of images would take their addresses.
+    for subject in (predict, poses, episodes, tasks, predictions, operations, login):
+        app.include_router(subject.router)
     install_problem_handlers(app)
     install_openapi(app)
     app.state.body_limits = body_limits or BodyLimits()

@@ -37,11 +37,6 @@ class Body:
     parts: Mapping[str, bytes]
 
 
-def images_of(body: Body) -> list[bytes]:
-    """Its image parts."""
-    return [data for name, data in body.parts.items() if name.startswith(IMAGE_PREFIXES)]
-
-
 async def read_body(request: Request, *, packed: bool = False) -> Body:
     """Read a multipart or JSON body.
 
