@@ -62,7 +62,7 @@ pytest: dev
 robustness: dev
 	$(PYTEST) $(ROBUSTNESS)
 
-# Whether the tests notice mistakes: benchmarks/mutations.json
+# Whether the tests notice mistakes: benchmarks/mutations.toml
 mutations: dev
 	$(BIN)/python -m benchmarks.mutations
 
