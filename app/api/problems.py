@@ -52,6 +52,7 @@ from app.store.errors import (
 from roboprompt_client.errors import InvalidInputError, RoboPromptError
 
 MEDIA_TYPE = "application/problem+json"
+CONTENT: dict[str, Any] = {MEDIA_TYPE: {"schema": {"$ref": "#/components/schemas/Problem"}}}  # in the OpenAPI document
 # What an error repeats of a request: characters of a bad value, of a field's name, of a message; and how many errors.
 MAX_SHOWN = 120
 MAX_FIELD_CHARS = 200

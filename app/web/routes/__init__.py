@@ -10,25 +10,15 @@ from app.web.routes import episode, live, predict, predictions, tasks
 
 HOME = "/ui/tasks"
 _entrances = APIRouter(route_class=PageRoute)
-_ROUTERS = (
-    _entrances,
-    tasks.router,
-    episode.router,
-    episode.documents,
-    predict.router,
-    predict.documents,
-    predictions.router,
-    predictions.documents,
-    live.router,
-    live.documents,
-    tasks.pictures,
-)
+_elsewhere = APIRouter(route_class=PageRoute)
 
 
 def install_pages(app: FastAPI) -> None:
     """Let `app` serve the pages; they are no part of the API that its OpenAPI document describes."""
     serve_assets(app)
-    for router in (*_ROUTERS, _elsewhere):
+    subjects = (tasks, episode, predict, predictions, live)
+    routers = [router for subject in subjects for router in (subject.router, subject.documents)]
+    for router in (_entrances, *routers, _elsewhere):
         app.include_router(router, include_in_schema=False)
 
 
@@ -40,10 +30,7 @@ def enter() -> RedirectResponse:
     return RedirectResponse(HOME)
 
 
-_elsewhere = APIRouter(route_class=PageRoute)
-
-
 @_elsewhere.get("/ui/{path:path}")
 def elsewhere(path: str) -> Response:
-    """No page of ours."""
+    """The answer to an address under `/ui` that is not a page."""
     raise HTTPException(404, f"there is no page /ui/{path}")

@@ -24,7 +24,7 @@ from app.web.texts import is_evaluated
 router = APIRouter(route_class=PageRoute)
 PAGE_SIZE = 50
 HEADERS = {"Cache-Control": "private, max-age=31536000, immutable"}  # an episode's images never change
-pictures = APIRouter()
+documents = APIRouter()
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,7 @@ def upload_page(request: Request) -> Response:
     return render(request, "upload.html")
 
 
-@pictures.get("/ui/sample/{name}")
+@documents.get("/ui/sample/{name}")
 def sample_file(name: str) -> Response:
     """A file of a demonstration to try an upload with."""
     if name not in SAMPLE_FILES:
@@ -114,7 +114,7 @@ def sample_file(name: str) -> Response:
     return FileResponse(SAMPLE / name, media_type=SAMPLE_FILES[name], filename=name)
 
 
-@pictures.get("/ui/episodes/{episode_id}/thumbnails/{camera}")
+@documents.get("/ui/episodes/{episode_id}/thumbnails/{camera}")
 async def episode_thumbnail(request: Request, services: Wired, episode_id: str, camera: str) -> Response:
     """A small picture of a camera's first image."""
     data = await image_work(request).run(request, _thumbnail, services, episode_id, camera)
