@@ -1,8 +1,8 @@
-"""Whether the tests notice deliberate mistakes: `python -m benchmarks.mutations [--tree FOLDER] [--only WORDS]`.
+"""Whether the tests notice deliberate mistakes: `python -m benchmarks.mutations [--tree FOLDER]`.
 
 Each mistake of mutations.toml is made in a copy of the tree, and the tests that it names are run there. Prints
-`noticed`, `NOT NOTICED`, or `STALE` where its text no longer stands in exactly one file or a test file is gone; the
-exit status is 1 unless all are noticed.
+`noticed` (they fail, or hang), `NOT NOTICED`, or `STALE` where its text no longer stands in exactly one file or a test
+file is gone; the exit status is 1 unless all are noticed.
 """
 
 import argparse
@@ -17,6 +17,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 LIST = Path(__file__).with_suffix(".toml")
+HANGS_S = 240.0
 SOURCES = ("app", "client/roboprompt_client")
 TESTS = ("tests", "client/tests")
 FOLDERS = ("app", "benchmarks", "client", "docker", "docs", "migrations", "openapi", "tests")
@@ -29,8 +30,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--tree", type=Path, default=ROOT, help="folder of the source tree to try them in")
     parser.add_argument("--only", default="", help="those whose description contains this")
+    parser.add_argument("--first", type=int, default=1, help="begin with this one of the list")
     options = parser.parse_args()
-    listed = tomllib.loads(LIST.read_text())["mutation"]
+    listed = tomllib.loads(LIST.read_text())["mutation"][options.first - 1 :]
     verdicts = []
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder)
@@ -67,7 +69,12 @@ def passed(copy: Path, tests: list[Path]) -> bool:
     """Whether all of the tests pass in `copy`."""
     command = [sys.executable, "-m", "pytest", "--quiet", "--exitfirst", "-p", "no:cacheprovider", *map(str, tests)]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join((str(copy), str(copy / "client")))}
-    done = subprocess.run(command, cwd=copy, env=environment, capture_output=True, text=True, check=False)
+    try:
+        done = subprocess.run(
+            command, cwd=copy, env=environment, capture_output=True, text=True, check=False, timeout=HANGS_S
+        )
+    except subprocess.TimeoutExpired:
+        return False
     if done.returncode not in (0, 1):  # 1: a test failed; others: the run itself
         raise SystemExit(f"the tests could not be run:\n{done.stdout[-3000:]}{done.stderr[-2000:]}")
     return done.returncode == 0
