@@ -35,7 +35,7 @@ def create_app(
     Args:
         open_services: entered at start-up, left at shutdown.
         body_limits: None: the defaults.
-        access: None: anybody may do anything.
+        access: None: no keys, no rate limit.
     """
 
     @asynccontextmanager

@@ -41,7 +41,7 @@ class BodyLimits:
 
     def of(self, method: str, path: str, content_type: str) -> tuple[int, JsonBudget | None]:
         """How many bytes a request may have, and how many values, if it is read as JSON."""
-        if path.endswith((LOGIN, LOGOUT)):  # anybody may log in: nobody needs a large body for that
+        if path.endswith((LOGIN, LOGOUT)):  # open without a key, and the form is small
             return MAX_LOGIN_BYTES, None
         images = method == "POST" and path.endswith(WITH_IMAGES)
         if images and content_type in (MULTIPART, MSGPACK):

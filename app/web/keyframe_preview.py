@@ -14,7 +14,7 @@ from app.web.scene import frame
 from roboprompt_client.arrays import Array
 from roboprompt_client.trajectory import EndEffectorAction, Trajectory
 
-MAX_SHOWN = 300  # a rule that takes every frame of a long episode would bring a browser to its knees
+MAX_SHOWN = 300  # a rule may take every frame of a long episode, more than a browser can draw
 
 
 @dataclass(frozen=True)

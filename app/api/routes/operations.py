@@ -74,7 +74,7 @@ async def healthz() -> Response:
     responses={503: {"model": Health, "description": "not ready; checks say why"}},
 )
 def readyz(request: Request, services: Wired) -> Response:
-    """The store answers and the default model can be asked. Why not is said to those who may read, not to anybody."""
+    """The store answers and the default model can be asked. Only callers who may read learn why not."""
     checks = {"store": _store(services), "model": _model(services)}
     ready = all(state == "ok" for state in checks.values())
     if not request.state.known:

@@ -1,6 +1,6 @@
 """What images show, apart from episodes and predictions: poses alone, and pictures of what was found, drawn over.
 
-Another instance of the service, or anybody else, may ask this one's estimators for poses.
+Another instance of the service, or any other client, may ask this one's estimators for poses.
 """
 
 from fastapi import APIRouter, Request, Response

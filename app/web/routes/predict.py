@@ -60,7 +60,7 @@ documents = APIRouter()
 
 @dataclass(frozen=True)
 class ObjectField:
-    """An object's fields; `pose` is None where nobody knows it yet."""
+    """An object's fields; `pose` is None where it is not known yet."""
 
     name: str
     pose: ObjectRecord | None
