@@ -1,4 +1,4 @@
-# make setup | dev | demo | serve | test | check | audit | wheels | sbom | long | torture | attack | fuzz | soak | growth | bench | metaworld | client | franka | format | openapi | lock
+# make setup | dev | demo | serve | test | robustness | check | audit | wheels | sbom | long | torture | attack | fuzz | soak | growth | bench | mutations | metaworld | client | franka | format | openapi | lock
 PYTHON ?= python3
 # Modules are compiled when they are first imported: most never are, and all of them take a minute.
 NO_COMPILE := --no-compile
@@ -9,7 +9,8 @@ DEV_STAMP := .venv/.installed-dev
 # Some machines forbid it: then each of the many processes that tests start compiles the whole app, half a second each.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: setup dev demo serve test check audit wheels sbom long torture attack fuzz soak growth bench metaworld client franka style lint format openapi lock clean
+.PHONY: setup dev demo serve test pytest robustness check audit wheels sbom long torture attack fuzz soak growth bench \
+	metaworld client franka mutations style types lint format openapi lock clean
 
 setup: $(STAMP)
 
@@ -40,13 +41,30 @@ style: dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 
-lint: style
+types: dev
 	$(BIN)/mypy
 
-# While one core checks the types, the other compiles the tests for the processes that will run them.
-test: style
-	$(BIN)/mypy & types=$$!; $(BIN)/python -m pytest --collect-only --quiet > /dev/null; wait $$types
-	$(BIN)/python -m pytest --numprocesses 3 --dist loadfile --no-loadscope-reorder
+lint: style types
+
+# Lint and types beside the tests, which wait for other processes now and then.
+test: dev
+	@$(MAKE) --no-print-directory --jobs 2 style types pytest
+
+# What takes long and fails seldom: hostile requests and files, trouble and crashes, container and supply chain checks.
+ROBUSTNESS := tests/attack tests/reliability tests/test_docker.py tests/test_no_pickles.py tests/test_supply_chain.py
+PYTEST := $(BIN)/python -m pytest --numprocesses 3 --dist loadfile --no-loadscope-reorder
+
+# Collected once beforehand where nothing is compiled yet: each of the processes would compile it all.
+pytest: dev
+	@test -d tests/__pycache__ || $(BIN)/python -m pytest --collect-only --quiet > /dev/null
+	$(PYTEST) $(ROBUSTNESS:%=--ignore=%)
+
+robustness: dev
+	$(PYTEST) $(ROBUSTNESS)
+
+# Whether the tests notice mistakes: benchmarks/mutations.toml
+mutations: dev
+	$(BIN)/python -m benchmarks.mutations
 
 # Says so where the database of vulnerabilities cannot be reached, and fails where a package has one.
 audit: dev
@@ -60,7 +78,7 @@ wheels: dev
 sbom: dev
 	$(BIN)/python .ci/sbom
 
-check: test audit wheels
+check: test robustness audit wheels
 
 # Half an hour; what mounts file systems needs root.
 torture: dev
@@ -89,7 +107,8 @@ format: dev
 	$(BIN)/ruff format .
 
 openapi: setup
-	$(BIN)/python -m app.api.export_openapi > openapi/openapi.json
+	$(BIN)/python -c "import json; from app.asgi import app; print(json.dumps(app.openapi(), indent=2, sort_keys=True))" \
+		> openapi/openapi.json
 
 # Versions and hashes only: the lock names no package registry, and not our own package in client/.
 COMPILE := $(BIN)/uv pip compile --universal --python-version 3.11 --generate-hashes --no-annotate --no-header \

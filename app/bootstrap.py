@@ -13,8 +13,8 @@ from fastapi import FastAPI
 from app.api.access import Access
 from app.api.app import create_app
 from app.api.body_limits import BodyLimits
-from app.api.observation import hide_keys_in_access_log
 from app.llm.registry import ModelRegistry
+from app.logs import hide_keys_in_access_log
 from app.services.api_keys import has_keys
 from app.services.container import Services
 from app.services.keep_house import KeepHouse, Retention
@@ -22,7 +22,7 @@ from app.services.limits import Limits
 from app.services.pose_servers import PoseServers
 from app.settings import MEGABYTE, Settings
 from app.store.store import SWEEP_GRACE, Store
-from app.web.site import install_pages
+from app.web.routes import install_pages
 from roboprompt_client.connection import is_loopback
 from roboprompt_client.errors import RoboPromptError
 

@@ -54,7 +54,7 @@ class Settings(LlmSettings, BaseSettings):
         tuple[str, ...],
         Field(
             description="JSON list of addresses or networks of reverse proxies whose X-Forwarded-For and -Proto are "
-            "believed by `roboprompt serve`; empty: nobody's"
+            "believed by `roboprompt serve`; empty: none"
         ),
     ] = ()
     rate_limit_per_s: Annotated[
@@ -112,7 +112,7 @@ class Settings(LlmSettings, BaseSettings):
 def load_env_file(path: Path) -> None:
     """Put a file's settings into the environment, for this process and those that it starts; what is there stays.
 
-    Only a file that somebody names is read: one that lies in the working directory may be anybody's, and could switch
+    Only a file that the user names is read: one in the working directory may come from someone else, and could switch
     keys off or send a provider's key elsewhere.
     """
     for name, value in dotenv_values(path).items():

@@ -1,8 +1,6 @@
 """A real S3-speaking server on loopback, from a wheel."""
 
-import boto3
 import pytest
-from moto.server import ThreadedMotoServer
 
 BUCKET = "robots"
 
@@ -10,6 +8,9 @@ BUCKET = "robots"
 @pytest.fixture(scope="session")
 def s3_environment():
     """What AWS's and obstore's clients read; the bucket `robots` is there."""
+    import boto3  # takes long, and most workers have no test of it
+    from moto.server import ThreadedMotoServer
+
     server = ThreadedMotoServer("127.0.0.1", port=0, verbose=False)
     server.start()
     host, port = server.get_host_and_port()

@@ -50,7 +50,7 @@ class RateLimit:
     """Token buckets of one process: with several workers each has its own.
 
     Args:
-        requests_per_s: in the long run; 0: as many as anybody likes.
+        requests_per_s: in the long run; 0: no limit.
         burst: at once.
     """
 
@@ -186,7 +186,7 @@ class AccessControl:
         """Why the caller may not do this, or None.
 
         Args:
-            unknown: why nobody was recognised, if so.
+            unknown: why the request's key or session was not accepted.
         """
         accepted = accepted_scopes(method, path)
         if not accepted:

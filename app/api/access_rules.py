@@ -1,7 +1,7 @@
 """What a request carries to say who sends it, and which scopes let it in.
 
-What is not listed is the strictest: reading needs `read`, changing `admin`. Which tasks and whose predictions a key
-sees, `app.services.api_keys.caller_from` decides and the store's queries heed.
+Addresses that are not listed have the strictest rule: reading needs `read`, changing `admin`. Which tasks and whose
+predictions a key sees is decided by `app.services.api_keys.caller_from` and enforced by the store's queries.
 """
 
 import re
@@ -48,7 +48,7 @@ Headers = Mapping[bytes, bytes]
 
 
 def accepted_scopes(method: str, path: str) -> frozenset[str]:
-    """The scopes of which one is needed; empty where anybody may come.
+    """The scopes of which one is needed; empty where no key is needed.
 
     Args:
         path: of a request, or its template in the OpenAPI document.

@@ -1,129 +1,27 @@
-"""Request bodies -> metadata and named parts, whether multipart, JSON or MessagePack; nothing is interpreted yet.
-
-A MessagePack document is bounded while it is unpacked.
-"""
+"""Request bodies -> metadata and named parts, whether multipart, JSON or MessagePack; nothing is interpreted yet."""
 
 import base64
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import msgpack
 from fastapi import Request
-from pydantic_core import from_json
 from python_multipart.multipart import parse_options_header
 from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import UploadFile
 from starlette.exceptions import HTTPException
 
-from app.api.body_limits import (
-    JSON,
-    MAX_DEPTH,
-    MAX_VALUES,
-    MSGPACK,
-    MULTIPART,
-    JsonBudget,
-    JsonBudgetError,
-    content_type_of,
-)
-from app.api.unique_keys import check_unique_keys, unique_members
+from app.api.body_limits import JSON, MSGPACK, MULTIPART, content_type_of
+from app.api.decoding import JsonBudget, check_only_json_types, json_object, msgpack_object
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.npy import is_packed_array, npy_from_packed
 
-# Lists and maps are made as long as they claim to be, before their items are read.
-MAX_ITEMS = 4096
 IMAGE_PREFIXES = ("rgb_", "depth_", "mask_")
 TRAJECTORY = "trajectory"
 MAX_PARTS = 64
 UTF_8 = ("utf-8", "utf8", "us-ascii")
 TINY_BYTES = 16_384  # takes less time to decode than a change of thread
 _BASE64_PIECE = 4 * 262_144  # whole groups of four, 1 MB: other threads have their turn after each
-
-
-class _TooManyError(Exception):
-    pass
-
-
-class _Counter:
-    """Counts the values of each list and map that is complete; within one that is not, `MAX_ITEMS` are the most."""
-
-    def __init__(self) -> None:
-        self._left = MAX_VALUES
-
-    def __call__(self, container: Any) -> Any:  # noqa: ANN401
-        self._left -= 1 + len(container)
-        if self._left < 0:
-            raise _TooManyError
-        return container
-
-    def members(self, pairs: Sequence[tuple[Any, Any]]) -> dict[Any, Any]:
-        """A map that is complete, as a dictionary."""
-        return unique_members(self(pairs))
-
-
-def unpacked(data: bytes) -> dict[str, Any]:
-    """The document, its arrays as maps and its bytes as they are.
-
-    Raises:
-        HTTPException: 413 for too many values, 400 for what is not MessagePack, no map with keys of text, or a map with
-            the same key twice.
-    """
-    counted = _Counter()
-    try:
-        document = msgpack.unpackb(
-            data,
-            max_array_len=MAX_ITEMS,
-            max_map_len=MAX_ITEMS,
-            max_ext_len=0,
-            strict_map_key=True,
-            list_hook=counted,
-            object_pairs_hook=counted.members,
-        )
-    except HTTPException:
-        raise
-    except _TooManyError:
-        raise HTTPException(413, f"a MessagePack document may have at most {MAX_VALUES} values") from None
-    except Exception as error:  # msgpack's own errors have no common class; some are ValueError, some are not
-        raise HTTPException(400, f"body is not MessagePack: {str(error)[:200] or type(error).__name__}") from None
-    if not isinstance(document, dict):
-        raise HTTPException(400, f"body is a MessagePack {type(document).__name__}, expected a map")
-    return {_text(key, "body"): value for key, value in document.items()}
-
-
-def refuse_bytes(document: dict[str, Any]) -> None:
-    """Let nothing but what JSON has into the document, which is stored as such.
-
-    Raises:
-        InvalidInputError: naming the place.
-    """
-    if (stranger := _stranger(document, 0)) is not None:
-        path, fault, valid = stranger
-        place = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in reversed(path))
-        raise InvalidInputError(place.removeprefix(".") or "body", fault, valid)
-
-
-def _stranger(value: object, depth: int) -> tuple[list[str | int], str, str] | None:
-    """Where there is something that JSON has not, from within outwards, what it is, and what would be valid."""
-    if depth > MAX_DEPTH:
-        return [], "lies too deep", f"at most {MAX_DEPTH} levels"
-    if isinstance(value, dict | list):
-        for key, item in value.items() if isinstance(value, dict) else enumerate(value):
-            if isinstance(value, dict) and not isinstance(key, str):
-                return [], f"has the key {key!r:.40}", "keys that are text"
-            # the place is put together only where there is a fault: keys may be long, and items many
-            if (stranger := _stranger(item, depth + 1)) is not None:
-                stranger[0].append(key)
-                return stranger
-        return None
-    if isinstance(value, str | int | float | bool | None):
-        return None
-    return [], f"is of the type {type(value).__name__}", "what JSON can say"
-
-
-def _text(key: object, where: str) -> str:
-    if not isinstance(key, str):
-        raise InvalidInputError(where, f"has the key {key!r:.40}", "keys that are text")
-    return key
 
 
 @dataclass(frozen=True)
@@ -137,11 +35,6 @@ class Body:
 
     document: dict[str, Any]
     parts: Mapping[str, bytes]
-
-
-def images_of(body: Body) -> list[bytes]:
-    """Its image parts."""
-    return [data for name, data in body.parts.items() if name.startswith(IMAGE_PREFIXES)]
 
 
 async def read_body(request: Request, *, packed: bool = False) -> Body:
@@ -202,8 +95,8 @@ def _metadata(data: bytes) -> dict[str, Any]:
     """A part's document; that of a whole body is counted while it comes."""
     try:
         JsonBudget().feed(data)
-    except JsonBudgetError as error:
-        raise HTTPException(error.status, f"metadata: {error}") from None
+    except HTTPException as error:
+        raise HTTPException(error.status_code, f"metadata: {error.detail}") from None
     return json_object(data, "metadata")
 
 
@@ -217,11 +110,11 @@ def _read_json(data: bytes, most: int) -> Body:
 
 def _read_packed(data: bytes, most: int) -> Body:
     """The document of a JSON body, its images as arrays or as encoded files."""
-    document = unpacked(data)
+    document = msgpack_object(data)
     names = [name for name in document if name.startswith(IMAGE_PREFIXES)]
     parts = {name: _packed_image(name, document.pop(name)) for name in names}
     _check_document(len(data) - sum(map(len, parts.values())), most)
-    refuse_bytes(document)
+    check_only_json_types(document)
     return Body(document, parts)
 
 
@@ -236,22 +129,6 @@ def _packed_image(name: str, value: object) -> bytes:
     if isinstance(value, dict) and is_packed_array(value):
         return npy_from_packed(name, value)
     raise InvalidInputError(name, f"is a {type(value).__name__}", "an array, or the image file's bytes")
-
-
-def json_object(data: bytes, where: str = "body") -> dict[str, Any]:
-    """The document.
-
-    Raises:
-        HTTPException: 400 for what is not JSON, no object, or one that has the same key twice, at any depth.
-    """
-    try:
-        value = from_json(data)  # unlike json.loads it takes no half of a surrogate pair, which nothing can store
-        check_unique_keys(data)
-    except ValueError as error:
-        raise HTTPException(400, f"{where} is not JSON: {error}") from None
-    if not isinstance(value, dict):
-        raise HTTPException(400, f"{where} is a JSON {type(value).__name__}, expected an object")
-    return value
 
 
 def _base64(name: str, value: object) -> bytes:

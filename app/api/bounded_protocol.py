@@ -19,7 +19,7 @@ REFUSED_CONNECTIONS = 100
 
 
 class BoundedProtocol(HttpToolsProtocol):
-    """Closes connections whose requests are too long in their heads or take too long, or whose answers nobody reads."""
+    """Closes a connection whose request has too long a head or takes too long, or whose client reads no answer."""
 
     head_timeout_s = HEAD_TIMEOUT_S
     body_timeout_s = BODY_TIMEOUT_S

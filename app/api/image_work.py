@@ -1,7 +1,7 @@
 """Room for requests with images: so many pixels in memory, few decoders at once, and none for clients that have left.
 
 A thread cannot be ended from outside. What it does is bounded beforehand (`app.perception.images`, `Limits`), and
-between two images it looks whether anybody still waits. Cameras and image parts become RgbdFrames.
+between two images it checks that the client still waits. Cameras and image parts become RgbdFrames.
 """
 
 import asyncio
@@ -20,7 +20,7 @@ from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
 
-from app.api.body import IMAGE_PREFIXES, Body, images_of
+from app.api.body import IMAGE_PREFIXES, Body
 from app.api.schemas.requests import CameraIn
 from app.perception.images import ImageBytes, decode_frame, num_pixels
 from app.services.limits import Limits
@@ -36,7 +36,7 @@ T = TypeVar("T")
 class Decode(Protocol):
     """Runs a function that decodes images in a thread."""
 
-    def __call__(self, function: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Awaitable[T]: ...
+    def __call__(self, func: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> Awaitable[T]: ...
 
 
 class ImageWork:
@@ -55,8 +55,8 @@ class ImageWork:
             HTTPException: 503 if there is no room for long.
             ClientDisconnect: if the client leaves.
         """
-        if not (images := images_of(body)):
-            yield _in_thread
+        if not (images := [data for name, data in body.parts.items() if name.startswith(IMAGE_PREFIXES)]):
+            yield run_in_threadpool
             return
         pixels = sum(map(num_pixels, images))
         limits.check_pixels(pixels)
@@ -67,13 +67,13 @@ class ImageWork:
         finally:
             self._pixels.give_back(pixels)
 
-    async def run(self, request: Request, function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T:
+    async def run(self, request: Request, func: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T:
         """What the function returns, called in a thread for which a decoder's place was free.
 
         Raises:
             as `room`, and what the function raises.
         """
-        call = partial(function, *args, **kwargs)
+        call = partial(func, *args, **kwargs)
         return await _while_wanted(request, partial(anyio.to_thread.run_sync, call, limiter=self._decoders))
 
 
@@ -87,10 +87,6 @@ def stop_if_unwanted() -> None:
     """End the work of this thread if its client has left, or it takes too long; nothing outside of `ImageWork.run`."""
     with suppress(RuntimeError):  # no thread of anyio's
         anyio.from_thread.check_cancelled()
-
-
-async def _in_thread(function: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> T:
-    return await run_in_threadpool(function, *args, **kwargs)
 
 
 async def _while_wanted(request: Request, call: Callable[[], Awaitable[T]]) -> T:

@@ -8,6 +8,7 @@ from pydantic import BaseModel
 from pydantic.json_schema import models_json_schema
 
 from app.api.access_rules import COOKIE, HEALTH, accepted_scopes
+from app.api.problems import CONTENT
 from app.api.schemas.poses import PosesBody
 from app.api.schemas.requests import EpisodeJson, EpisodeMetadata, PredictBody
 from app.api.schemas.responses import Problem
@@ -33,13 +34,7 @@ _MEANINGS = {
     "AddressTooLong": "the address's query is too long",
     "TooManyRequests": "of this key or address; Retry-After says when to come back",
 }
-_REFUSALS: dict[str, Any] = {
-    name: {
-        "description": meaning,
-        "content": {"application/problem+json": {"schema": {"$ref": "#/components/schemas/Problem"}}},
-    }
-    for name, meaning in _MEANINGS.items()
-}
+_REFUSALS = {name: {"description": meaning, "content": CONTENT} for name, meaning in _MEANINGS.items()}
 
 
 def body_of(
@@ -120,10 +115,7 @@ def _document_refusals(document: dict[str, Any]) -> None:
             for status, meaning in meanings.items():
                 named = operation["responses"].get(status)
                 if named is None or ("application/json" in named["content"] and status == "422"):
-                    operation["responses"][status] = {"description": meaning, "content": _PROBLEM}
-
-
-_PROBLEM = {"application/problem+json": {"schema": {"$ref": "#/components/schemas/Problem"}}}
+                    operation["responses"][status] = {"description": meaning, "content": CONTENT}
 
 
 def _reference(model: type[BaseModel]) -> dict[str, str]:

@@ -3,8 +3,7 @@
 import logging
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
@@ -34,7 +33,13 @@ from app.pipeline.errors import (
     UnfamiliarInstructionError,
     UngroundedInstructionError,
 )
-from app.services.limits import NoDemonstrationsError, UnparsableReplyError, UnsafeReplyError, UnsupportedReplyError
+from app.services.limits import (
+    NoDemonstrationsError,
+    RefusedReplyError,
+    UnparsableReplyError,
+    UnsafeReplyError,
+    UnsupportedReplyError,
+)
 from app.store.errors import (
     ConflictError,
     CorruptDataError,
@@ -47,6 +52,7 @@ from app.store.errors import (
 from roboprompt_client.errors import InvalidInputError, RoboPromptError
 
 MEDIA_TYPE = "application/problem+json"
+CONTENT: dict[str, Any] = {MEDIA_TYPE: {"schema": {"$ref": "#/components/schemas/Problem"}}}  # in the OpenAPI document
 # What an error repeats of a request: characters of a bad value, of a field's name, of a message; and how many errors.
 MAX_SHOWN = 120
 MAX_FIELD_CHARS = 200
@@ -55,8 +61,7 @@ MAX_ERRORS = 20
 logger = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True)
-class Kind:
+class Kind(NamedTuple):
     """How a class of errors is answered."""
 
     status: int
@@ -104,28 +109,34 @@ _HTTP_TITLES = {
     503: "The service has too much to do",
 }
 _HTTP_TYPES = {413: "too-large", 503: "busy"}
+_PLACES = ("body", "query", "path", "header")  # the parts of a request, which a field's name leaves out
 
 
 def install_problem_handlers(app: FastAPI) -> None:
     """Let `app` answer every error as a problem."""
-    app.add_exception_handler(RoboPromptError, _on_own_error)
-    app.add_exception_handler(RequestValidationError, _on_validation_error)
-    app.add_exception_handler(ValidationError, _on_validation_error)
-    app.add_exception_handler(UnicodeEncodeError, _on_half_character)
-    app.add_exception_handler(HTTPException, _on_http_error)
-    app.add_exception_handler(ClientDisconnect, _on_disconnect)
-    app.add_exception_handler(Exception, _on_unexpected_error)
+    kinds = (RoboPromptError, RequestValidationError, ValidationError, UnicodeEncodeError, HTTPException)
+    for kind in (*kinds, ClientDisconnect, Exception):
+        app.add_exception_handler(kind, problem_of)
 
 
 def problem_of(request: Request, error: Exception) -> JSONResponse:
     """The response for any error."""
-    if isinstance(error, RoboPromptError):
-        return own_problem(request, error)
-    if isinstance(error, HTTPException):
-        return _on_http_error(request, error)
-    if isinstance(error, RequestValidationError | ValidationError):
-        return _on_validation_error(request, error)
-    return _on_unexpected_error(request, error)
+    match error:
+        case RoboPromptError():
+            return _own_problem(request, error)
+        case HTTPException():
+            return http_problem(error)
+        case RequestValidationError() | ValidationError():
+            return _validation_problem(error)
+        case UnicodeEncodeError():  # JSON can write half of a surrogate pair; nothing can store it or send it back
+            around = error.object[max(error.start - MAX_SHOWN // 4, 0) : error.end]
+            detail = f"the text {around!a} ends in half of a surrogate pair, expected Unicode"
+            return problem(KINDS[InvalidInputError], detail)
+        case ClientDisconnect():  # the answer reaches no client, but the log must not call it a failure of the service
+            return http_problem(HTTPException(499, "the client has left before its request was complete"))
+        case _:
+            logger.error("%s %s failed", request.method, request.url.path, exc_info=error)
+            return problem(_INTERNAL, "An unexpected error; the service's log has the details.")
 
 
 def problem(
@@ -151,43 +162,11 @@ def problem(
     return JSONResponse(content, kind.status, dict(headers or {}), media_type=MEDIA_TYPE)
 
 
-def _short_entry(entry: Mapping[str, Any]) -> dict[str, Any]:
-    lengths = {"field": MAX_FIELD_CHARS, "message": MAX_MESSAGE_CHARS, "valid": MAX_MESSAGE_CHARS}
-    return {name: _short(value, lengths[name]) if isinstance(value, str) else value for name, value in entry.items()}
-
-
-def _short(text: str, most: int = MAX_MESSAGE_CHARS) -> str:
-    return text if len(text) <= most else f"{text[:most]}..."
-
-
-def _on_own_error(request: Request, error: Exception) -> JSONResponse:
-    assert isinstance(error, RoboPromptError)
-    return own_problem(request, error)
-
-
-def own_problem(request: Request, error: RoboPromptError) -> JSONResponse:
-    """The response for one of the project's own errors."""
-    kind = next(KINDS[cls] for cls in type(error).__mro__ if cls in KINDS)
-    if kind.status >= 500:
-        logger.warning("%s %s: %s: %s", request.method, request.url.path, type(error).__name__, error)
-    if isinstance(error, InvalidInputError):
-        return problem(kind, str(error), [_own_entry(error)])
-    if isinstance(error, UnknownModelError):
-        return problem(kind, str(error), [{"field": "model", "message": str(error), "valid": None}])
-    if isinstance(error, ForbiddenTaskError):
-        entry = {"field": error.field, "message": str(error), "valid": ", ".join(error.allowed)}
-        return problem(kind, str(error), [entry])
-    if isinstance(error, UnparsableReplyError):
-        return problem(kind, str(error), reply_text=error.reply_text, prediction_id=error.prediction_id)
-    if isinstance(error, UnsafeReplyError):
-        breach = {"field": error.action.field, "message": error.action.message, "valid": error.action.bound}
-        return problem(kind, str(error), [breach], reply_text=error.reply_text, prediction_id=error.prediction_id)
-    if isinstance(error, UnsupportedReplyError):
-        fault = {"field": error.action.field, "message": error.action.message, "valid": error.action.expected}
-        return problem(kind, str(error), [fault], reply_text=error.reply_text, prediction_id=error.prediction_id)
-    wait_s = getattr(error, "retry_after_s", None) or 1.0
-    headers = {"Retry-After": str(math.ceil(wait_s))} if kind.status == 503 else None
-    return problem(kind, str(error), headers=headers)
+def http_problem(error: HTTPException) -> JSONResponse:
+    """The response for an error of the web's own."""
+    title = _HTTP_TITLES.get(error.status_code, "The request cannot be answered")
+    kind = Kind(error.status_code, _HTTP_TYPES.get(error.status_code, "http"), title)
+    return problem(kind, str(error.detail), headers=error.headers)
 
 
 def store_problem(error: StoreError) -> JSONResponse:
@@ -197,12 +176,36 @@ def store_problem(error: StoreError) -> JSONResponse:
     return problem(kind, "the API keys cannot be read", headers={"Retry-After": "1"})
 
 
-def _own_entry(error: InvalidInputError) -> dict[str, Any]:
-    return {"field": error.field, "message": error.message, "valid": error.valid}
+def _own_problem(request: Request, error: RoboPromptError) -> JSONResponse:
+    kind = next(KINDS[cls] for cls in type(error).__mro__ if cls in KINDS)
+    if kind.status >= 500:
+        logger.warning("%s %s: %s: %s", request.method, request.url.path, type(error).__name__, error)
+    reply: dict[str, object] = {}
+    if isinstance(error, RefusedReplyError):
+        reply = {"reply_text": error.reply_text, "prediction_id": error.prediction_id}
+    wait_s = getattr(error, "retry_after_s", None) or 1.0
+    headers = {"Retry-After": str(math.ceil(wait_s))} if kind.status == 503 else None
+    return problem(kind, str(error), _own_entries(error), headers, **reply)
 
 
-def _on_validation_error(request: Request, error: Exception) -> JSONResponse:
-    assert isinstance(error, RequestValidationError | ValidationError)
+def _own_entries(error: RoboPromptError) -> list[dict[str, Any]]:
+    """Which fields are wrong, as far as the error names one."""
+    match error:
+        case InvalidInputError():
+            return [_entry(error.field, error.message, error.valid)]
+        case UnknownModelError():
+            return [_entry("model", str(error))]
+        case ForbiddenTaskError():
+            return [_entry(error.field, str(error), ", ".join(error.allowed))]
+        case UnsafeReplyError():
+            return [_entry(error.action.field, error.action.message, error.action.bound)]
+        case UnsupportedReplyError():
+            return [_entry(error.action.field, error.action.message, error.action.expected)]
+        case _:
+            return []
+
+
+def _validation_problem(error: RequestValidationError | ValidationError) -> JSONResponse:
     found = error.errors()
     entries = [_field_error(item) for item in found[:MAX_ERRORS]]
     said = [f"{entry['field']}: {entry['message']}" for entry in map(_short_entry, entries)]
@@ -210,49 +213,28 @@ def _on_validation_error(request: Request, error: Exception) -> JSONResponse:
     return problem(KINDS[InvalidInputError], first + "; ".join(said), entries)
 
 
-def _on_half_character(request: Request, error: Exception) -> JSONResponse:
-    """JSON can write half of a surrogate pair; nothing can store it or send it back."""
-    assert isinstance(error, UnicodeEncodeError)
-    around = error.object[max(error.start - MAX_SHOWN // 4, 0) : error.end]
-    return problem(KINDS[InvalidInputError], f"the text {around!a} ends in half of a surrogate pair, expected Unicode")
-
-
 def _field_error(item: Mapping[str, Any]) -> dict[str, Any]:
     """Where and what, with the value where that helps, from one of pydantic's errors."""
     own = item.get("ctx", {}).get("error")
     if isinstance(own, InvalidInputError):
-        return _own_entry(own)
-    location = [part for part in item["loc"] if part not in ("body", "query", "path", "header")]
+        return _entry(own.field, own.message, own.valid)
+    location = [part for part in item["loc"] if part not in _PLACES]
     field = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in location).lstrip(".") or "body"
     value = item.get("input")
     scalar = not isinstance(value, dict | list | tuple)
-    shown = "" if item["type"] == "missing" or not scalar else f", got {_start(value)!r}"[:MAX_SHOWN]
-    expected = item.get("ctx", {}).get("expected")
-    return {"field": field, "message": item["msg"] + shown, "valid": expected}
+    start = value[:MAX_SHOWN] if isinstance(value, str | bytes) else value  # a long text would be copied to be cut
+    shown = "" if item["type"] == "missing" or not scalar else f", got {start!r}"[:MAX_SHOWN]
+    return _entry(field, item["msg"] + shown, item.get("ctx", {}).get("expected"))
 
 
-def _start(value: object) -> object:
-    """`value`, of a long text its beginning: all of it would be copied to be cut."""
-    return value[:MAX_SHOWN] if isinstance(value, str | bytes) else value
+def _entry(field: str, message: str, valid: str | None = None) -> dict[str, Any]:
+    return {"field": field, "message": message, "valid": valid}
 
 
-def _on_http_error(request: Request, error: Exception) -> JSONResponse:
-    assert isinstance(error, HTTPException)
-    return http_problem(error)
+def _short_entry(entry: Mapping[str, Any]) -> dict[str, Any]:
+    lengths = {"field": MAX_FIELD_CHARS, "message": MAX_MESSAGE_CHARS, "valid": MAX_MESSAGE_CHARS}
+    return {name: _short(value, lengths[name]) if isinstance(value, str) else value for name, value in entry.items()}
 
 
-def http_problem(error: HTTPException) -> JSONResponse:
-    """The response for an error of the web's own."""
-    title = _HTTP_TITLES.get(error.status_code, "The request cannot be answered")
-    kind = Kind(error.status_code, _HTTP_TYPES.get(error.status_code, "http"), title)
-    return problem(kind, str(error.detail), headers=error.headers)
-
-
-def _on_disconnect(request: Request, error: Exception) -> JSONResponse:
-    """Nobody reads it; but it is no failure of the service, and the log must not say so."""
-    return http_problem(HTTPException(499, "the client has left before its request was complete"))
-
-
-def _on_unexpected_error(request: Request, error: Exception) -> JSONResponse:
-    logger.error("%s %s failed", request.method, request.url.path, exc_info=error)
-    return problem(_INTERNAL, "An unexpected error; the service's log has the details.")
+def _short(text: str, most: int = MAX_MESSAGE_CHARS) -> str:
+    return text if len(text) <= most else f"{text[:most]}..."

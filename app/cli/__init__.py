@@ -18,7 +18,6 @@ from app.cli import (
     keys,
     record,
     serve,
-    teach_objects,
 )
 
 application = typer.Typer(no_args_is_help=True, add_completion=False, help=__doc__, pretty_exceptions_enable=False)
@@ -33,7 +32,7 @@ application.command("record")(record.record)
 application.command("eval")(evaluate.evaluate)
 application.command("films")(demo.films)
 application.command("film")(demo.film)
-application.command("teach-objects")(teach_objects.teach_objects)
+application.command("teach-objects")(calibrate.teach_objects)
 application.command("check")(check.check)
 application.command("calibrate")(calibrate.calibrate)
 application.command("calibration-board")(calibrate.calibration_board)

@@ -1,4 +1,4 @@
-"""`roboprompt calibrate`, `roboprompt calibration-board`: where a camera stands."""
+"""`roboprompt calibrate`, `calibration-board`, `teach-objects`: where a camera stands, and what objects look like."""
 
 import json
 import math
@@ -7,6 +7,10 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
+
+from app.cli.shared import URL_HELP, check_service
+from roboprompt_client.client import DEFAULT_URL, RoboPromptClient
+from roboprompt_client.errors import InvalidInputError, ServiceProblemError, ServiceUnreachableError
 
 Squares = Annotated[int, typer.Option(help="squares of the board", min=3)]
 SquareSide = Annotated[float, typer.Option("--square", help="side of a square, metres: measure it on the print")]
@@ -50,7 +54,6 @@ def calibrate(
     from app.pipeline.geometry import rigid
     from roboprompt_client.arrays import unit_quaternions
     from roboprompt_client.camera import Camera, camera_json
-    from roboprompt_client.errors import InvalidInputError
 
     console = Console(stderr=True)
     try:
@@ -81,7 +84,6 @@ def calibration_board(
     import cv2
 
     from app.perception.calibration import PRINT_DPI, CharucoBoard
-    from roboprompt_client.errors import InvalidInputError
 
     try:
         board = CharucoBoard(columns, rows, square_m, marker_m, dictionary, legacy)
@@ -91,3 +93,28 @@ def calibration_board(
         raise typer.Exit(1) from error
     size = " x ".join(f"{100 * side_m:.1f}" for side_m in board.size_m)
     print(f"{out}: print it at {PRINT_DPI} dpi, unscaled: the squares then cover {size} cm")  # noqa: T201
+
+
+def teach_objects(
+    task: Annotated[str, typer.Argument(help="a task with labelled episodes: RGB-D images with masks or poses")],
+    url: Annotated[str, typer.Option(help=URL_HELP)] = DEFAULT_URL,
+    episodes: Annotated[int, typer.Option(min=1, max=100, help="learn from at most so many, the task's first")] = 10,
+    objects: Annotated[list[str] | None, typer.Option("--object", help="may be repeated; default: all")] = None,
+) -> None:
+    """Let the service learn what a task's objects look like; from then on it finds them in images.
+
+    Prints the learned object models as JSON, and of the objects that cannot be learned the reason.
+    """
+    console = Console(stderr=True)
+    check_service(url)
+    try:
+        with RoboPromptClient(url) as client:
+            learned = client.learn_object_models(task, objects, episodes)
+    except (ServiceProblemError, ServiceUnreachableError) as error:
+        console.print(str(error), markup=False, soft_wrap=True)
+        raise typer.Exit(1) from error
+    for name, reason in learned["refused"].items():
+        console.print(f"{name}: {reason}", markup=False, soft_wrap=True)
+    print(json.dumps(learned))  # noqa: T201
+    if not learned["object_models"]:
+        raise typer.Exit(1)

@@ -56,7 +56,7 @@ def check_models(names: Sequence[str], url: str | None = None) -> None:
 
 
 def check_service(url: str) -> None:
-    """End the command with one line where nobody listens, or somebody else."""
+    """End the command with one line unless the service answers at `url`."""
     try:
         with RoboPromptClient(url) as client:
             client.ping()

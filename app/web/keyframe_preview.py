@@ -7,14 +7,14 @@ import numpy as np
 
 from app.pipeline.keyframes import find_keyframes
 from app.pipeline.timeline import CONTROL_FREQUENCY_HZ
-from app.pipeline.workspace import discretize_action
+from app.pipeline.workspace import DiscreteAction, discretize_actions
 from app.services.task_settings import KeyframeSettings, TaskSettings
 from app.store.values import JsonObject
-from app.web.scene3d import frame
+from app.web.scene import frame
 from roboprompt_client.arrays import Array
-from roboprompt_client.trajectory import Trajectory
+from roboprompt_client.trajectory import EndEffectorAction, Trajectory
 
-MAX_SHOWN = 300  # a rule that takes every frame of a long episode would bring a browser to its knees
+MAX_SHOWN = 300  # a rule may take every frame of a long episode, more than a browser can draw
 
 
 @dataclass(frozen=True)
@@ -24,17 +24,13 @@ class PreviewedKeyframe:
     Attributes:
         number: from 1, as plots and the 3D view name it.
         new: whether it is not among the stored ones.
-        clamped: whether the workspace does not contain its position.
     """
 
     number: int
     index: int
     time_s: float
-    position_m: tuple[float, ...]
-    quaternion_xyzw: tuple[float, ...]
-    gripper_open: bool
-    bins: tuple[int, ...]
-    clamped: bool
+    action: EndEffectorAction
+    discrete: DiscreteAction
     new: bool
 
 
@@ -67,7 +63,12 @@ class Preview:
     def document(self) -> JsonObject:
         """As the page's scripts draw it."""
         frames = [
-            frame(str(item.number), item.position_m, item.quaternion_xyzw, gripper_open=item.gripper_open)
+            frame(
+                str(item.number),
+                item.action.position_m.tolist(),
+                item.action.quaternion_xyzw.tolist(),
+                gripper_open=item.action.gripper_open,
+            )
             for item in self.shown
         ]
         shown = [{"number": item.number, "time_s": item.time_s, "new": item.new} for item in self.shown]
@@ -86,23 +87,13 @@ def preview(
     hz = 1 / float(np.median(np.diff(times_s))) if len(times_s) > 1 else CONTROL_FREQUENCY_HZ
     found = find_keyframes(trajectory, rule.keyframe_rule(), hz)
     workspace = settings.workspace.workspace()
-    keyframes = []
-    for number, (index, gripper_open) in enumerate(found, start=1):
-        action = trajectory.action_at(index, gripper_open=gripper_open)
-        discrete = discretize_action(action, workspace)
-        keyframes.append(
-            PreviewedKeyframe(
-                number,
-                index,
-                float(times_s[index]),
-                tuple(action.position_m.tolist()),
-                tuple(action.quaternion_xyzw.tolist()),
-                action.gripper_open,
-                discrete.bins,
-                discrete.clamped,
-                index not in stored,
-            )
+    actions = [trajectory.action_at(index, gripper_open=gripper_open) for index, gripper_open in found]
+    keyframes = tuple(
+        PreviewedKeyframe(number, index, float(times_s[index]), action, discrete, index not in stored)
+        for number, ((index, _), action, discrete) in enumerate(
+            zip(found, actions, discretize_actions(actions, workspace), strict=True), start=1
         )
+    )
     frames = {keyframe.frame for keyframe in found}
     dropped = tuple((index, float(times_s[index])) for index in stored if index not in frames)
-    return Preview(rule, tuple(keyframes), dropped)
+    return Preview(rule, keyframes, dropped)

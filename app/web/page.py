@@ -1,18 +1,14 @@
 """A page: a template and what it shows, with headers that let it load nothing from elsewhere; errors in words.
 
-Numbers, dates and problems are written as people read them, and lists show small pictures. Browsers keep our own style
-sheet and scripts, and plotly.js from its installed package.
+Lists show small pictures. Browsers keep our own style sheet and scripts, and plotly.js from its installed package.
 """
 
 import hashlib
 import json
-from collections.abc import Callable, Coroutine, Mapping
-from datetime import UTC, datetime
+from collections.abc import Callable, Coroutine
 from importlib.metadata import version
 from importlib.resources import files
-from math import sqrt
 from pathlib import Path
-from statistics import NormalDist
 from typing import Any
 
 import cv2
@@ -31,16 +27,14 @@ from app.api.access_rules import COOKIE
 from app.api.problems import problem_of
 from app.perception.images import decode_rgb
 from app.store.blobs import BlobStore
-from app.store.records import TaskCounts
 from app.store.values import CameraRecord
-from app.web.evaluations import by_origin, task_text
 from app.web.scene_picture import picture_of_episode, picture_of_prediction
+from app.web.texts import FILTERS, interval_text
 from roboprompt_client.errors import RoboPromptError
 
 FOLDER = Path(__file__).parent / "static"
 FOREVER = "public, max-age=31536000, immutable"  # an address changes with its content
 PLOTLY_ADDRESS = f"/ui/vendor/plotly-{version('plotly')}.min.js"
-NOTHING = "\N{EN DASH}"
 WIDTH_PX = 192  # twice what lists show, for dense screens
 JPEG_QUALITY = 80
 # plotly.js sets style attributes and draws pictures of its own; scripts come from this server only, none is inline.
@@ -56,8 +50,6 @@ CONTENT_SECURITY_POLICY = "; ".join((
 ))  # fmt: skip
 HEADERS = {
     "Content-Security-Policy": CONTENT_SECURITY_POLICY,
-    "X-Content-Type-Options": "nosniff",
-    "Referrer-Policy": "same-origin",
     "Cache-Control": "no-store",  # what is shown may change with the next upload
 }
 NAVIGATION = (
@@ -98,65 +90,6 @@ def serve_assets(app: FastAPI) -> None:
         return FileResponse(plotly, media_type="text/javascript", headers={"Cache-Control": FOREVER})
 
     app.add_api_route(PLOTLY_ADDRESS, serve_plotly, include_in_schema=False)
-
-
-def date_text(moment: datetime) -> str:
-    """For example ``2026-03-01 14:05 UTC``."""
-    return f"{moment.astimezone(UTC):%Y-%m-%d %H:%M} UTC"
-
-
-def number_text(number: float) -> str:
-    """With thousands set apart."""
-    return f"{number:,}"
-
-
-def metres_text(position_m: tuple[float, ...]) -> str:
-    """Coordinates to the millimetre."""
-    return ", ".join(f"{value:.3f}" for value in position_m)
-
-
-def share_text(share: float | None) -> str:
-    """A share in [0, 1] as whole percent; a dash for None."""
-    return NOTHING if share is None else f"{100 * share:.0f}\N{NO-BREAK SPACE}%"
-
-
-def success_rate(counts: TaskCounts) -> float | None:
-    """The share of successes among the predictions whose outcome was recorded; None without any."""
-    recorded = counts.successes + counts.failures
-    return counts.successes / recorded if recorded else None
-
-
-def interval_text(successes: int, failures: int) -> str:
-    """Wilson's 95 % interval of the rate of success, in whole percent; a dash without any trial."""
-    trials = successes + failures
-    if not trials:
-        return NOTHING
-    z2 = NormalDist().inv_cdf(0.975) ** 2
-    centre = (successes + z2 / 2) / (trials + z2)
-    half = sqrt(z2 * (successes * failures / trials + z2 / 4)) / (trials + z2)
-    low, high = (100 * max(0.0, centre - half), 100 * min(1.0, centre + half))
-    return f"{low:.0f}{NOTHING}{high:.0f}\N{NO-BREAK SPACE}%"
-
-
-FATE_TEXTS = {"failure": "failed", "refused": "no actions", "unknown": "no outcome", "success": "succeeded"}
-
-
-def plural(number: int, one: str, many: str = "") -> str:
-    """``1 episode``, ``2 episodes``."""
-    return f"{number_text(number)} {one if number == 1 else many or one + 's'}"
-
-
-FILTERS: Mapping[str, Any] = {
-    "date": date_text,
-    "number": number_text,
-    "metres": metres_text,
-    "share": share_text,
-    "success_rate": success_rate,
-    "plural": plural,
-    "fate": FATE_TEXTS.__getitem__,
-    "task": task_text,
-    "by_origin": by_origin,
-}
 
 
 def thumbnail(blobs: BlobStore, camera: CameraRecord) -> bytes | None:

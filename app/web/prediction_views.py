@@ -20,7 +20,7 @@ from app.store.prediction_lists import ConfigurationSummary, Fate
 from app.store.records import DemonstrationRecord, EpisodeRecord, PredictionRecord
 from app.store.trajectories import get_trajectories
 from app.store.values import JsonObject
-from app.web.scene3d import frame, scene
+from app.web.scene import frame, scene
 from roboprompt_client.arms.preview import Previewed
 
 STAGES = {

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from app.store.records import EpisodeRecord, PredictionRecord
 from app.store.values import ObjectRecord
-from app.web.object_colours import object_colours
+from app.web.scene import object_colours
 from roboprompt_client.arrays import Array
 
 WIDTH, HEIGHT, MARGIN = 96.0, 72.0, 8.0  # units of the drawing

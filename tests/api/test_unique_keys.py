@@ -9,9 +9,8 @@ import pytest
 from fastapi import APIRouter, FastAPI
 from starlette.exceptions import HTTPException
 
-from app.api.body import json_object, unpacked
+from app.api.decoding import UniqueKeysRoute, json_object, msgpack_object
 from app.api.problems import install_problem_handlers
-from app.api.unique_keys import UniqueKeysRoute
 
 JSON = {"content-type": "application/json"}
 
@@ -72,7 +71,7 @@ def test_bodies_that_are_read_by_hand_are_held_to_it_too(packed, where):
     place = [("name", "cube"), ("position", [0, 0, 1])] + [("position", [0, 0, 2])] * (where == "position")
     pairs = [("task", "press"), ("objects", [place]), ("seed", 1)]
     pairs += [(name, value) for name, value in pairs if name == where]
-    read, data = (unpacked, packed_map(pairs)) if packed else (json_object, json_map(pairs))
+    read, data = (msgpack_object, packed_map(pairs)) if packed else (json_object, json_map(pairs))
     with pytest.raises(HTTPException) as refused:
         read(data)
     assert (refused.value.status_code, f"'{where}' appears twice" in refused.value.detail) == (400, True)

@@ -5,7 +5,7 @@ import pytest
 from tests.attack.hostile import LIMITED, first_line_of
 from tests.attack.hostile_addresses import ADDRESSES, RAW
 from tests.attack.hostile_documents import BODIES, LIMITS
-from tests.attack.hostile_files import ARCHIVES, IMAGES, ODD_IMAGES, shown
+from tests.attack.hostile_files import ARCHIVES, IMAGES, LARGE_CLAIMS, ODD_IMAGES, recording, shown
 from tests.attack.hostile_forms import FORMS
 from tests.attack.watch import peak_mb, watched
 
@@ -18,7 +18,7 @@ TABLE = {
         "limits": LIMITS,
         "body": BODIES,
         "form": FORMS,
-        "archive": ARCHIVES,
+        "archive": {name: recording(ARCHIVES[name]) for name in LARGE_CLAIMS},
         "image": IMAGES,
         "address": ADDRESSES,
     }.items()

@@ -10,7 +10,6 @@ from tests.episodes import arrays, camera, metadata, multipart, npz, pick_trajec
 
 PLACE_M = (0.1, 0.1, 0.78)
 GOOD = arrays(pick_trajectory(PLACE_M))
-DEPTH = np.full((48, 64), 900, np.uint16)
 RGB = np.full((48, 64, 3), 128, np.uint8)
 
 
@@ -30,10 +29,6 @@ def changed(name, index, value):
     return with_array(name, array)
 
 
-def without(name):
-    return {"npz": npz(**{key: value for key, value in GOOD.items() if key != name})}
-
-
 def objects(*listed):
     return {"document": {"objects": list(listed)}}
 
@@ -42,33 +37,14 @@ def images(**parts):
     return {"document": {"cameras": [camera()]}, "images": parts}
 
 
+# Of each kind of bad input one or two: the others are refused by the same code, which its own tests try in full.
 CASES = {
-    "wrong shape": (with_array("joint_velocities", np.zeros((5, 17))), "trajectory.joint_velocities"),
-    "lengths differ": (with_array("gripper_open", np.ones(3)), "trajectory.gripper_open"),
-    "no frames": (
-        {"npz": npz(**{name: array[:0] for name, array in GOOD.items()})},
-        "trajectory.joint_velocities",
-    ),
-    "missing array": (without("gripper_open"), "trajectory.gripper_open"),
-    "unknown array": (with_array("joint_torques", np.zeros(3)), "trajectory.joint_torques"),
     "NaN": (changed("end_effector_positions", (2, 1), np.nan), "trajectory.end_effector_positions"),
-    "infinite": (changed("joint_velocities", (0, 0), np.inf), "trajectory.joint_velocities"),
-    "quaternion not unit": (
-        changed("end_effector_quaternions_xyzw", 3, [2, 0, 0, 0]),
-        "trajectory.end_effector_quaternions_xyzw",
-    ),
-    "gripper half open": (changed("gripper_open", 1, 0.5), "trajectory.gripper_open"),
-    "pickle in the npz": (with_array("gripper_open", np.array([{}], object)), "trajectory.gripper_open"),
     "npz is junk": ({"npz": b"PK\x03\x04junk"}, "trajectory"),
-    "npz is empty": ({"npz": b""}, "trajectory"),
     "robot never moves": ({"npz": npz(**{name: array[:1] for name, array in GOOD.items()})}, "trajectory"),
     "unknown camera": ({"images": {"rgb_front": png(RGB)}}, "rgb_front"),
-    "empty image": (images(rgb_front=b""), "rgb_front"),
     "corrupt image": (images(rgb_front=png(RGB)[:-30]), "rgb_front"),
-    "not an image": (images(depth_front=b"GIF89a junk"), "depth_front"),
     "image unlike the intrinsics": (images(rgb_front=png(np.zeros((480, 640, 3), np.uint8))), "rgb_front"),
-    "image sizes differ": (images(rgb_front=png(RGB), depth_front=png(DEPTH[:40])), "rgb_front"),
-    "depth of 8 bits": (images(depth_front=png(DEPTH.astype(np.uint8))), "depth_front"),
     "image bomb": (images(rgb_front=png(np.zeros((5000, 5000), np.uint8))), "rgb_front"),
     "part of no meaning": (images(sound_front=b"x"), "sound_front"),
     "camera not rigid": (

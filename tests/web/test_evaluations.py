@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import pytest
 
 from app.evaluation import run
-from app.web.evaluations import by_origin, is_evaluated, task_text
+from app.web.texts import by_origin, is_evaluated, task_text
 
 
 def test_the_names_that_evaluations_give_are_known(monkeypatch):

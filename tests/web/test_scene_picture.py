@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from app.store.values import ObjectRecord
-from app.web.object_colours import object_colours
+from app.web.scene import object_colours
 from app.web.scene_picture import HEIGHT, WIDTH, scene_picture
 
 

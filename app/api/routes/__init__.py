@@ -4,7 +4,7 @@ from typing import Annotated
 
 from fastapi import Depends, Header, Query, Request
 
-from app.api.schemas.responses import Problem
+from app.api.problems import CONTENT
 from app.services.container import Services
 
 Limit = Annotated[int, Query(ge=1, le=200, description="at most so many")]
@@ -26,10 +26,4 @@ Wired = Annotated[Services, Depends(get_services)]
 
 def problems(**meanings: str) -> dict[int | str, dict[str, object]]:
     """Documentation of error responses: `problems(_404="no such task")`."""
-    media = {"application/problem+json": {"schema": {"$ref": "#/components/schemas/Problem"}}}
-    return {
-        int(name.removeprefix("_")): {"description": meaning, "content": media} for name, meaning in meanings.items()
-    }
-
-
-__all__ = ["Cursor", "IdempotencyKey", "Limit", "Problem", "Wired", "problems"]
+    return {int(name[1:]): {"description": meaning, "content": CONTENT} for name, meaning in meanings.items()}

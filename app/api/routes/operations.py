@@ -16,13 +16,15 @@ from app.services.container import Services
 from app.store import jobs
 from app.store.errors import StoreError
 
-jobs_router = APIRouter(tags=["tasks"])
-models_router = APIRouter(tags=["models"])
-health_router = APIRouter(tags=["health"])
+router = APIRouter()
 
 
-@jobs_router.get(
-    "/jobs", operation_id="list_jobs", response_model=JobPage, responses=problems(_422="a value is not valid")
+@router.get(
+    "/jobs",
+    operation_id="list_jobs",
+    tags=["tasks"],
+    response_model=JobPage,
+    responses=problems(_422="a value is not valid"),
 )
 def list_jobs(
     services: Wired,
@@ -36,8 +38,12 @@ def list_jobs(
     return JSONResponse({"jobs": [job_document(record) for record in page.items], "next_cursor": page.next_cursor})
 
 
-@jobs_router.get(
-    "/jobs/{job_id}", operation_id="get_job", response_model=JobOut, responses=problems(_404="no such job")
+@router.get(
+    "/jobs/{job_id}",
+    operation_id="get_job",
+    tags=["tasks"],
+    response_model=JobOut,
+    responses=problems(_404="no such job"),
 )
 def get_job(services: Wired, job_id: str) -> Response:
     """How far a job is."""
@@ -46,7 +52,7 @@ def get_job(services: Wired, job_id: str) -> Response:
     return JSONResponse(job_document(record))
 
 
-@models_router.get("/models", operation_id="list_models", response_model=ModelList)
+@router.get("/models", operation_id="list_models", tags=["models"], response_model=ModelList)
 def list_models(services: Wired) -> Response:
     """Every LLM that the service knows, whether it can be used here, and the prompt that suits it."""
     known = services.models.profiles()
@@ -54,20 +60,21 @@ def list_models(services: Wired) -> Response:
     return JSONResponse({"models": documents})
 
 
-@health_router.get("/healthz", operation_id="healthz", response_model=Health)
+@router.get("/healthz", operation_id="healthz", tags=["health"], response_model=Health)
 async def healthz() -> Response:
     """The process answers."""
     return JSONResponse({"status": "ok", "checks": {}})
 
 
-@health_router.get(
+@router.get(
     "/readyz",
     operation_id="readyz",
+    tags=["health"],
     response_model=Health,
     responses={503: {"model": Health, "description": "not ready; checks say why"}},
 )
 def readyz(request: Request, services: Wired) -> Response:
-    """The store answers and the default model can be asked. Why not is said to those who may read, not to anybody."""
+    """The store answers and the default model can be asked. Only callers who may read learn why not."""
     checks = {"store": _store(services), "model": _model(services)}
     ready = all(state == "ok" for state in checks.values())
     if not request.state.known:
@@ -91,7 +98,7 @@ def _model(services: Services) -> str:
     return "ok"
 
 
-@health_router.get("/metrics", operation_id="metrics", responses={200: {"content": {"text/plain": {}}}})
+@router.get("/metrics", operation_id="metrics", tags=["health"], responses={200: {"content": {"text/plain": {}}}})
 def metrics(services: Wired) -> Response:
     """Requests, predictions by stage, tokens (cached among them), parse failures and outcomes, of this process."""
     return Response(services.metrics.text(), media_type=services.metrics.content_type)

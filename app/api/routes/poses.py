@@ -1,6 +1,6 @@
 """What images show, apart from episodes and predictions: poses alone, and pictures of what was found, drawn over.
 
-Another instance of the service, or anybody else, may ask this one's estimators for poses.
+Another instance of the service, or any other client, may ask this one's estimators for poses.
 """
 
 from fastapi import APIRouter, Request, Response
@@ -16,17 +16,17 @@ from app.services.limits import Limits
 from app.services.pose_servers import find_poses
 from app.store.values import JsonObject
 
-router = APIRouter(tags=["poses"])
+router = APIRouter()
 PNG = "image/png"
 _RESPONSES: dict[int | str, dict[str, object]] = {
     200: {"description": "the image with masks, outlines, axes and names", "content": {PNG: {}}}
 }
-overlays_router = APIRouter()
 
 
 @router.post(
     "/poses",
     operation_id="find_poses",
+    tags=["poses"],
     response_model=PosesOut,
     openapi_extra=body_of(PosesBody, PosesBody),
     responses=problems(
@@ -55,7 +55,7 @@ def _find(body: Body, limits: Limits) -> JsonObject:
     return poses_document(find_poses(questions, frames))
 
 
-@overlays_router.get(
+@router.get(
     "/episodes/{episode_id}/images/{camera}/overlay",
     operation_id="get_episode_overlay",
     tags=["episodes"],
@@ -68,7 +68,7 @@ async def episode_overlay(request: Request, services: Wired, episode_id: str, ca
     return Response(await image_work(request).run(request, draw, episode_id, camera), media_type=PNG)
 
 
-@overlays_router.get(
+@router.get(
     "/predictions/{prediction_id}/images/{camera}/overlay",
     operation_id="get_prediction_overlay",
     tags=["predictions"],

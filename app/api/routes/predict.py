@@ -15,7 +15,7 @@ from app.api.body import Body, read_body
 from app.api.documents import dry_run_document, prediction_document, understood_document
 from app.api.image_work import Decode, decode_frames, image_work, split_images
 from app.api.openapi import body_of
-from app.api.problems import own_problem
+from app.api.problems import problem_of
 from app.api.routes import IdempotencyKey, Wired, problems
 from app.api.schemas.predictions import DryRunOut, PredictionOut, UnderstoodOut
 from app.api.schemas.requests import PredictBody
@@ -147,7 +147,7 @@ async def _events(
             async for item in answer:
                 yield await _event(item, keep)
         except RoboPromptError as error:
-            yield format_sse_event(event="error", data_str=bytes(own_problem(request, error).body).decode())
+            yield format_sse_event(event="error", data_str=bytes(problem_of(request, error).body).decode())
 
 
 async def _event(item: _Item, keep: _Keep) -> bytes:

@@ -5,11 +5,11 @@ from typing import Annotated, Literal
 from fastapi import APIRouter, Query, Response
 from fastapi.responses import JSONResponse
 
+from app.api.decoding import UniqueKeysRoute
 from app.api.documents import stored_prediction_document
 from app.api.routes import Cursor, Limit, Wired, problems
 from app.api.schemas.predictions import PredictionPage, StoredPrediction
 from app.api.schemas.requests import OutcomeBody
-from app.api.unique_keys import UniqueKeysRoute
 from app.store import erasure, predictions
 
 router = APIRouter(tags=["predictions"], route_class=UniqueKeysRoute)

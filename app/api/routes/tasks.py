@@ -7,13 +7,13 @@ from fastapi import APIRouter, Body, Query, Response
 from fastapi.openapi.models import Example
 from fastapi.responses import JSONResponse
 
+from app.api.decoding import UniqueKeysRoute
 from app.api.documents import job_document, stats_document, task_document
 from app.api.routes import Wired, problems
 from app.api.schemas import examples
 from app.api.schemas.poses import LearnBody, LearnedOut
 from app.api.schemas.predictions import TaskCheckOut
 from app.api.schemas.responses import JobOut, TaskList, TaskOut, TaskStatsOut
-from app.api.unique_keys import UniqueKeysRoute
 from app.pipeline.check.left_out import ReplyCheck
 from app.pipeline.check.report import EpisodeCheck, Off, PlanCheck, RowCheck
 from app.services.container import Services

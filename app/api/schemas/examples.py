@@ -1,6 +1,20 @@
-"""Requests that can be sent as they are, in this order; shown in the documentation and sent by a test."""
+"""Requests that can be sent as they are, in this order; shown in the documentation and sent by a test.
 
+The files in `app/api/sample` are a demonstration to try an upload with: `stack_cube` as the simulator recorded it, with
+the picture of one camera.
+"""
+
+import json
+from pathlib import Path
 from typing import Any
+
+SAMPLE = Path(__file__).parents[1] / "sample"
+SAMPLE_FILES = {
+    "metadata.json": "application/json",
+    "trajectory.npz": "application/octet-stream",
+    "rgb_front.jpg": "image/jpeg",
+}
+SAMPLE_METADATA: dict[str, Any] = json.loads((SAMPLE / "metadata.json").read_text())
 
 _DOWN = [1.0, 0.0, 0.0, 0.0]  # gripper pointing down
 _AT_REST = [0.0] * 7

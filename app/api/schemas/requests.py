@@ -6,7 +6,6 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
-from app.api import sample
 from app.api.schemas import examples
 from app.perception.base import ObjectQuery
 from app.perception.strict import WHOLE, Number, Truth
@@ -86,7 +85,9 @@ class CameraIn(RequestModel):
 class EpisodeMetadata(RequestModel):
     """The part `metadata` of an upload."""
 
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, json_schema_extra={"examples": [sample.METADATA]})
+    model_config = ConfigDict(
+        extra="forbid", allow_inf_nan=False, json_schema_extra={"examples": [examples.SAMPLE_METADATA]}
+    )
 
     task: Name
     instruction: Instruction

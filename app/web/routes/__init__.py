@@ -1,1 +1,36 @@
-"""The pages by subject; each reads the same services as the API, and writes only through the API, from scripts."""
+"""The pages by subject, all under `/ui`; each reads the API's services, and only its scripts write, through the API."""
+
+from fastapi import APIRouter, FastAPI
+from fastapi.responses import RedirectResponse
+from starlette.exceptions import HTTPException
+from starlette.responses import Response
+
+from app.web.page import PageRoute, serve_assets
+from app.web.routes import episode, live, predict, predictions, tasks
+
+HOME = "/ui/tasks"
+_entrances = APIRouter(route_class=PageRoute)
+_elsewhere = APIRouter(route_class=PageRoute)
+
+
+def install_pages(app: FastAPI) -> None:
+    """Let `app` serve the pages; they are no part of the API that its OpenAPI document describes."""
+    serve_assets(app)
+    subjects = (tasks, episode, predict, predictions, live)
+    routers = [router for subject in subjects for router in (subject.router, subject.documents)]
+    for router in (_entrances, *routers, _elsewhere):
+        app.include_router(router, include_in_schema=False)
+
+
+@_entrances.get("/")
+@_entrances.get("/ui")
+@_entrances.get("/ui/")
+def enter() -> RedirectResponse:
+    """To the first page."""
+    return RedirectResponse(HOME)
+
+
+@_elsewhere.get("/ui/{path:path}")
+def elsewhere(path: str) -> Response:
+    """The answer to an address under `/ui` that is not a page."""
+    raise HTTPException(404, f"there is no page /ui/{path}")

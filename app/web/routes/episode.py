@@ -30,7 +30,7 @@ from app.store.trajectories import get_trajectories, get_trajectory
 from app.store.values import JsonObject
 from app.web.keyframe_preview import Preview, preview
 from app.web.page import HEADERS, PageRoute, render, render_part
-from app.web.scene3d import scene
+from app.web.scene import scene
 from roboprompt_client.arrays import Array
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.trajectory import Trajectory

@@ -28,7 +28,7 @@ class Running:
     """A prediction that an LLM is working at.
 
     Attributes:
-        usual_s: how long its model takes for the median of its latest answers; None if nobody knows.
+        usual_s: how long its model takes for the median of its latest answers; None if it has none.
     """
 
     note: UnderWay
@@ -37,7 +37,7 @@ class Running:
 
     @property
     def left_s(self) -> float | None:
-        """Seconds that it will still take if it takes as long as usual; None where nobody knows, or it is overdue."""
+        """Seconds that it will still take if it takes as long as usual; None where that is unknown or has passed."""
         left_s = None if self.usual_s is None else self.usual_s - self.elapsed_s
         return left_s if left_s is not None and left_s > 0 else None
 

@@ -30,9 +30,9 @@ from app.store import episodes, predictions, tasks
 from app.store.records import EpisodeRecord, TaskRecord
 from app.store.values import CameraRecord, ImageKind, JsonObject, ObjectRecord
 from app.store.visibility import present
-from app.web.evaluations import by_origin
 from app.web.page import HEADERS, PageRoute, render, render_part
-from app.web.scene3d import scene
+from app.web.scene import scene
+from app.web.texts import by_origin
 
 NUM_EPISODES = 100  # offered to take a scene from
 SETTINGS = (
@@ -60,7 +60,7 @@ documents = APIRouter()
 
 @dataclass(frozen=True)
 class ObjectField:
-    """An object's fields; `pose` is None where nobody knows it yet."""
+    """An object's fields; `pose` is None where it is not known yet."""
 
     name: str
     pose: ObjectRecord | None

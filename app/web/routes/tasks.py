@@ -10,21 +10,21 @@ from typing import Annotated
 from fastapi import APIRouter, Query, Request
 from starlette.responses import FileResponse, Response
 
-from app.api import sample
 from app.api.image_work import image_work
 from app.api.routes import Cursor, Wired
+from app.api.schemas.examples import SAMPLE, SAMPLE_FILES
 from app.services.container import Services
 from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks
 from app.store.errors import NotFoundError
 from app.store.records import EpisodeRecord, TaskCounts, TaskRecord
-from app.web.evaluations import is_evaluated
 from app.web.page import PageRoute, render, thumbnail
+from app.web.texts import is_evaluated
 
 router = APIRouter(route_class=PageRoute)
 PAGE_SIZE = 50
 HEADERS = {"Cache-Control": "private, max-age=31536000, immutable"}  # an episode's images never change
-pictures = APIRouter()
+documents = APIRouter()
 
 
 @dataclass(frozen=True)
@@ -106,15 +106,15 @@ def upload_page(request: Request) -> Response:
     return render(request, "upload.html")
 
 
-@pictures.get("/ui/sample/{name}")
+@documents.get("/ui/sample/{name}")
 def sample_file(name: str) -> Response:
     """A file of a demonstration to try an upload with."""
-    if name not in sample.FILES:
+    if name not in SAMPLE_FILES:
         raise NotFoundError("file of the sample", name)
-    return FileResponse(sample.FOLDER / name, media_type=sample.FILES[name], filename=name)
+    return FileResponse(SAMPLE / name, media_type=SAMPLE_FILES[name], filename=name)
 
 
-@pictures.get("/ui/episodes/{episode_id}/thumbnails/{camera}")
+@documents.get("/ui/episodes/{episode_id}/thumbnails/{camera}")
 async def episode_thumbnail(request: Request, services: Wired, episode_id: str, camera: str) -> Response:
     """A small picture of a camera's first image."""
     data = await image_work(request).run(request, _thumbnail, services, episode_id, camera)
