@@ -51,6 +51,24 @@ class Camera:
             raise InvalidInputError(f"{where}.camera_to_world", "is not a rigid transform", remedy)
         settle(self, camera_to_world=transform)
 
+    def project(self, points_world_m: npt.ArrayLike) -> tuple[Array, Array]:
+        """Where points of the world appear in the image.
+
+        Args:
+            points_world_m: (..., 3) metres in the world frame.
+
+        Returns:
+            pixels: (..., 2) as (u, v) = (column, row), not rounded; they may lie outside the image.
+            depth_m: (...) metres along the optical axis. A point behind the camera has a depth <= 0 and its pixel means
+                nothing (infinite or NaN at depth 0): the caller decides.
+        """
+        points = np.asarray(points_world_m, np.float64)
+        in_camera = (points - self.camera_to_world[:3, 3]) @ self.camera_to_world[:3, :3]
+        depth_m: Array = in_camera[..., 2]
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            pixels = in_camera[..., :2] / depth_m[..., None] * (self.fx_px, self.fy_px) + (self.cx_px, self.cy_px)
+        return pixels, depth_m
+
 
 def _is_rigid(transform: Array) -> bool:
     rotation = transform[:3, :3]

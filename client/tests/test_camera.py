@@ -99,3 +99,51 @@ def test_images_of_another_size_than_the_intrinsics_are_refused(seen_by, size):
 def test_a_known_size_allows_an_optical_centre_far_off():
     cropped = camera(cx_px=-10, image_size_px=(WIDTH, HEIGHT))
     assert RgbdFrame(cropped, **images()).camera is cropped
+
+
+def looking_down():
+    """One metre above the world's origin, its optical axis along -z of the world, its x axis along x."""
+    transform = np.diag([1.0, -1.0, -1.0, 1.0])
+    transform[2, 3] = 1.0
+    return camera(fx_px=60, fy_px=40, camera_to_world=transform)
+
+
+def test_a_point_on_the_optical_axis_appears_at_the_optical_center():
+    pixel, depth_m = looking_down().project([0, 0, 0.25])
+    assert pixel.tolist() == [31.5, 23.5]
+    assert depth_m == 0.75
+
+
+def test_u_is_the_column_and_v_the_row_of_every_point_of_a_grid():
+    points = np.zeros((2, 5, 3))
+    points[0, :, 0] = 0.1 * np.arange(5)  # to the right in the image
+    points[1, :, 1] = 0.1 * np.arange(5)  # up in the image
+    pixels, depth_m = looking_down().project(points)
+    assert pixels.shape == (2, 5, 2)
+    assert depth_m.shape == (2, 5)
+    np.testing.assert_allclose(pixels[0], [[31.5 + 6 * k, 23.5] for k in range(5)])
+    np.testing.assert_allclose(pixels[1], [[31.5, 23.5 - 4 * k] for k in range(5)])
+
+
+def test_points_beside_and_behind_the_camera_have_no_positive_depth():
+    _, depth_m = looking_down().project([[0, 0, 1], [0.2, 0, 1], [0, 0, 1.5]])
+    assert depth_m.tolist() == [0, 0, -0.5]
+
+
+def test_a_projected_point_comes_back_from_its_pixel_and_depth():
+    rng = np.random.default_rng(0)
+    rotation, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+    transform = with_rotation(rotation * np.sign(np.linalg.det(rotation)))
+    transform[:3, 3] = 0.3, -0.2, 0.9
+    oblique = camera(fx_px=55, camera_to_world=transform)
+    points = rng.normal(size=(50, 3))
+    pixels, depth_m = oblique.project(points)
+    rays = (pixels - (oblique.cx_px, oblique.cy_px)) / (oblique.fx_px, oblique.fy_px)
+    in_camera = np.column_stack([rays * depth_m[:, None], depth_m])
+    np.testing.assert_allclose(in_camera @ transform[:3, :3].T + transform[:3, 3], points, atol=1e-9)
+
+
+def test_no_points_give_no_pixels():
+    pixels, depth_m = looking_down().project(np.zeros((0, 3)))
+    assert pixels.shape == (0, 2)
+    assert depth_m.shape == (0,)
