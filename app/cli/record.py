@@ -42,7 +42,7 @@ def record(
     """
     # The simulator is an extra that `roboprompt serve` does without.
     from app.sim.jog import JoggedPanda, drive
-    from app.sim.recorder import Recorder
+    from app.sim.sampler import TrajectorySampler
     from app.sim.tasks import TASKS, make_task
 
     check_names("--task", [task], TASKS)
@@ -56,7 +56,7 @@ def record(
     arm, seen, recorders = JoggedPanda(scene), Observation(scene.object_poses()), []
 
     def begin() -> None:
-        recorders.append(Recorder(scene.model, scene.data, RATE_HZ))
+        recorders.append(TrajectorySampler(scene.model, scene.data, RATE_HZ))
         arm.after_step.append(recorders[0].sample)
 
     console.print(f"[bold]{scene.instruction}[/]\n{KEYS}")

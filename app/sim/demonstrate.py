@@ -7,11 +7,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from app.sim.guided import GuidedPanda, Person
+from app.sim.guided import GuidedPanda, Habits
 from app.sim.moves import Move, action_from_move, moves_from_actions
-from app.sim.recorder import GripperState, Recorder
 from app.sim.rendering import FilmStrip, RgbImage
 from app.sim.robot import DWELL_S, SimulatedPanda
+from app.sim.sampler import GripperState, TrajectorySampler
 from app.sim.shift import shift_free_objects
 from app.sim.tasks import make_task
 from app.sim.tasks.base import FINAL_HOLD_S, NOT_SOLVED
@@ -123,10 +123,12 @@ def record_demonstration(
         robot = robot_in_scene(task_name, seed, variation, images=images)
         robot.dwell_s = max(DWELL_S, DWELL_SAMPLES / control_frequency_hz)
     else:
-        robot = _guided_robot(task_name, seed, variation, images=images)
+        habits, guided = Habits(seed), make_task(task_name, seed, variation)
+        guided.way = habits.choose(guided.ways)
+        robot = GuidedPanda(guided, habits, CAMERA_NAMES if images else ())
     task = robot.task
     commanded_open = lambda: robot.gripper_commanded_open  # noqa: E731
-    recorder = Recorder(task.model, task.data, control_frequency_hz, task.object_names, commanded_open)
+    recorder = TrajectorySampler(task.model, task.data, control_frequency_hz, task.object_names, commanded_open)
     scene = _view(robot, seed)
     robot.after_step.append(recorder.sample)
     moves = task.expert()
@@ -179,12 +181,6 @@ def robot_in_scene(task_name: str, seed: int, variation: int | None = None, *, i
         InvalidInputError: for an unknown task or variation.
     """
     return SimulatedPanda(make_task(task_name, seed, variation), CAMERA_NAMES if images else ())
-
-
-def _guided_robot(task_name: str, seed: int, variation: int | None, *, images: bool) -> GuidedPanda:
-    person, task = Person(seed), make_task(task_name, seed, variation)
-    task.way = person.choose(task.ways)
-    return GuidedPanda(task, person, CAMERA_NAMES if images else ())
 
 
 def _view(robot: SimulatedPanda, seed: int) -> SceneView:

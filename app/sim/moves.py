@@ -15,7 +15,7 @@ UP = np.array([0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True, eq=False)
-class Pose:
+class ToolPose:
     """A pose of the point between the fingertips in the world frame.
 
     Attributes:
@@ -25,6 +25,11 @@ class Pose:
 
     position_m: Array
     rotation: Rotation
+
+    def apart(self, other: "ToolPose") -> tuple[float, float]:
+        """How far another pose is from this one, m and rad."""
+        apart_m = float(np.linalg.norm(other.position_m - self.position_m))
+        return apart_m, float((self.rotation.inv() * other.rotation).magnitude())
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +42,7 @@ class Move:
             the gripper opens or closes there, otherwise as closely as the person likes (`app.sim.guided`).
     """
 
-    pose: Pose
+    pose: ToolPose
     gripper_open: bool
     straight: bool = True
     within_m: float | None = None
@@ -65,7 +70,7 @@ def move_to(
     within_m: float | None = None,
 ) -> Move:
     """A move from a position (3,) and a rotation."""
-    return Move(Pose(np.asarray(position_m, dtype=np.float64), rotation), gripper_open, straight, within_m)
+    return Move(ToolPose(np.asarray(position_m, dtype=np.float64), rotation), gripper_open, straight, within_m)
 
 
 def pick(

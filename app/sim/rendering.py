@@ -7,7 +7,6 @@ import functools
 import logging
 import os
 from contextlib import ExitStack
-from types import TracebackType
 from typing import Protocol, Self
 
 import mujoco
@@ -67,9 +66,7 @@ class RayCaster:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Nothing to release."""
 
 
@@ -95,9 +92,7 @@ class SceneRenderer(Protocol):
 
     def __enter__(self) -> Self: ...
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None: ...
+    def __exit__(self, *_: object) -> None: ...
 
 
 class OpenGLRenderer:
@@ -125,9 +120,7 @@ class OpenGLRenderer:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._renderer.close()
 
 
@@ -182,9 +175,7 @@ class FilmStrip:
         self.shoot()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._resources.close()
 
     def shoot(self) -> None:

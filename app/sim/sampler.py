@@ -18,7 +18,7 @@ TIME_TOLERANCE_S = 1e-9
 MIN_FINGER_TRAVEL_M = 1e-3  # fingers that move less have neither opened nor closed
 
 
-class Recorder:
+class TrajectorySampler:
     """Records the state of one scene at `control_frequency_hz`, from now on.
 
     Args:
