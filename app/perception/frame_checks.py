@@ -4,6 +4,8 @@ Images that cannot are refused for what is wrong with them. Tables and floors ar
 is not where its calibration says.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from app.pipeline.geometry import pixels_to_world
@@ -17,6 +19,18 @@ NUM_TRIALS = 60
 FLAT_M = 0.006  # points nearer to a plane than this belong to it: three sigma at 1 m, times the square of the distance
 ENOUGH_SHARE = 0.25  # of the points, for a plane to count as table or floor
 MAX_TILT_DEG, STEEP_DEG = 5.0, 40.0  # beyond the latter it is a wall or a ramp, not a table
+
+
+def check_cameras(frames: Sequence[RgbdFrame]) -> None:
+    """Refuse no camera at all, and what `check_rgbd` refuses.
+
+    Raises:
+        InvalidInputError: naming cameras, or as `check_rgbd`.
+    """
+    if not frames:
+        raise InvalidInputError("cameras", "there is none", "rgb_NAME and depth_NAME of at least one camera")
+    for frame in frames:
+        check_rgbd(frame)
 
 
 def check_rgbd(frame: RgbdFrame) -> None:

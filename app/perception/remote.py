@@ -210,11 +210,11 @@ def _fused(query: ObjectQuery, model: RemoteModel, answers: Sequence[PoseAnswer]
     pose = fused(
         query,
         [
-            Sighting(_seen_by(model, item), item.position_m, item.quaternion_xyzw, item.confidence, item.reason)
+            Miss(_seen_by(model, item), item.reason or "not found")
+            if item.position_m is None
+            else Sighting(_seen_by(model, item), item.position_m, item.quaternion_xyzw, item.confidence, item.reason)
             for item in answers
-            if item.position_m is not None
         ],
-        [Miss(_seen_by(model, item), item.reason or "not found") for item in answers if item.position_m is None],
         estimator="remote",
         min_confidence=model.min_confidence,
     )

@@ -53,8 +53,7 @@ class Miss:
 
 def fused(
     query: ObjectQuery,
-    sightings: Sequence[Sighting],
-    misses: Sequence[Miss] = (),
+    found: Sequence[Sighting | Miss],
     *,
     estimator: str,
     min_confidence: float = MIN_CONFIDENCE,
@@ -75,9 +74,10 @@ def fused(
         ObjectNotVisibleError: if no camera sees the object.
         UncertainPoseError: if none is confident enough, or they contradict each other. Both name object and cameras.
     """
+    sightings = [item for item in found if isinstance(item, Sighting)]
     good = sorted((s for s in sightings if s.confidence >= min_confidence), key=lambda s: -s.confidence)
     if not good:
-        raise _refusal(query, sightings, misses, min_confidence)
+        raise _refusal(query, found, min_confidence)
     notes = [f"{s.camera}: {s.reason}" for s in good if s.reason]
     notes += _differences(query, good, yaw_symmetry_deg, max_distance_m)
     notes += _doubts(good[0], [s for s in sightings if s.confidence < min_confidence])
@@ -95,15 +95,21 @@ def fused(
 
 
 def _refusal(
-    query: ObjectQuery, sightings: Sequence[Sighting], misses: Sequence[Miss], min_confidence: float
+    query: ObjectQuery, found: Sequence[Sighting | Miss], min_confidence: float
 ) -> ObjectNotVisibleError | UncertainPoseError:
-    reasons = [f"{s.camera}: confidence {s.confidence:.2f}, {s.reason or 'for no stated reason'}" for s in sightings]
-    reasons += [f"{miss.camera}: {miss.reason}" for miss in misses]
-    listed = "; ".join(reasons) or "there is no camera"
-    if sightings or any(miss.seen for miss in misses):
+    # a camera that sees it comes before those that do not
+    ordered = sorted(found, key=lambda item: isinstance(item, Miss))
+    listed = "; ".join(f"{item.camera}: {_why_not(item)}" for item in ordered) or "there is no camera"
+    if any(isinstance(item, Sighting) or item.seen for item in found):
         message = f"its pose is uncertain (least confidence {min_confidence:g}): {listed}"
         return UncertainPoseError(query.name, message, REMEDY)
     return ObjectNotVisibleError(query.name, f"no camera sees it: {listed}", REMEDY)
+
+
+def _why_not(item: Sighting | Miss) -> str:
+    if isinstance(item, Miss):
+        return item.reason
+    return f"confidence {item.confidence:.2f}, {item.reason or 'for no stated reason'}"
 
 
 def _differences(

@@ -11,9 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from app.perception.base import LabelledScene, ObjectQuery
 from app.perception.cuboid.estimator import CuboidPoses, likenesses
-from app.perception.cuboid.fit import SHAPES, Shape
 from app.perception.cuboid.looks import Measured, learn_color, measure, object_pixels
-from app.perception.cuboid.model import ColorModel, CuboidModel, Rank
+from app.perception.cuboid.model import SHAPES, ColorModel, CuboidModel, Rank, Shape
 from app.perception.frame_checks import check_rgbd
 from app.perception.object_model import ObjectModelError
 from app.pipeline.errors import NoPoseError

@@ -12,9 +12,9 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from app.perception.base import ObjectQuery
-from app.perception.cuboid.fit import SX, YAW, Shape, fit_any_size
-from app.perception.cuboid.model import ColorModel
-from app.perception.cuboid.pieces import Piece, color_mask, find_parts, full_mask, to_hsv
+from app.perception.cuboid.fit import SX, YAW, fit_any_size
+from app.perception.cuboid.model import ColorModel, Shape
+from app.perception.cuboid.pieces import Piece, color_mask, find_parts, to_hsv
 from app.perception.cuboid.view import view_of
 from app.perception.object_model import ObjectModelError
 from app.pipeline.geometry import yaw_rad
@@ -45,18 +45,16 @@ def _about(frame: RgbdFrame, position_m: npt.NDArray[np.float64]) -> Bools | Non
     """Pixels around a position's that do not lie behind it."""
     assert frame.depth_m is not None
     camera, (height, width) = frame.camera, frame.depth_m.shape
-    x, y, z = (position_m - camera.camera_to_world[:3, 3]) @ camera.camera_to_world[:3, :3]
-    if z <= 0:
+    pixel, distance_m = camera.project(position_m)
+    if distance_m <= 0 or not (0 <= round(pixel[0]) < width and 0 <= round(pixel[1]) < height):
         return None
-    column, row = round(x / z * camera.fx_px + camera.cx_px), round(y / z * camera.fy_px + camera.cy_px)
-    if not (0 <= column < width and 0 <= row < height):
-        return None
+    column, row = round(pixel[0]), round(pixel[1])
     pixels = np.zeros((height, width), np.bool_)
     reach = np.s_[
         max(row - SEED_REACH_PX, 0) : row + SEED_REACH_PX + 1,
         max(column - SEED_REACH_PX, 0) : column + SEED_REACH_PX + 1,
     ]
-    pixels[reach] = (frame.depth_m[reach] > 0) & (frame.depth_m[reach] < z + SEED_BEHIND_M)
+    pixels[reach] = (frame.depth_m[reach] > 0) & (frame.depth_m[reach] < distance_m + SEED_BEHIND_M)
     return pixels if pixels.any() else None
 
 
@@ -134,7 +132,7 @@ def measure(
 def _piece_at(frame: RgbdFrame, pixels: npt.NDArray[np.bool_], color: ColorModel) -> Piece | None:
     assert frame.rgb is not None
     pieces = find_parts(frame, color_mask(to_hsv(frame.rgb), color))
-    shares = [int(np.count_nonzero(full_mask(piece, pixels.shape) & pixels)) for piece in pieces]
+    shares = [int(np.count_nonzero(piece.mask_in(0, 0, pixels.shape) & pixels)) for piece in pieces]
     return pieces[int(np.argmax(shares))] if any(shares) else None
 
 

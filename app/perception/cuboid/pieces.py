@@ -2,13 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
-from app.perception.cuboid.fit import Shape
-from app.perception.cuboid.model import ColorModel
+from app.perception.cuboid.model import ColorModel, Shape
 from app.pipeline.geometry import pixels_to_world
 from roboprompt_client.arrays import Array
 from roboprompt_client.camera import Camera, RgbdFrame
@@ -16,6 +16,7 @@ from roboprompt_client.camera import Camera, RgbdFrame
 HsvImage = npt.NDArray[np.uint8]  # (H, W, 3)
 HUE_STEPS_PER_DEG = 256 / 360  # OpenCV's HSV_FULL
 Bytes = npt.NDArray[np.uint8]
+P = TypeVar("P", bound=np.generic)
 MIN_PIXELS = 20
 CROSS: Bytes = np.asarray(cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3)), np.uint8)
 SQUARE: Bytes = np.ones((3, 3), np.uint8)
@@ -58,6 +59,10 @@ class Piece:
     def num_pixels(self) -> int:
         """How many pixels it has."""
         return int(np.count_nonzero(self.mask))
+
+    def mask_in(self, left_px: int, top_px: int, shape: tuple[int, ...]) -> npt.NDArray[np.bool_]:
+        """Its pixels in a window (h, w) of the image."""
+        return window(self.mask, left_px - self.left_px, top_px - self.top_px, shape)
 
 
 def expected_pixels(camera: Camera, size_m: Array, distance_m: float, shape: Shape) -> float:
@@ -166,22 +171,17 @@ def _fits_into_one(frame: RgbdFrame, piece: Piece, other: Piece, size_m: Array) 
 
 def _union(frame: RgbdFrame, piece: Piece, other: Piece) -> Piece:
     assert frame.depth_m is not None
-    whole = full_mask(piece, frame.depth_m.shape) | full_mask(other, frame.depth_m.shape)
-    return trimmed(0, 0, whole, frame.depth_m)
+    whole = [item.mask_in(0, 0, frame.depth_m.shape) for item in (piece, other)]
+    return trimmed(0, 0, whole[0] | whole[1], frame.depth_m)
 
 
-def full_mask(piece: Piece, shape: tuple[int, ...]) -> npt.NDArray[np.bool_]:
-    """The piece's pixels in the whole image."""
-    return mask_in(piece, 0, 0, shape)
-
-
-def mask_in(piece: Piece, left_px: int, top_px: int, shape: tuple[int, ...]) -> npt.NDArray[np.bool_]:
-    """The piece's pixels in a window of the image that holds all of them."""
-    mask = np.zeros(shape, np.bool_)
-    height, width = piece.mask.shape
-    top, left = piece.top_px - top_px, piece.left_px - left_px
-    mask[top : top + height, left : left + width] = piece.mask
-    return mask
+def window(image: npt.NDArray[P], left_px: int, top_px: int, shape: tuple[int, ...]) -> npt.NDArray[P]:
+    """A part (h, w) of an image, with 0 where it reaches beyond the image."""
+    part = np.zeros(shape, image.dtype)
+    left, right = max(left_px, 0), min(left_px + shape[1], image.shape[1])
+    top, bottom = max(top_px, 0), min(top_px + shape[0], image.shape[0])
+    part[top - top_px : bottom - top_px, left - left_px : right - left_px] = image[top:bottom, left:right]
+    return part
 
 
 def inner(mask: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
