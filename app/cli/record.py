@@ -56,8 +56,7 @@ def record(
     arm, seen, recorders = JoggedPanda(scene), Observation(scene.object_poses()), []
 
     def begin() -> None:
-        recorders.append(TrajectorySampler(scene.model, scene.data, RATE_HZ))
-        arm.after_step.append(recorders[0].sample)
+        recorders.append(TrajectorySampler(arm, RATE_HZ))
 
     console.print(f"[bold]{scene.instruction}[/]\n{KEYS}")
     with _keyboard() as pressed, Live(console=console, refresh_per_second=SHOWN_HZ) as live:

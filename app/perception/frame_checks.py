@@ -1,7 +1,6 @@
-"""Whether images can show what an estimator looks for: with depth, and by cameras that stand as they are calibrated.
+"""Checks of RGB-D frames before estimation: color and usable depth are there, and the camera's pose is plausible.
 
-Images that cannot are refused for what is wrong with them. Tables and floors are level; a camera that sees them tilted
-is not where its calibration says.
+Tables and floors are level: a camera that sees them tilted is not where its calibration says.
 """
 
 from collections.abc import Sequence

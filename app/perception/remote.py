@@ -1,6 +1,6 @@
-"""Poses from a server, asked over HTTP: FoundationPose, a detector on a GPU, another instance of this service.
+"""Poses from a server over HTTP: FoundationPose, a detector on a GPU, another instance of this service.
 
-One question to the server has a deadline and retries, and each of its refusals a meaning.
+A request has a deadline and is tried again while the server is busy; a refusal of it becomes this service's own error.
 """
 
 import asyncio

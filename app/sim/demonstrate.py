@@ -37,7 +37,7 @@ class SceneView:
         objects: true poses.
         frames: one per camera; empty if no images were asked for.
         mask_ids: for each object the ids of its pixels in the frames' masks.
-        end_effector: where the robot's is; None where nobody has looked.
+        end_effector: its pose; None where it was not observed.
     """
 
     task: str
@@ -127,13 +127,11 @@ def record_demonstration(
         guided.way = habits.choose(guided.ways)
         robot = GuidedPanda(guided, habits, CAMERA_NAMES if images else ())
     task = robot.task
-    commanded_open = lambda: robot.gripper_commanded_open  # noqa: E731
-    recorder = TrajectorySampler(task.model, task.data, control_frequency_hz, task.object_names, commanded_open)
+    sampler = TrajectorySampler(robot, control_frequency_hz, task.object_names)
     scene = _view(robot, seed)
-    robot.after_step.append(recorder.sample)
     moves = task.expert()
     film, _, error = _perform(robot, moves, film_strip=film_strip)
-    trajectory = recorder.trajectory(gripper or GRIPPER_STATES[recordings])
+    trajectory = sampler.trajectory(gripper or GRIPPER_STATES[recordings])
     failure = error or judge(robot)
     return RecordedDemonstration(
         scene,

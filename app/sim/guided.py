@@ -1,7 +1,7 @@
-"""The simulated arm as if a person guided it: never twice alike, seldom at rest.
+"""The simulated arm as if a person guided it by hand: without rests, and with pace, overshoots and hesitations.
 
-It passes the poses of a plan and stops only where something happens. How the person guides it is drawn from a seed: a
-scene has one recording.
+It passes the poses of a plan and stops only where the gripper acts. The person's habits are drawn from the scene's
+seed, so that a scene has one recording.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -61,7 +61,7 @@ class Step:
 
 
 class Habits:
-    """One person's habits in the scene of a seed. Ask in the same order to get the same answers."""
+    """How a person guides the arm in the scene of a seed. The same calls in the same order give the same values."""
 
     def __init__(self, seed: int) -> None:
         self._random = np.random.default_rng((STREAM, seed))

@@ -1,4 +1,4 @@
-"""The simulated arm moved by a person: the hand goes on while it is asked to, and comes to rest when it is not."""
+"""The simulated arm moved by a person at the keyboard: the hand moves while a key is held."""
 
 from collections.abc import Callable, Mapping
 

@@ -1,4 +1,4 @@
-"""From paths to what the joints shall do at every control step, jerk-limited by ruckig."""
+"""Joint paths -> jerk-limited joint positions and velocities at every control step, by ruckig."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""What an arm is asked to do: end-effector poses, how to get to them and what the gripper then does."""
+"""Moves of an arm: an end-effector pose, the way to it, and the state of the gripper there."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -98,6 +98,18 @@ def place(
         move_to(at + clearance_m * UP, rotation, gripper_open=False, straight=straight),
         move_to(at, rotation, gripper_open=True),
         move_to(at + clearance_m * UP, rotation, gripper_open=True),
+    ]
+
+
+def push(route: Sequence[tuple[npt.ArrayLike, float | None]], rotation: Rotation) -> list[Move]:
+    """Closed fingers along positions (3,), freely to the first, in straight lines from then on.
+
+    Args:
+        route: each position with the `within_m` of its move.
+    """
+    return [
+        move_to(position_m, rotation, gripper_open=False, straight=index > 0, within_m=within_m)
+        for index, (position_m, within_m) in enumerate(route)
     ]
 
 

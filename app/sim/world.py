@@ -51,11 +51,11 @@ def add_cameras(spec: mujoco.MjSpec) -> None:
         spec.worldbody.add_camera(name=name, pos=placement.eye_m, quat=[w, x, y, z], fovy=placement.vertical_fov_deg)
 
 
-def calibrated(name: str, width_px: int = WIDTH_PX, height_px: int = HEIGHT_PX) -> Camera:
+def calibrated(name: str) -> Camera:
     """A camera's calibration. Pixel centres are whole numbers: the optical axis meets the image at (size - 1) / 2."""
     placement = CAMERAS[name]
-    focal_px = height_px / 2 / np.tan(np.radians(placement.vertical_fov_deg) / 2)
-    return Camera(name, focal_px, focal_px, (width_px - 1) / 2, (height_px - 1) / 2, camera_to_world(placement))
+    focal_px = HEIGHT_PX / 2 / np.tan(np.radians(placement.vertical_fov_deg) / 2)
+    return Camera(name, focal_px, focal_px, (WIDTH_PX - 1) / 2, (HEIGHT_PX - 1) / 2, camera_to_world(placement))
 
 
 def camera_to_world(placement: CameraPlacement) -> Array:

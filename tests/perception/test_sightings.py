@@ -62,7 +62,6 @@ def test_small_differences_are_mentioned_and_large_ones_refused():
         with pytest.raises(UncertainPoseError, match=words) as caught:
             fuse(sighting("a"), other)
         assert caught.value.field == "objects[cube]"
-    assert fuse(sighting("a"), sighting("b", 0.04), max_distance_m=0.05).cameras == ("a", "b")
 
 
 def test_no_confident_sighting_is_refused_with_every_cameras_reason():

@@ -51,8 +51,7 @@ def test_the_expert_succeeds_without_rests(name):
 def guided(request):
     """The plan, the times at which its poses were passed or reached, and the trajectory."""
     robot = GuidedPanda(make_task(request.param, SEED), Habits(SEED))
-    recorder = TrajectorySampler(robot.task.model, robot.task.data)
-    robot.after_step.append(recorder.sample)
+    recorder = TrajectorySampler(robot)
     moves, times_s = robot.task.expert(), {}
     robot.perform(moves, lambda number: times_s.setdefault(number, robot.task.data.time))
     return moves, times_s, recorder.trajectory("measured")

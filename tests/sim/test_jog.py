@@ -45,8 +45,7 @@ def test_a_button_is_pushed_by_hand(arm):
     recorders = []
 
     def begin():
-        recorders.append(TrajectorySampler(arm.task.model, arm.task.data))
-        arm.after_step.append(recorders[0].sample)
+        recorders.append(TrajectorySampler(arm))
 
     top_m = arm.task.position_m("red button")
     goals = [top_m + np.array([0, 0, height_m]) for height_m in (0.08, -0.006, 0.08)]

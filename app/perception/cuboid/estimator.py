@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from graphlib import CycleError, TopologicalSorter
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -104,23 +105,18 @@ def _in_order(models: dict[str, CuboidModel]) -> list[str]:
     Raises:
         InvalidInputError: if one refers to an object that is not asked for, or to itself in the end.
     """
-    ordered: list[str] = []
-
-    def visit(name: str, path: tuple[str, ...]) -> None:
-        if name in path:
-            raise ObjectModelError(path[0], f"refers to itself: {' -> '.join((*path, name))}", "no circle")
-        if name in ordered:
-            return
-        for field, other in _references(models[name]).items():
+    references = {name: _references(model) for name, model in models.items()}
+    for name, found in references.items():
+        for field, other in found.items():
             if other not in models:
                 message = f"is {other!r}, which is not among the objects"
                 raise ObjectModelError(name, message, ", ".join(models), within=field)
-            visit(other, (*path, name))
-        ordered.append(name)
-
-    for name in models:
-        visit(name, ())
-    return ordered
+    try:
+        return list(TopologicalSorter({name: found.values() for name, found in references.items()}).static_order())
+    except CycleError as error:
+        circle = error.args[1][::-1]
+        message = f"refers to itself: {' -> '.join(circle)}"
+        raise ObjectModelError(circle[0], message, "no circle") from None
 
 
 def _references(model: CuboidModel) -> dict[str, str]:

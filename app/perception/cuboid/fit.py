@@ -111,7 +111,7 @@ class Fit:
 
     Attributes:
         candidate: (7,) as in `app.perception.cuboid.fit`.
-        cost: of its residuals; half the sum of squares, in units of sigma, of what is no outlier.
+        cost: of its residuals; half the sum of their squares in units of sigma, outliers bounded.
         rival_yaw_rad, rival_cost: of the best of the other yaws that were tried to the end; cost inf if there is none.
     """
 

@@ -1,6 +1,7 @@
-"""Colours and sizes of objects from demonstrations' first frames, so that nobody has to type them in.
+"""Object models of the estimator `cuboid`, learned from the first frames of demonstrations.
 
-Where other objects are may distinguish an object from its like, and its yaws from each other: that is learned, too.
+Besides color, size and shape: the neighbour whose distance tells similar objects apart (`Rank`), and the neighbour that
+an object's x axis points away from.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -93,7 +94,7 @@ def _rank_of(position_m: Array, places_m: Sequence[Array], anchor_m: Array) -> i
 
 
 def _alike(one: CuboidModel, other: CuboidModel) -> bool:
-    """Whether an object cannot be the anchor since it has to be distinguished from its like itself."""
+    """Whether two objects look so similar that neither can be the anchor that tells the other apart."""
     middle = [
         (model.color.hue_deg[0] + ((model.color.hue_deg[1] - model.color.hue_deg[0]) % 360) / 2)
         for model in (one, other)

@@ -1,7 +1,4 @@
-"""What one labelled view says of an object's looks: its colour, its size, and where its origin lies in it.
-
-The colour is as wide as the surroundings allow.
-"""
+"""An object's colour, size and origin, measured in labelled views."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,7 +20,7 @@ from roboprompt_client.camera import RgbdFrame
 
 Bools = npt.NDArray[np.bool_]
 
-LEAST_SATURATION = 0.3  # paler pixels have no hue worth the name
+LEAST_SATURATION = 0.3  # the hue of paler pixels is noise
 HUE_BIN_DEG = 5.0
 PEAK_REACH_DEG = 30.0
 HUE_MARGIN_DEG, SATURATION_MARGIN, VALUE_FACTOR = 8.0, 0.15, 0.5  # for other light than the demonstrations'

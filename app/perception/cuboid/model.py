@@ -1,4 +1,4 @@
-"""What the estimator `cuboid` knows of an object: its shape and size, its colour, and how to tell it from its like."""
+"""Object models of the estimator `cuboid`: shape, size, colour, and which of several similar objects is meant."""
 
 import math
 from collections.abc import Mapping

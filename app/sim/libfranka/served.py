@@ -15,7 +15,7 @@ from roboprompt_client.arms.calibration import Calibration
 from roboprompt_client.arms.franka import Franka
 from roboprompt_client.errors import MotionError
 
-DYNAMICS = 0.3  # of the arm's own: a simulated arm hurts nobody
+DYNAMICS = 0.3  # of the arm's own limits; a simulated arm endangers no person
 END_S = 5.0
 
 

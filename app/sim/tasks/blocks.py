@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from app.sim.moves import LOOSE_M, UP, Move, move_to, pick, place
+from app.sim.moves import LOOSE_M, UP, Move, pick, place, push
 from app.sim.scene import Part, about_z, scatter
 from app.sim.tasks.base import SimTask
 from app.sim.world import TABLE_TOP_M
@@ -45,20 +45,14 @@ class SlideBlock(SimTask):
             square.mark((0.004, SQUARE_HALF_M, SQUARE_HALF_THICKNESS_M), "white", at_m=stripe_m)
 
     def expert(self) -> list[Move]:
-        tool = self.tool_over("green target")
         touching_m = BLOCK_HALF_M + FINGER_HALF_M  # from the block's centre
         start_m, end_m = -DISTANCE_M - touching_m - BEHIND_M, -touching_m
         route = [(start_m, RISE_M, LOOSE_M), (start_m, 0, BEHIND_M / 4), (end_m, 0, 0), (end_m, RISE_M, 0)]
-        return [
-            move_to(
-                self.body_to_world("green target", [x_m, 0, PUSH_HEIGHT_M + rise_m]),
-                tool,
-                gripper_open=False,
-                straight=index > 0,
-                within_m=within_m,
-            )
-            for index, (x_m, rise_m, within_m) in enumerate(route)
+        in_world = [
+            (self.body_to_world("green target", [x_m, 0, PUSH_HEIGHT_M + rise_m]), within_m)
+            for x_m, rise_m, within_m in route
         ]
+        return push(in_world, self.tool_over("green target"))
 
     def succeeded(self) -> bool:
         """The block's inscribed circle reaches into the square."""

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from app.sim.moves import LOOSE_M, UP, Move, move_to, tool_down
+from app.sim.moves import LOOSE_M, UP, Move, push, tool_down
 from app.sim.scene import scatter
 from app.sim.tasks.base import SimTask
 from app.sim.world import TABLE_TOP_M
@@ -81,12 +81,7 @@ class ButtonTask(SimTask):
 
     def _press(self, top_m: Array) -> list[Move]:
         above, pushed = top_m + CLEARANCES_M[self.way] * UP, top_m - PUSH_DEPTH_M * UP
-        down = tool_down()
-        return [
-            move_to(above, down, gripper_open=False, straight=False, within_m=LOOSE_M),
-            move_to(pushed, down, gripper_open=False, within_m=0.0),
-            move_to(above, down, gripper_open=False),
-        ]
+        return push([(above, LOOSE_M), (pushed, 0.0), (above, None)], tool_down())
 
 
 class PushButton(ButtonTask):

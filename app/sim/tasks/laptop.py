@@ -5,7 +5,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from app.sim.moves import LOOSE_M, UP, Move, move_to
+from app.sim.moves import LOOSE_M, UP, Move, move_to, push
 from app.sim.scene import NO_TURN, Part, about_z
 from app.sim.tasks.base import SimTask
 from app.sim.world import TABLE_TOP_M
@@ -16,27 +16,28 @@ FEET_M = 0.003
 CENTRE_HEIGHT_M = FEET_M + HALF_THICKNESS_M  # above the table
 HINGE_M = (-HALF_DEPTH_M, 0.0, HALF_THICKNESS_M)  # in the laptop's frame
 LID_LENGTH_M, LID_THICKNESS_M = 0.20, 0.008
-LID_KG = 0.3
 MARK_M = 0.0005
 
 
-def add_laptop(task: SimTask, centre_m: npt.ArrayLike, turn: Rotation) -> Part:
-    """The body `laptop` with keyboard and touchpad; its origin is the base's centre, x points to the front edge."""
-    laptop = task.add_part("laptop", centre_m, turn)
-    laptop.box((HALF_DEPTH_M, HALF_WIDTH_M, HALF_THICKNESS_M), "grey")
-    for x_m in (-0.08, 0.08):
-        laptop.box((0.01, 0.13, FEET_M / 2), "black", at_m=[x_m, 0, -HALF_THICKNESS_M - FEET_M / 2])
-    for x_m, half_m in ((-0.03, (0.05, 0.13)), (0.07, (0.03, 0.04))):
-        laptop.mark((*half_m, MARK_M), "black", at_m=[x_m, 0, HALF_THICKNESS_M])
-    return laptop
+class LaptopTask(SimTask):
+    """A laptop whose front edge points away from the robot. Its pose is the centre of its base, x to the front edge."""
 
+    def add_laptop(self, centre_m: npt.ArrayLike, turn: Rotation) -> Part:
+        """The body `laptop` with keyboard and touchpad; for use in `build`."""
+        laptop = self.add_part("laptop", centre_m, turn)
+        laptop.box((HALF_DEPTH_M, HALF_WIDTH_M, HALF_THICKNESS_M), "grey")
+        for x_m in (-0.08, 0.08):
+            laptop.box((0.01, 0.13, FEET_M / 2), "black", at_m=[x_m, 0, -HALF_THICKNESS_M - FEET_M / 2])
+        for x_m, half_m in ((-0.03, (0.05, 0.13)), (0.07, (0.03, 0.04))):
+            laptop.mark((*half_m, MARK_M), "black", at_m=[x_m, 0, HALF_THICKNESS_M])
+        return laptop
 
-def add_lid(task: SimTask, laptop: Part, opened: Rotation = NO_TURN) -> Part:
-    """The body `lid` about the hinge, along x where it is closed; the screen is on its lower side."""
-    lid = task.add_part("lid", HINGE_M, opened, parent=laptop)
-    half_sizes_m = (LID_LENGTH_M / 2, HALF_WIDTH_M, LID_THICKNESS_M / 2)
-    lid.box(half_sizes_m, "black", at_m=[LID_LENGTH_M / 2, 0, LID_THICKNESS_M / 2], mass_kg=LID_KG)
-    return lid.mark((LID_LENGTH_M / 2 - 0.012, HALF_WIDTH_M - 0.012, MARK_M), "cyan", at_m=[LID_LENGTH_M / 2, 0, 0])
+    def add_lid(self, laptop: Part, opened: Rotation = NO_TURN) -> Part:
+        """The body `lid` about the hinge, along x where it is closed; the screen is on its lower side."""
+        lid = self.add_part("lid", HINGE_M, opened, parent=laptop)
+        half_sizes_m = (LID_LENGTH_M / 2, HALF_WIDTH_M, LID_THICKNESS_M / 2)
+        lid.box(half_sizes_m, "black", at_m=[LID_LENGTH_M / 2, 0, LID_THICKNESS_M / 2], mass_kg=0.3)
+        return lid.mark((LID_LENGTH_M / 2 - 0.012, HALF_WIDTH_M - 0.012, MARK_M), "cyan", at_m=[LID_LENGTH_M / 2, 0, 0])
 
 
 CLOSE_MAX_TURN_RAD = np.pi / 3
@@ -54,7 +55,7 @@ PUSH_HEIGHT_M = 0.155  # above the hinge
 OVER_LAPTOP_M = 0.09
 
 
-class CloseLaptop(SimTask):
+class CloseLaptop(LaptopTask):
     """A laptop, its hinge towards the robot, its screen open by 90 to 110 degrees.
 
     Its centre lies in x 0.22..0.38 m, y -0.20..0.20 m and it is turned by up to 60 degrees either way: the arm must
@@ -70,30 +71,21 @@ class CloseLaptop(SimTask):
         point = random.uniform((0.22, -0.20), (0.38, 0.20))
         turn = about_z(random.uniform(-CLOSE_MAX_TURN_RAD, CLOSE_MAX_TURN_RAD))
         self._opened_rad = random.uniform(MIN_OPEN_RAD, MAX_OPEN_RAD)
-        laptop = add_laptop(self, [*point, TABLE_TOP_M + CENTRE_HEIGHT_M], turn)
-        lid = add_lid(self, laptop)
+        laptop = self.add_laptop([*point, TABLE_TOP_M + CENTRE_HEIGHT_M], turn)
+        lid = self.add_lid(laptop)
         lid.hinge("lid", (0, -1, 0), (0, MAX_HINGE_RAD), damping=0.02, dry_friction_nm=HINGE_FRICTION_NM)
 
     def after_reset(self) -> None:
         self.data.joint("lid").qpos = self._opened_rad
 
     def expert(self) -> list[Move]:
-        down = self.tool_over("laptop")
         behind = np.array([BEHIND_M, 0, PUSH_HEIGHT_M])
         above = np.array([0, 0, OVER_LAPTOP_M])
         closed = _on_lid(0.0) - [0, 0, PRESS_M]
         pushing = [(_on_lid(np.radians(open_deg)), LOOSE_M / 3) for open_deg in (60.0, 25.0)]
         route = [(behind + above, LOOSE_M), (behind, LOOSE_M / 2), *pushing, (closed, 0.0), (closed + above, 0.0)]
-        return [
-            move_to(
-                self.body_to_world("laptop", HINGE_M + from_hinge),
-                down,
-                gripper_open=False,
-                straight=index > 0,
-                within_m=within_m,
-            )
-            for index, (from_hinge, within_m) in enumerate(route)
-        ]
+        in_world = [(self.body_to_world("laptop", HINGE_M + point_m), within_m) for point_m, within_m in route]
+        return push(in_world, self.tool_over("laptop"))
 
     def succeeded(self) -> bool:
         return bool(self.joint_position("lid") < CLOSED_RAD)
@@ -125,7 +117,7 @@ GRASP_M = np.array([0.010, 0.0, 0.004])  # in the plug's frame: clear of the lap
 CLEARANCE_M, PULL_M = 0.10, 0.09
 
 
-class UnplugCable(SimTask):
+class UnplugCable(LaptopTask):
     """An open laptop with a cable in its left side, as seen from the robot.
 
     The laptop's centre lies in x 0.08..0.27 m, y -0.22..0.06 m and it is turned by up to 45 degrees either way: the arm
@@ -141,8 +133,8 @@ class UnplugCable(SimTask):
     def build(self, random: np.random.Generator) -> None:
         turn = about_z(random.uniform(-UNPLUG_MAX_TURN_RAD, UNPLUG_MAX_TURN_RAD))
         centre = np.array([*random.uniform((0.08, -0.22), (0.27, 0.06)), TABLE_TOP_M + CENTRE_HEIGHT_M])
-        laptop = add_laptop(self, centre, turn)
-        add_lid(self, laptop, Rotation.from_euler("y", -OPEN_RAD))
+        laptop = self.add_laptop(centre, turn)
+        self.add_lid(laptop, Rotation.from_euler("y", -OPEN_RAD))
         plug = self.add_part("cable", centre + turn.apply(SOCKET_M), turn * about_z(np.pi / 2), free=True)
         plug.box(PLUG_HALF_M, "orange", mass_kg=PLUG_KG)
         self._add_links(plug)
