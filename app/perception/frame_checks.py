@@ -15,7 +15,9 @@ from roboprompt_client.errors import InvalidInputError
 NEAREST_M, FARTHEST_M = 0.05, 20.0  # the middle depth of a robot's workspace lies between
 STRIDE_PX = 16
 NUM_TRIALS = 60
-FLAT_M = 0.006  # points nearer to a plane than this belong to it: three sigma at 1 m, times the square of the distance
+# Standard deviation of a stereo camera's depth (Intel D400) at 1 m; it grows with the square of the distance
+DEPTH_SIGMA_AT_1_M = 0.002
+FLAT_M = 3 * DEPTH_SIGMA_AT_1_M  # points nearer to a plane than this, at 1 m, belong to it
 ENOUGH_SHARE = 0.25  # of the points, for a plane to count as table or floor
 MAX_TILT_DEG, STEEP_DEG = 5.0, 40.0  # beyond the latter it is a wall or a ramp, not a table
 

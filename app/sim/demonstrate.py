@@ -7,9 +7,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from app.drawing import RgbImage
 from app.sim.guided import GuidedPanda, Habits
 from app.sim.moves import Move, action_from_move, moves_from_actions
-from app.sim.rendering import FilmStrip, RgbImage
+from app.sim.rendering import FilmStrip
 from app.sim.robot import DWELL_S, SimulatedPanda
 from app.sim.sampler import GripperState, TrajectorySampler
 from app.sim.shift import shift_free_objects

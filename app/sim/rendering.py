@@ -13,6 +13,7 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
+from app.drawing import RgbImage
 from app.sim.opengl import NO_OPENGL
 from app.sim.world import HEIGHT_PX, MAIN_LIGHT_DIRECTION, SKY_RGB, WIDTH_PX, calibrated
 from roboprompt_client.arrays import Array
@@ -23,7 +24,6 @@ TO_LIGHT = -np.array(MAIN_LIGHT_DIRECTION) / np.linalg.norm(MAIN_LIGHT_DIRECTION
 AMBIENT, DIFFUSE = 0.5, 0.6
 logger = logging.getLogger(__name__)
 
-RgbImage = npt.NDArray[np.uint8]
 CAMERA = "front"
 
 
@@ -33,7 +33,7 @@ class RayCaster:
     def __init__(self, model: mujoco.MjModel) -> None:
         self._model = model
 
-    def rgb(self, data: mujoco.MjData, camera_name: str) -> npt.NDArray[np.uint8]:
+    def rgb(self, data: mujoco.MjData, camera_name: str) -> RgbImage:
         geoms, _, normals = self._cast(data, calibrated(camera_name))
         return self._shade(geoms, normals)
 
@@ -46,7 +46,7 @@ class RayCaster:
         size = (HEIGHT_PX, WIDTH_PX)
         return RgbdFrame(camera, self._shade(geoms, normals), depth.reshape(size), mask.reshape(size))
 
-    def _shade(self, geoms: npt.NDArray[np.int32], normals: Array) -> npt.NDArray[np.uint8]:
+    def _shade(self, geoms: npt.NDArray[np.int32], normals: Array) -> RgbImage:
         light = AMBIENT + DIFFUSE * np.clip(normals @ TO_LIGHT, 0, None)
         lit = self._model.geom_rgba[geoms, :3] * light[:, None]
         colours = np.where(geoms[:, None] >= 0, lit, SKY_RGB)

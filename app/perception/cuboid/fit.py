@@ -17,7 +17,6 @@ from app.perception.cuboid.view import View
 from roboprompt_client.arrays import Array
 
 X, Y, Z, YAW, SX, SY, SZ = range(7)
-NUM_PARAMETERS = 7
 ROUND_DIRECTIONS = 12  # the outline of a cylinder as tangents this many to the half turn: 0.2 mm of a radius of 26 mm
 _TANGENTS_RAD = np.arange(ROUND_DIRECTIONS) * np.pi / ROUND_DIRECTIONS
 _TANGENT_COS, _TANGENT_SIN = np.cos(_TANGENTS_RAD), np.sin(_TANGENTS_RAD)

@@ -4,17 +4,15 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from app.perception.cuboid.fit import Fit, outline_points_m, surface_distances_m
 from app.perception.cuboid.model import Shape
-from app.perception.cuboid.pieces import Piece, window
+from app.perception.cuboid.pieces import SQUARE, Piece, window
 from app.perception.cuboid.view import View
+from app.perception.frame_checks import DEPTH_SIGMA_AT_1_M
 from app.pipeline.geometry import pixels_to_world
 from roboprompt_client.arrays import Array
 from roboprompt_client.camera import RgbdFrame
-
-Bools = npt.NDArray[np.bool_]
 
 SURFACE_M = 0.006  # within this a point lies on the surface, whatever the depth noise
 DEPTH_SIGMAS = 3.0
@@ -42,7 +40,7 @@ def judge(frame: RgbdFrame, piece: Piece, view: View, shape: Shape, fit: Fit) ->
     Not counted: what stands before it.
     """
     covered, own, contradicting = _shares(frame, piece, shape, fit.candidate)
-    tolerance_m = SURFACE_M + DEPTH_SIGMAS * 0.002 * piece.distance_m**2
+    tolerance_m = SURFACE_M + DEPTH_SIGMAS * DEPTH_SIGMA_AT_1_M * piece.distance_m**2
     on_surface = float((np.abs(surface_distances_m(shape, fit.candidate[None], view.points_m)) < tolerance_m).mean())
     shares = {
         "of its pixels lie inside the outline of the fitted shape": own,
@@ -81,14 +79,8 @@ def _shares(frame: RgbdFrame, piece: Piece, shape: Shape, candidate: Array) -> t
     points_m = pixels_to_world(frame.camera, rows + low[1], columns + low[0], depth_m[rows, columns])
     apart = surface_distances_m(shape, candidate[None], points_m)[0] > SURFACE_M
     before = apart & (depth_m[rows, columns] < frame.camera.project(candidate[:3])[1])
-    rim = _rim(filled)[rows, columns]
+    rim = (filled & (cv2.erode(canvas, SQUARE) == 0))[rows, columns]  # the outline's outermost pixels
     wrong = int(np.count_nonzero(~before & ~rim))
-    inside = int(np.count_nonzero(mask & (cv2.dilate(canvas, np.ones((3, 3), np.uint8)) > 0)))
+    inside = int(np.count_nonzero(mask & (cv2.dilate(canvas, SQUARE) > 0)))
     areas = [max(int(np.count_nonzero(pixels)), 1) for pixels in (filled, mask)]
     return common / areas[0], inside / areas[1], wrong / max(wrong + common, 1)
-
-
-def _rim(filled: Bools) -> Bools:
-    """The outermost pixels of the outline."""
-    inner: Bools = cv2.erode(filled.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
-    return filled & ~inner

@@ -11,14 +11,12 @@ from scipy.spatial.transform import Rotation
 from app.perception.base import ObjectQuery
 from app.perception.cuboid.fit import SX, YAW, fit_any_size
 from app.perception.cuboid.model import ColorModel, Shape
-from app.perception.cuboid.pieces import Piece, color_mask, find_parts, to_hsv
+from app.perception.cuboid.pieces import SQUARE, Bools, Piece, color_mask, find_parts, to_hsv
 from app.perception.cuboid.view import view_of
 from app.perception.object_model import ObjectModelError
 from app.pipeline.geometry import yaw_rad
 from roboprompt_client.arrays import Array
 from roboprompt_client.camera import RgbdFrame
-
-Bools = npt.NDArray[np.bool_]
 
 LEAST_SATURATION = 0.3  # the hue of paler pixels is noise
 HUE_BIN_DEG = 5.0
@@ -84,7 +82,7 @@ def learn_color(name: str, seen: Sequence[tuple[RgbdFrame, Bools]]) -> ColorMode
 def _samples(frame: RgbdFrame, pixels: Bools) -> npt.NDArray[np.float64]:
     """(N, 3) hue in degrees, saturation and value in 0..1 of the pixels, without their rim where enough is left."""
     assert frame.rgb is not None
-    inner = cv2.erode(pixels.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    inner = cv2.erode(pixels.astype(np.uint8), SQUARE) > 0
     chosen = inner if np.count_nonzero(inner) > 30 else pixels
     rows, columns = np.nonzero(chosen)
     hsv = to_hsv(np.ascontiguousarray(frame.rgb[rows, columns][None]))[0]
@@ -107,9 +105,7 @@ class Measured:
     cost: float
 
 
-def measure(
-    frame: RgbdFrame, query: ObjectQuery, pixels: npt.NDArray[np.bool_], color: ColorModel, shape: Shape
-) -> Measured | None:
+def measure(frame: RgbdFrame, query: ObjectQuery, pixels: Bools, color: ColorModel, shape: Shape) -> Measured | None:
     """Fit a shape of free size to the patch of the colour that shares most pixels with the labelled ones."""
     assert frame.rgb is not None
     piece = _piece_at(frame, pixels, color)
@@ -126,7 +122,7 @@ def measure(
     return Measured(size_m, origin_m, fit.cost / (len(view.points_m) + len(view.rays)))
 
 
-def _piece_at(frame: RgbdFrame, pixels: npt.NDArray[np.bool_], color: ColorModel) -> Piece | None:
+def _piece_at(frame: RgbdFrame, pixels: Bools, color: ColorModel) -> Piece | None:
     assert frame.rgb is not None
     pieces = find_parts(frame, color_mask(to_hsv(frame.rgb), color))
     shares = [int(np.count_nonzero(piece.mask_in(0, 0, pixels.shape) & pixels)) for piece in pieces]

@@ -16,6 +16,7 @@ from roboprompt_client.camera import Camera, RgbdFrame
 HsvImage = npt.NDArray[np.uint8]  # (H, W, 3)
 HUE_STEPS_PER_DEG = 256 / 360  # OpenCV's HSV_FULL
 Bytes = npt.NDArray[np.uint8]
+Bools = npt.NDArray[np.bool_]
 P = TypeVar("P", bound=np.generic)
 MIN_PIXELS = 20
 CROSS: Bytes = np.asarray(cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3)), np.uint8)
@@ -52,7 +53,7 @@ class Piece:
 
     left_px: int
     top_px: int
-    mask: npt.NDArray[np.bool_]
+    mask: Bools
     distance_m: float
 
     @property
@@ -60,7 +61,7 @@ class Piece:
         """How many pixels it has."""
         return int(np.count_nonzero(self.mask))
 
-    def mask_in(self, left_px: int, top_px: int, shape: tuple[int, ...]) -> npt.NDArray[np.bool_]:
+    def mask_in(self, left_px: int, top_px: int, shape: tuple[int, ...]) -> Bools:
         """Its pixels in a window (h, w) of the image."""
         return window(self.mask, left_px - self.left_px, top_px - self.top_px, shape)
 
@@ -114,9 +115,7 @@ def _largest_first(pieces: Sequence[Piece]) -> list[Piece]:
     return sorted(pieces, key=lambda piece: -piece.num_pixels)
 
 
-def _parted(
-    camera: Camera, left: int, top: int, mask: npt.NDArray[np.bool_], depth_m: npt.NDArray[np.float32]
-) -> list[Piece]:
+def _parted(camera: Camera, left: int, top: int, mask: Bools, depth_m: npt.NDArray[np.float32]) -> list[Piece]:
     """The mask cut along steps in depth."""
     known = mask & (depth_m > 0)
     if np.count_nonzero(known) < MIN_PIXELS // 2:
@@ -137,7 +136,7 @@ def _parted(
     return [trimmed(left, top, mask & (grown == part), depth_m) for part in parts]
 
 
-def trimmed(left: int, top: int, mask: npt.NDArray[np.bool_], depth_m: npt.NDArray[np.float32]) -> Piece:
+def trimmed(left: int, top: int, mask: Bools, depth_m: npt.NDArray[np.float32]) -> Piece:
     """The pixels of a mask whose corner is at (left, top), in a box that is no larger than they need."""
     x, y, width, height = cv2.boundingRect(mask.astype(np.uint8))
     cut = np.s_[y : y + height, x : x + width]
@@ -184,17 +183,17 @@ def window(image: npt.NDArray[P], left_px: int, top_px: int, shape: tuple[int, .
     return part
 
 
-def inner(mask: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+def inner(mask: Bools) -> Bools:
     """The mask without its rim, where depths mix; the whole where little would be left."""
     core = eroded(mask, SQUARE)
     return core if np.count_nonzero(core) > 0.3 * np.count_nonzero(mask) else mask
 
 
-def eroded(mask: npt.NDArray[np.bool_], kernel: Bytes) -> npt.NDArray[np.bool_]:
+def eroded(mask: Bools, kernel: Bytes) -> Bools:
     """The mask without the pixels that have others within the kernel; nothing lies beyond its border."""
-    core: npt.NDArray[np.bool_] = cv2.erode(
-        mask.view(np.uint8), kernel, borderType=cv2.BORDER_CONSTANT, borderValue=(0,)
-    ).view(np.bool_)
+    core: Bools = cv2.erode(mask.view(np.uint8), kernel, borderType=cv2.BORDER_CONSTANT, borderValue=(0,)).view(
+        np.bool_
+    )
     return core
 
 

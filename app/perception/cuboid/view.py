@@ -5,15 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from app.perception.cuboid.pieces import CROSS, Piece, eroded, inner
+from app.perception.cuboid.pieces import CROSS, Bools, Piece, eroded, inner
+from app.perception.frame_checks import DEPTH_SIGMA_AT_1_M
 from app.pipeline.geometry import pixels_to_world
 from roboprompt_client.arrays import Array
 from roboprompt_client.camera import Camera, RgbdFrame
 
-Bools = npt.NDArray[np.bool_]
-Ints = npt.NDArray[np.int64]
-
-DEPTH_SIGMA_PER_M = 0.002  # of stereo depth cameras, times the square of the distance
 DEPTH_SIGMA_FLOOR_M = 0.001
 INDEPENDENT_PIXELS = 12  # neighbouring depths err alike: so many count as one
 MAX_POINTS, MAX_RAYS = 150, 120
@@ -77,7 +74,7 @@ def view_of(frame: RgbdFrame, piece: Piece) -> View:
 
 
 def _sigma_m(distance_m: float) -> float:
-    return float(np.hypot(DEPTH_SIGMA_PER_M * distance_m**2, DEPTH_SIGMA_FLOOR_M))
+    return float(np.hypot(DEPTH_SIGMA_AT_1_M * distance_m**2, DEPTH_SIGMA_FLOOR_M))
 
 
 def _ground_m(around_m: Array, object_m: Array) -> float | None:

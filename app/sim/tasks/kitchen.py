@@ -87,7 +87,6 @@ BOTTOM_M, SHOULDER_M, CORK_M = -0.170, -0.050, 0.035
 BODY_MIDDLE_M = (BOTTOM_M + SHOULDER_M) / 2
 BOTTLE_KG, SHOULDER_KG, NECK_KG = 0.16, 0.02, 0.02
 # The rack: two rails across the bottles, with pegs between its three places
-PLACES_Y_M = (-0.08, 0.0, 0.08)
 RAIL_X_M, RAIL_HALF_M = 0.04, (0.008, 0.13, 0.03)
 PEG_HALF_M, PEG_HEIGHT_M = 0.008, 0.012  # on edge, so that a bottle slides off
 PEGS_Y_M = (-0.12, -0.04, 0.04, 0.12)
