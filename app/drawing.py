@@ -20,16 +20,6 @@ MASK_SHARE = 0.35
 NEAR_M = 0.02  # what is nearer to the camera's centre, or behind it, is not drawn
 FAR_PX = 100_000.0  # keeps lines to points far outside within OpenCV's integers
 REFERENCE_HEIGHT_PX = 480  # lines and letters grow with taller images
-# Okabe and Ito, "Color Universal Design" (2008): the colour-blind distinguish them, too
-PALETTE: tuple[Color, ...] = (
-    (230, 159, 0),
-    (86, 180, 233),
-    (0, 158, 115),
-    (240, 228, 66),
-    (213, 94, 0),
-    (204, 121, 167),
-    (0, 114, 178),
-)
 AXIS_COLORS: tuple[Color, ...] = ((230, 30, 30), (30, 180, 30), (40, 80, 255))  # x, y, z
 AXIS_M = 0.05
 BLACK: Color = (0, 0, 0)

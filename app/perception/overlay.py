@@ -9,7 +9,7 @@ from itertools import product
 import numpy as np
 import numpy.typing as npt
 
-from app.drawing import PALETTE, Canvas, RgbImage
+from app.drawing import Canvas, Color, RgbImage
 from app.perception.base import ObjectQuery
 from app.perception.cuboid.model import CuboidModel
 from app.perception.cuboid.pieces import color_mask, to_hsv
@@ -21,6 +21,16 @@ from roboprompt_client.camera import RgbdFrame
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.trajectory import ObjectPose
 
+# Okabe and Ito, "Color Universal Design" (2008): the colour-blind distinguish them, too
+PALETTE: tuple[Color, ...] = (
+    (230, 159, 0),
+    (86, 180, 233),
+    (0, 158, 115),
+    (240, 228, 66),
+    (213, 94, 0),
+    (204, 121, 167),
+    (0, 114, 178),
+)
 CIRCLE_POINTS = 24
 CYLINDER_SIDES = 4
 _SQUARE = np.array([[-0.5, 0.5, 0], [0.5, 0.5, 0], [0.5, -0.5, 0], [-0.5, -0.5, 0], [-0.5, 0.5, 0]])

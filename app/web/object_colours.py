@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from itertools import cycle
 
-from app.drawing import PALETTE
+from app.perception.overlay import PALETTE
 from app.pipeline.language.colours import COLOURS
 
 _BASIC = {
