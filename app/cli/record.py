@@ -42,7 +42,7 @@ def record(
     """
     # The simulator is an extra that `roboprompt serve` does without.
     from app.sim.jog import JoggedPanda, drive
-    from app.sim.recorder import Recorder
+    from app.sim.sampler import TrajectorySampler
     from app.sim.tasks import TASKS, make_task
 
     check_names("--task", [task], TASKS)
@@ -56,8 +56,7 @@ def record(
     arm, seen, recorders = JoggedPanda(scene), Observation(scene.object_poses()), []
 
     def begin() -> None:
-        recorders.append(Recorder(scene.model, scene.data, RATE_HZ))
-        arm.after_step.append(recorders[0].sample)
+        recorders.append(TrajectorySampler(arm, RATE_HZ))
 
     console.print(f"[bold]{scene.instruction}[/]\n{KEYS}")
     with _keyboard() as pressed, Live(console=console, refresh_per_second=SHOWN_HZ) as live:

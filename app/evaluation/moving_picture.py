@@ -7,10 +7,11 @@ from textwrap import wrap
 
 from PIL import Image, ImageDraw, ImageFont
 
+from app.drawing import RgbImage
 from app.evaluation.failures import ExpertFailedError
 from app.evaluation.server import service
 from app.sim.demonstrate import judge, record_demonstration, robot_in_scene
-from app.sim.rendering import RgbImage, open_renderer
+from app.sim.rendering import open_renderer
 from app.sim.robot import SimulatedPanda
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.robot import Observation

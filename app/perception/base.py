@@ -1,4 +1,4 @@
-"""What every pose estimator offers: g(V, M_j) of the paper (section III-C).
+"""The interface of pose estimators, g(V, M_j) of the paper (section III-C).
 
 The simplest is `GivenPoses`: poses that the request itself carries. A labelled scene is a first frame with what is
 known of its objects; from such scenes models are learned.
@@ -28,7 +28,7 @@ class ObjectQuery:
         position_m: (3,) in the world frame, where the caller has it.
         quaternion_xyzw: (4,) in the world frame, where the caller has it.
         mask_ids: the ids that its pixels have in the mask images.
-        model: what is known of its looks beforehand, for estimators that need it.
+        model: its shape, color or markers, for estimators that need them.
     """
 
     name: str
@@ -56,10 +56,10 @@ class ObjectQuery:
 
 
 def model_of(query: ObjectQuery, kind: type[M], example: str) -> M:
-    """What is known of the object, if it is for the estimator that asks.
+    """The query's object model, which must be of a kind.
 
     Args:
-        example: a model as JSON, for whoever gave none.
+        example: a valid model as JSON, for the error.
 
     Raises:
         ObjectModelError: if there is none, or it is for another estimator.

@@ -3,6 +3,7 @@
 The board is a chessboard whose white squares carry markers, so that a part of it is enough.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -11,13 +12,15 @@ import numpy as np
 import numpy.typing as npt
 
 from app.perception.markers.model import DICTIONARIES, marker_dictionary
-from app.perception.object_model import number, one_of
+from app.perception.markers.view import intrinsic_matrix, rigid_transform
+from app.perception.object_model import one_of
 from app.pipeline.geometry import inverse
 from roboprompt_client.arrays import Array
 from roboprompt_client.camera import Camera
 from roboprompt_client.errors import InvalidInputError
 
 MAX_SQUARES = 100  # a side
+MIN_LENGTH_M = 1e-4
 PRINT_DPI = 300
 METRES_PER_INCH = 0.0254
 SUBPIX_UNTIL = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 50, 1e-3)
@@ -52,8 +55,9 @@ class CharucoBoard:
     def __post_init__(self) -> None:
         for name in ("columns", "rows"):
             one_of(name, getattr(self, name), range(3, MAX_SQUARES + 1))
-        number("square_m", self.square_m, valid="a length in metres", low=1e-4)
-        number("marker_m", self.marker_m, valid="a length in metres", low=1e-4)
+        for name in ("square_m", "marker_m"):
+            if not MIN_LENGTH_M <= getattr(self, name) < math.inf:
+                raise InvalidInputError(name, f"is {getattr(self, name)}", "a length in metres")
         if self.marker_m >= self.square_m:
             raise InvalidInputError("marker_m", f"is {self.marker_m}", f"less than the square's {self.square_m}")
         one_of("dictionary", self.dictionary, DICTIONARIES)
@@ -70,11 +74,8 @@ class CharucoBoard:
     def corners_m(self) -> Array:
         """(N, 3) the chessboard's inner corners in the board's axes, by id."""
         corners = np.array(self._opencv().getChessboardCorners(), np.float64).reshape(-1, 3)
-        return corners * (1, -1, -1) + (
-            0,
-            self.size_m[1],
-            0,
-        )  # OpenCV begins at the top left, its z goes into the paper
+        # OpenCV begins at the top left, its z goes into the paper
+        return corners * (1, -1, -1) + (0, self.size_m[1], 0)
 
     def find(self, rgb: npt.NDArray[np.uint8]) -> tuple[Array, npt.NDArray[np.int64], int]:
         """What an (H, W, 3) image shows: (N, 2) columns and rows of corners, their (N,) ids, and how many markers."""
@@ -153,15 +154,14 @@ def calibrate(
     """
     size_px = _one_size(pictures)
     points_m, corners_px = _seen(pictures, board)
-    matrix = np.array([[camera.fx_px, 0, camera.cx_px], [0, camera.fy_px, camera.cy_px], [0, 0, 1]])
+    matrix = intrinsic_matrix(camera)
     turn, shift = _board_to_camera(points_m, corners_px, matrix)
     errors_px, slopes = _errors(points_m, corners_px, matrix, turn, shift)
     rms_px = _rms(errors_px)
     if rms_px > max_rms_px:
         remedy = "right intrinsics and board measures, and pictures whose lens distortion was removed"
         raise InvalidInputError("pictures", f"corners lie {rms_px:.2f} px off any pose (rms)", remedy)
-    board_to_camera = np.eye(4)
-    board_to_camera[:3, :3], board_to_camera[:3, 3] = cv2.Rodrigues(turn)[0], shift.ravel()
+    board_to_camera = rigid_transform(turn, shift)
     spread = np.linalg.inv(slopes.T @ slopes) * rms_px**2 / 2
     return Calibration(
         replace(camera, camera_to_world=board_to_world @ inverse(board_to_camera), image_size_px=size_px),

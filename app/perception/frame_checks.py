@@ -1,8 +1,9 @@
-"""Whether images can show what an estimator looks for: with depth, and by cameras that stand as they are calibrated.
+"""Checks of RGB-D frames before estimation: color and usable depth are there, and the camera's pose is plausible.
 
-Images that cannot are refused for what is wrong with them. Tables and floors are level; a camera that sees them tilted
-is not where its calibration says.
+Tables and floors are level: a camera that sees them tilted is not where its calibration says.
 """
+
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -14,9 +15,23 @@ from roboprompt_client.errors import InvalidInputError
 NEAREST_M, FARTHEST_M = 0.05, 20.0  # the middle depth of a robot's workspace lies between
 STRIDE_PX = 16
 NUM_TRIALS = 60
-FLAT_M = 0.006  # points nearer to a plane than this belong to it: three sigma at 1 m, times the square of the distance
+# Standard deviation of a stereo camera's depth (Intel D400) at 1 m; it grows with the square of the distance
+DEPTH_SIGMA_AT_1_M = 0.002
+FLAT_M = 3 * DEPTH_SIGMA_AT_1_M  # points nearer to a plane than this, at 1 m, belong to it
 ENOUGH_SHARE = 0.25  # of the points, for a plane to count as table or floor
 MAX_TILT_DEG, STEEP_DEG = 5.0, 40.0  # beyond the latter it is a wall or a ramp, not a table
+
+
+def check_cameras(frames: Sequence[RgbdFrame]) -> None:
+    """Refuse no camera at all, and what `check_rgbd` refuses.
+
+    Raises:
+        InvalidInputError: naming cameras, or as `check_rgbd`.
+    """
+    if not frames:
+        raise InvalidInputError("cameras", "there is none", "rgb_NAME and depth_NAME of at least one camera")
+    for frame in frames:
+        check_rgbd(frame)
 
 
 def check_rgbd(frame: RgbdFrame) -> None:

@@ -1,4 +1,4 @@
-"""What a PNG's chunks and a JPEG's markers say before anything is decoded: its size, and what decoding it takes.
+"""The size of a PNG or JPEG and the cost of decoding it, read from PNG chunks and JPEG markers without decoding.
 
 A decoder may go over all of a JPEG as often as it has scans.
 """

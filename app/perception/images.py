@@ -1,4 +1,4 @@
-"""Encoded images -> arrays, and a camera's to an RgbdFrame, without trusting what they claim to be.
+"""Untrusted encoded images -> arrays, and a camera's images -> RgbdFrame.
 
 An image is a PNG, a JPEG or a `.npy` array. What its decoding takes is read from its headers before: a PNG of 389 kB
 can unfold to 1.2 GB, and a JPEG of 75 kB can take nine seconds.

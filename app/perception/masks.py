@@ -11,9 +11,10 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from app.perception.base import ObjectQuery
-from app.perception.cuboid.fit import SHAPES, SX, YAW, fit_any_size
+from app.perception.cuboid.fit import SX, YAW, fit_any_size
 from app.perception.cuboid.judge import judge
-from app.perception.cuboid.pieces import Piece, piece_points_m, trimmed
+from app.perception.cuboid.model import SHAPES
+from app.perception.cuboid.pieces import piece_points_m, trimmed
 from app.perception.cuboid.view import view_of
 from app.perception.models import MasksModel
 from app.perception.sightings import Miss, Sighting, fused
@@ -37,22 +38,17 @@ def box_around(query: ObjectQuery, model: MasksModel, frames: Sequence[RgbdFrame
         ObjectNotVisibleError: if no camera shows enough of it.
         UncertainPoseError: if it is round, no box fits, or its sides are too alike for a heading.
     """
-    sightings: list[Sighting] = []
-    misses: list[Miss] = []
-    for frame in frames:
-        assert frame.mask is not None
-        assert frame.depth_m is not None
-        piece = trimmed(0, 0, np.isin(frame.mask, query.mask_ids), frame.depth_m)
-        if len(piece_points_m(frame, piece)) < MIN_POINTS:
-            misses.append(Miss(frame.camera.name, f"fewer than {MIN_POINTS} masked pixels have depth"))
-            continue
-        found = _box(frame, piece, model)
-        (sightings if isinstance(found, Sighting) else misses).append(found)  # type: ignore[arg-type]
-    return fused(query, sightings, misses, estimator="masks", yaw_symmetry_deg=model.yaw_symmetry_deg)
+    found = [_box(query, model, frame) for frame in frames]
+    return fused(query, found, estimator="masks", yaw_symmetry_deg=model.yaw_symmetry_deg)
 
 
-def _box(frame: RgbdFrame, piece: Piece, model: MasksModel) -> Sighting | Miss:
-    view, name = view_of(frame, piece), frame.camera.name
+def _box(query: ObjectQuery, model: MasksModel, frame: RgbdFrame) -> Sighting | Miss:
+    assert frame.mask is not None
+    assert frame.depth_m is not None
+    name, piece = frame.camera.name, trimmed(0, 0, np.isin(frame.mask, query.mask_ids), frame.depth_m)
+    if len(piece_points_m(frame, piece)) < MIN_POINTS:
+        return Miss(name, f"fewer than {MIN_POINTS} masked pixels have depth")
+    view = view_of(frame, piece)
     box, cylinder = (fit_any_size(view, shape) for shape in SHAPES)
     if cylinder.cost < ROUND_MARGIN * box.cost:
         return Miss(name, "it looks round, so it has no yaw", seen=True)

@@ -1,7 +1,5 @@
 """What every kind of object model shares: a tag that names its estimator, its JSON, and checks that name a field."""
 
-import math
-import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from functools import partial
@@ -47,7 +45,9 @@ class Checked:
 
 @dataclass(frozen=True)
 class ObjectModel(Checked):
-    """What is known of an object beforehand. Fields are plain values and tuples, so that models compare by value.
+    """What an estimator knows of an object before it sees it.
+
+    Fields are plain values and tuples, so that models compare by value.
 
     Attributes:
         estimator: the estimator that reads such a model; also the tag in JSON.
@@ -60,17 +60,6 @@ class ObjectModel(Checked):
         return {name: _plain(value) for name, value in asdict(self).items()}
 
 
-def number(name: str, value: object, *, valid: str, low: float = -math.inf, high: float = math.inf) -> float:
-    """`value` as a finite number from `low` to `high`, both included.
-
-    Raises:
-        InvalidInputError: naming the field, its value and what is valid.
-    """
-    if not (_is_number(value) and low <= value <= high):  # type: ignore[operator]
-        raise InvalidInputError(name, f"is {value!r:.80}", valid)
-    return float(value)  # type: ignore[arg-type]
-
-
 def one_of(name: str, value: object, allowed: Iterable[Any]) -> None:
     """Raises InvalidInputError unless `value` is among `allowed`."""
     options = tuple(allowed)
@@ -81,11 +70,6 @@ def one_of(name: str, value: object, allowed: Iterable[Any]) -> None:
 def within(where: str, error: InvalidInputError) -> InvalidInputError:
     """The same refusal with its field named from further out: `size_m` in `object_models[cube]`."""
     return InvalidInputError(".".join(part for part in (where, error.field) if part), error.message, error.valid)
-
-
-def _is_number(value: object) -> bool:
-    # A comparison, unlike math.isfinite, bears integers that are beyond any float.
-    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
 
 
 def _plain(value: object) -> object:

@@ -1,6 +1,6 @@
-"""Poses from a server, asked over HTTP: FoundationPose, a detector on a GPU, another instance of this service.
+"""Poses from a server over HTTP: FoundationPose, a detector on a GPU, another instance of this service.
 
-One question to the server has a deadline and retries, and each of its refusals a meaning.
+A request has a deadline and is tried again while the server is busy; a refusal of it becomes this service's own error.
 """
 
 import asyncio
@@ -210,11 +210,11 @@ def _fused(query: ObjectQuery, model: RemoteModel, answers: Sequence[PoseAnswer]
     pose = fused(
         query,
         [
-            Sighting(_seen_by(model, item), item.position_m, item.quaternion_xyzw, item.confidence, item.reason)
+            Miss(_seen_by(model, item), item.reason or "not found")
+            if item.position_m is None
+            else Sighting(_seen_by(model, item), item.position_m, item.quaternion_xyzw, item.confidence, item.reason)
             for item in answers
-            if item.position_m is not None
         ],
-        [Miss(_seen_by(model, item), item.reason or "not found") for item in answers if item.position_m is None],
         estimator="remote",
         min_confidence=model.min_confidence,
     )

@@ -1,4 +1,4 @@
-"""What single cameras make of an object -> one pose, or an error that says which camera saw what."""
+"""The poses that single cameras give an object -> one pose, or an error that says what each camera saw."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from roboprompt_client.trajectory import ObjectPose
 NOTED_DISTANCE_M = 0.01  # cameras that differ by more are mentioned in the pose's reason
 MAX_DISTANCE_M = 0.03  # by more than this, no pose is given: one of them must be wrong
 NOTED_TURN_DEG, MAX_TURN_DEG = 8.0, 20.0  # the same for rotations
-REMEDY = "a view in which it is whole and alone of its kind, or a further camera"
+REMEDY = "a view that shows all of it and no similar object, or a further camera"
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,13 +53,11 @@ class Miss:
 
 def fused(
     query: ObjectQuery,
-    sightings: Sequence[Sighting],
-    misses: Sequence[Miss] = (),
+    found: Sequence[Sighting | Miss],
     *,
     estimator: str,
     min_confidence: float = MIN_CONFIDENCE,
     yaw_symmetry_deg: float | None = None,
-    max_distance_m: float = MAX_DISTANCE_M,
 ) -> ObjectPose:
     """One pose from the sightings that are confident enough, weighted by their confidence.
 
@@ -69,17 +67,17 @@ def fused(
 
     Args:
         yaw_symmetry_deg: as for `canonical_pose`.
-        max_distance_m: cameras may not put the object further apart.
 
     Raises:
         ObjectNotVisibleError: if no camera sees the object.
         UncertainPoseError: if none is confident enough, or they contradict each other. Both name object and cameras.
     """
+    sightings = [item for item in found if isinstance(item, Sighting)]
     good = sorted((s for s in sightings if s.confidence >= min_confidence), key=lambda s: -s.confidence)
     if not good:
-        raise _refusal(query, sightings, misses, min_confidence)
+        raise _refusal(query, found, min_confidence)
     notes = [f"{s.camera}: {s.reason}" for s in good if s.reason]
-    notes += _differences(query, good, yaw_symmetry_deg, max_distance_m)
+    notes += _differences(query, good, yaw_symmetry_deg)
     notes += _doubts(good[0], [s for s in sightings if s.confidence < min_confidence])
     weights = np.array([s.confidence for s in good]) / sum(s.confidence for s in good)
     pose = ObjectPose(
@@ -95,20 +93,24 @@ def fused(
 
 
 def _refusal(
-    query: ObjectQuery, sightings: Sequence[Sighting], misses: Sequence[Miss], min_confidence: float
+    query: ObjectQuery, found: Sequence[Sighting | Miss], min_confidence: float
 ) -> ObjectNotVisibleError | UncertainPoseError:
-    reasons = [f"{s.camera}: confidence {s.confidence:.2f}, {s.reason or 'for no stated reason'}" for s in sightings]
-    reasons += [f"{miss.camera}: {miss.reason}" for miss in misses]
-    listed = "; ".join(reasons) or "there is no camera"
-    if sightings or any(miss.seen for miss in misses):
+    # a camera that sees it comes before those that do not
+    ordered = sorted(found, key=lambda item: isinstance(item, Miss))
+    listed = "; ".join(f"{item.camera}: {_why_not(item)}" for item in ordered) or "there is no camera"
+    if any(isinstance(item, Sighting) or item.seen for item in found):
         message = f"its pose is uncertain (least confidence {min_confidence:g}): {listed}"
         return UncertainPoseError(query.name, message, REMEDY)
     return ObjectNotVisibleError(query.name, f"no camera sees it: {listed}", REMEDY)
 
 
-def _differences(
-    query: ObjectQuery, good: Sequence[Sighting], yaw_symmetry_deg: float | None, max_distance_m: float
-) -> list[str]:
+def _why_not(item: Sighting | Miss) -> str:
+    if isinstance(item, Miss):
+        return item.reason
+    return f"confidence {item.confidence:.2f}, {item.reason or 'for no stated reason'}"
+
+
+def _differences(query: ObjectQuery, good: Sequence[Sighting], yaw_symmetry_deg: float | None) -> list[str]:
     """Notes on cameras that put the object apart or turn it otherwise; more than is allowed is refused."""
     notes = []
     for one, other in combinations(good, 2):
@@ -116,7 +118,7 @@ def _differences(
         apart_cm = 100 * float(np.linalg.norm(one.position_m - other.position_m))
         turn_deg = _turn_deg(query.name, one, other, yaw_symmetry_deg)
         found = (
-            (apart_cm, 100 * NOTED_DISTANCE_M, 100 * max_distance_m, f"put it {apart_cm:.1f} cm apart", "cm"),
+            (apart_cm, 100 * NOTED_DISTANCE_M, 100 * MAX_DISTANCE_M, f"put it {apart_cm:.1f} cm apart", "cm"),
             (turn_deg, NOTED_TURN_DEG, MAX_TURN_DEG, f"turn it {turn_deg:.0f} degrees apart", "degrees"),
         )
         for difference, noted, limit, words, unit in found:

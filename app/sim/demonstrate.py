@@ -7,11 +7,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from app.sim.guided import GuidedPanda, Person
+from app.drawing import RgbImage
+from app.sim.guided import GuidedPanda, Habits
 from app.sim.moves import Move, action_from_move, moves_from_actions
-from app.sim.recorder import GripperState, Recorder
-from app.sim.rendering import FilmStrip, RgbImage
+from app.sim.rendering import FilmStrip
 from app.sim.robot import DWELL_S, SimulatedPanda
+from app.sim.sampler import GripperState, TrajectorySampler
 from app.sim.shift import shift_free_objects
 from app.sim.tasks import make_task
 from app.sim.tasks.base import FINAL_HOLD_S, NOT_SOLVED
@@ -37,7 +38,7 @@ class SceneView:
         objects: true poses.
         frames: one per camera; empty if no images were asked for.
         mask_ids: for each object the ids of its pixels in the frames' masks.
-        end_effector: where the robot's is; None where nobody has looked.
+        end_effector: its pose; None where it was not observed.
     """
 
     task: str
@@ -123,15 +124,15 @@ def record_demonstration(
         robot = robot_in_scene(task_name, seed, variation, images=images)
         robot.dwell_s = max(DWELL_S, DWELL_SAMPLES / control_frequency_hz)
     else:
-        robot = _guided_robot(task_name, seed, variation, images=images)
+        habits, guided = Habits(seed), make_task(task_name, seed, variation)
+        guided.way = habits.choose(guided.ways)
+        robot = GuidedPanda(guided, habits, CAMERA_NAMES if images else ())
     task = robot.task
-    commanded_open = lambda: robot.gripper_commanded_open  # noqa: E731
-    recorder = Recorder(task.model, task.data, control_frequency_hz, task.object_names, commanded_open)
+    sampler = TrajectorySampler(robot, control_frequency_hz, task.object_names)
     scene = _view(robot, seed)
-    robot.after_step.append(recorder.sample)
     moves = task.expert()
     film, _, error = _perform(robot, moves, film_strip=film_strip)
-    trajectory = recorder.trajectory(gripper or GRIPPER_STATES[recordings])
+    trajectory = sampler.trajectory(gripper or GRIPPER_STATES[recordings])
     failure = error or judge(robot)
     return RecordedDemonstration(
         scene,
@@ -179,12 +180,6 @@ def robot_in_scene(task_name: str, seed: int, variation: int | None = None, *, i
         InvalidInputError: for an unknown task or variation.
     """
     return SimulatedPanda(make_task(task_name, seed, variation), CAMERA_NAMES if images else ())
-
-
-def _guided_robot(task_name: str, seed: int, variation: int | None, *, images: bool) -> GuidedPanda:
-    person, task = Person(seed), make_task(task_name, seed, variation)
-    task.way = person.choose(task.ways)
-    return GuidedPanda(task, person, CAMERA_NAMES if images else ())
 
 
 def _view(robot: SimulatedPanda, seed: int) -> SceneView:

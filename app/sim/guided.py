@@ -1,7 +1,7 @@
-"""The simulated arm as if a person guided it: never twice alike, seldom at rest.
+"""The simulated arm as if a person guided it by hand: without rests, and with pace, overshoots and hesitations.
 
-It passes the poses of a plan and stops only where something happens. How the person guides it is drawn from a seed: a
-scene has one recording.
+It passes the poses of a plan and stops only where the gripper acts. The person's habits are drawn from the scene's
+seed, so that a scene has one recording.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -12,8 +12,8 @@ import numpy as np
 
 from app.sim import panda
 from app.sim.motion import JointMotion
-from app.sim.moves import Move, Pose
-from app.sim.planner import Path
+from app.sim.moves import Move, ToolPose
+from app.sim.planner import JointPath
 from app.sim.robot import GRIPPER_S, VELOCITY_LEAD_S, SimulatedPanda
 from app.sim.route import Pace, Route, joined
 from app.sim.tasks.base import SimTask
@@ -60,8 +60,8 @@ class Step:
     within_m: float
 
 
-class Person:
-    """One person's habits in the scene of a seed. Ask in the same order to get the same answers."""
+class Habits:
+    """How a person guides the arm in the scene of a seed. The same calls in the same order give the same values."""
 
     def __init__(self, seed: int) -> None:
         self._random = np.random.default_rng((STREAM, seed))
@@ -71,7 +71,7 @@ class Person:
         """One of several ways to do a task, 0..number - 1."""
         return int(self._random.integers(number))
 
-    def steps(self, start: Pose, gripper_open: bool, moves: Sequence[Move]) -> list[Step]:
+    def steps(self, start: ToolPose, gripper_open: bool, moves: Sequence[Move]) -> list[Step]:
         """The moves with how closely each is passed, and overshoots before grasps.
 
         Args:
@@ -93,12 +93,12 @@ class Person:
     def _grasps(before: Move, move: Move) -> bool:
         return before.gripper_open and not move.gripper_open
 
-    def _overshoot(self, start: Pose, move: Move) -> Step:
+    def _overshoot(self, start: ToolPose, move: Move) -> Step:
         """Past the pose before the grasp, level with it, in the direction of the motion there."""
         along = move.pose.position_m - start.position_m
         heading_rad = np.arctan2(along[1], along[0])
         beyond_m = self._random.uniform(*OVERSHOOT_M) * np.array([np.cos(heading_rad), np.sin(heading_rad), 0.0])
-        pose = Pose(move.pose.position_m + beyond_m, move.pose.rotation)
+        pose = ToolPose(move.pose.position_m + beyond_m, move.pose.rotation)
         return Step(Move(pose, move.gripper_open, move.straight), None, OVERSHOOT_WITHIN_M)
 
     def speeds_m_s(self, route: Route) -> Array:
@@ -136,12 +136,12 @@ class GuidedPanda(SimulatedPanda):
 
     Args:
         task, cameras: as for SimulatedPanda.
-        person: whose habits.
+        habits: how the person guides it.
     """
 
-    def __init__(self, task: SimTask, person: Person, cameras: Sequence[str] = ()) -> None:
+    def __init__(self, task: SimTask, habits: Habits, cameras: Sequence[str] = ()) -> None:
         super().__init__(task, cameras)
-        self._person = person
+        self._habits = habits
         self._finger_goal_m: float = task.data.ctrl[panda.GRIPPER_CTRL]
         self._fingers_move = False
         self._finger_address = task.model.joint(panda.FINGER_NAMES[0]).qposadr[0]
@@ -154,7 +154,7 @@ class GuidedPanda(SimulatedPanda):
 
     def perform(self, moves: Sequence[Move], on_done: Callable[[int], None] | None = None) -> None:
         start = self._kinematics.forward(self._target_rad)
-        steps = self._person.steps(start, self.gripper_commanded_open, moves)
+        steps = self._habits.steps(start, self.gripper_commanded_open, moves)
         steps, paths = self._planned(steps)
         first = 0
         for end, step in enumerate(steps, start=1):
@@ -162,7 +162,7 @@ class GuidedPanda(SimulatedPanda):
                 self._pass(steps[first:end], paths[first:end], len(moves), on_done)
                 first = end
 
-    def _planned(self, steps: list[Step]) -> tuple[list[Step], list[Path]]:
+    def _planned(self, steps: list[Step]) -> tuple[list[Step], list[JointPath]]:
         """The steps with their paths; without overshoots where these would keep the arm from a straight line."""
         plan = [step for step in steps if step.number is not None]
         try:
@@ -174,13 +174,13 @@ class GuidedPanda(SimulatedPanda):
         return plan, self._planner.plan(self._target_rad, [step.move for step in plan])
 
     def _pass(
-        self, steps: Sequence[Step], paths: Sequence[Path], total: int, on_done: Callable[[int], None] | None
+        self, steps: Sequence[Step], paths: Sequence[JointPath], total: int, on_done: Callable[[int], None] | None
     ) -> None:
         """Go along the paths without a rest, reach the last pose and set the gripper there."""
         route = joined(paths, [step.within_m for step in steps[:-1]], self._kinematics)
-        pace = Pace(route, self._person.speeds_m_s(route), TIMESTEP_S)
+        pace = Pace(route, self._habits.speeds_m_s(route), TIMESTEP_S)
         *passed, reached = steps
-        lead_s = self._person.grasp_lead_s(opens=reached.move.gripper_open)
+        lead_s = self._habits.grasp_lead_s(opens=reached.move.gripper_open)
         lead_row = max(0, len(pace.motion.positions_rad) - round(lead_s / TIMESTEP_S))
         at_the_end: _Event = (lead_row, partial(self._command, reached))
         self._target_rad = paths[-1].end_rad
@@ -196,7 +196,7 @@ class GuidedPanda(SimulatedPanda):
     ) -> Iterator[_Event]:
         begin_m = 0.0
         for step, end_m in zip(steps, ends_m, strict=False):
-            set_at_m = begin_m + self._person.on_the_way() * (end_m - begin_m)
+            set_at_m = begin_m + self._habits.on_the_way() * (end_m - begin_m)
             yield pace.row_at(set_at_m), partial(self._command, step)
             if on_done is not None and step.number is not None:
                 yield pace.row_at(end_m), partial(on_done, step.number)

@@ -1,4 +1,4 @@
-"""The simulated arm moved by a person: the hand goes on while it is asked to, and comes to rest when it is not."""
+"""The simulated arm moved by a person at the keyboard: the hand moves while a key is held."""
 
 from collections.abc import Callable, Mapping
 
@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from app.sim import panda
-from app.sim.moves import Pose
+from app.sim.moves import ToolPose
 from app.sim.robot import VELOCITY_LEAD_S, SimulatedPanda
 from app.sim.tasks.base import SimTask
 from app.sim.world import TIMESTEP_S
@@ -42,13 +42,8 @@ class JoggedPanda(SimulatedPanda):
 
     def __init__(self, task: SimTask) -> None:
         super().__init__(task, cameras=())
-        self._wanted = self._hand()
+        self._wanted = self.hand
         self._velocity: Array = np.zeros(4)
-
-    @property
-    def hand(self) -> Pose:
-        """Where the end effector is."""
-        return self._hand()
 
     def switch_gripper(self) -> None:
         """Close the fingers, or open them; they take a while."""
@@ -72,14 +67,12 @@ class JoggedPanda(SimulatedPanda):
         self._run(self._target_rad + parts * (joints - self._target_rad) + ahead)
         self._target_rad = joints
 
-    def _moved(self) -> Pose:
+    def _moved(self) -> ToolPose:
         turn = Rotation.from_euler("z", self._velocity[3] * TICK_S)
-        return Pose(self._wanted.position_m + self._velocity[:3] * TICK_S, turn * self._wanted.rotation)
+        return ToolPose(self._wanted.position_m + self._velocity[:3] * TICK_S, turn * self._wanted.rotation)
 
-    def _blocked(self, moved: Pose) -> bool:
-        behind_m, before_m = (
-            float(np.linalg.norm(pose.position_m - self._hand().position_m)) for pose in (moved, self._wanted)
-        )
+    def _blocked(self, moved: ToolPose) -> bool:
+        behind_m, before_m = (self.hand.apart(pose)[0] for pose in (moved, self._wanted))
         return behind_m > MOST_LEAD_M and behind_m > before_m
 
 

@@ -9,7 +9,7 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from app.sim import panda
-from app.sim.moves import Pose
+from app.sim.moves import ToolPose
 from roboprompt_client.arrays import Array
 
 POSITION_TOLERANCE_M = 1e-3
@@ -58,16 +58,16 @@ class Kinematics:
         self._posture = mink.PostureTask(model, cost=POSTURE_COST)
         self._limits = [mink.ConfigurationLimit(model)]
 
-    def forward(self, joints_rad: Array) -> Pose:
+    def forward(self, joints_rad: Array) -> ToolPose:
         """The tool's pose for joint positions (7,)."""
         self._configuration.update(joints_rad)
         data = self._configuration.data
         rotation = Rotation.from_matrix(data.site_xmat[self._site_id].reshape(3, 3))
-        return Pose(data.site_xpos[self._site_id].copy(), rotation)
+        return ToolPose(data.site_xpos[self._site_id].copy(), rotation)
 
     def solve(
         self,
-        pose: Pose,
+        pose: ToolPose,
         seed_rad: Array,
         max_iterations: int = 40,
         preferred_rad: Array = panda.READY_RAD,
@@ -98,7 +98,7 @@ class Kinematics:
         error = self._tool.compute_error(self._configuration)
         return bool(error[:3] @ error[:3] < position_m**2 and error[3:] @ error[3:] < rotation_rad**2)
 
-    def solutions(self, pose: Pose, near_rad: Array) -> Iterator[Array]:
+    def solutions(self, pose: ToolPose, near_rad: Array) -> Iterator[Array]:
         """Distinct joint positions (7,) that reach `pose`, the most comfortable first.
 
         Those found from the common seeds come first; the further seeds are only tried if the caller asks for more.
@@ -110,7 +110,7 @@ class Kinematics:
             found += new
             yield from sorted(new, key=lambda joints: discomfort(joints, near_rad))
 
-    def _new_solutions(self, pose: Pose, seeds_rad: list[Array], known: list[Array]) -> list[Array]:
+    def _new_solutions(self, pose: ToolPose, seeds_rad: list[Array], known: list[Array]) -> list[Array]:
         new: list[Array] = []
         for seed in seeds_rad:
             low, high = panda.JOINT_MIN_RAD + SEED_MARGIN_RAD, panda.JOINT_MAX_RAD - SEED_MARGIN_RAD

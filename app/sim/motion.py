@@ -1,4 +1,4 @@
-"""From paths to what the joints shall do at every control step, jerk-limited by ruckig."""
+"""Joint paths -> jerk-limited joint positions and velocities at every control step, by ruckig."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,7 @@ from scipy.interpolate import CubicSpline
 
 from app.sim import panda
 from app.sim.kinematics import Kinematics
-from app.sim.planner import Path
+from app.sim.planner import JointPath
 from roboprompt_client.arrays import Array
 
 # Fractions of Franka's limits: brisk, and within what the position servos follow to a millimetre
@@ -29,12 +29,12 @@ class JointMotion:
     velocities_rad_s: Array
 
 
-def time_path(path: Path, kinematics: Kinematics, step_s: float) -> JointMotion:
+def time_path(path: JointPath, kinematics: Kinematics, step_s: float) -> JointMotion:
     """The motion along a path from rest to rest, sampled every `step_s`."""
     return _along_line(path, kinematics, step_s) if path.straight else _free(path, step_s)
 
 
-def _free(path: Path, step_s: float) -> JointMotion:
+def _free(path: JointPath, step_s: float) -> JointMotion:
     positions, velocities = _ruckig(
         start=path.joints_rad[0],
         end=path.end_rad,
@@ -46,11 +46,12 @@ def _free(path: Path, step_s: float) -> JointMotion:
     return JointMotion(positions, velocities)
 
 
-def _along_line(path: Path, kinematics: Kinematics, step_s: float) -> JointMotion:
+def _along_line(path: JointPath, kinematics: Kinematics, step_s: float) -> JointMotion:
     """One parameter from 0 to 1 runs along a spline through the line's points, limited by tool and joints."""
     spline = CubicSpline(np.linspace(0, 1, len(path.joints_rad)), path.joints_rad, bc_type="natural")
     rate = np.abs(spline(np.linspace(0, 1, RATE_SAMPLES), 1)).max(axis=0) + 1e-9
-    length_m = _length_m(path, kinematics)
+    apart_m, turn_rad = kinematics.forward(path.joints_rad[0]).apart(kinematics.forward(path.end_rad))
+    length_m = max(apart_m, METRES_PER_RAD * turn_rad, MIN_LINE_M)
     parameter, speed = _ruckig(
         start=np.zeros(1),
         end=np.ones(1),
@@ -62,12 +63,6 @@ def _along_line(path: Path, kinematics: Kinematics, step_s: float) -> JointMotio
         step_s=step_s,
     )
     return JointMotion(spline(parameter[:, 0]), spline(parameter[:, 0], 1) * speed)
-
-
-def _length_m(path: Path, kinematics: Kinematics) -> float:
-    start, end = kinematics.forward(path.joints_rad[0]), kinematics.forward(path.end_rad)
-    angle_rad = (start.rotation.inv() * end.rotation).magnitude()
-    return float(max(np.linalg.norm(end.position_m - start.position_m), METRES_PER_RAD * angle_rad, MIN_LINE_M))
 
 
 def _ruckig(

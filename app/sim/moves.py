@@ -1,4 +1,4 @@
-"""What an arm is asked to do: end-effector poses, how to get to them and what the gripper then does."""
+"""Moves of an arm: an end-effector pose, the way to it, and the state of the gripper there."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ UP = np.array([0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True, eq=False)
-class Pose:
+class ToolPose:
     """A pose of the point between the fingertips in the world frame.
 
     Attributes:
@@ -25,6 +25,11 @@ class Pose:
 
     position_m: Array
     rotation: Rotation
+
+    def apart(self, other: "ToolPose") -> tuple[float, float]:
+        """How far another pose is from this one, m and rad."""
+        apart_m = float(np.linalg.norm(other.position_m - self.position_m))
+        return apart_m, float((self.rotation.inv() * other.rotation).magnitude())
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +42,7 @@ class Move:
             the gripper opens or closes there, otherwise as closely as the person likes (`app.sim.guided`).
     """
 
-    pose: Pose
+    pose: ToolPose
     gripper_open: bool
     straight: bool = True
     within_m: float | None = None
@@ -65,7 +70,7 @@ def move_to(
     within_m: float | None = None,
 ) -> Move:
     """A move from a position (3,) and a rotation."""
-    return Move(Pose(np.asarray(position_m, dtype=np.float64), rotation), gripper_open, straight, within_m)
+    return Move(ToolPose(np.asarray(position_m, dtype=np.float64), rotation), gripper_open, straight, within_m)
 
 
 def pick(
@@ -93,6 +98,18 @@ def place(
         move_to(at + clearance_m * UP, rotation, gripper_open=False, straight=straight),
         move_to(at, rotation, gripper_open=True),
         move_to(at + clearance_m * UP, rotation, gripper_open=True),
+    ]
+
+
+def push(route: Sequence[tuple[npt.ArrayLike, float | None]], rotation: Rotation) -> list[Move]:
+    """Closed fingers along positions (3,), freely to the first, in straight lines from then on.
+
+    Args:
+        route: each position with the `within_m` of its move.
+    """
+    return [
+        move_to(position_m, rotation, gripper_open=False, straight=index > 0, within_m=within_m)
+        for index, (position_m, within_m) in enumerate(route)
     ]
 
 

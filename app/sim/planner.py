@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from app.sim import panda
 from app.sim.kinematics import Kinematics
-from app.sim.moves import Move, Pose
+from app.sim.moves import Move, ToolPose
 from roboprompt_client.arrays import Array
 from roboprompt_client.errors import MotionError
 
@@ -25,7 +25,7 @@ MAX_POSTURES = 16
 
 
 @dataclass(frozen=True, eq=False)
-class Path:
+class JointPath:
     """Joint positions to pass.
 
     Attributes:
@@ -49,13 +49,13 @@ class Planner:
     def __init__(self, kinematics: Kinematics) -> None:
         self.kinematics = kinematics
 
-    def plan(self, start_rad: Array, moves: Sequence[Move]) -> list[Path]:
+    def plan(self, start_rad: Array, moves: Sequence[Move]) -> list[JointPath]:
         """One path for each move, from joint positions (7,).
 
         Raises:
             MotionError: naming the first move whose pose the arm cannot reach.
         """
-        paths: list[Path] = []
+        paths: list[JointPath] = []
         joints = start_rad
         while len(paths) < len(moves):
             rest = moves[len(paths) :]
@@ -68,23 +68,23 @@ class Planner:
             joints = paths[-1].end_rad
         return paths
 
-    def _free_move_and_lines(self, start_rad: Array, moves: Sequence[Move]) -> list[Path]:
+    def _free_move_and_lines(self, start_rad: Array, moves: Sequence[Move]) -> list[JointPath]:
         """A free move to the first pose and as many of the straight lines after it as some posture allows."""
         wanted = 1 + _count_lines(moves[1:])
-        best: list[Path] = []
+        best: list[JointPath] = []
         for tried, joints in enumerate(self.kinematics.solutions(moves[0].pose, start_rad)):
             if tried == MAX_POSTURES:
                 break
-            paths = [Path(np.stack([start_rad, joints]), straight=False), *self._lines(joints, moves[1:])]
+            paths = [JointPath(np.stack([start_rad, joints]), straight=False), *self._lines(joints, moves[1:])]
             if len(paths) > len(best):
                 best = paths
             if len(best) == wanted:
                 break
         return best
 
-    def _lines(self, start_rad: Array, moves: Sequence[Move]) -> list[Path]:
+    def _lines(self, start_rad: Array, moves: Sequence[Move]) -> list[JointPath]:
         """The straight lines at the beginning of `moves`, up to the first that cannot be followed."""
-        paths: list[Path] = []
+        paths: list[JointPath] = []
         joints = start_rad
         for move in moves[: _count_lines(moves)]:
             path = self._line(joints, move.pose)
@@ -94,22 +94,21 @@ class Planner:
             joints = path.end_rad
         return paths
 
-    def _line(self, start_rad: Array, end: Pose) -> Path | None:
+    def _line(self, start_rad: Array, end: ToolPose) -> JointPath | None:
         start = self.kinematics.forward(start_rad)
-        offset = end.position_m - start.position_m
-        angle_rad = (start.rotation.inv() * end.rotation).magnitude()
-        steps = max(2, int(np.ceil(max(np.linalg.norm(offset) / LINE_STEP_M, angle_rad / LINE_STEP_RAD))))
+        apart_m, angle_rad = start.apart(end)
+        steps = max(2, int(np.ceil(max(apart_m / LINE_STEP_M, angle_rad / LINE_STEP_RAD))))
         turn = Slerp([0, 1], Rotation.concatenate([start.rotation, end.rotation]))
         points = [start_rad]
         for fraction in np.linspace(0, 1, steps + 1)[1:]:
-            between = Pose(start.position_m + fraction * offset, turn(fraction))
+            between = ToolPose(start.position_m + fraction * (end.position_m - start.position_m), turn(fraction))
             joints = self._next_point(between, points[-1])
             if joints is None:
                 return None
             points.append(joints)
-        return Path(np.array(points), straight=True)
+        return JointPath(np.array(points), straight=True)
 
-    def _next_point(self, pose: Pose, joints_rad: Array) -> Array | None:
+    def _next_point(self, pose: ToolPose, joints_rad: Array) -> Array | None:
         """The joint positions at the next point of a line, if there are any without a swing of the arm.
 
         Where the ready posture pulls the elbow round, the arm keeps the posture it is in.
@@ -125,7 +124,7 @@ def _count_lines(moves: Sequence[Move]) -> int:
     return next((index for index, move in enumerate(moves) if not move.straight), len(moves))
 
 
-def _unreachable(pose: Pose, index: int, total: int) -> str:
+def _unreachable(pose: ToolPose, index: int, total: int) -> str:
     position = ", ".join(f"{value:.3f}" for value in pose.position_m)
     euler = ", ".join(f"{value:.0f}" for value in pose.rotation.as_euler("xyz", degrees=True, suppress_warnings=True))
     return (

@@ -7,13 +7,13 @@ import functools
 import logging
 import os
 from contextlib import ExitStack
-from types import TracebackType
 from typing import Protocol, Self
 
 import mujoco
 import numpy as np
 import numpy.typing as npt
 
+from app.drawing import RgbImage
 from app.sim.opengl import NO_OPENGL
 from app.sim.world import HEIGHT_PX, MAIN_LIGHT_DIRECTION, SKY_RGB, WIDTH_PX, calibrated
 from roboprompt_client.arrays import Array
@@ -24,7 +24,6 @@ TO_LIGHT = -np.array(MAIN_LIGHT_DIRECTION) / np.linalg.norm(MAIN_LIGHT_DIRECTION
 AMBIENT, DIFFUSE = 0.5, 0.6
 logger = logging.getLogger(__name__)
 
-RgbImage = npt.NDArray[np.uint8]
 CAMERA = "front"
 
 
@@ -34,7 +33,7 @@ class RayCaster:
     def __init__(self, model: mujoco.MjModel) -> None:
         self._model = model
 
-    def rgb(self, data: mujoco.MjData, camera_name: str) -> npt.NDArray[np.uint8]:
+    def rgb(self, data: mujoco.MjData, camera_name: str) -> RgbImage:
         geoms, _, normals = self._cast(data, calibrated(camera_name))
         return self._shade(geoms, normals)
 
@@ -47,7 +46,7 @@ class RayCaster:
         size = (HEIGHT_PX, WIDTH_PX)
         return RgbdFrame(camera, self._shade(geoms, normals), depth.reshape(size), mask.reshape(size))
 
-    def _shade(self, geoms: npt.NDArray[np.int32], normals: Array) -> npt.NDArray[np.uint8]:
+    def _shade(self, geoms: npt.NDArray[np.int32], normals: Array) -> RgbImage:
         light = AMBIENT + DIFFUSE * np.clip(normals @ TO_LIGHT, 0, None)
         lit = self._model.geom_rgba[geoms, :3] * light[:, None]
         colours = np.where(geoms[:, None] >= 0, lit, SKY_RGB)
@@ -67,9 +66,7 @@ class RayCaster:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Nothing to release."""
 
 
@@ -95,9 +92,7 @@ class SceneRenderer(Protocol):
 
     def __enter__(self) -> Self: ...
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None: ...
+    def __exit__(self, *_: object) -> None: ...
 
 
 class OpenGLRenderer:
@@ -125,9 +120,7 @@ class OpenGLRenderer:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._renderer.close()
 
 
@@ -182,9 +175,7 @@ class FilmStrip:
         self.shoot()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._resources.close()
 
     def shoot(self) -> None:

@@ -9,14 +9,14 @@ from scipy.spatial.transform import Rotation
 from app.sim import panda
 from app.sim.kinematics import Kinematics
 from app.sim.motion import time_path
-from app.sim.moves import Move, Pose, moves_from_actions
-from app.sim.planner import Path, Planner
+from app.sim.moves import Move, ToolPose, moves_from_actions
+from app.sim.planner import JointPath, Planner
 from app.sim.rendering import open_renderer
 from app.sim.tasks.base import SimTask
 from app.sim.world import BASE_POSITION_M, CAMERA_NAMES, TIMESTEP_S
 from roboprompt_client.arrays import Array
 from roboprompt_client.errors import MotionError
-from roboprompt_client.motion_limits import Pose as EndEffectorPose
+from roboprompt_client.motion_limits import Pose
 from roboprompt_client.robot import Observation
 from roboprompt_client.trajectory import EndEffectorAction
 
@@ -57,8 +57,8 @@ class SimulatedPanda:
         return bool(self.task.data.ctrl[panda.GRIPPER_CTRL] > panda.FINGER_TRAVEL_M / 2)
 
     def observe(self) -> Observation:
-        task, hand = self.task, self._hand()
-        end_effector = EndEffectorPose(tuple(hand.position_m.tolist()), tuple(hand.rotation.as_quat().tolist()))
+        task, hand = self.task, self.hand
+        end_effector = Pose(tuple(hand.position_m.tolist()), tuple(hand.rotation.as_quat().tolist()))
         if not self.cameras:
             return Observation(task.object_poses(), end_effector=end_effector)
         with open_renderer(task.model) as renderer:
@@ -67,7 +67,7 @@ class SimulatedPanda:
 
     def execute(self, action: EndEffectorAction) -> None:
         """Move in a straight line where the arm can, then set the gripper; raises MotionError as the Protocol says."""
-        pose = Pose(action.position_m, Rotation.from_quat(action.quaternion_xyzw))
+        pose = ToolPose(action.position_m, Rotation.from_quat(action.quaternion_xyzw))
         self.perform([Move(pose, action.gripper_open)])
 
     def execute_sequence(
@@ -102,7 +102,7 @@ class SimulatedPanda:
         steps = round(duration_s / TIMESTEP_S)
         self._run(np.tile(self._target_rad, (steps, 1)))
 
-    def _follow(self, path: Path) -> None:
+    def _follow(self, path: JointPath) -> None:
         motion = time_path(path, self._kinematics, TIMESTEP_S)
         self._target_rad = path.end_rad
         self._run(motion.positions_rad + VELOCITY_LEAD_S * motion.velocities_rad_s)
@@ -124,14 +124,13 @@ class SimulatedPanda:
             for call in self.after_step:
                 call()
 
-    def _hand(self) -> Pose:
+    @property
+    def hand(self) -> ToolPose:
         """Where the end effector is."""
         return self._kinematics.forward(self.task.data.qpos[self._joint_addresses])
 
-    def _check_arrival(self, wanted: Pose, index: int, total: int) -> None:
-        actual = self._hand()
-        miss_m = float(np.linalg.norm(actual.position_m - wanted.position_m))
-        miss_rad = float((actual.rotation.inv() * wanted.rotation).magnitude())
+    def _check_arrival(self, wanted: ToolPose, index: int, total: int) -> None:
+        miss_m, miss_rad = self.hand.apart(wanted)
         if miss_m > MAX_MISS_M or miss_rad > MAX_MISS_RAD:
             miss = f"{miss_m * 100:.1f} cm and {np.degrees(miss_rad):.0f} degrees off: something is in the way"
             raise MotionError(f"action {index + 1} of {total} did not arrive, {miss}")

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from app.sim import panda
 from app.sim.kinematics import Kinematics
 from app.sim.motion import METRES_PER_RAD, VELOCITY_SHARE, JointMotion
-from app.sim.planner import Path
+from app.sim.planner import JointPath
 from roboprompt_client.arrays import Array
 
 SAMPLE_M = 0.003
@@ -52,7 +52,7 @@ class Route:
         return self.ends_m[-1]
 
 
-def joined(paths: Sequence[Path], within_m: Sequence[float], kinematics: Kinematics) -> Route:
+def joined(paths: Sequence[JointPath], within_m: Sequence[float], kinematics: Kinematics) -> Route:
     """The paths as one route.
 
     Args:
@@ -72,7 +72,7 @@ def joined(paths: Sequence[Path], within_m: Sequence[float], kinematics: Kinemat
     return Route(_averaged(joints, along_m, half_windows_m), along_m, tuple(ends_m.tolist()))
 
 
-def _sampled(path: Path, kinematics: Kinematics) -> tuple[Array, Array]:
+def _sampled(path: JointPath, kinematics: Kinematics) -> tuple[Array, Array]:
     """Joint positions (N, 7) every few millimetres, and the ways (N - 1,) between them."""
     rough_m = _steps_m(path.joints_rad, kinematics).sum()
     share = np.linspace(0, 1, max(MIN_LEG_SAMPLES, int(np.ceil(rough_m / SAMPLE_M)) + 1))

@@ -30,6 +30,7 @@ CONTACT_SOLREF, CONTACT_SOLIMP = (0.006, 1.0), (0.95, 0.99, 0.001, 0.5, 2.0)
 TORSIONAL_FRICTION, ROLLING_FRICTION = 0.005, 0.0001
 NO_CONTACT = {"contype": 0, "conaffinity": 0}
 NO_TURN = Rotation.identity()
+BOARD_M = 0.008  # thickness of the boards of safes, cupboards and cabinets
 MAX_PLACEMENT_TRIALS = 10_000
 
 Vector = tuple[float, float, float]
@@ -112,6 +113,32 @@ class Part:
             shape = Shape(at_m=turn.apply(middle_m), rotation=turn * lean, mass_kg=mass_kg / facets, friction=friction)
             self.box(half_sizes_m, colour, **shape)
         return self
+
+    def case(
+        self,
+        colour: str,
+        heights_m: Sequence[float],
+        *,
+        depth_m: float,
+        half_width_m: float,
+        front_m: npt.ArrayLike = (0.0, 0.0, 0.0),
+    ) -> Self:
+        """Boards, back and side walls of a safe, a cupboard or a cabinet, open in front; x points inside.
+
+        Args:
+            heights_m: of the boards' upper sides above `front_m`, the lowest (0) first, the top last.
+            front_m: (3,) the middle of the lowest board's front edge, on the board.
+        """
+        half_depth, half_board = depth_m / 2, BOARD_M / 2
+        middle = (heights_m[0] + heights_m[-1] - BOARD_M) / 2
+        half_height = (heights_m[-1] - heights_m[0]) / 2
+        front = np.asarray(front_m)
+        for height in heights_m:
+            at_m = front + np.array([half_depth, 0, height - half_board])
+            self.box((half_depth, half_width_m, half_board), colour, at_m=at_m)
+        for y_m in (-half_width_m, half_width_m):
+            self.box((half_depth, half_board, half_height), colour, at_m=front + np.array([half_depth, y_m, middle]))
+        return self.box((half_board, half_width_m, half_height), colour, at_m=front + np.array([depth_m, 0, middle]))
 
     def _geom(
         self,

@@ -1,4 +1,4 @@
-"""A scene that somebody changes behind the robot's back: its free objects are pushed aside."""
+"""Disturb a scene after the robot has observed it: move its free objects aside."""
 
 import mujoco
 import numpy as np

@@ -28,7 +28,7 @@ TABLE_FRICTION = (0.8, 0.005, 0.0001)
 
 
 @dataclass(frozen=True)
-class View:
+class CameraPlacement:
     """Where a camera stands and looks, m in the world frame, and its vertical field of view."""
 
     eye_m: tuple[float, float, float]
@@ -37,31 +37,31 @@ class View:
 
 
 # `front` looks at the robot from the front left; `left_shoulder` over the arm from behind, like RLBench's camera
-VIEWS = {
-    "front": View((0.75, 1.10, 1.45), (0.02, -0.08, 0.95), 45.0),
-    "left_shoulder": View((-0.45, 0.75, 1.55), (0.17, -0.06, 0.83), 42.0),
+CAMERAS = {
+    "front": CameraPlacement((0.75, 1.10, 1.45), (0.02, -0.08, 0.95), 45.0),
+    "left_shoulder": CameraPlacement((-0.45, 0.75, 1.55), (0.17, -0.06, 0.83), 42.0),
 }
-CAMERA_NAMES = tuple(VIEWS)
+CAMERA_NAMES = tuple(CAMERAS)
 
 
 def add_cameras(spec: mujoco.MjSpec) -> None:
     """Add the cameras to a mujoco.MjSpec."""
-    for name, view in VIEWS.items():
-        x, y, z, w = Rotation.from_matrix(camera_to_world(view)[:3, :3] @ OPENCV_TO_MUJOCO).as_quat()
-        spec.worldbody.add_camera(name=name, pos=view.eye_m, quat=[w, x, y, z], fovy=view.vertical_fov_deg)
+    for name, placement in CAMERAS.items():
+        x, y, z, w = Rotation.from_matrix(camera_to_world(placement)[:3, :3] @ OPENCV_TO_MUJOCO).as_quat()
+        spec.worldbody.add_camera(name=name, pos=placement.eye_m, quat=[w, x, y, z], fovy=placement.vertical_fov_deg)
 
 
-def calibrated(name: str, width_px: int = WIDTH_PX, height_px: int = HEIGHT_PX) -> Camera:
+def calibrated(name: str) -> Camera:
     """A camera's calibration. Pixel centres are whole numbers: the optical axis meets the image at (size - 1) / 2."""
-    view = VIEWS[name]
-    focal_px = height_px / 2 / np.tan(np.radians(view.vertical_fov_deg) / 2)
-    return Camera(name, focal_px, focal_px, (width_px - 1) / 2, (height_px - 1) / 2, camera_to_world(view))
+    placement = CAMERAS[name]
+    focal_px = HEIGHT_PX / 2 / np.tan(np.radians(placement.vertical_fov_deg) / 2)
+    return Camera(name, focal_px, focal_px, (WIDTH_PX - 1) / 2, (HEIGHT_PX - 1) / 2, camera_to_world(placement))
 
 
-def camera_to_world(view: View) -> Array:
+def camera_to_world(placement: CameraPlacement) -> Array:
     """(4, 4) from OpenCV camera axes to the world frame, the image's horizon level."""
-    eye = np.array(view.eye_m)
-    forward = np.array(view.target_m) - eye
+    eye = np.array(placement.eye_m)
+    forward = np.array(placement.target_m) - eye
     forward /= np.linalg.norm(forward)
     right = np.cross(forward, [0.0, 0.0, 1.0])
     right /= np.linalg.norm(right)

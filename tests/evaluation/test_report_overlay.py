@@ -2,26 +2,17 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from app.evaluation.report.drawing import (
-    ACTION_COLOUR,
-    AXIS_COLOURS,
-    AXIS_LENGTH_M,
-    Label,
-    draw_labels,
-    draw_scene,
-    project,
-)
+from app.drawing import AXIS_COLORS, AXIS_M, Canvas
+from app.evaluation.report.drawing import ACTION_COLOR, draw_scene
 from app.pipeline.geometry import backproject
 from app.sim.world import calibrated
-from roboprompt_client.camera import Camera, RgbdFrame
+from roboprompt_client.camera import RgbdFrame
 from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
 
 CAMERA = calibrated("front")
 GREY = np.full((480, 640, 3), 128, np.uint8)
 LEVEL = [0.0, 0.0, 0.0, 1.0]
 CUBE = ObjectPose("cube", [0.1, 0.2, 0.8], Rotation.from_euler("z", 30, degrees=True).as_quat())
-# 2 m in front of the camera, half a metre right and a quarter down
-BEFORE = Camera("before", 100.0, 200.0, 320.0, 240.0, np.eye(4))
 
 
 def changed(image):
@@ -37,26 +28,14 @@ def near(image, pixel, colour, radius_px=3):
     return bool((np.abs(patch - colour).max(axis=2) < 40).any())
 
 
-def test_projection_by_hand():
-    np.testing.assert_allclose(project(BEFORE, np.array([[0.5, 0.25, 2.0]])), [[345.0, 265.0]])
-    assert np.isnan(project(BEFORE, np.array([[0.5, 0.25, -2.0]]))).all()
-
-
-def test_projection_undoes_backprojection():
-    depth_m = np.zeros((480, 640), np.float32)
-    depth_m[123, 456] = 1.5
-    point = backproject(RgbdFrame(CAMERA, depth_m=depth_m), depth_m > 0)
-    np.testing.assert_allclose(project(CAMERA, point), [[456, 123]], atol=1e-6)
-
-
 def test_axes_are_drawn_where_they_project_to():
     image = draw_scene(GREY, CAMERA, [CUBE])
     rotation = Rotation.from_quat(CUBE.quaternion_xyzw)
-    for axis, colour in zip(np.eye(3), AXIS_COLOURS, strict=True):
-        along = CUBE.position_m + rotation.apply(axis) * AXIS_LENGTH_M * 0.9
-        assert near(image, project(CAMERA, along[None])[0], colour)
-        beyond = CUBE.position_m - rotation.apply(axis) * AXIS_LENGTH_M
-        assert not near(image, project(CAMERA, beyond[None])[0], colour)
+    for axis, colour in zip(np.eye(3), AXIS_COLORS, strict=True):
+        along = CUBE.position_m + rotation.apply(axis) * AXIS_M * 0.9
+        assert near(image, CAMERA.project(along)[0], colour)
+        beyond = CUBE.position_m - rotation.apply(axis) * AXIS_M
+        assert not near(image, CAMERA.project(beyond)[0], colour)
 
 
 def test_the_image_itself_stays():
@@ -67,10 +46,10 @@ def test_the_image_itself_stays():
 
 def test_an_object_without_rotation_is_a_dot():
     dot = draw_scene(GREY, CAMERA, [ObjectPose("cube", CUBE.position_m)])
-    for colour in AXIS_COLOURS:
+    for colour in AXIS_COLORS:
         assert (np.abs(dot.astype(int) - colour).max(axis=2) > 40).all()
     left, top, _, bottom = changed(dot)
-    u, v = project(CAMERA, CUBE.position_m[None])[0]
+    u, v = CAMERA.project(CUBE.position_m)[0]
     assert left <= u <= left + 10
     assert top <= v <= bottom
 
@@ -79,10 +58,10 @@ def test_actions_are_a_path_of_dots_that_are_hollow_where_the_gripper_is_open():
     positions = np.array([[0.1, 0.3, 1.0], [0.3, -0.1, 1.1]])
     actions = [EndEffectorAction(positions[0], LEVEL, True), EndEffectorAction(positions[1], LEVEL, False)]
     image = draw_scene(GREY, CAMERA, [], actions)
-    opened, closed = project(CAMERA, positions)
+    opened, closed = CAMERA.project(positions)[0]
     assert near(image, opened, (255, 255, 255), 0)
-    assert near(image, closed, ACTION_COLOUR, 0)
-    assert near(image, (opened + closed) / 2, ACTION_COLOUR, 1)
+    assert near(image, closed, ACTION_COLOR, 0)
+    assert near(image, (opened + closed) / 2, ACTION_COLOR, 1)
 
 
 def test_what_is_behind_the_camera_is_not_drawn():
@@ -91,14 +70,17 @@ def test_what_is_behind_the_camera_is_not_drawn():
     np.testing.assert_array_equal(draw_scene(GREY, CAMERA, [ObjectPose("cube", behind, LEVEL)], [action]), GREY)
 
 
-@pytest.mark.parametrize("point_px", [(320, 240), (-50, -50), (700, 500), (639, 0)])
-def test_labels_stay_in_the_image_and_apart(point_px):
-    labels = [Label("first button", point_px), Label("second button", point_px)]
-    one, both = (draw_labels(GREY, labels[:number]) for number in (1, 2))
-    first = (one != GREY).any(axis=2)
-    second = (both != one).any(axis=2)
+@pytest.mark.parametrize("pixel", [(320, 240), (1, 1), (1, 478), (638, 1), (638, 478)])
+def test_names_stay_in_the_image_and_apart(pixel):
+    depth_m = np.zeros((480, 640), np.float32)
+    depth_m[pixel[1], pixel[0]] = 1.0
+    (point_m,) = backproject(RgbdFrame(CAMERA, depth_m=depth_m), depth_m > 0)
+    canvas = Canvas(CAMERA, GREY.copy())
+    assert canvas.name("first button", point_m, ACTION_COLOR)
+    first = (canvas.image != GREY).any(axis=2)
+    one = canvas.image.copy()
+    assert canvas.name("second button", point_m, ACTION_COLOR)
+    second = (canvas.image != one).any(axis=2)
     assert first.sum() > 500
     assert second.sum() > 500
     assert not (first & second).any()
-    assert not first[[0, -1]].any()
-    assert not first[:, [0, -1]].any()

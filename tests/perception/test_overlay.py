@@ -1,11 +1,12 @@
 import numpy as np
 import pytest
 
+from app.drawing import AXIS_COLORS
 from app.perception.base import ObjectQuery
 from app.perception.cuboid.model import ColorModel, CuboidModel
 from app.perception.markers.model import Marker, MarkersModel
 from app.perception.models import RemoteModel
-from app.perception.overlay import AXIS_COLORS, PALETTE, draw_overlay, outlines
+from app.perception.overlay import PALETTE, draw_overlay, outlines
 from roboprompt_client.camera import Camera, RgbdFrame
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.trajectory import ObjectPose

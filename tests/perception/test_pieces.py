@@ -1,7 +1,7 @@
 import numpy as np
 
 from app.perception.cuboid.model import COLORS, ColorModel
-from app.perception.cuboid.pieces import color_mask, find_parts, find_pieces, full_mask, to_hsv
+from app.perception.cuboid.pieces import color_mask, find_parts, find_pieces, to_hsv
 from tests.perception.solid_scene import Solid, cube, shoot
 
 CUBE_M = np.full(3, 0.05)
@@ -17,7 +17,7 @@ def test_two_that_touch_in_the_image_are_parted_by_depth():
     pieces = find_pieces(frame, mask_of(frame), CUBE_M, "box")
     assert len(pieces) == 2
     for piece in pieces:
-        ids = frame.mask[full_mask(piece, frame.mask.shape)]
+        ids = frame.mask[piece.mask_in(0, 0, frame.mask.shape)]
         assert np.bincount(ids).max() > 0.95 * len(ids)
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from app.sim.demonstrate import record_demonstration
-from app.sim.guided import ROUNDING_M, GuidedPanda, Person
-from app.sim.recorder import Recorder, measured_open
+from app.sim.guided import ROUNDING_M, GuidedPanda, Habits
+from app.sim.sampler import TrajectorySampler, measured_open
 from app.sim.tasks import TASKS, make_task
 from roboprompt_client.errors import InvalidInputError
 
@@ -50,9 +50,8 @@ def test_the_expert_succeeds_without_rests(name):
 @pytest.fixture(scope="module", params=["stack_cube", "turn_tap", "put_in_safe", "close_laptop"])
 def guided(request):
     """The plan, the times at which its poses were passed or reached, and the trajectory."""
-    robot = GuidedPanda(make_task(request.param, SEED), Person(SEED))
-    recorder = Recorder(robot.task.model, robot.task.data)
-    robot.after_step.append(recorder.sample)
+    robot = GuidedPanda(make_task(request.param, SEED), Habits(SEED))
+    recorder = TrajectorySampler(robot)
     moves, times_s = robot.task.expert(), {}
     robot.perform(moves, lambda number: times_s.setdefault(number, robot.task.data.time))
     return moves, times_s, recorder.trajectory("measured")

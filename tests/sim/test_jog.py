@@ -5,7 +5,7 @@ import pytest
 
 from app.pipeline.keyframes import KeyframeRule, find_keyframes
 from app.sim.jog import DONE, GIVE_UP, GRIPPER, JoggedPanda, drive
-from app.sim.recorder import Recorder
+from app.sim.sampler import TrajectorySampler
 from app.sim.tasks import make_task
 from app.sim.world import TABLE_TOP_M
 
@@ -45,8 +45,7 @@ def test_a_button_is_pushed_by_hand(arm):
     recorders = []
 
     def begin():
-        recorders.append(Recorder(arm.task.model, arm.task.data))
-        arm.after_step.append(recorders[0].sample)
+        recorders.append(TrajectorySampler(arm))
 
     top_m = arm.task.position_m("red button")
     goals = [top_m + np.array([0, 0, height_m]) for height_m in (0.08, -0.006, 0.08)]

@@ -7,7 +7,7 @@ from app.sim.demonstrate import rollout
 from app.sim.moves import action_from_move
 from app.sim.robot import SimulatedPanda
 from app.sim.tasks import COMPOSITION_TASKS, MOVING_TASKS, TASKS, make_task
-from app.sim.tasks.moving.carried_cube import CUBE, SPEEDS_M_S
+from app.sim.tasks.carriers import CUBE, SPEEDS_M_S
 
 SEED = 100_000
 every_task = pytest.mark.parametrize("name", MOVING_TASKS)

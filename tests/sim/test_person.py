@@ -1,18 +1,18 @@
 import numpy as np
 import pytest
 
-from app.sim.guided import HESITATION_SPEED_M_S, OVERSHOOT_M, ROUNDING_M, TOOL_SPEED_M_S, Person
-from app.sim.moves import Pose, move_to, pick, tool_down
+from app.sim.guided import HESITATION_SPEED_M_S, OVERSHOOT_M, ROUNDING_M, TOOL_SPEED_M_S, Habits
+from app.sim.moves import ToolPose, move_to, pick, tool_down
 from app.sim.route import Route
 from app.sim.tasks import TASKS, make_task
 
-HOME = Pose(np.array([0.0, 0.0, 1.2]), tool_down())
+HOME = ToolPose(np.array([0.0, 0.0, 1.2]), tool_down())
 PICK = pick([0.3, 0.1, 0.8], tool_down())
 SEEDS = range(40)
 
 
 def steps(seed, moves=PICK):
-    return Person(seed).steps(HOME, True, moves)
+    return Habits(seed).steps(HOME, True, moves)
 
 
 def route(*ends_m):
@@ -22,11 +22,11 @@ def route(*ends_m):
 
 def test_a_seed_is_one_person():
     for seed in range(5):
-        first, again = Person(seed), Person(seed)
+        first, again = Habits(seed), Habits(seed)
         assert first.choose(2) == again.choose(2)
         np.testing.assert_array_equal(first.speeds_m_s(route(0.3, 0.6)), again.speeds_m_s(route(0.3, 0.6)))
         assert first.grasp_lead_s(opens=False) == again.grasp_lead_s(opens=False)
-    assert len({Person(seed).grasp_lead_s(opens=False) for seed in range(5)}) == 5
+    assert len({Habits(seed).grasp_lead_s(opens=False) for seed in range(5)}) == 5
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -62,7 +62,7 @@ def test_speeds_have_phases_and_hesitations_far_from_where_something_happens():
     hesitations = 0
     for seed in SEEDS:
         way = route(0.3, 0.8)
-        speeds = Person(seed).speeds_m_s(way)
+        speeds = Habits(seed).speeds_m_s(way)
         slow = speeds <= HESITATION_SPEED_M_S
         hesitations += slow.any()
         for end_m in (0.0, *way.ends_m):
@@ -72,7 +72,7 @@ def test_speeds_have_phases_and_hesitations_far_from_where_something_happens():
 
 
 def test_a_short_way_has_no_place_for_a_hesitation():
-    assert all(Person(seed).speeds_m_s(route(0.08)).min() > HESITATION_SPEED_M_S for seed in SEEDS)
+    assert all(Habits(seed).speeds_m_s(route(0.08)).min() > HESITATION_SPEED_M_S for seed in SEEDS)
 
 
 @pytest.mark.parametrize("name", [name for name, task in TASKS.items() if task.ways > 1])
@@ -89,4 +89,4 @@ def test_ways_differ_and_the_first_is_the_default(name):
 
 
 def test_both_ways_are_gone():
-    assert {Person(seed).choose(2) for seed in range(10)} == {0, 1}
+    assert {Habits(seed).choose(2) for seed in range(10)} == {0, 1}

@@ -5,8 +5,8 @@ from scipy.spatial.transform import Rotation
 from app.sim import panda
 from app.sim.kinematics import Kinematics
 from app.sim.moves import tool_down
-from app.sim.recorder import Recorder
 from app.sim.robot import SimulatedPanda
+from app.sim.sampler import TrajectorySampler
 from app.sim.tasks import make_task
 from app.sim.world import BASE_POSITION_M, HOME_RAD
 from roboprompt_client.errors import InvalidInputError, MotionError
@@ -87,8 +87,7 @@ def test_observe_tells_where_the_arm_is(robot):
 
 
 def test_recorder_samples_at_its_rate_what_the_joints_do(robot):
-    recorder = Recorder(robot.task.model, robot.task.data, control_frequency_hz=20)
-    robot.after_step.append(recorder.sample)
+    recorder = TrajectorySampler(robot, control_frequency_hz=20)
     robot.execute(action(0.2, 0.2, 0.95, gripper_open=False))
     trajectory = recorder.trajectory()
     np.testing.assert_allclose(np.diff(trajectory.timestamps_s), 0.05, atol=1e-9)
@@ -108,4 +107,4 @@ def test_recorder_samples_at_its_rate_what_the_joints_do(robot):
 @pytest.mark.parametrize("frequency_hz", [0, -1, 1000])
 def test_recorder_refuses_a_rate_that_it_cannot_sample(robot, frequency_hz):
     with pytest.raises(InvalidInputError, match="control_frequency_hz"):
-        Recorder(robot.task.model, robot.task.data, frequency_hz)
+        TrajectorySampler(robot, frequency_hz)

@@ -11,8 +11,8 @@ import cv2
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
+from app.drawing import RgbImage
 from app.evaluation.report.charts import THEMES, Draw, save
-from app.sim.rendering import RgbImage
 
 TILE_WIDTH_PX = 320
 CAPTION_HEIGHT_PX = 26

@@ -1,7 +1,8 @@
 """Upright boxes and cylinders of known size and colour, found in RGB-D images."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from graphlib import CycleError, TopologicalSorter
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -13,13 +14,12 @@ from app.perception.cuboid.judge import judge
 from app.perception.cuboid.model import CuboidModel
 from app.perception.cuboid.pieces import HsvImage, Piece, color_mask, find_pieces, to_hsv
 from app.perception.cuboid.view import view_of
-from app.perception.frame_checks import check_level, check_rgbd
+from app.perception.frame_checks import check_cameras, check_level
 from app.perception.object_model import ObjectModelError
 from app.perception.sightings import Miss, Sighting, fused
 from app.pipeline.geometry import yaw_rad
 from roboprompt_client.arrays import Array
 from roboprompt_client.camera import RgbdFrame
-from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.trajectory import ObjectPose
 
 EXAMPLE = 'its size and colour, e.g. {"estimator": "cuboid", "size_m": [0.05, 0.05, 0.05], "color": "red"}'
@@ -41,7 +41,7 @@ class CuboidPoses:
             ObjectNotVisibleError, UncertainPoseError: see `app.perception.sightings.fused`.
         """
         models = {query.name: model_of(query, CuboidModel, EXAMPLE) for query in objects}
-        search = _Search(tuple(_Scene.of(frame) for frame in _checked(frames)))
+        search = _Search(frames)
         found: dict[str, ObjectPose] = {}
         by_name = {query.name: query for query in objects}
         for name in _in_order(models):
@@ -51,70 +51,52 @@ class CuboidPoses:
 
 def likenesses(model: CuboidModel, frames: Sequence[RgbdFrame]) -> list[Array]:
     """Where (3,) things are that look like the model, whichever it means; the middles of their shapes."""
-    looks = replace(model, origin_m=(0.0, 0.0, 0.0), rank=None, away_from=None)
-    sightings, _ = _Search(tuple(_Scene.of(frame) for frame in frames)).look(looks)
-    found = instances(sightings, looks)
+    found = instances(_Search(frames).look(_looks(model)), model)
     return [item.position_m for item in found if item.confidence >= model.min_confidence]
 
 
-@dataclass(frozen=True, eq=False)
-class _Scene:
-    frame: RgbdFrame
-    hsv: HsvImage
-
-    @classmethod
-    def of(cls, frame: RgbdFrame) -> "_Scene":
-        check_rgbd(frame)
-        check_level(frame)
-        assert frame.rgb is not None
-        return cls(frame, to_hsv(frame.rgb))
+def _looks(model: CuboidModel) -> CuboidModel:
+    """What the cameras look for: all but which of those that look alike is meant, and where its origin lies."""
+    return replace(model, origin_m=(0.0, 0.0, 0.0), rank=None, away_from=None)
 
 
 class _Search:
     """Finds objects in one set of images; objects that look alike are looked for once."""
 
-    def __init__(self, scenes: Sequence[_Scene]) -> None:
-        self._scenes = scenes
-        self._seen: dict[CuboidModel, tuple[list[Sighting], list[Miss]]] = {}
+    def __init__(self, frames: Sequence[RgbdFrame]) -> None:
+        check_cameras(frames)
+        for frame in frames:
+            check_level(frame)
+        self._images = [(frame, to_hsv(frame.rgb)) for frame in frames if frame.rgb is not None]
+        self._found: dict[CuboidModel, list[Sighting | Miss]] = {}
 
-    def pose(self, query: ObjectQuery, model: CuboidModel, found: dict[str, ObjectPose]) -> ObjectPose:
-        looks = replace(model, origin_m=(0.0, 0.0, 0.0), rank=None, away_from=None)
-        if looks not in self._seen:
-            self._seen[looks] = self.look(looks)
-        sightings, misses = self._seen[looks]
-        anchor = None if model.rank is None else found[model.rank.nearest_to].position_m
-        instance = chosen(query.name, model, instances(sightings, model), anchor)
+    def pose(self, query: ObjectQuery, model: CuboidModel, poses: Mapping[str, ObjectPose]) -> ObjectPose:
+        """The pose of an object, given those of the objects that distinguish it."""
+        found = self.look(_looks(model))
+        anchor_m = None if model.rank is None else poses[model.rank.nearest_to].position_m
+        instance = chosen(query.name, model, instances(found, model), anchor_m)
         middle = fused(
             query,
-            instance.sightings,
-            misses,
+            [*instance.sightings, *(item for item in found if isinstance(item, Miss))],
             estimator=NAME,
             min_confidence=model.min_confidence,
             yaw_symmetry_deg=model.shape_symmetry_deg,
         )
         if instance.note:
             middle = replace(middle, reason="; ".join(filter(None, (middle.reason, instance.note))))
-        return _at_origin(middle, model, None if model.away_from is None else found[model.away_from].position_m)
+        return _at_origin(middle, model, None if model.away_from is None else poses[model.away_from].position_m)
 
-    def look(self, model: CuboidModel) -> tuple[list[Sighting], list[Miss]]:
-        """What each camera makes of everything that looks like the model."""
-        sightings: list[Sighting] = []
-        misses: list[Miss] = []
-        size_m = np.array(model.size_m)
-        for scene in self._scenes:
-            camera = scene.frame.camera.name
-            mask = color_mask(scene.hsv, model.color)
-            pieces = find_pieces(scene.frame, mask, size_m, model.shape)
-            sightings += [_sighting(scene.frame, piece, model) for piece in pieces]
-            if not pieces:
-                misses.append(Miss(camera, _why_nothing(scene.frame, mask)))
-        return sightings, misses
+    def look(self, looks: CuboidModel) -> list[Sighting | Miss]:
+        """What each camera makes of everything that looks so."""
+        if looks not in self._found:
+            self._found[looks] = [item for image in self._images for item in _sighted(*image, looks)]
+        return self._found[looks]
 
 
-def _checked(frames: Sequence[RgbdFrame]) -> Sequence[RgbdFrame]:
-    if not frames:
-        raise InvalidInputError("cameras", "there is none", "rgb_NAME and depth_NAME of at least one camera")
-    return frames
+def _sighted(frame: RgbdFrame, hsv: HsvImage, looks: CuboidModel) -> Sequence[Sighting | Miss]:
+    mask = color_mask(hsv, looks.color)
+    pieces = find_pieces(frame, mask, np.array(looks.size_m), looks.shape)
+    return [_sighting(frame, piece, looks) for piece in pieces] or [Miss(frame.camera.name, _why_nothing(frame, mask))]
 
 
 def _in_order(models: dict[str, CuboidModel]) -> list[str]:
@@ -123,23 +105,18 @@ def _in_order(models: dict[str, CuboidModel]) -> list[str]:
     Raises:
         InvalidInputError: if one refers to an object that is not asked for, or to itself in the end.
     """
-    ordered: list[str] = []
-
-    def visit(name: str, path: tuple[str, ...]) -> None:
-        if name in path:
-            raise ObjectModelError(path[0], f"refers to itself: {' -> '.join((*path, name))}", "no circle")
-        if name in ordered:
-            return
-        for field, other in _references(models[name]).items():
+    references = {name: _references(model) for name, model in models.items()}
+    for name, found in references.items():
+        for field, other in found.items():
             if other not in models:
                 message = f"is {other!r}, which is not among the objects"
                 raise ObjectModelError(name, message, ", ".join(models), within=field)
-            visit(other, (*path, name))
-        ordered.append(name)
-
-    for name in models:
-        visit(name, ())
-    return ordered
+    try:
+        return list(TopologicalSorter({name: found.values() for name, found in references.items()}).static_order())
+    except CycleError as error:
+        circle = error.args[1][::-1]
+        message = f"refers to itself: {' -> '.join(circle)}"
+        raise ObjectModelError(circle[0], message, "no circle") from None
 
 
 def _references(model: CuboidModel) -> dict[str, str]:

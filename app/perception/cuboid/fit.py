@@ -9,16 +9,14 @@ in metres. B candidates, N points, M rays.
 """
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
+from app.perception.cuboid.model import Shape
+from app.perception.cuboid.view import View
 from roboprompt_client.arrays import Array
 
-Shape = Literal["box", "cylinder"]
-SHAPES: tuple[Shape, ...] = ("box", "cylinder")
 X, Y, Z, YAW, SX, SY, SZ = range(7)
-NUM_PARAMETERS = 7
 ROUND_DIRECTIONS = 12  # the outline of a cylinder as tangents this many to the half turn: 0.2 mm of a radius of 26 mm
 _TANGENTS_RAD = np.arange(ROUND_DIRECTIONS) * np.pi / ROUND_DIRECTIONS
 _TANGENT_COS, _TANGENT_SIN = np.cos(_TANGENTS_RAD), np.sin(_TANGENTS_RAD)
@@ -107,38 +105,12 @@ def _round_distances_m(
 
 
 @dataclass(frozen=True, eq=False)
-class View:
-    """What one camera sees of an object.
-
-    Attributes:
-        points_m: (N, 3) of its surface in the world frame.
-        point_sigma_m: of the points' depth, as much as one of the N counts.
-        eye_m: (3,) the camera's place.
-        rays: (M, 3) unit vectors in the world frame from the eye along the object's outline.
-        footprint_m: what a pixel covers at the object's distance.
-        ground_m: the height of what surrounds it, or None.
-    """
-
-    points_m: Array
-    point_sigma_m: float
-    eye_m: Array
-    rays: Array
-    footprint_m: float
-    ground_m: float | None
-
-    def thinned(self, factor: int) -> "View":
-        """Every `factor`-th point and ray."""
-        points_m, rays = self.points_m[::factor], self.rays[::factor]
-        return View(points_m, self.point_sigma_m, self.eye_m, rays, self.footprint_m, self.ground_m)
-
-
-@dataclass(frozen=True, eq=False)
 class Fit:
     """A fitted shape.
 
     Attributes:
         candidate: (7,) as in `app.perception.cuboid.fit`.
-        cost: of its residuals; half the sum of squares, in units of sigma, of what is no outlier.
+        cost: of its residuals; half the sum of their squares in units of sigma, outliers bounded.
         rival_yaw_rad, rival_cost: of the best of the other yaws that were tried to the end; cost inf if there is none.
     """
 

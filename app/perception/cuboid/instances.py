@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from app.perception.cuboid.model import CuboidModel
-from app.perception.sightings import Sighting
+from app.perception.sightings import Miss, Sighting
 from app.pipeline.errors import UncertainPoseError
 from roboprompt_client.arrays import Array
 
@@ -37,8 +37,9 @@ class Instance:
         return max((s.confidence for s in self.sightings), default=0.0)
 
 
-def instances(sightings: Sequence[Sighting], model: CuboidModel) -> list[Instance]:
+def instances(found: Sequence[Sighting | Miss], model: CuboidModel) -> list[Instance]:
     """The separate things that were sighted, the most certain first."""
+    sightings = [item for item in found if isinstance(item, Sighting)]
     reach_m = SAME_SHARE * min(model.size_m[:2]) + SAME_SLACK_M
     groups: list[list[Sighting]] = []
     for sighting in sorted(sightings, key=lambda s: -s.confidence):

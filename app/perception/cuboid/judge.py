@@ -4,15 +4,15 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
-from app.perception.cuboid.fit import Fit, Shape, View, outline_points_m, surface_distances_m
-from app.perception.cuboid.pieces import Piece, full_mask
+from app.perception.cuboid.fit import Fit, outline_points_m, surface_distances_m
+from app.perception.cuboid.model import Shape
+from app.perception.cuboid.pieces import SQUARE, Piece, window
+from app.perception.cuboid.view import View
+from app.perception.frame_checks import DEPTH_SIGMA_AT_1_M
 from app.pipeline.geometry import pixels_to_world
 from roboprompt_client.arrays import Array
-from roboprompt_client.camera import Camera, RgbdFrame
-
-Bools = npt.NDArray[np.bool_]
+from roboprompt_client.camera import RgbdFrame
 
 SURFACE_M = 0.006  # within this a point lies on the surface, whatever the depth noise
 DEPTH_SIGMAS = 3.0
@@ -40,7 +40,7 @@ def judge(frame: RgbdFrame, piece: Piece, view: View, shape: Shape, fit: Fit) ->
     Not counted: what stands before it.
     """
     covered, own, contradicting = _shares(frame, piece, shape, fit.candidate)
-    tolerance_m = SURFACE_M + DEPTH_SIGMAS * 0.002 * piece.distance_m**2
+    tolerance_m = SURFACE_M + DEPTH_SIGMAS * DEPTH_SIGMA_AT_1_M * piece.distance_m**2
     on_surface = float((np.abs(surface_distances_m(shape, fit.candidate[None], view.points_m)) < tolerance_m).mean())
     shares = {
         "of its pixels lie inside the outline of the fitted shape": own,
@@ -64,7 +64,7 @@ def _shares(frame: RgbdFrame, piece: Piece, shape: Shape, candidate: Array) -> t
     A pixel's width about the outline is left out of the latter two: that is rounding.
     """
     assert frame.depth_m is not None
-    corners = _project(frame.camera, outline_points_m(shape, candidate))
+    corners, _ = frame.camera.project(outline_points_m(shape, candidate))
     hull = cv2.convexHull(np.round(corners).astype(np.int32))[:, 0]
     low = np.minimum(hull.min(axis=0), (piece.left_px, piece.top_px)) - BORDER_PX
     high = np.maximum(hull.max(axis=0), (piece.left_px + piece.mask.shape[1], piece.top_px + piece.mask.shape[0]))
@@ -72,51 +72,15 @@ def _shares(frame: RgbdFrame, piece: Piece, shape: Shape, candidate: Array) -> t
     canvas = np.zeros((height, width), np.uint8)
     cv2.fillConvexPoly(canvas, hull - low.astype(np.int32), 1)
     filled = canvas > 0
-    mask, depth_m = _canvas(frame, piece, low, (int(width), int(height)))
+    left, top = low.tolist()
+    mask, depth_m = piece.mask_in(left, top, canvas.shape), window(frame.depth_m, left, top, canvas.shape)
     common = int(np.count_nonzero(filled & mask))
     rows, columns = np.nonzero(filled & ~mask & (depth_m > 0))
     points_m = pixels_to_world(frame.camera, rows + low[1], columns + low[0], depth_m[rows, columns])
     apart = surface_distances_m(shape, candidate[None], points_m)[0] > SURFACE_M
-    before = apart & (depth_m[rows, columns] < _depth_m(frame.camera, candidate[:3]))
-    rim = _rim(filled)[rows, columns]
+    before = apart & (depth_m[rows, columns] < frame.camera.project(candidate[:3])[1])
+    rim = (filled & (cv2.erode(canvas, SQUARE) == 0))[rows, columns]  # the outline's outermost pixels
     wrong = int(np.count_nonzero(~before & ~rim))
-    inside = int(np.count_nonzero(mask & (cv2.dilate(canvas, np.ones((3, 3), np.uint8)) > 0)))
+    inside = int(np.count_nonzero(mask & (cv2.dilate(canvas, SQUARE) > 0)))
     areas = [max(int(np.count_nonzero(pixels)), 1) for pixels in (filled, mask)]
     return common / areas[0], inside / areas[1], wrong / max(wrong + common, 1)
-
-
-def _canvas(
-    frame: RgbdFrame, piece: Piece, low: npt.NDArray[np.int64], size: tuple[int, int]
-) -> tuple[Bools, npt.NDArray[np.float32]]:
-    """Mask and depth of a part of the image that may reach beyond it; nothing there."""
-    assert frame.depth_m is not None
-    left, top = (int(item) for item in low)
-    width, height = size
-    rows, columns = frame.depth_m.shape
-    inside = np.s_[max(top, 0) : min(top + height, rows), max(left, 0) : min(left + width, columns)]
-    place = np.s_[
-        max(-top, 0) : max(-top, 0) + inside[0].stop - inside[0].start,
-        max(-left, 0) : max(-left, 0) + inside[1].stop - inside[1].start,
-    ]
-    mask, depth_m = np.zeros((height, width), np.bool_), np.zeros((height, width), np.float32)
-    mask[place], depth_m[place] = full_mask(piece, frame.depth_m.shape)[inside], frame.depth_m[inside]
-    return mask, depth_m
-
-
-def _rim(filled: Bools) -> Bools:
-    """The outermost pixels of the outline."""
-    inner: Bools = cv2.erode(filled.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
-    return filled & ~inner
-
-
-def _project(camera: Camera, points_m: Array) -> Array:
-    """(N, 2) column and row."""
-    local = (points_m - camera.camera_to_world[:3, 3]) @ camera.camera_to_world[:3, :3]
-    depth = np.maximum(local[:, 2], 1e-3)
-    return np.column_stack(
-        [local[:, 0] / depth * camera.fx_px + camera.cx_px, local[:, 1] / depth * camera.fy_px + camera.cy_px]
-    )
-
-
-def _depth_m(camera: Camera, point_m: Array) -> float:
-    return float((point_m - camera.camera_to_world[:3, 3]) @ camera.camera_to_world[:3, 2])

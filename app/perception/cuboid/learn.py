@@ -1,6 +1,7 @@
-"""Colours and sizes of objects from demonstrations' first frames, so that nobody has to type them in.
+"""Object models of the estimator `cuboid`, learned from the first frames of demonstrations.
 
-Where other objects are may distinguish an object from its like, and its yaws from each other: that is learned, too.
+Besides color, size and shape: the neighbour whose distance tells similar objects apart (`Rank`), and the neighbour that
+an object's x axis points away from.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -11,9 +12,8 @@ from scipy.spatial.transform import Rotation
 
 from app.perception.base import LabelledScene, ObjectQuery
 from app.perception.cuboid.estimator import CuboidPoses, likenesses
-from app.perception.cuboid.fit import SHAPES, Shape
 from app.perception.cuboid.looks import Measured, learn_color, measure, object_pixels
-from app.perception.cuboid.model import ColorModel, CuboidModel, Rank
+from app.perception.cuboid.model import SHAPES, ColorModel, CuboidModel, Rank, Shape
 from app.perception.frame_checks import check_rgbd
 from app.perception.object_model import ObjectModelError
 from app.pipeline.errors import NoPoseError
@@ -94,7 +94,7 @@ def _rank_of(position_m: Array, places_m: Sequence[Array], anchor_m: Array) -> i
 
 
 def _alike(one: CuboidModel, other: CuboidModel) -> bool:
-    """Whether an object cannot be the anchor since it has to be distinguished from its like itself."""
+    """Whether two objects look so similar that neither can be the anchor that tells the other apart."""
     middle = [
         (model.color.hue_deg[0] + ((model.color.hue_deg[1] - model.color.hue_deg[0]) % 360) / 2)
         for model in (one, other)

@@ -1,7 +1,4 @@
-"""What one labelled view says of an object's looks: its colour, its size, and where its origin lies in it.
-
-The colour is as wide as the surroundings allow.
-"""
+"""An object's colour, size and origin, measured in labelled views."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,18 +9,16 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from app.perception.base import ObjectQuery
-from app.perception.cuboid.fit import SX, YAW, Shape, fit_any_size
-from app.perception.cuboid.model import ColorModel
-from app.perception.cuboid.pieces import Piece, color_mask, find_parts, full_mask, to_hsv
+from app.perception.cuboid.fit import SX, YAW, fit_any_size
+from app.perception.cuboid.model import ColorModel, Shape
+from app.perception.cuboid.pieces import SQUARE, Bools, Piece, color_mask, find_parts, to_hsv
 from app.perception.cuboid.view import view_of
 from app.perception.object_model import ObjectModelError
 from app.pipeline.geometry import yaw_rad
 from roboprompt_client.arrays import Array
 from roboprompt_client.camera import RgbdFrame
 
-Bools = npt.NDArray[np.bool_]
-
-LEAST_SATURATION = 0.3  # paler pixels have no hue worth the name
+LEAST_SATURATION = 0.3  # the hue of paler pixels is noise
 HUE_BIN_DEG = 5.0
 PEAK_REACH_DEG = 30.0
 HUE_MARGIN_DEG, SATURATION_MARGIN, VALUE_FACTOR = 8.0, 0.15, 0.5  # for other light than the demonstrations'
@@ -45,18 +40,16 @@ def _about(frame: RgbdFrame, position_m: npt.NDArray[np.float64]) -> Bools | Non
     """Pixels around a position's that do not lie behind it."""
     assert frame.depth_m is not None
     camera, (height, width) = frame.camera, frame.depth_m.shape
-    x, y, z = (position_m - camera.camera_to_world[:3, 3]) @ camera.camera_to_world[:3, :3]
-    if z <= 0:
+    pixel, distance_m = camera.project(position_m)
+    if distance_m <= 0 or not (0 <= round(pixel[0]) < width and 0 <= round(pixel[1]) < height):
         return None
-    column, row = round(x / z * camera.fx_px + camera.cx_px), round(y / z * camera.fy_px + camera.cy_px)
-    if not (0 <= column < width and 0 <= row < height):
-        return None
+    column, row = round(pixel[0]), round(pixel[1])
     pixels = np.zeros((height, width), np.bool_)
     reach = np.s_[
         max(row - SEED_REACH_PX, 0) : row + SEED_REACH_PX + 1,
         max(column - SEED_REACH_PX, 0) : column + SEED_REACH_PX + 1,
     ]
-    pixels[reach] = (frame.depth_m[reach] > 0) & (frame.depth_m[reach] < z + SEED_BEHIND_M)
+    pixels[reach] = (frame.depth_m[reach] > 0) & (frame.depth_m[reach] < distance_m + SEED_BEHIND_M)
     return pixels if pixels.any() else None
 
 
@@ -89,7 +82,7 @@ def learn_color(name: str, seen: Sequence[tuple[RgbdFrame, Bools]]) -> ColorMode
 def _samples(frame: RgbdFrame, pixels: Bools) -> npt.NDArray[np.float64]:
     """(N, 3) hue in degrees, saturation and value in 0..1 of the pixels, without their rim where enough is left."""
     assert frame.rgb is not None
-    inner = cv2.erode(pixels.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    inner = cv2.erode(pixels.astype(np.uint8), SQUARE) > 0
     chosen = inner if np.count_nonzero(inner) > 30 else pixels
     rows, columns = np.nonzero(chosen)
     hsv = to_hsv(np.ascontiguousarray(frame.rgb[rows, columns][None]))[0]
@@ -112,9 +105,7 @@ class Measured:
     cost: float
 
 
-def measure(
-    frame: RgbdFrame, query: ObjectQuery, pixels: npt.NDArray[np.bool_], color: ColorModel, shape: Shape
-) -> Measured | None:
+def measure(frame: RgbdFrame, query: ObjectQuery, pixels: Bools, color: ColorModel, shape: Shape) -> Measured | None:
     """Fit a shape of free size to the patch of the colour that shares most pixels with the labelled ones."""
     assert frame.rgb is not None
     piece = _piece_at(frame, pixels, color)
@@ -131,10 +122,10 @@ def measure(
     return Measured(size_m, origin_m, fit.cost / (len(view.points_m) + len(view.rays)))
 
 
-def _piece_at(frame: RgbdFrame, pixels: npt.NDArray[np.bool_], color: ColorModel) -> Piece | None:
+def _piece_at(frame: RgbdFrame, pixels: Bools, color: ColorModel) -> Piece | None:
     assert frame.rgb is not None
     pieces = find_parts(frame, color_mask(to_hsv(frame.rgb), color))
-    shares = [int(np.count_nonzero(full_mask(piece, pixels.shape) & pixels)) for piece in pieces]
+    shares = [int(np.count_nonzero(piece.mask_in(0, 0, pixels.shape) & pixels)) for piece in pieces]
     return pieces[int(np.argmax(shares))] if any(shares) else None
 
 

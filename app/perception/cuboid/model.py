@@ -1,4 +1,4 @@
-"""What the estimator `cuboid` knows of an object: its shape and size, its colour, and how to tell it from its like."""
+"""Object models of the estimator `cuboid`: shape, size, colour, and which of several similar objects is meant."""
 
 import math
 from collections.abc import Mapping
@@ -14,6 +14,8 @@ from roboprompt_client.wording import checked_name
 
 Degrees = Annotated[Number, Field(ge=0, le=360)]
 Share = Annotated[Number, Field(ge=0, le=1)]
+Shape = Literal["box", "cylinder"]
+SHAPES: tuple[Shape, ...] = ("box", "cylinder")
 _RANGE = Field(description="[least, greatest], each 0..1")
 ColorName = Literal["red", "orange", "yellow", "green", "cyan", "blue", "purple", "pink"]
 
@@ -106,7 +108,7 @@ class CuboidModel(ObjectModel):
         Field(description="[x, y, z], positive lengths in metres, e.g. [0.05, 0.05, 0.05]"),
     ]
     color: Color
-    shape: Literal["box", "cylinder"] = "box"
+    shape: Shape = "box"
     origin_m: Annotated[tuple[Number, Number, Number], Field(description="[x, y, z] in metres")] = (0.0, 0.0, 0.0)
     rank: Rank | None = None
     away_from: str | None = None

@@ -2,13 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
-from app.perception.cuboid.fit import Shape
-from app.perception.cuboid.model import ColorModel
+from app.perception.cuboid.model import ColorModel, Shape
 from app.pipeline.geometry import pixels_to_world
 from roboprompt_client.arrays import Array
 from roboprompt_client.camera import Camera, RgbdFrame
@@ -16,6 +16,8 @@ from roboprompt_client.camera import Camera, RgbdFrame
 HsvImage = npt.NDArray[np.uint8]  # (H, W, 3)
 HUE_STEPS_PER_DEG = 256 / 360  # OpenCV's HSV_FULL
 Bytes = npt.NDArray[np.uint8]
+Bools = npt.NDArray[np.bool_]
+P = TypeVar("P", bound=np.generic)
 MIN_PIXELS = 20
 CROSS: Bytes = np.asarray(cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3)), np.uint8)
 SQUARE: Bytes = np.ones((3, 3), np.uint8)
@@ -51,13 +53,17 @@ class Piece:
 
     left_px: int
     top_px: int
-    mask: npt.NDArray[np.bool_]
+    mask: Bools
     distance_m: float
 
     @property
     def num_pixels(self) -> int:
         """How many pixels it has."""
         return int(np.count_nonzero(self.mask))
+
+    def mask_in(self, left_px: int, top_px: int, shape: tuple[int, ...]) -> Bools:
+        """Its pixels in a window (h, w) of the image."""
+        return window(self.mask, left_px - self.left_px, top_px - self.top_px, shape)
 
 
 def expected_pixels(camera: Camera, size_m: Array, distance_m: float, shape: Shape) -> float:
@@ -109,9 +115,7 @@ def _largest_first(pieces: Sequence[Piece]) -> list[Piece]:
     return sorted(pieces, key=lambda piece: -piece.num_pixels)
 
 
-def _parted(
-    camera: Camera, left: int, top: int, mask: npt.NDArray[np.bool_], depth_m: npt.NDArray[np.float32]
-) -> list[Piece]:
+def _parted(camera: Camera, left: int, top: int, mask: Bools, depth_m: npt.NDArray[np.float32]) -> list[Piece]:
     """The mask cut along steps in depth."""
     known = mask & (depth_m > 0)
     if np.count_nonzero(known) < MIN_PIXELS // 2:
@@ -132,7 +136,7 @@ def _parted(
     return [trimmed(left, top, mask & (grown == part), depth_m) for part in parts]
 
 
-def trimmed(left: int, top: int, mask: npt.NDArray[np.bool_], depth_m: npt.NDArray[np.float32]) -> Piece:
+def trimmed(left: int, top: int, mask: Bools, depth_m: npt.NDArray[np.float32]) -> Piece:
     """The pixels of a mask whose corner is at (left, top), in a box that is no larger than they need."""
     x, y, width, height = cv2.boundingRect(mask.astype(np.uint8))
     cut = np.s_[y : y + height, x : x + width]
@@ -166,35 +170,30 @@ def _fits_into_one(frame: RgbdFrame, piece: Piece, other: Piece, size_m: Array) 
 
 def _union(frame: RgbdFrame, piece: Piece, other: Piece) -> Piece:
     assert frame.depth_m is not None
-    whole = full_mask(piece, frame.depth_m.shape) | full_mask(other, frame.depth_m.shape)
-    return trimmed(0, 0, whole, frame.depth_m)
+    whole = [item.mask_in(0, 0, frame.depth_m.shape) for item in (piece, other)]
+    return trimmed(0, 0, whole[0] | whole[1], frame.depth_m)
 
 
-def full_mask(piece: Piece, shape: tuple[int, ...]) -> npt.NDArray[np.bool_]:
-    """The piece's pixels in the whole image."""
-    return mask_in(piece, 0, 0, shape)
+def window(image: npt.NDArray[P], left_px: int, top_px: int, shape: tuple[int, ...]) -> npt.NDArray[P]:
+    """A part (h, w) of an image, with 0 where it reaches beyond the image."""
+    part = np.zeros(shape, image.dtype)
+    left, right = max(left_px, 0), min(left_px + shape[1], image.shape[1])
+    top, bottom = max(top_px, 0), min(top_px + shape[0], image.shape[0])
+    part[top - top_px : bottom - top_px, left - left_px : right - left_px] = image[top:bottom, left:right]
+    return part
 
 
-def mask_in(piece: Piece, left_px: int, top_px: int, shape: tuple[int, ...]) -> npt.NDArray[np.bool_]:
-    """The piece's pixels in a window of the image that holds all of them."""
-    mask = np.zeros(shape, np.bool_)
-    height, width = piece.mask.shape
-    top, left = piece.top_px - top_px, piece.left_px - left_px
-    mask[top : top + height, left : left + width] = piece.mask
-    return mask
-
-
-def inner(mask: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+def inner(mask: Bools) -> Bools:
     """The mask without its rim, where depths mix; the whole where little would be left."""
     core = eroded(mask, SQUARE)
     return core if np.count_nonzero(core) > 0.3 * np.count_nonzero(mask) else mask
 
 
-def eroded(mask: npt.NDArray[np.bool_], kernel: Bytes) -> npt.NDArray[np.bool_]:
+def eroded(mask: Bools, kernel: Bytes) -> Bools:
     """The mask without the pixels that have others within the kernel; nothing lies beyond its border."""
-    core: npt.NDArray[np.bool_] = cv2.erode(
-        mask.view(np.uint8), kernel, borderType=cv2.BORDER_CONSTANT, borderValue=(0,)
-    ).view(np.bool_)
+    core: Bools = cv2.erode(mask.view(np.uint8), kernel, borderType=cv2.BORDER_CONSTANT, borderValue=(0,)).view(
+        np.bool_
+    )
     return core
 
 

@@ -1,18 +1,16 @@
 """Pixels of an object in an image -> what a fit needs of them: surface points, outline, ground."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import numpy.typing as npt
 
-from app.perception.cuboid.fit import View
-from app.perception.cuboid.pieces import CROSS, Piece, eroded, inner, mask_in
+from app.perception.cuboid.pieces import CROSS, Bools, Piece, eroded, inner
+from app.perception.frame_checks import DEPTH_SIGMA_AT_1_M
 from app.pipeline.geometry import pixels_to_world
 from roboprompt_client.arrays import Array
 from roboprompt_client.camera import Camera, RgbdFrame
 
-Bools = npt.NDArray[np.bool_]
-Ints = npt.NDArray[np.int64]
-
-DEPTH_SIGMA_PER_M = 0.002  # of stereo depth cameras, times the square of the distance
 DEPTH_SIGMA_FLOOR_M = 0.001
 INDEPENDENT_PIXELS = 12  # neighbouring depths err alike: so many count as one
 MAX_POINTS, MAX_RAYS = 150, 120
@@ -23,6 +21,32 @@ GROUND_BIN_M = 0.004
 GROUND_NEAR_M = 0.012
 
 
+@dataclass(frozen=True, eq=False)
+class View:
+    """What one camera sees of an object.
+
+    Attributes:
+        points_m: (N, 3) of its surface in the world frame.
+        point_sigma_m: of the points' depth, as much as one of the N counts.
+        eye_m: (3,) the camera's place.
+        rays: (M, 3) unit vectors in the world frame from the eye along the object's outline.
+        footprint_m: what a pixel covers at the object's distance.
+        ground_m: the height of what surrounds it, or None.
+    """
+
+    points_m: Array
+    point_sigma_m: float
+    eye_m: Array
+    rays: Array
+    footprint_m: float
+    ground_m: float | None
+
+    def thinned(self, factor: int) -> "View":
+        """Every `factor`-th point and ray."""
+        points_m, rays = self.points_m[::factor], self.rays[::factor]
+        return View(points_m, self.point_sigma_m, self.eye_m, rays, self.footprint_m, self.ground_m)
+
+
 def view_of(frame: RgbdFrame, piece: Piece) -> View:
     """What the camera sees of the piece."""
     assert frame.depth_m is not None
@@ -31,7 +55,7 @@ def view_of(frame: RgbdFrame, piece: Piece) -> View:
     right = piece.left_px + piece.mask.shape[1] + MARGIN_PX
     bottom = piece.top_px + piece.mask.shape[0] + MARGIN_PX
     depth_m = frame.depth_m[top:bottom, left:right]
-    mask = mask_in(piece, left, top, depth_m.shape)
+    mask = piece.mask_in(left, top, depth_m.shape)
     rows, columns = np.indices(mask.shape).reshape(2, -1)
     points_m = pixels_to_world(camera, rows + top, columns + left, depth_m.ravel()).reshape(*mask.shape, 3)
     surface_m = points_m[inner(mask) & (depth_m > 0)]
@@ -50,7 +74,7 @@ def view_of(frame: RgbdFrame, piece: Piece) -> View:
 
 
 def _sigma_m(distance_m: float) -> float:
-    return float(np.hypot(DEPTH_SIGMA_PER_M * distance_m**2, DEPTH_SIGMA_FLOOR_M))
+    return float(np.hypot(DEPTH_SIGMA_AT_1_M * distance_m**2, DEPTH_SIGMA_FLOOR_M))
 
 
 def _ground_m(around_m: Array, object_m: Array) -> float | None:

@@ -12,14 +12,13 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from app.perception.base import ObjectQuery, model_of
-from app.perception.frame_checks import check_rgbd
+from app.perception.frame_checks import check_cameras
 from app.perception.markers.fit import MarkerFit, fit_markers
 from app.perception.markers.model import MarkersModel
 from app.perception.markers.view import MarkerView, SeenMarker, find_markers
 from app.perception.object_model import ObjectModelError
 from app.perception.sightings import Miss, Sighting, fused
 from roboprompt_client.camera import Camera, RgbdFrame
-from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.trajectory import ObjectPose
 
 # From the first value, which takes nothing away, to the second, which takes everything. Chosen by what a 5 cm cube's
@@ -32,8 +31,6 @@ RIVAL_SCALE = 4.0  # confidence tanh(d / 4) is 2 p - 1, p the better pose's prob
 MIN_FACE_POINTS = 8
 
 Seen = Mapping[str, Sequence[SeenMarker]]
-
-
 EXAMPLE = '{"estimator": "markers", "dictionary": "DICT_4X4_50", "markers": [{"id": 0, "size_m": 0.04}]}'
 
 
@@ -84,12 +81,13 @@ class MarkerPoses:
     def estimate(self, objects: Sequence[ObjectQuery], frames: Sequence[RgbdFrame]) -> tuple[ObjectPose, ...]:
         models = [model_of(query, MarkersModel, EXAMPLE) for query in objects]
         _check_shared(objects, models)
-        if not frames:
-            raise InvalidInputError("cameras", "there is none", "rgb_NAME and depth_NAME of at least one camera")
-        for frame in frames:
-            check_rgbd(frame)
+        check_cameras(frames)
         wanted = _wanted(models)
-        seen = [{name: _find(frame, name, ids) for name, ids in wanted.items()} for frame in frames]
+        seen = [
+            {dictionary: find_markers(frame.rgb, dictionary, ids) for dictionary, ids in wanted.items()}
+            for frame in frames
+            if frame.rgb is not None
+        ]
         return tuple(_pose(query, model, frames, seen) for query, model in zip(objects, models, strict=True))
 
 
@@ -111,20 +109,9 @@ def _wanted(models: Sequence[MarkersModel]) -> dict[str, set[int]]:
     return wanted
 
 
-def _find(frame: RgbdFrame, dictionary: str, ids: set[int]) -> tuple[SeenMarker, ...]:
-    assert frame.rgb is not None
-    return find_markers(frame.rgb, dictionary, ids)
-
-
 def _pose(query: ObjectQuery, model: MarkersModel, frames: Sequence[RgbdFrame], seen: Sequence[Seen]) -> ObjectPose:
     found = [_look(model, frame, markers[model.dictionary]) for frame, markers in zip(frames, seen, strict=True)]
-    return fused(
-        query,
-        [item for item in found if isinstance(item, Sighting)],
-        [item for item in found if isinstance(item, Miss)],
-        estimator="markers",
-        min_confidence=model.min_confidence,
-    )
+    return fused(query, found, estimator="markers", min_confidence=model.min_confidence)
 
 
 def _look(model: MarkersModel, frame: RgbdFrame, seen: Sequence[SeenMarker]) -> Sighting | Miss:

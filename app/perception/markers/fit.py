@@ -11,12 +11,12 @@ from typing import Self
 import cv2
 import numpy as np
 
+from app.perception.frame_checks import DEPTH_SIGMA_AT_1_M
 from app.perception.markers.view import MarkerView
 from app.pipeline.geometry import inverse
 from roboprompt_client.arrays import Array
 from roboprompt_client.camera import Camera
 
-DEPTH_SIGMA_M = 0.002  # at 1 m; it grows with the square of the range, as a stereo camera's does
 DEPTH_PATCH_PX = 25  # neighbouring pixels err alike: so many count as one measurement
 OUTLIER_SIGMAS = 4.0
 UPRIGHT_SIGMA_RAD = np.radians(0.1)
@@ -96,7 +96,7 @@ def _depth_errors(data: MarkerData, pose: Array) -> tuple[Array, Array]:
     points = data.points_m
     distances = ((points - on_face) * normals).sum(axis=1)
     z = points[:, 2]
-    sigmas = DEPTH_SIGMA_M * z * np.abs((points * normals).sum(axis=1)) + TINY
+    sigmas = DEPTH_SIGMA_AT_1_M * z * np.abs((points * normals).sum(axis=1)) + TINY
     middle = np.sort(distances)[len(distances) // 2]  # until the range is right, all are off by as much
     inliers = np.abs(distances - middle) < OUTLIER_SIGMAS * sigmas
     counts = np.sqrt(data.measurements)

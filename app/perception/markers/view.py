@@ -175,17 +175,18 @@ class MarkerView:
 
     def starts(self, camera: Camera) -> list[Array]:
         """The one or two poses (4, 4), marker to camera, that corners and size alone allow."""
-        matrix = np.array([[camera.fx_px, 0, camera.cx_px], [0, camera.fy_px, camera.cy_px], [0, 0, 1]])
-        _, turns, shifts, _ = cv2.solvePnPGeneric(
-            self.corners_marker_m, self.corners_px, matrix, None, flags=cv2.SOLVEPNP_IPPE_SQUARE
-        )
-        return [
-            _transform(np.asarray(turn, float), np.asarray(shift, float))
-            for turn, shift in zip(turns, shifts, strict=True)
-        ]
+        matrix, square = intrinsic_matrix(camera), cv2.SOLVEPNP_IPPE_SQUARE
+        _, turns, shifts, _ = cv2.solvePnPGeneric(self.corners_marker_m, self.corners_px, matrix, None, flags=square)
+        return [rigid_transform(np.asarray(t, float), np.asarray(s, float)) for t, s in zip(turns, shifts, strict=True)]
 
 
-def _transform(rotation_vector: Array, shift_m: Array) -> Array:
+def intrinsic_matrix(camera: Camera) -> Array:
+    """(3, 3), as OpenCV takes it."""
+    return np.array([[camera.fx_px, 0, camera.cx_px], [0, camera.fy_px, camera.cy_px], [0, 0, 1]])
+
+
+def rigid_transform(rotation_vector: Array, shift_m: Array) -> Array:
+    """(4, 4) of a rotation vector and a shift, as OpenCV gives them."""
     transform = np.eye(4)
     transform[:3, :3] = cv2.Rodrigues(rotation_vector)[0]
     transform[:3, 3] = np.ravel(shift_m)

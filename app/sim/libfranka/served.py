@@ -3,7 +3,6 @@
 import os
 import subprocess
 import sys
-from types import TracebackType
 from typing import Self
 
 import numpy as np
@@ -16,7 +15,7 @@ from roboprompt_client.arms.calibration import Calibration
 from roboprompt_client.arms.franka import Franka
 from roboprompt_client.errors import MotionError
 
-DYNAMICS = 0.3  # of the arm's own: a simulated arm hurts nobody
+DYNAMICS = 0.3  # of the arm's own limits; a simulated arm endangers no person
 END_S = 5.0
 
 
@@ -39,9 +38,7 @@ class ServedScene:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         try:
             self._process.communicate(timeout=END_S)
         except subprocess.TimeoutExpired:

@@ -1,28 +1,25 @@
-"""The tasks, by name: those of the paper, and beside them those of compositions and those that move."""
+"""The tasks, by name: those of the paper, and beside them those of compositions and those that move.
+
+Compositions cannot be solved by copying a demonstration, because words or scene ask for a combination that none shows:
+a yardstick for language models. Every part of a plan is demonstrated (`SHOWN`), some combinations are not (`ASKED`).
+"""
 
 from collections.abc import Mapping
 
 from app.sim.tasks.base import SimTask
-from app.sim.tasks.buttons import PushButton, PushButtonReal, PushMultipleButtons
-from app.sim.tasks.close_jar import CloseJar
-from app.sim.tasks.close_laptop import CloseLaptop
-from app.sim.tasks.composition import COMPOSITIONS
-from app.sim.tasks.cubes import DestackCube, StackCube
+from app.sim.tasks.blocks import SlideBlock, SortShape
+from app.sim.tasks.buttons import PressInOrder, PushButton, PushButtonReal, PushMultipleButtons
+from app.sim.tasks.carriers import PickDrifting, PickFromConveyor
+from app.sim.tasks.cubes import BuildTower, DestackCube, StackBlocks, StackCube
+from app.sim.tasks.cups import PlaceCups, StackCups
 from app.sim.tasks.drawers import OpenDrawer, PutInDrawer
-from app.sim.tasks.meat_off_grill import MeatOffGrill
-from app.sim.tasks.moving import MOVING
-from app.sim.tasks.place_cups import PlaceCups
-from app.sim.tasks.place_wine import PlaceWine
-from app.sim.tasks.put_in_cupboard import PutInCupboard
-from app.sim.tasks.put_in_safe import PutInSafe
-from app.sim.tasks.screw_bulb import ScrewBulb
-from app.sim.tasks.slide_block import SlideBlock
-from app.sim.tasks.sort_shape import SortShape
-from app.sim.tasks.stack_blocks import StackBlocks
-from app.sim.tasks.stack_cups import StackCups
+from app.sim.tasks.kitchen import MeatOffGrill, PlaceWine, TurnTap
+from app.sim.tasks.laptop import CloseLaptop, UnplugCable
+from app.sim.tasks.rearranging import ClearKind, PlaceBeside, SwapCubes
+from app.sim.tasks.screwing import CloseJar, ScrewBulb
+from app.sim.tasks.shelves import PutInCupboard, PutInSafe
 from app.sim.tasks.sweep_to_dustpan import SweepToDustpan
-from app.sim.tasks.turn_tap import TurnTap
-from app.sim.tasks.unplug_cable import UnplugCable
+from app.sim.tasks.way_round import WayRound
 from roboprompt_client.errors import InvalidInputError
 
 TASKS: Mapping[str, type[SimTask]] = {
@@ -52,8 +49,10 @@ TASKS: Mapping[str, type[SimTask]] = {
         PutInCupboard,
     )
 }
-COMPOSITION_TASKS: Mapping[str, type[SimTask]] = {task.name: task for task in COMPOSITIONS}
-MOVING_TASKS: Mapping[str, type[SimTask]] = {task.name: task for task in MOVING}
+COMPOSITION_TASKS: Mapping[str, type[SimTask]] = {
+    task.name: task for task in (BuildTower, PressInOrder, SwapCubes, PlaceBeside, ClearKind, WayRound)
+}
+MOVING_TASKS: Mapping[str, type[SimTask]] = {task.name: task for task in (PickFromConveyor, PickDrifting)}
 ALL_TASKS: Mapping[str, type[SimTask]] = {**TASKS, **COMPOSITION_TASKS, **MOVING_TASKS}
 
 

@@ -1,6 +1,6 @@
 """What a task is: a scene drawn from a seed, an instruction, an expert that solves it and a test of success.
 
-To add a task, write one module with a subclass of SimTask and name it in `app.sim.tasks`.
+To add a task, write a subclass of SimTask in the module of its domain and name it in `app.sim.tasks`.
 """
 
 from abc import ABC, abstractmethod
@@ -13,8 +13,8 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from app.sim import panda
-from app.sim.moves import Move
-from app.sim.scene import NO_TURN, Part
+from app.sim.moves import Move, nearest_yaw_rad, tool_down
+from app.sim.scene import NO_TURN, Part, about_z
 from app.sim.world import OBJECT_CONTACT, base_spec, place_arm
 from roboprompt_client.arrays import Array
 from roboprompt_client.trajectory import ObjectPose
@@ -44,7 +44,7 @@ class SimTask(ABC):
     object_names: ClassVar[tuple[str, ...]]
     # What demonstrations show: variations 0..variations - 1.
     variations: ClassVar[int] = 1
-    # Variations numbered on from these, which no demonstration shows; asked for explicitly, see `test_variation`.
+    # Variations numbered on from these, which no demonstration shows; tests ask for them, see `test_variation`.
     test_only_variations: ClassVar[int] = 0
     # How many ways of solving a scene the expert knows, where a second one comes naturally; see `way`.
     ways: ClassVar[int] = 1
@@ -64,7 +64,9 @@ class SimTask(ABC):
 
     @classmethod
     def test_variation(cls, seed: int) -> int:
-        """The variation for a test on the scene of a seed; unless a task says otherwise, the demonstrations' rule."""
+        """The variation for a test on the scene of a seed: in turn those for tests only, if the task has any."""
+        if cls.test_only_variations:
+            return cls.variations + seed % cls.test_only_variations
         return seed % cls.variations
 
     def _reset(self) -> None:
@@ -111,6 +113,21 @@ class SimTask(ABC):
             self._spec.add_exclude(bodyname1=parent.body.name, bodyname2=name)
         return Part(self._spec.worldbody if parent is None else parent.body, name, position_m, rotation, free=free)
 
+    def add_cube(
+        self,
+        name: str,
+        colour: str,
+        centre_m: npt.ArrayLike,
+        half_m: float,
+        yaw_rad: float = 0.0,
+        *,
+        mass_kg: float,
+        friction: float = 0.6,
+    ) -> None:
+        """A cube that moves freely, upright, its centre (3,) in the world frame; for use in `build`."""
+        cube = self.add_part(name, centre_m, about_z(yaw_rad), free=True)
+        cube.box((half_m,) * 3, colour, mass_kg=mass_kg, friction=friction)
+
     def object_poses(self) -> tuple[ObjectPose, ...]:
         """The true poses of the objects, in the world frame."""
         return tuple(
@@ -139,6 +156,25 @@ class SimTask(ABC):
         """The heading of a body's x axis."""
         matrix = self.data.body(body).xmat
         return float(np.arctan2(matrix[3], matrix[0]))
+
+    def nearest_yaw_rad(self, body: str) -> float:
+        """The heading of a body's x axis; under a symmetry of the body, the equivalent one nearest to 0."""
+        symmetry_deg = self.yaw_symmetry_deg.get(body)
+        return nearest_yaw_rad(self.yaw_rad(body), np.radians(symmetry_deg)) if symmetry_deg else self.yaw_rad(body)
+
+    def tool_over(self, body: str) -> Rotation:
+        """The tool pointing down, in line with a body's `nearest_yaw_rad`."""
+        return tool_down(self.nearest_yaw_rad(body))
+
+    def body_to_world(self, body: str, points_m: npt.ArrayLike) -> Array:
+        """Points (3,) or (N, 3) in a body's frame -> the world frame."""
+        points: Array = self.position_m(body) + self.rotation(body).apply(points_m)
+        return points
+
+    def world_to_body(self, body: str, points_m: npt.ArrayLike) -> Array:
+        """Points (3,) or (N, 3) in the world frame -> a body's frame."""
+        points: Array = self.rotation(body).inv().apply(np.asarray(points_m) - self.position_m(body))
+        return points
 
     def joint_position(self, joint: str) -> float:
         """Of a joint of one degree of freedom, m or rad."""

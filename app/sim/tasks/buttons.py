@@ -1,14 +1,12 @@
-"""The button tasks: `push_button`, `push_button_real` and `push_multiple_buttons`.
-
-They share their scene: four coloured buttons on the table.
-"""
+"""Four coloured buttons: `push_button`, `push_button_real`, `push_multiple_buttons` and `press_in_order`."""
 
 from abc import abstractmethod
 from itertools import chain, product
+from typing import ClassVar
 
 import numpy as np
 
-from app.sim.moves import LOOSE_M, UP, Move, move_to, tool_down
+from app.sim.moves import LOOSE_M, UP, Move, push, tool_down
 from app.sim.scene import scatter
 from app.sim.tasks.base import SimTask
 from app.sim.world import TABLE_TOP_M
@@ -24,8 +22,6 @@ PRESSED_M, RELEASED_M = 0.006, 0.003
 PUSH_DEPTH_M = 0.006
 CLEARANCES_M = (0.07, 0.12)  # by way
 SPRING_N_M, PRELOAD_M = 150.0, 0.004
-MIN_DISTANCE_M = 0.13
-LOW_M, HIGH_M = (0.03, -0.30), (0.38, 0.30)
 MAX_PRESSES = 6  # paper, appendix "Real robots experiments"
 # Variation k asks for the k-th: first the single presses, then all pairs, ...
 SEQUENCES = tuple(chain.from_iterable(product(COLOURS, repeat=length) for length in range(1, MAX_PRESSES + 1)))
@@ -50,7 +46,8 @@ class ButtonTask(SimTask):
 
     def build(self, random: np.random.Generator) -> None:
         height_m = BASE_HEIGHT_M + CAP_HEIGHT_M
-        for colour, point in zip(COLOURS, scatter(random, len(COLOURS), LOW_M, HIGH_M, MIN_DISTANCE_M), strict=True):
+        points = scatter(random, len(COLOURS), (0.03, -0.30), (0.38, 0.30), min_distance_m=0.13)
+        for colour, point in zip(COLOURS, points, strict=True):
             button = self.add_part(f"{colour} button", [*point, TABLE_TOP_M + height_m])
             base_centre_m = [0, 0, BASE_HEIGHT_M / 2 - height_m]
             button.cylinder(BASE_RADIUS_M, BASE_HEIGHT_M / 2, "grey", at_m=base_centre_m)
@@ -84,12 +81,7 @@ class ButtonTask(SimTask):
 
     def _press(self, top_m: Array) -> list[Move]:
         above, pushed = top_m + CLEARANCES_M[self.way] * UP, top_m - PUSH_DEPTH_M * UP
-        down = tool_down()
-        return [
-            move_to(above, down, gripper_open=False, straight=False, within_m=LOOSE_M),
-            move_to(pushed, down, gripper_open=False, within_m=0.0),
-            move_to(above, down, gripper_open=False),
-        ]
+        return push([(above, LOOSE_M), (pushed, 0.0), (above, None)], tool_down())
 
 
 class PushButton(ButtonTask):
@@ -133,6 +125,51 @@ class PushMultipleButtons(ButtonTask):
     @property
     def asked(self) -> tuple[str, ...]:
         return SEQUENCES[self.variation]
+
+    def succeeded(self) -> bool:
+        return self.events == list(self.asked)
+
+
+# "before" or "after", and the colours as the instruction names them
+Order = tuple[str, tuple[str, ...]]
+
+
+class PressInOrder(ButtonTask):
+    """The scene of `push_button`; poses are the centres of the caps' tops.
+
+    Demonstrated are two and three presses with "before", two with "after"; asked for are three with "after".
+    Success: the buttons have been pressed in exactly the order asked for, with no other press.
+    """
+
+    name = "press_in_order"
+    SHOWN: ClassVar[tuple[Order, ...]] = (
+        ("before", ("red", "blue")),
+        ("after", ("green", "red")),
+        ("before", ("yellow", "green", "blue")),
+        ("before", ("green", "yellow")),
+        ("after", ("blue", "yellow")),
+        ("before", ("blue", "red", "green")),
+        ("before", ("yellow", "red")),
+        ("after", ("red", "green")),
+        ("before", ("green", "blue", "yellow")),
+    )
+    ASKED: ClassVar[tuple[Order, ...]] = (
+        ("after", ("red", "blue", "green")),
+        ("after", ("yellow", "red", "blue")),
+        ("after", ("green", "yellow", "red")),
+        ("after", ("blue", "green", "yellow")),
+    )
+    variations, test_only_variations = len(SHOWN), len(ASKED)
+
+    @property
+    def asked(self) -> tuple[str, ...]:
+        word, named = (*self.SHOWN, *self.ASKED)[self.variation]
+        return named if word == "before" else named[::-1]
+
+    @property
+    def instruction(self) -> str:
+        word, named = (*self.SHOWN, *self.ASKED)[self.variation]
+        return "press " + f" {word} ".join(f"the {colour} button" for colour in named)
 
     def succeeded(self) -> bool:
         return self.events == list(self.asked)

@@ -1,35 +1,51 @@
-"""The cube tasks: `stack_cube` puts one cube on the other, `destack_cube` puts the upper one on the table.
+"""Cubes that are stacked and unstacked: `stack_cube`, `destack_cube`, `stack_blocks` and `build_tower`."""
 
-They share a blue and a yellow cube, of which the instruction names one as the upper.
-"""
+from typing import ClassVar
 
 import numpy as np
 
-from app.sim.moves import UP, Move, nearest_yaw_rad, pick, place, tool_down
+from app.sim.moves import UP, Move, pick, place, tool_down
 from app.sim.scene import about_z, scatter
 from app.sim.tasks.base import SimTask
 from app.sim.world import TABLE_TOP_M
 from roboprompt_client.arrays import Array
 
 HALF_SIZE_M = 0.025
-MASS_KG = 0.09
-DROP_M = 0.004  # a cube is released this far above what it shall rest on
+BLOCK_HALF_M = 0.022
 MAX_HEIGHT_ERROR_M = 0.008
-MIN_DISTANCE_M = 0.11
-LOW_M, HIGH_M = (0.05, -0.28), (0.38, 0.28)
-CLEARANCES_M = (0.10, 0.16)  # by way: how high the cube is carried
-MAX_OFFSET_M = 0.03
-TOWER_LOW_M, TOWER_HIGH_M = (0.10, -0.12), (0.36, 0.26)
-MAX_TWIST_RAD = 0.2  # between the two cubes
-ASIDE_M = 0.15  # along the upper cube's -y, i.e. to the robot's right
+MAX_OFFSET_M = 0.03  # of a cube from the middle of what it stands on
 
 
 class CubeTask(SimTask):
-    """Two 5 cm cubes. A cube's pose is its centre."""
+    """Cubes of one size on the table. A cube's pose is its centre."""
+
+    half_m: ClassVar[float] = HALF_SIZE_M
+    mass_kg: ClassVar[float] = 0.09
+
+    def add_cube_over(self, point_m: Array, name: str, colour: str, yaw_rad: float, storey: int = 0) -> None:
+        """A cube over a point (2,) of the table, on `storey` others; for use in `build`."""
+        height_m = TABLE_TOP_M + (2 * storey + 1) * self.half_m
+        self.add_cube(name, colour, [*point_m, height_m], self.half_m, yaw_rad, mass_kg=self.mass_kg)
+
+    def on_table(self, cube: str) -> bool:
+        """Whether a cube lies flat on the table."""
+        return bool(abs(self.position_m(cube)[2] - TABLE_TOP_M - self.half_m) < MAX_HEIGHT_ERROR_M)
+
+
+class BlockTask(CubeTask):
+    """A composition with 4.4 cm blocks."""
+
+    half_m = BLOCK_HALF_M
+    mass_kg = 0.07
+
+
+class TwoCubes(CubeTask):
+    """Two 5 cm cubes, blue and yellow, of which the instruction names one as the upper."""
 
     object_names = ("blue cube", "yellow cube")
     variations = 2
     yaw_symmetry_deg = dict.fromkeys(object_names, 90.0)
+    drop_m = 0.004  # a cube is released this far above what it shall rest on
 
     @property
     def upper_and_lower(self) -> tuple[str, str]:
@@ -37,25 +53,21 @@ class CubeTask(SimTask):
         blue, yellow = self.object_names
         return (blue, yellow) if self.variation == 0 else (yellow, blue)
 
-    def add_cube(self, name: str, point_m: Array, yaw_rad: float, storey: int = 0) -> None:
-        """A cube over a point (2,) of the table, on `storey` others; for use in `build`."""
-        height_m = TABLE_TOP_M + (2 * storey + 1) * HALF_SIZE_M
-        cube = self.add_part(name, [*point_m, height_m], about_z(yaw_rad), free=True)
-        cube.box((HALF_SIZE_M,) * 3, name.split()[0], mass_kg=MASS_KG)
 
-
-class StackCube(CubeTask):
+class StackCube(TwoCubes):
     """Two 5 cm cubes on the table, centres at least 11 cm apart, in x 0.05..0.38 m, y -0.28..0.28 m, turned at random.
 
     A cube's pose is its centre. Success: the right cube rests on the other and the gripper holds nothing.
     """
 
     name = "stack_cube"
-    ways = len(CLEARANCES_M)
+    clearances_m = (0.10, 0.16)  # by way: how high the cube is carried
+    ways = len(clearances_m)
 
     def build(self, random: np.random.Generator) -> None:
-        for name, point in zip(self.object_names, scatter(random, 2, LOW_M, HIGH_M, MIN_DISTANCE_M), strict=True):
-            self.add_cube(name, point, random.uniform(-np.pi, np.pi))
+        points = scatter(random, 2, (0.05, -0.28), (0.38, 0.28), min_distance_m=0.11)
+        for name, point in zip(self.object_names, points, strict=True):
+            self.add_cube_over(point, name, name.split()[0], random.uniform(-np.pi, np.pi))
 
     @property
     def instruction(self) -> str:
@@ -64,19 +76,21 @@ class StackCube(CubeTask):
 
     def expert(self) -> list[Move]:
         upper, lower = self.upper_and_lower
-        grasp, release = (tool_down(nearest_yaw_rad(self.yaw_rad(cube), np.pi / 2)) for cube in (upper, lower))
-        on_top = self.position_m(lower) + (2 * HALF_SIZE_M + DROP_M) * UP
-        clearance_m = CLEARANCES_M[self.way]
-        return pick(self.position_m(upper), grasp, clearance_m) + place(on_top, release, clearance_m)
+        on_top = self.position_m(lower) + (2 * self.half_m + self.drop_m) * UP
+        clearance_m = self.clearances_m[self.way]
+        return [
+            *pick(self.position_m(upper), self.tool_over(upper), clearance_m),
+            *place(on_top, self.tool_over(lower), clearance_m),
+        ]
 
     def succeeded(self) -> bool:
         upper, lower = self.upper_and_lower
         x, y, z = self.position_m(upper) - self.position_m(lower)
-        rests_on_it = np.hypot(x, y) < MAX_OFFSET_M and abs(z - 2 * HALF_SIZE_M) < MAX_HEIGHT_ERROR_M
+        rests_on_it = np.hypot(x, y) < MAX_OFFSET_M and abs(z - 2 * self.half_m) < MAX_HEIGHT_ERROR_M
         return bool(rests_on_it) and self.gripper_holds_nothing()
 
 
-class DestackCube(CubeTask):
+class DestackCube(TwoCubes):
     """Two 5 cm cubes, one on the other, in x 0.10..0.36 m, y -0.12..0.26 m, turned at random, up to 11 degrees apart.
 
     The range leaves room on the table to the right. A cube's pose is its centre. Success: the upper cube has landed on
@@ -85,13 +99,16 @@ class DestackCube(CubeTask):
 
     name = "destack_cube"
     ways = 2  # the fingers on one pair of the cube's faces or on the other
+    max_twist_rad = 0.2  # between the two cubes
+    aside_m = 0.15  # along the upper cube's -y, i.e. to the robot's right
 
     def build(self, random: np.random.Generator) -> None:
         upper, lower = self.upper_and_lower
-        point = random.uniform(TOWER_LOW_M, TOWER_HIGH_M)
+        point = random.uniform((0.10, -0.12), (0.36, 0.26))
         yaw_rad = random.uniform(-np.pi, np.pi)
-        self.add_cube(lower, point, yaw_rad)
-        self.add_cube(upper, point, yaw_rad + random.uniform(-MAX_TWIST_RAD, MAX_TWIST_RAD), storey=1)
+        twist_rad = random.uniform(-self.max_twist_rad, self.max_twist_rad)
+        self.add_cube_over(point, lower, lower.split()[0], yaw_rad)
+        self.add_cube_over(point, upper, upper.split()[0], yaw_rad + twist_rad, storey=1)
 
     @property
     def instruction(self) -> str:
@@ -100,13 +117,117 @@ class DestackCube(CubeTask):
 
     def expert(self) -> list[Move]:
         upper, _ = self.upper_and_lower
-        yaw_rad = nearest_yaw_rad(self.yaw_rad(upper), np.pi / 2)
+        yaw_rad = self.nearest_yaw_rad(upper)
         quarter_turn_rad = -np.copysign(np.pi / 2, yaw_rad) * self.way
         grasp, at = tool_down(yaw_rad + quarter_turn_rad), self.position_m(upper)
-        aside = at + about_z(yaw_rad).apply([0, -ASIDE_M, 0]) + (DROP_M - 2 * HALF_SIZE_M) * UP
+        aside = at + about_z(yaw_rad).apply([0, -self.aside_m, 0]) + (self.drop_m - 2 * self.half_m) * UP
         return pick(at, grasp) + place(aside, grasp)
 
     def succeeded(self) -> bool:
         upper, _ = self.upper_and_lower
-        height_m = self.position_m(upper)[2] - TABLE_TOP_M
-        return bool(abs(height_m - HALF_SIZE_M) < MAX_HEIGHT_ERROR_M) and self.gripper_holds_nothing()
+        return self.on_table(upper) and self.gripper_holds_nothing()
+
+
+class StackBlocks(CubeTask):
+    """Four red and two blue 4.8 cm blocks about a green platform, each turned at random, at least 10.5 cm apart.
+
+    Blocks lie in x 0.02..0.38 m, y -0.33..0.33 m, the platform in x 0.10..0.30 m, y -0.10..0.10 m. Poses are centres.
+    The red blocks are numbered by their distance from the platform. Success: two red blocks or more, whichever they
+    are, are inside the platform's area and the gripper holds nothing.
+    """
+
+    name = "stack_blocks"
+    half_m = 0.024
+    mass_kg = 0.08
+    clearances_m = (0.10, 0.15)  # by way: how high blocks are carried
+    ways = len(clearances_m)
+    red_blocks = ("first red block", "second red block", "third red block", "fourth red block")
+    blue_blocks = ("first blue block", "second blue block")
+    to_stack = red_blocks[:2]
+    object_names = (*to_stack, "green platform")
+    yaw_symmetry_deg = dict.fromkeys(object_names, 90.0)
+    min_distance_m = 0.105
+    platform_half_m, platform_half_height_m = 0.05, 0.001
+    drop_m = 0.005  # released this far above what is below
+    instruction = "stack 2 red blocks on the green platform"
+
+    def build(self, random: np.random.Generator) -> None:
+        centre = random.uniform((0.10, -0.10), (0.30, 0.10))
+        platform_m = [*centre, TABLE_TOP_M + self.platform_half_height_m]
+        platform = self.add_part("green platform", platform_m, about_z(random.uniform(-np.pi, np.pi)))
+        platform.mark((self.platform_half_m, self.platform_half_m, self.platform_half_height_m), "green")
+        names, apart_m = (*self.red_blocks, *self.blue_blocks), self.min_distance_m
+        points = scatter(random, len(names), (0.02, -0.33), (0.38, 0.33), apart_m, clear_of=[(centre, apart_m)])
+        red = sorted(points[: len(self.red_blocks)], key=lambda point: float(np.linalg.norm(point - centre)))
+        for name, point in zip(names, (*red, *points[len(red) :]), strict=True):
+            self.add_cube_over(point, name, name.split()[1], random.uniform(-np.pi, np.pi))
+
+    def expert(self) -> list[Move]:
+        on_platform = self.position_m("green platform") + (self.platform_half_height_m + self.half_m + self.drop_m) * UP
+        release = self.tool_over("green platform")
+        moves: list[Move] = []
+        for storey, block in enumerate(self.to_stack):
+            moves += pick(self.position_m(block), self.tool_over(block), self.clearances_m[self.way])
+            moves += place(on_platform + 2 * self.half_m * storey * UP, release, self.clearances_m[self.way])
+        return moves
+
+    def succeeded(self) -> bool:
+        offsets = [self.world_to_body("green platform", self.position_m(block)) for block in self.red_blocks]
+        inside = sum(np.abs(offset[:2]).max() < self.platform_half_m for offset in offsets)
+        return bool(inside >= len(self.to_stack)) and self.gripper_holds_nothing()
+
+
+class BuildTower(BlockTask):
+    """Four 4.4 cm blocks about a white plate, each turned at random; poses are centres.
+
+    Blocks lie in x 0.02..0.38 m, y -0.33..0.33 m, the plate in x 0.12..0.30 m, y -0.10..0.10 m. Demonstrated are towers
+    of one, two and four blocks, asked for is one of three. Success: so many blocks, whichever they are, stand on each
+    other on the plate, the others lie beside it, and the gripper holds nothing.
+    """
+
+    name = "build_tower"
+    SHOWN, ASKED = (1, 2, 4), (3,)  # blocks of the tower
+    variations, test_only_variations = len(SHOWN), len(ASKED)
+    blocks = ("red block", "green block", "blue block", "yellow block")
+    object_names = (*blocks, "white plate")
+    yaw_symmetry_deg = dict.fromkeys(object_names, 90.0)
+    plate_half_m, plate_half_height_m = 0.05, 0.001
+    drop_m = 0.004  # a block is released this far above what it shall rest on
+
+    @property
+    def height(self) -> int:
+        """How many blocks the tower shall have."""
+        return (*self.SHOWN, *self.ASKED)[self.variation]
+
+    def build(self, random: np.random.Generator) -> None:
+        centre = random.uniform((0.12, -0.10), (0.30, 0.10))
+        plate_m = [*centre, TABLE_TOP_M + self.plate_half_height_m]
+        plate = self.add_part("white plate", plate_m, about_z(random.uniform(-np.pi, np.pi)))
+        plate.mark((self.plate_half_m, self.plate_half_m, self.plate_half_height_m), "white")
+        low_m, high_m = (0.02, -0.33), (0.38, 0.33)
+        points = scatter(random, len(self.blocks), low_m, high_m, min_distance_m=0.105, clear_of=[(centre, 0.13)])
+        for block, point in zip(self.blocks, points, strict=True):
+            self.add_cube_over(point, block, block.split()[0], random.uniform(-np.pi, np.pi))
+
+    @property
+    def instruction(self) -> str:
+        return f"build a tower {self.height} high on the white plate"
+
+    def expert(self) -> list[Move]:
+        foot = self.position_m("white plate") + (self.half_m - self.plate_half_height_m + self.drop_m) * UP
+        release = self.tool_over("white plate")
+        moves: list[Move] = []
+        for storey, block in enumerate(self.blocks[: self.height]):
+            moves += pick(self.position_m(block), self.tool_over(block), straight=storey > 0)
+            moves += place(foot + 2 * self.half_m * storey * UP, release, straight=True)
+        return moves
+
+    def succeeded(self) -> bool:
+        offsets = np.array([self.position_m(block) - self.position_m("white plate") for block in self.blocks])
+        stacked = np.hypot(offsets[:, 0], offsets[:, 1]) < MAX_OFFSET_M
+        expected_m = self.half_m * (2 * np.arange(self.height) + 1)
+        heights_m = np.sort(offsets[stacked, 2] + self.plate_half_height_m)
+        if len(heights_m) != self.height or np.abs(heights_m - expected_m).max() > MAX_HEIGHT_ERROR_M:
+            return False
+        aside = [block for block, in_tower in zip(self.blocks, stacked, strict=True) if not in_tower]
+        return all(map(self.on_table, aside)) and self.gripper_holds_nothing()

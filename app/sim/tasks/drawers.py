@@ -6,10 +6,9 @@ They share a cabinet of three drawers, and how its bottom drawer is opened. The 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from app.sim.moves import UP, Move, move_to, nearest_yaw_rad, pick, place, tool_down
-from app.sim.scene import Part, about_z
+from app.sim.moves import UP, Move, move_to, pick, place, tool_down
+from app.sim.scene import BOARD_M, Part, about_z
 from app.sim.tasks.base import SimTask
-from app.sim.tasks.cases import BOARD_M, add_case
 from app.sim.world import TABLE_TOP_M
 from roboprompt_client.arrays import Array
 
@@ -28,10 +27,8 @@ APPROACH_M, RETREAT_M = 0.12, 0.06
 RISES_M = (0.06, 0.11)  # by way: of the approach, above the handle
 FACING_RAD = np.radians(-70.0)
 MAX_TURN_RAD = np.pi / 8  # RLBench: within 22.5 degrees
-HANDLE_LOW_M, HANDLE_HIGH_M = (0.16, -0.28), (0.30, -0.10)
 OPEN_M = 0.15  # RLBench's condition on the drawer's joint
 HALF_SIZE_M = 0.020
-MASS_KG = 0.05
 # Where the block lies on the cabinet, behind the handle and beside it; further back the arm would not reach over it
 LOW_M, HIGH_M = (0.045, -0.06), (0.110, 0.06)
 CLEARANCE_M = 0.08
@@ -53,7 +50,7 @@ class DrawerTask(SimTask):
     def add_cabinet(self, random: np.random.Generator) -> tuple[Array, Rotation]:
         """The cabinet, for use in `build`; returns the bottom handle's centre (3,) and the cabinet's turn."""
         turn = about_z(FACING_RAD + random.uniform(-MAX_TURN_RAD, MAX_TURN_RAD))
-        handle = np.array([*random.uniform(HANDLE_LOW_M, HANDLE_HIGH_M), TABLE_TOP_M + FEET_M + HANDLE_HEIGHT_M])
+        handle = np.array([*random.uniform((0.16, -0.28), (0.30, -0.10)), TABLE_TOP_M + FEET_M + HANDLE_HEIGHT_M])
         foot = turn.apply([HALF_DEPTH_M + HANDLE_FROM_FRONT_M, 0, -HANDLE_HEIGHT_M])
         cabinet = self.add_part("cabinet", handle + foot, turn)
         _add_boards(cabinet)
@@ -81,7 +78,7 @@ class DrawerTask(SimTask):
 def _add_boards(cabinet: Part) -> None:
     heights_m = [storey * STOREY_M for storey in range(len(DRAWERS) + 1)]
     front_m = (-HALF_DEPTH_M, 0, BOARD_M / 2)
-    add_case(cabinet, "wood", heights_m, depth_m=2 * HALF_DEPTH_M, half_width_m=HALF_WIDTH_M, front_m=front_m)
+    cabinet.case("wood", heights_m, depth_m=2 * HALF_DEPTH_M, half_width_m=HALF_WIDTH_M, front_m=front_m)
     cabinet.box((HALF_DEPTH_M - 0.01, HALF_WIDTH_M - 0.01, FEET_M / 2), "black", at_m=[0, 0, -FEET_M / 2])
 
 
@@ -103,13 +100,10 @@ class OpenDrawer(DrawerTask):
 
     name = "open_drawer"
     object_names = ("bottom drawer",)
+    instruction = "open the bottom drawer"
 
     def build(self, random: np.random.Generator) -> None:
         self.add_cabinet(random)
-
-    @property
-    def instruction(self) -> str:
-        return "open the bottom drawer"
 
     def expert(self) -> list[Move]:
         return self.open_bottom_drawer()
@@ -128,32 +122,26 @@ class PutInDrawer(DrawerTask):
     name = "put_in_drawer"
     object_names = ("block", "bottom drawer")
     yaw_symmetry_deg = dict.fromkeys(("block",), 90.0)
+    instruction = "put the block in the bottom drawer"
 
     def build(self, random: np.random.Generator) -> None:
         handle, turn = self.add_cabinet(random)
         at_m = [*random.uniform(LOW_M, HIGH_M), TOP_ABOVE_HANDLE_M + HALF_SIZE_M]
-        block = self.add_part("block", handle + turn.apply(at_m), about_z(random.uniform(-np.pi, np.pi)), free=True)
-        block.box((HALF_SIZE_M,) * 3, "red", mass_kg=MASS_KG)
-
-    @property
-    def instruction(self) -> str:
-        return "put the block in the bottom drawer"
+        yaw_rad = random.uniform(-np.pi, np.pi)
+        self.add_cube("block", "red", handle + turn.apply(at_m), HALF_SIZE_M, yaw_rad, mass_kg=0.05)
 
     def expert(self) -> list[Move]:
-        drawer, into = self.position_m("bottom drawer"), self.rotation("bottom drawer")
-        drop_m = drawer + into.apply([BEHIND_HANDLE_M - PULL_M, 0, DROP_HEIGHT_M])
-        release = tool_down(self.yaw_rad("bottom drawer"))
-        grasp = tool_down(nearest_yaw_rad(self.yaw_rad("block"), np.pi / 2))
+        drop_m = self.body_to_world("bottom drawer", [BEHIND_HANDLE_M - PULL_M, 0, DROP_HEIGHT_M])
+        release = self.tool_over("bottom drawer")
         return [
             *self.open_bottom_drawer(),
             move_to(drop_m + RISE_M * UP, release, gripper_open=True),
-            *pick(self.position_m("block"), grasp, CLEARANCE_M, straight=True),
+            *pick(self.position_m("block"), self.tool_over("block"), CLEARANCE_M, straight=True),
             *place(drop_m, release, RISE_M, straight=True),
         ]
 
     def succeeded(self) -> bool:
-        to_drawer = self.rotation("bottom drawer").inv()
-        x, y, z = to_drawer.apply(self.position_m("block") - self.position_m("bottom drawer"))
+        x, y, z = self.world_to_body("bottom drawer", self.position_m("block"))
         behind_front = 0 < x - HANDLE_FROM_FRONT_M < 2 * HALF_DEPTH_M
         inside = behind_front and abs(y) < HALF_WIDTH_M and abs(z) < INSIDE_HALF_HEIGHT_M
         return bool(inside) and self.gripper_holds_nothing()

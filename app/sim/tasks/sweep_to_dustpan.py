@@ -32,7 +32,6 @@ HOLDER_HALF_M, HOLDER_HEIGHT_M, HOLDER_WALL_M = (0.024, 0.076), 0.04, 0.003
 LIFT_M = 0.08
 BEHIND_WITHIN_M = 0.008  # the brush is down before it reaches the dirt
 TOOL_TURN_RAD = np.pi / 2  # the fingers close along the broom's x
-DIRT_LOW_M, DIRT_HIGH_M = (0.19, -0.08), (0.29, 0.08)
 
 
 class SweepToDustpan(SimTask):
@@ -46,10 +45,11 @@ class SweepToDustpan(SimTask):
 
     name = "sweep_to_dustpan"
     object_names = ("broom", "dustpan")
+    instruction = "sweep the dirt to the dustpan"
 
     def build(self, random: np.random.Generator) -> None:
         turn = about_z(random.uniform(-np.pi, np.pi))
-        dirt = np.array([*random.uniform(DIRT_LOW_M, DIRT_HIGH_M), TABLE_TOP_M])
+        dirt = np.array([*random.uniform((0.19, -0.08), (0.29, 0.08)), TABLE_TOP_M])
         pan = dirt - turn.apply([DIRT_M, 0, 0])
         _add_pan(self.add_part("dustpan", pan, turn))
         shift = [BROOM_M, random.uniform(-BROOM_SHIFT_M, BROOM_SHIFT_M), 0]
@@ -57,8 +57,8 @@ class SweepToDustpan(SimTask):
         self._add_broom(pan + turn.apply(shift), broom_turn)
         low_m, high_m = (-DIRT_SPREAD_M, -DIRT_SPREAD_M), (DIRT_SPREAD_M, DIRT_SPREAD_M)
         for number, point in enumerate(scatter(random, NUM_DIRT, low_m, high_m, DIRT_DISTANCE_M)):
-            crumb = self.add_part(f"dirt {number}", dirt + turn.apply([*point, DIRT_HALF_M]), free=True)
-            crumb.box((DIRT_HALF_M,) * 3, "black", mass_kg=DIRT_KG, friction=DIRT_FRICTION)
+            at_m = dirt + turn.apply([*point, DIRT_HALF_M])
+            self.add_cube(f"dirt {number}", "black", at_m, DIRT_HALF_M, mass_kg=DIRT_KG, friction=DIRT_FRICTION)
 
     def _add_broom(self, foot_m: Array, turn: Rotation) -> None:
         _add_holder(self.add_part("broom holder", foot_m + turn.apply([BRUSH_FORWARD_M, 0, 0]), turn))
@@ -74,16 +74,11 @@ class SweepToDustpan(SimTask):
             "brush", (0, 0, 1), (0, BRUSH_TRAVEL_M), damping=4.0, spring_n_m=BRUSH_N_M, spring_rest_m=BRUSH_REST_M
         )
 
-    @property
-    def instruction(self) -> str:
-        return "sweep the dirt to the dustpan"
-
     def expert(self) -> list[Move]:
-        pan, into = self.position_m("dustpan"), self.rotation("dustpan")
         grasp = tool_down(self.yaw_rad("broom") + TOOL_TURN_RAD)
         sweep = tool_down(self.yaw_rad("dustpan") + TOOL_TURN_RAD)
         height_m = GRASP_HEIGHT_M - PRESS_M
-        behind, inside = (pan + into.apply([x_m, 0, height_m]) for x_m in (BEHIND_DIRT_M, INSIDE_M))
+        behind, inside = (self.body_to_world("dustpan", [x_m, 0, height_m]) for x_m in (BEHIND_DIRT_M, INSIDE_M))
         return [
             *pick(self.position_m("broom"), grasp, LIFT_M),
             move_to(behind + LIFT_M * UP, sweep, gripper_open=False),
@@ -93,8 +88,7 @@ class SweepToDustpan(SimTask):
         ]
 
     def succeeded(self) -> bool:
-        to_pan, pan = self.rotation("dustpan").inv(), self.position_m("dustpan")
-        dirt = to_pan.apply([self.position_m(f"dirt {number}") - pan for number in range(NUM_DIRT)])
+        dirt = self.world_to_body("dustpan", [self.position_m(f"dirt {number}") for number in range(NUM_DIRT)])
         inside = (dirt[:, 0] > 0) & (dirt[:, 0] < PAN_DEPTH_M) & (np.abs(dirt[:, 1]) < PAN_HALF_WIDTH_M)
         return bool((inside & (dirt[:, 2] < 2 * PAN_WALL_M)).all())
 

@@ -5,17 +5,15 @@ from typing import ClassVar
 
 import numpy as np
 
-from app.sim.moves import UP, Move, move_to, nearest_yaw_rad, pick, tool_down
+from app.sim.moves import UP, Move, move_to, pick
 from app.sim.scene import about_z
-from app.sim.tasks.composition.base import BLOCK_HALF_M, CompositionTask
+from app.sim.tasks.cubes import BLOCK_HALF_M, BlockTask
 from app.sim.world import TABLE_TOP_M
 from roboprompt_client.arrays import Array
 
 BARRIERS = ("first barrier", "second barrier")
 CUBE, PLATE = "cube", "plate"
 LEFT, RIGHT = 1, -1  # the open end, along y
-SHOWN = ((LEFT, LEFT), (RIGHT, RIGHT), (LEFT, RIGHT))
-ASKED = ((RIGHT, LEFT),)
 # In the scene's own frame, along x from the cube; a barrier's middle lies to one side of the line, its opening to the
 # other
 BARRIERS_M, PLATE_M = (0.12, 0.235), 0.345
@@ -28,10 +26,9 @@ PLATE_RADIUS_M, PLATE_HALF_HEIGHT_M = 0.05, 0.001
 DROP_M, MAX_OFFSET_M = 0.004, 0.035
 CORNER_WITHIN_M = 0.008  # how closely a person passes the corners of the way
 SHIFT_M, TURN_RAD = 0.025, 0.25  # of cube and plate along y; of the whole scene
-LOW_M, HIGH_M = (-0.02, -0.06), (0.11, 0.06)
 
 
-class WayRound(CompositionTask):
+class WayRound(BlockTask):
     """A cube at x -0.02..0.11 m, y -0.06..0.06 m, behind it two 26 cm long barriers in a row and a plate.
 
     The scene is turned as a whole by up to 14 degrees. Each barrier reaches over the line from cube to plate to one
@@ -44,18 +41,19 @@ class WayRound(CompositionTask):
     name = "way_round"
     object_names = (CUBE, *BARRIERS, PLATE)
     yaw_symmetry_deg: ClassVar[Mapping[str, float]] = {CUBE: 90.0, **dict.fromkeys(BARRIERS, 180.0), PLATE: 0.0}
+    SHOWN, ASKED = ((LEFT, LEFT), (RIGHT, RIGHT), (LEFT, RIGHT)), ((RIGHT, LEFT),)
     variations, test_only_variations = len(SHOWN), len(ASKED)
 
     @property
     def open_ends(self) -> tuple[int, int]:
         """Of the first and the second barrier."""
-        return (*SHOWN, *ASKED)[self.variation]
+        return (*self.SHOWN, *self.ASKED)[self.variation]
 
     def build(self, random: np.random.Generator) -> None:
-        self._origin = np.array([*random.uniform(LOW_M, HIGH_M), TABLE_TOP_M])
+        self._origin = np.array([*random.uniform((-0.02, -0.06), (0.11, 0.06)), TABLE_TOP_M])
         self._turn = about_z(random.uniform(-TURN_RAD, TURN_RAD))
         cube_y_m, plate_y_m = random.uniform(-SHIFT_M, SHIFT_M, 2)
-        self.add_block(CUBE, "red", self._at(0, cube_y_m)[:2], random.uniform(-np.pi, np.pi))
+        self.add_cube_over(self._at(0, cube_y_m)[:2], CUBE, "red", random.uniform(-np.pi, np.pi))
         for barrier, x_m, end in zip(BARRIERS, BARRIERS_M, self.open_ends, strict=True):
             part = self.add_part(barrier, self._at(x_m, -end * BARRIER_ASIDE_M, BARRIER_HALF_M[2]), self._turn)
             part.box(BARRIER_HALF_M, "grey")
@@ -85,7 +83,7 @@ class WayRound(CompositionTask):
         return "carry the cube to the plate through the open side of each barrier"
 
     def expert(self) -> list[Move]:
-        turn = tool_down(nearest_yaw_rad(self.yaw_rad(CUBE), np.pi / 2))
+        turn = self.tool_over(CUBE)
         height_m = BLOCK_HALF_M + CARRY_M
         corners = [
             self._at(x_m + side_m, end * OPENING_M, height_m)

@@ -1,21 +1,21 @@
-"""Hang a cup by its handle on a cup holder."""
+"""Cups: `place_cups` hangs one by its handle on a holder, `stack_cups` puts two into a third."""
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from app.sim.moves import UP, Move, move_to, nearest_yaw_rad, pick, tool_down
+from app.sim.moves import UP, Move, move_to, pick, place, tool_down
 from app.sim.scene import Part, about_z, scatter
 from app.sim.tasks.base import SimTask
 from app.sim.world import TABLE_TOP_M
 from roboprompt_client.arrays import Array
 
 # A cup, around the point on its axis where it is grasped; its handle is on the side of x
-RADIUS_M, WALL_M, HEIGHT_M, GRASP_HEIGHT_M = 0.033, 0.003, 0.080, 0.066
-WALL_KG, FLOOR_KG, BAR_KG = 0.05, 0.02, 0.004
+CUP_RADIUS_M, CUP_WALL_M, CUP_HEIGHT_M, GRASP_HEIGHT_M = 0.033, 0.003, 0.080, 0.066
+CUP_WALL_KG, FLOOR_KG, BAR_KG = 0.05, 0.02, 0.004
 BAR_HALF_M, BAR_HALF_WIDTH_M = 0.003, 0.004  # of the handle: across its opening, along it
 HOLE_M, HOLE_HALF_M = (0.0555, -0.024), (0.021, 0.022)  # the handle's opening, in x and z
 COLOURS = ("red", "blue", "green")
-MIN_DISTANCE_M = 0.17  # handles that face each other do not touch
+CUPS_APART_M = 0.17  # handles that face each other do not touch
 # The holder: a pole with three spokes, the first towards -x
 SPOKE_ANGLES_RAD = np.pi + np.radians([0.0, 120.0, 240.0])
 SPOKES_HEIGHT_M, POLE_HEIGHT_M, POLE_RADIUS_M = 0.160, 0.190, 0.010
@@ -23,9 +23,7 @@ SPOKE_RADIUS_M, SPOKE_LENGTH_M, SPOKE_RISE_RAD = 0.004, 0.085, 0.12
 HANG_M, BEFORE_M = 0.060, 0.125  # of the cup's axis from the pole, along the spoke
 BEFORE_WITHIN_M = 0.004  # the handle is in line with the spoke before its tip
 LIFT_M, RISE_M = 0.22, 0.10  # lifted so high that the cup passes above the holder
-HOLDER_LOW_M, HOLDER_HIGH_M = (0.20, -0.20), (0.32, -0.06)
 HOLDER_DISTANCE_M = 0.22  # of the cups
-CUPS_LOW_M, CUPS_HIGH_M = (0.00, -0.10), (0.34, 0.34)
 CUP_YAW_RAD = np.radians((-30.0, 150.0))
 
 
@@ -42,24 +40,21 @@ class PlaceCups(SimTask):
     name = "place_cups"
     object_names = ("red cup", "cup holder")
     yaw_symmetry_deg = dict.fromkeys(("cup holder",), 120.0)
+    instruction = "place the red cup on the cup holder"
 
     def build(self, random: np.random.Generator) -> None:
-        pole = random.uniform(HOLDER_LOW_M, HOLDER_HIGH_M)
+        pole = random.uniform((0.20, -0.20), (0.32, -0.06))
         turn = about_z(random.uniform(-np.pi, np.pi))
         _add_holder(self.add_part("cup holder", [*pole, TABLE_TOP_M + SPOKES_HEIGHT_M], turn))
         clear_of = [(pole, HOLDER_DISTANCE_M)]
-        spots = scatter(random, len(COLOURS), CUPS_LOW_M, CUPS_HIGH_M, MIN_DISTANCE_M, clear_of)
+        spots = scatter(random, len(COLOURS), (0.00, -0.10), (0.34, 0.34), CUPS_APART_M, clear_of)
         for colour, spot in zip(COLOURS, spots, strict=True):
             turn = about_z(random.uniform(*CUP_YAW_RAD))
             _add_cup(self.add_part(f"{colour} cup", [*spot, TABLE_TOP_M + GRASP_HEIGHT_M], turn, free=True), colour)
 
-    @property
-    def instruction(self) -> str:
-        return "place the red cup on the cup holder"
-
     def expert(self) -> list[Move]:
         """The fingers close across the handle's direction; the handle then slides onto the spoke from its tip."""
-        turn = about_z(nearest_yaw_rad(self.yaw_rad("cup holder"), 2 * np.pi / 3))
+        turn = about_z(self.nearest_yaw_rad("cup holder"))
         grasp = tool_down(self.yaw_rad("red cup"))
         hang = turn * tool_down(np.pi / 2)
         hole_x, hole_z = HOLE_M
@@ -78,8 +73,8 @@ class PlaceCups(SimTask):
 
     def _hangs_on(self, angle_rad: float) -> bool:
         """Whether a spoke, seen as a line from the pole to its tip, passes through the opening of the handle."""
-        ends = self.position_m("cup holder") + self.rotation("cup holder").apply([np.zeros(3), _spoke_tip_m(angle_rad)])
-        root, tip = self.rotation("red cup").inv().apply(ends - self.position_m("red cup"))
+        ends = self.body_to_world("cup holder", [np.zeros(3), _spoke_tip_m(angle_rad)])
+        root, tip = self.world_to_body("red cup", ends)
         if root[1] * tip[1] >= 0:
             return False
         through = root + root[1] / (root[1] - tip[1]) * (tip - root)
@@ -104,10 +99,12 @@ def _add_holder(holder: Part) -> None:
 
 
 def _add_cup(cup: Part, colour: str) -> None:
-    bottom_m = WALL_M - GRASP_HEIGHT_M
-    top_m = HEIGHT_M - GRASP_HEIGHT_M
-    cup.wall(colour, bottom_m=bottom_m, top_m=top_m, bottom_radius_m=RADIUS_M, thickness_m=WALL_M, mass_kg=WALL_KG)
-    cup.cylinder(RADIUS_M, WALL_M / 2, colour, at_m=[0, 0, bottom_m - WALL_M / 2], mass_kg=FLOOR_KG)
+    bottom_m, top_m = CUP_WALL_M - GRASP_HEIGHT_M, CUP_HEIGHT_M - GRASP_HEIGHT_M
+    radius_m, thickness_m = CUP_RADIUS_M, CUP_WALL_M
+    cup.wall(
+        colour, bottom_m=bottom_m, top_m=top_m, bottom_radius_m=radius_m, thickness_m=thickness_m, mass_kg=CUP_WALL_KG
+    )
+    cup.cylinder(CUP_RADIUS_M, CUP_WALL_M / 2, colour, at_m=[0, 0, bottom_m - CUP_WALL_M / 2], mass_kg=FLOOR_KG)
     (hole_x, hole_z), (half_x, half_z), half_bar = HOLE_M, HOLE_HALF_M, BAR_HALF_M
     for z_m in (hole_z - half_z - half_bar, hole_z + half_z + half_bar):
         cup.box(
@@ -115,3 +112,66 @@ def _add_cup(cup: Part, colour: str) -> None:
         )
     outer_m = [hole_x + half_x + half_bar, 0, hole_z]
     cup.box((half_bar, BAR_HALF_WIDTH_M, half_z), colour, at_m=outer_m, mass_kg=BAR_KG)
+
+
+TARGET, OTHERS = "green cup", ("red cup", "blue cup")
+# A cup is a cone of facets; its origin is the centre of its rim
+CONE_HEIGHT_M, BOTTOM_RADIUS_M, RIM_RADIUS_M = 0.085, 0.026, 0.037
+CONE_WALL_M, BOTTOM_M = 0.003, 0.004
+CONE_WALL_KG, BOTTOM_KG = 0.048, 0.02
+WALL_FRICTION = 0.25  # smooth, so that a cup slides into another
+# One finger in the cup, one outside: the tool's point is in the wall on the cup's -y side, a little below the rim
+ON_WALL_M = np.array([0.0, -0.0355, -0.010])
+NESTED_M = 0.022  # how much higher a cup's rim is than that of the cup around it: the walls then touch
+RELEASE_M = 0.013  # above that
+CLEARANCE_M = 0.14
+MAX_OFFSET_M, MIN_UPRIGHT = 0.02, 0.95
+LOWEST_M = 0.004  # a cup that is inside another stands this much higher than it, and less than a cup's height
+
+
+class StackCups(SimTask):
+    """A red, a green and a blue cup at least 15 cm apart in x 0.06..0.36 m, y -0.25..0.25 m, not turned, as in RLBench.
+
+    A cup's pose is the centre of its rim. Success: the red and the blue cup stand inside the green one and the gripper
+    holds nothing.
+    """
+
+    name = "stack_cups"
+    object_names = (*OTHERS, TARGET)
+    yaw_symmetry_deg = dict.fromkeys(object_names, 0.0)
+    instruction = "stack the red cup and the blue cup inside the green cup"
+
+    def build(self, random: np.random.Generator) -> None:
+        points = scatter(random, len(self.object_names), (0.06, -0.25), (0.36, 0.25), min_distance_m=0.15)
+        for name, point in zip(self.object_names, points, strict=True):
+            colour = name.split()[0]
+            cup = self.add_part(name, [*point, TABLE_TOP_M + CONE_HEIGHT_M], free=True)
+            bottom_at_m = [0, 0, BOTTOM_M / 2 - CONE_HEIGHT_M]
+            cup.cylinder(BOTTOM_RADIUS_M, BOTTOM_M / 2, colour, at_m=bottom_at_m, mass_kg=BOTTOM_KG)
+            cup.wall(
+                colour,
+                bottom_m=BOTTOM_M - CONE_HEIGHT_M,
+                top_m=0,
+                bottom_radius_m=BOTTOM_RADIUS_M,
+                top_radius_m=RIM_RADIUS_M,
+                thickness_m=CONE_WALL_M,
+                mass_kg=CONE_WALL_KG,
+                friction=WALL_FRICTION,
+            )
+
+    def expert(self) -> list[Move]:
+        down = tool_down()
+        target = self.position_m(TARGET) + ON_WALL_M + RELEASE_M * UP
+        moves: list[Move] = []
+        for cups_below, cup in enumerate(OTHERS, start=1):
+            moves += pick(self.position_m(cup) + ON_WALL_M, down, CLEARANCE_M)
+            moves += place(target + cups_below * NESTED_M * UP, down, CLEARANCE_M)
+        return moves
+
+    def succeeded(self) -> bool:
+        return all(self._is_inside(cup) for cup in OTHERS) and self.gripper_holds_nothing()
+
+    def _is_inside(self, cup: str) -> bool:
+        x, y, z = self.position_m(cup) - self.position_m(TARGET)
+        upright = self.rotation(cup).apply(UP)[2] > MIN_UPRIGHT
+        return bool(np.hypot(x, y) < MAX_OFFSET_M and LOWEST_M < z < CONE_HEIGHT_M and upright)

@@ -1,6 +1,6 @@
-"""Samples the arm at a fixed rate while it moves."""
+"""A trajectory sampled from the simulated arm at a fixed rate while it moves."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, Literal
 
 import mujoco
@@ -9,6 +9,7 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from app.sim import panda
+from app.sim.robot import SimulatedPanda
 from roboprompt_client.arrays import Array
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.trajectory import Trajectory
@@ -18,29 +19,23 @@ TIME_TOLERANCE_S = 1e-9
 MIN_FINGER_TRAVEL_M = 1e-3  # fingers that move less have neither opened nor closed
 
 
-class Recorder:
-    """Records the state of one scene at `control_frequency_hz`, from now on.
+class TrajectorySampler:
+    """Samples an arm and its scene at `control_frequency_hz`, from now on.
 
     Args:
-        model, data: the scene (mujoco.MjModel, mujoco.MjData).
         tracked: names of the bodies of the objects to be tracked.
-        commanded_open: what the gripper was last commanded; None: what its actuator is asked for.
+
+    Raises:
+        InvalidInputError: for a frequency that the simulation cannot sample at.
     """
 
-    def __init__(
-        self,
-        model: mujoco.MjModel,
-        data: mujoco.MjData,
-        control_frequency_hz: float = 20.0,
-        tracked: Sequence[str] = (),
-        commanded_open: Callable[[], bool] | None = None,
-    ) -> None:
+    def __init__(self, robot: SimulatedPanda, control_frequency_hz: float = 20.0, tracked: Sequence[str] = ()) -> None:
+        model, data = robot.task.model, robot.task.data
         if not 0 < control_frequency_hz <= 1 / model.opt.timestep:
             valid = f"above 0 and at most {1 / model.opt.timestep:g} Hz, the simulation's rate"
             raise InvalidInputError("control_frequency_hz", f"is {control_frequency_hz}", valid)
-        self._model, self._data = model, data
+        self._robot, self._model, self._data = robot, model, data
         self._tracked = [model.body(name).id for name in tracked]
-        self._commanded_open = commanded_open or self._asked_open
         self._period_s = 1 / control_frequency_hz
         self._next_s = data.time
         self._positions = [model.joint(name).qposadr[0] for name in panda.JOINT_NAMES]
@@ -49,6 +44,7 @@ class Recorder:
         self._site_id = model.site(panda.TCP_SITE).id
         self._rows: list[dict[str, Any]] = []
         self.sample()
+        robot.after_step.append(self.sample)
 
     def sample(self) -> None:
         """Take a sample if one is due; called after every simulation step."""
@@ -64,15 +60,12 @@ class Recorder:
                 "joint_positions_rad": data.qpos[self._positions],
                 "positions_m": data.site_xpos[self._site_id].copy(),
                 "rotations": data.site_xmat[self._site_id].reshape(3, 3).copy(),
-                "gripper_open": self._commanded_open(),
+                "gripper_open": self._robot.gripper_commanded_open,
                 "widths_m": data.qpos[self._fingers].sum(),
                 "object_positions_m": data.xpos[self._tracked],
                 "object_axes": data.xmat[self._tracked],
             }
         )
-
-    def _asked_open(self) -> bool:
-        return bool(self._data.ctrl[panda.GRIPPER_CTRL] > panda.FINGER_TRAVEL_M / 2)
 
     def trajectory(self, gripper: GripperState = "commanded") -> Trajectory:
         """Everything sampled so far.

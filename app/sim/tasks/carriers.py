@@ -9,8 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from app.sim.moves import Move, nearest_yaw_rad, pick, tool_down
-from app.sim.scene import about_z
+from app.sim.moves import Move, pick
 from app.sim.tasks.base import SimTask
 from app.sim.world import TABLE_TOP_M
 from roboprompt_client.arrays import Array
@@ -31,15 +30,11 @@ class CarriedCube(SimTask):
     """
 
     object_names = (CUBE,)
+    instruction = f"pick up the {CUBE}"
     test_only_variations = len(SPEEDS_M_S)
     yaw_symmetry_deg = dict.fromkeys(object_names, 90.0)
     carrier_at_m: ClassVar[tuple[float, float]]  # of the slab's middle
     carrier_half_m: ClassVar[tuple[float, float]]
-
-    @classmethod
-    def test_variation(cls, seed: int) -> int:
-        """The speeds in turn."""
-        return cls.variations + seed % cls.test_only_variations
 
     @property
     def speed_m_s(self) -> float:
@@ -58,20 +53,16 @@ class CarriedCube(SimTask):
         slab.box((*self.carrier_half_m, HALF_THICKNESS_M), "grey", mass_kg=CARRIER_KG, friction=FRICTION)
         self._lay_m = TABLE_TOP_M + 2 * HALF_THICKNESS_M + HALF_SIZE_M
         yaw_rad = random.uniform(-np.pi, np.pi)
-        cube = self.add_part(CUBE, [*place_m, self._lay_m], about_z(yaw_rad), free=True)
-        cube.box((HALF_SIZE_M,) * 3, "red", mass_kg=MASS_KG, friction=FRICTION)
+        at_m = [*place_m, self._lay_m]
+        self.add_cube(CUBE, "red", at_m, HALF_SIZE_M, yaw_rad, mass_kg=MASS_KG, friction=FRICTION)
 
     def latch(self) -> None:
         """Put the carrier back, and let it run on."""
         for joint, share in zip(("runs_x", "runs_y"), self._direction, strict=True):
             self.data.joint(joint).qpos, self.data.joint(joint).qvel = 0.0, self.speed_m_s * share
 
-    @property
-    def instruction(self) -> str:
-        return f"pick up the {CUBE}"
-
     def expert(self) -> list[Move]:
-        return pick(self.position_m(CUBE), tool_down(nearest_yaw_rad(self.yaw_rad(CUBE), np.pi / 2)))
+        return pick(self.position_m(CUBE), self.tool_over(CUBE))
 
     def succeeded(self) -> bool:
         return bool(self.position_m(CUBE)[2] - self._lay_m > HELD_M)
