@@ -5,11 +5,11 @@ from dataclasses import replace
 from statistics import fmean
 
 from app.evaluation.costs import Prices, Usage, used_by
-from app.evaluation.estimates import shown_cost
+from app.evaluation.methods import Method
 from app.evaluation.paper_tables import PaperPlan, PaperTable
-from app.evaluation.result_tables import markdown_table
-from app.evaluation.results import Evaluation, Method, TaskEvaluation
-from app.evaluation.scores import NOTHING, Score, errors_of, task_score, trials_of
+from app.evaluation.results import Evaluation, TaskEvaluation
+from app.evaluation.scores import NOTHING, Score, task_result, trials_of
+from app.evaluation.tables import TextTable, errors_section
 
 COLUMNS = 8  # tasks side by side, as in Table I
 # The rows of the paper's tables, ours below theirs; what is not named here follows in its own order.
@@ -25,15 +25,15 @@ def paper_markdown(plan: PaperPlan, evaluation: Evaluation, prices: Prices) -> s
     """The contents of `table.md`."""
     by_task = {task.task: task for task in evaluation.tasks}
     sections = [part for table in plan.tables for part in _section(plan, table, by_task)]
-    errors = [f"- {number} x {message}" for message, number in errors_of(evaluation)]
+    used = TextTable(["method", "answers", "read", "written", "cost"], [list(_usage_rows(evaluation, prices))])
     parts = [
         "# The paper's tables",
         HOW_TO_READ,
         *sections,
         "## Tokens",
         "As the provider counted them; cached ones are priced as the others.",
-        markdown_table(["method", "answers", "read", "written", "cost"], _usage_rows(evaluation, prices)),
-        *(["## Errors", "\n".join(errors)] if errors else []),
+        used.markdown(),
+        *errors_section(evaluation),
         f"Command: `{evaluation.command}`",
     ]
     return "\n\n".join(parts) + "\n"
@@ -48,7 +48,7 @@ def _section(plan: PaperPlan, table: PaperTable, by_task: Mapping[str, TaskEvalu
     for start in range(0, len(columns) or 1, COLUMNS):
         part, last = columns[start : start + COLUMNS], start + COLUMNS >= len(columns)
         header = ["", *part, *(["mean"] if last else [])]
-        yield markdown_table(header, [[label, *_cut(cells, start, len(part), last)] for label, cells in rows])
+        yield TextTable(header, [[[label, *_cut(cells, start, len(part), last)] for label, cells in rows]]).markdown()
     names = ", ".join(table.tasks)
     yield f"{table.note} {table.episodes} scenes each of: {names}."
 
@@ -106,14 +106,12 @@ def _mean(row: Sequence[Score]) -> str:
 def _score(plan: PaperPlan, table: PaperTable, task: TaskEvaluation, method: Method) -> Score:
     """Of the table's scenes; another table may have more."""
     end = plan.first_test_seed + table.episodes
-    return task_score(
-        replace(
-            task,
-            trials=tuple(trial for trial in task.trials if trial.seed < end),
-            crashes=tuple(crash for crash in task.crashes if crash.seed < end),
-        ),
-        method,
+    some = replace(
+        task,
+        trials=tuple(trial for trial in task.trials if trial.seed < end),
+        crashes=tuple(crash for crash in task.crashes if crash.seed < end),
     )
+    return task_result(some, method).score
 
 
 def _usage_rows(evaluation: Evaluation, prices: Prices) -> Iterator[list[str]]:
@@ -128,3 +126,8 @@ def _usage_rows(evaluation: Evaluation, prices: Prices) -> Iterator[list[str]]:
 
 def _usage_row(label: str, answers: int, usage: Usage) -> list[str]:
     return [label, str(answers), f"{usage.read:,.0f}", f"{usage.written:,.0f}", shown_cost(usage.cost)]
+
+
+def shown_cost(cost: float | None) -> str:
+    """In the currency of the prices."""
+    return NOTHING if cost is None else f"{cost:,.2f}" if cost >= 1 else f"{cost:.3g}"

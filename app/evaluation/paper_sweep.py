@@ -1,23 +1,19 @@
-"""The sweep `paper`: tables in the paper's layout, with the traffic to the LLM recorded beside them."""
+"""The sweep `paper`: its estimate, its one session after another, and its traffic recorded beside the tables."""
 
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 
-from rich.progress import Progress
+from rich.table import Table
 
-from app.evaluation.costs import Prices, Usage
-from app.evaluation.estimates import by_table
-from app.evaluation.executors import Executor
+from app.evaluation.costs import Kinds, Prices, Purse, Usage, kind_of
 from app.evaluation.ledger import Ledger
-from app.evaluation.paid_run import PaidRun
-from app.evaluation.paper_layout import paper_markdown
+from app.evaluation.paper_layout import paper_markdown, shown_cost
 from app.evaluation.paper_tables import PaperPlan, PaperTable
 from app.evaluation.results import Evaluation
-from app.evaluation.run import Timing
 from app.evaluation.sweep_run import SweepRun
-from roboprompt_client.client import RoboPromptClient
+from app.evaluation.tables import TextTable
+from app.evaluation.trials import PlannedTrial
 
 RECORD, REPLAY = "ROBOPROMPT_RECORD_LLM", "ROBOPROMPT_REPLAY_LLM"
 Estimate = Sequence[tuple[PaperTable, int, Usage]]
@@ -25,7 +21,7 @@ Estimate = Sequence[tuple[PaperTable, int, Usage]]
 
 @dataclass(frozen=True)
 class PaperSweep(SweepRun):
-    """One session of some of the paper's tables in a folder of results.
+    """One session of some of the paper's tables in a folder of results, with the LLM's traffic recorded there.
 
     Attributes:
         plan: a PaperPlan.
@@ -45,28 +41,42 @@ class PaperSweep(SweepRun):
             return {}
         return {RECORD: str((self.folder / "llm").absolute())}
 
-    def _begin(
-        self, ledger: Ledger, client: RoboPromptClient, executor: Executor, progress: Progress, timing: Timing
-    ) -> PaidRun:
-        def confirm(kinds: Mapping[tuple[str, str], Usage]) -> None:
+    def purse(self, ledger: Ledger) -> Purse:
+        """Pays for the trials, once the estimate of what remains is confirmed."""
+
+        def confirm(kinds: Kinds) -> None:
             self.confirm(by_table(self.plan, self.plan.remaining(ledger), kinds))
 
-        return PaidRun(
-            self.plan,
-            ledger,
-            client,
-            executor,
-            progress,
-            timing=timing,
-            confirm=confirm,
-            prices=self.prices,
-            budget=self.budget,
-        )
+        return Purse(self.budget, self.prices, confirm)
 
-    def _write_results(self, evaluation: Evaluation) -> None:
-        self.tables.write_text(paper_markdown(self.plan, evaluation, self.prices), encoding="utf-8")
+    def write_results(self, evaluation: Evaluation) -> None:
+        """The tables in the paper's layout."""
+        text = paper_markdown(self.plan, evaluation, self.prices)
+        (self.folder / "table.md").write_text(text, encoding="utf-8")
 
-    @property
-    def tables(self) -> Path:
-        """The file with the tables."""
-        return self.folder / "table.md"
+
+def by_table(plan: PaperPlan, remaining: Sequence[PlannedTrial], kinds: Kinds) -> list[tuple[PaperTable, int, Usage]]:
+    """How many of the trials each table adds, and what they use. A shared trial counts for the first table."""
+    wanted = {planned.key for planned in remaining}
+    rows = {table.name: (table, 0, Usage()) for table in plan.tables}
+    for table, planned in plan.trials_by_table():
+        if planned.key in wanted:
+            _, number, usage = rows[table.name]
+            rows[table.name] = table, number + 1, usage + kinds.get(kind_of(planned), Usage())
+    return list(rows.values())
+
+
+def estimate_table(rows: Sequence[tuple[PaperTable, int, Usage]]) -> Table:
+    """For people, with the sum in the last row."""
+    header = ("table", "trials", "requests", "tokens read", "tokens written", "cost")
+    total = sum((usage for *_, usage in rows), Usage())
+    groups = [
+        [[table.name, *_cells(number, usage)] for table, number, usage in rows],
+        [["all", *_cells(sum(number for _, number, _ in rows), total)]],
+    ]
+    return TextTable(header, groups).terminal("estimate, before anything is asked")
+
+
+def _cells(number: int, usage: Usage) -> tuple[str, ...]:
+    counts = (number, usage.requests, usage.read, usage.written)
+    return *(f"{count:,.0f}" for count in counts), shown_cost(usage.cost)

@@ -9,8 +9,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from app.evaluation.methods import Method
 from app.evaluation.paper import disturbed
-from app.sim.demonstrate import RolloutResult, judge, robot_in_scene
+from app.sim.demonstrate import judge, robot_in_scene
+from app.sim.outcomes import RolloutResult
 from app.sim.robot import SimulatedPanda
 from app.sim.shift import shift_free_objects
 from app.sim.tasks import ALL_TASKS, MOVING_TASKS
@@ -32,7 +34,7 @@ ANSWER_S, LOOK_S = 1.0, 0.4
 
 
 @dataclass(frozen=True, eq=False)
-class ClosedLoopResult:
+class LoopResult:
     """What became of a scene.
 
     Attributes:
@@ -61,9 +63,7 @@ class _Disturbed:
         return Observation(disturbed(seen.objects, self._noise, self._seed), end_effector=seen.end_effector)
 
 
-def run_in_closed_loop(
-    url: str, name: str, task: str, seed: int, noise: float, options: Mapping[str, Any]
-) -> ClosedLoopResult:
+def run_in_closed_loop(url: str, name: str, task: str, seed: int, method: Method) -> LoopResult:
     """Run a trial; for a worker process, which must reach the service.
 
     Args:
@@ -78,8 +78,9 @@ def run_in_closed_loop(
     error, blocked = "", ""
     with RoboPromptClient(url) as client:
         try:
-            seen = _Disturbed(robot, noise, seed)
-            for step in run_closed_loop(client, seen, name, robot.task.instruction, on_danger="go", **dict(options)):
+            seen = _Disturbed(robot, method.noise, seed)
+            asked = run_closed_loop(client, seen, name, robot.task.instruction, on_danger="go", **method.options)
+            for step in asked:
                 steps.append(step)
         except MotionError as failure:
             blocked = str(failure)
@@ -93,7 +94,7 @@ def run_in_closed_loop(
     actions = tuple(action for step in steps for action in step.actions)
     num_executed = len(actions) - (1 if blocked else 0)
     execution = RolloutResult(task, seed, num_executed, not failure_text, failure_text, ())
-    return ClosedLoopResult(actions, _together(steps), error, execution, time.perf_counter() - started)
+    return LoopResult(actions, _together(steps), error, execution, time.perf_counter() - started)
 
 
 def _together(steps: Sequence[PredictedActions]) -> Mapping[str, Any] | None:
@@ -175,23 +176,11 @@ class _Client(RoboPromptClient):
         return self.predicted
 
 
-def run_in_robot_loop(
-    url: str,
-    name: str,
-    task: str,
-    seed: int,
-    noise: float,
-    options: Mapping[str, Any],
-    shift_m: float,
-    look_again: bool,
-    lead_s: float = 0.0,
-) -> ClosedLoopResult:
+def run_in_robot_loop(url: str, name: str, task: str, seed: int, method: Method) -> LoopResult:
     """Run a trial; for a worker process, which must reach the service.
 
     Args:
         name: of the task at the service.
-        look_again: whether the robot looks again, so that its actions follow.
-        lead_s: how far ahead it then aims; 0: where it sees an object.
 
     Raises:
         ServiceProblemError, ServiceUnreachableError, InvalidInputError: nothing is known about the method.
@@ -199,8 +188,8 @@ def run_in_robot_loop(
     started = time.perf_counter()
     panda = robot_in_scene(task, seed, ALL_TASKS[task].test_variation(seed), images=False)
     moves = task in MOVING_TASKS
-    robot = (WaitingPanda if moves else ShiftedPanda)(panda, shift_m, seed, noise)
-    leading = Leading(lead_s, lambda: float(panda.task.data.time)) if lead_s else None
+    robot = (WaitingPanda if moves else ShiftedPanda)(panda, method.shift_m, seed, method.noise)
+    leading = Leading(method.lead_s, lambda: float(panda.task.data.time)) if method.lead_s else None
     error, blocked = "", ""
     with _Client(url) as client:
         client.waiting = panda if moves else None
@@ -210,10 +199,10 @@ def run_in_robot_loop(
                 robot,
                 name,
                 panda.task.instruction,
-                look_again=look_again,
+                look_again=method.look_again,
                 leading=leading,
                 on_danger="go",
-                **dict(options),
+                **method.options,
             )
         except (MotionError, ObjectLostError, UnsafeActionError) as failure:
             blocked = str(failure)
@@ -226,4 +215,4 @@ def run_in_robot_loop(
             client.record_outcome(client.predicted.id, not failure_text, failure_text or None)
     execution = RolloutResult(task, seed, robot.num_done, not failure_text, failure_text, ())
     answer = None if client.predicted is None else client.predicted.response
-    return ClosedLoopResult(tuple(robot.actions), answer, error, execution, time.perf_counter() - started)
+    return LoopResult(tuple(robot.actions), answer, error, execution, time.perf_counter() - started)

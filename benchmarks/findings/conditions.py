@@ -10,7 +10,8 @@ from scipy.spatial.transform import Rotation
 from app.evaluation.paper import disturbed
 from app.pipeline.language.mentions import mention_order
 from app.pipeline.noise import MEAN_ERROR_M
-from app.sim.demonstrate import RecordedDemonstration, Recordings, SceneView
+from app.sim.demonstrate import Recordings
+from app.sim.outcomes import RecordedDemonstration, SceneView
 from roboprompt_client.trajectory import ObjectPose
 
 Poses = tuple[ObjectPose, ...]

@@ -8,7 +8,8 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
-from app.sim.demonstrate import RecordedDemonstration, SceneView, record_demonstration, rollout, view_scene
+from app.sim.demonstrate import record_demonstration, rollout, view_scene
+from app.sim.outcomes import RecordedDemonstration, SceneView
 from app.sim.tasks import TASKS
 from benchmarks.findings.conditions import CONDITIONS, Condition, Lesson
 from roboprompt_client.client import RoboPromptClient

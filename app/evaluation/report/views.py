@@ -16,7 +16,7 @@ from app.evaluation.results import TaughtEpisode, Trial
 from app.evaluation.scores import Result
 from app.pipeline.prompt_colours import Span, prompt_spans
 from app.pipeline.timeline import frame_times_s
-from app.sim.demonstrate import SceneView
+from app.sim.outcomes import SceneView
 from app.sim.rendering import CAMERA
 from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
 

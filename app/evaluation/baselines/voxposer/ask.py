@@ -1,0 +1,102 @@
+"""From a scene to actions: by a program that a language model writes, or by one of `oracle_programs`."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from app.evaluation.baselines.models import Models
+from app.evaluation.baselines.voxposer.oracle_programs import PROGRAMS, oracle_program
+from app.evaluation.baselines.voxposer.plan import plan_moves
+from app.evaluation.baselines.voxposer.prompt import program_of, program_prompt
+from app.evaluation.baselines.voxposer.sandbox import Scene, SeenObject, run_program
+from app.evaluation.failures import ProgramRefusedError
+from app.llm.base import Completion, CompletionRequest
+from app.pipeline.workspace import Workspace
+from app.sim.outcomes import SceneView
+from roboprompt_client.arrays import Array
+from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
+
+# The way over value maps has more corners than a list of keyframes has rows.
+MAX_ACTIONS = 100
+MAX_TOKENS = 1024  # of a program; the longest of `oracle_programs` has about 900
+TIMEOUT_S = 300.0
+ASSUMED_RADIUS_M = 0.025  # of an object, of which programs see nothing but its pose
+SPACING_M = 0.005
+
+
+def ask_for_program(
+    models: Models, model: str | None, objects: Sequence[ObjectPose], instruction: str
+) -> tuple[Completion, dict[str, Any]]:
+    """The reply of the model, and the record of it in the form of an answer of the service, without actions.
+
+    Raises:
+        LanguageModelError: if the model does not answer.
+    """
+    prompt, started = program_prompt(objects, instruction), time.perf_counter()
+    request = CompletionRequest(prompt, max_tokens=MAX_TOKENS, timeout_s=TIMEOUT_S, cache_key="voxposer")
+    name, completion = models.complete(model, request)
+    llm_ms = 1000 * (time.perf_counter() - started)
+    return completion, {
+        "model": name,
+        "representation": "voxposer",
+        "prompt_format": "program",
+        "prompt": {"system": prompt.system, "user": prompt.user},
+        "reply_text": completion.text,
+        "usage": asdict(completion.usage),
+        "timings_ms": {"llm": llm_ms, "outside_llm": 0.0, "total": llm_ms},
+        "actions": [],
+    }
+
+
+def program_actions(completion: Completion, scene: SceneView, workspace: Workspace) -> tuple[EndEffectorAction, ...]:
+    """What the planner makes of the program in a reply. Runs in a worker.
+
+    Args:
+        scene: with the objects as they are seen.
+
+    Raises:
+        ProgramRefusedError: if the program is cut off, not allowed, fails, or asks for nothing that can be planned.
+    """
+    if completion.finish_reason == "length":
+        raise ProgramRefusedError(f"the program was cut off after {completion.usage.completion_tokens} tokens")
+    objects = tuple(SeenObject(pose, _ball_m(pose)) for pose in scene.objects)
+    return _planned(program_of(completion.text), Scene(workspace, objects, _start(scene)))
+
+
+def oracle_actions(scene: SceneView) -> tuple[EndEffectorAction, ...]:
+    """What the planner makes of the program that a person wrote for the task. Runs in a worker.
+
+    Raises:
+        ProgramRefusedError: if the task has no program, or it is refused.
+    """
+    if scene.task not in PROGRAMS:
+        raise ProgramRefusedError(f"no program was written for {scene.task} (valid: {', '.join(PROGRAMS)})")
+    objects = tuple(SeenObject(pose, pose.position_m[None]) for pose in scene.objects)
+    program = oracle_program(scene.task, scene.instruction, [pose.name for pose in scene.objects])
+    return _planned(program, Scene(Workspace.rlbench(), objects, _start(scene)))
+
+
+def _planned(program: str, scene: Scene) -> tuple[EndEffectorAction, ...]:
+    return plan_moves(run_program(program, scene), scene, MAX_ACTIONS)
+
+
+def _start(scene: SceneView) -> EndEffectorAction:
+    """The end effector before the first move, with the gripper open."""
+    if scene.end_effector is None:
+        raise ProgramRefusedError("the scene does not say where the end effector is")
+    position_m, quaternion_xyzw = (np.array(values) for values in scene.end_effector)
+    return EndEffectorAction(position_m, quaternion_xyzw, gripper_open=True)
+
+
+def _ball_m(pose: ObjectPose) -> Array:
+    """(N, 3) points of a ball of 2.5 cm radius about the object's position."""
+    side = np.linspace(-ASSUMED_RADIUS_M, ASSUMED_RADIUS_M, int(2 * ASSUMED_RADIUS_M / SPACING_M) + 1)
+    points_m = np.stack(np.meshgrid(side, side, side, indexing="ij"), axis=-1).reshape(-1, 3)
+    turn = Rotation.identity() if pose.quaternion_xyzw is None else Rotation.from_quat(pose.quaternion_xyzw)
+    inside = points_m[np.linalg.norm(points_m, axis=1) <= ASSUMED_RADIUS_M]
+    placed_m: Array = turn.apply(inside) + pose.position_m
+    return placed_m
