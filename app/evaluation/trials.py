@@ -10,14 +10,15 @@ import numpy as np
 
 from app.evaluation.baselines.models import Models
 from app.evaluation.baselines.nearest import replayed
-from app.evaluation.baselines.voxposer.ask import ask_for_program, oracle_actions, program_actions
+from app.evaluation.baselines.voxposer.ask import ask_for_program, program_actions
+from app.evaluation.baselines.voxposer.oracle import oracle_actions
 from app.evaluation.failures import ProgramRefusedError
 from app.evaluation.methods import Method, Source
 from app.evaluation.panda import WORLD as PANDA
 from app.evaluation.panda import Actions, binned_keyframes
 from app.evaluation.paper import disturbed
 from app.evaluation.results import Trial
-from app.evaluation.robot_loops import USELESS_REPLY, LoopResult, run_in_closed_loop, run_in_robot_loop
+from app.evaluation.robot_loops import USELESS_REPLY, run_loop
 from app.evaluation.teach import UNSEEN, Lesson, images_only
 from app.evaluation.world import World, timed
 from app.executors import Executor, call
@@ -146,21 +147,10 @@ def _without_actions(client: RoboPromptClient, error: ServiceProblemError) -> di
     return {**stored, "actions": [], "timings_ms": {**timings, "outside_llm": outside_llm_ms}}
 
 
-def _ask_step_by_step(runner: TrialRunner, planned: PlannedTrial, lesson: Lesson, scene: SceneView) -> Trial:
-    with runner.asking:
-        result = call(runner.executor, run_in_closed_loop, runner.client.url, lesson.name, *planned)
-    return _looped(planned, scene, result)
-
-
 def _ask_and_act(runner: TrialRunner, planned: PlannedTrial, lesson: Lesson, scene: SceneView) -> Trial:
-    """With the robot's own loop, which looks again where the method says so."""
+    """With the robot's own loop, in one worker: it asks before every action, or once and looks again if told to."""
     with runner.asking:
-        result = call(runner.executor, run_in_robot_loop, runner.client.url, lesson.name, *planned)
-    return replace(_looped(planned, scene, result), shift_m=planned.method.shift_m)
-
-
-def _looped(planned: PlannedTrial, scene: SceneView, result: LoopResult) -> Trial:
-    """The trial of a loop that asked and acted in one worker."""
+        result = call(runner.executor, run_loop, runner.client.url, lesson.name, *planned)
     predict_s = 0.0 if result.answer is None else result.answer["timings_ms"]["total"] / 1000
     return Trial(
         *planned.key,
@@ -171,6 +161,7 @@ def _looped(planned: PlannedTrial, scene: SceneView, result: LoopResult) -> Tria
         predict_s=predict_s,
         execute_s=result.duration_s - predict_s,
         actions=result.actions,
+        shift_m=planned.method.shift_m,
     )
 
 
@@ -239,7 +230,7 @@ def _asked_s(trial: Trial) -> float:
 
 SOURCES: Mapping[Source, Callable[[TrialRunner, PlannedTrial, Lesson, SceneView], Trial]] = {
     "service": _ask_service,
-    "closed loop": _ask_step_by_step,
+    "closed loop": _ask_and_act,
     "robot loop": _ask_and_act,
     "nearest demonstration": _replay_nearest,
     "own keyframes": _replay_own,

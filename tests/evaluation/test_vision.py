@@ -96,8 +96,8 @@ def test_a_scene_that_cannot_be_read_is_a_failure(url, monkeypatch, trial):
     monkeypatch.setattr(trials, "images_only", in_the_dark)
     task = httpx.get(f"{url}/predictions/{trial.answer['id']}").json()["task"]
     with RoboPromptClient(url) as client:
-        laboratory = trials.TrialRunner(client, InlineExecutor())
-        failed = laboratory.run(trials.PlannedTrial("slide_block", 100_000, VISION), Lesson(task, 2, ()))
+        runner = trials.TrialRunner(client, InlineExecutor())
+        failed = runner.run(trials.PlannedTrial("slide_block", 100_000, VISION), Lesson(task, 2, ()))
     assert not failed.succeeded
     assert (failed.answer, failed.execution) == (None, None)
     assert "no camera sees it" in failed.failure

@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.evaluation.baselines.voxposer.ask import oracle_actions
-from app.evaluation.baselines.voxposer.oracle_programs import PROGRAMS, oracle_program
+from app.evaluation.baselines.voxposer.oracle import PROGRAMS, oracle_actions, oracle_program
 from app.evaluation.baselines.voxposer.sandbox import Scene, SeenObject, run_program
 from app.evaluation.failures import ProgramRefusedError
 from app.evaluation.sweeps import VOXPOSER_ORACLE
@@ -22,7 +21,7 @@ LESSON = Lesson("push_button", 1, ())
 
 
 def test_every_task_of_the_paper_has_a_program():
-    assert PROGRAMS.keys() == TASKS.keys()
+    assert PROGRAMS.keys() - {"common"} == TASKS.keys()
 
 
 @pytest.mark.parametrize("task", ["push_multiple_buttons", "stack_cube", "place_cups"])

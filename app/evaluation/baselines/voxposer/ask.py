@@ -1,4 +1,4 @@
-"""From a scene to actions: by a program that a language model writes, or by one of `oracle_programs`."""
+"""From a scene to actions by a program that a language model writes."""
 
 import time
 from collections.abc import Sequence
@@ -9,7 +9,6 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from app.evaluation.baselines.models import Models
-from app.evaluation.baselines.voxposer.oracle_programs import PROGRAMS, oracle_program
 from app.evaluation.baselines.voxposer.plan import plan_moves
 from app.evaluation.baselines.voxposer.prompt import program_of, program_prompt
 from app.evaluation.baselines.voxposer.sandbox import Scene, SeenObject, run_program
@@ -22,7 +21,7 @@ from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
 
 # The way over value maps has more corners than a list of keyframes has rows.
 MAX_ACTIONS = 100
-MAX_TOKENS = 1024  # of a program; the longest of `oracle_programs` has about 900
+MAX_TOKENS = 1024  # of a program; the longest of oracle_programs.txt has about 900
 TIMEOUT_S = 300.0
 ASSUMED_RADIUS_M = 0.025  # of an object, of which programs see nothing but its pose
 SPACING_M = 0.005
@@ -64,27 +63,15 @@ def program_actions(completion: Completion, scene: SceneView, workspace: Workspa
     if completion.finish_reason == "length":
         raise ProgramRefusedError(f"the program was cut off after {completion.usage.completion_tokens} tokens")
     objects = tuple(SeenObject(pose, _ball_m(pose)) for pose in scene.objects)
-    return _planned(program_of(completion.text), Scene(workspace, objects, _start(scene)))
+    return planned(program_of(completion.text), Scene(workspace, objects, start_of(scene)))
 
 
-def oracle_actions(scene: SceneView) -> tuple[EndEffectorAction, ...]:
-    """What the planner makes of the program that a person wrote for the task. Runs in a worker.
-
-    Raises:
-        ProgramRefusedError: if the task has no program, or it is refused.
-    """
-    if scene.task not in PROGRAMS:
-        raise ProgramRefusedError(f"no program was written for {scene.task} (valid: {', '.join(PROGRAMS)})")
-    objects = tuple(SeenObject(pose, pose.position_m[None]) for pose in scene.objects)
-    program = oracle_program(scene.task, scene.instruction, [pose.name for pose in scene.objects])
-    return _planned(program, Scene(Workspace.rlbench(), objects, _start(scene)))
-
-
-def _planned(program: str, scene: Scene) -> tuple[EndEffectorAction, ...]:
+def planned(program: str, scene: Scene) -> tuple[EndEffectorAction, ...]:
+    """Run the program, and plan what it asks for."""
     return plan_moves(run_program(program, scene), scene, MAX_ACTIONS)
 
 
-def _start(scene: SceneView) -> EndEffectorAction:
+def start_of(scene: SceneView) -> EndEffectorAction:
     """The end effector before the first move, with the gripper open."""
     if scene.end_effector is None:
         raise ProgramRefusedError("the scene does not say where the end effector is")
