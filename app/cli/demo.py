@@ -88,9 +88,8 @@ def _check_names(tasks: list[str] | None, representation: str | None, model: str
 
 def _report(evaluation: "Evaluation", folder: Path, console: Console) -> dict[str, object]:
     """Print the results and write the report; the same figures for programs."""
-    from app.evaluation.reached import reached
     from app.evaluation.report import write_report
-    from app.evaluation.scores import errors_of
+    from app.evaluation.scores import errors_of, reached
     from app.evaluation.tables import results_table, sweep_summary
 
     console.print(results_table(evaluation))

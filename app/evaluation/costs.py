@@ -1,17 +1,29 @@
-"""What asking an LLM costs: prices, tokens estimated from a prompt's text, and a budget that trials are paid from."""
+"""What asking an LLM costs: prices, what a plan is going to use, and a budget that trials are paid from.
+
+Tokens are estimated from dry runs of the prompts. A reply is taken to be as long as one of the prompt's demonstrations
+with its observation, for each clause of the instruction: a little more than it is. Tokens that a model thinks are not
+foreseen.
+"""
 
 import math
 import re
 import threading
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from app.evaluation.failures import BudgetSpentError
+from app.evaluation.methods import Method
 from app.evaluation.results import Trial
+from app.evaluation.teach import Lesson
 from app.evaluation.trials import PlannedTrial
+from app.pipeline.language.mentions import clauses
+from app.sim.outcomes import SceneView
+from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.robot import Observation
 
+LessonOf = Callable[[PlannedTrial], Lesson | Exception]
 MILLION = 1_000_000
 # Tokenizers of chat models cut text about so: words with the space before them, long ones in pieces; numbers in groups
 # of three digits; runs of punctuation; remaining spaces. Some write each digit as a token: they count up to twice as
@@ -170,3 +182,44 @@ class Purse:
 
     def _fits(self, cost: float) -> bool:
         return self.budget is None or self.spent + sum(self._aside.values()) + cost <= self.budget
+
+
+def estimates(
+    client: RoboPromptClient,
+    planned: Iterable[PlannedTrial],
+    lesson_of: LessonOf,
+    look: Callable[[PlannedTrial], SceneView],
+    prices: Prices,
+) -> dict[Kind, Usage]:
+    """What one trial of each kind uses; without those that could not be taught, which ask no LLM.
+
+    Raises:
+        ServiceProblemError, ServiceUnreachableError: if the service writes no prompt.
+    """
+    longest: dict[str, SceneView] = {}
+    found: dict[Kind, Usage] = {}
+    planned = list(planned)
+    for trial in {(trial.task, trial.seed): trial for trial in planned}.values():
+        scene = look(trial)
+        known = longest.setdefault(trial.task, scene)
+        longest[trial.task] = max(known, scene, key=lambda view: len(clauses(view.instruction)))
+    for trial in {kind_of(trial): trial for trial in planned}.values():
+        if isinstance(lesson := lesson_of(trial), Lesson):
+            usage = _of_a_trial(client, trial.method, lesson, longest[trial.task])
+            price = prices.get(trial.method.options["model"])
+            cost = None if price is None else price.of(usage.read, usage.written)
+            found[kind_of(trial)] = replace(usage, cost=cost)
+    return found
+
+
+def _of_a_trial(client: RoboPromptClient, method: Method, lesson: Lesson, scene: SceneView) -> Usage:
+    stepwise = method.source == "closed loop"
+    options = {**method.options, **({"closed_loop": True} if stepwise else {})}
+    answer = client.dry_run(lesson.name, scene.instruction, Observation(scene.objects), **options)
+    prompt = answer["prompt"]
+    read = tokens_of(prompt["system"]) + tokens_of(prompt["user"])
+    parts = len(clauses(scene.instruction))
+    demonstration = tokens_of(prompt["user"]) / max(1, len(answer["demonstration_ids"]))
+    # a step for each keyframe of a demonstration, and one that says that there are no more
+    requests = parts * max(len(item.document["keyframes"]) for item in lesson.taught) + 1 if stepwise else 1
+    return Usage(requests, requests * read, parts * demonstration)

@@ -18,8 +18,7 @@ from typing import Any, Literal, TypeVar
 from rich.progress import Progress
 
 from app.evaluation.baselines.models import Models
-from app.evaluation.costs import Purse
-from app.evaluation.estimates import estimates
+from app.evaluation.costs import Purse, estimates
 from app.evaluation.failures import BudgetSpentError, NotLearnedError, ServiceLostError
 from app.evaluation.foreign import ForeignExecutor
 from app.evaluation.illustrate import illustrated

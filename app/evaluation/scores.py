@@ -1,4 +1,4 @@
-"""What the trials of a method come to, per task and over all tasks."""
+"""What the trials of a method come to, per task and over all tasks; how near a driver brought the arm."""
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -152,3 +152,29 @@ def _median(values: Iterable[float]) -> float | None:
 
 def _rounded(value: float | None) -> float | None:
     return None if value is None else round(value, 3)
+
+
+@dataclass(frozen=True)
+class Reached:
+    """Over all actions that a driver carried out."""
+
+    poses: int
+    median_mm: float
+    worst_mm: float
+    median_deg: float
+    worst_deg: float
+
+    def __str__(self) -> str:
+        position = f"{self.median_mm:.2g} mm in the median, {self.worst_mm:.2g} mm at worst"
+        rotation = f"{self.median_deg:.2g} and {self.worst_deg:.2g} degrees"
+        return f"{self.poses} poses reached: off by {position} ({rotation})"
+
+
+def reached(evaluation: Evaluation) -> Reached | None:
+    """None where the simulation itself moved the arm."""
+    executions = [trial.execution for task in evaluation.tasks for trial in task.trials]
+    misses = [miss for execution in executions if execution is not None for miss in execution.misses]
+    if not misses:
+        return None
+    off_mm, off_deg = [1000 * off_m for off_m, _ in misses], [turned_deg for _, turned_deg in misses]
+    return Reached(len(misses), median(off_mm), max(off_mm), median(off_deg), max(off_deg))

@@ -9,7 +9,6 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, ClassVar, Protocol
 
@@ -141,11 +140,6 @@ class MetaWorld:
 
 
 WORLD = MetaWorld()
-
-
-def versions() -> dict[str, str]:
-    """Of what a scene depends on. Runs in the world's environment."""
-    return {package: version(package) for package in ("metaworld", "mujoco")}
 
 
 def gripper_open(fingers: Floats) -> NDArray[np.bool_]:

@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import pytest
 
-from app.evaluation.paper_layout import paper_markdown
+from app.evaluation.paper_sweep import paper_markdown
 from app.evaluation.paper_tables import limited, paper_plan, paper_tables
 from app.evaluation.results import Crash, Evaluation, TaskEvaluation
 from tests.evaluation.trials import ANSWER, trial

@@ -5,8 +5,8 @@ from dataclasses import replace
 import pytest
 
 from app.evaluation.methods import Method
-from app.evaluation.reached import reached
 from app.evaluation.results import Evaluation, TaskEvaluation
+from app.evaluation.scores import reached
 from tests.evaluation.trials import trial
 
 

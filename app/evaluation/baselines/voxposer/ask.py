@@ -1,8 +1,16 @@
-"""From a scene to actions by a program that a language model writes."""
+"""From a scene to actions by a program that a language model writes; one prompt for every task.
 
+The published method asks a chain of language models: one splits the instruction, one composes value maps, one writes
+each kind of map. Here one reply does all three, in a program of the same kinds of steps. `functions.txt` has what it
+may call, `examples.txt` worked examples, of tasks that no evaluation here has.
+"""
+
+import json
+import re
 import time
 from collections.abc import Sequence
 from dataclasses import asdict
+from importlib.resources import files
 from typing import Any
 
 import numpy as np
@@ -10,10 +18,10 @@ from scipy.spatial.transform import Rotation
 
 from app.evaluation.baselines.models import Models
 from app.evaluation.baselines.voxposer.plan import plan_moves
-from app.evaluation.baselines.voxposer.prompt import program_of, program_prompt
 from app.evaluation.baselines.voxposer.sandbox import Scene, SeenObject, run_program
 from app.evaluation.failures import ProgramRefusedError
 from app.llm.base import Completion, CompletionRequest
+from app.pipeline.prompt import Prompt
 from app.pipeline.workspace import Workspace
 from app.sim.outcomes import SceneView
 from roboprompt_client.arrays import Array
@@ -25,6 +33,40 @@ MAX_TOKENS = 1024  # of a program; the longest of oracle_programs.txt has about 
 TIMEOUT_S = 300.0
 ASSUMED_RADIUS_M = 0.025  # of an object, of which programs see nothing but its pose
 SPACING_M = 0.005
+
+
+def _text(name: str) -> str:
+    return (files(__package__) / name).read_text(encoding="utf-8")
+
+
+SYSTEM = (
+    "You control a robot arm with a parallel gripper. For a task and the objects in the scene you write a short "
+    "program in a small part of Python that paints 3D value maps and moves the gripper by them. Reply with the "
+    f"program alone.\n\n{_text('functions.txt')}"
+)
+EXAMPLES = _text("examples.txt")
+STOP = ("\n# objects:", "\n# task:")
+_FENCED = re.compile(r"```(?:python|py)?[ \t]*\n(.*?)```", re.DOTALL)
+
+
+def program_prompt(objects: Sequence[ObjectPose], instruction: str) -> Prompt:
+    """The prompt that asks for a program."""
+    names = ", ".join(json.dumps(pose.name, ensure_ascii=False) for pose in objects)
+    return Prompt(SYSTEM, EXAMPLES, f"# objects: {names}\n# task: {instruction}\n", STOP)
+
+
+def program_of(reply_text: str) -> str:
+    """The program in a reply: all of it, or what stands in its only ``` fence.
+
+    Raises:
+        ProgramRefusedError: if there are several fences, or one that does not end.
+    """
+    if "```" not in reply_text:
+        return reply_text
+    fenced = _FENCED.findall(reply_text)
+    if len(fenced) != 1 or reply_text.count("```") != 2:
+        raise ProgramRefusedError("the reply is not one program (valid: the program alone, or in one ``` fence)")
+    return str(fenced[0])
 
 
 def ask_for_program(

@@ -4,8 +4,10 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from app.evaluation.baselines.voxposer.program.arguments import (
+from app.evaluation.baselines.voxposer.program.interpreter import Readable, Target
+from app.evaluation.baselines.voxposer.program.operations import (
     PLAIN,
+    CommandError,
     axis_number,
     finite,
     is_index,
@@ -13,8 +15,6 @@ from app.evaluation.baselines.voxposer.program.arguments import (
     map_value,
     span,
 )
-from app.evaluation.baselines.voxposer.program.interpreter import Readable, Target
-from app.evaluation.baselines.voxposer.program.operations import CommandError
 from app.evaluation.baselines.voxposer.program.voxels import SIZE, Box, Voxel, Voxels, pointing_down, turned, yaw_deg
 
 MAX_MOVES = 40
