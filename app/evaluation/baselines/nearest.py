@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from app.evaluation.ledger import poses_of
 from app.evaluation.results import TaughtEpisode
 from app.pipeline.geometry import canonical_pose
 from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
@@ -27,7 +28,7 @@ def replayed(
     observed = {pose.name: canonical_pose(pose, yaw_symmetry_deg.get(pose.name)) for pose in objects}
 
     def distance_m(item: TaughtEpisode) -> float:
-        poses = [ObjectPose(o["name"], o["position"], o["quaternion_xyzw"]) for o in item.document["objects"]]
+        poses = poses_of(item.document)
         return sum(_distance_m(canonical_pose(p, yaw_symmetry_deg.get(p.name)), observed[p.name]) for p in poses)
 
     nearest = min(alike, key=distance_m)
