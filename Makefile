@@ -130,7 +130,7 @@ bench: dev
 	$(BIN)/python -m benchmarks.bench
 
 # In an environment of its own: metaworld pins another mujoco than the simulated Panda needs.
-# Options: make metaworld METAWORLD="--tasks push --models nearest"
+# Options: make metaworld METAWORLD="--task push --method nearest"
 METAWORLD_BIN := benchmarks/metaworld/.venv/bin
 METAWORLD_STAMP := benchmarks/metaworld/.venv/.installed
 
@@ -140,7 +140,7 @@ $(METAWORLD_STAMP): benchmarks/metaworld/requirements.txt
 	touch $(METAWORLD_STAMP)
 
 metaworld: setup $(METAWORLD_STAMP)
-	$(METAWORLD_BIN)/python -m benchmarks.metaworld.run --serve-with $(BIN)/python $(METAWORLD)
+	$(BIN)/python -m app.cli eval --world benchmarks.metaworld.world $(METAWORLD)
 
 # The robot's side where nothing of the server is: make client CLIENT_PYTHON=python3.10
 CLIENT_PYTHON ?= $(PYTHON)

@@ -21,7 +21,8 @@ from app.perception.cuboid.estimator import CuboidPoses
 from app.perception.cuboid.learn import learn_models
 from app.perception.cuboid.model import CuboidModel
 from app.pipeline.geometry import canonical_pose
-from app.sim.demonstrate import SceneView, view_scene
+from app.sim.demonstrate import view_scene
+from app.sim.outcomes import SceneView
 from app.sim.tasks.cubes import HALF_SIZE_M
 from app.sim.world import TABLE_TOP_M
 from benchmarks.camera_noise import as_a_camera_sees_it

@@ -49,9 +49,11 @@ def demo(
     Starts the real service on a free port, with its embedded LLM. Writes a report with pictures, failures first.
     """
     # The simulator is an extra that `roboprompt serve` does without.
-    from app.evaluation.methods import methods_beside, with_poses
+    from app.evaluation.methods import with_poses
+    from app.evaluation.panda import Panda
     from app.evaluation.plan import Plan
     from app.evaluation.run import run_demo
+    from app.evaluation.sweeps import methods_beside
 
     _check_names(task, representation, model)
     _check_robot(robot)
@@ -63,10 +65,10 @@ def demo(
     console = Console(stderr=as_json)
     command = shlex.join(["roboprompt", *sys.argv[1:]])
     methods = with_poses(methods_beside(model, representation)[: None if compare else 1], poses)
-    plan = Plan(tuple(task or TASKS), methods, episodes, demos, command, images=True, robot=robot)
+    plan = Plan(tuple(task or TASKS), methods, episodes, demos, command, Panda(robot=robot), images=True)
     columns = (TextColumn("{task.description:<30}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console) as progress:
-        evaluation = run_demo(plan, progress, data)
+        evaluation = run_demo(plan, progress, data, workers=1 if robot == "franka" else None)
     figures = _report(evaluation, folder, console)
     console.print(f"To walk through it in a browser: roboprompt serve --data {data}", soft_wrap=True)
     if as_json:
@@ -86,9 +88,9 @@ def _check_names(tasks: list[str] | None, representation: str | None, model: str
 
 def _report(evaluation: "Evaluation", folder: Path, console: Console) -> dict[str, object]:
     """Print the results and write the report; the same figures for programs."""
-    from app.evaluation.reached import reached
     from app.evaluation.report import write_report
-    from app.evaluation.scores import errors_of, results_table, summary
+    from app.evaluation.scores import errors_of, reached
+    from app.evaluation.tables import results_table, sweep_summary
 
     console.print(results_table(evaluation))
     for message, number in errors_of(evaluation):
@@ -99,7 +101,8 @@ def _report(evaluation: "Evaluation", folder: Path, console: Console) -> dict[st
     index = write_report(evaluation, folder)
     console.print(f"{evaluation.duration_s:.0f} s in all; report: {index}")
     arrived = {} if arrivals is None else {"reached": asdict(arrivals)}
-    return {**summary(evaluation), **arrived, "report": str(index)}
+    run = {"command": evaluation.command, "duration_s": round(evaluation.duration_s, 1), "report": str(index)}
+    return {**run, **sweep_summary(evaluation), **arrived}
 
 
 def _check_robot(robot: str) -> None:

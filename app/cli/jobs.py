@@ -11,10 +11,10 @@ import typer
 from rich.console import Console
 
 from app.cli.shared import EnvFile, settings_of
+from app.executors import Executor, LocalExecutor, RayExecutor
 from roboprompt_client.errors import RoboPromptError
 
 if TYPE_CHECKING:
-    from app.evaluation.executors import Executor
     from app.services.task_settings import TaskSettings
     from app.settings import Settings
     from app.store.records import EpisodeRecord, Extraction
@@ -37,10 +37,6 @@ def jobs(
     ROBOPROMPT_WORK_AT_JOBS=false it leaves jobs to this command. Every machine of a Ray cluster must reach both: a
     PostgreSQL and an object store by URL, or a shared folder.
     """
-    from app.evaluation.executors import LocalExecutor
-    from app.evaluation.failures import EvaluationError
-    from app.evaluation.ray_executor import RayExecutor
-
     settings = settings_of(data, env_file)
     settings = settings.model_copy(update={"data": settings.data.resolve()})
     try:
@@ -49,13 +45,13 @@ def jobs(
             done = _work(settings, executor)
         finally:
             executor.close()
-    except (RoboPromptError, EvaluationError, ConnectionError) as error:
+    except (RoboPromptError, ConnectionError) as error:
         Console(stderr=True).print(str(error), markup=False, soft_wrap=True)
         raise typer.Exit(1) from error
     print(json.dumps({**done, "where": executor.description}))  # noqa: T201
 
 
-def _work(settings: "Settings", executor: "Executor") -> dict[str, float]:
+def _work(settings: "Settings", executor: Executor) -> dict[str, float]:
     """Jobs and episodes worked at, and the seconds it took."""
     from app.bootstrap import open_store
     from app.services.teach.reextract import RunJobs
@@ -79,7 +75,7 @@ def _work(settings: "Settings", executor: "Executor") -> dict[str, float]:
 
 
 def _spread(
-    settings: "Settings", executor: "Executor"
+    settings: "Settings", executor: Executor
 ) -> "Callable[[Sequence[EpisodeRecord], TaskSettings], list[Extraction]]":
     """Extracts a batch in chunks, each by a worker that opens the store itself."""
     address = (str(settings.data), settings.database_url, settings.blobs_url)

@@ -7,10 +7,11 @@ EvaluationError
 ├── NotLearnedError      objects of a task cannot be found in images
 ├── OtherModelError      the results that are there were made with another default model
 ├── BudgetSpentError     the next trial may exceed the budget
-├── NotConfirmedError    nobody agreed to the estimated cost
+├── NotConfirmedError    the estimated cost was not agreed to
 ├── LedgerInUseError     another run writes into the same results
 ├── LedgerDamagedError   a line of the results that no run has written
-└── RayMissingError      Ray is not installed
+├── UnknownWorldError    a world that is not there, or whose environment is missing
+└── ProgramRefusedError  a baseline's program that gives no actions
 """
 
 from roboprompt_client.errors import RoboPromptError
@@ -45,7 +46,7 @@ class BudgetSpentError(EvaluationError):
 
 
 class NotConfirmedError(EvaluationError):
-    """Nobody agreed to the estimated cost; nothing was asked."""
+    """The estimated cost was not agreed to; no LLM was asked."""
 
 
 class LedgerInUseError(EvaluationError):
@@ -56,5 +57,9 @@ class LedgerDamagedError(EvaluationError):
     """A line that no run has written."""
 
 
-class RayMissingError(EvaluationError):
-    """Ray is not installed."""
+class UnknownWorldError(EvaluationError):
+    """A world that is not there, or whose environment is missing."""
+
+
+class ProgramRefusedError(EvaluationError):
+    """A baseline's program that is not allowed, fails, or asks for nothing that can be planned; never repaired."""

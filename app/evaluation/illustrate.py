@@ -6,16 +6,17 @@ longer than the simulation.
 
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import chain, zip_longest
 
 from rich.progress import Progress
 
-from app.evaluation.executors import Executor
-from app.evaluation.results import Evaluation, Method, TaskEvaluation, TaughtEpisode, Trial
-from app.sim.demonstrate import RolloutResult, SceneView, rollout, view_scene
-from app.sim.tasks import ALL_TASKS
-from roboprompt_client.trajectory import EndEffectorAction
+from app.evaluation.methods import Method
+from app.evaluation.panda import film
+from app.evaluation.results import Evaluation, TaskEvaluation, TaughtEpisode, Trial
+from app.executors import Executor
+from app.sim.demonstrate import view_scene
+from app.sim.outcomes import RolloutResult, SceneView
 
 MAX_FAILURES = 12  # a task
 MAX_SUCCESSES = 2  # a task
@@ -49,10 +50,7 @@ def _in_turns(groups: Sequence[Sequence[Trial]]) -> list[Trial]:
     return [trial for turn in zip_longest(*groups) for trial in turn if trial is not None]
 
 
-@dataclass(frozen=True, eq=False)
-class _Pictures:
-    scene: SceneView
-    execution: RolloutResult | None
+_Pictures = tuple[SceneView, RolloutResult | None]
 
 
 def illustrated(evaluation: Evaluation, executor: Executor, progress: Progress) -> Iterator[TaskEvaluation]:
@@ -83,19 +81,7 @@ def _view_first(executor: Executor, taught: Sequence[TaughtEpisode]) -> Future[S
 
 
 def _submit(executor: Executor, trial: Trial) -> Future[_Pictures]:
-    actions = None if trial.execution is None else trial.actions
-    return executor.submit(_take_pictures, trial.task, trial.seed, actions, trial.shift_m)
-
-
-def _take_pictures(
-    task: str, seed: int, actions: Sequence[EndEffectorAction] | None, shift_m: float = 0.0
-) -> _Pictures:
-    """Runs in a worker."""
-    variation = ALL_TASKS[task].test_variation(seed)
-    scene = view_scene(task, seed, variation=variation)
-    if actions is None:
-        return _Pictures(scene, None)
-    return _Pictures(scene, rollout(task, seed, actions, variation=variation, film_strip=True, shift_m=shift_m))
+    return executor.submit(film, trial.scene, None if trial.execution is None else trial.actions, trial.shift_m)
 
 
 def _with_pictures(
@@ -111,10 +97,10 @@ def _with_pictures(
 
 def _illustrate(trial: Trial, pictures: _Pictures) -> Trial:
     """The trial with its pictures. The outcome stays that of the trial; where the pictures show another, it says so."""
-    execution, again = trial.execution, pictures.execution
+    execution, (scene, again) = trial.execution, pictures
     if execution is not None and again is not None:
         note = (
             "" if again.succeeded == execution.succeeded else " (simulated again for these pictures: another outcome)"
         )
         execution = replace(execution, film_strip=again.film_strip, failure=execution.failure + note)
-    return replace(trial, scene=pictures.scene, execution=execution)
+    return replace(trial, scene=scene, execution=execution)

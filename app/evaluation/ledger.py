@@ -18,8 +18,9 @@ from typing import Any, Self
 import numpy as np
 
 from app.evaluation.failures import LedgerDamagedError, LedgerInUseError
-from app.evaluation.results import Crash, Method, Trial
-from app.sim.demonstrate import RolloutResult, SceneView
+from app.evaluation.methods import Method
+from app.evaluation.results import Crash, Trial
+from app.sim.outcomes import RolloutResult, SceneView
 from roboprompt_client.trajectory import EndEffectorAction, ObjectPose, object_json
 
 Document = Mapping[str, Any]
@@ -59,7 +60,7 @@ def outcome_of(document: Document) -> Trial | Crash:
     execution, num_executed = None, document["num_executed"]
     if num_executed is not None:
         succeeded = document["status"] == "success"
-        misses = tuple((off_m, off_deg) for off_m, off_deg in document.get("misses", ()))
+        misses = tuple((off_m, off_deg) for off_m, off_deg in document["misses"])
         execution = RolloutResult(task, seed, num_executed, succeeded, document["failure"], (), misses)
     return Trial(
         task,
@@ -71,15 +72,20 @@ def outcome_of(document: Document) -> Trial | Crash:
         execution=execution,
         predict_s=document["predict_s"],
         execute_s=document["execute_s"],
-        actions=tuple(_action(item) for item in document["actions"]),
-        shift_m=document.get("shift_m", 0.0),
-        refused=document.get("refused", False),
+        actions=tuple(action_of(item) for item in document["actions"]),
+        shift_m=document["shift_m"],
+        refused=document["refused"],
     )
 
 
 def _scene(document: Document) -> SceneView:
-    objects = [ObjectPose(item["name"], item["position"], item["quaternion_xyzw"]) for item in document["objects"]]
-    return SceneView(document["task"], document["seed"], document["instruction"], tuple(objects), (), {})
+    return SceneView(document["task"], document["seed"], document["instruction"], poses_of(document), (), {})
+
+
+def poses_of(document: Document) -> tuple[ObjectPose, ...]:
+    """The objects of a document, the service's or ours."""
+    objects = document["objects"]
+    return tuple(ObjectPose(item["name"], item["position"], item["quaternion_xyzw"]) for item in objects)
 
 
 def _action_json(action: EndEffectorAction) -> Document:
@@ -90,7 +96,8 @@ def _action_json(action: EndEffectorAction) -> Document:
     }
 
 
-def _action(item: Document) -> EndEffectorAction:
+def action_of(item: Document) -> EndEffectorAction:
+    """An action of a document, the service's or ours."""
     return EndEffectorAction(np.array(item["position"]), np.array(item["quaternion_xyzw"]), item["gripper_open"])
 
 
@@ -100,20 +107,8 @@ def digest_of(method: Method, taught: Mapping[str, Any]) -> str:
     Args:
         taught: how the demonstrations are made.
     """
-    everything = {**asdict(method), **taught}
-    del everything["stored"]  # `taught` tells how many were recorded
-    if method.poses == "given":  # results that do not say stay valid
-        del everything["poses"]
-    if method.taught_noise == method.noise:  # the same holds of noise on both
-        del everything["noise_on"]
-    if not method.shift_m:  # and of scenes that nobody changes
-        del everything["shift_m"]
-        if not method.look_again:
-            del everything["look_again"]
-    if not method.lead_s:  # and of robots that go where they see an object
-        del everything["lead_s"]
-    if not method.unseen:  # and of tasks that are taught themselves
-        del everything["unseen"]
+    everything = {**asdict(method), "taught_noise": method.taught_noise, **taught}
+    del everything["stored"], everything["noise_on"]  # `taught` tells how many were recorded
     return hashlib.sha256(json.dumps(everything, sort_keys=True).encode()).hexdigest()[:DIGEST_CHARS]
 
 

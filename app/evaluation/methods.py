@@ -1,81 +1,98 @@
-"""The methods that evaluations compare, and the named sweeps that hold them against each other.
-
-To add a sweep, add an entry.
-"""
+"""What a method is, and the variants of methods that options ask for."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal
 
-from app.evaluation.results import EXPERT, REPLAY, VOXPOSER_ORACLE, Method, NoiseOn, Poses
-from app.sim.tasks import COMPOSITION_TASKS, MOVING_TASKS, TASKS
 from roboprompt_client.errors import InvalidInputError
 
-BY_NAME = Method("")  # a model as the service asks it
-PAPER = {"representation": "absolute", "prompt_format": "paper", "system_prompt": "a"}
-KAT = {"representation": "action_tokens", "prompt_format": "kat"}
-# A yardstick shows what its actions are worth; held to the demonstrations, most of them would be refused.
-REGRESSION = Method("regression, no LLM", {"model": "regression", "unsupported": "allow"})
-COPY = Method("nearest demonstration's rows, no LLM", {"model": "nearest"})
-UNSEEN = Method("similar tasks", unseen=True)
-NEAREST = Method("nearest demonstration", source="nearest demonstration")
-# A way over value maps has more corners than a list of keyframes has rows.
-VOXPOSER = Method("voxposer", {"method": "voxposer", "max_actions": 100, "timeout_s": 300.0})
-
-# What a method can be called beside the labels of a sweep
-SIMPLE_NAMES: Mapping[str, Method] = {
-    "default": Method("default"),
-    "nearest": COPY,
-    "regression": REGRESSION,
-    "replay": REPLAY,
-    "expert": EXPERT,
-    "voxposer": VOXPOSER,
-    "voxposer-oracle": VOXPOSER_ORACLE,
-}
-INTERVALS = (5, 10, 20, 40, 80)  # frames; paper, section V "Keyframe extraction"
-DEMONSTRATIONS = (1, 2, 5, 10, 15)
-SYSTEM_PROMPTS = ("a", "b", "c")  # paper, supplement "Different system prompts"
-SELECTIONS = ("first", "diverse", "nearest")
-STORED = 30
-NOISE = (0.5, 1.0, 1.5, 2.0)  # paper, section V "Robustness to pose estimation error"
-EMBEDDED = ("embedded/gemma-3-270m", "embedded/smollm2-135m")
-# An episode of 10 s at 20 Hz has 40 actions at an interval of 5 frames, 15 more than the service allows by default.
-LONG_REPLIES = {"max_actions": 100, "timeout_s": 300.0}
-# How the yardstick of compositions asks, so that it measures the model: what no demonstration shows is not refused, and
-# each demonstration is shown as it was recorded. By itself a task averages rows that scatter, and with them what the
-# scene decides. See docs/composition.md.
-ALLOWED = {"unfamiliar": "allow", "unsupported": "allow"}
-AS_RECORDED = {"keyframes": {"rule": "merged"}}
-LONG_PLAN_S = 300.0
-# From a look to closed fingers: 0.4 s until the poses are known, some 1.4 s of motion, half of the fingers' way.
-LEAD_S = 2.0
-AS_ANSWERED = Method("as answered", source="robot loop")
-LOOKING = replace(AS_ANSWERED, label="look again", look_again=True)
-OPEN = Method("", {**PAPER, **ALLOWED, "timeout_s": LONG_PLAN_S}, AS_RECORDED)
+# Where a method's actions come from; `app.evaluation.trials` has the function for each.
+Poses = Literal["given", "vision"]
+NoiseOn = Literal["both", "test"]
+Source = Literal[
+    "service",
+    "closed loop",
+    "nearest demonstration",
+    "expert replay",
+    "expert",
+    "robot loop",
+    "own keyframes",
+    "voxposer",
+    "voxposer oracle",
+]
+OF_THE_SERVICE = frozenset[Source]({"service", "closed loop", "robot loop"})
+OF_THE_PANDA = frozenset[Source]({"closed loop", "robot loop", "expert replay", "voxposer oracle"})
 
 
-def chosen(methods: Sequence[Method], names: Sequence[str], models: Sequence[str]) -> tuple[Method, ...]:
-    """The methods that are asked for by name, in that order; all if none are.
+@dataclass(frozen=True)
+class Method:
+    """A way to get from a scene to actions: one configuration of a sweep.
 
-    Args:
-        methods: of a sweep, with its models.
-        names: labels of `methods`, or simple ones.
-        models: for those that a simple name stands for; see `with_models`.
-
-    Raises:
-        InvalidInputError: naming the names that there are.
+    Attributes:
+        label: how tables name it.
+        options: for `POST /predict`.
+        settings: for `PUT /tasks/{name}`, beside those of every evaluation; methods that differ here are taught under
+            different task names.
+        noise: added to poses, as a multiple of the error in `app.evaluation.paper`.
+        noise_on: whether it is added to the poses of demonstrations and tests, or of tests alone.
+        poses: whether the service is given the objects' poses, or finds them in images (`app.evaluation.teach`).
+        stored: episodes that the task must have for the service to choose from, if more than it shows.
+        source: where the actions come from; `closed loop` asks the service for one at a time, `robot loop` once for
+            all, and the robot carries them out one by one; others do not ask it.
+        shift_m: how far the free objects are moved between answer and first action; for the `robot loop`.
+        look_again: whether the robot then looks again (`roboprompt_client.look_again`).
+        lead_s: where objects move by themselves, how far ahead the robot then aims (`roboprompt_client.leading`).
+        unseen: whether the task is taught nothing, and prompts show the most similar ones of the other tasks.
     """
-    by_label = {method.label: method for method in methods}
-    found: dict[str, Method] = {} if names else by_label
-    for name in names:
-        if name not in by_label and name not in SIMPLE_NAMES:
-            valid = ", ".join(map(repr, dict.fromkeys([*by_label, *SIMPLE_NAMES])))
-            raise InvalidInputError("method", f"{name!r} is neither a label of the sweep nor a simple name", valid)
-        label = name if name in by_label else SIMPLE_NAMES[name].label
-        named = (by_label[label],) if label in by_label else with_models((SIMPLE_NAMES[name],), models)
-        found.update((method.label, method) for method in named)
-    return tuple(found.values())
+
+    label: str
+    options: Mapping[str, Any] = field(default_factory=dict)
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    noise: float = 0.0
+    source: Source = "service"
+    poses: Poses = "given"
+    stored: int = 0
+    noise_on: NoiseOn = "both"
+    shift_m: float = 0.0
+    look_again: bool = False
+    lead_s: float = 0.0
+    unseen: bool = False
+
+    def __post_init__(self) -> None:
+        if self.unseen and (self.taught_noise or self.poses == "vision" or self.source != "service"):
+            why = "demonstrations of other tasks have given poses without noise, and one answer is asked for"
+            raise InvalidInputError(
+                f"methods[{self.label}].unseen", f"is true, but {why}", "noise_on 'test', poses given"
+            )
+        if self.poses == "vision" and (self.noise or self.source != "service"):
+            why = "noise is added to given poses" if self.noise else f"{self.source} takes given poses"
+            raise InvalidInputError(f"methods[{self.label}].poses", f"is 'vision', but {why}", "given")
+
+    @property
+    def asks_service(self) -> bool:
+        """Whether the service is asked for actions."""
+        return self.source in OF_THE_SERVICE
+
+    @property
+    def asks_model(self) -> bool:
+        """Whether an LLM is asked, by the service or directly."""
+        return self.asks_service or self.source == "voxposer"
+
+    @property
+    def sees_poses(self) -> bool:
+        """Whether the actions depend on where objects are seen."""
+        return self.asks_model or self.source in ("nearest demonstration", "voxposer oracle")
+
+    @property
+    def needs_panda(self) -> bool:
+        """Whether it uses what only the simulated Panda has."""
+        return self.source in OF_THE_PANDA or self.poses == "vision" or self.shift_m > 0
+
+    @property
+    def taught_noise(self) -> float:
+        """The noise on the poses of demonstrations."""
+        return self.noise if self.noise_on == "both" else 0.0
 
 
 def with_noise(methods: Iterable[Method], scale: float | None, on: NoiseOn) -> tuple[Method, ...]:
@@ -119,22 +136,6 @@ def with_shift(methods: Iterable[Method], shift_m: float) -> tuple[Method, ...]:
     return tuple(pairs)
 
 
-def methods_beside(model: str | None, representation: str | None) -> tuple[Method, ...]:
-    """The method asked for, and what to hold it against: the paper's format, a regression, the expert's replay.
-
-    Args:
-        model: a name from `GET /models`; None: the service's default, which is not asked in the paper's format as well:
-            that is beyond a model so small (0 of 20, docs/results/formats), and would take most of the time.
-        representation: None: what suits the model.
-    """
-    given: dict[str, Any] = {"model": model, "representation": representation}
-    options = {name: value for name, value in given.items() if value is not None}
-    label = ", ".join([model or "default LLM", representation or "its representation"])
-    # As a yardstick, see REGRESSION; nor did the paper ask twice.
-    paper = Method("the same LLM, paper's format", {**options, **PAPER, "unsupported": "allow"})
-    return Method(label, options), *([paper] if model else []), REGRESSION, REPLAY
-
-
 def with_poses(methods: Iterable[Method], poses: Poses) -> tuple[Method, ...]:
     """The methods with the service finding poses in the given way; those that do not ask it stay as they are.
 
@@ -145,140 +146,17 @@ def with_poses(methods: Iterable[Method], poses: Poses) -> tuple[Method, ...]:
 
 
 def with_models(methods: Iterable[Method], models: Sequence[str]) -> tuple[Method, ...]:
-    """The methods with each of the models in turn; those that name a model or ask nobody stay as they are.
+    """The methods with each of the models in turn; those that name a model or ask none stay as they are.
 
     Args:
         models: none leaves the choice to the service.
     """
     crossed: list[Method] = []
     for method in methods:
-        if not method.asks_service or "model" in method.options or not models:
+        if not method.asks_model or "model" in method.options or not models:
             crossed.append(method)
             continue
         for model in models:
             label = f"{method.label}, {model}" if len(models) > 1 else method.label
             crossed.append(replace(method, label=label, options={**method.options, "model": model}))
     return tuple(crossed)
-
-
-@dataclass(frozen=True)
-class Sweep:
-    """Methods to compare on the same scenes.
-
-    Attributes:
-        about: one line for people.
-        models: compared beside those that are asked for; empty where models are not what is compared.
-        asked: how they are asked; its label is each model's name.
-        tasks: which are evaluated unless others are asked for.
-        lending: which are taught in any case, see `app.evaluation.plan`.
-    """
-
-    about: str
-    methods: tuple[Method, ...] = ()
-    models: tuple[str, ...] = ()
-    asked: Method = BY_NAME
-    tasks: tuple[str, ...] = tuple(TASKS)
-    lending: tuple[str, ...] = ()
-
-    def with_models(self, given: Sequence[str]) -> tuple[Method, ...]:
-        """The methods with the models that are asked for, if any."""
-        models = dict.fromkeys([*self.models, *given] if self.models else [])
-        return (*map(self._asking, models), *with_models(self.methods, given))
-
-    def _asking(self, model: str) -> Method:
-        return replace(self.asked, label=model, options={"model": model, **self.asked.options})
-
-
-def _openly(method: Method) -> Method:
-    return replace(method, options={**method.options, **ALLOWED}, settings=AS_RECORDED)
-
-
-def _uniform(interval: int) -> Method:
-    keyframes = {"rule": "uniform", "interval": interval}
-    return Method(f"uniform {interval}", LONG_REPLIES, settings={"keyframes": keyframes})
-
-
-def _selected(selection: str, shown: int) -> Method:
-    options = {"selection": selection, "num_demonstrations": shown}
-    return Method(f"{shown} {selection} of {STORED}", options, noise=1.0, stored=STORED)
-
-
-SWEEPS: Mapping[str, Sweep] = {
-    "main": Sweep(
-        "the default method against methods without an LLM, and against the expert's replay",
-        (Method("default"), COPY, REGRESSION, NEAREST, REPLAY),
-    ),
-    "formats": Sweep(
-        "rows relative to objects against the paper's and the authors' formats, and against KAT's action tokens",
-        (
-            Method("object_frame", {"representation": "object_frame"}),
-            Method("absolute, paper", PAPER),
-            Method("absolute, authors", {**PAPER, "prompt_format": "authors"}),
-            Method("KAT", KAT),
-            Method("action tokens in the paper's prompt", {**PAPER, "representation": "action_tokens"}),
-        ),
-    ),
-    "keyframes": Sweep(
-        "keyframes against uniform sampling",
-        (Method("keyframes", LONG_REPLIES), *(_uniform(interval) for interval in INTERVALS)),
-    ),
-    "demonstrations": Sweep(
-        "the number of demonstrations",
-        tuple(Method(f"{number} demonstrations", {"num_demonstrations": number}) for number in DEMONSTRATIONS),
-    ),
-    "selection": Sweep(
-        "which of thirty demonstrations are shown, in the paper's noise: nearest ones fit, but are read again",
-        tuple(_selected(selection, shown) for shown in (3, 10) for selection in SELECTIONS),
-    ),
-    "system_prompts": Sweep(
-        "the paper's system prompt and its paraphrases, in the paper's format",
-        tuple(Method(f"system prompt {name}", {**PAPER, "system_prompt": name}) for name in SYSTEM_PROMPTS),
-    ),
-    "noise": Sweep(
-        "noise on object poses, in multiples of 1.68 cm and 4.61 degrees",
-        (Method("no noise"), *(Method(f"noise x {scale:g}", noise=scale) for scale in NOISE)),
-    ),
-    "poses": Sweep(
-        "poses given against poses found in images, by models learned from six labelled scenes",
-        (Method("given poses"), Method("poses from images", poses="vision"), REPLAY),
-    ),
-    "experts": Sweep(
-        "the scripted experts, and their keyframes after binning: the ceiling of every other method; asks no LLM",
-        (EXPERT, REPLAY),
-    ),
-    "loop": Sweep(
-        "one observation against one before every action",
-        (Method("open loop"), Method("closed loop", source="closed loop")),
-    ),
-    "models": Sweep("the embedded LLMs and any given", models=EMBEDDED),
-    "unseen": Sweep(
-        "each task untaught, the prompt with demonstrations of the three most similar of the other tasks; beside it the"
-        " copy of the nearest of its own",
-        (
-            UNSEEN,
-            replace(COPY, label=f"{UNSEEN.label}, nearest, no LLM", unseen=True),
-            replace(REGRESSION, label=f"{UNSEEN.label}, regression, no LLM", unseen=True),
-            COPY,
-        ),
-        lending=tuple(TASKS),
-    ),
-    "moving": Sweep(
-        "a cube that moves at 2, 5 or 10 cm/s (in turn with the scenes) and was demonstrated at rest: as answered,"
-        " looking again, and aiming where two looks say that it will be",
-        (AS_ANSWERED, LOOKING, replace(LOOKING, label="look again and lead", lead_s=LEAD_S)),
-        tasks=tuple(MOVING_TASKS),
-    ),
-    "composition": Sweep(
-        "tasks whose tests ask for combinations that no demonstration shows, so that copying fails; `default` as the"
-        " service refuses by itself, all others with everything allowed",
-        (
-            Method("default", {"timeout_s": LONG_PLAN_S}),
-            _openly(COPY),
-            _openly(REGRESSION),
-            REPLAY,
-        ),
-        EMBEDDED,
-        OPEN,
-        tuple(COMPOSITION_TASKS),
-    ),
-}

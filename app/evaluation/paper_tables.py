@@ -11,11 +11,11 @@ scenes stand in.
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from app.evaluation.methods import DEMONSTRATIONS, INTERVALS, KAT, LONG_REPLIES, NOISE, PAPER, SYSTEM_PROMPTS
+from app.evaluation.methods import Method
 from app.evaluation.paper import REAL_TASKS, RLBENCH_TASKS, SUCCESS_PERCENT, mean_percent
 from app.evaluation.plan import Plan
-from app.evaluation.results import Method
-from app.evaluation.trials import Cell
+from app.evaluation.sweeps import DEMONSTRATIONS, INTERVALS, KAT, LONG_REPLIES, NOISE, PAPER, SYSTEM_PROMPTS
+from app.evaluation.trials import PlannedTrial
 
 ROBOPROMPT = "RoboPrompt"
 # The paper has no guard: what the LLM says is carried out.
@@ -52,12 +52,12 @@ class PaperTable:
     shows_tasks: bool
     note: str
 
-    def cells(self, first_seed: int) -> Iterator[Cell]:
+    def trials(self, first_seed: int) -> Iterator[PlannedTrial]:
         """Its trials. A method's trials on a task follow each other, so that the LLM keeps their common prefix."""
         for task in self.tasks:
             for method in self.methods:
                 for seed in range(first_seed, first_seed + self.episodes):
-                    yield Cell(task, seed, method)
+                    yield PlannedTrial(task, seed, method)
 
 
 @dataclass(frozen=True)
@@ -70,20 +70,19 @@ class PaperPlan(Plan):
 
     tables: tuple[PaperTable, ...] = ()
 
-    def cells(self) -> Iterator[Cell]:
+    def trials(self) -> Iterator[PlannedTrial]:
         """Every trial."""
-        for _, cell in self.cells_by_table():
-            yield cell
+        for _, planned in self.trials_by_table():
+            yield planned
 
-    def cells_by_table(self) -> Iterator[tuple[PaperTable, Cell]]:
+    def trials_by_table(self) -> Iterator[tuple[PaperTable, PlannedTrial]]:
         """Every trial, with the first table that needs it."""
         seen: set[tuple[str, int, str]] = set()
         for table in self.tables:
-            for cell in table.cells(self.first_test_seed):
-                key = cell.task, cell.seed, cell.method.label
-                if key not in seen:
-                    seen.add(key)
-                    yield table, cell
+            for planned in table.trials(self.first_test_seed):
+                if planned.key not in seen:
+                    seen.add(planned.key)
+                    yield table, planned
 
 
 def paper_tables(models: Sequence[str]) -> tuple[PaperTable, ...]:

@@ -1,17 +1,17 @@
 """What to run, what of it a ledger has already, and whether the two belong together."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from app.evaluation.failures import OtherModelError
 from app.evaluation.ledger import Ledger, digest_of
-from app.evaluation.results import FIRST_TEST_SEED, Crash, Evaluation, Method, TaskEvaluation, Trial
-from app.evaluation.teach import Lesson, Recording
-from app.evaluation.trials import Cell
-from app.sim.demonstrate import Recordings, RobotName
-
-CONTROL_FREQUENCY_HZ = 20.0  # of RLBench's demonstrations
+from app.evaluation.methods import Method
+from app.evaluation.panda import WORLD as PANDA
+from app.evaluation.results import Crash, Evaluation, TaskEvaluation, Trial
+from app.evaluation.teach import Lesson
+from app.evaluation.trials import PlannedTrial
+from app.evaluation.world import World
 
 
 @dataclass(frozen=True)
@@ -22,12 +22,12 @@ class Plan:
         episodes: unseen scenes a task.
         demonstrations: in a prompt, unless a method says otherwise.
         command: for the report.
+        world: where demonstrations are recorded and actions carried out.
         images: whether demonstrations are uploaded with their images; recording takes a few times longer.
         predictions_at_once: requests that the service is asked at a time.
-        recordings: whether the expert rests at its poses while it demonstrates.
         first_test_seed: unseen scenes are drawn from this seed on.
-        robot: what moves the arm, in demonstrations and tests.
         lending: tasks that are taught beside those that are tested, for methods that show other tasks' demonstrations.
+        settings: of every task at the service, unless a method says otherwise.
     """
 
     tasks: tuple[str, ...]
@@ -35,13 +35,12 @@ class Plan:
     episodes: int
     demonstrations: int
     command: str
+    world: World = PANDA
     images: bool = False
     predictions_at_once: int = 1
-    control_frequency_hz: float = CONTROL_FREQUENCY_HZ
-    recordings: Recordings = "rests"
-    first_test_seed: int = FIRST_TEST_SEED
-    robot: RobotName = "simulated"
+    first_test_seed: int = PANDA.first_test_seed
     lending: tuple[str, ...] = ()
+    settings: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def recorded(self) -> int:
@@ -64,44 +63,35 @@ class Plan:
         """Of the unseen scenes."""
         return range(self.first_test_seed, self.first_test_seed + self.episodes)
 
-    @property
-    def recording(self) -> Recording:
-        """How demonstrations are recorded; they are drawn from the seeds from 0 on, but for those of unseen scenes."""
-        return Recording(self.control_frequency_hz, self.recordings, self.seeds, self.robot)
-
-    def cells(self) -> Iterator[Cell]:
+    def trials(self) -> Iterator[PlannedTrial]:
         """Every trial. A method's trials on a task follow each other, so that the LLM keeps their common prefix."""
         for task in self.tasks:
             for method in self.methods:
                 for seed in self.seeds:
-                    yield Cell(task, seed, method)
+                    yield PlannedTrial(task, seed, method)
 
     def digest(self, method: Method) -> str:
         """See `app.evaluation.ledger`."""
         taught: dict[str, Any] = {
             "demonstrations": self.demonstrations,
             "recorded": self.recorded,
-            "hz": self.control_frequency_hz,
+            "first_test_seed": self.first_test_seed,
+            "settings": self.settings,
+            **self.world.conditions(),
         }
-        if self.recordings != "rests":  # results that do not say stay valid
-            taught["recordings"] = self.recordings
-        if self.robot != "simulated":
-            taught["robot"] = self.robot
-        if self.first_test_seed != FIRST_TEST_SEED:
-            taught["first_test_seed"] = self.first_test_seed
-        if self.first_test_seed < FIRST_TEST_SEED:  # their number decides which scenes are left to demonstrate
+        if self.first_test_seed < self.world.first_test_seed:  # their number decides what is left to demonstrate
             taught["episodes"] = self.episodes
         if method.unseen:  # which of them lend their demonstrations depends on all
             taught["lending"] = sorted(self.taught)
         return digest_of(method, taught)
 
-    def outcome(self, ledger: Ledger, cell: Cell) -> Trial | Crash | None:
+    def outcome(self, ledger: Ledger, planned: PlannedTrial) -> Trial | Crash | None:
         """What the ledger has of a trial."""
-        return ledger.find(cell.task, cell.seed, cell.method.label, self.digest(cell.method))
+        return ledger.find(*planned.key, self.digest(planned.method))
 
-    def remaining(self, ledger: Ledger) -> list[Cell]:
+    def remaining(self, ledger: Ledger) -> list[PlannedTrial]:
         """The trials to be run: those without an outcome, and those that crashed."""
-        return [cell for cell in self.cells() if not isinstance(self.outcome(ledger, cell), Trial)]
+        return [planned for planned in self.trials() if not isinstance(self.outcome(ledger, planned), Trial)]
 
 
 def evaluation_of(
@@ -112,7 +102,7 @@ def evaluation_of(
     models: Sequence[Mapping[str, Any]] = (),
 ) -> Evaluation:
     """What the ledger has of the plan."""
-    outcomes = [outcome for cell in plan.cells() if (outcome := plan.outcome(ledger, cell)) is not None]
+    outcomes = [outcome for planned in plan.trials() if (outcome := plan.outcome(ledger, planned)) is not None]
     tasks = tuple(
         TaskEvaluation(
             task,
@@ -132,9 +122,9 @@ def check_default_model(plan: Plan, ledger: Ledger, models: Sequence[Mapping[str
         OtherModelError.
     """
     default = next(model["name"] for model in models if model["default"])
-    for cell in plan.cells():
-        outcome = plan.outcome(ledger, cell)
-        if not cell.method.asks_service or "model" in cell.method.options or not isinstance(outcome, Trial):
+    for planned in plan.trials():
+        outcome, method = plan.outcome(ledger, planned), planned.method
+        if not method.asks_model or "model" in method.options or not isinstance(outcome, Trial):
             continue
         used = (outcome.answer or {"model": default})["model"]
         if used != default:

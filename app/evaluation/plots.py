@@ -8,9 +8,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from app.evaluation import paper
+from app.evaluation.methods import Method
 from app.evaluation.report.charts import FONT_SIZE, LIGHT, new_figure, style_axes, success_chart
-from app.evaluation.results import Evaluation, Method
-from app.evaluation.scores import mean_rate, pooled_score, results_of, task_score, trials_of
+from app.evaluation.results import Evaluation
+from app.evaluation.scores import mean_rate, pooled_result, results_of, task_result, trials_of
 
 FORMATS = ("png", "svg")
 SIZE_IN = (6.4, 4.0)
@@ -135,7 +136,7 @@ def success_over(axis: Axis, evaluation: Evaluation) -> Figure:
 
 def _draw_tasks(axes: Axes, axis: Axis, evaluation: Evaluation, methods: Sequence[Method]) -> None:
     for task, style in zip(evaluation.tasks, TASK_STYLES, strict=False):
-        scores = [(axis.value(method), task_score(task, method).rate) for method in methods]
+        scores = [(axis.value(method), task_result(task, method).score.rate) for method in methods]
         points = [(number, 100 * rate.rate) for number, rate in scores if rate.trials]
         axes.plot(*zip(*points, strict=True), color=LIGHT.muted, linestyle=style, linewidth=0.9, label=task.task)
 
@@ -146,7 +147,7 @@ def _draw_mean(
     """The interval is Wilson's of all trials taken together, about their rate."""
     points = []
     for method in methods:
-        rate, mean = pooled_score(evaluation, method).rate, mean_rate(evaluation, method)
+        rate, mean = pooled_result(evaluation, method).score.rate, mean_rate(evaluation, method)
         if mean is not None:
             low, high = rate.interval
             points.append((axis.value(method), 100 * mean, 100 * max(mean - low, 0), 100 * max(high - mean, 0)))

@@ -1,96 +1,18 @@
-"""What an evaluation produces."""
+"""What an evaluation produces: trials, and those that could not be run, by task."""
 
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any
 
-from app.sim.demonstrate import RecordedDemonstration, RolloutResult, SceneView
-from roboprompt_client.errors import InvalidInputError
+from app.evaluation.methods import Method
+from app.sim.outcomes import RecordedDemonstration, RolloutResult, SceneView
 from roboprompt_client.trajectory import EndEffectorAction
 
-# How the errors of timeouts begin: status 504 of the service, or no answer of the service itself
-TIMED_OUT = re.compile(r"^(ServiceProblemError: 504 |ServiceUnreachableError: .*(timed out|Timeout)|TimeoutError)")
-FIRST_TEST_SEED = 100_000  # demonstrations are drawn from the seeds below
-
-# Where a method's actions come from; `app.evaluation.trials` has the function for each.
-Poses = Literal["given", "vision"]
-NoiseOn = Literal["both", "test"]
-Source = Literal[
-    "service",
-    "closed loop",
-    "nearest demonstration",
-    "expert replay",
-    "expert",
-    "robot loop",
-    "voxposer oracle",
-]
-
-
-@dataclass(frozen=True)
-class Method:
-    """A way to get from a scene to actions: one configuration of a sweep.
-
-    Attributes:
-        label: how tables name it.
-        options: for `POST /predict`.
-        settings: for `PUT /tasks/{name}`, beside those of every evaluation; methods that differ here are taught under
-            different task names.
-        noise: added to poses, as a multiple of the error in `app.evaluation.paper`.
-        noise_on: whether it is added to the poses of demonstrations and tests, or of tests alone.
-        poses: whether the service is given the objects' poses, or finds them in images (`app.evaluation.teach`).
-        stored: episodes that the task must have for the service to choose from, if more than it shows.
-        source: where the actions come from; `closed loop` asks the service for one at a time, `robot loop` once for
-            all, and the robot carries them out one by one; others do not ask it.
-        shift_m: how far the free objects are moved between answer and first action; for the `robot loop`.
-        look_again: whether the robot then looks again (`roboprompt_client.look_again`).
-        lead_s: where objects move by themselves, how far ahead the robot then aims (`roboprompt_client.leading`).
-        unseen: whether the task is taught nothing, and prompts show the most similar ones of the other tasks.
-    """
-
-    label: str
-    options: Mapping[str, Any] = field(default_factory=dict)
-    settings: Mapping[str, Any] = field(default_factory=dict)
-    noise: float = 0.0
-    source: Source = "service"
-    poses: Poses = "given"
-    stored: int = 0
-    noise_on: NoiseOn = "both"
-    shift_m: float = 0.0
-    look_again: bool = False
-    lead_s: float = 0.0
-    unseen: bool = False
-
-    def __post_init__(self) -> None:
-        if self.unseen and (self.taught_noise or self.poses == "vision" or self.source != "service"):
-            why = "demonstrations of other tasks have given poses without noise, and one answer is asked for"
-            raise InvalidInputError(
-                f"methods[{self.label}].unseen", f"is true, but {why}", "noise_on 'test', poses given"
-            )
-        if self.poses == "vision" and (self.noise or self.source != "service"):
-            why = "noise is added to given poses" if self.noise else f"{self.source} takes given poses"
-            raise InvalidInputError(f"methods[{self.label}].poses", f"is 'vision', but {why}", "given")
-
-    @property
-    def asks_service(self) -> bool:
-        """Whether an LLM is asked."""
-        return self.source in ("service", "closed loop", "robot loop")
-
-    @property
-    def sees_poses(self) -> bool:
-        """Whether the actions depend on where objects are seen."""
-        return self.asks_service or self.source in ("nearest demonstration", "voxposer oracle")
-
-    @property
-    def taught_noise(self) -> float:
-        """The noise on the poses of demonstrations."""
-        return self.noise if self.noise_on == "both" else 0.0
-
-
-# The baseline's programs as people write them, planned without the service: its planner alone
-VOXPOSER_ORACLE = Method("voxposer oracle", source="voxposer oracle")
-REPLAY = Method("expert replay", source="expert replay")
-EXPERT = Method("expert", source="expert")
+# How the errors of timeouts begin: status 504 of the service, no answer of the service itself, or none of an LLM
+TIMED_OUT = re.compile(
+    r"^(ServiceProblemError: 504 |ServiceUnreachableError: .*(timed out|Timeout)|TimeoutError|ModelTimeoutError)"
+)
 
 
 @dataclass(frozen=True, eq=False)

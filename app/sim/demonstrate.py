@@ -4,12 +4,11 @@ Arguments and results can be pickled: call these functions from worker processes
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Literal
 
-from app.drawing import RgbImage
 from app.sim.guided import GuidedPanda, Habits
 from app.sim.moves import Move, action_from_move, moves_from_actions
+from app.sim.outcomes import RecordedDemonstration, RolloutResult, SceneView
 from app.sim.rendering import FilmStrip
 from app.sim.robot import DWELL_S, SimulatedPanda
 from app.sim.sampler import GripperState, TrajectorySampler
@@ -17,10 +16,8 @@ from app.sim.shift import shift_free_objects
 from app.sim.tasks import make_task
 from app.sim.tasks.base import FINAL_HOLD_S, NOT_SOLVED
 from app.sim.world import CAMERA_NAMES
-from roboprompt_client.camera import RgbdFrame
 from roboprompt_client.errors import MotionError
-from roboprompt_client.motion_limits import Pose
-from roboprompt_client.trajectory import EndEffectorAction, ObjectPose, Trajectory
+from roboprompt_client.trajectory import EndEffectorAction
 
 # How experts are recorded: at rest at each of their poses, or passing them as a person does (`app.sim.guided`)
 Recordings = Literal["rests", "continuous"]
@@ -28,67 +25,6 @@ Recordings = Literal["rests", "continuous"]
 RobotName = Literal["simulated", "franka"]
 GRIPPER_STATES: Mapping[Recordings, GripperState] = {"rests": "commanded", "continuous": "measured"}
 DWELL_SAMPLES = 2  # of every rest, so that keyframe rules see it at any rate
-
-
-@dataclass(frozen=True, eq=False)
-class SceneView:
-    """What a scene shows before the arm moves.
-
-    Attributes:
-        objects: true poses.
-        frames: one per camera; empty if no images were asked for.
-        mask_ids: for each object the ids of its pixels in the frames' masks.
-        end_effector: its pose; None where it was not observed.
-    """
-
-    task: str
-    seed: int
-    instruction: str
-    objects: tuple[ObjectPose, ...]
-    frames: tuple[RgbdFrame, ...]
-    mask_ids: dict[str, tuple[int, ...]]
-    end_effector: Pose | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class RecordedDemonstration:
-    """An expert's solution of a scene.
-
-    Attributes:
-        num_expert_poses: how many poses the expert chose; where it rested, the keyframe rule `merged` finds as many.
-        succeeded: whether the scene was solved in the end.
-        failure: why it was not; empty if it was.
-        expert_actions: the poses that the expert chose, and what the gripper then does.
-        film_strip: (H, W, 3) images of camera `front` before the first and after each pose; empty if not asked for.
-    """
-
-    scene: SceneView
-    trajectory: Trajectory
-    control_frequency_hz: float
-    num_expert_poses: int
-    succeeded: bool
-    failure: str
-    film_strip: tuple[RgbImage, ...]
-    expert_actions: tuple[EndEffectorAction, ...] = ()
-
-
-@dataclass(frozen=True, eq=False)
-class RolloutResult:
-    """What became of predicted actions.
-
-    Attributes:
-        num_executed: actions that were carried out.
-        succeeded, failure, film_strip: as in RecordedDemonstration.
-        misses: where a driver moved the arm: how far off each action's pose it ended, m and degrees.
-    """
-
-    task: str
-    seed: int
-    num_executed: int
-    succeeded: bool
-    failure: str
-    film_strip: tuple[RgbImage, ...]
-    misses: tuple[tuple[float, float], ...] = ()
 
 
 def view_scene(task_name: str, seed: int, *, variation: int | None = None, images: bool = True) -> SceneView:

@@ -10,7 +10,8 @@ from scipy.spatial.transform import Rotation
 from app.evaluation.paper import disturbed
 from app.pipeline.language.mentions import mention_order
 from app.pipeline.noise import MEAN_ERROR_M
-from app.sim.demonstrate import RecordedDemonstration, Recordings, SceneView
+from app.sim.demonstrate import Recordings
+from app.sim.outcomes import RecordedDemonstration, SceneView
 from roboprompt_client.trajectory import ObjectPose
 
 Poses = tuple[ObjectPose, ...]
@@ -20,7 +21,7 @@ STREAM = 11  # keeps these draws apart from those of the scene
 
 
 @dataclass(frozen=True)
-class Lesson:
+class Teaching:
     """How a task is taught.
 
     Attributes:
@@ -43,7 +44,7 @@ class Condition:
     """
 
     name: str
-    lesson: Lesson
+    lesson: Teaching
     seen: Callable[[SceneView], Poses | None]
     words: Callable[[str], str] = str
     options: Mapping[str, Any] = field(default_factory=lambda: {"model": "nearest"})
@@ -114,10 +115,10 @@ def _all_noisy(recorded: Sequence[RecordedDemonstration]) -> list[Poses]:
     return [disturbed(item.scene.objects, 1.0, item.scene.seed) for item in recorded]
 
 
-CLEAN = Lesson("clean", _as_they_are)
-ONE_WRONG = Lesson("one-wrong", _one_wrong)
-GUIDED = Lesson("continuous", _as_they_are, "continuous")
-GUIDED_NOISY = Lesson("continuous-noisy", _all_noisy, "continuous")
+CLEAN = Teaching("clean", _as_they_are)
+ONE_WRONG = Teaching("one-wrong", _one_wrong)
+GUIDED = Teaching("continuous", _as_they_are, "continuous")
+GUIDED_NOISY = Teaching("continuous-noisy", _all_noisy, "continuous")
 REGRESSION = {"model": "regression"}
 ALLOWED = {"model": "nearest", "unfamiliar": "allow"}
 

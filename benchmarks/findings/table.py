@@ -3,43 +3,43 @@
 from collections import Counter
 from collections.abc import Sequence
 
-from benchmarks.findings.trials import Trial
+from benchmarks.findings.trials import Attempt
 
 LOUD = ("warning", "danger")
 
 
-def is_found(trial: Trial) -> bool:
+def is_found(trial: Attempt) -> bool:
     """Whether somebody who read the findings would have looked."""
     return any(finding["severity"] in LOUD for finding in trial.findings)
 
 
-def tables(trials: Sequence[Trial]) -> str:
+def tables(trials: Sequence[Attempt]) -> str:
     """Per condition, per finding, and the failures that nothing pointed at."""
     return "\n\n".join([_by_condition(trials), _by_code(trials), _missed(trials), _refusals(trials)])
 
 
-def totals(trials: Sequence[Trial]) -> str:
+def totals(trials: Sequence[Attempt]) -> str:
     """Both rates in a sentence."""
     failures, successes = _split(trials)
     return f"{_share(failures)} of the failures have a warning or danger, and {_share(successes)} of the successes."
 
 
-def _split(trials: Sequence[Trial]) -> tuple[list[Trial], list[Trial]]:
+def _split(trials: Sequence[Attempt]) -> tuple[list[Attempt], list[Attempt]]:
     answered = [trial for trial in trials if not trial.refusal]
     return [t for t in answered if not t.succeeded], [t for t in answered if t.succeeded]
 
 
-def _share(trials: Sequence[Trial]) -> str:
+def _share(trials: Sequence[Attempt]) -> str:
     found = sum(map(is_found, trials))
     return f"{found} of {len(trials)} ({100 * found / len(trials):.0f} %)" if trials else "-"
 
 
-def _missing(trials: Sequence[Trial]) -> float:
+def _missing(trials: Sequence[Attempt]) -> float:
     failures = _split(trials)[0]
     return sum(map(is_found, failures)) / len(failures) if failures else 2.0
 
 
-def _by_condition(trials: Sequence[Trial]) -> str:
+def _by_condition(trials: Sequence[Attempt]) -> str:
     groups = [[t for t in trials if t.condition == name] for name in dict.fromkeys(t.condition for t in trials)]
     lines = ["| condition | failures with a finding | successes with a finding | refused |", "|---|---|---|---|"]
     for group in sorted(groups, key=_missing):
@@ -52,7 +52,7 @@ def _by_condition(trials: Sequence[Trial]) -> str:
     return "\n".join(lines)
 
 
-def _by_code(trials: Sequence[Trial]) -> str:
+def _by_code(trials: Sequence[Attempt]) -> str:
     failures, successes = _split(trials)
     ends = {"failures": Counter(map_codes(failures)), "successes": Counter(map_codes(successes))}
     kinds = sorted({*ends["failures"], *ends["successes"]}, key=lambda kind: -ends["successes"][kind])
@@ -61,18 +61,18 @@ def _by_code(trials: Sequence[Trial]) -> str:
     return "\n".join(lines)
 
 
-def map_codes(trials: Sequence[Trial]) -> list[tuple[str, str]]:
+def map_codes(trials: Sequence[Attempt]) -> list[tuple[str, str]]:
     """Code and severity of every finding, each once a trial."""
     return [kind for trial in trials for kind in {(f["code"], f["severity"]) for f in trial.findings}]
 
 
-def _missed(trials: Sequence[Trial]) -> str:
+def _missed(trials: Sequence[Attempt]) -> str:
     missed = Counter((t.condition, t.task) for t in _split(trials)[0] if not is_found(t))
     lines = ["| failures without a finding | task | number |", "|---|---|---|"]
     return "\n".join(lines + [f"| {c} | {task} | {n} |" for (c, task), n in sorted(missed.items())])
 
 
-def _refusals(trials: Sequence[Trial]) -> str:
+def _refusals(trials: Sequence[Attempt]) -> str:
     refusals = Counter((t.condition, t.refusal) for t in trials if t.refusal)
     lines = ["| refused | problem | number |", "|---|---|---|"]
     return "\n".join(lines + [f"| {c} | {problem} | {n} |" for (c, problem), n in sorted(refusals.items())])

@@ -8,9 +8,10 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
-from app.sim.demonstrate import RecordedDemonstration, SceneView, record_demonstration, rollout, view_scene
+from app.sim.demonstrate import record_demonstration, rollout, view_scene
+from app.sim.outcomes import RecordedDemonstration, SceneView
 from app.sim.tasks import TASKS
-from benchmarks.findings.conditions import CONDITIONS, Condition, Lesson
+from benchmarks.findings.conditions import CONDITIONS, Condition, Teaching
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import ServiceProblemError
 from roboprompt_client.robot import Observation
@@ -22,7 +23,7 @@ TASK_STEP = 100  # between the scenes' seeds of one task and of the next: errors
 
 
 @dataclass(frozen=True)
-class Trial:
+class Attempt:
     """One scene under one condition.
 
     Attributes:
@@ -67,7 +68,7 @@ class Outcomes:
 
 def trials(
     client: RoboPromptClient, tasks: Sequence[str], first_seed: int, episodes: int, outcomes: Outcomes
-) -> Iterator[Trial]:
+) -> Iterator[Attempt]:
     """Every trial; tasks that the service knows already are not taught again."""
     for number, task in enumerate(tasks):
         recorded: dict[str, list[RecordedDemonstration]] = {}
@@ -96,7 +97,7 @@ def _is_taught(client: RoboPromptClient, name: str) -> bool:
         return False
 
 
-def _record(task: str, lesson: Lesson, first_seed: int) -> list[RecordedDemonstration]:
+def _record(task: str, lesson: Teaching, first_seed: int) -> list[RecordedDemonstration]:
     found: list[RecordedDemonstration] = []
     for seed in count(first_seed):
         recorded = record_demonstration(task, seed, images=False, recordings=lesson.recordings)
@@ -106,7 +107,7 @@ def _record(task: str, lesson: Lesson, first_seed: int) -> list[RecordedDemonstr
     return found
 
 
-def _teach(client: RoboPromptClient, name: str, lesson: Lesson, recorded: Sequence[RecordedDemonstration]) -> None:
+def _teach(client: RoboPromptClient, name: str, lesson: Teaching, recorded: Sequence[RecordedDemonstration]) -> None:
     symmetry = dict(TASKS[recorded[0].scene.task].yaw_symmetry_deg)
     client.configure_task(name, yaw_symmetry_deg=symmetry, num_demonstrations=DEMONSTRATIONS)
     for item, poses in zip(recorded, lesson.taught_poses(recorded), strict=True):
@@ -117,11 +118,11 @@ def _teach(client: RoboPromptClient, name: str, lesson: Lesson, recorded: Sequen
 
 def _try(
     client: RoboPromptClient, name: str, condition: Condition, scene: SceneView, outcomes: Outcomes
-) -> Trial | None:
+) -> Attempt | None:
     seen = condition.seen(scene)
     if seen is None:
         return None
-    trial = Trial(condition.name, scene.task, scene.seed)
+    trial = Attempt(condition.name, scene.task, scene.seed)
     try:
         predicted = client.predict(name, condition.words(scene.instruction), Observation(seen), **condition.options)
     except ServiceProblemError as error:

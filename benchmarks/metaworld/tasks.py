@@ -1,4 +1,4 @@
-"""What a perception system would report of Meta-World's scenes, and the instructions of its tasks."""
+"""The instructions of Meta-World's tasks, and the objects of its scenes."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from roboprompt_client.trajectory import ObjectPose
 
 Floats = NDArray[np.float64]
 Command = NDArray[np.floating[Any]]
@@ -15,7 +17,6 @@ Command = NDArray[np.floating[Any]]
 HAND, OBJECT_1, OBJECT_2, GOAL = slice(0, 3), slice(4, 7), slice(11, 14), slice(36, 39)
 FINGERS = 3  # how far the fingers are apart: 1 open, 0 closed
 SAME_PLACE_M = 1e-3
-_NOISE_STREAM = 17  # apart from the random numbers that place the objects of the same seed
 
 
 @dataclass(frozen=True)
@@ -60,31 +61,18 @@ TASKS: Mapping[str, Task] = {
 }
 
 
-def observed_objects(task: Task, observation: Floats) -> list[dict[str, Any]]:
-    """Names and positions as the service takes them.
+def observed_objects(task: Task, observation: Floats) -> tuple[ObjectPose, ...]:
+    """Names and positions as a perception system would report them. No task varies a rotation.
 
-    A place that is not filled (all zeros) or that an object before it has is left out. No task varies a rotation.
+    A place that is not filled (all zeros) or that an object before it has is left out.
 
     Args:
         observation: (39) at the start of a scene.
     """
-    objects: list[dict[str, Any]] = []
+    objects: list[ObjectPose] = []
     for name, where in zip(task.object_names, (OBJECT_1, OBJECT_2, GOAL), strict=True):
         place_m = observation[where]
-        known = any(np.allclose(place_m, each["position"], atol=SAME_PLACE_M) for each in objects)
+        known = any(np.allclose(place_m, each.position_m, atol=SAME_PLACE_M) for each in objects)
         if name and place_m.any() and not known:
-            objects.append({"name": name, "position": place_m.tolist()})
-    return objects
-
-
-def with_noise(objects: list[dict[str, Any]], noise_m: float, seed: int) -> list[dict[str, Any]]:
-    """The objects as an imperfect perception system would report them.
-
-    Args:
-        noise_m: standard deviation along each axis.
-        seed: of the scene, which always gets the same noise.
-    """
-    if noise_m == 0:
-        return objects
-    random = np.random.default_rng([_NOISE_STREAM, seed])
-    return [{**each, "position": (each["position"] + random.normal(0, noise_m, 3)).tolist()} for each in objects]
+            objects.append(ObjectPose(name, place_m))
+    return tuple(objects)

@@ -11,11 +11,12 @@ import pytest
 from rich.progress import Progress
 
 from app.evaluation.ledger import Ledger
-from app.evaluation.methods import EMBEDDED, OPEN, SWEEPS, chosen
+from app.evaluation.methods import Method
+from app.evaluation.panda import Panda
 from app.evaluation.plan import Plan
-from app.evaluation.results import FIRST_TEST_SEED, Method
 from app.evaluation.run import Run
 from app.evaluation.server import running_server
+from app.evaluation.sweeps import EMBEDDED, OPEN, SWEEPS, chosen
 from app.evaluation.teach import suffix_of
 from app.pipeline.workspace import Workspace, discretize_action
 from app.sim.moves import action_from_move
@@ -33,7 +34,7 @@ QUERY = re.compile(r"\{[^{}]*'([^']*)'\}>\Z")
 
 
 def unseen(task):
-    return make_task(task, FIRST_TEST_SEED, COMPOSITION_TASKS[task].test_variation(FIRST_TEST_SEED))
+    return make_task(task, Panda.first_test_seed, COMPOSITION_TASKS[task].test_variation(Panda.first_test_seed))
 
 
 class Solver:

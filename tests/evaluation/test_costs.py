@@ -5,8 +5,8 @@ import pytest
 
 from app.evaluation.costs import Price, Purse, Usage, prices_of, tokens_of, used_by
 from app.evaluation.failures import BudgetSpentError
-from app.evaluation.results import Method
-from app.evaluation.trials import Cell
+from app.evaluation.methods import Method
+from app.evaluation.trials import PlannedTrial
 from roboprompt_client.errors import InvalidInputError
 from tests.evaluation.trials import ANSWER, trial
 
@@ -17,7 +17,7 @@ METHOD = Method("default", {"model": MODEL})
 
 
 def cell(seed):
-    return Cell("push_button", seed, METHOD)
+    return PlannedTrial("push_button", seed, METHOD)
 
 
 def answered(seed, **changes):
@@ -25,7 +25,9 @@ def answered(seed, **changes):
 
 
 def purse(budget, expected=COST):
-    return Purse(budget, PRICES, lambda _: expected)
+    made = Purse(budget, PRICES, lambda _: None)
+    made.expect({(task, METHOD.label): Usage(cost=expected) for task in ("push_button", "open_drawer")})
+    return made
 
 
 @pytest.mark.parametrize(
@@ -80,7 +82,7 @@ def test_an_estimate_too_low_is_corrected_by_the_first_answer():
     short = purse(2 * COST - 0.1, expected=0.01)
     assert spend(short, [0]) == [0]
     with pytest.raises(BudgetSpentError):
-        short.put_aside(Cell("open_drawer", 1, METHOD))
+        short.put_aside(PlannedTrial("open_drawer", 1, METHOD))
 
 
 def test_without_a_budget_nothing_is_refused():

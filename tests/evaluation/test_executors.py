@@ -9,13 +9,14 @@ from pathlib import Path
 
 import pytest
 
-from app.evaluation.executors import LocalExecutor, call
+from app.evaluation.run import SIMULATION
+from app.executors import LocalExecutor, call
 from app.sim.rendering import opengl_works
 from tests.evaluation.processes import alive
 
 PARENT = """
 import os, time
-from app.evaluation.executors import LocalExecutor
+from app.executors import LocalExecutor
 if __name__ == "__main__":
     executor = LocalExecutor(imports=())
     print(executor.submit(os.getpid).result(), flush=True)
@@ -46,7 +47,7 @@ def die(marker):
 
 @pytest.fixture(scope="module")
 def executor():
-    with closing(LocalExecutor()) as local:
+    with closing(LocalExecutor(imports=SIMULATION)) as local:
         yield local
 
 

@@ -7,7 +7,7 @@ from typer.testing import CliRunner
 
 from app.cli import application
 from app.evaluation.ledger import digest_of
-from app.evaluation.methods import LOOKING, SWEEPS
+from app.evaluation.sweeps import LOOKING, SWEEPS
 
 
 def test_only_the_lead_differs():

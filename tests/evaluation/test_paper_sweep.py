@@ -4,7 +4,6 @@ import io
 import json
 import re
 from contextlib import nullcontext
-from dataclasses import fields
 
 import pytest
 from rich.console import Console
@@ -12,13 +11,14 @@ from rich.progress import Progress
 from typer.testing import CliRunner
 
 from app.cli import application
-from app.cli.evaluate_options import Asked
+from app.cli.evaluate_options import EvaluateOptions
 from app.cli.evaluate_plan import paper_of
 from app.evaluation import paper_tables
 from app.evaluation.failures import NotConfirmedError
 from app.evaluation.ledger import Ledger
-from app.evaluation.run import Run, Timing
+from app.evaluation.run import Run
 from tests.evaluation.copying_llm import copying_llm
+from tests.evaluation.test_run import InlineExecutor
 
 MODEL = "openai/gpt-4-turbo"
 PRICES = ["--price-in", "10", "--price-out", "30"]
@@ -104,25 +104,20 @@ def test_a_budget_stops_it(asked, folder):
     assert f"{NUM_TRIALS - done} trials remain; go on with" in said(run)
 
 
-def words(**changes):
-    given = {field.name: () for field in fields(Asked)}
-    few = {"sweep": "paper", "model": (MODEL,), "poses": "given", "recordings": "rests", "noise_on": "both", "seed": 0}
-    nothing = dict.fromkeys(("episodes", "noise", "shift", "out", "ray", "url", "budget"))
-    return Asked(**{**given, **few, **nothing, "demos": 10, "at_once": 1, "report": False, "yes": False, **changes})
-
-
 @pytest.mark.parametrize(("yes", "there", "answer", "goes_on"), AGREEMENTS)
 def test_who_agrees_to_the_estimate(yes, there, answer, goes_on, monkeypatch, tmp_path):
     """Only --yes and a person at a terminal do; nothing is asked before."""
     monkeypatch.setattr("sys.stdin", io.StringIO(answer))
     monkeypatch.setattr("sys.stdin.isatty", lambda: there)
     out = io.StringIO()
-    sweep = paper_of(words(yes=yes, out=tmp_path), Console(file=out, width=80), Progress(disable=True))
+    options = EvaluateOptions(sweep="paper", model=[MODEL], yes=yes, out=tmp_path)
+    sweep = paper_of(options, Console(file=out, width=80), Progress(disable=True))
     began = []
-    monkeypatch.setattr(Run, "run_trials", lambda *_: began.append(True))
-    monkeypatch.setattr("app.evaluation.paid_run.estimates", lambda *_: {})
+    monkeypatch.setattr("app.evaluation.run.in_threads", lambda *_: began.append(True))
+    monkeypatch.setattr("app.evaluation.run.estimates", lambda *_: {})
     with Ledger(tmp_path / "results.jsonl") as ledger:
-        run = sweep._begin(ledger, None, None, None, Timing())
+        purse = sweep.purse(ledger)
+        run = Run(sweep.plan, ledger, None, InlineExecutor(), Progress(disable=True), purse=purse)
         with nullcontext() if goes_on else pytest.raises(NotConfirmedError, match="no LLM was asked"):
             run.run_trials({})
     assert bool(began) == goes_on

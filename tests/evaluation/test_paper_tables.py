@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import pytest
 
-from app.evaluation.paper_layout import paper_markdown
+from app.evaluation.paper_sweep import paper_markdown
 from app.evaluation.paper_tables import limited, paper_plan, paper_tables
 from app.evaluation.results import Crash, Evaluation, TaskEvaluation
 from tests.evaluation.trials import ANSWER, trial
@@ -16,7 +16,7 @@ def plan_of(tables):
 
 def trials_by_table(tables):
     counted = {table.name: 0 for table in tables}
-    for table, _ in plan_of(tables).cells_by_table():
+    for table, _ in plan_of(tables).trials_by_table():
         counted[table.name] += 1
     return counted
 
@@ -40,7 +40,7 @@ def test_shared_trials_are_run_once():
 
 
 def test_cells_come_table_by_table_and_none_twice():
-    cells = [(cell.task, cell.seed, cell.method.label) for cell in plan_of(TABLES).cells()]
+    cells = [(cell.task, cell.seed, cell.method.label) for cell in plan_of(TABLES).trials()]
     assert len(set(cells)) == len(cells) == sum(trials_by_table(TABLES).values())
     assert {label for _, _, label in cells[:800]} == {"KAT", "RoboPrompt"}
 

@@ -2,20 +2,23 @@ from dataclasses import replace
 
 import pytest
 
-from app.evaluation.ledger import digest_of
-from app.evaluation.methods import REGRESSION
+from app.evaluation.panda import Panda
 from app.evaluation.plan import Plan
+from app.evaluation.sweeps import REGRESSION
 
 PLAN = Plan(("push_button",), (REGRESSION,), 25, 10, "roboprompt eval")
 
 
-def test_published_digests_stay_what_they_were():
-    assert PLAN.digest(REGRESSION) == digest_of(REGRESSION, {"demonstrations": 10, "recorded": 10, "hz": 20.0})
-
-
 @pytest.mark.parametrize(
     "change",
-    [{"recordings": "continuous"}, {"first_test_seed": 7}, {"first_test_seed": 200_000}, {"demonstrations": 5}],
+    [
+        {"world": Panda("continuous")},
+        {"world": Panda().recorded_at(40)},
+        {"settings": {"keyframes": {"rule": "merged"}}},
+        {"first_test_seed": 7},
+        {"first_test_seed": 200_000},
+        {"demonstrations": 5},
+    ],
 )
 def test_what_changes_a_result_changes_the_digest(change):
     assert replace(PLAN, **change).digest(REGRESSION) != PLAN.digest(REGRESSION)
@@ -31,6 +34,5 @@ def test_further_scenes_can_be_added_where_they_change_no_demonstration():
 
 def test_unseen_scenes_begin_at_the_seed():
     shifted = replace(PLAN, first_test_seed=7, episodes=3)
-    assert [cell.seed for cell in shifted.cells()] == [7, 8, 9]
-    assert list(shifted.recording.unseen) == [7, 8, 9]
+    assert [cell.seed for cell in shifted.trials()] == [7, 8, 9]
     assert PLAN.seeds == range(100_000, 100_025)

@@ -4,8 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from app.evaluation.reached import reached
-from app.evaluation.results import Evaluation, Method, TaskEvaluation
+from app.evaluation.methods import Method
+from app.evaluation.results import Evaluation, TaskEvaluation
+from app.evaluation.scores import reached
 from tests.evaluation.trials import trial
 
 

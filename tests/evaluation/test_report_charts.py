@@ -7,7 +7,7 @@ from PIL import Image
 
 from app.evaluation.report.charts import DARK, LIGHT, THEMES, speed_plot, success_chart
 from app.evaluation.report.page import duration_text, tokens_text
-from app.evaluation.scores import Result
+from app.evaluation.scores import Result, Score
 from app.pipeline.keyframes import SIMULATION_DELTA_RAD_S
 from app.pipeline.success_rate import SuccessRate
 from roboprompt_client.trajectory import Trajectory
@@ -32,7 +32,7 @@ def luminance(colour):
 
 
 def result(task, method, successes):
-    return Result(task, method, SuccessRate(successes, 4), (), None, None, None, None, None)
+    return Result(task, method, Score(SuccessRate(successes, 4)))
 
 
 def test_the_speed_plot_shows_norm_threshold_and_keyframes():

@@ -10,8 +10,10 @@ import pytest
 from PIL import Image
 
 from app.evaluation.illustrate import MAX_FAILURES
+from app.evaluation.methods import Method
 from app.evaluation.report import write_report
-from app.evaluation.results import REPLAY, Evaluation, Method, TaskEvaluation, TaughtEpisode, Trial
+from app.evaluation.results import Evaluation, TaskEvaluation, TaughtEpisode, Trial
+from app.evaluation.sweeps import REPLAY
 from app.sim.demonstrate import record_demonstration, rollout, view_scene
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.robot import Observation

@@ -14,13 +14,15 @@ from rich.progress import Progress
 from app.evaluation.failures import OtherModelError, ServiceLostError
 from app.evaluation.illustrate import illustrated
 from app.evaluation.ledger import Ledger
-from app.evaluation.methods import NEAREST, REGRESSION
+from app.evaluation.methods import Method
+from app.evaluation.panda import Panda
 from app.evaluation.paper import disturbed
 from app.evaluation.plan import Plan, evaluation_of
-from app.evaluation.results import EXPERT, REPLAY, Crash, Evaluation, Method
+from app.evaluation.results import Crash, Evaluation
 from app.evaluation.run import Run
 from app.evaluation.server import free_port
 from app.evaluation.server import running_server as real_server
+from app.evaluation.sweeps import EXPERT, NEAREST, REGRESSION, REPLAY
 from app.sim.demonstrate import view_scene
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import ServiceUnreachableError
@@ -31,7 +33,7 @@ SPARSE = Method("uniform", {"model": "regression"}, settings={"keyframes": {"rul
 NO_KEY = Method("no key", {"model": "openai/gpt-4o"})
 SCRIPTED = Method("scripted", {"model": "scripted"})
 REPLY = "I would rather not move today."
-EXPERTS = ("_record", "_expert", "_binned_expert")
+EXPERTS = ("demonstrate", "binned_keyframes")
 
 
 @cache
@@ -192,7 +194,7 @@ def test_noise_on_tests_alone_leaves_the_demonstrations_as_they_are(run, url):
 
 
 def test_continuous_recordings_and_other_scenes(run, tmp_path):
-    scenes = {"recordings": "continuous", "first_test_seed": 1}
+    scenes = {"world": Panda("continuous"), "first_test_seed": 1}
     task = run(EXPERT, REPLAY, NEAREST, episodes=2, **scenes)
     assert [item.recorded.scene.seed for item in task.taught] == [0, 3, 4]  # 1 and 2 are tested
     assert {trial.seed for trial in task.trials} == {1, 2}

@@ -13,10 +13,9 @@ from rich.progress import Progress
 from typer.testing import CliRunner
 
 from app.cli import application
-from app.evaluation.methods import REGRESSION
 from app.evaluation.plan import Plan
-from app.evaluation.results import REPLAY
 from app.evaluation.sweep_run import SweepRun
+from app.evaluation.sweeps import REGRESSION, REPLAY
 from tests.evaluation.processes import alive, descendants
 from tests.forked import Forked
 

@@ -2,19 +2,18 @@ import pytest
 
 from app.api.schemas.requests import PredictBody
 from app.cli.evaluate_options import METHOD_NAMES, PAPER, SWEEP_NAMES
-from app.evaluation.methods import (
+from app.evaluation.methods import Method, with_models, with_noise, with_poses
+from app.evaluation.sweeps import (
     COPY,
+    EXPERT,
     NEAREST,
     REGRESSION,
+    REPLAY,
     SIMPLE_NAMES,
     SWEEPS,
     chosen,
     methods_beside,
-    with_models,
-    with_noise,
-    with_poses,
 )
-from app.evaluation.results import EXPERT, REPLAY, Method
 from app.evaluation.teach import suffix_of, variants
 from app.services.task_settings import TaskSettings
 from app.sim.tasks import TASKS
@@ -118,8 +117,8 @@ def test_methods_by_name():
 def test_the_baseline_after_voxposer_by_name():
     main = SWEEPS["main"].with_models(())
     asked, oracle = chosen(main, ["voxposer", "voxposer-oracle"], ["a"])
-    assert (asked.source, asked.options["method"], asked.options["model"]) == ("service", "voxposer", "a")
-    assert (oracle.source, oracle.asks_service, oracle.sees_poses) == ("voxposer oracle", False, True)
+    assert (asked.source, asked.options, asked.asks_service) == ("voxposer", {"model": "a"}, False)
+    assert (oracle.source, oracle.asks_model, oracle.sees_poses) == ("voxposer oracle", False, True)
 
 
 def test_simple_names_are_known_to_every_sweep():

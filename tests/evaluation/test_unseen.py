@@ -4,12 +4,12 @@ import pytest
 from rich.progress import Progress
 
 from app.evaluation.ledger import Ledger
-from app.evaluation.methods import COPY, REGRESSION, SWEEPS, UNSEEN, chosen, with_noise, with_poses, with_shift
+from app.evaluation.methods import Method, with_noise, with_poses, with_shift
 from app.evaluation.plan import Plan
-from app.evaluation.result_tables import markdown
-from app.evaluation.results import Method
 from app.evaluation.run import Run
 from app.evaluation.server import running_server
+from app.evaluation.sweeps import COPY, REGRESSION, SWEEPS, UNSEEN, chosen
+from app.evaluation.tables import markdown
 from app.evaluation.teach import suffix_of, variants
 from app.sim.tasks import TASKS
 from roboprompt_client.client import RoboPromptClient
@@ -74,7 +74,7 @@ def test_every_task_lends_whichever_is_tested():
     assert SWEEP.lending == tuple(TASKS)
     plan = Plan(("push_button",), (UNSEEN,), 1, 3, "eval", lending=SWEEP.lending)
     assert set(plan.taught) == set(TASKS)
-    assert [cell.task for cell in plan.cells()] == ["push_button"]
+    assert [cell.task for cell in plan.trials()] == ["push_button"]
 
 
 def test_results_depend_on_which_tasks_lend():

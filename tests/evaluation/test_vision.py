@@ -10,8 +10,9 @@ from rich.progress import Progress
 
 from app.evaluation import run, trials
 from app.evaluation.ledger import Ledger
-from app.evaluation.methods import REGRESSION, with_poses
+from app.evaluation.methods import with_poses
 from app.evaluation.plan import Plan
+from app.evaluation.sweeps import REGRESSION
 from app.evaluation.teach import FIRST_LABELLED_SEED, Lesson, images_only
 from app.sim.demonstrate import view_scene
 from roboprompt_client.client import RoboPromptClient
@@ -95,8 +96,8 @@ def test_a_scene_that_cannot_be_read_is_a_failure(url, monkeypatch, trial):
     monkeypatch.setattr(trials, "images_only", in_the_dark)
     task = httpx.get(f"{url}/predictions/{trial.answer['id']}").json()["task"]
     with RoboPromptClient(url) as client:
-        laboratory = trials.Laboratory(client, InlineExecutor())
-        failed = laboratory.run(trials.Cell("slide_block", 100_000, VISION), Lesson(task, 2, ()))
+        runner = trials.TrialRunner(client, InlineExecutor())
+        failed = runner.run(trials.PlannedTrial("slide_block", 100_000, VISION), Lesson(task, 2, ()))
     assert not failed.succeeded
     assert (failed.answer, failed.execution) == (None, None)
     assert "no camera sees it" in failed.failure

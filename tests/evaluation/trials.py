@@ -1,7 +1,7 @@
 """Trials for tests, without simulation."""
 
 from app.evaluation.results import Trial
-from app.sim.demonstrate import RolloutResult, SceneView
+from app.sim.outcomes import RolloutResult, SceneView
 from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
 
 OBJECTS = (ObjectPose("cube", [0.1, 0.2, 0.8], [0, 0, 0, 1]), ObjectPose("plate", [0.3, 0.1, 0.8]))

@@ -1,18 +1,18 @@
 """Tasks of evaluations stand apart from those that people taught."""
 
-from types import SimpleNamespace
-
 import pytest
 
 from app.evaluation import run
+from app.evaluation.methods import Method
+from app.evaluation.plan import Plan
 from app.web.texts import by_origin, is_evaluated, task_text
 
 
 def test_the_names_that_evaluations_give_are_known(monkeypatch):
     given = []
     monkeypatch.setattr(run, "upload", lambda client, name, *rest: given.append(name))
-    plan = SimpleNamespace(demonstrations=1, images=True)
-    run.Run(plan, None, None, None, None, shared=True)._upload("push_button", "-vision", None, (), ())
+    plan = Plan(("push_button",), (), 1, 1, "eval", images=True)
+    run.Run(plan, None, None, None, None, shared=True)._upload("push_button", "-vision", Method("default"), (), ())
     assert is_evaluated(given[0])
     assert task_text(given[0]) == f"push_button-vision, evaluation {given[0][-6:]}"
 

@@ -7,10 +7,11 @@ from pathlib import Path
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from app.evaluation.illustrate import detailed_failures, detailed_successes, failures_in_order
+from app.evaluation.methods import Method
 from app.evaluation.report.charts import success_chart
 from app.evaluation.report.pictures import Picture, PictureFolder
 from app.evaluation.report.views import PageView, TaskView, TrialView, demonstration_view, trial_view
-from app.evaluation.results import Evaluation, Method, TaskEvaluation, Trial
+from app.evaluation.results import Evaluation, TaskEvaluation, Trial
 from app.evaluation.scores import Result, results_of
 
 NOTHING = "\N{EN DASH}"
@@ -69,7 +70,7 @@ def _environment() -> Environment:
 
 
 def _chart(pictures: PictureFolder, results: list[Result]) -> Picture:
-    alt = "Success rates: " + "; ".join(f"{result.task}, {result.method}: {result.rate}" for result in results)
+    alt = "Success rates: " + "; ".join(f"{result.task}, {result.method}: {result.score.rate}" for result in results)
     return pictures.chart("success", lambda theme: success_chart(results, theme), alt)
 
 

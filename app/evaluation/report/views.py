@@ -3,12 +3,10 @@
 Texts are as users and LLMs wrote them; the templates escape them.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
-import numpy as np
-
+from app.evaluation.ledger import action_of, poses_of
 from app.evaluation.report.charts import speed_plot
 from app.evaluation.report.drawing import draw_scene
 from app.evaluation.report.pictures import Picture, PictureFolder, captions, film_tiles
@@ -16,7 +14,7 @@ from app.evaluation.results import TaughtEpisode, Trial
 from app.evaluation.scores import Result
 from app.pipeline.prompt_colours import Span, prompt_spans
 from app.pipeline.timeline import frame_times_s
-from app.sim.demonstrate import SceneView
+from app.sim.outcomes import SceneView
 from app.sim.rendering import CAMERA
 from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
 
@@ -96,7 +94,7 @@ def demonstration_view(pictures: PictureFolder, name: str, taught: TaughtEpisode
     return DemonstrationView(
         seed=scene.seed,
         instruction=document["instruction"],
-        scene=scene_picture(pictures, f"{name}-scene", scene, _poses(document), actions),
+        scene=scene_picture(pictures, f"{name}-scene", scene, poses_of(document), actions),
         speed=_speed_picture(pictures, f"{name}-speed", taught),
         num_keyframes=len(actions),
         observation=prompt_spans(document["observation_text"], "absolute", "paper"),
@@ -120,15 +118,6 @@ def scene_picture(
         if frame.camera.name == CAMERA and frame.rgb is not None:
             return pictures.photo(name, draw_scene(frame.rgb, frame.camera, poses, actions), alt)
     return None
-
-
-def action_of(item: Mapping[str, Any]) -> EndEffectorAction:
-    """An action of one of the service's documents."""
-    return EndEffectorAction(np.array(item["position"]), np.array(item["quaternion_xyzw"]), item["gripper_open"])
-
-
-def _poses(document: Mapping[str, Any]) -> list[ObjectPose]:
-    return [ObjectPose(item["name"], item["position"], item["quaternion_xyzw"]) for item in document["objects"]]
 
 
 def _speed_picture(pictures: PictureFolder, name: str, taught: TaughtEpisode) -> Picture:

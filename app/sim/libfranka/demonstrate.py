@@ -8,9 +8,10 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from app.sim.demonstrate import RecordedDemonstration, RolloutResult, view_scene
+from app.sim.demonstrate import view_scene
 from app.sim.libfranka.served import ServedScene
 from app.sim.moves import action_from_move
+from app.sim.outcomes import RecordedDemonstration, RolloutResult
 from app.sim.tasks import ALL_TASKS, make_task
 from roboprompt_client.arms.arm import Arm
 from roboprompt_client.errors import MotionError

@@ -1,7 +1,6 @@
 import numpy as np
-import pytest
 
-from benchmarks.metaworld.tasks import GOAL, OBJECT_1, OBJECT_2, TASKS, observed_objects, with_noise
+from benchmarks.metaworld.tasks import GOAL, OBJECT_1, OBJECT_2, TASKS, observed_objects
 
 
 def observation(first=(0.1, 0.6, 0.02), second=(0, 0, 0), goal=(0.1, 0.8, 0.1)):
@@ -11,7 +10,7 @@ def observation(first=(0.1, 0.6, 0.02), second=(0, 0, 0), goal=(0.1, 0.8, 0.1)):
 
 
 def names(task, **places):
-    return [each["name"] for each in observed_objects(TASKS[task], observation(**places))]
+    return [each.name for each in observed_objects(TASKS[task], observation(**places))]
 
 
 def test_half_of_meta_world():
@@ -21,7 +20,8 @@ def test_half_of_meta_world():
 
 def test_objects_are_those_that_the_task_names_at_places_that_are_filled():
     objects = observed_objects(TASKS["push"], observation())
-    assert objects == [{"name": "puck", "position": [0.1, 0.6, 0.02]}, {"name": "goal", "position": [0.1, 0.8, 0.1]}]
+    places = [(each.name, each.position_m.tolist(), each.quaternion_xyzw) for each in objects]
+    assert places == [("puck", [0.1, 0.6, 0.02], None), ("goal", [0.1, 0.8, 0.1], None)]
     assert names("hammer", second=(0.2, 0.7, 0.1)) == ["hammer", "nail", "goal"]
     assert names("hammer") == ["hammer", "goal"]
     assert names("push", second=(0.2, 0.7, 0.1)) == ["puck", "goal"]
@@ -30,13 +30,3 @@ def test_objects_are_those_that_the_task_names_at_places_that_are_filled():
 def test_an_object_at_the_place_of_another_is_reported_once():
     assert names("push", goal=(0.1, 0.6, 0.0205)) == ["puck"]
     assert names("push", goal=(0.1, 0.6, 0.0215)) == ["puck", "goal"]
-
-
-def test_noise_is_that_of_the_scene_and_of_the_size_asked_for():
-    objects = [{"name": "puck", "position": [0.1, 0.6, 0.02]}]
-    assert with_noise(objects, 0.0, 3) == objects
-    once, again, other = (with_noise(objects, 0.01, seed) for seed in (3, 3, 4))
-    assert once == again != other
-    errors_m = [np.subtract(with_noise(objects, 0.01, seed)[0]["position"], [0.1, 0.6, 0.02]) for seed in range(300)]
-    assert np.std(errors_m) == pytest.approx(0.01, rel=0.1)
-    assert abs(np.mean(errors_m)) < 0.001

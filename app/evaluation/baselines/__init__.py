@@ -1,0 +1,1 @@
+"""Methods that RoboPrompt is compared with. They need nothing of the service but what it knows of a task."""

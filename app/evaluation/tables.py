@@ -1,0 +1,191 @@
+"""The tables of an evaluation, beside the paper's numbers: as Markdown, on a terminal, and for programs."""
+
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.table import Table
+
+from app.evaluation import paper
+from app.evaluation.methods import Method
+from app.evaluation.results import Evaluation, TaskEvaluation
+from app.evaluation.scores import (
+    ENDINGS,
+    NOTHING,
+    TOKENS,
+    Result,
+    errors_of,
+    mean_rate,
+    pooled_result,
+    task_result,
+)
+
+HOW_TO_READ = (
+    "Successes/trials on unseen scenes with Wilson's 95 % interval; the mean is over tasks. Errors are trials that"
+    " could not be run (a worker crashed, the service or its LLM failed), timeouts those whose answer took too long:"
+    " they count neither way. A trial whose instruction the service refuses is no success."
+)
+METHODS_SAID = (
+    "What was asked: model, representation, prompt format, and whatever else was set; then how trials failed: the"
+    " motion solved nothing, the reply had no actions, the instruction was refused. Medians a prediction."
+)
+ENDED = ("wrong motion", "no actions", "instruction refused")
+COSTS = ("LLM s", "service ms", "execution s", "tokens read", "cached", "written")
+ROBOPROMPT = "RoboPrompt (paper)"
+SUCCESS_TITLE = "success on unseen scenes (95 % interval, %)"
+UNBOUNDED = 10_000  # columns, to measure how wide a table wants to be
+Row = Sequence[str]
+
+
+@dataclass(frozen=True)
+class TextTable:
+    """Texts in rows, the rows in groups. The first column is text, the others are numbers."""
+
+    header: Row
+    groups: Sequence[Sequence[Row]]
+
+    def markdown(self) -> str:
+        """For a page."""
+        align = ["---", *["---:"] * (len(self.header) - 1)]
+        rows = [self.header, align, *(row for group in self.groups for row in group)]
+        return "\n".join(f"| {' | '.join(row)} |" for row in rows)
+
+    def terminal(self, title: str, caption: str | None = None) -> Table:
+        """For a terminal, with a line between the groups."""
+        table = Table(title=title, caption=caption, box=SIMPLE_HEAD)
+        for number, header in enumerate(self.header):
+            table.add_column(header, justify="right" if number else "left", overflow="fold")
+        for group in self.groups:
+            for row in group:
+                table.add_row(*row)
+            table.add_section()
+        return table
+
+
+def markdown(evaluation: Evaluation, about: str) -> str:
+    """The contents of `table.md`.
+
+    Args:
+        about: what the sweep compares, in one line.
+    """
+    success = success_table(evaluation)
+    methods = TextTable(["method", "asked", "all trials", *ENDED, *COSTS], [list(_method_rows(evaluation))])
+    parts = [
+        f"# {about[0].upper()}{about[1:]}",
+        HOW_TO_READ,
+        success.markdown(),
+        *([paper.SOURCE] if ROBOPROMPT in success.header else []),
+        "## Methods",
+        METHODS_SAID,
+        methods.markdown(),
+        *errors_section(evaluation),
+        f"Command: `{evaluation.command}`",
+    ]
+    return "\n\n".join(parts) + "\n"
+
+
+def errors_section(evaluation: Evaluation) -> list[str]:
+    """The errors as paragraphs of a page; none without errors."""
+    errors = [f"- {number} x {message}" for message, number in errors_of(evaluation)]
+    return ["## Errors", "\n".join(errors)] if errors else []
+
+
+def success_table(evaluation: Evaluation) -> TextTable:
+    """A row for each task and one for the mean: our methods, then the paper's where it has any of the tasks."""
+    names = [task.task for task in evaluation.tasks]
+    known = any(task in paper.SUCCESS_PERCENT[name] for task in names for name in paper.METHODS)
+    published = paper.METHODS if known else ()
+    rows: list[Row] = []
+    for task in evaluation.tasks:
+        percents = [paper.SUCCESS_PERCENT[name].get(task.task) for name in published]
+        scores = [str(task_result(task, method).score) for method in evaluation.methods]
+        rows.append([task.task, *scores, *(NOTHING if percent is None else str(percent) for percent in percents)])
+    means = [mean_rate(evaluation, method) for method in evaluation.methods]
+    paper_means = [paper.mean_percent(name, names) for name in published]
+    ours = [NOTHING if mean is None else f"{100 * mean:.1f} %" for mean in means]
+    mean_row = ["mean", *ours, *(NOTHING if mean is None else f"{mean:.1f}" for mean in paper_means)]
+    header = ["task", *(method.label for method in evaluation.methods), *(f"{name} (paper)" for name in published)]
+    return TextTable(header, [rows, [mean_row]])
+
+
+def terminal_table(evaluation: Evaluation, width: int) -> Table:
+    """Our methods beside the paper's RoboPrompt; where `width` columns have no room for that, as `results_table`."""
+    full = success_table(evaluation)
+    columns = len(evaluation.methods) + 1 + (ROBOPROMPT in full.header)
+    groups = [[[cell.replace(" %)", ")") for cell in row[:columns]] for row in group] for group in full.groups]
+    table = TextTable(full.header[:columns], groups).terminal(SUCCESS_TITLE)
+    fits = Console(width=UNBOUNDED).measure(table).maximum <= width
+    return table if fits else results_table(evaluation)
+
+
+def results_table(evaluation: Evaluation) -> Table:
+    """A row for each task and method, with medians."""
+    header = ("task, method", "success", "LLM s", "other ms", "run s", "tokens")
+    groups = [[[task.task, *[""] * 5], *_result_rows(task, evaluation.methods)] for task in evaluation.tasks]
+    title = "success on unseen scenes (95 % interval), medians a prediction"
+    return TextTable(header, groups).terminal(title, "tokens: prompt/cached/completion")
+
+
+def _result_rows(task: TaskEvaluation, methods: Sequence[Method]) -> Iterator[Row]:
+    for method in methods:
+        result = task_result(task, method)
+        *costs, read, cached, written = (_number(value, "") for value in _costs(result))
+        yield [f"  {method.label}", str(result.score), *costs, f"{read}/{cached}/{written}".strip("/")]
+    percent = paper.SUCCESS_PERCENT["RoboPrompt"].get(task.task)
+    if percent is not None:
+        yield [f"  {ROBOPROMPT}", f"{percent} %", *[""] * 4]
+
+
+def sweep_summary(evaluation: Evaluation) -> dict[str, Any]:
+    """Figures by task, of the first method and beside them of each, means, and the paper's."""
+    names = [task.task for task in evaluation.tasks]
+    crashes = [crash for task in evaluation.tasks for crash in task.crashes]
+    timeouts = sum(crash.timed_out for crash in crashes)
+    return {
+        "tasks": {task.task: _task_summary(task, evaluation.methods) for task in evaluation.tasks},
+        "mean_success_rate": {method.label: mean_rate(evaluation, method) for method in evaluation.methods},
+        "paper_mean_percent": {name: paper.mean_percent(name, names) for name in paper.METHODS},
+        "trials": sum(len(task.trials) for task in evaluation.tasks),
+        "errors": len(crashes) - timeouts,
+        "timeouts": timeouts,
+    }
+
+
+def _task_summary(task: TaskEvaluation, methods: Sequence[Method]) -> dict[str, Any]:
+    by_method = {method.label: task_result(task, method).document() for method in methods}
+    first = methods[0].label
+    return {**by_method[first], "method": first, "methods": by_method}
+
+
+def _method_rows(evaluation: Evaluation) -> Iterator[Row]:
+    for method in evaluation.methods:
+        result = pooled_result(evaluation, method)
+        ended = [str(result.endings[name]) for name in ENDINGS]
+        costs = [_number(value, NOTHING) for value in _costs(result)]
+        yield [method.label, _asked(result, method), str(result.score), *ended, *costs]
+
+
+def _costs(result: Result) -> list[float | None]:
+    outside_llm_ms = None if result.outside_llm_s is None else 1000 * result.outside_llm_s
+    return [result.llm_s, outside_llm_ms, result.execute_s, *(result.tokens[name] for name in TOKENS)]
+
+
+def _asked(result: Result, method: Method) -> str:
+    where = "pose noise" if method.noise_on == "both" else "pose noise of tests alone"
+    special = {
+        where: method.noise,
+        "objects moved by m": method.shift_m,
+        "demonstrations of": "similar tasks" if method.unseen else "",
+        "looks again": method.look_again,
+        "leads by s": method.lead_s if method.look_again else 0,
+    }
+    own = {**method.options, **method.settings, **{name: value for name, value in special.items() if value}}
+    further = {name: value for name, value in own.items() if name not in ("model", "representation", "prompt_format")}
+    return "; ".join([*result.asked, *(f"{name} {json.dumps(value)}" for name, value in further.items())]) or NOTHING
+
+
+def _number(value: float | None, nothing: str) -> str:
+    return nothing if value is None else f"{value:.3g}" if value < 100 else f"{value:.0f}"

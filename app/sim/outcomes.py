@@ -1,0 +1,73 @@
+"""What scenes show, and what demonstrations and rollouts on them give. Imports no simulator."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from roboprompt_client.camera import RgbdFrame
+from roboprompt_client.motion_limits import Pose
+from roboprompt_client.trajectory import EndEffectorAction, ObjectPose, Trajectory
+
+RgbImage = npt.NDArray[np.uint8]
+
+
+@dataclass(frozen=True, eq=False)
+class SceneView:
+    """What a scene shows before the arm moves.
+
+    Attributes:
+        objects: true poses.
+        frames: one per camera; empty if no images were asked for.
+        mask_ids: for each object the ids of its pixels in the frames' masks.
+        end_effector: its pose; None where it was not observed.
+    """
+
+    task: str
+    seed: int
+    instruction: str
+    objects: tuple[ObjectPose, ...]
+    frames: tuple[RgbdFrame, ...]
+    mask_ids: dict[str, tuple[int, ...]]
+    end_effector: Pose | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedDemonstration:
+    """An expert's solution of a scene.
+
+    Attributes:
+        num_expert_poses: how many poses the expert chose; where it rested, the keyframe rule `merged` finds as many.
+        succeeded: whether the scene was solved in the end.
+        failure: why it was not; empty if it was.
+        expert_actions: the poses that the expert chose, and what the gripper then does.
+        film_strip: (H, W, 3) images of camera `front` before the first and after each pose; empty if not asked for.
+    """
+
+    scene: SceneView
+    trajectory: Trajectory
+    control_frequency_hz: float
+    num_expert_poses: int
+    succeeded: bool
+    failure: str
+    film_strip: tuple[RgbImage, ...]
+    expert_actions: tuple[EndEffectorAction, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class RolloutResult:
+    """What became of predicted actions.
+
+    Attributes:
+        num_executed: actions that were carried out.
+        succeeded, failure, film_strip: as in RecordedDemonstration.
+        misses: where a driver moved the arm: how far off each action's pose it ended, m and degrees.
+    """
+
+    task: str
+    seed: int
+    num_executed: int
+    succeeded: bool
+    failure: str
+    film_strip: tuple[RgbImage, ...]
+    misses: tuple[tuple[float, float], ...] = ()
