@@ -34,7 +34,7 @@ from app.pipeline.errors import (
     UnfamiliarInstructionError,
     UngroundedInstructionError,
 )
-from app.services.limits import NoDemonstrationsError, UnparsableReplyError, UnsafeReplyError, UnsupportedReplyError
+from app.services.errors import NoDemonstrationsError, UnparsableReplyError, UnsafeReplyError, UnsupportedReplyError
 from app.store.errors import (
     ConflictError,
     CorruptDataError,

@@ -6,7 +6,7 @@ import pytest
 
 from app.perception.base import ObjectQuery
 from app.services.predict import observe
-from app.services.predict.question import PredictRequest
+from app.services.predict.request import PredictRequest
 from app.store.errors import ConflictError
 from roboprompt_client.camera import Camera, RgbdFrame
 from tests.services.test_upload_episode import respond, upload
@@ -34,12 +34,12 @@ def looking(monkeypatch, meanwhile):
 
 
 def prepare(services, request):
-    return asyncio.run(services.predict_actions.prepare(request, {}))
+    return asyncio.run(services.predict_actions.prepare(request))
 
 
 def test_no_transaction_waits_for_images(services, monkeypatch):
     looking(monkeypatch, lambda: services.upload_episode(upload("cube"), respond))
-    assert len(prepare(services, SEEN).template.demonstration_ids) == 2
+    assert len(prepare(services, SEEN).prefix.demonstration_ids) == 2
 
 
 def test_settings_that_change_meanwhile_are_a_conflict(services, monkeypatch):

@@ -4,12 +4,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from app.perception.registry import estimate_poses
-from app.pipeline.prompt import check_object_names, objects_of_task
+from app.pipeline.prompt import check_object_names
 from app.pipeline.units import check_scene_units
-from app.services.limits import NoDemonstrationsError
-from app.services.measures import Timings, timed
+from app.services.errors import NoDemonstrationsError
+from app.services.measures import timed
 from app.services.pose_servers import PoseServers
-from app.services.predict.question import PredictRequest
+from app.services.predict.request import PredictRequest
 from app.services.task_settings import TaskSettings
 from app.store import tasks
 from app.store.errors import ConflictError
@@ -36,41 +36,36 @@ class Seen:
         return self.objects
 
 
-def look(store: Store, pose_servers: PoseServers, request: PredictRequest, timings_ms: Timings) -> Seen:
+def look(store: Store, pose_servers: PoseServers, request: PredictRequest) -> Seen:
     """What the images show, found without a transaction open: a server may be asked.
 
     Raises:
-        as `observed`, and NoDemonstrationsError.
+        as `observed`; NotFoundError for an unknown task.
     """
-    with timed(timings_ms, "read"), store.read() as connection:
+    with timed("read"), store.read() as connection:
         task = tasks.get(connection, request.task)
     settings = TaskSettings.model_validate(task.settings)
     pose_servers.check(settings.object_models)
-    with timed(timings_ms, "poses"):
-        return Seen(task, observed(request, settings, object_names(request, task)))
+    with timed("poses"):
+        return Seen(task, observed(request, task, settings))
 
 
-def object_names(request: PredictRequest, task: TaskRecord) -> tuple[str, ...]:
-    """The objects of the task's demonstrations; those that the robot sees where it asks for other tasks' instead.
-
-    Raises:
-        NoDemonstrationsError: if the task has none, and the request asks for no other task's.
-    """
-    if task.object_names is not None:
-        return tuple(task.object_names)
-    if request.options.demonstrations_from is None:
-        raise NoDemonstrationsError(task.name)
-    return tuple(dict.fromkeys(query.name for query in request.objects))
-
-
-def observed(request: PredictRequest, settings: TaskSettings, names: Sequence[str]) -> tuple[ObjectPose, ...]:
-    """The observed objects' poses in the order of `names`, symmetric objects at their canonical yaw.
+def observed(request: PredictRequest, task: TaskRecord, settings: TaskSettings) -> tuple[ObjectPose, ...]:
+    """The observed objects' poses in the task's order, symmetric objects at their canonical yaw.
 
     Raises:
+        NoDemonstrationsError: if the task has no demonstrations, and the request asks for no other task's.
         ObjectSetError: if the request has other objects; as `estimate_poses` and `check_scene_units`.
     """
-    check_object_names([query.name for query in request.objects], names)
+    sent = [query.name for query in request.objects]
+    names: Sequence[str] | None = task.object_names
+    if names is None:
+        if request.options.demonstrations_from is None:
+            raise NoDemonstrationsError(task.name)
+        names = list(dict.fromkeys(sent))
+    check_object_names(sent, names)
     queries = settings.with_models(request.objects)
     poses = estimate_poses(settings.pose_estimator, queries, request.frames, given_first=True)
     check_scene_units(poses, settings.workspace.workspace())
-    return settings.canonical(objects_of_task(poses, names))
+    by_name = {pose.name: pose for pose in poses}
+    return settings.canonical(tuple(by_name[name] for name in names))

@@ -5,11 +5,10 @@ from typing import Any
 
 from sqlalchemy import Connection
 
-from app.services.motion_bounds import record_limits
 from app.services.pose_servers import PoseServers
 from app.services.task_settings import MERGED, TaskSettings
 from app.services.teach.extract import extract_again, with_room_for
-from app.store import episodes, jobs, tasks
+from app.store import audit, episodes, jobs, tasks
 from app.store.errors import ConflictError, NotFoundError
 from app.store.records import EpisodeRecord, Extraction, JobRecord, TaskRecord
 from app.store.store import Store
@@ -17,6 +16,7 @@ from app.store.values import JsonObject
 from roboprompt_client.wording import checked_name
 
 MAX_AT_ONCE = 200  # some seconds
+BOUNDS = ("workspace", "motion_limits")  # settings that decide which actions are unsafe
 
 
 class ConfigureTask:
@@ -118,3 +118,26 @@ def _named(settings: JsonObject, change: Mapping[str, Any]) -> JsonObject:
 def _require_no_job(connection: Connection, name: str) -> None:
     if jobs.has_open(connection, name):
         raise ConflictError(f"a job extracts the episodes of {name!r} again: wait for its end, see GET /jobs")
+
+
+def record_limits(
+    connection: Connection,
+    task: str,
+    before: Mapping[str, Any],
+    after: Mapping[str, Any],
+    *,
+    action: str = "limits.changed",
+    actor: str | None = None,
+) -> None:
+    """Add an entry to the audit log if the settings' bounds of motion differ.
+
+    Args:
+        before, after: settings, as JSON.
+    """
+    changed = [name for name in BOUNDS if before.get(name) != after.get(name)]
+    if changed:
+        details = {
+            when: {name: values.get(name) for name in changed}
+            for when, values in (("before", before), ("after", after))
+        }
+        audit.record(connection, action, task, details, actor)

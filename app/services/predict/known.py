@@ -1,0 +1,238 @@
+"""What the store knows of a request, read in one transaction: task, settings, the step before, and demonstrations."""
+
+import random
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from sqlalchemy import Connection
+
+from app.llm.base import ModelProfile
+from app.pipeline.language.grounded import Grounded
+from app.services.cache import Cache
+from app.services.measures import timed
+from app.services.pose_servers import PoseServers
+from app.services.predict.lent import LendingTask, lending_tasks, read_lent
+from app.services.predict.observe import look, observed
+from app.services.predict.prefix import Prefix, PrefixKey, PromptStyle, make_lent_prefix, make_prefix
+from app.services.predict.request import PredictOptions, PredictRequest
+from app.services.predict.select import DemonstrationSelector, read_demonstrations
+from app.services.task_settings import TaskSettings
+from app.store import predictions, tasks
+from app.store.errors import ConflictError
+from app.store.records import TaskRecord
+from app.store.store import Store
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.motion_limits import Pose
+from roboprompt_client.trajectory import ObjectPose
+
+MAX_PREFIXES = 256  # that are kept
+
+
+@dataclass(frozen=True)
+class PreviousStep:
+    """A closed loop's last prediction.
+
+    Attributes:
+        step: its number, from 0.
+        prompt_user, reply_text: as the LLM read and wrote them.
+        end_effector: where its action sent it.
+        instruction, grounded: as it was asked, and how it was understood.
+    """
+
+    step: int
+    model: str
+    style: PromptStyle
+    demonstration_ids: tuple[str, ...]
+    prompt_user: str
+    reply_text: str
+    end_effector: Pose
+    instruction: str
+    grounded: Grounded | None
+
+    def so_far(self, prefix: Prefix) -> str:
+        """What follows the demonstrations in the next prompt: every observation and action until now.
+
+        Raises:
+            ConflictError: if the demonstrations do not read as they did.
+        """
+        shown = prefix.template.prefix
+        if not self.prompt_user.startswith(shown):
+            raise ConflictError("the demonstrations have changed since the last step: begin the closed loop again")
+        codec = prefix.at_step(self.step).codec
+        reply = codec.reply_text(codec.rows(self.reply_text, complete=True))
+        return f"{self.prompt_user[len(shown) :]}{reply}{codec.separator}"
+
+
+def previous_step(connection: Connection, request: PredictRequest) -> PreviousStep | None:
+    """The prediction that a closed loop goes on from; None for a request that begins.
+
+    Raises:
+        NotFoundError: if there is no such prediction.
+        InvalidInputError: if it is none that a closed loop of this task can go on from.
+    """
+    if request.options.after is None:
+        return None
+    record = predictions.get(connection, request.options.after)
+    valid = "the id of the last step of a closed loop that goes on"
+    if record.task != request.task:
+        raise InvalidInputError("after", f"is a prediction of the task {record.task!r}", valid)
+    if record.step is None or record.reply_text is None or record.actions is None:
+        raise InvalidInputError("after", "is not a step of a closed loop that gave an action", valid)
+    if not record.actions:
+        raise InvalidInputError("after", "is a step that ended its closed loop", valid)
+    last = record.actions[-1]
+    return PreviousStep(
+        record.step,
+        record.model,
+        PromptStyle(record.representation, record.prompt_format, record.prompt_system, closed_loop=True),
+        record.demonstration_ids,
+        record.prompt_user,
+        record.reply_text,
+        Pose(tuple(last["position"]), tuple(last["quaternion_xyzw"])),
+        record.instruction,
+        None if record.grounding is None else Grounded.from_json(record.grounding),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Known:
+    """What is known of a request before its question is written.
+
+    Attributes:
+        objects: as they were observed, in the task's order.
+        end_effector: where it is before the first action: as the robot tells, else where the last step sent it.
+        prefixes: one for all samples, or one for each.
+    """
+
+    settings: TaskSettings
+    previous: PreviousStep | None
+    end_effector: Pose | None
+    objects: tuple[ObjectPose, ...]
+    profile: ModelProfile
+    style: PromptStyle
+    prefixes: Sequence[Prefix]
+
+
+class KnownReader:
+    """Reads what requests need; keeps what does not depend on the request. Synchronous: call it in a thread.
+
+    Args:
+        profile_of: the profile of a model by its name, of the default for None; raises UnknownModelError.
+    """
+
+    def __init__(
+        self,
+        store: Store,
+        profile_of: Callable[[str | None], ModelProfile],
+        pose_servers: PoseServers | None = None,
+    ) -> None:
+        self._store = store
+        self.profile_of = profile_of
+        self._pose_servers = pose_servers or PoseServers()
+        self._select = DemonstrationSelector()
+        self._prefixes: Cache[PrefixKey, Prefix] = Cache(MAX_PREFIXES)
+
+    def __call__(self, request: PredictRequest) -> Known:
+        """As the request asks; a closed loop goes on as it began.
+
+        Raises:
+            UnknownModelError: for an unknown model.
+            NotFoundError: for an unknown task, episode or prediction.
+            NoDemonstrationsError: if the task has no episode yet.
+            ConflictError: if the task's settings changed while its images were looked at.
+            InvalidInputError, ObjectSetError: if the observation does not fit the task.
+        """
+        seen = look(self._store, self._pose_servers, request) if request.frames else None
+        with self._store.read() as connection:
+            with timed("read"):
+                task = tasks.get(connection, request.task)
+                settings = TaskSettings.model_validate(task.settings)
+                previous = previous_step(connection, request)
+            end_effector = request.end_effector or (previous.end_effector if previous else None)
+            settings.limits_of_motion().require_start(end_effector)
+            with timed("poses"):
+                objects = observed(request, task, settings) if seen is None else seen.objects_of(task)
+            with timed("prompt"):
+                profile = self.profile_of(previous.model if previous else request.options.model)
+                style = previous.style if previous else PromptStyle.of(request, settings, profile)
+                prefixes = self._shown(connection, request, task, settings, style, objects, previous)
+        return Known(settings, previous, end_effector, objects, profile, style, prefixes)
+
+    def usual_prefix(self, task_name: str) -> Prefix:
+        """What a request that names nothing but the task shows.
+
+        Raises:
+            as for such a request.
+        """
+        request = PredictRequest(task_name, "", ())
+        with self._store.read() as connection:
+            task = tasks.get(connection, task_name)
+            settings = TaskSettings.model_validate(task.settings)
+            style = PromptStyle.of(request, settings, self.profile_of(None))
+            return self._shown(connection, request, task, settings, style, (), None)[0]
+
+    def _shown(
+        self,
+        connection: Connection,
+        request: PredictRequest,
+        task: TaskRecord,
+        settings: TaskSettings,
+        style: PromptStyle,
+        objects: Sequence[ObjectPose],
+        previous: PreviousStep | None,
+    ) -> list[Prefix]:
+        """The demonstrations that the request names or its selection finds, once for each order of them."""
+        options, lending = request.options, tuple[LendingTask, ...]()
+        number = options.num_demonstrations or settings.num_demonstrations
+        if previous is not None:
+            ids = previous.demonstration_ids
+        elif options.demonstrations_from is not None:
+            lending = lending_tasks(connection, request, task, number, self._select)
+            ids = tuple(id_ for other in lending for id_ in other.ids)
+        elif options.episode_ids is not None:
+            ids = options.episode_ids
+        else:
+            ids = self._select(connection, task, options.selection, number, options.seed, objects)
+        named = options.episode_ids is not None and previous is None
+        return [
+            self._prefix(connection, task, settings, style, order, lending, all_of_them=named)
+            for order in _orders(ids, options)
+        ]
+
+    def _prefix(
+        self,
+        connection: Connection,
+        task: TaskRecord,
+        settings: TaskSettings,
+        style: PromptStyle,
+        ids: tuple[str, ...],
+        lending: Sequence[LendingTask],
+        *,
+        all_of_them: bool,
+    ) -> Prefix:
+        """The demonstrations of those ids, written down.
+
+        Args:
+            lending: the tasks whose they are, where that is not `task`.
+            all_of_them: also those of a rare plan.
+        """
+        versions = tuple((other.record.name, other.record.version) for other in lending)
+        key = PrefixKey(task.name, task.version, style, ids, all_of_them, versions)
+
+        def make() -> Prefix:
+            if lending:
+                return make_lent_prefix(read_lent(connection, lending, task, settings), ids, settings, style)
+            read = read_demonstrations(
+                connection, task.name, ids, settings, all_of_them=all_of_them, stepwise=style.closed_loop
+            )
+            return make_prefix(read, settings, style)
+
+        return self._prefixes.get(key, make)
+
+
+def _orders(ids: tuple[str, ...], options: PredictOptions) -> list[tuple[str, ...]]:
+    """The order of the demonstrations for each sample that has one of its own."""
+    if not options.permute_demonstrations:
+        return [ids]
+    others = [random.Random(options.seed + k) for k in range(1, options.num_samples)]
+    return [ids, *(tuple(other.sample(ids, len(ids))) for other in others)]
