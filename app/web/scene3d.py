@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from app.services.task_settings import WorkspaceSettings
+from app.services.setting_parts import WorkspaceSettings
 from app.store.values import JsonObject, ObjectRecord
 from app.web.object_colours import object_colours
 
