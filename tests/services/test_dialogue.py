@@ -12,8 +12,8 @@ from app.perception.base import ObjectQuery
 from app.pipeline.episode import Episode
 from app.services.errors import UnparsableReplyError, UnsupportedReplyError
 from app.services.measures import timings_of_its_own
+from app.services.predict.part_reply import PredictedAction
 from app.services.predict.record import Prediction
-from app.services.predict.reply import PredictedAction
 from app.services.predict.request import PredictOptions, PredictRequest
 from app.services.teach.upload import Upload
 from app.store import predictions

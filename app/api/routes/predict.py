@@ -20,9 +20,9 @@ from app.api.schemas.predictions import DryRunOut, PredictionOut, UnderstoodOut
 from app.api.schemas.requests import PredictBody
 from app.llm.base import TextDelta
 from app.services.limits import Limits
+from app.services.predict.part_reply import PredictedAction
 from app.services.predict.question import Question
 from app.services.predict.record import Prediction
-from app.services.predict.reply import PredictedAction
 from app.services.predict.request import PredictRequest
 from app.services.teach.upload import content_digest
 from app.store.values import JsonObject

@@ -21,9 +21,10 @@ from app.services.measures import note, timed, timings, timings_of_its_own
 from app.services.predict.checks import CurrentLimits, MotionCheck
 from app.services.predict.instruction import ask_meaning
 from app.services.predict.known import KnownReader
+from app.services.predict.part_reply import PredictedAction
 from app.services.predict.question import Question, write_question
 from app.services.predict.record import Prediction, PredictionRecorder
-from app.services.predict.reply import PredictedAction, Reply
+from app.services.predict.reply import Reply
 from app.services.predict.request import PredictRequest
 from app.services.predict.warm import PrefixWarmer
 from app.store.errors import StoreUnavailableError

@@ -7,91 +7,27 @@ from dataclasses import dataclass
 from sqlalchemy import Connection
 
 from app.llm.base import ModelProfile
-from app.pipeline.language.grounded import Grounded
+from app.perception.registry import estimate_poses
+from app.pipeline.prompt import check_object_names
+from app.pipeline.units import check_scene_units
 from app.services.cache import Cache
+from app.services.errors import NoDemonstrationsError
 from app.services.measures import timed
 from app.services.pose_servers import PoseServers
+from app.services.predict.closed_loop import PreviousStep, previous_step
 from app.services.predict.lent import LendingTask, lending_tasks, read_lent
-from app.services.predict.observe import look, observed
 from app.services.predict.prefix import Prefix, PrefixKey, PromptStyle, make_lent_prefix, make_prefix
 from app.services.predict.request import PredictOptions, PredictRequest
 from app.services.predict.select import DemonstrationSelector, read_demonstrations
 from app.services.task_settings import TaskSettings
-from app.store import predictions, tasks
+from app.store import tasks
 from app.store.errors import ConflictError
 from app.store.records import TaskRecord
 from app.store.store import Store
-from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.motion_limits import Pose
 from roboprompt_client.trajectory import ObjectPose
 
 MAX_PREFIXES = 256  # that are kept
-
-
-@dataclass(frozen=True)
-class PreviousStep:
-    """A closed loop's last prediction.
-
-    Attributes:
-        step: its number, from 0.
-        prompt_user, reply_text: as the LLM read and wrote them.
-        end_effector: where its action sent it.
-        instruction, grounded: as it was asked, and how it was understood.
-    """
-
-    step: int
-    model: str
-    style: PromptStyle
-    demonstration_ids: tuple[str, ...]
-    prompt_user: str
-    reply_text: str
-    end_effector: Pose
-    instruction: str
-    grounded: Grounded | None
-
-    def so_far(self, prefix: Prefix) -> str:
-        """What follows the demonstrations in the next prompt: every observation and action until now.
-
-        Raises:
-            ConflictError: if the demonstrations do not read as they did.
-        """
-        shown = prefix.template.prefix
-        if not self.prompt_user.startswith(shown):
-            raise ConflictError("the demonstrations have changed since the last step: begin the closed loop again")
-        codec = prefix.at_step(self.step).codec
-        reply = codec.reply_text(codec.rows(self.reply_text, complete=True))
-        return f"{self.prompt_user[len(shown) :]}{reply}{codec.separator}"
-
-
-def previous_step(connection: Connection, request: PredictRequest) -> PreviousStep | None:
-    """The prediction that a closed loop goes on from; None for a request that begins.
-
-    Raises:
-        NotFoundError: if there is no such prediction.
-        InvalidInputError: if it is none that a closed loop of this task can go on from.
-    """
-    if request.options.after is None:
-        return None
-    record = predictions.get(connection, request.options.after)
-    valid = "the id of the last step of a closed loop that goes on"
-    if record.task != request.task:
-        raise InvalidInputError("after", f"is a prediction of the task {record.task!r}", valid)
-    if record.step is None or record.reply_text is None or record.actions is None:
-        raise InvalidInputError("after", "is not a step of a closed loop that gave an action", valid)
-    if not record.actions:
-        raise InvalidInputError("after", "is a step that ended its closed loop", valid)
-    last = record.actions[-1]
-    return PreviousStep(
-        record.step,
-        record.model,
-        PromptStyle(record.representation, record.prompt_format, record.prompt_system, closed_loop=True),
-        record.demonstration_ids,
-        record.prompt_user,
-        record.reply_text,
-        Pose(tuple(last["position"]), tuple(last["quaternion_xyzw"])),
-        record.instruction,
-        None if record.grounding is None else Grounded.from_json(record.grounding),
-    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,7 +78,7 @@ class KnownReader:
             ConflictError: if the task's settings changed while its images were looked at.
             InvalidInputError, ObjectSetError: if the observation does not fit the task.
         """
-        seen = look(self._store, self._pose_servers, request) if request.frames else None
+        seen = _look(self._store, self._pose_servers, request) if request.frames else None
         with self._store.read() as connection:
             with timed("read"):
                 task = tasks.get(connection, request.task)
@@ -151,7 +87,7 @@ class KnownReader:
             end_effector = request.end_effector or (previous.end_effector if previous else None)
             settings.limits_of_motion().require_start(end_effector)
             with timed("poses"):
-                objects = observed(request, task, settings) if seen is None else seen.objects_of(task)
+                objects = _observed(request, task, settings) if seen is None else seen.objects_of(task)
             with timed("prompt"):
                 profile = self.profile_of(previous.model if previous else request.options.model)
                 style = previous.style if previous else PromptStyle.of(request, settings, profile)
@@ -236,3 +172,56 @@ def _orders(ids: tuple[str, ...], options: PredictOptions) -> list[tuple[str, ..
         return [ids]
     others = [random.Random(options.seed + k) for k in range(1, options.num_samples)]
     return [ids, *(tuple(other.sample(ids, len(ids))) for other in others)]
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """The objects that were found with the settings of `task`."""
+
+    task: TaskRecord
+    objects: tuple[ObjectPose, ...]
+
+    def objects_of(self, task: TaskRecord) -> tuple[ObjectPose, ...]:
+        """The objects, if `task` still wants them found so.
+
+        Raises:
+            ConflictError: if not.
+        """
+        if (task.settings, task.object_names) != (self.task.settings, self.task.object_names):
+            raise ConflictError(f"task {task.name!r} changed while its images were looked at: send the request again")
+        return self.objects
+
+
+def _look(store: Store, pose_servers: PoseServers, request: PredictRequest) -> _Seen:
+    """What the images show, found without a transaction open: a server may be asked.
+
+    Raises:
+        as `_observed`; NotFoundError for an unknown task.
+    """
+    with timed("read"), store.read() as connection:
+        task = tasks.get(connection, request.task)
+    settings = TaskSettings.model_validate(task.settings)
+    pose_servers.check(settings.object_models)
+    with timed("poses"):
+        return _Seen(task, _observed(request, task, settings))
+
+
+def _observed(request: PredictRequest, task: TaskRecord, settings: TaskSettings) -> tuple[ObjectPose, ...]:
+    """The observed objects' poses in the task's order, symmetric objects at their canonical yaw.
+
+    Raises:
+        NoDemonstrationsError: if the task has no demonstrations, and the request asks for no other task's.
+        ObjectSetError: if the request has other objects; as `estimate_poses` and `check_scene_units`.
+    """
+    sent = [query.name for query in request.objects]
+    names: Sequence[str] | None = task.object_names
+    if names is None:
+        if request.options.demonstrations_from is None:
+            raise NoDemonstrationsError(task.name)
+        names = list(dict.fromkeys(sent))
+    check_object_names(sent, names)
+    queries = settings.with_models(request.objects)
+    poses = estimate_poses(settings.pose_estimator, queries, request.frames, given_first=True)
+    check_scene_units(poses, settings.workspace.workspace())
+    by_name = {pose.name: pose for pose in poses}
+    return settings.canonical(tuple(by_name[name] for name in names))

@@ -6,8 +6,6 @@ The parts of an instruction are asked for in turn. Of several samples the reply 
 import time
 from collections.abc import AsyncGenerator, Iterator, Sequence
 from contextlib import aclosing
-from dataclasses import dataclass
-from functools import cached_property
 
 import anyio
 
@@ -24,56 +22,16 @@ from app.pipeline.clearance import passing_findings
 from app.pipeline.consensus import consensus
 from app.pipeline.errors import ReplyParseError, UnsupportedActionError
 from app.pipeline.findings import Finding
-from app.pipeline.plans.support import PlacedRow
 from app.pipeline.prediction_findings import ActionDoubt, action_findings
 from app.pipeline.prompt import Prompt
-from app.pipeline.reply import ReplyReader
-from app.pipeline.workspace import DiscreteAction, discretize_actions
 from app.services.measures import timed, timings, timings_of_its_own
-from app.services.predict.checks import MotionCheck, SupportCheck
+from app.services.predict.checks import MotionCheck
+from app.services.predict.part_reply import PartReply, PredictedAction, predicted
 from app.services.predict.question import Question
 from app.store.values import JsonObject
-from roboprompt_client.trajectory import EndEffectorAction
 
 AGAIN_TEMPERATURE = 0.3  # of the second try: a greedy one would say the same again
 MAX_TOKENS_PER_ACTION = 80  # more than any representation needs for a row, a token for each digit
-
-
-@dataclass(frozen=True)
-class PredictedAction:
-    """An action with its bins.
-
-    Attributes:
-        row: the demonstrated row that it carries out; None where none is known.
-    """
-
-    action: EndEffectorAction
-    discrete: DiscreteAction
-    row: PlacedRow | None = None
-
-    @cached_property
-    def document(self) -> JsonObject:
-        """As clients get it."""
-        return {
-            "position": self.action.position_m.tolist(),
-            "quaternion_xyzw": self.action.quaternion_xyzw.tolist(),
-            "gripper_open": self.action.gripper_open,
-            "bins": list(self.discrete.bins),
-            "clamped": self.discrete.clamped,
-            "anchor": None if self.row is None else self._anchor(self.row),
-        }
-
-    def _anchor(self, row: PlacedRow) -> JsonObject:
-        """What the action is relative to, so that a robot that looks again can follow it."""
-        offset_m, rotation_xyzw = row.seen_from_anchor(self.action)
-        return {
-            "object": row.anchor.object_name or None,
-            "frame": row.anchor.frame,
-            "offset_m": offset_m.tolist(),
-            "rotation_xyzw": rotation_xyzw.tolist(),
-            "tolerance_m": row.tolerance_m,
-            "tolerance_deg": row.tolerance_deg,
-        }
 
 
 class Reply:
@@ -146,7 +104,7 @@ class Reply:
             as `whole`; what was handed out may not be all of the reply.
         """
         for instruction in self._parts():
-            part, before, text = _Part(self.question, instruction, len(self.actions)), self.text, ""
+            part, before, text = PartReply(self.question, instruction, len(self.actions)), self.text, ""
             async with aclosing(self._model.stream(self._request(piecewise=True))) as pieces:
                 while not part.complete:
                     with timed("llm"):
@@ -183,7 +141,7 @@ class Reply:
 
     async def _supported(self, instruction: str) -> list[PredictedAction]:
         """The actions of the whole reply to one instruction."""
-        part = _Part(self.question, instruction, len(self.actions))
+        part = PartReply(self.question, instruction, len(self.actions))
         with timed("llm"):
             completion = await complete(self._model, self._request(piecewise=False))
         self.text = _joined(self.text, completion.text)
@@ -226,7 +184,7 @@ class Reply:
         self._entered = [reply for k, reply in enumerate(replies) if k in agreed.used]
         self.text = self._entered[0].text
         rows = [item.row for item in self._entered[0].actions]
-        return _predicted(agreed.actions, rows, self.question)
+        return predicted(agreed.actions, rows, self.question)
 
     async def _take(self, actions: Sequence[PredictedAction], *, sent_now: bool = False) -> None:
         """Let the next actions pass, if they are within the bounds of motion."""
@@ -266,51 +224,6 @@ class Reply:
             cache_key=question.prefix.cache_key,
             piecewise=piecewise,
         )
-
-
-class _Part:
-    """The reply to one instruction.
-
-    Attributes:
-        support: holds its actions against the demonstrations.
-        complete: whether all of it was read.
-
-    Args:
-        num_before: actions of the replies to earlier instructions.
-    """
-
-    def __init__(self, question: Question, instruction: str, num_before: int) -> None:
-        remaining = question.request.options.max_actions - num_before
-        self._question = question
-        self._reader = ReplyReader(question.template.codec, question.objects, instruction, remaining, question.start)
-        self._num_read = 0
-        self.support = SupportCheck(question, instruction, num_before)
-        self.complete = False
-
-    def read(self, piece: TextDelta | Completion) -> list[PredictedAction]:
-        """The actions that a piece of the reply completes.
-
-        Raises:
-            ReplyParseError, UnsupportedActionError.
-        """
-        with timed("parse"):
-            if isinstance(piece, TextDelta):
-                new = self._reader.feed(piece.text)
-            elif piece.finish_reason == "length":
-                tokens = piece.usage.completion_tokens
-                raise ReplyParseError(f"the reply was cut off after {tokens} tokens", piece.text)
-            else:
-                new = list(self._reader.finish(piece.text)[self._num_read :])
-                self.complete = True
-        self._num_read += len(new)
-        return _predicted(new, [self.support.check(action) for action in new], self._question)
-
-
-def _predicted(
-    actions: Sequence[EndEffectorAction], rows: Sequence[PlacedRow | None], question: Question
-) -> list[PredictedAction]:
-    bins = discretize_actions(actions, question.settings.workspace.workspace())
-    return list(map(PredictedAction, actions, bins, rows))
 
 
 def _sample(reply: Reply, error: str | None, *, used: bool) -> JsonObject:
