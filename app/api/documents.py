@@ -9,8 +9,10 @@ from app.pipeline.language.grounded import Grounded
 from app.pipeline.prompt import Prompt
 from app.pipeline.representation import fit_codec
 from app.pipeline.workspace import Workspace, discretize_action, object_bins
+from app.services.measures import timings
 from app.services.predict.evidence import Standing, TaskStats
-from app.services.predict.question import Prediction, Question
+from app.services.predict.question import Question
+from app.services.predict.record import Prediction
 from app.services.task_settings import TaskSettings
 from app.store.records import ConfigurationCounts, EpisodeFields, EpisodeRecord, JobRecord, PredictionRecord, TaskRecord
 from app.store.values import JsonObject, KeyframeRecord, ObjectRecord
@@ -122,9 +124,9 @@ def _asked(question: Question, prompt: Prompt) -> JsonObject:
         "model": question.profile.name,
         "representation": question.style.representation,
         "prompt_format": question.style.prompt_format,
-        "demonstration_ids": list(question.template.demonstration_ids),
+        "demonstration_ids": list(question.prefix.demonstration_ids),
         "prompt": _prompt(prompt.system, prompt.user),
-        "prefix_hash": question.template.cache_key,
+        "prefix_hash": question.prefix.cache_key,
     }
 
 
@@ -150,20 +152,16 @@ def understood_document(question: Question) -> JsonObject:
 
 def prediction_document(prediction: Prediction) -> JsonObject:
     """A `PredictionOut`."""
-    usage = prediction.completion.usage
+    reply = prediction.reply
     return {
         "id": prediction.id,
-        "actions": [item.to_json() for item in prediction.actions],
-        **_asked(prediction.question, prediction.prompt),
-        "reply_text": prediction.completion.text,
-        "usage": {
-            "prompt_tokens": usage.prompt_tokens,
-            "cached_tokens": usage.cached_tokens,
-            "completion_tokens": usage.completion_tokens,
-        },
+        "actions": [item.document for item in reply.actions],
+        **_asked(prediction.question, reply.prompt),
+        "reply_text": reply.text or "",
+        "usage": dict(vars(reply.usage)),
         "timings_ms": prediction.timings_ms,
         "step": prediction.question.step,
-        "samples": _samples(prediction.samples),
+        "samples": _samples(reply.samples),
         "findings": [finding.to_json() for finding in prediction.findings],
     }
 
@@ -175,7 +173,7 @@ def _samples(samples: Sequence[JsonObject] | None) -> JsonObject | None:
     return {"asked": len(samples), "used": sum(sample["used"] for sample in samples), "replies": list(samples)}
 
 
-def dry_run_document(question: Question, timings_ms: dict[str, float]) -> JsonObject:
+def dry_run_document(question: Question) -> JsonObject:
     """A `DryRunOut`."""
     prompt = question.prompt
     findings = [finding.to_json() for finding in question.findings]
@@ -184,7 +182,7 @@ def dry_run_document(question: Question, timings_ms: dict[str, float]) -> JsonOb
         **_asked(question, prompt),
         "grammar": prompt.grammar,
         "findings": findings,
-        "timings_ms": timings_ms,
+        "timings_ms": timings().ms,
     }
 
 

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from app.perception.overlay import PALETTE
 from app.pipeline.language.colours import COLOURS
-from app.services.task_settings import WorkspaceSettings
+from app.services.setting_parts import WorkspaceSettings
 from app.store.values import JsonObject, ObjectRecord
 
 MAX_PATH_POINTS = 2000

@@ -18,8 +18,8 @@ from app.pipeline.language.grounded import Grounded, Grounding
 from app.pipeline.language.grounding import Taught
 from app.pipeline.language.space import Layout
 from app.pipeline.prompt import Prompt
-from app.services.predict.question import PredictRequest
-from app.services.predict.template import PreviousStep
+from app.services.predict.closed_loop import PreviousStep
+from app.services.predict.request import PredictRequest
 from app.services.task_settings import TaskSettings
 from roboprompt_client.trajectory import ObjectPose
 

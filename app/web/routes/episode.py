@@ -23,7 +23,8 @@ from app.pipeline.representation import KAT_FORMAT, REPRESENTATIONS, fit_codec
 from app.pipeline.timeline import frame_times_s, gripper_stretches
 from app.services.container import Services
 from app.services.predict.select import demonstrations_of
-from app.services.task_settings import KeyframeSettings, TaskSettings
+from app.services.setting_parts import KeyframeSettings
+from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks
 from app.store.records import DemonstrationRecord, EpisodeRecord, TaskRecord
 from app.store.trajectories import get_trajectories, get_trajectory

@@ -1,4 +1,4 @@
-"""Demonstrations of other tasks, for one that nobody has shown: which tasks, how many of each, and as they are read.
+"""Demonstrations that other tasks lend to one that has none: which tasks, how many of each, and as they are read.
 
 After X-ICM ("Exploring the Limits of Vision-Language-Action Manipulations in Cross-task Generalization", arXiv
 2505.15660). Tasks are named by the request, or found by the words of instructions and objects.
@@ -11,7 +11,7 @@ from sqlalchemy import Connection
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.language.similarity import Described, most_similar
-from app.services.predict.options import MAX_OTHER_TASKS, SIMILAR, PredictOptions
+from app.services.predict.request import MAX_OTHER_TASKS, SIMILAR, PredictRequest
 from app.services.predict.select import DemonstrationSelector, read_demonstrations
 from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks
@@ -25,25 +25,19 @@ FIELD = "demonstrations_from"
 
 
 @dataclass(frozen=True, eq=False)
-class OtherTask:
+class LendingTask:
     """A task that lends demonstrations, and the ids of those."""
 
     record: TaskRecord
     ids: tuple[str, ...]
 
 
-def other_tasks(
-    connection: Connection,
-    asked: Described,
-    task: TaskRecord,
-    options: PredictOptions,
-    number: int,
-    select: DemonstrationSelector,
-) -> tuple[OtherTask, ...]:
+def lending_tasks(
+    connection: Connection, request: PredictRequest, task: TaskRecord, number: int, select: DemonstrationSelector
+) -> tuple[LendingTask, ...]:
     """The tasks that the request names or that are similar, the last of them shown last.
 
     Args:
-        asked: the request in words.
         task: the one that is asked for.
         number: of demonstrations, of all tasks together.
 
@@ -52,13 +46,14 @@ def other_tasks(
             if there is no other task.
         ForbiddenTaskError: for a task that the key is not for.
     """
-    names = _names(connection, asked, task, options)
+    options = request.options
+    names = _names(connection, request, task)
     lending = [_lending(connection, task, name, place) for place, name in enumerate(names)]
     if number < len(lending):
         message = f"is {number}, but demonstrations come from {len(lending)} tasks"
         raise InvalidInputError("num_demonstrations", message, f"{len(lending)} or more, or fewer tasks")
     return tuple(
-        OtherTask(record, select(connection, record, options.selection, share, options.seed, ()))
+        LendingTask(record, select(connection, record, options.selection, share, options.seed, ()))
         for record, share in zip(lending, shares(number, len(lending)), strict=True)
     )
 
@@ -69,8 +64,8 @@ def shares(number: int, num_tasks: int) -> list[int]:
     return [each + (place >= num_tasks - left_over) for place in range(num_tasks)]
 
 
-def read_other_tasks(
-    connection: Connection, lending: Sequence[OtherTask], task: TaskRecord, settings: TaskSettings
+def read_lent(
+    connection: Connection, lending: Sequence[LendingTask], task: TaskRecord, settings: TaskSettings
 ) -> dict[str, tuple[Demonstration, ...]]:
     """What a prompt shows of each task, read with that task's settings.
 
@@ -89,9 +84,10 @@ def read_other_tasks(
     return shown
 
 
-def _names(connection: Connection, asked: Described, task: TaskRecord, options: PredictOptions) -> tuple[str, ...]:
-    if options.demonstrations_from is not None and options.demonstrations_from != SIMILAR:
-        return options.demonstrations_from
+def _names(connection: Connection, request: PredictRequest, task: TaskRecord) -> tuple[str, ...]:
+    named = request.options.demonstrations_from
+    if named is not None and named != SIMILAR:
+        return named
     newest = episodes.newest_by_task(connection)
     described = [
         (name, Described(episode.instruction, tuple(item.name for item in episode.objects)))
@@ -100,6 +96,7 @@ def _names(connection: Connection, asked: Described, task: TaskRecord, options: 
     ]
     if not described:
         raise InvalidInputError(FIELD, f"is {SIMILAR!r}, but no other task has episodes", "no demonstrations_from")
+    asked = Described(request.instruction, tuple(query.name for query in request.objects))
     return most_similar(asked, described)
 
 

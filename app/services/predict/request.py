@@ -1,38 +1,26 @@
-"""How to predict, as a request may say it; what it leaves out follows the task, then the model."""
+"""What a robot asks, and how it wants it predicted; what it leaves out follows the task, then the model."""
 
-import json
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
+from app.perception.base import ObjectQuery
+from app.perception.images import ImageBytes
 from app.perception.strict import WHOLE, Number, Truth
-from app.services.predict.select import Selection
 from app.services.task_settings import PromptFormat, Representation, SystemPrompt
+from app.store.values import JsonObject
+from roboprompt_client.camera import Camera, RgbdFrame
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.motion_limits import MAX_ACTIONS
+from roboprompt_client.motion_limits import MAX_ACTIONS, Pose
 from roboprompt_client.wording import checked_name
 
+Selection = Literal["first", "recent", "random", "nearest", "diverse"]
 SAMPLES_TEMPERATURE = 0.5
 MAX_OTHER_TASKS = 8
 SIMILAR: Literal["similar"] = "similar"
-Unsupported = Literal["refuse", "allow"]
-Method = Literal["roboprompt", "voxposer"]
-# Options of the method whose prompts show demonstrations and whose replies are rows
-OF_ROWS = (
-    "demonstrations_from",
-    "num_demonstrations",
-    "selection",
-    "num_samples",
-    "permute_demonstrations",
-    "episode_ids",
-    "representation",
-    "prompt_format",
-    "system_prompt",
-    "closed_loop",
-    "after",
-    "unfamiliar",
-    "unsupported",
-)
+Doubtful = Literal["refuse", "allow"]
 
 
 def _names_or_similar(value: object) -> object:
@@ -58,14 +46,6 @@ class PredictOptions(BaseModel):
     """How to predict."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-    method: Annotated[
-        Method,
-        Field(
-            description="roboprompt: the LLM continues the demonstrations' rows; voxposer, a baseline: it writes a "
-            "program over value maps, no demonstrations are shown, and `end_effector` is required"
-        ),
-    ] = "roboprompt"
 
     num_demonstrations: Annotated[int | None, Field(ge=1, le=100), WHOLE] = None
     selection: Annotated[
@@ -119,7 +99,7 @@ class PredictOptions(BaseModel):
         ),
     ] = None
     unfamiliar: Annotated[
-        Literal["refuse", "allow"],
+        Doubtful,
         Field(
             description="an instruction unlike every taught one: refuse, or pass it on to the LLM with a finding of "
             "severity danger; objects that are not clear are refused either way"
@@ -128,23 +108,12 @@ class PredictOptions(BaseModel):
     max_actions: Annotated[int, Field(ge=1, le=100), WHOLE] = MAX_ACTIONS
     timeout_s: Annotated[Number, Field(ge=0.1, le=600)] = 60.0
     unsupported: Annotated[
-        Unsupported,
+        Doubtful,
         Field(description="allow: actions unlike what was demonstrated are answered with a finding instead of refused"),
     ] = "refuse"
     stream_text: Annotated[
         Truth, Field(description="with `Accept: text/event-stream`: the reply's text, too, in events `text`")
     ] = False
-
-    def require_alone(self) -> None:
-        """Refuse options that mean nothing to a method without demonstrations and rows.
-
-        Raises:
-            InvalidInputError: naming the first of them.
-        """
-        for name in OF_ROWS:
-            if getattr(self, name) != (default := PredictOptions.model_fields[name].default):
-                said = "left out" if default is None else f"{json.dumps(default)}, or left out"
-                raise InvalidInputError(name, f"has no meaning with the method {self.method}", said)
 
     @property
     def sampling_temperature(self) -> float:
@@ -176,4 +145,42 @@ class PredictOptions(BaseModel):
             raise InvalidInputError("selection", message, "first, recent, random or diverse")
 
 
-AS_THE_TASK_SAYS = PredictOptions()
+@dataclass(frozen=True)
+class PredictRequest:
+    """What a robot asks.
+
+    Attributes:
+        objects: the observed objects, in any order.
+        frames: calibrated images, for estimators that look.
+        cameras: those of the frames, where these are no longer kept.
+        images: the same as they came, by camera, to be stored with the prediction.
+        end_effector: where the robot's end effector is, where the robot tells.
+        meaning: the instruction of the task that `instruction` means, where an LLM was asked for it.
+        as_sent: the request as it came, to be stored with the prediction.
+    """
+
+    task: str
+    instruction: str
+    objects: tuple[ObjectQuery, ...]
+    frames: tuple[RgbdFrame, ...] = ()
+    cameras: tuple[Camera, ...] = ()
+    images: Mapping[str, ImageBytes] = field(default_factory=dict)
+    end_effector: Pose | None = None
+    meaning: str | None = None
+    options: PredictOptions = PredictOptions()  # noqa: RUF009  it is frozen
+    as_sent: JsonObject = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        options = self.options
+        if options.num_samples > 1 and (options.closed_loop or options.after is not None):
+            raise InvalidInputError("num_samples", f"is {options.num_samples} in a closed loop", "1")
+        options.check_other_tasks(self.task)
+
+    def without_frames(self) -> "PredictRequest":
+        """The same with the cameras, but without what was decoded: it would fill the memory while the LLM is asked."""
+        return replace(self, cameras=tuple(frame.camera for frame in self.frames), frames=()) if self.frames else self
+
+    def with_options(self, **changes: Any) -> "PredictRequest":  # noqa: ANN401
+        """The same with these options, which are checked, and the others as they are."""
+        kept = {name: getattr(self.options, name) for name in PredictOptions.model_fields}
+        return replace(self, options=PredictOptions.model_validate(kept | changes))
