@@ -75,5 +75,5 @@ def previous_step(connection: Connection, request: PredictRequest) -> PreviousSt
         record.reply_text,
         Pose(tuple(last["position"]), tuple(last["quaternion_xyzw"])),
         record.instruction,
-        None if record.grounding is None else Grounded.from_json(record.grounding),
+        Grounded.from_json(record.grounding),
     )
