@@ -5,7 +5,7 @@ from typing import Any
 
 from app.llm.base import ModelProfile
 from app.pipeline.episode import Demonstration
-from app.pipeline.language.grounded import Grounded
+from app.pipeline.order.order import Order
 from app.pipeline.prompt import Prompt
 from app.pipeline.representation import fit_codec
 from app.pipeline.workspace import Workspace, discretize_action, object_bins
@@ -38,7 +38,7 @@ def episode_document(record: EpisodeFields, settings: TaskSettings) -> JsonObjec
         "cameras": [camera.name for camera in record.cameras],
         **({} if record.extra is None else {"extra": record.extra}),
         "prediction_id": record.prediction_id,
-        "observation_text": codec.observation_text(poses, record.instruction),
+        "observation_text": codec.observation_text(demonstration),
         "actions_text": codec.actions_text(demonstration),
         "created_at": record.created_at.isoformat(),
     }
@@ -133,12 +133,12 @@ def _prompt(system: str, user: str) -> JsonObject | None:
     return {"system": system, "user": user} if present().demonstrations and user else None
 
 
-def _understood(grounded: Grounded | None) -> JsonObject:
+def _understood(grounded: Order | None) -> JsonObject:
     """How the instruction was understood."""
     if grounded is None:
         return {"canonical_instruction": None, "grounding": []}
     return {
-        "canonical_instruction": grounded.instruction,
+        "canonical_instruction": grounded.text,
         "grounding": [phrase.to_json() for phrase in grounded.phrases],
     }
 
@@ -195,7 +195,7 @@ def stored_prediction_document(record: PredictionRecord) -> JsonObject:
         recorded_at = record.outcome_at.isoformat()
         outcome = {"success": record.outcome_success, "note": record.outcome_note, "recorded_at": recorded_at}
     same = ("id", "task", "instruction", "status", "error", "model", "representation", "prompt_format", "reply_text")
-    grounded = None if record.grounding is None else Grounded.from_json(record.grounding)
+    grounded = None if record.grounding is None else Order.from_json(record.grounding, ())
     return {
         **{name: getattr(record, name) for name in same},
         **_understood(grounded),

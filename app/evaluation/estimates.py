@@ -15,7 +15,7 @@ from app.evaluation.paper_tables import PaperPlan, PaperTable
 from app.evaluation.scores import NOTHING
 from app.evaluation.teach import Lesson
 from app.evaluation.trials import Cell
-from app.pipeline.language.mentions import clauses
+from app.pipeline.order.order import clause_texts
 from app.sim.demonstrate import SceneView
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.robot import Observation
@@ -47,7 +47,7 @@ def estimates(
     for cell in {(cell.task, cell.seed): cell for cell in cells}.values():
         scene = look(cell)
         known = longest.setdefault(cell.task, scene)
-        longest[cell.task] = max(known, scene, key=lambda view: len(clauses(view.instruction)))
+        longest[cell.task] = max(known, scene, key=lambda view: len(clause_texts(view.instruction)))
     for cell in {kind_of(cell): cell for cell in cells}.values():
         if isinstance(lesson := lesson_of(cell), Lesson):
             usage = _of_a_trial(client, cell, lesson, longest[cell.task])
@@ -63,7 +63,7 @@ def _of_a_trial(client: RoboPromptClient, cell: Cell, lesson: Lesson, scene: Sce
     answer = client.dry_run(lesson.name, scene.instruction, Observation(scene.objects), **options)
     prompt = answer["prompt"]
     read = tokens_of(prompt["system"]) + tokens_of(prompt["user"])
-    parts = len(clauses(scene.instruction))
+    parts = len(clause_texts(scene.instruction))
     demonstration = tokens_of(prompt["user"]) / max(1, len(answer["demonstration_ids"]))
     # a step for each keyframe of a demonstration, and one that says that there are no more
     requests = parts * max(len(item.document["keyframes"]) for item in lesson.taught) + 1 if stepwise else 1

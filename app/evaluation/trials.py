@@ -21,7 +21,7 @@ from app.evaluation.robot_loops import USELESS_REPLY, ClosedLoopResult, run_in_c
 from app.evaluation.teach import UNSEEN, Lesson, images_only
 from app.pipeline.geometry import canonical_pose
 from app.pipeline.keyframes import merged
-from app.pipeline.language.similarity import Described, most_similar
+from app.pipeline.order.similarity import Described, most_similar
 from app.pipeline.workspace import Workspace, discretize_action, undiscretize_action
 from app.sim.demonstrate import (
     RecordedDemonstration,

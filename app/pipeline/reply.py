@@ -1,13 +1,20 @@
-"""The LLM's reply -> actions, as a whole or while it arrives; what does not parse is an error."""
+"""The LLM's reply -> actions, as a whole or while it arrives, and several replies -> one list of actions.
 
+What does not parse is an error.
+"""
+
+from collections import Counter
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
+from app.pipeline.episode import Query
 from app.pipeline.errors import ReplyParseError
 from app.pipeline.representation.base import Codec
 from roboprompt_client.motion_limits import MAX_ACTIONS
-from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
+from roboprompt_client.trajectory import EndEffectorAction
 
 MAX_REPLY_CHARS = 100_000
 
@@ -16,25 +23,14 @@ class ReplyReader:
     """Reads one reply piece by piece.
 
     Args:
-        objects: the observed objects that the actions may refer to.
-        instruction: that the reply answers.
+        query: that the reply answers.
         max_actions: more than these are an error.
-        start: where the end effector is before the first action, where that is known.
     """
 
-    def __init__(
-        self,
-        codec: Codec,
-        objects: Sequence[ObjectPose],
-        instruction: str,
-        max_actions: int = MAX_ACTIONS,
-        start: EndEffectorAction | None = None,
-    ) -> None:
+    def __init__(self, codec: Codec, query: Query, max_actions: int = MAX_ACTIONS) -> None:
         self._codec = codec
-        self._objects = objects
-        self._instruction = instruction
+        self._query = query
         self._max_actions = max_actions
-        self._start = start
         self._text = ""
         self._actions: list[EndEffectorAction] = []
 
@@ -70,20 +66,9 @@ class ReplyReader:
             rows = self._codec.rows(text, complete)
             if len(rows) > self._max_actions:
                 raise ReplyParseError(f"the reply has {len(rows)} actions, more than {self._max_actions}", text)
-            return self._codec.decode_rows(known, rows[known:], self._objects, self._instruction, self._start)
+            return self._codec.decode_rows(known, rows[known:], self._query)
         except ReplyParseError as error:
             raise ReplyParseError(error.message, text) from None
-
-
-def parse_reply(
-    reply_text: str, codec: Codec, objects: Sequence[ObjectPose], instruction: str, max_actions: int = MAX_ACTIONS
-) -> tuple[EndEffectorAction, ...]:
-    """The actions of a whole reply.
-
-    Raises:
-        ReplyParseError: if the reply is not one list of 1 to `max_actions` valid actions; carries the reply.
-    """
-    return ReplyReader(codec, objects, instruction, max_actions).finish(reply_text)
 
 
 def _same(a: EndEffectorAction, b: EndEffectorAction) -> bool:
@@ -92,3 +77,49 @@ def _same(a: EndEffectorAction, b: EndEffectorAction) -> bool:
         and np.array_equal(a.quaternion_xyzw, b.quaternion_xyzw)
         and a.gripper_open == b.gripper_open
     )
+
+
+@dataclass(frozen=True)
+class Consensus:
+    """What most samples agree on.
+
+    Attributes:
+        used: indices of the samples that the actions are made of.
+    """
+
+    actions: tuple[EndEffectorAction, ...]
+    used: tuple[int, ...]
+
+
+def consensus(samples: Sequence[Sequence[EndEffectorAction] | None]) -> Consensus:
+    """The median of those samples that have as many actions as most of them.
+
+    Args:
+        samples: the actions of each reply; None for a reply that was not a list of valid actions.
+
+    Raises:
+        ReplyParseError: unless more than half of the samples are valid and have the same number of actions.
+    """
+    lengths = Counter(len(actions) for actions in samples if actions is not None)
+    length, votes = lengths.most_common(1)[0] if lengths else (0, 0)
+    if 2 * votes <= len(samples):
+        said = ", ".join("invalid" if actions is None else str(len(actions)) for actions in samples)
+        message = f"no more than half of the {len(samples)} samples have the same number of actions ({said})"
+        raise ReplyParseError(message, "")
+    agreeing = {k: actions for k, actions in enumerate(samples) if actions is not None and len(actions) == length}
+    rows = zip(*agreeing.values(), strict=True)
+    return Consensus(tuple(median_action(row) for row in rows), tuple(agreeing))
+
+
+def median_action(actions: Sequence[EndEffectorAction]) -> EndEffectorAction:
+    """Of each coordinate the median, of the rotations the chordal mean, and what the gripper does in most.
+
+    The chordal mean minimises the summed squared Frobenius distances of rotation matrices (Hartley et al. 2013,
+    "Rotation Averaging"). Where the gripper's states are equally many, the first action's counts.
+    """
+    position_m = np.median([action.position_m for action in actions], axis=0)
+    rotation = Rotation.from_quat([action.quaternion_xyzw for action in actions]).mean()
+    num_open = sum(action.gripper_open for action in actions)
+    tied = 2 * num_open == len(actions)
+    is_open = actions[0].gripper_open if tied else 2 * num_open > len(actions)
+    return EndEffectorAction(position_m, rotation.as_quat(canonical=True), is_open)

@@ -26,9 +26,9 @@ from app.perception.strict import WHOLE, Number
 from app.pipeline.geometry import canonical_pose
 from app.pipeline.keyframes import SIMULATION_DELTA_RAD_S, KeyframeRule, Rule
 from app.pipeline.keyframes.rule import TOLERANCE_DEG, TOLERANCE_M
+from app.pipeline.order.lexicon import check_aliases_of, checked_aliases
 from app.pipeline.prompt import MAX_SYSTEM_PROMPT_CHARS
 from app.pipeline.representation import check_style
-from app.pipeline.wording import check_aliases_of, checked_aliases
 from app.pipeline.workspace import RLBENCH_MAX_M, RLBENCH_MIN_M, Workspace
 from roboprompt_client.arrays import Array
 from roboprompt_client.errors import InvalidInputError

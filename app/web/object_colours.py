@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from itertools import cycle
 
 from app.perception.overlay import PALETTE
-from app.pipeline.language.colours import COLOURS
+from app.pipeline.order.vocabulary import COLOURS
 
 _BASIC = {
     "black": "#24292f", "white": "#f0f0f0", "red": "#d1242f", "green": "#2a9d50", "yellow": "#e3b91c",

@@ -1,9 +1,11 @@
 import pytest
 
+from app.pipeline.episode import Query
 from app.pipeline.errors import ReplyParseError
-from app.pipeline.reply import ReplyReader, parse_reply
+from app.pipeline.reply import ReplyReader
 from app.pipeline.representation import fit_codec
 from roboprompt_client.motion_limits import MAX_ACTIONS
+from tests.pipeline.asking import parse_reply
 
 from .scenes import WORKSPACE, action, demonstration, pose, same_actions
 
@@ -27,7 +29,7 @@ REPLIES = [  # with the number of actions that are known before the reply is com
 
 def fed(codec, pieces):
     """A reader with the actions it gave after each piece."""
-    reader = ReplyReader(codec, [CUP], LIFT)
+    reader = ReplyReader(codec, Query(LIFT, (CUP,)))
     return reader, [reader.feed(piece) for piece in pieces]
 
 
@@ -66,7 +68,7 @@ def test_one_piece_can_complete_several_actions():
 )
 def test_an_error_midway_carries_the_text_so_far(codec, pieces):
     first, second = pieces
-    reader = ReplyReader(codec, [CUP], LIFT)
+    reader = ReplyReader(codec, Query(LIFT, (CUP,)))
     assert len(reader.feed(first)) == 1
     with pytest.raises(ReplyParseError, match="action 1") as caught:
         reader.feed(second)

@@ -177,8 +177,7 @@ def _chosen(
 def _distances(recording: Recording, path: Path, row: PlanRow, place: int) -> Array:
     """(N,) how far each pose of the path is from where the other demonstrations have the row, in tolerances."""
     demonstration = recording.demonstration
-    tilted = tilted_objects([demonstration])
-    origin_m, axes = anchor_frame(row.anchors[place], demonstration.objects, demonstration.start, tilted)
+    origin_m, axes = anchor_frame(row.anchors[place], demonstration, tilted_objects([demonstration]))
     offsets_m = axes.inv().apply(recording.trajectory.positions_m[path.frames] - origin_m)
     rotations = axes.inv() * Rotation.from_quat(recording.trajectory.quaternions_xyzw[path.frames])
     off_m = np.linalg.norm(offsets_m - row.centre_m, axis=1)

@@ -6,14 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from app.pipeline.episode import Demonstration
+from app.pipeline.episode import Demonstration, Query
 from app.pipeline.errors import UnsupportedActionError
-from app.pipeline.language.mentions import clauses, mention_order, template
+from app.pipeline.order.order import Order
 from app.pipeline.plans.rows import MARGIN_DEG, MARGIN_M, PlanRow, plan_rows
 from app.pipeline.representation.anchors import Anchor, anchor_frame, tilted_objects
 from roboprompt_client import quaternions
 from roboprompt_client.arrays import Array
-from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
+from roboprompt_client.trajectory import EndEffectorAction
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,46 +93,27 @@ class Support:
         plans = tuple((tuple(group), plan_rows(group)) for group in groups if group[0].actions)
         return cls(plans, tilted_objects(everything))
 
-    def placed(
-        self, objects: Sequence[ObjectPose], instruction: str, start: EndEffectorAction | None
-    ) -> tuple[PlacedPlan, ...] | None:
-        """The plans in an observed scene: those that ask for the same, or all where none does.
+    def placed(self, query: Query) -> tuple[PlacedPlan, ...] | None:
+        """The plans in the query's scene: those that ask for the same, or all where none does.
 
-        None where the instruction strings more or fewer clauses together than demonstrations do: then nobody knows
-        which rows follow each other.
+        None where the query strings more or fewer clauses together than demonstrations do: then it is not known which
+        rows follow each other.
         """
-        asked = len(clauses(instruction))
-        if any(len(clauses(group[0].instruction)) != asked for group, _ in self.plans):
+        asked = query.order
+        if any(len(group[0].order.clauses) != len(asked.clauses) for group, _ in self.plans):
             return None
-        names = [pose.name for pose in objects]
-        wanted = template(names, instruction)
-        alike = [plan for plan in self.plans if template(names, plan[0][0].instruction) == wanted]
-        return tuple(
-            _placed_plan(rows, _Frames(group[0], instruction, objects, start, self.tilted))
-            for group, rows in alike or self.plans
-        )
+        alike = [plan for plan in self.plans if plan[0][0].order.form == asked.form]
+        return tuple(_placed_plan(rows, group[0], query, self.tilted) for group, rows in alike or self.plans)
 
 
-@dataclass(frozen=True, eq=False)
-class _Frames:
-    """What the anchors of a demonstration are in another scene; rows that share one have it computed once."""
-
-    shown: Demonstration
-    instruction: str
-    objects: Sequence[ObjectPose]
-    start: EndEffectorAction | None
-    tilted: frozenset[str]
-
-    def __call__(self, anchor: Anchor) -> tuple[Anchor, Array, Array]:
-        """The anchor there, its origin (3,) and its axes (4,) in the world frame."""
-        asked = asked_anchor(anchor, self.shown, self.instruction)
-        origin_m, axes = anchor_frame(asked, self.objects, self.start, self.tilted)
-        return asked, origin_m, axes.as_quat(canonical=True)
-
-
-def _placed_plan(rows: Sequence[PlanRow], frames: _Frames) -> PlacedPlan:
-    found = {anchor: frames(anchor) for anchor in dict.fromkeys(row.anchors[0] for row in rows)}
-    return tuple(_placed_row(row, *found[row.anchors[0]]) for row in rows)
+def _placed_plan(rows: Sequence[PlanRow], shown: Demonstration, query: Query, tilted: frozenset[str]) -> PlacedPlan:
+    """The rows in the query's scene; those that share an anchor have it computed once."""
+    placed: dict[Anchor, tuple[Anchor, Array, Array]] = {}
+    for anchor in dict.fromkeys(row.anchors[0] for row in rows):
+        asked = asked_anchor(anchor, shown.order, query.order)
+        origin_m, axes = anchor_frame(asked, query, tilted)
+        placed[anchor] = asked, origin_m, axes.as_quat(canonical=True)
+    return tuple(_placed_row(row, *placed[row.anchors[0]]) for row in rows)
 
 
 def _placed_row(row: PlanRow, anchor: Anchor, origin_m: Array, axes_xyzw: Array) -> PlacedRow:
@@ -151,12 +132,12 @@ def _placed_row(row: PlanRow, anchor: Anchor, origin_m: Array, axes_xyzw: Array)
     )
 
 
-def asked_anchor(anchor: Anchor, demonstration: Demonstration, instruction: str) -> Anchor:
-    """The anchor of a demonstration in a scene with another instruction: the object mentioned in the same place."""
-    names = [pose.name for pose in demonstration.objects]
-    shown, asked = mention_order(names, demonstration.instruction), mention_order(names, instruction)
-    if anchor.object_name in shown and (place := shown.index(anchor.object_name)) < len(asked):
-        return Anchor(asked[place], anchor.frame)
+def asked_anchor(anchor: Anchor, shown: Order, asked: Order) -> Anchor:
+    """The anchor of a demonstration in a scene with another order: the object mentioned in the same place."""
+    if anchor.object_name in shown.objects:
+        place = shown.objects.index(anchor.object_name)
+        if place < len(asked.objects):
+            return Anchor(asked.objects[place], anchor.frame)
     return anchor
 
 

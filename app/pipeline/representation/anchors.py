@@ -7,11 +7,11 @@ from typing import Literal, NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.episode import Demonstration
+from app.pipeline.episode import Demonstration, Query
 from app.pipeline.geometry import tilt_rad, yaw_rad
-from app.pipeline.language.mentions import mention_order
+from app.pipeline.order.order import Order
 from roboprompt_client.arrays import Array
-from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
+from roboprompt_client.trajectory import ObjectPose
 
 Frame = Literal["w", "o", "world", "start"]
 OBJECT_FRAMES: tuple[Frame, ...] = ("w", "o")
@@ -45,19 +45,18 @@ WORLD = Anchor("", "world")
 START = Anchor("", "start")
 
 
-def in_order(objects: Sequence[ObjectPose], instruction: str) -> tuple[ObjectPose, ...]:
-    """The objects that the instruction mentions in its order, then the others as they come."""
-    mentioned = mention_order([pose.name for pose in objects], instruction)
-    place = {name: k for k, name in enumerate(mentioned)}
-    return tuple(sorted(objects, key=lambda pose: place.get(pose.name, len(place))))
+def in_order(objects: Sequence[ObjectPose], order: Order) -> list[ObjectPose]:
+    """The objects that an order mentions, in its order, then the others as they come."""
+    place = {name: k for k, name in enumerate(order.objects)}
+    return sorted(objects, key=lambda pose: place.get(pose.name, len(place)))
 
 
-def tilted_objects(demonstrations: Sequence[Demonstration]) -> frozenset[str]:
-    """Names of the objects whose z axis is not vertical in some demonstration."""
+def tilted_objects(scenes: Sequence[Query]) -> frozenset[str]:
+    """Names of the objects whose z axis is not vertical in some scene."""
     return frozenset(
         pose.name
-        for demonstration in demonstrations
-        for pose in demonstration.objects
+        for scene in scenes
+        for pose in scene.objects
         if pose.quaternion_xyzw is not None and tilt_rad(Rotation.from_quat(pose.quaternion_xyzw)) > TILT_RAD
     )
 
@@ -70,20 +69,18 @@ def object_rotation(pose: ObjectPose, frame: str, tilted: frozenset[str]) -> Rot
     return rotation if pose.name in tilted else Rotation.from_euler("z", yaw_rad(rotation))
 
 
-def anchor_frame(
-    anchor: Anchor, objects: Sequence[ObjectPose], start: EndEffectorAction | None, tilted: frozenset[str]
-) -> tuple[Array, Rotation]:
+def anchor_frame(anchor: Anchor, scene: Query, tilted: frozenset[str]) -> tuple[Array, Rotation]:
     """An anchor's origin (3,) in metres in the world frame, and its axes there.
 
     Args:
-        start: where the end effector was at first; needed for the frame `start` only.
+        scene: knows where the end effector was at first, if that is the anchor.
     """
     if anchor.frame == "world":
         return np.zeros(3), Rotation.identity()
     if anchor.frame == "start":
-        assert start is not None
-        return start.position_m, Rotation.identity()
-    pose = next(pose for pose in objects if pose.name == anchor.object_name)
+        assert scene.start is not None
+        return scene.start.position_m, Rotation.identity()
+    pose = scene.object(anchor.object_name)
     return pose.position_m, object_rotation(pose, anchor.frame, tilted)
 
 
@@ -91,7 +88,7 @@ def relative_action(
     demonstration: Demonstration, k: int, anchor: Anchor, tilted: frozenset[str]
 ) -> tuple[Array, Rotation]:
     """Action `k` relative to the anchor: offset (3,) in metres along the anchor's axes, and rotation."""
-    origin_m, axes = anchor_frame(anchor, demonstration.objects, demonstration.start, tilted)
+    origin_m, axes = anchor_frame(anchor, demonstration, tilted)
     action, to_anchor = demonstration.actions[k], axes.inv()
     offset_m: Array = to_anchor.apply(action.position_m - origin_m)
     return offset_m, to_anchor * Rotation.from_quat(action.quaternion_xyzw)
@@ -133,8 +130,8 @@ def _candidates(group: Sequence[Demonstration]) -> list[list[Anchor]]:
 
     The likelier first; a single demonstration rather follows an object's own axes.
     """
-    ordered = [in_order(d.objects, d.instruction) for d in group]
-    mentioned = [len(mention_order([pose.name for pose in d.objects], d.instruction)) for d in group]
+    ordered = [in_order(d.objects, d.order) for d in group]
+    mentioned = [len(d.order.objects) for d in group]
     by_mention = [[objects[i].name for objects in ordered] for i in range(min(mentioned))]
     never_mentioned = [
         pose.name
@@ -186,7 +183,7 @@ def _oblique_m(hands: Rotation) -> Array:
 
 def _relative_poses(demonstration: Demonstration, anchor: Anchor, tilted: frozenset[str]) -> tuple[Array, Rotation]:
     """Every action relative to the anchor: offsets (K, 3) in metres along its axes, and K rotations."""
-    origin_m, axes = anchor_frame(anchor, demonstration.objects, demonstration.start, tilted)
+    origin_m, axes = anchor_frame(anchor, demonstration, tilted)
     actions, to_anchor = demonstration.actions, axes.inv()
     if not actions:
         return np.zeros((0, 3)), to_anchor

@@ -6,11 +6,11 @@ from contextlib import aclosing
 from dataclasses import replace
 
 from app.llm.base import Completion, CompletionRequest, LanguageModel, ModelTimeoutError, TextDelta, Usage
-from app.pipeline.clearance import passing_findings
 from app.pipeline.errors import ReplyParseError, UnsupportedActionError
 from app.pipeline.findings import Finding
+from app.pipeline.findings.actions import ActionDoubt, action_findings
+from app.pipeline.findings.passing import passing_findings
 from app.pipeline.plans.support import PlacedRow
-from app.pipeline.prediction_findings import ActionDoubt, action_findings
 from app.pipeline.prompt import Prompt
 from app.pipeline.reply import ReplyReader
 from app.services.measures import Timings, timed
@@ -53,9 +53,7 @@ class Dialogue:
     def findings(self) -> tuple[Finding, ...]:
         """What in the replies deserves a look."""
         question = self._question
-        passing = passing_findings(
-            question.start, self._actions, question.observed, question.grounded.instruction, question.template.ways
-        )
+        passing = passing_findings(question.seen, self._actions, question.template.ways)
         return (*action_findings(self._doubts), *passing)
 
     async def actions(self, *, piecewise: bool) -> AsyncGenerator[Sequence[EndEffectorAction] | TextDelta, None]:
@@ -78,7 +76,7 @@ class Dialogue:
                 asked, most = len(question.instructions), question.request.options.max_actions
                 raise ReplyParseError(f"{most} actions do not carry out all {asked} parts", self.reply_text or "")
             if number > 0:
-                self.prompt = question.written.ask(question.objects, instruction, remaining, self._so_far)
+                self.prompt = question.written.ask(question.query(instruction), remaining, self._so_far)
             async with aclosing(self._part(instruction, remaining, piecewise=piecewise)) as arriving:
                 async for item in arriving:
                     if not isinstance(item, TextDelta):
@@ -108,7 +106,7 @@ class Dialogue:
     ) -> AsyncGenerator[Sequence[EndEffectorAction] | TextDelta, None]:
         """The actions of the reply to one instruction, as far as the demonstrations support them."""
         question = self._question
-        reader = ReplyReader(question.codec, question.objects, instruction, max_actions, question.start)
+        reader = ReplyReader(question.codec, question.query(instruction), max_actions)
         support = SupportCheck(question, instruction, question.request.options.max_actions - max_actions)
         async with aclosing(self._reply(reader, max_actions, piecewise=piecewise)) as arriving:
             async for item in arriving:

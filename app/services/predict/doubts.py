@@ -9,10 +9,10 @@ from typing import Protocol
 
 from app.pipeline.errors import UnsupportedActionError
 from app.pipeline.findings import Finding, Severity
-from app.pipeline.language.strangers import strangers
+from app.pipeline.findings.actions import ActionDoubt, scatter_findings
+from app.pipeline.findings.roles import strangers
+from app.pipeline.findings.scene import scene_findings
 from app.pipeline.plans.support import PlacedRow, SupportGuard
-from app.pipeline.prediction_findings import ActionDoubt, scatter_findings
-from app.pipeline.scene_findings import scene_findings
 from app.pipeline.workspace import ROTATION_BIN_DEG
 from app.services.predict.question import Question
 from app.store.records import PredictionStatus
@@ -43,7 +43,7 @@ class Answered(Protocol):
 def findings_before(question: Question) -> tuple[Finding, ...]:
     """What deserves a look before the LLM is asked, causes first."""
     plans = [plan for placed in question.plans.values() for plan in placed or ()]
-    scene = scene_findings(question.observed, question.template.scenes, question.grounded.instruction)
+    scene = scene_findings(question.seen, question.template.scenes)
     return (*_other_tasks(question), *_words(question), *scene, *scatter_findings(plans))
 
 
@@ -73,17 +73,16 @@ def _words(question: Question) -> Iterator[Finding]:
     if grounded.unfamiliar is not None:
         message = f"{grounded.unfamiliar}; it was passed on to the LLM."
         yield Finding("unfamiliar-instruction", "danger", message, "instruction")
-    elif taught and grounded.instruction not in taught:
+    elif taught and grounded.text not in taught:
         more = f" and {len(taught) - LISTED} more" if taught[LISTED:] else ""
         listed = ", ".join(map(repr, taught[:LISTED])) + more
-        message = f"No demonstration has this instruction, {grounded.instruction!r}; they have {listed}."
+        message = f"No demonstration has this instruction, {grounded.text!r}; they have {listed}."
         yield Finding("new-instruction", "info", message, "instruction")
         yield from _new_roles(question, taught)
 
 
 def _new_roles(question: Question, taught: Sequence[str]) -> Iterator[Finding]:
-    names = tuple(pose.name for pose in question.observed)
-    for stranger in strangers(names, question.grounded.instruction, taught):
+    for stranger in strangers(question.grounded, taught):
         shown = ", ".join(map(repr, stranger.instead_of[:LISTED]))
         severity: Severity = "danger" if stranger.named_elsewhere else "warning"
         message = (

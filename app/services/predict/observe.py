@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from app.perception.registry import estimate_poses
+from app.pipeline.findings.units import check_scene_units
 from app.pipeline.prompt import check_object_names, objects_of_task
-from app.pipeline.units import check_scene_units
 from app.services.limits import NoDemonstrationsError
 from app.services.measures import Timings, timed
 from app.services.pose_servers import PoseServers

@@ -8,7 +8,7 @@ import numpy as np
 from app.llm.base import ModelProfile
 from app.perception.points import ASSUMED_RADIUS_M, Source, object_points
 from app.pipeline.findings import Finding
-from app.pipeline.language.grounded import Grounded
+from app.pipeline.order.order import Order
 from app.services.measures import Timings, timed
 from app.services.pose_servers import PoseServers
 from app.services.predict.doubts import findings_before
@@ -71,7 +71,7 @@ class ProgramQuestionWriter:
         written = PROGRAM_TEMPLATE
         question = ProgramQuestion(
             request=request,
-            grounded=Grounded(instruction),
+            grounded=Order(instruction, tuple(pose.name for pose in poses)),
             instructions=(instruction,),
             objects=poses,
             template=Shown(cache_key_of(written.system, written.prefix)),

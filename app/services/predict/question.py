@@ -10,8 +10,9 @@ import numpy as np
 from app.llm.base import Completion, ModelProfile
 from app.perception.base import ObjectQuery
 from app.perception.images import ImageBytes
+from app.pipeline.episode import Query
 from app.pipeline.findings import Finding
-from app.pipeline.language.grounded import Grounded
+from app.pipeline.order.order import Order
 from app.pipeline.plans.support import PlacedPlan, PlacedRow
 from app.pipeline.prompt import Prompt, PromptTemplate
 from app.pipeline.representation.base import Codec
@@ -89,7 +90,7 @@ class Question:
     """
 
     request: PredictRequest
-    grounded: Grounded
+    grounded: Order
     instructions: tuple[str, ...]
     objects: tuple[ObjectPose, ...]
     template: Shown
@@ -113,6 +114,15 @@ class Question:
             return None
         return EndEffectorAction(np.array(pose.position_m), np.array(pose.quaternion_xyzw), gripper_open=True)
 
+    def query(self, instruction: str) -> Query:
+        """What is asked of the objects as the prompt has them."""
+        return Query(instruction, self.objects, start=self.start)
+
+    @property
+    def seen(self) -> Query:
+        """What is asked of the objects as they were observed."""
+        return Query(self.grounded.text, self.observed, start=self.start)
+
     def without_frames(self) -> "Question":
         """The same once the images have been looked at: decoded, they would fill the memory while the LLM is asked."""
         if not self.request.frames:
@@ -129,7 +139,7 @@ class Question:
     @cached_property
     def prompt(self) -> Prompt:
         """The prompt that asks for the first of the instructions."""
-        return self.written.ask(self.objects, self.instructions[0], self.request.options.max_actions, self.so_far)
+        return self.written.ask(self.query(self.instructions[0]), self.request.options.max_actions, self.so_far)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

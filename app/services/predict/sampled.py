@@ -8,11 +8,11 @@ from functools import reduce
 import anyio
 
 from app.llm.base import LanguageModel, TextDelta, Usage
-from app.pipeline.consensus import consensus
 from app.pipeline.errors import ReplyParseError, UnsupportedActionError
 from app.pipeline.findings import Finding
 from app.pipeline.plans.support import PlacedRow
 from app.pipeline.prompt import Prompt
+from app.pipeline.reply import consensus
 from app.services.measures import Timings, timed
 from app.services.predict.dialogue import Dialogue, usage_sum
 from app.services.predict.question import Question

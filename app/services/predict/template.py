@@ -10,17 +10,16 @@ from functools import cached_property
 
 from sqlalchemy import Connection
 
-from app.pipeline.clearance import ShownWays
 from app.pipeline.closed_loop import ClosedLoopTemplate
 from app.pipeline.episode import Demonstration
-from app.pipeline.language.grounded import Grounded
+from app.pipeline.findings.passing import ShownWays
+from app.pipeline.findings.places import ShownScenes
+from app.pipeline.order.order import Order
 from app.pipeline.plans import by_plan
 from app.pipeline.plans.support import Support
 from app.pipeline.prompt import PromptTemplate, system_prompt_text
-from app.pipeline.representation import fit_codec, fit_other_tasks, fit_step
+from app.pipeline.representation import fit_codec, fit_other_tasks
 from app.pipeline.representation.base import Codec
-from app.pipeline.representation.object_frame import ObjectFrameCodec
-from app.pipeline.scene_findings import ShownScenes
 from app.pipeline.workspace import Workspace
 from app.services.predict.select import Demonstrations
 from app.services.task_settings import TaskSettings
@@ -151,7 +150,7 @@ def make_other_tasks_template(
     groups = [tuple(item if style.from_start else replace(item, start=None) for item in tasks[name]) for name in tasks]
     codec = fit_other_tasks(style.representation, style.prompt_format, groups, settings.workspace.workspace())
     shown = sorted((item for group in groups for item in group), key=lambda item: ids.index(item.id))
-    prompt = PromptTemplate.write_other_tasks(codec, shown, system_prompt_text(style.system_prompt))
+    prompt = PromptTemplate.write(codec, shown, system_prompt_text(style.system_prompt), of_other_tasks=True)
     numbers = tuple((name, len(tasks[name])) for name in tasks)
     return Template(
         cache_key=cache_key_of(prompt.system, prompt.prefix),
@@ -167,12 +166,10 @@ def _prompt_template(
     system = system_prompt_text(style.system_prompt)
     names = (style.representation, style.prompt_format)
     if not style.closed_loop:
-        codec = fit_codec(*names, demonstrations, workspace)
-        written = codec.telling() if isinstance(codec, ObjectFrameCodec) else demonstrations
-        return PromptTemplate.write(codec, demonstrations, system, written)
+        return PromptTemplate.write(fit_codec(*names, demonstrations, workspace), demonstrations, system)
 
     def fit(shown: Sequence[Demonstration], step: int) -> Codec:
-        return fit_step(*names, shown, workspace, step)
+        return fit_codec(*names, shown, workspace, first_row=step + 1)
 
     return ClosedLoopTemplate.write(fit, demonstrations, system)
 
@@ -196,7 +193,7 @@ class PreviousStep:
     reply_text: str
     end_effector: Pose
     instruction: str
-    grounded: Grounded | None
+    grounded: Order | None
 
     def so_far(self, template: Template) -> str:
         """What follows the demonstrations in the next prompt: every observation and action until now.
@@ -238,5 +235,5 @@ def previous_step(connection: Connection, prediction_id: str, task: str) -> Prev
         record.reply_text,
         Pose(tuple(last["position"]), tuple(last["quaternion_xyzw"])),
         record.instruction,
-        None if record.grounding is None else Grounded.from_json(record.grounding),
+        None if record.grounding is None else Order.from_json(record.grounding, [item.name for item in record.objects]),
     )

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from sqlalchemy import Connection
 
 from app.llm.base import ModelProfile
-from app.pipeline.language.similarity import Described
+from app.pipeline.order.similarity import Described
 from app.pipeline.plans.support import PlacedPlan
 from app.pipeline.representation import KAT_FORMAT
 from app.services.cache import Cache
@@ -99,13 +99,13 @@ class QuestionWriter:
         with timed(timings_ms, "words"):
             grounded = ground_instruction(request, instruction, template.instructions, settings, objects, previous)
         step = None if not style.closed_loop else 0 if previous is None else previous.step + 1
-        written = template.at_step(step or 0).in_scene(objects)
+        written = template.at_step(step or 0)
         so_far = "" if previous is None else previous.so_far(template)
         self._limits.check_prompt(len(written.system) + len(written.prefix) + len(so_far))
         question = Question(
             request=request,
             grounded=grounded,
-            instructions=written.codec.questions(grounded.instruction),
+            instructions=written.codec.questions(grounded),
             objects=written.posed(objects),
             template=template,
             written=written,
@@ -235,7 +235,7 @@ def _placed(question: Question) -> dict[str, tuple[PlacedPlan, ...] | None]:
     """The demonstrated rows in the observed scene, for each part of the instruction."""
     if (support := question.template.support) is None:
         return {}
-    return {part: support.placed(question.objects, part, question.start) for part in question.instructions}
+    return {part: support.placed(question.query(part)) for part in question.instructions}
 
 
 def _orders(ids: tuple[str, ...], request: PredictRequest) -> list[tuple[str, ...]]:
@@ -259,7 +259,7 @@ def _samples(question: Question, templates: Sequence[Template]) -> tuple[Questio
             question,
             request=request.with_options(seed=(request.options.seed + k) % SEEDS),
             template=template,
-            written=template.at_step(0).in_scene(question.objects),
+            written=template.at_step(0),
         )
         for k, template in enumerate(own)
     )

@@ -20,7 +20,7 @@ from app.api.image_work import image_work
 from app.api.routes import Wired
 from app.api.routes.predict import questioned
 from app.pipeline.prompt import SYSTEM_PROMPTS
-from app.pipeline.prompt_colours import prompt_spans
+from app.pipeline.spans import prompt_spans
 from app.services.predict.options import Method
 from app.services.predict.question import Question
 from app.services.predict.select import Selection

@@ -7,10 +7,9 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.episode import Demonstration
+from app.pipeline.episode import Demonstration, frame_times_s
 from app.pipeline.keyframes import KeyframeRule, find_keyframes
 from app.pipeline.plans import Recording
-from app.pipeline.timeline import frame_times_s
 from roboprompt_client.trajectory import ObjectPose, Trajectory
 
 HZ = 20.0
