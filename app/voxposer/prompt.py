@@ -7,13 +7,12 @@ may call, `examples.txt` worked examples, of tasks that no evaluation here has.
 
 import json
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 
+from app.pipeline.episode import Query
 from app.pipeline.prompt import Prompt
 from app.voxposer.errors import ProgramRefusedError
-from roboprompt_client.trajectory import ObjectPose
 
 
 def _text(name: str) -> str:
@@ -41,10 +40,10 @@ class ProgramTemplate:
     system: str
     prefix: str
 
-    def ask(self, objects: Sequence[ObjectPose], instruction: str, max_actions: int, so_far: str = "") -> Prompt:
+    def ask(self, query: Query, max_actions: int, so_far: str = "") -> Prompt:
         """The prompt that asks for a program; its arguments are those of `PromptTemplate.ask`."""
-        names = ", ".join(json.dumps(pose.name, ensure_ascii=False) for pose in objects)
-        return Prompt(self.system, self.prefix, f"{so_far}# objects: {names}\n# task: {instruction}\n", STOP)
+        names = ", ".join(json.dumps(pose.name, ensure_ascii=False) for pose in query.objects)
+        return Prompt(self.system, self.prefix, f"{so_far}# objects: {names}\n# task: {query.instruction}\n", STOP)
 
 
 PROGRAM_TEMPLATE = ProgramTemplate(SYSTEM, _text("examples.txt"))

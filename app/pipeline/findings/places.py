@@ -112,14 +112,14 @@ class ShownScenes:
         return places
 
     @cached_property
-    def _leastapart_m(self) -> dict[tuple[str, str], float]:
+    def _least_apart_m(self) -> dict[tuple[str, str], float]:
         return {}
 
-    def leastapart_m(self, one: str, other: str) -> float:
+    def least_apart_m(self, one: str, other: str) -> float:
         """The least distance between two objects in any of them."""
-        if (least_m := self._least_m_of.get((one, other))) is None:
+        if (least_m := self._least_apart_m.get((one, other))) is None:
             least_m = min(apart_m(d.object(one), d.object(other)) for d in self.demonstrations)
-            self._least_m_of[one, other] = least_m
+            self._least_apart_m[one, other] = least_m
         return least_m
 
 

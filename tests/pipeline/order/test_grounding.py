@@ -60,8 +60,8 @@ def test_every_phrase_tells_what_it_was_taken_for_and_by_what(said, phrase, name
 
 
 def test_what_was_understood_survives_being_stored():
-    grounded = read("push the crimson button", taught(BUTTONS, PUSH))
-    assert Order.from_json(grounded.to_json(), BUTTONS) == grounded
+    order = read("push the crimson button", taught(BUTTONS, PUSH))
+    assert Order.from_json(order.to_json(), BUTTONS) == order
 
 
 @pytest.mark.parametrize(
@@ -132,9 +132,9 @@ def test_a_plan_of_several_clauses_is_understood_as_a_whole():
     ],
 )
 def test_an_unfamiliar_instruction_may_be_passed_on_with_its_objects_named(said, passed_on):
-    grounded = read(said, taught(BUTTONS, PUSH), allow_unfamiliar=True)
-    assert (grounded.instruction, bool(grounded.unfamiliar)) == (passed_on, True)
-    assert [phrase.phrase in said for phrase in grounded.phrases] == [True]
+    order = read(said, taught(BUTTONS, PUSH), allow_unfamiliar=True)
+    assert (order.text, bool(order.unfamiliar)) == (passed_on, True)
+    assert [phrase.phrase in said for phrase in order.phrases] == [True]
 
 
 @pytest.mark.parametrize(

@@ -21,10 +21,10 @@ LAPTOP = Taught(("laptop",), {}, (), is_english)
     ],
 )
 def test_words_that_nobody_taught_pass_and_objects_have_their_names(said, canonical, objects):
-    grounded = read_untaught(said, CUPS)
-    assert grounded.instruction == canonical
-    assert len(grounded.phrases) == objects
-    assert grounded.unfamiliar is None
+    order = read_untaught(said, CUPS)
+    assert order.text == canonical
+    assert len(order.phrases) == objects
+    assert order.unfamiliar is None
 
 
 @pytest.mark.parametrize(
