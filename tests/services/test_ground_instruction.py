@@ -183,7 +183,7 @@ def test_a_closed_loop_goes_on_with_what_its_first_step_understood(services):
 
     def later(said):
         request = replace(REQUEST, instruction=said)
-        return ground_instruction(request, said, taught, first.settings, swapped, previous).instruction
+        return ground_instruction(request, said, taught, first.settings, swapped, previous).text
 
     assert later("push the leftmost button") == "push the red button"
     assert later("push the leftmost one") == "push the blue button"
