@@ -18,7 +18,7 @@ from app.pipeline.episode import Demonstration, Query
 from app.pipeline.errors import ReplyParseError
 from app.pipeline.order.order import Order
 from app.pipeline.prompt import PromptTemplate, rotated_in_all
-from app.pipeline.representation.base import Codec
+from app.pipeline.representation.base import Codec, Decoder
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.trajectory import EndEffectorAction
 
@@ -86,12 +86,13 @@ class StepCodec:
     def reply_text(self, rows: Sequence[str]) -> str:
         return self.action.reply_text(rows) if self.action and rows else f" {DONE}"
 
-    def decode_rows(self, first: int, rows: Sequence[str], query: Query) -> list[EndEffectorAction]:
-        if self.action is None:
-            if rows:
-                raise ReplyParseError(f"no demonstration has an action here, expected {DONE!r}", rows[0])
-            return []
-        return self.action.decode_rows(first, rows, query)
+    def decoder(self, query: Query) -> Decoder:
+        return _no_actions if self.action is None else self.action.decoder(query)
+
+
+def _no_actions(first: int, rows: Sequence[str]) -> list[EndEffectorAction]:
+    """Of a step after the last action: `StepCodec.rows` lets nothing but `DONE` pass."""
+    return []
 
 
 @dataclass(frozen=True, eq=False)

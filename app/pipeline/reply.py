@@ -29,9 +29,10 @@ class ReplyReader:
 
     def __init__(self, codec: Codec, query: Query, max_actions: int = MAX_ACTIONS) -> None:
         self._codec = codec
-        self._query = query
+        self._decode = codec.decoder(query)
         self._max_actions = max_actions
         self._text = ""
+        self._rows: list[str] = []
         self._actions: list[EndEffectorAction] = []
 
     def feed(self, piece: str) -> list[EndEffectorAction]:
@@ -41,9 +42,7 @@ class ReplyReader:
             ReplyParseError: as soon as a completed row is not a valid action.
         """
         self._text += piece
-        new = self._decode(self._text, complete=False, known=len(self._actions))
-        self._actions += new
-        return new
+        return self._read(self._text, complete=False)
 
     def finish(self, reply_text: str) -> tuple[EndEffectorAction, ...]:
         """All actions of the complete reply.
@@ -52,23 +51,31 @@ class ReplyReader:
             ReplyParseError: if it is not one list of 1 to `max_actions` valid actions, or if it contradicts an action
                 that was handed out while it arrived.
         """
-        actions = self._decode(reply_text, complete=True, known=0)
-        early = self._actions
-        if len(actions) < len(early) or not all(map(_same, early, actions)):
-            raise ReplyParseError("the complete reply contradicts the actions read while it arrived", reply_text)
-        return tuple(actions)
+        self._read(reply_text, complete=True)
+        return tuple(self._actions)
 
-    def _decode(self, text: str, complete: bool, known: int) -> list[EndEffectorAction]:
-        """The actions from row `known` on."""
+    def _read(self, text: str, *, complete: bool) -> list[EndEffectorAction]:
+        """The actions that were not read before."""
         if len(text) > MAX_REPLY_CHARS:
             raise ReplyParseError(f"the reply is longer than {MAX_REPLY_CHARS} characters", text)
+        known = len(self._rows)
         try:
             rows = self._codec.rows(text, complete)
             if len(rows) > self._max_actions:
                 raise ReplyParseError(f"the reply has {len(rows)} actions, more than {self._max_actions}", text)
-            return self._codec.decode_rows(known, rows[known:], self._query)
+            if complete and rows[:known] != self._rows:
+                self._check_same(self._decode(0, rows), text)
+            new = self._decode(known, rows[known:])
         except ReplyParseError as error:
             raise ReplyParseError(error.message, text) from None
+        self._rows, self._actions = rows, self._actions + new
+        return new
+
+    def _check_same(self, actions: Sequence[EndEffectorAction], text: str) -> None:
+        """Refuse a complete reply whose first actions are not those that were read while it arrived."""
+        early = self._actions
+        if len(actions) < len(early) or not all(map(_same, early, actions)):
+            raise ReplyParseError("the complete reply contradicts the actions read while it arrived", text)
 
 
 def _same(a: EndEffectorAction, b: EndEffectorAction) -> bool:

@@ -1,7 +1,7 @@
 """What a noun phrase says of an object, and the objects of which it is true."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 from app.pipeline.order.lexicon import Lexicon, noun_of
 from app.pipeline.order.space import Layout, Pick, extreme, farthest_from, nearest_to
@@ -11,8 +11,7 @@ from app.pipeline.order.vocabulary import ADJECTIVES, PLACE_ADJECTIVES, look_ali
 MEANS = ("name", "alias", "taught", "spelling", "colour", "relation")
 
 
-@dataclass(frozen=True)
-class Description:
+class Description(NamedTuple):
     """What was said so far.
 
     Attributes:
@@ -58,16 +57,16 @@ class Description:
 
     def with_pick(self, pick: Pick) -> "Description":
         """With a further relation."""
-        return replace(self, picks=(*self.picks, pick), means=self.means | {"relation"})
+        return self._replace(picks=(*self.picks, pick), means=self.means | {"relation"})
 
     def reaching(self, other: str | None) -> "Description":
         """The pending nearest or farthest is measured from an object, or from the robot."""
         pick = (nearest_to if self.reach == "near" else farthest_from)(other, self.place or 1)
-        return replace(self, reach=None, place=None).with_pick(pick)
+        return self._replace(reach=None, place=None).with_pick(pick)
 
     def counted_from(self, side: str) -> "Description":
         """The pending ordinal counts from a side."""
-        return replace(self, place=None).with_pick(extreme(side, self.place or 1))
+        return self._replace(place=None).with_pick(extreme(side, self.place or 1))
 
     def candidates(self, lexicon: Lexicon, layout: Layout | None) -> tuple[str, ...]:
         """The objects that it may mean, in the task's order; several if it does not tell them apart."""

@@ -13,7 +13,7 @@ from app.pipeline.order.words import (
     Speller,
     Token,
     Word,
-    is_plural_of,
+    plurals_of,
     tokens_of,
 )
 from roboprompt_client.errors import InvalidInputError
@@ -88,7 +88,7 @@ class Lexicon:
 
     def _word(self, token: Token) -> Word:
         if (known := self._known(token.text)) is not None:
-            return Word(token, known, plural=is_plural_of(token.text, known) and known in self._nouns)
+            return Word(token, known, plural=known in self._nouns and token.text in plurals_of(known))
         if not token.text[0].isalnum():
             return Word(token, token.text, known=token.text in FUNCTION_WORDS)
         right = self._speller.correct(token.text)
@@ -102,16 +102,24 @@ class Lexicon:
             return text
         if text in NUMBERS:
             return NUMBERS[text]
-        for word in self._nouns:
-            if is_plural_of(text, word) or is_plural_of(word, text):
-                return word
+        if nouns := (plurals_of(text) & self._nouns) | self._singulars.get(text, frozenset()):
+            return min(nouns)
         if text in self._exact:
             return text
         return verbs.forms().get(text)
 
     @cached_property
-    def _nouns(self) -> Sequence[str]:
-        return sorted({*self.objects_of, *_NOUNS} - FUNCTION_WORDS)
+    def _nouns(self) -> frozenset[str]:
+        return frozenset({*self.objects_of, *_NOUNS} - FUNCTION_WORDS)
+
+    @cached_property
+    def _singulars(self) -> Mapping[str, frozenset[str]]:
+        """From every plural to the nouns that it is one of."""
+        found: dict[str, frozenset[str]] = {}
+        for noun in self._nouns:
+            for plural in plurals_of(noun):
+                found[plural] = found.get(plural, frozenset()) | {noun}
+        return found
 
     @cached_property
     def _exact(self) -> frozenset[str]:

@@ -1,11 +1,10 @@
 """Noun phrases: which object a stretch of words stands for."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from app.pipeline.order import verbs, vocabulary
-from app.pipeline.order.descriptions import Description
+from app.pipeline.order.descriptions import MEANS, Description
 from app.pipeline.order.lexicon import Lexicon
 from app.pipeline.order.space import Layout, Pick, between, beyond, extreme, in_the_middle, next_to, on_side
 from app.pipeline.order.vocabulary import COLOURS, SHADES_OF
@@ -44,8 +43,7 @@ class Unmatched(NamedTuple):
     candidates: tuple[str, ...]
 
 
-@dataclass(frozen=True)
-class _Said:
+class _Said(NamedTuple):
     """A description and the word after it."""
 
     description: Description
@@ -84,10 +82,11 @@ class NounPhrases:
             raise TooInvolvedError
 
     def at(self, start: int) -> tuple[NounPhrase, ...]:
-        """The noun phrases that begin there and stand for one object, the longest first."""
+        """The noun phrases that begin there and stand for one object, the longest first; of equally long ones the least literal."""
         if start not in self._found:
             self._found[start] = ()  # a phrase cannot be part of what it begins with
-            self._found[start] = tuple(sorted(set(self._phrases(start)), key=lambda phrase: -phrase.end))
+            found = dict.fromkeys(self._phrases(start))
+            self._found[start] = tuple(sorted(found, key=lambda phrase: (-phrase.end, -MEANS.index(phrase.by))))
         return self._found[start]
 
     def longest(self) -> list[NounPhrase]:
@@ -155,22 +154,22 @@ class NounPhrases:
         if not text:
             return
         means = before.means | ({"spelling"} if self.words[at].corrected else set())
-        description = replace(before, means=means, plural=before.plural or self.words[at].plural)
+        description = before._replace(means=means, plural=before.plural or self.words[at].plural)
         yield from self._whole_names(at, description)
         loose = self._lexicon.loose
-        for word in {text, vocabulary.PLACES_IN_NAMES.get(text, text)} & loose - set(description.words):
+        for word in sorted({text, vocabulary.PLACES_IN_NAMES.get(text, text)} & loose - set(description.words)):
             if before.has_noun and word in vocabulary.PLACE_ADJECTIVES:
                 continue  # "turn the tap left" names no left tap
             means = description.means if word in self._lexicon.name_words else description.means | {"alias"}
-            yield _Said(replace(description, words=(*description.words, word), means=means), at + 1)
+            yield _Said(description._replace(words=(*description.words, word), means=means), at + 1)
         if text in loose:
             return
         yield from self._coloured(at, description)
         yield from self._placed(at, description)
         if text in vocabulary.GENERIC_NOUNS:
-            yield _Said(replace(description, generic=True), at + 1)
+            yield _Said(description._replace(generic=True), at + 1)
         elif self._lexicon.kind_of(text):
-            yield _Said(replace(description, kinds=(*description.kinds, text)), at + 1)
+            yield _Said(description._replace(kinds=(*description.kinds, text)), at + 1)
 
     def _whole_names(self, at: int, description: Description) -> Iterator[_Said]:
         if description.exact is None:
@@ -180,13 +179,13 @@ class NounPhrases:
                 guessed = {"spelling"} if any(word.corrected for word in said) else set()
                 for name, by in self._lexicon.called[phrase]:
                     means = description.means | guessed | {by}
-                    yield _Said(replace(description, exact=name, plural=plural, means=means), at + len(phrase))
+                    yield _Said(description._replace(exact=name, plural=plural, means=means), at + len(phrase))
 
     def _coloured(self, at: int, description: Description) -> Iterator[_Said]:
         text, after = self._text(at), self._text(at + 1)
-        by_colour = replace(description, means=description.means | {"colour"})
+        by_colour = description._replace(means=description.means | {"colour"})
         if text in COLOURS:
-            yield _Said(replace(by_colour, colours=(*description.colours, text)), at + 1)
+            yield _Said(by_colour._replace(colours=(*description.colours, text)), at + 1)
         elif text in SHADES_OF and after in COLOURS:
             yield _Said(by_colour, at + 1)
         elif text in vocabulary.COLOURED and self._text(at - 1) in COLOURS:
@@ -198,14 +197,14 @@ class NounPhrases:
             said = tuple(self._texts[at:end])
             yield _Said(description.with_pick(vocabulary.PICKS[said]), end)
             for side in vocabulary.EDGES.intersection(said) & self._lexicon.loose:  # a name may say so as well
-                yield _Said(replace(description, words=(*description.words, side)), end)
+                yield _Said(description._replace(words=(*description.words, side)), end)
         if description.place and text in vocabulary.COUNTED_FROM and text.endswith("st"):
             yield _Said(description.counted_from(vocabulary.COUNTED_FROM[text]), at + 1)
         if text in vocabulary.ORDINALS and description.place is None:
-            yield _Said(replace(description, place=vocabulary.ORDINALS[text]), at + 1)
+            yield _Said(description._replace(place=vocabulary.ORDINALS[text]), at + 1)
         for words, reach in ((vocabulary.NEAR, "near"), (vocabulary.FAR, "far")):
             if text in words and description.reach is None:
-                yield _Said(replace(description, reach=reach, means=description.means | {"relation"}), at + 1)
+                yield _Said(description._replace(reach=reach, means=description.means | {"relation"}), at + 1)
 
     def _relations(self, said: _Said) -> Iterator[_Said]:
         """With what follows the noun."""
@@ -228,7 +227,7 @@ class NounPhrases:
         text = self._text(at)
         reach = "near" if text in vocabulary.NEAR else "far" if text in vocabulary.FAR else None
         if reach and description.reach is None:
-            description, at = replace(description, reach=reach, means=description.means | {"relation"}), at + 1
+            description, at = description._replace(reach=reach, means=description.means | {"relation"}), at + 1
             if reach == "near":
                 yield from self._measured(at, description)
         if description.reach is None:
@@ -240,7 +239,7 @@ class NounPhrases:
             yield _Said(description.reaching(None), at)
             side = self._text(at + 2)
             if (self._text(at), self._text(at + 1)) == ("to", "the") and side in vocabulary.EDGES:
-                far = replace(description, reach=None, place=None)
+                far = description._replace(reach=None, place=None)
                 yield _Said(far.with_pick(extreme(side, description.place or 1)), at + 3)
 
     def _measured(self, at: int, description: Description) -> Iterator[_Said]:
@@ -282,7 +281,7 @@ class NounPhrases:
                 yield _Said(description.counted_from(vocabulary.COUNTED_FROM[side]), end)
             return
         if side in vocabulary.PLACE_ADJECTIVES & self._lexicon.loose and self._ends_phrase(end):
-            yield _Said(replace(description, words=(*description.words, side)), end)
+            yield _Said(description._replace(words=(*description.words, side)), end)
         if side in ("middle", "center", "centre") and self._ends_phrase(place + 1):
             yield _Said(description.with_pick(in_the_middle), place + 1)
         elif side in vocabulary.EDGES and self._text(end) != "of" and self._ends_phrase(end):
@@ -299,12 +298,12 @@ class NounPhrases:
         if self._text(at) != "of" or not (description.picks or description.reach or description.place):
             return
         if self._text(at + 1) in ("them", "all"):
-            yield _Said(replace(description, generic=True), at + (3 if self._text(at + 2) == "all" else 2))
+            yield _Said(description._replace(generic=True), at + (3 if self._text(at + 2) == "all" else 2))
         start = at + 1
         while self._text(start) in ("the", "all", "these", "your"):
             start += 1
         word = self._text(start)
         if word in vocabulary.GENERIC_NOUNS:
-            yield _Said(replace(description, generic=True), start + 1)
+            yield _Said(description._replace(generic=True), start + 1)
         elif word in self._lexicon.loose:
-            yield _Said(replace(description, words=(*description.words, word)), start + 1)
+            yield _Said(description._replace(words=(*description.words, word)), start + 1)

@@ -98,12 +98,8 @@ def tokens_of(text: str) -> list[Token]:
     return found
 
 
-def is_plural_of(word: str, singular: str) -> bool:
-    """Whether `word` is the plural of `singular`, by the regular forms."""
-    return word in _plurals(singular)
-
-
-def _plurals(singular: str) -> set[str]:
+def plurals_of(singular: str) -> set[str]:
+    """The regular plurals of a word."""
     plurals = {f"{singular}s", f"{singular}es"}
     return plurals | {f"{singular[:-1]}ies"} if singular.endswith("y") else plurals
 
@@ -113,7 +109,7 @@ def verb_forms(verb: str) -> set[str]:
     short = verb[:-1] if verb.endswith("e") else verb
     doubled = verb + verb[-1] if re.fullmatch(r".*[^aeiou][aeiou][bdgmnpt]", verb) else short
     past = f"{verb[:-1]}ied" if verb.endswith("y") else f"{doubled}ed"
-    return _plurals(verb) | {f"{short}ing", f"{doubled}ing", past, f"{short}ed"}
+    return plurals_of(verb) | {f"{short}ing", f"{doubled}ing", past, f"{short}ed"}
 
 
 class Speller:

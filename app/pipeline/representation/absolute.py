@@ -12,7 +12,7 @@ from typing import NamedTuple
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.errors import ReplyParseError
 from app.pipeline.order.order import Order
-from app.pipeline.representation.base import row_count_bounds
+from app.pipeline.representation.base import Decoder, row_count_bounds
 from app.pipeline.workspace import (
     POSITION_BINS,
     ROTATION_BINS,
@@ -176,6 +176,9 @@ class AbsoluteCodec:
     def reply_text(self, rows: Sequence[str]) -> str:
         return f"[{', '.join(rows)}]"
 
-    def decode_rows(self, first: int, rows: Sequence[str], query: Query) -> list[EndEffectorAction]:
+    def decoder(self, query: Query) -> Decoder:
+        return self._actions
+
+    def _actions(self, first: int, rows: Sequence[str]) -> list[EndEffectorAction]:
         bins = [row_integers(row, index, _COLUMNS) for index, row in enumerate(rows, start=first)]
         return undiscretize_actions(bins, self.workspace)

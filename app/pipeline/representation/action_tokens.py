@@ -56,7 +56,7 @@ class ActionTokensCodec(AbsoluteCodec):
     def schema(self, query: Query, max_actions: int) -> Mapping[str, object]:
         return list_schema(_COLUMNS, *row_count_bounds(self.demonstrations, query.order, max_actions))
 
-    def decode_rows(self, first: int, rows: Sequence[str], query: Query) -> list[EndEffectorAction]:
+    def _actions(self, first: int, rows: Sequence[str]) -> list[EndEffectorAction]:
         return [_action(index, row) for index, row in enumerate(rows, start=first)]
 
 

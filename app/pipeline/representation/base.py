@@ -8,6 +8,18 @@ from app.pipeline.order.order import Order
 from roboprompt_client.trajectory import EndEffectorAction
 
 
+class Decoder(Protocol):
+    """Reads rows of one reply."""
+
+    def __call__(self, first: int, rows: Sequence[str]) -> list[EndEffectorAction]:
+        """The actions of the rows from index `first` (from 0) on.
+
+        Raises:
+            ReplyParseError: if one is not a valid row.
+        """
+        ...
+
+
 class Codec(Protocol):
     """A representation fitted to the demonstrations of one prompt.
 
@@ -62,14 +74,8 @@ class Codec(Protocol):
         """The reply that consists of these rows, as demonstrations show it after the observation."""
         ...
 
-    def decode_rows(self, first: int, rows: Sequence[str], query: Query) -> list[EndEffectorAction]:
-        """The actions of the rows from index `first` (from 0) on of the reply to the query.
-
-        All rows at once: numpy and scipy take as long for one as for ten.
-
-        Raises:
-            ReplyParseError: if one is not a valid row.
-        """
+    def decoder(self, query: Query) -> Decoder:
+        """What reads the rows of a reply to the query, many at once: numpy takes as long for one as for ten."""
         ...
 
 

@@ -14,7 +14,7 @@ import re
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -31,6 +31,7 @@ from app.pipeline.representation.anchors import (
     anchor_frame,
     tilted_objects,
 )
+from app.pipeline.representation.base import Decoder
 from app.pipeline.representation.object_grammar import any_rows_grammar, plans_grammar, plans_of
 from app.pipeline.representation.object_rows import (
     OFFSET_UNIT_M,
@@ -55,6 +56,7 @@ _ROW = re.compile(
     r" (\d{1,2}) (\d{1,2}) (\d{1,2}) ([01])",
     re.ASCII,
 )
+Frame = tuple[Array, Rotation]  # origin (3,) in metres and axes, in the world frame
 _FENCE = re.compile(r"^```\w*\n?|```$")
 
 
@@ -156,10 +158,12 @@ class ObjectFrameCodec:
     def reply_text(self, rows: Sequence[str]) -> str:
         return f" {'; '.join(shortened(rows))}"
 
-    def decode_rows(self, first: int, rows: Sequence[str], query: Query) -> list[EndEffectorAction]:
+    def decoder(self, query: Query) -> Decoder:
+        return partial(self._actions, self._frames(query))
+
+    def _actions(self, frames: Mapping[str, Frame], first: int, rows: Sequence[str]) -> list[EndEffectorAction]:
         if not rows:
             return []
-        frames = self._frames(query)
         read = [self._read_row(index, row, frames) for index, row in enumerate(rows, start=first)]
         origins_m = np.array([origin_m for (origin_m, _), _ in read])
         axes = Rotation.concatenate([axes for (_, axes), _ in read])
@@ -168,7 +172,7 @@ class ObjectFrameCodec:
         quaternions_xyzw = (axes * rotation_from_bins(numbers[:, 3:6])).as_quat(canonical=True)
         return EndEffectorAction.many(positions_m, quaternions_xyzw, (numbers[:, 6] == 1).tolist())
 
-    def _frames(self, query: Query) -> dict[str, tuple[Array, Rotation]]:
+    def _frames(self, query: Query) -> dict[str, Frame]:
         """Everything that a row may be relative to, as rows write it: origin and axes."""
         ordered = enumerate(query.ordered_objects)
         anchors = {
@@ -183,9 +187,7 @@ class ObjectFrameCodec:
                 anchors[anchor.frame] = anchor
         return {text: anchor_frame(anchor, query, self.tilted) for text, anchor in anchors.items()}
 
-    def _read_row(
-        self, index: int, row: str, frames: Mapping[str, tuple[Array, Rotation]]
-    ) -> tuple[tuple[Array, Rotation], tuple[int, ...]]:
+    def _read_row(self, index: int, row: str, frames: Mapping[str, Frame]) -> tuple[Frame, tuple[int, ...]]:
         """What a row is relative to, and its seven numbers."""
         match = _ROW.fullmatch(row)
         if not match:

@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.order.order import Order
 from app.pipeline.representation.anchors import tilted_objects
+from app.pipeline.representation.base import Decoder
 from app.pipeline.representation.object_frame import ObjectFrameCodec
 from app.pipeline.representation.object_grammar import any_rows_grammar
 from app.pipeline.workspace import Workspace
-from roboprompt_client.trajectory import EndEffectorAction
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,8 +65,8 @@ class OtherTasksCodec:
     def reply_text(self, rows: Sequence[str]) -> str:
         return self.seen[0].reply_text(rows)
 
-    def decode_rows(self, first: int, rows: Sequence[str], query: Query) -> list[EndEffectorAction]:
-        return self._asking(query).decode_rows(first, rows, query)
+    def decoder(self, query: Query) -> Decoder:
+        return self._asking(query).decoder(query)
 
     def _of(self, demonstration: Demonstration) -> ObjectFrameCodec:
         return next(codec for codec in self.seen if demonstration in codec.demonstrations)
