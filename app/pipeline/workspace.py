@@ -150,11 +150,11 @@ def discretize_actions(actions: Sequence[EndEffectorAction], workspace: Workspac
     if not actions:
         return []
     positions_m = np.array([action.position_m for action in actions])
-    inside = ((positions_m >= workspace.min_m) & (positions_m <= workspace.max_m)).all(axis=1)
+    inside: list[bool] = np.all((positions_m >= workspace.min_m) & (positions_m <= workspace.max_m), axis=1).tolist()
     positions = _position_bins(positions_m, workspace).tolist()
     rotations = _rotation_bins(Rotation.from_quat([action.quaternion_xyzw for action in actions])).tolist()
     return [
-        DiscreteAction((*place, *turn, int(action.gripper_open)), clamped=not bool(within))
+        DiscreteAction((*place, *turn, int(action.gripper_open)), clamped=not within)
         for action, place, turn, within in zip(actions, positions, rotations, inside, strict=True)
     ]
 

@@ -11,7 +11,7 @@ from app.pipeline.findings import Finding, Severity
 from app.pipeline.plans.rows import BEYOND_NOISE_M, acting_rows
 from app.pipeline.plans.support import PlacedPlan
 
-MANY = 4  # numbers of actions that a sentence lists
+MAX_LISTED = 4  # numbers of actions that a sentence lists
 SCATTER_M = 0.01
 CENTRE_OFF_M = 0.012  # as much as pose estimators err without harm; measured: docs/results/findings.md
 
@@ -69,8 +69,8 @@ def _named(doubts: Sequence[ActionDoubt]) -> str:
     numbers = [str(doubt.index + 1) for doubt in doubts]
     if len(numbers) == 1:
         return f"Action {numbers[0]}"
-    if len(numbers) > MANY:
-        return f"Actions {', '.join(numbers[:MANY])} and {len(numbers) - MANY} more"
+    if len(numbers) > MAX_LISTED:
+        return f"Actions {', '.join(numbers[:MAX_LISTED])} and {len(numbers) - MAX_LISTED} more"
     return f"Actions {', '.join(numbers[:-1])} and {numbers[-1]}"
 
 

@@ -20,7 +20,7 @@ MOST_JOINT_RAD = 4 * np.pi
 UPRIGHT_DEG = 5.0
 OFF_UPRIGHT_DEG = 20.0
 DOWN_DEG = 10.0
-LESS = {"millimetres": 1000.0, "centimetres": 100.0}
+UNITS_PER_M = {"millimetres": 1000.0, "centimetres": 100.0}
 
 
 def check_recording_units(trajectory: Trajectory, objects: Sequence[ObjectPose], times_s: Array) -> None:
@@ -46,7 +46,7 @@ def check_scene_units(objects: Sequence[ObjectPose], workspace: Workspace) -> No
     """
     for pose in objects:
         away_m = np.maximum(workspace.min_m - pose.position_m, pose.position_m - workspace.max_m).max()
-        for unit, factor in LESS.items():
+        for unit, factor in UNITS_PER_M.items():
             if away_m > MOST_AWAY_M and workspace.contains(pose.position_m / factor):
                 message = f"is {pose.position_m.round(3).tolist()}, which is likely in {unit}"
                 raise InvalidInputError(f"objects[{pose.name}].position", message, "metres, world frame")

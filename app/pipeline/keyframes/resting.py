@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from app.pipeline.keyframes.gripper import at_start, gripper_switches
-from app.pipeline.keyframes.path import Path
+from app.pipeline.keyframes.path import HandPath
 from app.pipeline.keyframes.rule import (
     MAX_KEYFRAMES,
     SIMULATION_DELTA_RAD_S,
@@ -78,7 +78,7 @@ def _num_on_the_way(trajectory: Trajectory, keyframes: Sequence[int], switches: 
     for before, (here, after) in zip([0, *keyframes], pairwise(keyframes), strict=False):
         if any(abs(times_s[here] - times_s[frame]) <= NEARBY_S for frame in switches):
             continue
-        number += Path.between(trajectory, before, after, TOLERANCE_M, TOLERANCE_DEG).bend <= 1
+        number += HandPath.between(trajectory, before, after, TOLERANCE_M, TOLERANCE_DEG).bend <= 1
     return number
 
 
@@ -92,7 +92,7 @@ def _straight_to_switches(
     bent = 0
     for before, here in pairwise([0, *keyframes]):
         if any(abs(times_s[here] - times_s[frame]) <= NEARBY_S for frame in switches):
-            bend = Path.between(trajectory, before, here, TOLERANCE_M, TOLERANCE_DEG).bend
+            bend = HandPath.between(trajectory, before, here, TOLERANCE_M, TOLERANCE_DEG).bend
             bent += bend > STRAIGHT and _bend_in_joints(trajectory, before, here, times_s) > BENT
     return bent <= MOST_BENT * len(switches)
 
@@ -100,7 +100,7 @@ def _straight_to_switches(
 def _passes_corners(trajectory: Trajectory, keyframes: Sequence[int], times_s: Array) -> bool:
     """Whether some way between keyframes is several motions, in space and in the joints: a pose was passed on it."""
     return any(
-        Path.between(trajectory, before, here, TOLERANCE_M, TOLERANCE_DEG).bend > WIDE
+        HandPath.between(trajectory, before, here, TOLERANCE_M, TOLERANCE_DEG).bend > WIDE
         and _bend_in_joints(trajectory, before, here, times_s) > WINDING
         for before, here in pairwise([0, *keyframes])
         if here > before + 1

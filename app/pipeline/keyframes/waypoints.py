@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from app.pipeline.keyframes.gripper import at_start, gripper_switches
-from app.pipeline.keyframes.path import Path, fewest_waypoints, off_line_m
+from app.pipeline.keyframes.path import HandPath, fewest_waypoints, off_line_m
 from app.pipeline.keyframes.rule import MAX_KEYFRAMES, TOLERANCE_DEG, TOLERANCE_M, Keyframe
 from roboprompt_client.arrays import Array
 from roboprompt_client.trajectory import Trajectory
@@ -79,7 +79,7 @@ def waypoints(
 
 
 def _of_phase(trajectory: Trajectory, phase: Phase, tolerance_m: float, tolerance_deg: float) -> list[Keyframe]:
-    path = Path.between(trajectory, phase.first, phase.last, tolerance_m, tolerance_deg)
+    path = HandPath.between(trajectory, phase.first, phase.last, tolerance_m, tolerance_deg)
     chosen = [int(path.frames[k]) for k in fewest_waypoints(path.deviations())]
     return at_frames(trajectory, phase, at_tips(trajectory, phase.first, chosen, tolerance_m))
 

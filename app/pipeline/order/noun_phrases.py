@@ -82,33 +82,16 @@ class NounPhrases:
             raise TooInvolvedError
 
     def at(self, start: int) -> tuple[NounPhrase, ...]:
-        """The noun phrases that begin there and stand for one object, the longest first; of equally long ones the least literal."""
+        """The noun phrases that begin there and stand for one object, the longest first, then the least literal."""
         if start not in self._found:
             self._found[start] = ()  # a phrase cannot be part of what it begins with
             found = dict.fromkeys(self._phrases(start))
             self._found[start] = tuple(sorted(found, key=lambda phrase: (-phrase.end, -MEANS.index(phrase.by))))
         return self._found[start]
 
-    def longest(self) -> list[NounPhrase]:
-        """The objects from left to right, each phrase as long as possible."""
-        found: list[NounPhrase] = []
-        for k in range(len(self.words)):
-            if (not found or k >= found[-1].end) and (here := self.at(k)) and here[0].name:
-                found.append(here[0])
-        return found
-
     def text_of(self, phrase: NounPhrase | Unmatched) -> str:
         """As it stands in the instruction."""
         return self.instruction[self.words[phrase.start].token.start : self.words[phrase.end - 1].token.end]
-
-    def with_names(self, phrases: Sequence[NounPhrase]) -> str:
-        """The instruction with these phrases, from left to right, replaced by the names of their objects."""
-        text = self.instruction
-        for phrase in reversed(phrases):
-            start, end = self.words[phrase.start].token.start, self.words[phrase.end - 1].token.end
-            if phrase.by != "name" and phrase.name:
-                text = f"{text[:start]}the {phrase.name.replace('_', ' ')}{text[end:]}"
-        return text
 
     def _text(self, at: int) -> str:
         return self._texts[at] if at < len(self._texts) else ""

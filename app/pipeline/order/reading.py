@@ -10,7 +10,7 @@ from app.pipeline.order.descriptions import MEANS
 from app.pipeline.order.frames import INSTRUMENT, Frame
 from app.pipeline.order.noun_phrases import NounPhrase, NounPhrases, TooInvolvedError
 from app.pipeline.order.order import Grounding, Order
-from app.pipeline.order.refusals import check_named, named_phrases, refusal
+from app.pipeline.order.refusals import check_named, passed_on, refusal
 from app.pipeline.order.sentences import PICKING, Sentences
 from app.pipeline.order.space import Layout
 from app.pipeline.order.taught import Taught
@@ -41,7 +41,8 @@ def read(instruction: str, taught: Taught, layout: Layout | None = None, *, allo
     if not allow_unfamiliar or not isinstance(error, UnfamiliarInstructionError):
         error.choices = taught.choices
         raise error
-    return _as_named(taught, phrases, named_phrases(taught, phrases), error.message)
+    text, named = passed_on(taught, phrases)
+    return taught.order(text, _groundings(phrases, named), error.message)
 
 
 def read_untaught(instruction: str, taught: Taught, layout: Layout | None = None) -> Order:
@@ -54,15 +55,9 @@ def read_untaught(instruction: str, taught: Taught, layout: Layout | None = None
         UngroundedInstructionError: if not, or if it says what not to do.
     """
     phrases = NounPhrases(instruction, taught.lexicon, layout)
-    named = named_phrases(taught, phrases)
+    text, named = passed_on(taught, phrases)
     check_named(taught, phrases, named)
-    return _as_named(taught, phrases, named)
-
-
-def _as_named(
-    taught: Taught, phrases: NounPhrases, named: Sequence[NounPhrase], unfamiliar: str | None = None
-) -> Order:
-    return taught.order(phrases.with_names(named), _groundings(phrases, named), unfamiliar)
+    return taught.order(text, _groundings(phrases, named))
 
 
 def _groundings(phrases: NounPhrases, named: Sequence[NounPhrase]) -> tuple[Grounding, ...]:

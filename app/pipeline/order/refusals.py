@@ -40,8 +40,8 @@ def refusal(taught: Taught, phrases: NounPhrases, meanings: Sequence[str]) -> In
     return UnfamiliarInstructionError(FIELD, f"{instruction!r} {what}", valid)
 
 
-def named_phrases(taught: Taught, phrases: NounPhrases) -> Sequence[NounPhrase]:
-    """Where an unfamiliar instruction names its objects.
+def passed_on(taught: Taught, phrases: NounPhrases) -> tuple[str, Sequence[NounPhrase]]:
+    """The unfamiliar instruction with its objects by their names, and where it names them.
 
     Raises:
         UngroundedInstructionError: if it names something else, names nothing though taught instructions do, or forbids
@@ -52,13 +52,13 @@ def named_phrases(taught: Taught, phrases: NounPhrases) -> Sequence[NounPhrase]:
         raise UngroundedInstructionError(FIELD, f"{instruction!r} says what not to do", valid)
     if (missed := _missed(phrases) or _unknown_thing(words)) is not None:
         raise _ungrounded(phrases, missed, valid)
-    found = phrases.longest()
+    found = _longest(phrases)
     if taught.names_objects and not found:
         raise UngroundedInstructionError(FIELD, f"{instruction!r} names no object of the task", valid)
-    named = clause_of(phrases.with_names(found), taught.names).objects
-    if named != tuple(dict.fromkeys(phrase.name for phrase in found)):
+    text = _with_names(phrases, found)
+    if clause_of(text, taught.names).objects != tuple(dict.fromkeys(phrase.name for phrase in found)):
         raise UngroundedInstructionError(FIELD, f"{instruction!r} names its objects in an unclear way", valid)
-    return found
+    return text, found
 
 
 def check_named(taught: Taught, phrases: NounPhrases, found: Sequence[NounPhrase]) -> None:
@@ -87,9 +87,27 @@ def _forbids(words: Sequence[Word]) -> bool:
     return any(table.end_at(texts, k) is not None for table in tables for k in range(len(texts)))
 
 
+def _longest(phrases: NounPhrases) -> list[NounPhrase]:
+    """The objects from left to right, each phrase as long as possible."""
+    found: list[NounPhrase] = []
+    for k in range(len(phrases.words)):
+        if (not found or k >= found[-1].end) and (here := phrases.at(k)) and here[0].name:
+            found.append(here[0])
+    return found
+
+
+def _with_names(phrases: NounPhrases, found: Sequence[NounPhrase]) -> str:
+    text = phrases.instruction
+    for phrase in reversed(found):
+        start, end = phrases.words[phrase.start].token.start, phrases.words[phrase.end - 1].token.end
+        if phrase.by != "name" and phrase.name:
+            text = f"{text[:start]}the {phrase.name.replace('_', ' ')}{text[end:]}"
+    return text
+
+
 def _missed(phrases: NounPhrases) -> Unmatched | None:
     """The longest phrase that reads like an object and is none, unless it is a part of one that is."""
-    found = phrases.longest()
+    found = _longest(phrases)
 
     def is_part(missed: Unmatched) -> bool:
         return any(each.start < missed.end and missed.start < each.end and not _holds(missed, each) for each in found)

@@ -18,8 +18,8 @@ from roboprompt_client.trajectory import EndEffectorAction
 
 TWO_WAYS_M = 0.04  # ways that differ by less are one
 GAP = 4.0  # between two ways, in standard deviations within them
-GAP_OF_FEW = 10.0  # the same of fewer than MANY demonstrations: few lie apart by chance
-MANY = 6
+GAP_OF_FEW = 10.0  # the same of fewer than MANY_DEMONSTRATIONS demonstrations: few lie apart by chance
+MANY_DEMONSTRATIONS = 6
 FEWEST_OF_A_WAY = 2
 SHARE_OF_A_WAY = 0.3
 EXPLAINED = 0.5  # the share of the scatter that must remain when the scene does not decide a row
@@ -92,7 +92,7 @@ def two_ways(row: PlanRow, gap_of_few: float = GAP_OF_FEW) -> np.ndarray | None:
     cut = int(np.argmax(gaps_m)) + fewest
     low, high = sorted_m[:cut], sorted_m[cut:]
     within_m = float(np.sqrt((low.var() * len(low) + high.var() * len(high)) / len(sorted_m)))
-    if gaps_m.max() < max(TWO_WAYS_M, (GAP if len(poses_m) >= MANY else gap_of_few) * within_m):
+    if gaps_m.max() < max(TWO_WAYS_M, (GAP if len(poses_m) >= MANY_DEMONSTRATIONS else gap_of_few) * within_m):
         return None
     other = np.zeros(len(places_m), dtype=bool)
     other[order[cut:]] = True

@@ -20,8 +20,8 @@ M_PER_RAD = 0.06  # 10 degrees of rotation weigh as much as 1 cm of position
 EQUAL_SPREAD_M = 0.002  # pairs this close to the best count as equal: then the previous row's pair goes on
 CLEARLY_LESS = 0.6  # the share of an object's spread below which the world or the start describe a row better
 WORLD_REACH_M = 4.9  # farther from the world's origin a row has no digits for it
-MANY = 5  # demonstrations from which on a single odd one does not decide
-MOST = 0.8  # the share of many demonstrations that decides
+MANY_DEMONSTRATIONS = 5  # demonstrations from which on a single odd one does not decide
+DECIDING_SHARE = 0.8  # the share of many demonstrations that decides
 # Of a single demonstration: a hand that is square to an object's axes has to do with it rather than with a nearer one
 SQUARE = Rotation.create_group("O")  # the 24 rotations that take axes to axes
 MOST_OBLIQUE_RAD = math.radians(20)  # beyond this it is not square to it at all
@@ -170,7 +170,9 @@ def _spreads_m(group: Sequence[Demonstration], anchors: Sequence[Anchor], tilted
     for k in range(off_m.shape[1]):
         rotations = Rotation.concatenate([turned[k] for _, turned in relative])
         off_m[:, k] += M_PER_RAD * (rotations.mean().inv() * rotations).magnitude()
-    spreads: list[float] = (np.quantile(off_m, MOST, axis=0) if len(group) >= MANY else off_m.max(axis=0)).tolist()
+    spreads: list[float] = (
+        np.quantile(off_m, DECIDING_SHARE, axis=0) if len(group) >= MANY_DEMONSTRATIONS else off_m.max(axis=0)
+    ).tolist()
     return spreads
 
 
