@@ -6,8 +6,8 @@ import numpy as np
 
 from app.pipeline.findings import Finding
 from app.pipeline.keyframes import Keyframe, KeyframeRule, manner_of
-from app.pipeline.keyframes.gripper import at_start, gripper_switches, hand_speeds_m_s
 from app.pipeline.keyframes.rule import MAX_KEYFRAMES
+from app.pipeline.keyframes.waypoints import at_start, gripper_switches, hand_speeds_m_s
 from roboprompt_client.arrays import Array
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.trajectory import Trajectory

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.keyframes.gripper import hand_speeds_m_s
+from app.pipeline.keyframes.waypoints import hand_speeds_m_s
 from app.pipeline.workspace import Workspace
 from roboprompt_client.arrays import Array
 from roboprompt_client.errors import InvalidInputError

@@ -7,7 +7,6 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from app.pipeline.keyframes.gripper import at_start, gripper_switches
 from app.pipeline.keyframes.path import HandPath
 from app.pipeline.keyframes.rule import (
     MAX_KEYFRAMES,
@@ -17,6 +16,7 @@ from app.pipeline.keyframes.rule import (
     merged,
     resting_frames,
 )
+from app.pipeline.keyframes.waypoints import at_start, gripper_switches
 from roboprompt_client.arrays import Array
 from roboprompt_client.trajectory import Trajectory
 

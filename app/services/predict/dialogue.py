@@ -8,8 +8,7 @@ from dataclasses import replace
 from app.llm.base import Completion, CompletionRequest, LanguageModel, ModelTimeoutError, TextDelta, Usage
 from app.pipeline.errors import ReplyParseError, UnsupportedActionError
 from app.pipeline.findings import Finding
-from app.pipeline.findings.actions import ActionDoubt, action_findings
-from app.pipeline.findings.passing import passing_findings
+from app.pipeline.findings.actions import ActionDoubt, action_findings, passing_findings
 from app.pipeline.plans.support import PlacedRow
 from app.pipeline.prompt import Prompt
 from app.pipeline.reply import ReplyReader

@@ -10,8 +10,7 @@ from typing import Protocol
 from app.pipeline.errors import UnsupportedActionError
 from app.pipeline.findings import Finding, Severity
 from app.pipeline.findings.actions import ActionDoubt, scatter_findings
-from app.pipeline.findings.roles import strangers
-from app.pipeline.findings.scene import scene_findings
+from app.pipeline.findings.scene import scene_findings, strangers
 from app.pipeline.plans.support import PlacedRow, SupportGuard
 from app.pipeline.workspace import ROTATION_BIN_DEG
 from app.services.predict.question import Question

@@ -12,7 +12,7 @@ from sqlalchemy import Connection
 
 from app.pipeline.closed_loop import ClosedLoopTemplate
 from app.pipeline.episode import Demonstration
-from app.pipeline.findings.passing import ShownWays
+from app.pipeline.findings.actions import ShownWays
 from app.pipeline.findings.places import ShownScenes
 from app.pipeline.order.order import Order
 from app.pipeline.plans import by_plan

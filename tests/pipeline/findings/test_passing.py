@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.pipeline.findings.passing import ShownWays, distances_m, passing_findings
+from app.pipeline.findings.actions import ShownWays, distances_m, passing_findings
 
 from ..scenes import action, demonstration, pose
 
