@@ -19,17 +19,13 @@ class ObjectReach:
     Attributes:
         nearest_m: to its place in the nearest demonstration.
         nearest_deg: the least turn to its rotation in a demonstration; None where a rotation is not known.
-        signed_beyond_m: (3,) how far it lies outside the box that holds its places in all demonstrations, along each
-            axis; 0 inside, negative below.
-        low_m, high_m: (3,) that box.
+        beyond_m: how far it lies outside the box that holds its places in all demonstrations, along the axis on which
+            that is farthest; 0 inside.
     """
 
-    name: str
     nearest_m: float
     nearest_deg: float | None
-    signed_beyond_m: tuple[float, ...]
-    low_m: tuple[float, ...]
-    high_m: tuple[float, ...]
+    beyond_m: float
 
 
 @dataclass(frozen=True)
@@ -55,18 +51,11 @@ def object_reach(pose: ObjectPose, demonstrations: Sequence[Demonstration]) -> O
     """Where the object lies compared with at least one demonstration, each of which has it."""
     shown = [demonstration.object(pose.name) for demonstration in demonstrations]
     places_m = np.array([item.position_m for item in shown])
-    low_m, high_m = places_m.min(axis=0), places_m.max(axis=0)
-    beyond_m = np.maximum(pose.position_m - high_m, 0) + np.minimum(pose.position_m - low_m, 0)
+    beyond_m = np.maximum(pose.position_m - places_m.max(axis=0), places_m.min(axis=0) - pose.position_m)
     turns_deg = [_turn_deg(pose, item) for item in shown]
     known_deg = [turn for turn in turns_deg if turn is not None]
-    return ObjectReach(
-        pose.name,
-        float(np.linalg.norm(places_m - pose.position_m, axis=1).min()),
-        min(known_deg) if known_deg else None,
-        tuple(beyond_m.tolist()),
-        tuple(low_m.tolist()),
-        tuple(high_m.tolist()),
-    )
+    nearest_m = float(np.linalg.norm(places_m - pose.position_m, axis=1).min())
+    return ObjectReach(nearest_m, min(known_deg, default=None), max(float(beyond_m.max()), 0.0))
 
 
 def action_deviations(predicted: Demonstration, demonstrations: Sequence[Demonstration]) -> tuple[ActionDeviation, ...]:

@@ -8,8 +8,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from app.evaluation.paper import disturbed
-from app.pipeline.order.order import clause_of
 from app.pipeline.noise import MEAN_ERROR_M
+from app.pipeline.order.order import clause_of
 from app.sim.demonstrate import RecordedDemonstration, Recordings, SceneView
 from roboprompt_client.trajectory import ObjectPose
 

@@ -56,7 +56,7 @@ def test_other_objects_of_the_same_instruction_are_compared():
 
 
 @pytest.mark.parametrize("other", [pick(0.1, "push the cube"), pick(0.1, offsets_m=OFFSETS_M[:2], is_open=(1, 0))])
-def test_what_nobody_has_shown_is_not_compared(other):
+def test_what_was_not_shown_is_not_compared(other):
     assert action_deviations(other, SHOWN) == ()
 
 
@@ -66,10 +66,10 @@ def test_nothing_is_compared_without_actions():
 
 def test_reach_is_told_from_the_demonstrations():
     inside = object_reach(ObjectPose("cube", [0.12, 0.1, 0.8], [0, 0, 0, 1]), SHOWN)
-    assert inside.signed_beyond_m == (0, 0, 0)
+    assert inside.beyond_m == 0
     assert inside.nearest_m == pytest.approx(0.02)
     assert inside.nearest_deg == pytest.approx(0, abs=1e-6)
     beyond = object_reach(ObjectPose("cube", [0.05, 0.13, 0.8]), SHOWN)
-    np.testing.assert_allclose(beyond.signed_beyond_m, [-0.05, 0.03, 0], atol=1e-12)
+    assert beyond.beyond_m == pytest.approx(0.05)
     assert beyond.nearest_deg is None
     assert (beyond.low_m[0], beyond.high_m[0]) == (0.1, 0.2)

@@ -234,6 +234,6 @@ def _few(group: Sequence[PlanCheck]) -> list[Finding]:
     instruction = group[0].episodes[0].instruction
     message = (
         f"{instruction!r} has {number} demonstration{'s' if number > 1 else ''}: record more, ten if possible, with the"
-        " objects in other places. With fewer than three nobody can tell what a row follows, or which one is odd."
+        " objects in other places. With fewer than three it is not known what a row follows, or which one is odd."
     )
     return [Finding("few-demonstrations", "info", message, "episodes", {"demonstrations": number})]

@@ -1,4 +1,4 @@
-"""What is doubtful about an observed scene: by itself, beside those of demonstrations, and in the roles of its objects."""
+"""What is doubtful about an observed scene: alone, beside those of demonstrations, and in the roles of its objects."""
 
 from collections.abc import Iterator, Sequence
 from itertools import chain, combinations
@@ -80,7 +80,7 @@ def _one_place(observed: Sequence[ObjectPose], scenes: ShownScenes) -> tuple[lis
 
 
 def _place(pose: ObjectPose, places: ShownPlaces) -> Iterator[Finding]:
-    """Beyond the demonstrations nobody has shown that the rows hold; the most telling doubt first."""
+    """Doubts about one object, the most telling first: outside the demonstrations, rows have not been shown to hold."""
     return chain(_tilted(pose, places), _lifted(pose, places), _beyond(pose, places), _turned(pose, places))
 
 

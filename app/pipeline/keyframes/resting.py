@@ -41,7 +41,7 @@ def manner_of(trajectory: Trajectory, times_s: Array, delta_rad_s: float = SIMUL
     `rests`: the rests are its keyframes, so that `merged` finds these. Every grasp and release happens in a rest, the
     hand comes to it in a straight motion, corners are turned in rests, and (nearly) every rest is at a corner.
     `hesitates`: it rests on straight ways or longer than it moves, as people do, whose hand wavers as well.
-    `flows`: anything else, and an arm whose joints nobody recorded.
+    `flows`: anything else, and an arm whose joints were not recorded.
 
     Args:
         times_s: (T,) of the frames.

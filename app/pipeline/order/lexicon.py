@@ -164,7 +164,7 @@ def checked_aliases(aliases: Mapping[str, Sequence[str]]) -> dict[str, tuple[str
 
 
 def check_aliases_of(aliases: Mapping[str, Sequence[str]], names: Sequence[str]) -> None:
-    """Refuse aliases of what is no object, and aliases that are another object's name.
+    """Refuse aliases of unknown objects, and aliases that are another object's name.
 
     Args:
         names: the task's objects.

@@ -272,7 +272,7 @@ class NounPhrases:
             yield _Said(description.with_pick(pick), end)
 
     def _ends_phrase(self, at: int) -> bool:
-        """Whether no noun follows: in "put the mug in the bottom drawer" nobody says where the mug is."""
+        """Whether no noun follows: "put the mug in the bottom drawer" does not say where the mug is."""
         text = self._text(at)
         return not text or text in vocabulary.FUNCTION_WORDS or text in verbs.FIRST_WORDS
 

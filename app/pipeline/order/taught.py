@@ -50,7 +50,8 @@ class Taught:
 
     def mentioned(self, instruction: str) -> tuple[Grounding, ...]:
         """The phrases that are names; the whole instruction for the task's only object, which need not be named."""
-        found = [Grounding(instruction[start:end], name, "name") for start, end, name in self._mentions(instruction)]
+        mentions = mentions_in(instruction, self.names)
+        found = [Grounding(instruction[start:end], name, "name") for start, end, name in mentions]
         if not found and len(self.names) == 1:
             return (Grounding(instruction, self.names[0], "taught"),)
         return tuple(found)
@@ -104,8 +105,5 @@ class Taught:
         said = {word.text for word in self.lexicon.read(instruction)}
         return any(
             instruction[start:end].lower() in PLACE_ADJECTIVES and noun_of(phrase_of(name)) not in said
-            for start, end, name in self._mentions(instruction)
+            for start, end, name in mentions_in(instruction, self.names)
         )
-
-    def _mentions(self, instruction: str) -> Sequence[tuple[int, int, str]]:
-        return mentions_in(instruction, self.names)

@@ -38,8 +38,8 @@ class PlacedRow:
     reach_m: float
     reach_deg: float
     grippers: frozenset[bool]
-    scatter_m: float = 0.0
-    number: int = 1
+    scatter_m: float
+    number: int
 
     @property
     def centre_off_m(self) -> float:

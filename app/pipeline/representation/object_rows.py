@@ -96,7 +96,7 @@ def shortened(rows: Sequence[str]) -> list[str]:
 
 
 def in_full(rows: Sequence[str]) -> list[str]:
-    """The rows with the rotations that `shortened` leaves out; what is no such row stays as it is."""
+    """The rows with the rotations that `shortened` leaves out; other texts stay as they are."""
     full, before = [], ""
     for row in rows:
         short = _NO_ROTATION.fullmatch(row)

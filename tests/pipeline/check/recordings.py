@@ -28,7 +28,7 @@ def recorded(number, rule=None, *, flows=(), noise_m=0.0, without=(), instructio
     Args:
         flows: the places of those that do not rest.
         noise_m: standard deviation of each coordinate of the objects' poses.
-        without: names of objects that nobody sees.
+        without: names of objects that are not seen.
         way_m: points over which the cube is carried, from the cube's place.
     """
     way_m = tuple(way_m or ())

@@ -1,4 +1,4 @@
-"""What is no order, or another one than was taught, is refused; found by one who had not read how this works."""
+"""Texts that are not orders, or other orders than were taught, are refused; written without knowing the parser."""
 
 import pytest
 

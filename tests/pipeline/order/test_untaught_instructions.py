@@ -1,4 +1,4 @@
-"""Instructions of tasks that nobody has shown: only their objects are understood."""
+"""Instructions of tasks that were not shown: only their objects are understood."""
 
 import pytest
 
@@ -20,7 +20,7 @@ LAPTOP = Taught(("laptop",), {}, (), is_english)
         ("hang the red cup on the cup hodler", "hang the red cup on the cup holder", 2),
     ],
 )
-def test_words_that_nobody_taught_pass_and_objects_have_their_names(said, canonical, objects):
+def test_untaught_words_pass_and_objects_have_their_names(said, canonical, objects):
     order = read_untaught(said, CUPS)
     assert order.text == canonical
     assert len(order.phrases) == objects

@@ -182,7 +182,7 @@ def test_a_row_may_be_near_what_several_show():
     assert accepted == list(range(18, 33))
 
 
-def test_an_object_that_nobody_demonstrated_is_expected_at_its_own_place():
+def test_an_object_that_was_not_demonstrated_is_expected_at_its_own_place():
     """The instruction asks for the same of another object."""
     random = np.random.default_rng(0)
     shown = []
@@ -196,7 +196,7 @@ def test_an_object_that_nobody_demonstrated_is_expected_at_its_own_place():
     assert refused(shown, [action((0.0, 0.0, 0.9))], seen, instruction="lift the blue cube").field == "actions[0]"
 
 
-def test_nobody_knows_what_several_clauses_have_unless_they_were_shown():
+def test_the_rows_of_several_clauses_are_unknown_unless_they_were_shown():
     ways, *_ = two_plans()
     support = Support.of(by_plan(ways))
     assert support.placed(Query(f"{INSTRUCTION}, then {INSTRUCTION}", SMALL)) is None

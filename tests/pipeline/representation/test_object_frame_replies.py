@@ -110,7 +110,7 @@ def test_refused_replies_carry_their_text(reply_text, message):
     ],
 )
 def test_the_grammar_knows_numbers_letters_frames_and_the_number_of_rows(text, expected):
-    """Where demonstrations of two clauses are all there is, nobody knows which of their rows one clause has."""
+    """Where demonstrations of two clauses are all there is, it is unknown which of their rows one clause has."""
     assert matches(grammar_of(codec_for(4, 6, instruction=TWO_CLAUSES), INSTRUCTION), text) is expected
 
 

@@ -1,4 +1,4 @@
-"""Rows of other tasks, read in the scene of a task that nobody has shown."""
+"""Rows of other tasks, read in the scene of a task that was not shown."""
 
 import numpy as np
 import pytest
