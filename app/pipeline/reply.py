@@ -17,6 +17,7 @@ from roboprompt_client.motion_limits import MAX_ACTIONS
 from roboprompt_client.trajectory import EndEffectorAction
 
 MAX_REPLY_CHARS = 100_000
+ROUNDING = 1e-9  # far below one unit of any representation
 
 
 class ReplyReader:
@@ -79,9 +80,10 @@ class ReplyReader:
 
 
 def _same(a: EndEffectorAction, b: EndEffectorAction) -> bool:
+    """Up to rounding: a row decoded alone may differ in the last bit from the same row decoded among others."""
     return (
-        np.array_equal(a.position_m, b.position_m)
-        and np.array_equal(a.quaternion_xyzw, b.quaternion_xyzw)
+        np.allclose(a.position_m, b.position_m, rtol=0, atol=ROUNDING)
+        and np.allclose(a.quaternion_xyzw, b.quaternion_xyzw, rtol=0, atol=ROUNDING)
         and a.gripper_open == b.gripper_open
     )
 
