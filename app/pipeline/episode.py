@@ -61,8 +61,7 @@ class Query:
     @cached_property
     def ordered_objects(self) -> tuple[ObjectPose, ...]:
         """The objects that the instruction mentions in its order, then the others as they come."""
-        place = {name: k for k, name in enumerate(self.order.objects)}
-        return tuple(sorted(self.objects, key=lambda pose: place.get(pose.name, len(place))))
+        return in_order(self.objects, self.order)
 
     def object(self, name: str) -> ObjectPose:
         """The pose of the object of that name, which there is."""
@@ -88,6 +87,12 @@ class Demonstration(Query):
     def kind(self) -> tuple[str, int | None, int]:
         """Equal for demonstrations with the same rows: what they ask for, their plan and number of actions."""
         return self.order.form, self.plan, len(self.actions)
+
+
+def in_order(objects: Sequence[ObjectPose], order: Order) -> tuple[ObjectPose, ...]:
+    """The objects that an order mentions, in its order, then the others as they come."""
+    place = {name: k for k, name in enumerate(order.objects)}
+    return tuple(sorted(objects, key=lambda pose: place.get(pose.name, len(place))))
 
 
 @lru_cache(MAX_ORDERS)

@@ -9,7 +9,6 @@ from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.geometry import tilt_rad, yaw_rad
-from app.pipeline.order.order import Order
 from roboprompt_client.arrays import Array
 from roboprompt_client.trajectory import ObjectPose
 
@@ -43,12 +42,6 @@ class Anchor(NamedTuple):
 
 WORLD = Anchor("", "world")
 START = Anchor("", "start")
-
-
-def in_order(objects: Sequence[ObjectPose], order: Order) -> list[ObjectPose]:
-    """The objects that an order mentions, in its order, then the others as they come."""
-    place = {name: k for k, name in enumerate(order.objects)}
-    return sorted(objects, key=lambda pose: place.get(pose.name, len(place)))
 
 
 def tilted_objects(scenes: Sequence[Query]) -> frozenset[str]:
@@ -130,7 +123,7 @@ def _candidates(group: Sequence[Demonstration]) -> list[list[Anchor]]:
 
     The likelier first; a single demonstration rather follows an object's own axes.
     """
-    ordered = [in_order(d.objects, d.order) for d in group]
+    ordered = [d.ordered_objects for d in group]
     mentioned = [len(d.order.objects) for d in group]
     by_mention = [[objects[i].name for objects in ordered] for i in range(min(mentioned))]
     never_mentioned = [

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from app.pipeline.episode import Demonstration, Query
+from app.pipeline.episode import Demonstration, Query, in_order
 from app.pipeline.order.order import Order
-from app.pipeline.representation.anchors import OBJECT_FRAMES, in_order
+from app.pipeline.representation.anchors import OBJECT_FRAMES
 from app.pipeline.representation.base import row_count_bounds
 from app.pipeline.representation.object_rows import Row, asked_anchor, groups_of, letter
 from app.pipeline.workspace import ROTATION_BINS

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from app.pipeline.episode import Demonstration
+from app.pipeline.episode import Demonstration, in_order
 from app.pipeline.order.order import Order
-from app.pipeline.representation.anchors import Anchor, choose_anchors, in_order, relative_action
+from app.pipeline.representation.anchors import Anchor, choose_anchors, relative_action
 from app.pipeline.workspace import ROTATION_BINS, rotation_bins
 from roboprompt_client.trajectory import ObjectPose
 

@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
+from app.pipeline.episode import in_order
 from app.pipeline.order.order import Order
 from app.pipeline.representation.anchors import (
     Anchor,
     choose_anchors,
-    in_order,
     object_rotation,
     relative_action,
     tilted_objects,
