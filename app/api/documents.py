@@ -5,7 +5,7 @@ from typing import Any
 
 from app.llm.base import ModelProfile
 from app.pipeline.episode import Demonstration
-from app.pipeline.language.grounded import Grounded
+from app.pipeline.order.order import Order
 from app.pipeline.prompt import Prompt
 from app.pipeline.representation import fit_codec
 from app.pipeline.workspace import Workspace, discretize_action, object_bins
@@ -40,7 +40,7 @@ def episode_document(record: EpisodeFields, settings: TaskSettings) -> JsonObjec
         "cameras": [camera.name for camera in record.cameras],
         **({} if record.extra is None else {"extra": record.extra}),
         "prediction_id": record.prediction_id,
-        "observation_text": codec.observation_text(poses, record.instruction),
+        "observation_text": codec.observation_text(demonstration),
         "actions_text": codec.actions_text(demonstration),
         "created_at": record.created_at.isoformat(),
     }
@@ -120,7 +120,7 @@ def _asked(question: Question, prompt: Prompt) -> JsonObject:
     """What a prediction and a dry run have in common."""
     return {
         **_understood(question.grounded),
-        "objects": [ObjectRecord.of(pose).to_json() for pose in question.observed],
+        "objects": [ObjectRecord.of(pose).to_json() for pose in question.seen.objects],
         "model": question.profile.name,
         "representation": question.style.representation,
         "prompt_format": question.style.prompt_format,
@@ -135,14 +135,9 @@ def _prompt(system: str, user: str) -> JsonObject | None:
     return {"system": system, "user": user} if present().demonstrations and user else None
 
 
-def _understood(grounded: Grounded | None) -> JsonObject:
+def _understood(order: Order) -> JsonObject:
     """How the instruction was understood."""
-    if grounded is None:
-        return {"canonical_instruction": None, "grounding": []}
-    return {
-        "canonical_instruction": grounded.instruction,
-        "grounding": [phrase.to_json() for phrase in grounded.phrases],
-    }
+    return {"canonical_instruction": order.text, "grounding": [phrase.to_json() for phrase in order.phrases]}
 
 
 def understood_document(question: Question) -> JsonObject:
@@ -193,10 +188,9 @@ def stored_prediction_document(record: PredictionRecord) -> JsonObject:
         recorded_at = record.outcome_at.isoformat()
         outcome = {"success": record.outcome_success, "note": record.outcome_note, "recorded_at": recorded_at}
     same = ("id", "task", "instruction", "status", "error", "model", "representation", "prompt_format", "reply_text")
-    grounded = None if record.grounding is None else Grounded.from_json(record.grounding)
     return {
         **{name: getattr(record, name) for name in same},
-        **_understood(grounded),
+        **_understood(Order.from_json(record.grounding, ())),
         "demonstration_ids": list(record.demonstration_ids),
         "prompt": _prompt(record.prompt_system, record.prompt_user),
         "actions": None if record.actions is None else list(record.actions),
@@ -206,7 +200,7 @@ def stored_prediction_document(record: PredictionRecord) -> JsonObject:
         "timings_ms": record.timings_ms,
         "step": record.step,
         "samples": _samples(record.samples),
-        "findings": None if record.findings is None else list(record.findings),
+        "findings": list(record.findings),
         "request": record.request,
         "outcome": outcome,
         "key_id": record.key_id,

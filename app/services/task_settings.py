@@ -21,9 +21,9 @@ from app.perception.object_model import ObjectModelError
 from app.perception.registry import pose_estimator
 from app.perception.strict import WHOLE, Number
 from app.pipeline.geometry import canonical_pose
+from app.pipeline.order.lexicon import check_aliases_of, checked_aliases
 from app.pipeline.prompt import MAX_SYSTEM_PROMPT_CHARS
 from app.pipeline.representation import check_style
-from app.pipeline.wording import check_aliases_of, checked_aliases
 from app.services.setting_parts import KeyframeSettings, MotionLimitsSettings, Point, WorkspaceSettings
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.motion_limits import MotionLimits

@@ -174,12 +174,12 @@ def test_a_closed_loop_goes_on_with_what_its_first_step_understood(services):
     previous = PreviousStep(
         0, "base", first.style, (), "", "", Pose((0, 0, 1), (1, 0, 0, 0)), "push the leftmost button", first.grounded
     )
-    swapped = [replace(pose, position_m=pose.position_m * [1, -1, 1]) for pose in first.observed]
+    swapped = [replace(pose, position_m=pose.position_m * [1, -1, 1]) for pose in first.seen.objects]
     taught = first.prefix.instructions
 
     def later(said):
         request = replace(REQUEST, instruction=said)
-        return ground_instruction(request, said, taught, first.settings, swapped, previous).instruction
+        return ground_instruction(request, said, taught, first.settings, swapped, previous).text
 
     assert later("push the leftmost button") == "push the red button"
     assert later("push the leftmost one") == "push the blue button"

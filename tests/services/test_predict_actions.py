@@ -111,7 +111,7 @@ UNCLEAR = replace(REQUEST, instruction="soulevez le cube, s'il vous plaît")
 def test_a_chat_model_is_asked_what_unclear_words_mean(store, taught):
     asked = []
     prediction = ask(taught("1", ONE_ACTION, asked=asked), UNCLEAR)
-    assert prediction.question.grounded.instruction == "pick up the cube"
+    assert prediction.question.grounded.text == "pick up the cube"
     assert [phrase.to_json() for phrase in prediction.question.grounded.phrases] == [
         {"phrase": UNCLEAR.instruction, "object": "cube", "by": "llm"}
     ]

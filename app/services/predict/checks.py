@@ -6,8 +6,8 @@ import anyio.to_thread
 from sqlalchemy import Connection
 
 from app.pipeline.errors import UnsupportedActionError
+from app.pipeline.findings.actions import ActionDoubt
 from app.pipeline.plans.support import PlacedRow, SupportGuard
-from app.pipeline.prediction_findings import ActionDoubt
 from app.pipeline.workspace import ROTATION_BIN_DEG
 from app.services.cache import Cache
 from app.services.predict.question import Question

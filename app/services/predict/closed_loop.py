@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from sqlalchemy import Connection
 
-from app.pipeline.language.grounded import Grounded
+from app.pipeline.order.order import Order
 from app.services.predict.prefix import Prefix, PromptStyle
 from app.services.predict.request import PredictRequest
 from app.store import predictions
@@ -32,7 +32,7 @@ class PreviousStep:
     reply_text: str
     end_effector: Pose
     instruction: str
-    grounded: Grounded | None
+    grounded: Order
 
     def so_far(self, prefix: Prefix) -> str:
         """What follows the demonstrations in the next prompt: every observation and action until now.
@@ -75,5 +75,5 @@ def previous_step(connection: Connection, request: PredictRequest) -> PreviousSt
         record.reply_text,
         Pose(tuple(last["position"]), tuple(last["quaternion_xyzw"])),
         record.instruction,
-        Grounded.from_json(record.grounding),
+        Order.from_json(record.grounding, [item.name for item in record.objects]),
     )

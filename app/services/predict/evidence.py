@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from app.pipeline.comparison import ActionDeviation, ObjectReach, action_deviations, object_reach
+from app.pipeline.deviation import ActionDeviation, ObjectReach, action_deviations, object_reach
 from app.pipeline.episode import Demonstration
 from app.pipeline.success_rate import SuccessRate
 from app.services.predict.select import Demonstrations

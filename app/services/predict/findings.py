@@ -5,15 +5,14 @@ With what a reply adds, this is the one list that answers, stored predictions, p
 
 from collections.abc import Iterator, Mapping, Sequence
 
+from app.pipeline.episode import Query
 from app.pipeline.findings import Finding, Severity
-from app.pipeline.language.grounded import Grounded
-from app.pipeline.language.strangers import strangers
+from app.pipeline.findings.actions import scatter_findings
+from app.pipeline.findings.scene import scene_findings, strangers
+from app.pipeline.order.order import Order
 from app.pipeline.plans.support import PlacedPlan
-from app.pipeline.prediction_findings import scatter_findings
-from app.pipeline.scene_findings import scene_findings
 from app.services.predict.prefix import Prefix
 from app.store.records import PredictionStatus
-from roboprompt_client.trajectory import ObjectPose
 
 LISTED = 3  # instructions that a sentence names
 FAILURES: Mapping[PredictionStatus, tuple[str, str, str]] = {
@@ -24,18 +23,16 @@ FAILURES: Mapping[PredictionStatus, tuple[str, str, str]] = {
 }
 
 
-def findings_before(
-    prefix: Prefix, grounded: Grounded, observed: Sequence[ObjectPose], plans: Sequence[PlacedPlan]
-) -> tuple[Finding, ...]:
+def findings_before(prefix: Prefix, seen: Query, order: Order, plans: Sequence[PlacedPlan]) -> tuple[Finding, ...]:
     """What deserves a look before the LLM is asked, causes first.
 
     Args:
-        observed: the objects as they were found.
+        seen: what is asked of the objects as they were observed.
+        order: the instruction as it is understood.
         plans: the demonstrated rows in their scene.
     """
-    scene = scene_findings(observed, prefix.scenes, grounded.instruction)
-    words = _words(grounded, prefix, [pose.name for pose in observed])
-    return (*_other_tasks(prefix), *words, *scene, *scatter_findings(plans))
+    scene = scene_findings(seen, prefix.scenes)
+    return (*_other_tasks(prefix), *_words(order, prefix), *scene, *scatter_findings(plans))
 
 
 def failure_findings(status: PredictionStatus, error: str | None) -> tuple[Finding, ...]:
@@ -56,21 +53,21 @@ def _other_tasks(prefix: Prefix) -> Iterator[Finding]:
         yield Finding("other-tasks-demonstrations", "danger", message)
 
 
-def _words(grounded: Grounded, prefix: Prefix, names: Sequence[str]) -> Iterator[Finding]:
+def _words(order: Order, prefix: Prefix) -> Iterator[Finding]:
     taught = tuple(dict.fromkeys(prefix.instructions))
-    if grounded.unfamiliar is not None:
-        message = f"{grounded.unfamiliar}; it was passed on to the LLM."
+    if order.unfamiliar is not None:
+        message = f"{order.unfamiliar}; it was passed on to the LLM."
         yield Finding("unfamiliar-instruction", "danger", message, "instruction")
-    elif taught and grounded.instruction not in taught:
+    elif taught and order.text not in taught:
         more = f" and {len(taught) - LISTED} more" if taught[LISTED:] else ""
         listed = ", ".join(map(repr, taught[:LISTED])) + more
-        message = f"No demonstration has this instruction, {grounded.instruction!r}; they have {listed}."
+        message = f"No demonstration has this instruction, {order.text!r}; they have {listed}."
         yield Finding("new-instruction", "info", message, "instruction")
-        yield from _new_roles(names, grounded.instruction, taught)
+        yield from _new_roles(order, taught)
 
 
-def _new_roles(names: Sequence[str], instruction: str, taught: Sequence[str]) -> Iterator[Finding]:
-    for stranger in strangers(names, instruction, taught):
+def _new_roles(order: Order, taught: Sequence[str]) -> Iterator[Finding]:
+    for stranger in strangers(order, taught):
         shown = ", ".join(map(repr, stranger.instead_of[:LISTED]))
         severity: Severity = "danger" if stranger.named_elsewhere else "warning"
         message = (

@@ -8,8 +8,8 @@ from sqlalchemy import Connection
 
 from app.llm.base import ModelProfile
 from app.perception.registry import estimate_poses
+from app.pipeline.findings.units import check_scene_units
 from app.pipeline.prompt import check_object_names
-from app.pipeline.units import check_scene_units
 from app.services.cache import Cache
 from app.services.errors import NoDemonstrationsError
 from app.services.measures import timed

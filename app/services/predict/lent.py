@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from sqlalchemy import Connection
 
 from app.pipeline.episode import Demonstration
-from app.pipeline.language.similarity import Described, most_similar
+from app.pipeline.order.similarity import Described, most_similar
 from app.services.predict.request import MAX_OTHER_TASKS, SIMILAR, PredictRequest
 from app.services.predict.select import DemonstrationSelector, read_demonstrations
 from app.services.task_settings import TaskSettings

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from app.llm.base import Completion, TextDelta
+from app.pipeline.episode import Query
 from app.pipeline.errors import ReplyParseError
 from app.pipeline.plans.support import PlacedRow
 from app.pipeline.reply import ReplyReader
@@ -54,22 +55,22 @@ class PredictedAction:
 
 
 class PartReply:
-    """The reply to one instruction.
+    """The reply to one part of an instruction.
 
     Attributes:
         support: holds its actions against the demonstrations.
         complete: whether all of it was read.
 
     Args:
-        num_before: actions of the replies to earlier instructions.
+        num_before: actions of the replies to earlier parts.
     """
 
-    def __init__(self, question: Question, instruction: str, num_before: int) -> None:
+    def __init__(self, question: Question, asked: Query, num_before: int) -> None:
         remaining = question.request.options.max_actions - num_before
         self._question = question
-        self._reader = ReplyReader(question.template.codec, question.objects, instruction, remaining, question.start)
+        self._reader = ReplyReader(question.template.codec, asked, remaining)
         self._num_read = 0
-        self.support = SupportCheck(question, instruction, num_before)
+        self.support = SupportCheck(question, asked.instruction, num_before)
         self.complete = False
 
     def read(self, piece: TextDelta | Completion) -> list[PredictedAction]:

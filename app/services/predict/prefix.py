@@ -6,16 +6,15 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 from app.llm.base import ModelProfile
-from app.pipeline.clearance import ShownWays
 from app.pipeline.closed_loop import ClosedLoopTemplate
 from app.pipeline.episode import Demonstration
+from app.pipeline.findings.actions import ShownWays
+from app.pipeline.findings.places import ShownScenes
 from app.pipeline.plans import by_plan
 from app.pipeline.plans.support import Support
 from app.pipeline.prompt import PromptTemplate, system_prompt_text
-from app.pipeline.representation import KAT_FORMAT, fit_codec, fit_other_tasks, fit_step
+from app.pipeline.representation import KAT_FORMAT, fit_codec, fit_other_tasks
 from app.pipeline.representation.base import Codec
-from app.pipeline.representation.object_frame import ObjectFrameCodec
-from app.pipeline.scene_findings import ShownScenes
 from app.pipeline.workspace import Workspace
 from app.services.predict.request import PredictRequest
 from app.services.predict.select import Demonstrations
@@ -143,7 +142,7 @@ def make_lent_prefix(
     groups = [[item if style.from_start else replace(item, start=None) for item in group] for group in lent.values()]
     codec = fit_other_tasks(style.representation, style.prompt_format, groups, settings.workspace.workspace())
     shown = sorted((item for group in groups for item in group), key=lambda item: ids.index(item.id))
-    template = PromptTemplate.write_other_tasks(codec, shown, system_prompt_text(style.system_prompt))
+    template = PromptTemplate.write(codec, shown, system_prompt_text(style.system_prompt), of_other_tasks=True)
     numbers = tuple((name, len(group)) for name, group in lent.items())
     return Prefix(template, tuple(item.id for item in shown), other_tasks=numbers)
 
@@ -154,11 +153,9 @@ def _template(
     system = system_prompt_text(style.system_prompt)
     names = (style.representation, style.prompt_format)
     if not style.closed_loop:
-        codec = fit_codec(*names, demonstrations, workspace)
-        written = codec.telling() if isinstance(codec, ObjectFrameCodec) else demonstrations
-        return PromptTemplate.write(codec, demonstrations, system, written)
+        return PromptTemplate.write(fit_codec(*names, demonstrations, workspace), demonstrations, system)
 
     def fit(shown: Sequence[Demonstration], step: int) -> Codec:
-        return fit_step(*names, shown, workspace, step)
+        return fit_codec(*names, shown, workspace, first_row=step + 1)
 
     return ClosedLoopTemplate.write(fit, demonstrations, system)

@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from app.llm.base import ModelProfile
+from app.pipeline.episode import Query
 from app.pipeline.findings import Finding
-from app.pipeline.language.grounded import Grounded
+from app.pipeline.order.order import Order
 from app.pipeline.plans.support import PlacedPlan
 from app.pipeline.prompt import Prompt, PromptTemplate
 from app.services.limits import Limits
@@ -19,7 +20,7 @@ from app.services.predict.prefix import Prefix, PromptStyle
 from app.services.predict.request import PredictRequest
 from app.services.task_settings import TaskSettings
 from roboprompt_client.motion_limits import Pose
-from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
+from roboprompt_client.trajectory import EndEffectorAction
 
 SEEDS = 2**31  # the most that every backend takes
 
@@ -32,18 +33,17 @@ class Question:
         request: without what was decoded.
         settings: of the task.
         profile: of the model that is asked.
-        observed: the objects as they were found, in the task's order.
-        objects: the same as the prompt has them, with rotations where demonstrations have them.
+        grounded: the instruction as it is understood.
+        seen: the same of the objects as they were found, in the task's order.
+        parts: what is asked for one after the other, of the objects as the prompt has them: with rotations where
+            demonstrations have them.
         end_effector: where it is before the first action: as the robot tells, else where the last step sent it.
-        start: the same where rows may be relative to it.
         prefix: what the LLM reads before the query.
         template: writes the query and reads the reply, at the step that is asked for.
-        grounded: the instruction as it is understood.
-        instructions: to ask for one after the other.
         so_far: the steps of a closed loop that were taken already.
         step: of a closed loop, from 0; None without one.
-        prompt: asks for the first of the instructions.
-        plans: for each of the instructions, the demonstrated rows in the observed scene; None where they are unknown.
+        prompt: asks for the first of the parts.
+        plans: by instruction of a part, the demonstrated rows in the observed scene; None where they are unknown.
         findings: what is doubtful before anything is asked.
         samples: where several replies are asked for, the same question for each, with a seed of its own.
     """
@@ -52,14 +52,12 @@ class Question:
     settings: TaskSettings
     profile: ModelProfile
     style: PromptStyle
-    observed: tuple[ObjectPose, ...]
-    objects: tuple[ObjectPose, ...]
+    grounded: Order
+    seen: Query
+    parts: tuple[Query, ...]
     end_effector: Pose | None
-    start: EndEffectorAction | None
     prefix: Prefix
     template: PromptTemplate
-    grounded: Grounded
-    instructions: tuple[str, ...]
     so_far: str
     step: int | None
     prompt: Prompt
@@ -83,33 +81,30 @@ def write_question(request: PredictRequest, instruction: str, known: Known, limi
     with timed("words"):
         grounded = ground_instruction(request, instruction, prefix.instructions, known.settings, observed, previous)
     step = None if not style.closed_loop else 0 if previous is None else previous.step + 1
-    template = prefix.at_step(step or 0).in_scene(observed)
+    template = prefix.at_step(step or 0)
     so_far = "" if previous is None else previous.so_far(prefix)
     limits.check_prompt(len(template.system) + len(template.prefix) + len(so_far))
-    instructions = template.codec.questions(grounded.instruction)
-    objects = template.posed(observed)
     start = _start(known.end_effector) if style.from_start else None
-    support = prefix.support
-    plans = {} if support is None else {part: support.placed(objects, part, start) for part in instructions}
+    seen, objects, support = Query(grounded.text, observed, start=start), template.posed(observed), prefix.support
+    parts = tuple(Query(part, objects, start=start) for part in template.codec.questions(grounded))
+    plans = {} if support is None else {part.instruction: support.placed(part) for part in parts}
     placed = [plan for found in plans.values() for plan in found or ()]
     question = Question(
         request=request.without_frames(),
         settings=known.settings,
         profile=known.profile,
         style=style,
-        observed=observed,
-        objects=objects,
+        grounded=grounded,
+        seen=seen,
+        parts=parts,
         end_effector=known.end_effector,
-        start=start,
         prefix=prefix,
         template=template,
-        grounded=grounded,
-        instructions=instructions,
         so_far=so_far,
         step=step,
-        prompt=template.ask(objects, instructions[0], request.options.max_actions, so_far),
+        prompt=template.ask(parts[0], request.options.max_actions, so_far),
         plans=plans,
-        findings=findings_before(prefix, grounded, observed, placed),
+        findings=findings_before(prefix, seen, grounded, placed),
     )
     if request.options.num_samples == 1:
         return question
@@ -126,11 +121,11 @@ def _start(end_effector: Pose | None) -> EndEffectorAction | None:
 def _sample(question: Question, number: int, prefix: Prefix) -> Question:
     """The question for one of several replies: with a seed of its own, and demonstrations in an order of its own."""
     options = question.request.options
-    template = prefix.at_step(0).in_scene(question.objects)
+    template = prefix.at_step(0)
     return replace(
         question,
         request=question.request.with_options(seed=(options.seed + number) % SEEDS),
         prefix=prefix,
         template=template,
-        prompt=template.ask(question.objects, question.instructions[0], options.max_actions, question.so_far),
+        prompt=template.ask(question.parts[0], options.max_actions, question.so_far),
     )

@@ -114,7 +114,7 @@ def _draft(reply: Reply, status: PredictionStatus, error: str | None, findings: 
         usage={} if reply.text is None else dict(vars(reply.usage)),
         timings_ms=dict(timings().ms),
         step=question.step,
-        objects=tuple(map(ObjectRecord.of, question.observed)),
+        objects=tuple(map(ObjectRecord.of, question.seen.objects)),
         samples=reply.samples,
         grounding=question.grounded.to_json(),
         findings=tuple(finding.to_json() for finding in findings),

@@ -18,12 +18,12 @@ from app.llm.base import (
     Usage,
     complete,
 )
-from app.pipeline.clearance import passing_findings
-from app.pipeline.consensus import consensus
+from app.pipeline.episode import Query
 from app.pipeline.errors import ReplyParseError, UnsupportedActionError
 from app.pipeline.findings import Finding
-from app.pipeline.prediction_findings import ActionDoubt, action_findings
+from app.pipeline.findings.actions import ActionDoubt, action_findings, passing_findings
 from app.pipeline.prompt import Prompt
+from app.pipeline.reply import consensus
 from app.services.measures import timed, timings, timings_of_its_own
 from app.services.predict.checks import MotionCheck
 from app.services.predict.part_reply import PartReply, PredictedAction, predicted
@@ -71,8 +71,7 @@ class Reply:
             found = [finding for reply in self._entered for finding in reply.findings]
             return tuple({finding.code: finding for finding in reversed(found)}.values())
         actions, question = [item.action for item in self.actions], self.question
-        instruction, ways = question.grounded.instruction, question.prefix.ways
-        passing = passing_findings(question.start, actions, question.observed, instruction, ways)
+        passing = passing_findings(question.seen, actions, question.prefix.ways)
         return (*action_findings(self._doubts), *passing)
 
     async def whole(self) -> None:
@@ -87,12 +86,12 @@ class Reply:
         if self.question.samples:
             await self._take(await self._agreed())
             return
-        for instruction in self._parts():
+        for asked in self._parts():
             try:
-                actions = await self._supported(instruction)
+                actions = await self._supported(asked)
             except UnsupportedActionError:
                 self._temperature = max(self._temperature, AGAIN_TEMPERATURE)
-                actions = await self._supported(instruction)
+                actions = await self._supported(asked)
             await self._take(actions)
 
     async def stream(self) -> AsyncGenerator[PredictedAction | TextDelta, None]:
@@ -103,8 +102,8 @@ class Reply:
         Raises:
             as `whole`; what was handed out may not be all of the reply.
         """
-        for instruction in self._parts():
-            part, before, text = PartReply(self.question, instruction, len(self.actions)), self.text, ""
+        for asked in self._parts():
+            part, before, text = PartReply(self.question, asked, len(self.actions)), self.text, ""
             async with aclosing(self._model.stream(self._request(piecewise=True))) as pieces:
                 while not part.complete:
                     with timed("llm"):
@@ -125,23 +124,23 @@ class Reply:
             part.support.finish()
             self._doubts += part.support.doubts
 
-    def _parts(self) -> Iterator[str]:
-        """The instructions to ask for, one after the other; `prompt` asks for it."""
+    def _parts(self) -> Iterator[Query]:
+        """The parts of the instruction, one after the other; `prompt` asks for it."""
         question, most = self.question, self.question.request.options.max_actions
-        for number, instruction in enumerate(question.instructions):
+        for number, part in enumerate(question.parts):
             if (remaining := most - len(self.actions)) <= 0:
-                message = f"{most} actions do not carry out all {len(question.instructions)} parts"
+                message = f"{most} actions do not carry out all {len(question.parts)} parts"
                 raise ReplyParseError(message, self.text or "")
             if number > 0:
                 codec = question.template.codec
                 written = codec.reply_text(codec.rows(self._last_text, complete=True))
                 so_far = f"{self.prompt.query}{written}{codec.separator}"
-                self.prompt = question.template.ask(question.objects, instruction, remaining, so_far)
-            yield instruction
+                self.prompt = question.template.ask(part, remaining, so_far)
+            yield part
 
-    async def _supported(self, instruction: str) -> list[PredictedAction]:
-        """The actions of the whole reply to one instruction."""
-        part = PartReply(self.question, instruction, len(self.actions))
+    async def _supported(self, asked: Query) -> list[PredictedAction]:
+        """The actions of the whole reply to one part."""
+        part = PartReply(self.question, asked, len(self.actions))
         with timed("llm"):
             completion = await complete(self._model, self._request(piecewise=False))
         self.text = _joined(self.text, completion.text)

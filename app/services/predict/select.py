@@ -13,10 +13,9 @@ from typing import Literal
 import numpy as np
 from sqlalchemy import Connection
 
-from app.pipeline.episode import Demonstration
+from app.pipeline.episode import Demonstration, frame_times_s
 from app.pipeline.keyframes import KeyframeRule
 from app.pipeline.plans import Recording, agreeing, aligned_by_plan, shown_together
-from app.pipeline.timeline import frame_times_s
 from app.services.cache import Cache
 from app.services.predict.request import Selection
 from app.services.task_settings import TaskSettings

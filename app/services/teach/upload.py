@@ -11,11 +11,10 @@ from sqlalchemy import Connection
 
 from app.perception.base import ObjectQuery
 from app.perception.images import ImageBytes
-from app.pipeline.episode import Episode
+from app.pipeline.episode import Episode, frame_times_s
+from app.pipeline.findings.recording import check_moves
+from app.pipeline.findings.units import check_recording_units
 from app.pipeline.prompt import check_object_names
-from app.pipeline.recording_findings import check_moves
-from app.pipeline.timeline import frame_times_s
-from app.pipeline.units import check_recording_units
 from app.services.measures import note
 from app.services.pose_servers import PoseServers
 from app.services.scene_images import put_images

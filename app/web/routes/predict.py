@@ -20,7 +20,7 @@ from app.api.image_work import image_work
 from app.api.routes import Wired
 from app.api.routes.predict import questioned
 from app.pipeline.prompt import SYSTEM_PROMPTS
-from app.pipeline.prompt_colours import prompt_spans
+from app.pipeline.spans import prompt_spans
 from app.services.predict.question import Question
 from app.services.predict.request import Selection
 from app.services.scene_images import stored_image
@@ -224,7 +224,7 @@ def _prompt_part(request: Request, services: Wired, question: Question) -> Respo
         spans=prompt_spans(prompt.user, style.representation, style.prompt_format),
         shown=shown,
     )
-    observed = [ObjectRecord.of(pose) for pose in question.observed]
+    observed = [ObjectRecord.of(pose) for pose in question.seen.objects]
     demonstrated = [item for record in shown.values() for item in record.objects]
     drawn = scene(question.settings.workspace, observed, (), shown=demonstrated)
     return JSONResponse({"html": html, "scene": drawn}, headers=HEADERS)
