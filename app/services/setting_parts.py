@@ -32,7 +32,9 @@ class _Settings(BaseModel):
 class WorkspaceSettings(_Settings):
     """The box that the position bins divide and that actions keep to, in metres in the world frame.
 
-    `auto`: it follows from the demonstrations and grows with them. `rlbench`: RLBench's. A box of one's own has none.
+    `auto`: what the present demonstrations span with a margin, at least a metre wide. An upload that would more than
+    double it is stored with the finding `beyond-workspace` and moves no bound until `workspace` is set, e.g. to `auto`
+    again. `rlbench`: RLBench's. A box of one's own has no preset.
     """
 
     preset: Preset | None = None
@@ -60,7 +62,7 @@ class WorkspaceSettings(_Settings):
 
         A box that still is RLBench's comes from no demonstration: it is not kept.
         """
-        if self.preset != "auto":
+        if self.preset != "auto" or not len(positions_m):
             return self
         untaught = (self.min, self.max) == (RLBENCH_MIN_M, RLBENCH_MAX_M)
         box = Workspace.around(positions_m, None if untaught else self.workspace())

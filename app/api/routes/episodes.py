@@ -22,6 +22,7 @@ from app.services.container import Services
 from app.services.limits import Limits
 from app.services.scene_images import stored_image
 from app.services.task_settings import TaskSettings
+from app.services.teach.remove import remove_episode
 from app.services.teach.upload import SCOPE, Upload, content_digest
 from app.store import episodes, idempotency, tasks, trajectories
 from app.store.errors import NotFoundError
@@ -151,9 +152,8 @@ def get_metadata(services: Wired, episode_id: str) -> Response:
     responses=problems(_404="no such episode"),
 )
 def delete_episode(services: Wired, episode_id: str) -> Response:
-    """Delete an episode; its images go with the next sweep."""
-    with services.store.write() as connection:
-        task = episodes.remove(connection, episode_id)
+    """Delete an episode; its images go with the next sweep. A workspace `auto` is what the remaining ones span."""
+    task = remove_episode(services.store, episode_id)
     services.prefix_warmer.changed(task)
     return Response(status_code=204)
 

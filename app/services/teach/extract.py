@@ -1,13 +1,7 @@
-"""Episode -> keyframes and object poses, as the task's settings want them, and the workspace that follows from them.
+"""Episode -> keyframes and object poses, as the task's settings want them."""
 
-A task's workspace follows from what its demonstrations showed until somebody sets one.
-"""
-
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
-
-import numpy as np
 
 from app.perception.base import ObjectQuery
 from app.perception.registry import estimate_poses
@@ -104,23 +98,3 @@ def extract_again(store: Store, record: EpisodeRecord, settings: TaskSettings) -
 def extract_all_again(store: Store, records: Sequence[EpisodeRecord], settings: TaskSettings) -> list[Extraction]:
     """Several stored episodes, each as by `extract_again`."""
     return [extract_again(store, record, settings) for record in records]
-
-
-class Shown(Protocol):
-    """What an episode shows: where the hand and the objects were."""
-
-    @property
-    def keyframes(self) -> Sequence[KeyframeRecord]: ...
-
-    @property
-    def objects(self) -> Sequence[ObjectRecord]: ...
-
-
-def with_room_for(settings: TaskSettings, episodes: Iterable[Shown]) -> TaskSettings:
-    """The settings with a workspace that holds the episodes, where it follows from demonstrations."""
-    places = [
-        item.position_m for episode in episodes for items in (episode.keyframes, episode.objects) for item in items
-    ]
-    if settings.workspace.preset != "auto" or not places:
-        return settings
-    return settings.model_copy(update={"workspace": settings.workspace.grown(np.array(places))})
