@@ -8,6 +8,7 @@ from app.perception.registry import estimate_poses
 from app.pipeline.episode import frame_times_s
 from app.pipeline.findings import Finding
 from app.pipeline.findings.recording import recording_findings
+from app.pipeline.findings.units import unit_findings
 from app.pipeline.keyframes import find_keyframes
 from app.services.scene_images import read_frame
 from app.services.task_settings import TaskSettings
@@ -68,7 +69,8 @@ def extract(
         for frame, gripper_open in found
     )
     times_s = frame_times_s(trajectory, control_frequency_hz)
-    findings = recording_findings(trajectory, times_s, found, settings.keyframes.keyframe_rule())
+    doubts = recording_findings(trajectory, times_s, found, settings.keyframes.keyframe_rule())
+    findings = (*unit_findings(trajectory, poses), *doubts)
     return Extracted(keyframes, tuple(ObjectRecord.of(pose) for pose in _ordered(poses, names)), findings)
 
 

@@ -190,7 +190,8 @@ def _check_recording(upload: Upload) -> None:
         for query in upload.objects
         if query.position_m is not None
     )
-    check_recording_units(trajectory, given, frame_times_s(trajectory, upload.episode.control_frequency_hz))
+    cameras = [frame.camera for frame in upload.episode.frames]
+    check_recording_units(trajectory, given, frame_times_s(trajectory, upload.episode.control_frequency_hz), cameras)
 
 
 def _what_is_extracted(
