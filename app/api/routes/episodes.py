@@ -3,11 +3,12 @@
 Whoever goes on with an import that was cut off asks for the latter.
 """
 
+from functools import partial
 from typing import Annotated, Any
 
+import anyio.to_thread
 from fastapi import APIRouter, Query, Request, Response
 from fastapi.responses import JSONResponse
-from starlette.concurrency import run_in_threadpool
 
 from app.api.body import Body, read_body
 from app.api.documents import episode_document, metadata_document
@@ -62,7 +63,8 @@ async def upload_episode(request: Request, services: Wired, idempotency_key: Ide
     body = await read_body(request)
     async with image_work(request).room(request, body, services.limits) as decode:
         upload = await decode(_read_upload, services.limits, body, idempotency_key)
-        document = await run_in_threadpool(services.upload_episode, upload, episode_document)
+        store = partial(services.upload_episode, upload, episode_document)
+        document = await anyio.to_thread.run_sync(store, limiter=services.teaching)
     services.prefix_warmer.changed(document["task"])
     return JSONResponse(document, 201, {"Location": f"/episodes/{document['id']}"})
 
