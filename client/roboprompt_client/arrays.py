@@ -9,6 +9,7 @@ from roboprompt_client.errors import InvalidInputError
 
 Array = npt.NDArray[np.float64]
 
+MOST_M = 10_000.0  # a position in the world frame: no robot is farther, and arithmetic stays finite
 QUATERNION_NORM_TOLERANCE = 1e-3
 UNIT_NORM_ROUNDING = 1e-15
 
@@ -35,6 +36,24 @@ def finite_array(name: str, value: npt.ArrayLike, shape: tuple[int | None, ...])
         raise InvalidInputError(name, f"element {list(index)} is {array[index]}", "finite numbers")
     array.flags.writeable = False
     return array
+
+
+def bounded_array(name: str, value: npt.ArrayLike, shape: tuple[int | None, ...], most: float, unit: str) -> Array:
+    """As `finite_array`, every element between `-most` and `most`.
+
+    Raises:
+        InvalidInputError: as `finite_array`; also for the first element beyond the bound, which it names with the unit.
+    """
+    array = finite_array(name, value, shape)
+    if (beyond := np.abs(array) > most).any():
+        index = tuple(int(i) for i in np.argwhere(beyond)[0])
+        raise InvalidInputError(name, f"element {list(index)} is {array[index]:g}", f"{-most:g} to {most:g} {unit}")
+    return array
+
+
+def positions_array(name: str, value: npt.ArrayLike, shape: tuple[int | None, ...]) -> Array:
+    """As `bounded_array`, of positions in metres."""
+    return bounded_array(name, value, shape, MOST_M, "m")
 
 
 def _in_words(shape: tuple[int | None, ...]) -> str:

@@ -10,11 +10,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from roboprompt_client.arrays import Array, finite_array, settle
+from roboprompt_client.arrays import Array, bounded_array, positions_array, settle
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.wording import checked_name
 
 ROTATION_MATRIX_TOLERANCE = 1e-3
+MOST_PX = 1e6  # of a focal length or an optical centre
+LEAST_FOCAL_PX = 0.1
+LEAST_DEPTH_SCALE_M, MOST_DEPTH_SCALE_M = 1e-7, 1.0  # per unit of a 16-bit image
 OPTICAL_CENTRE_TOLERANCE = 0.25  # of the image's size: no lens is that far off-centre, other image sizes are
 
 
@@ -41,13 +44,14 @@ class Camera:
     def __post_init__(self) -> None:
         where = f"cameras[{checked_name('cameras.name', self.name)}]"
         values = (self.fx_px, self.fy_px, self.cx_px, self.cy_px)
-        fx, fy, _, _ = finite_array(f"{where}.intrinsics", values, (4,))
-        if fx <= 0 or fy <= 0:
+        fx, fy, _, _ = bounded_array(f"{where}.intrinsics", values, (4,), MOST_PX, "px")
+        if min(fx, fy) < LEAST_FOCAL_PX:
             remedy = "positive focal lengths: OpenCV axes, x right, y down, z forward (RLBench's are negative)"
             raise InvalidInputError(f"{where}.intrinsics", f"fx = {fx:g}, fy = {fy:g}", remedy)
-        if not (np.isfinite(self.depth_scale) and self.depth_scale > 0):
-            raise InvalidInputError(f"{where}.depth_scale", f"is {self.depth_scale}", "a positive number of metres")
-        transform = finite_array(f"{where}.camera_to_world", self.camera_to_world, (4, 4))
+        if not LEAST_DEPTH_SCALE_M <= self.depth_scale <= MOST_DEPTH_SCALE_M:
+            remedy = f"metres per unit of a depth image, {LEAST_DEPTH_SCALE_M:g} to {MOST_DEPTH_SCALE_M:g}"
+            raise InvalidInputError(f"{where}.depth_scale", f"is {self.depth_scale}", remedy)
+        transform = positions_array(f"{where}.camera_to_world", self.camera_to_world, (4, 4))
         if not _is_rigid(transform):
             remedy = "a rigid transform: rotation matrix, translation in metres, last row 0 0 0 1"
             raise InvalidInputError(f"{where}.camera_to_world", "is not a rigid transform", remedy)
