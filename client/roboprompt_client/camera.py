@@ -15,17 +15,17 @@ from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.wording import checked_name
 
 ROTATION_MATRIX_TOLERANCE = 1e-3
-OPTICAL_CENTRE_TOLERANCE = 0.25  # of the image's size: no lens is that far off-centre, other image sizes are
+OPTICAL_CENTRE_TOLERANCE = 0.25  # of the image's size: no lens is that far off-center, other image sizes are
 
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """A calibrated pinhole camera. Pixel centres are whole numbers: u = column, v = row.
+    """A calibrated pinhole camera. Pixel centers are whole numbers: u = column, v = row.
 
     Attributes:
         fx_px, fy_px, cx_px, cy_px: intrinsics; both focal lengths positive (OpenCV's convention).
         camera_to_world: (4, 4) rigid transform from OpenCV camera axes (x right, y down, z forward) to the world.
-        depth_scale: metres per unit of a 16-bit depth image.
+        depth_scale: meters per unit of a 16-bit depth image.
         image_size_px: (width, height) that the intrinsics were calibrated for, or None where unknown.
     """
 
@@ -57,11 +57,11 @@ class Camera:
         """Where points of the world appear in the image.
 
         Args:
-            points_world_m: (..., 3) metres in the world frame.
+            points_world_m: (..., 3) meters in the world frame.
 
         Returns:
             pixels: (..., 2) as (u, v) = (column, row), not rounded; they may lie outside the image.
-            depth_m: (...) metres along the optical axis. A point behind the camera has a depth <= 0 and its pixel means
+            depth_m: (...) meters along the optical axis. A point behind the camera has a depth <= 0 and its pixel means
                 nothing (infinite or NaN at depth 0): the caller decides.
         """
         points = np.asarray(points_world_m, np.float64)
@@ -114,7 +114,7 @@ class RgbdFrame:
 
     Attributes:
         rgb: (H, W, 3) uint8, or None.
-        depth_m: (H, W) float32 metres along the optical axis, 0 where unknown, or None.
+        depth_m: (H, W) float32 meters along the optical axis, 0 where unknown, or None.
         mask: (H, W) int32 object ids, or None.
     """
 
