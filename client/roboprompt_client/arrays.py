@@ -62,7 +62,7 @@ def _in_words(shape: tuple[int | None, ...]) -> str:
 
 
 def unit_quaternions(name: str, value: npt.ArrayLike, shape: tuple[int | None, ...]) -> Array:
-    """`value` as quaternions xyzw of unit length; a deviation within 1e-3 is normalised away, a larger one refused."""
+    """`value` as quaternions xyzw of unit length; a deviation within 1e-3 is normalized away, a larger one refused."""
     quaternions = finite_array(name, value, shape)
     if quaternions.ndim == 1 and abs(math.hypot(*quaternions.tolist()) - 1) <= UNIT_NORM_ROUNDING / 2:
         return quaternions  # as below, at a tenth of the cost for a single one

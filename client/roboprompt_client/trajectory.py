@@ -1,6 +1,6 @@
 """What a robot records, where objects are, and where the end effector is to go.
 
-Every value is checked when it is constructed. Positions are in metres in the world frame; quaternions are xyzw.
+Every value is checked when it is constructed. Positions are in meters in the world frame; quaternions are xyzw.
 """
 
 from collections.abc import Mapping, Sequence

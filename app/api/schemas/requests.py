@@ -13,7 +13,7 @@ from app.pipeline.episode import MAX_FREQUENCY_HZ, MIN_FREQUENCY_HZ
 from app.services.predict.request import PredictOptions
 from app.services.task_settings import plain_text
 from roboprompt_client.arrays import unit_quaternions
-from roboprompt_client.camera import LEAST_DEPTH_SCALE_M, MOST_DEPTH_SCALE_M, MOST_PX, Camera
+from roboprompt_client.camera import MAX_DEPTH_SCALE_M, MAX_PX, MIN_DEPTH_SCALE_M, Camera
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.motion_limits import Pose
 
@@ -21,7 +21,7 @@ MAX_EXTRA_BYTES = 65_536
 Position = tuple[Metres, Metres, Metres]
 Quaternion = tuple[Number, Number, Number, Number]
 Row4 = tuple[Metres, Metres, Metres, Metres]
-Pixels = Annotated[Number, Field(ge=-MOST_PX, le=MOST_PX)]
+Pixels = Annotated[Number, Field(ge=-MAX_PX, le=MAX_PX)]
 Name = Annotated[str, Field(min_length=1, max_length=64)]
 MaskId = Annotated[int, WHOLE]
 Instruction = Annotated[str, Field(min_length=1, max_length=500)]
@@ -77,7 +77,7 @@ class CameraIn(RequestModel):
     ]
     depth_scale: Annotated[
         Number,
-        Field(ge=LEAST_DEPTH_SCALE_M, le=MOST_DEPTH_SCALE_M, description="metres per unit of a 16-bit depth image"),
+        Field(ge=MIN_DEPTH_SCALE_M, le=MAX_DEPTH_SCALE_M, description="metres per unit of a 16-bit depth image"),
     ] = 0.001
 
     def camera(self) -> Camera:
