@@ -72,7 +72,7 @@ def _followed(outcomes: Iterable[tuple[Outcome, Mapping[str, Any]]], *, show: bo
         done.append(outcome)
         if show:
             sys.stdout.write(shown(outcome, answer))
-        elif outcome.ending == "silent" or len(done) % 25 == 0:
+        elif (outcome.wrong and outcome.ending == "silent") or len(done) % 25 == 0:
             silent = sum(item.wrong and item.ending == "silent" for item in done)
             told = f"{time.monotonic() - started:.0f} s: {len(done)} cases, {silent} failed silently; last: "
             sys.stderr.write(f"{told}{outcome.kind}, {outcome.task} {outcome.seed}: {outcome.ending}\n")
