@@ -42,7 +42,7 @@ def cases():
         yield pytest.param(tried, id=tried.__name__, marks=marks)
 
 
-@pytest.mark.parametrize("tried", cases())
+@pytest.mark.parametrize("tried", [*cases()])
 def test_no_motion_that_no_demonstration_supports_without_a_danger(http, tried):
     answer, goal = tried(Attack(http))
     assert answer.status_code < 500 or answer.json()["type"] != "/problems/internal", answer.text
