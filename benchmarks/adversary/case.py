@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from app.evaluation.world import World
-from app.pipeline.language.mentions import mention_order
+from app.pipeline.order.order import clause_of
 from app.sim.outcomes import RecordedDemonstration, SceneView
 from roboprompt_client.trajectory import ObjectPose, Trajectory
 
@@ -46,12 +46,17 @@ class Case:
     def main(self) -> int:
         """The object that the instruction mentions first; the first of all where it mentions none."""
         names = [pose.name for pose in self.objects]
-        mentioned = mention_order(names, self.instruction)
-        return names.index(mentioned[0]) if mentioned else 0
+        named = mentioned(self.instruction, self.objects)
+        return names.index(named[0]) if named else 0
 
 
 # What makes a case wrong; None where the case offers no way to.
 Mutation = Callable[[Case, np.random.Generator], Case | None]
+
+
+def mentioned(instruction: str, objects: Poses) -> tuple[str, ...]:
+    """The names of the objects that the instruction mentions, in its order."""
+    return clause_of(instruction, tuple(pose.name for pose in objects)).objects
 
 
 def recording_of(recorded: RecordedDemonstration) -> Recording:

@@ -6,9 +6,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.language.mentions import mention_order
 from app.pipeline.noise import disturbed
-from benchmarks.adversary.case import Case, Mutation, Poses
+from benchmarks.adversary.case import Case, Mutation, Poses, mentioned
 from benchmarks.adversary.recordings import Change, Fault, level
 
 PoseChange = Callable[[Poses], Poses]
@@ -106,8 +105,8 @@ def height_scaled(case: Case, random: np.random.Generator) -> PoseChange:
 
 def bystander_moved(case: Case, random: np.random.Generator) -> PoseChange | None:
     """An object that the instruction does not mention is seen 7 to 18 cm beside its place."""
-    mentioned = mention_order([pose.name for pose in case.objects], case.instruction)
-    others = [k for k, pose in enumerate(case.objects) if pose.name not in mentioned]
+    named = mentioned(case.instruction, case.objects)
+    others = [k for k, pose in enumerate(case.objects) if pose.name not in named]
     if not others:
         return None
     which, shift_m = int(random.choice(others)), level(random, 0.07, 0.18)

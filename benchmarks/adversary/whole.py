@@ -6,8 +6,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.language.mentions import mention_order
-from benchmarks.adversary.case import Case, Mutation, Poses, Recording
+from benchmarks.adversary.case import Case, Mutation, Poses, Recording, mentioned
 from benchmarks.adversary.recordings import all_moved, level
 from roboprompt_client.arrays import Array
 from roboprompt_client.trajectory import ObjectPose
@@ -93,7 +92,7 @@ def tag_moved(case: Case, random: np.random.Generator) -> Case:
 
 def main_hidden_behind_its_tag(case: Case, random: np.random.Generator) -> Case | None:
     """As `tag_moved`, but the instruction names nothing, so that words do not tell what is acted on."""
-    if len({item.instruction for item in case.recordings}) > 1 or _is_mentioned(ONE_FOR_ALL, case.objects):
+    if len({item.instruction for item in case.recordings}) > 1 or mentioned(ONE_FOR_ALL, case.objects):
         return None
     tagged = tag_moved(case, random)
     recordings = tuple(_said(item, ONE_FOR_ALL) for item in tagged.recordings)
@@ -157,7 +156,3 @@ def _tagged(poses: Poses, main: int, beside_m: Array) -> Poses:
     pose = poses[main]
     turn = Rotation.identity() if pose.quaternion_xyzw is None else Rotation.from_quat(pose.quaternion_xyzw)
     return (*poses, ObjectPose(TAG, pose.position_m + turn.as_matrix() @ beside_m, pose.quaternion_xyzw))
-
-
-def _is_mentioned(words: str, poses: Poses) -> bool:
-    return bool(mention_order([pose.name for pose in poses], words))

@@ -13,9 +13,8 @@ from benchmarks.adversary.table import summary, tables
 from roboprompt_client.client import RoboPromptClient
 
 TASKS = ("push_button", "stack_cube", "close_jar", "open_drawer", "put_in_safe", "place_wine", "slide_block")
-MAX_FALSE_ALARM_RATE = 0.05
-# Measured: docs/results/safety.md. Wanted are 2 %.
-MAX_SILENT_FAILURE_RATE = 0.35
+# Measured: docs/results/safety.md. Wanted are 2 % silent failures and 5 % false alarms.
+BOUNDS = {"silent_failure_rate": 0.45, "contradictory_silent_failure_rate": 0.35, "false_alarm_rate": 0.05}
 SHORT = (
     *[*RIGHT][:3],
     "hand shifted in half",
@@ -38,14 +37,15 @@ def measured(url, tasks, kinds, every):
 
 def held(outcomes):
     rates = summary(outcomes)
-    assert rates["silent_failure_rate"] <= MAX_SILENT_FAILURE_RATE, tables(outcomes, "python -m benchmarks.adversary")
-    assert rates["false_alarm_rate"] <= MAX_FALSE_ALARM_RATE, tables(outcomes, "python -m benchmarks.adversary")
+    beyond = {name: rates[name] for name, bound in BOUNDS.items() if rates[name] > bound}
+    assert not beyond, tables(outcomes, "python -m benchmarks.adversary")
 
 
 def test_gross_mistakes_with_a_button_move_nothing_wrongly(service):
     outcomes = measured(service.url, ["push_button"], SHORT, 1)
     assert len(outcomes) == len(SHORT)
     held(outcomes)
+    assert {outcome.ending for outcome in outcomes if not outcome.wrong} == {"solved"}
 
 
 @pytest.mark.long
