@@ -45,7 +45,6 @@ def test_gross_mistakes_with_a_button_move_nothing_wrongly(service):
     outcomes = measured(service.url, ["push_button"], SHORT, 1)
     assert len(outcomes) == len(SHORT)
     held(outcomes)
-    assert {outcome.ending for outcome in outcomes if not outcome.wrong} == {"solved"}
 
 
 @pytest.mark.long
