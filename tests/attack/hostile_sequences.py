@@ -68,7 +68,7 @@ class Attack:
             if min(far, default=1.0) > 0.15:
                 return {name: (*place, z_m) for name, place in zip(names, found.tolist(), strict=True)}
 
-    def teach(self, instruction, places, trajectory, *, yaws=None, task=None, key=None, rate_hz=20.0):
+    def teach(self, instruction, places, trajectory, *, yaws=None, task=None, key=None, rate_hz=20.0, tracked=False):
         """Upload one demonstration; its answer."""
         given = {
             "end_effector_positions": trajectory.positions_m.tolist(),
@@ -76,6 +76,9 @@ class Attack:
             "gripper_open": trajectory.gripper_open.tolist(),
             "joint_velocities": trajectory.joint_velocities_rad_s.tolist(),
         }
+        if tracked:
+            at_rest = np.array(list(places.values()), dtype=float)
+            given["object_positions"] = np.tile(at_rest, (len(trajectory), 1, 1)).tolist()
         metadata = {
             "task": task or self.task,
             "instruction": instruction,
@@ -793,3 +796,47 @@ def an_arm_at_the_end_of_the_world(a):
     places = a.places(RED, BLUE)
     far = {"position": [1e6, 0.0, 1.0], "quaternion_xyzw": [1.0, 0.0, 0.0, 0.0]}
     return a.ask(PICK_RED, places, end_effector=far), places[RED]
+
+
+@sequence
+def two_ways_with_a_switch_in_a_closed_loop(a):
+    """Five recordings pick the left button, five the right one; asked is the first action alone."""
+    for k in range(10):
+        places = a.places("left button", "right button")
+        side = "left button" if k < 5 else "right button"
+        a.teach("take the button", places, pick(places[side]), tracked=True)
+    arm = {"position": [0.1, 0.0, 1.2], "quaternion_xyzw": [1.0, 0.0, 0.0, 0.0]}
+    places = a.places("left button", "right button")
+    return a.ask("take the button", places, closed_loop=True, end_effector=arm), None
+
+
+def _picks_of_the_left(a):
+    """Ten recordings, in each of which the cube on the robot's left is picked up, whichever it is; a scene, and it."""
+    for _ in range(10):
+        places = a.places("cube 1", "cube 2")
+        a.teach("pick up the left cube", places, pick(max(places.values(), key=lambda place: place[1])))
+    places = a.places("cube 1", "cube 2")
+    return places, max(places.values(), key=lambda place: place[1])
+
+
+@sequence
+def a_side_decides_which_of_two(a):
+    """`left` is a place and no name: which cube it is changes from scene to scene."""
+    places, left = _picks_of_the_left(a)
+    return a.ask("pick up the left cube", places), left
+
+
+@sequence
+def a_side_decides_and_the_base_was_turned_round(a):
+    """The robot's base is said to be on the other side afterwards."""
+    places, left = _picks_of_the_left(a)
+    a.configure(robot_base=[1.0, 0.0, 0.0])
+    return a.ask("pick up the left cube", places), left
+
+
+@sequence
+def a_misspelt_name(a):
+    """`rde cube` beside a blue one."""
+    a.teach_picks()
+    places = a.places(RED, BLUE)
+    return a.ask("pick up the rde cube", places), places[RED]
