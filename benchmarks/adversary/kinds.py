@@ -122,5 +122,6 @@ WRONG: Mapping[str, Kind] = {
     "five samples, hand shifted in half": Kind(
         whole.asking(in_half(recordings.hand_shifted), num_samples=5, permute_demonstrations=True)
     ),
+    "object seen where another is in question": Kind(in_question(objects.taken_for_another)),
 }
 KINDS: Mapping[str, Kind] = {**RIGHT, **WRONG}

@@ -51,6 +51,14 @@ def swapped(case: Case, random: np.random.Generator) -> PoseChange | None:
     return change
 
 
+def taken_for_another(case: Case, random: np.random.Generator) -> PoseChange | None:
+    """The object that is mentioned first is seen where another is."""
+    exchange = swapped(case, random)
+    if exchange is None:
+        return None
+    return lambda poses: (*poses[: case.main], exchange(poses)[case.main], *poses[case.main + 1 :])
+
+
 def renamed(spelling: Callable[[str], str]) -> PoseFault:
     """The object that is mentioned first has its name in another spelling."""
 

@@ -52,6 +52,7 @@ EXPECTED = {
     "names swapped in half": (NONE, POSES, HALF),
     "names swapped in one": (NONE, POSES, 1),
     "names swapped in question": (POSES, NONE, 0),
+    "object seen where another is in question": (POSES, NONE, 0),
     "name in capitals in question": ({"names"}, NONE, 0),
     "name underscored in half": (NONE, {"names"}, HALF),
     "name hyphenated in question": ({"names"}, NONE, 0),
