@@ -1,0 +1,842 @@
+"""Short sequences of valid requests after which a robot might move as no demonstration supports.
+
+Each is a function of `Attack` that returns the last answer and where the hand should go down, None where no motion is
+supported. What it tries is its docstring.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from uuid import uuid4
+
+import httpx
+import numpy as np
+
+from roboprompt_client.trajectory import Trajectory
+from tests.episodes import DOWN_XYZW, DWELL, MOVE
+
+TABLE_M = 0.78
+NEAR_M = 0.03
+RED, BLUE = "red cube", "blue cube"
+PICK_RED, PICK_BLUE = f"pick up the {RED}", f"pick up the {BLUE}"
+
+
+def motion(targets, speed=0.5):
+    """Rests at (x, y, z, gripper open) after each straight way to it."""
+    positions, is_open, speeds = [], [], []
+    for (*start, before), (*end, after) in pairwise([(0.1, 0.0, 1.2, targets[0][3]), *targets]):
+        positions += [np.array(start) + (np.array(end) - np.array(start)) * (k + 1) / MOVE for k in range(MOVE)]
+        positions += [np.array(end)] * DWELL
+        is_open += [before] * MOVE + [after] * DWELL
+        speeds += [speed] * MOVE + [0.0] * DWELL
+    velocities = np.zeros((len(speeds), 7))
+    velocities[:, 0] = speeds
+    return Trajectory(velocities, np.array(positions), np.tile(DOWN_XYZW, (len(speeds), 1)), np.array(is_open))
+
+
+def pick(place, lift_m=0.15):
+    """Down at a place, closed, and up."""
+    x, y, z = place
+    return motion([(x, y, z + 0.1, 1), (x, y, z, 0), (x, y, z + lift_m, 0)])
+
+
+def press(place):
+    """Down at a place and up, the gripper closed all the time."""
+    x, y, z = place
+    return motion([(x, y, z + 0.1, 0), (x, y, z, 0), (x, y, z + 0.1, 0)])
+
+
+def put(from_place, to_place):
+    """From one place to above another."""
+    (x, y, z), (u, v, w) = from_place, to_place
+    return motion([(x, y, z + 0.1, 1), (x, y, z, 0), (x, y, z + 0.1, 0), (u, v, w + 0.15, 0), (u, v, w + 0.05, 1)])
+
+
+@dataclass
+class Attack:
+    """A service, a task of its own and places drawn at random."""
+
+    http: httpx.Client
+    task: str = field(default_factory=lambda: f"t{uuid4().hex[:12]}")
+    random: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
+
+    def places(self, *names, z_m=TABLE_M):
+        """Of objects at least 15 cm apart."""
+        while True:
+            found = self.random.uniform((0.15, -0.35), (0.5, 0.35), (len(names), 2))
+            far = [np.linalg.norm(a - b) for k, a in enumerate(found) for b in found[:k]]
+            if min(far, default=1.0) > 0.15:
+                return {name: (*place, z_m) for name, place in zip(names, found.tolist(), strict=True)}
+
+    def teach(self, instruction, places, trajectory, *, yaws=None, task=None, key=None, rate_hz=20.0, tracked=False):
+        """Upload one demonstration; its answer."""
+        given = {
+            "end_effector_positions": trajectory.positions_m.tolist(),
+            "end_effector_quaternions_xyzw": trajectory.quaternions_xyzw.tolist(),
+            "gripper_open": trajectory.gripper_open.tolist(),
+            "joint_velocities": trajectory.joint_velocities_rad_s.tolist(),
+        }
+        if tracked:
+            at_rest = np.array(list(places.values()), dtype=float)
+            given["object_positions"] = np.tile(at_rest, (len(trajectory), 1, 1)).tolist()
+        metadata = {
+            "task": task or self.task,
+            "instruction": instruction,
+            "objects": objects(places, yaws),
+            "control_frequency_hz": rate_hz,
+        }
+        headers = {"Idempotency-Key": key} if key else {}
+        return self.http.post("/episodes", json={"metadata": metadata, "trajectory": given}, headers=headers)
+
+    def teach_picks(self, number=10, names=(RED, BLUE), words=PICK_RED, of=None, task=None):
+        """So many right picks of the first object, or of `of`."""
+        for _ in range(number):
+            places = self.places(*names)
+            self.teach(words, places, pick(places[of or names[0]]), task=task)
+
+    def configure(self, **settings):
+        """Set the task's settings; the answer."""
+        return self.http.put(f"/tasks/{self.task}", json=settings)
+
+    def ask(self, instruction, places, *, yaws=None, task=None, **options):
+        """The answer of the yardstick `nearest`, or of what else the options name."""
+        given = {"model": "nearest", "task": task or self.task, "instruction": instruction}
+        return self.http.post("/predict", json={**given, "objects": objects(places, yaws), **options})
+
+    def episodes(self):
+        """The ids of the task's demonstrations, oldest first."""
+        listed = self.http.get("/episodes", params={"task": self.task, "limit": 100}).json()["episodes"]
+        return [item["id"] for item in reversed(listed)]
+
+
+def objects(places, yaws=None):
+    """As requests have them; yaws in degrees by name."""
+    yaws = yaws or {}
+    listed = []
+    for name, place in places.items():
+        half = np.radians(yaws.get(name, 0.0)) / 2
+        turn = [0.0, 0.0, float(np.sin(half)), float(np.cos(half))]
+        listed.append({"name": name, "position": list(map(float, place)), "quaternion_xyzw": turn})
+    return listed
+
+
+def moves_wrongly(answer, goal):
+    """Whether actions come without a danger, and the hand goes down elsewhere than it should."""
+    if answer.status_code != 200:
+        return False
+    document = answer.json()
+    if any(finding["severity"] == "danger" for finding in document["findings"]):
+        return False
+    lowest = min((action["position"] for action in document["actions"]), key=lambda place: place[2])
+    return goal is None or float(np.linalg.norm(np.subtract(lowest, goal))) > NEAR_M
+
+
+def shift(place, *by_m):
+    """A place moved."""
+    return tuple(float(a + b) for a, b in zip(place, by_m, strict=True))
+
+
+SEQUENCES: list[Callable[[Attack], tuple[httpx.Response, tuple[float, ...] | None]]] = []
+
+
+def sequence(function):
+    """One of the list."""
+    SEQUENCES.append(function)
+    return function
+
+
+# Words
+
+
+@sequence
+def alias_is_a_word_of_another_object(a):
+    """`blue` is said to mean the red cube, beside a blue one."""
+    a.teach_picks()
+    a.configure(aliases={RED: ["blue"]})
+    places = a.places(RED, BLUE)
+    return a.ask("pick up the blue", places), places[BLUE]
+
+
+@sequence
+def alias_of_two_words_is_anothers_with_an_article(a):
+    """`the blue cube` is said to mean the red cube."""
+    a.teach_picks()
+    a.configure(aliases={RED: ["the blue cube"]})
+    places = a.places(RED, BLUE)
+    return a.ask("pick up the blue cube", places), places[BLUE]
+
+
+@sequence
+def alias_in_capitals_and_underscores(a):
+    """`Blue_Cube` is said to mean the red cube."""
+    a.teach_picks()
+    a.configure(aliases={RED: ["Blue_Cube"]})
+    places = a.places(RED, BLUE)
+    return a.ask("pick up the Blue_Cube", places), places[BLUE]
+
+
+@sequence
+def alias_hyphenated(a):
+    """`blue-cube` is said to mean the red cube."""
+    a.teach_picks()
+    a.configure(aliases={RED: ["blue-cube"]})
+    places = a.places(RED, BLUE)
+    return a.ask("pick up the blue-cube", places), places[BLUE]
+
+
+@sequence
+def alias_in_the_plural(a):
+    """`blue cubes` is said to mean the red cube."""
+    a.teach_picks()
+    a.configure(aliases={RED: ["blue cubes"]})
+    places = a.places(RED, BLUE)
+    return a.ask("pick up the blue cubes", places), places[BLUE]
+
+
+@sequence
+def alias_first_and_the_object_of_that_name_later(a):
+    """`crate` means the box, until a task with a crate of its own is asked about with both."""
+    a.teach_picks(names=("box", "lid"), words="pick up the box")
+    a.configure(aliases={"box": ["crate"]})
+    places = a.places("box", "crate")
+    return a.ask("pick up the crate", places), places["crate"]
+
+
+@sequence
+def alias_is_the_verb(a):
+    """`pick` is said to mean the blue cube."""
+    a.teach_picks()
+    a.configure(aliases={BLUE: ["pick"]})
+    places = a.places(RED, BLUE)
+    return a.ask(PICK_RED, places), places[RED]
+
+
+@sequence
+def alias_is_an_article(a):
+    """`the` is said to mean the blue cube."""
+    a.teach_picks()
+    a.configure(aliases={BLUE: ["the"]})
+    places = a.places(RED, BLUE)
+    return a.ask(PICK_RED, places), places[RED]
+
+
+@sequence
+def names_that_differ_in_case(a):
+    """`Red cube` stands beside `red cube` in the scene."""
+    a.teach_picks(names=(RED, "Red cube"))
+    places = a.places(RED, "Red cube")
+    return a.ask("pick up the Red cube", places), places["Red cube"]
+
+
+@sequence
+def names_that_differ_in_an_underscore(a):
+    """`part 1` stands beside `part_1`."""
+    a.teach_picks(names=("part 1", "part_1"), words="pick up the part 1")
+    places = a.places("part 1", "part_1")
+    return a.ask("pick up the part_1", places), places["part_1"]
+
+
+@sequence
+def names_that_differ_in_a_hyphen(a):
+    """`part 1` stands beside `part-1`."""
+    a.teach_picks(names=("part 1", "part-1"), words="pick up the part 1")
+    places = a.places("part 1", "part-1")
+    return a.ask("pick up the part-1", places), places["part-1"]
+
+
+@sequence
+def names_that_differ_in_a_dot(a):
+    """`part 1` stands beside `part.1`."""
+    a.teach_picks(names=("part 1", "part.1"), words="pick up the part 1")
+    places = a.places("part 1", "part.1")
+    return a.ask("pick up the part.1", places), places["part.1"]
+
+
+@sequence
+def names_that_differ_in_spaces(a):
+    """`part 1` stands beside `part  1`, with two spaces."""
+    a.teach_picks(names=("part 1", "part  1"), words="pick up the part 1")
+    places = a.places("part 1", "part  1")
+    return a.ask("pick up the part  1", places), places["part  1"]
+
+
+@sequence
+def a_name_within_a_name(a):
+    """`cube` stands beside `cube 2`; the latter is asked for."""
+    a.teach_picks(names=("cube", "cube 2"), words="pick up the cube")
+    places = a.places("cube", "cube 2")
+    return a.ask("pick up the cube 2", places), places["cube 2"]
+
+
+@sequence
+def a_number_in_words(a):
+    """`the second cube` beside `cube` and `cube 2`."""
+    a.teach_picks(names=("cube", "cube 2"), words="pick up the cube")
+    places = a.places("cube", "cube 2")
+    return a.ask("pick up the second cube", places), places["cube 2"]
+
+
+def _asked_otherwise(words, right=None):
+    def tried(a):
+        a.teach_picks()
+        places = a.places(RED, BLUE)
+        return a.ask(words, places), None if right is None else places[right]
+
+    tried.__name__ = "words_" + "".join(c if c.isalnum() else "_" for c in words.lower())
+    tried.__doc__ = f"Taught is `{PICK_RED}`, asked is `{words}`."
+    return sequence(tried)
+
+
+for _words, _right in (
+    (f"do not pick up the {RED}", None),
+    (f"never pick up the {RED}", None),
+    (f"pick up anything but the {RED}", BLUE),
+    (f"pick up the cube that is not the {RED}", BLUE),
+    (f"pick up the {RED}, no, the {BLUE}", BLUE),
+    (f"pick up the {BLUE}, not the {RED}", BLUE),
+    (f"pick up what is beside the {RED}", BLUE),
+    (f"stop before you pick up the {RED}", None),
+    (f"pick up the {RED} or the {BLUE}", None),
+    (f"un-pick up the {RED}", None),
+    (f"pick up the {RED} tomorrow", None),
+    (f"pick up the non-{RED}", BLUE),
+    (f"PICK UP THE {RED.upper()}", RED),
+    (f"pick up the {RED}'s neighbour", BLUE),
+):
+    _asked_otherwise(_words, _right)
+
+
+# Ways, hands and grippers
+
+
+def _of_two_ways(number, other, *, first=5, options=None, moved_m=0.0):
+    def tried(a):
+        for k in range(number):
+            places = a.places("left button", "right button")
+            side = "left button" if k < first else "right button"
+            a.teach("press the button", places, other(places[side]))
+        places = a.places("left button", "right button")
+        if moved_m:
+            places["left button"] = shift(places["left button"], 0.0, 0.0, moved_m)
+        return a.ask("press the button", places, **(options or {})), None
+
+    return tried
+
+
+@sequence
+def two_ways_without_a_switch(a):
+    """Five recordings press the left button, five the right one, under one instruction."""
+    return _of_two_ways(10, press)(a)
+
+
+@sequence
+def two_ways_with_a_switch(a):
+    """The same with picks."""
+    return _of_two_ways(10, pick)(a)
+
+
+@sequence
+def two_ways_of_six_and_four(a):
+    """Six and four."""
+    return _of_two_ways(10, press, first=6)(a)
+
+
+@sequence
+def two_ways_of_two_recordings(a):
+    """One presses the left, one the right: findings need three."""
+    return _of_two_ways(2, press, first=1)(a)
+
+
+@sequence
+def two_ways_of_three_recordings(a):
+    """Two and one."""
+    return _of_two_ways(3, press, first=2)(a)
+
+
+@sequence
+def two_ways_one_asked_for(a):
+    """Ten were taught, the request asks for one."""
+    return _of_two_ways(10, press, options={"num_demonstrations": 1})(a)
+
+
+@sequence
+def two_ways_one_asked_for_the_newest(a):
+    """The same, with the newest."""
+    return _of_two_ways(10, press, options={"num_demonstrations": 1, "selection": "recent"})(a)
+
+
+@sequence
+def two_ways_those_of_one_named(a):
+    """The request names three recordings that agree."""
+    _of_two_ways(10, press)(a)
+    places = a.places("left button", "right button")
+    return a.ask("press the button", places, episode_ids=a.episodes()[:3]), None
+
+
+@sequence
+def two_ways_in_the_task_s_own_number(a):
+    """The task is set to show one demonstration."""
+    _of_two_ways(10, press)(a)
+    a.configure(num_demonstrations=1)
+    return a.ask("press the button", a.places("left button", "right button")), None
+
+
+@sequence
+def two_ways_after_deletion(a):
+    """Of ten that agreed four were deleted, and four others uploaded."""
+    for _ in range(10):
+        places = a.places("left button", "right button")
+        a.teach("press the button", places, press(places["left button"]))
+    for episode in a.episodes()[:4]:
+        a.http.delete(f"/episodes/{episode}")
+    for _ in range(4):
+        places = a.places("left button", "right button")
+        a.teach("press the button", places, press(places["right button"]))
+    return a.ask("press the button", a.places("left button", "right button")), None
+
+
+@sequence
+def gripper_inverted_in_half(a):
+    """Half of the recordings say open where they mean closed: no majority says when to grasp."""
+    for k in range(10):
+        places = a.places(RED, BLUE)
+        trajectory = pick(places[RED])
+        if k % 2:
+            trajectory = replace(trajectory, gripper_open=~trajectory.gripper_open)
+        a.teach(PICK_RED, places, trajectory)
+    return a.ask(PICK_RED, a.places(RED, BLUE)), None
+
+
+@sequence
+def half_18_cm_beside(a):
+    """Half of the recordings are in another base frame, 18 cm away."""
+    for k in range(10):
+        places = a.places(RED, BLUE)
+        a.teach(PICK_RED, places, pick(shift(places[RED], 0.0, 0.18 * (k % 2), 0.0)))
+    return a.ask(PICK_RED, a.places(RED, BLUE)), None
+
+
+@sequence
+def pressed_18_cm_beside_in_half(a):
+    """The same without a switch."""
+    for k in range(10):
+        places = a.places(RED, BLUE)
+        a.teach(PICK_RED, places, press(shift(places[RED], 0.0, 0.18 * (k % 2), 0.0)))
+    return a.ask(PICK_RED, a.places(RED, BLUE)), None
+
+
+# Places
+
+
+@sequence
+def ten_at_one_place(a):
+    """Ten recordings of one and the same scene; asked is 25 cm beside: does the hand follow the cube or the table?"""
+    places = a.places(RED, BLUE)
+    for _ in range(10):
+        a.teach(PICK_RED, places, pick(places[RED]))
+    return a.ask(PICK_RED, {**places, RED: shift(places[RED], 0.0, 0.25, 0.0)}), None
+
+
+@sequence
+def two_that_always_stood_together(a):
+    """Lid and pot stood alike in all ten; asked is with the lid 18 cm elsewhere. Both are named."""
+    for _ in range(10):
+        places = a.places("pot")
+        places["lid"] = shift(places["pot"], 0.0, 0.1, 0.05)
+        a.teach("press the lid on the pot", places, press(places["lid"]))
+    places = a.places("pot")
+    places["lid"] = shift(places["pot"], 0.15, 0.0, 0.05)
+    return a.ask("press the lid on the pot", places), places["lid"]
+
+
+@sequence
+def two_that_always_stood_together_unnamed(a):
+    """The same, and no word names either."""
+    for _ in range(10):
+        places = a.places("pot")
+        places["lid"] = shift(places["pot"], 0.0, 0.1, 0.05)
+        a.teach("press it shut", places, press(places["lid"]))
+    places = a.places("pot")
+    places["lid"] = shift(places["pot"], 0.15, 0.0, 0.05)
+    return a.ask("press it shut", places), places["lid"]
+
+
+@sequence
+def two_that_always_stood_together_moved_7_cm(a):
+    """No word names either, and the lid is 7 cm further."""
+    for _ in range(10):
+        places = a.places("pot")
+        places["lid"] = shift(places["pot"], 0.0, 0.1, 0.05)
+        a.teach("press it shut", places, press(places["lid"]))
+    places = a.places("pot")
+    places["lid"] = shift(places["pot"], 0.0, 0.17, 0.05)
+    return a.ask("press it shut", places), places["lid"]
+
+
+def _seen_elsewhere(by_m, number=10, yaw_deg=0.0):
+    def tried(a):
+        a.teach_picks(number)
+        places = a.places(RED, BLUE)
+        seen = {**places, RED: shift(places[RED], *by_m)}
+        return a.ask(PICK_RED, seen, yaws={RED: yaw_deg}), None
+
+    return tried
+
+
+@sequence
+def seen_70_cm_too_high(a):
+    """The cube is seen 0.7 m above the table that it stood on in all ten."""
+    return _seen_elsewhere((0.0, 0.0, 0.7))(a)
+
+
+@sequence
+def seen_10_cm_too_low(a):
+    """The cube is seen within the table."""
+    return _seen_elsewhere((0.0, 0.0, -0.1))(a)
+
+
+@sequence
+def seen_2_cm_higher_and_60_cm_aside(a):
+    """A small doubt beside a great one."""
+    return _seen_elsewhere((0.0, 0.6, 0.02))(a)
+
+
+@sequence
+def seen_far_by_two_recordings(a):
+    """Two recordings, asked 60 cm beside them."""
+    return _seen_elsewhere((0.0, 0.6, 0.0), number=2)(a)
+
+
+@sequence
+def seen_high_by_one_recording(a):
+    """One recording, the cube 0.5 m up."""
+    return _seen_elsewhere((0.0, 0.0, 0.5), number=1)(a)
+
+
+@sequence
+def widened_by_one_upload(a):
+    """One upload 3 m away; asked is 2.5 m away."""
+    a.teach_picks()
+    far = {name: shift(place, 2.5, 2.5, 0.0) for name, place in a.places(RED, BLUE).items()}
+    a.teach(PICK_RED, far, pick(far[RED]))
+    asked = {name: shift(place, 1.8, 1.8, 0.0) for name, place in a.places(RED, BLUE).items()}
+    return a.ask(PICK_RED, asked), None
+
+
+@sequence
+def widened_by_an_upload_that_was_deleted(a):
+    """The same after the upload was deleted; the demonstrations that are left end 0.5 m from the base."""
+    a.teach_picks()
+    far = {name: shift(place, 2.5, 2.5, 0.0) for name, place in a.places(RED, BLUE).items()}
+    episode = a.teach(PICK_RED, far, pick(far[RED])).json()["id"]
+    a.http.delete(f"/episodes/{episode}")
+    asked = {name: shift(place, 0.0, 0.28, 0.0) for name, place in a.places(RED, BLUE).items()}
+    return a.ask(PICK_RED, {**asked, RED: (1.0, 0.6, TABLE_M)}), None
+
+
+@sequence
+def workspace_narrowed_after_teaching(a):
+    """Demonstrated places lie outside the box that is set later: are they clipped to its edge?"""
+    a.teach_picks()
+    a.configure(workspace={"min": [0.0, -0.1, 0.9], "max": [0.3, 0.1, 1.3]})
+    places = a.places(RED, BLUE)
+    return a.ask(PICK_RED, places), places[RED]
+
+
+@sequence
+def an_object_in_the_way_that_was_never_there(a):
+    """The request has an object that no demonstration has."""
+    a.teach_picks()
+    places = a.places(RED, BLUE)
+    return a.ask(PICK_RED, {**places, "vase": shift(places[RED], 0.0, 0.02, 0.1)}), None
+
+
+@sequence
+def an_object_that_was_always_there_is_missing(a):
+    """The request leaves the acted-on object out."""
+    a.teach_picks()
+    places = a.places(RED, BLUE)
+    return a.ask(PICK_RED, {BLUE: places[BLUE]}), None
+
+
+# Settings after teaching
+
+
+@sequence
+def keyframes_too_far_apart(a):
+    """Every 10,000th frame is a keyframe: the grasp is between two."""
+    a.teach_picks()
+    a.configure(keyframes={"rule": "uniform", "interval": 10_000})
+    places = a.places(RED, BLUE)
+    return a.ask(PICK_RED, places), places[RED]
+
+
+@sequence
+def keyframes_with_a_wide_tolerance(a):
+    """The hand may stray a metre from straight motion."""
+    a.teach_picks()
+    a.configure(keyframes={"rule": "waypoints", "tolerance_m": 1.0, "tolerance_deg": 180.0})
+    places = a.places(RED, BLUE)
+    return a.ask(PICK_RED, places), places[RED]
+
+
+@sequence
+def presses_with_a_wide_tolerance(a):
+    """The same where no switch marks the lowest point."""
+    for _ in range(10):
+        places = a.places(RED, BLUE)
+        a.teach(PICK_RED, places, press(places[RED]))
+    a.configure(keyframes={"rule": "waypoints", "tolerance_m": 1.0, "tolerance_deg": 180.0})
+    places = a.places(RED, BLUE)
+    return a.ask(PICK_RED, places), places[RED]
+
+
+@sequence
+def everything_at_rest(a):
+    """At a threshold of 1e9 rad/s every frame is at rest."""
+    a.teach_picks()
+    a.configure(keyframes={"rule": "merged", "delta_rad_s": 1e9})
+    places = a.places(RED, BLUE)
+    return a.ask(PICK_RED, places), places[RED]
+
+
+@sequence
+def declared_round_after_teaching(a):
+    """Grasps follow the cube's yaw by an offset; then the cube is declared round."""
+    for _ in range(10):
+        places, yaw = a.places(RED, BLUE), float(a.random.uniform(-60, 60))
+        turn = np.radians(yaw)
+        handle = shift(places[RED], 0.1 * np.cos(turn), 0.1 * np.sin(turn), 0.0)
+        a.teach(PICK_RED, places, pick(handle), yaws={RED: yaw})
+    a.configure(yaw_symmetry_deg={RED: 0})
+    places = a.places(RED, BLUE)
+    handle = shift(places[RED], 0.1 * np.cos(0.7), 0.1 * np.sin(0.7), 0.0)
+    return a.ask(PICK_RED, places, yaws={RED: float(np.degrees(0.7))}), handle
+
+
+@sequence
+def turned_beyond_what_was_shown(a):
+    """Taught within 10 degrees, asked at 100: a handle 10 cm beside the centre."""
+    for _ in range(10):
+        places, yaw = a.places(RED, BLUE), float(a.random.uniform(-5, 5))
+        turn = np.radians(yaw)
+        a.teach(
+            PICK_RED, places, pick(shift(places[RED], 0.1 * np.cos(turn), 0.1 * np.sin(turn), 0.0)), yaws={RED: yaw}
+        )
+    places = a.places(RED, BLUE)
+    return a.ask(PICK_RED, places, yaws={RED: 100.0}), shift(places[RED], 0.1 * np.cos(1.745), 0.1 * np.sin(1.745), 0.0)
+
+
+@sequence
+def asked_without_a_rotation_that_was_shown(a):
+    """The same handle; the request leaves the rotation out."""
+    for _ in range(10):
+        places, yaw = a.places(RED, BLUE), float(a.random.uniform(-60, 60))
+        turn = np.radians(yaw)
+        a.teach(
+            PICK_RED, places, pick(shift(places[RED], 0.1 * np.cos(turn), 0.1 * np.sin(turn), 0.0)), yaws={RED: yaw}
+        )
+    given = objects(a.places(RED, BLUE))
+    for item in given:
+        del item["quaternion_xyzw"]
+    document = {"model": "nearest", "task": a.task, "instruction": PICK_RED, "objects": given}
+    return a.http.post("/predict", json=document), None
+
+
+# Representations, other tasks, order of requests
+
+
+def _in_representation(name, prompt_format):
+    def tried(a):
+        a.teach_picks()
+        places = a.places(RED, BLUE)
+        return a.ask(PICK_RED, places, representation=name, prompt_format=prompt_format), places[RED]
+
+    tried.__name__ = f"representation_{name}_{prompt_format}"
+    tried.__doc__ = f"The yardstick copies rows in {name}, {prompt_format}: of another scene, if nothing holds them."
+    return sequence(tried)
+
+
+for _name, _format in (("absolute", "paper"), ("absolute", "authors"), ("action_tokens", "kat")):
+    _in_representation(_name, _format)
+
+
+@sequence
+def demonstrations_of_another_task(a):
+    """Nothing was taught here; another task's demonstrations are shown."""
+    other = f"{a.task}o"
+    a.teach_picks(task=other)
+    a.teach("place the jar", {"jar": (0.3, 0.0, TABLE_M)}, press((0.3, 0.0, TABLE_M)))
+    return a.ask("place the jar", {"jar": (0.3, 0.1, TABLE_M)}, demonstrations_from=[other]), None
+
+
+@sequence
+def tasks_that_differ_in_case(a):
+    """A task in capitals is asked that was never taught."""
+    a.teach_picks()
+    return a.ask(PICK_RED, a.places(RED, BLUE), task=a.task.upper()), None
+
+
+@sequence
+def one_key_for_two_recordings(a):
+    """The second upload of a key has another motion; asked is what the second one shows alone."""
+    places = a.places(RED, BLUE)
+    a.teach(PICK_RED, places, pick(places[RED]), key="k" * 8 + a.task)
+    second = a.teach(PICK_BLUE, places, pick(places[BLUE]), key="k" * 8 + a.task)
+    return second, None
+
+
+@sequence
+def asked_again_after_the_task_was_taught_anew(a):
+    """Picks of the red cube are asked, deleted, and picks 12 cm beside it taught under the same words."""
+    a.teach_picks()
+    places = a.places(RED, BLUE)
+    a.ask(PICK_RED, places)
+    for episode in a.episodes():
+        a.http.delete(f"/episodes/{episode}")
+    for _ in range(10):
+        taught = a.places(RED, BLUE)
+        a.teach(PICK_RED, taught, pick(shift(taught[RED], 0.12, 0.0, 0.0)))
+    return a.ask(PICK_RED, places), shift(places[RED], 0.12, 0.0, 0.0)
+
+
+@sequence
+def asked_after_all_was_deleted(a):
+    """No demonstration is left."""
+    a.teach_picks(3)
+    places = a.places(RED, BLUE)
+    a.ask(PICK_RED, places)
+    for episode in a.episodes():
+        a.http.delete(f"/episodes/{episode}")
+    return a.ask(PICK_RED, places), None
+
+
+@sequence
+def instruction_changed_between_two_objects(a):
+    """Taught are picks of both cubes, each under the other's name, in half of the recordings."""
+    for k in range(10):
+        places = a.places(RED, BLUE)
+        a.teach(PICK_RED, places, pick(places[RED if k % 2 else BLUE]))
+    return a.ask(PICK_RED, a.places(RED, BLUE)), None
+
+
+@sequence
+def another_object_of_the_same_words(a):
+    """Taught is the red cube; asked is the blue one, which is three times as high in every scene."""
+    for _ in range(10):
+        places = a.places(RED, BLUE)
+        places[BLUE] = shift(places[BLUE], 0.0, 0.0, 0.12)
+        a.teach(PICK_RED, places, pick(places[RED]))
+    places = a.places(RED, BLUE)
+    places[BLUE] = shift(places[BLUE], 0.0, 0.0, 0.12)
+    return a.ask(PICK_BLUE, places), places[BLUE]
+
+
+@sequence
+def put_the_other_way_round(a):
+    """Taught is the red cube on the blue; asked the blue one on the red."""
+    for _ in range(10):
+        places = a.places(RED, BLUE)
+        a.teach(f"put the {RED} on the {BLUE}", places, put(places[RED], places[BLUE]))
+    places = a.places(RED, BLUE)
+    return a.ask(f"put the {BLUE} on the {RED}", places), places[BLUE]
+
+
+@sequence
+def frames_in_feet_in_half(a):
+    """Hand and objects of half of the recordings are in feet."""
+    for k in range(10):
+        places = a.places(RED, BLUE)
+        if k % 2:
+            places = {name: tuple(3.28 * x for x in place) for name, place in places.items()}
+        a.teach(PICK_RED, places, pick(places[RED]))
+    places = a.places(RED, BLUE)
+    return a.ask(PICK_RED, places), places[RED]
+
+
+@sequence
+def a_rate_of_a_hundred_thousand_hertz(a):
+    """Recordings that took a thousandth of a second."""
+    for _ in range(10):
+        places = a.places(RED, BLUE)
+        a.teach(PICK_RED, places, pick(places[RED]), rate_hz=100_000.0)
+    places = a.places(RED, BLUE)
+    return a.ask(PICK_RED, places), places[RED]
+
+
+@sequence
+def many_samples_of_one_reply(a):
+    """Sixteen samples over contradicting demonstrations."""
+    _of_two_ways(10, press)(a)
+    return a.ask("press the button", a.places("left button", "right button"), num_samples=16, temperature=2.0), None
+
+
+@sequence
+def the_nearest_of_contradicting_ones(a):
+    """Those nearest to the scene happen to agree."""
+    _of_two_ways(10, press)(a)
+    places = a.places("left button", "right button")
+    return a.ask("press the button", places, selection="nearest", num_demonstrations=3), None
+
+
+@sequence
+def closed_loop_step_of_another_task(a):
+    """`after` names a prediction of another task."""
+    a.teach_picks()
+    other = a.ask(PICK_RED, a.places(RED, BLUE)).json()["id"]
+    again = Attack(a.http)
+    again.teach_picks()
+    return again.ask(PICK_RED, again.places(RED, BLUE), after=other), None
+
+
+@sequence
+def an_arm_at_the_end_of_the_world(a):
+    """The end effector is said to be 1e6 m away."""
+    a.teach_picks()
+    places = a.places(RED, BLUE)
+    far = {"position": [1e6, 0.0, 1.0], "quaternion_xyzw": [1.0, 0.0, 0.0, 0.0]}
+    return a.ask(PICK_RED, places, end_effector=far), places[RED]
+
+
+@sequence
+def two_ways_with_a_switch_in_a_closed_loop(a):
+    """Five recordings pick the left button, five the right one; asked is the first action alone."""
+    for k in range(10):
+        places = a.places("left button", "right button")
+        side = "left button" if k < 5 else "right button"
+        a.teach("take the button", places, pick(places[side]), tracked=True)
+    arm = {"position": [0.1, 0.0, 1.2], "quaternion_xyzw": [1.0, 0.0, 0.0, 0.0]}
+    places = a.places("left button", "right button")
+    return a.ask("take the button", places, closed_loop=True, end_effector=arm), None
+
+
+def _picks_of_the_left(a):
+    """Ten recordings, in each of which the cube on the robot's left is picked up, whichever it is; a scene, and it."""
+    for _ in range(10):
+        places = a.places("cube 1", "cube 2")
+        a.teach("pick up the left cube", places, pick(max(places.values(), key=lambda place: place[1])))
+    places = a.places("cube 1", "cube 2")
+    return places, max(places.values(), key=lambda place: place[1])
+
+
+@sequence
+def a_side_decides_which_of_two(a):
+    """`left` is a place and no name: which cube it is changes from scene to scene."""
+    places, left = _picks_of_the_left(a)
+    return a.ask("pick up the left cube", places), left
+
+
+@sequence
+def a_side_decides_and_the_base_was_turned_round(a):
+    """The robot's base is said to be on the other side afterwards."""
+    places, left = _picks_of_the_left(a)
+    a.configure(robot_base=[1.0, 0.0, 0.0])
+    return a.ask("pick up the left cube", places), left
+
+
+@sequence
+def a_misspelt_name(a):
+    """`rde cube` beside a blue one."""
+    a.teach_picks()
+    places = a.places(RED, BLUE)
+    return a.ask("pick up the rde cube", places), places[RED]

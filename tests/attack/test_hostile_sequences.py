@@ -1,0 +1,59 @@
+"""After short hostile sequences of requests a robot does not move as no demonstration supports, unless it is warned."""
+
+import pytest
+
+from tests.attack.hostile_sequences import SEQUENCES, Attack, moves_wrongly
+
+# What still moves a robot wrongly with status 200 and no danger; a sequence that no longer does leaves this list.
+WRONG = {
+    "alias_in_the_plural": "an alias in the plural names another object",
+    "names_that_differ_in_case": "names that differ in case are two objects to the store and one to the words",
+    "two_ways_without_a_switch": "no row acts where the gripper never switches",
+    "two_ways_of_six_and_four": "as above",
+    "two_ways_of_two_recordings": "findings need three recordings",
+    "two_ways_of_three_recordings": "no row acts where the gripper never switches",
+    "two_ways_one_asked_for": "findings compare with those that are shown alone",
+    "two_ways_one_asked_for_the_newest": "as above",
+    "two_ways_those_of_one_named": "as above",
+    "two_ways_in_the_task_s_own_number": "as above",
+    "two_ways_after_deletion": "no row acts where the gripper never switches",
+    "two_ways_with_a_switch_in_a_closed_loop": "a step of a closed loop has no finding about demonstrations",
+    "a_side_decides_which_of_two": "the larger half decides, and the other is left out without a word",
+    "a_side_decides_and_the_base_was_turned_round": "as above",
+    "gripper_inverted_in_half": "the larger half decides",
+    "half_18_cm_beside": "the larger half decides",
+    "pressed_18_cm_beside_in_half": "the larger half decides",
+    "ten_at_one_place": "what the hand follows is not decided, and 25 cm beyond are a warning",
+    "two_that_always_stood_together_unnamed": "arrangement is held for objects that words name",
+    "two_that_always_stood_together_moved_7_cm": "as above",
+    "seen_70_cm_too_high": "another height is a warning, however far",
+    "seen_2_cm_higher_and_60_cm_aside": "the height hides the place",
+    "keyframes_too_far_apart": "keyframes by the task's rule miss the grasp",
+    "presses_with_a_wide_tolerance": "keyframes by the task's rule miss the lowest point",
+    "everything_at_rest": "keyframes by the task's rule miss the grasp",
+    "declared_round_after_teaching": "rows that scatter by the radius of the declared symmetry are a warning",
+    "many_samples_of_one_reply": "no row acts where the gripper never switches",
+    "the_nearest_of_contradicting_ones": "findings compare with those that are shown alone",
+}
+
+
+def cases():
+    for number, tried in enumerate(SEQUENCES):
+        marks = [pytest.mark.long] if number % 5 else []  # `make attack` has all
+        if reason := WRONG.get(tried.__name__):
+            marks.append(pytest.mark.xfail(reason=reason))
+        yield pytest.param(tried, id=tried.__name__, marks=marks)
+
+
+@pytest.mark.parametrize("tried", [*cases()])
+def test_no_motion_that_no_demonstration_supports_without_a_danger(http, tried):
+    answer, goal = tried(Attack(http))
+    assert answer.status_code < 500 or answer.json()["type"] != "/problems/internal", answer.text
+    assert not moves_wrongly(answer, goal), answer.text
+
+
+def test_there_are_sixty_sequences_each_by_one_name_and_all_that_move_wrongly_are_among_them():
+    names = [tried.__name__ for tried in SEQUENCES]
+    assert len(names) >= 60
+    assert len({*names}) == len(names)
+    assert {*WRONG} <= {*names}

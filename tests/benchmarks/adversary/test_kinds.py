@@ -1,0 +1,174 @@
+"""What each kind of case changes of a case in which nothing is wrong: that, in so many recordings, and nothing else."""
+
+import numpy as np
+import pytest
+
+from benchmarks.adversary.kinds import KINDS, RIGHT, WRONG
+from benchmarks.adversary.measure import digest_of, mutated
+from tests.benchmarks.adversary.cases import NUMBER, changes, picks
+
+HALF, ALL = NUMBER // 2, NUMBER
+PLACES, TURNS, POSES = {"places"}, {"rotations"}, {"places", "rotations"}
+NAMED = {"names", "places", "rotations"}
+HAND, HAND_POSE = {"hand"}, {"hand", "hand's rotation"}
+TIME = {"hand", "gripper", "speed"}  # the small recordings never turn the hand
+NONE: set[str] = set()
+# Of the question, of recordings, and in how many of these
+EXPECTED = {
+    "unchanged": (NONE, NONE, 0),
+    "poses 0.5 cm off": (NONE, POSES, ALL),
+    "poses as the estimator gives them": (NONE, POSES, ALL),
+    "scene 0.5 cm off": (POSES, NONE, 0),
+    "three asked for": ({"options"}, NONE, 0),
+    "objects in another order": (NAMED, NONE, 0),
+    "turned within symmetry": (TURNS, NONE, 0),
+    "frame moved in half": (NONE, HAND_POSE | POSES, HALF),
+    "hand shifted in half": (NONE, HAND, HALF),
+    "hand shifted in one": (NONE, HAND, 1),
+    "hand turned in half": (NONE, HAND_POSE, HALF),
+    "hand turned in all": (NONE, HAND_POSE, ALL),
+    "hand lifted in half": (NONE, HAND, HALF),
+    "hand lifted in all": (NONE, HAND, ALL),
+    "mirrored in half": (NONE, HAND_POSE | POSES, HALF),
+    "hand mirrored in half": (NONE, HAND_POSE, HALF),
+    "hand mirrored in all": (NONE, HAND_POSE, ALL),
+    "hand in millimetres in half": (NONE, HAND, HALF),
+    "gripper inverted in half": (NONE, {"gripper"}, HALF),
+    "gripper inverted in one": (NONE, {"gripper"}, 1),
+    "gripper inverted in all": (NONE, {"gripper"}, ALL),
+    "w first in half": (NONE, {"hand's rotation"}, HALF),
+    "w first in all": (NONE, {"hand's rotation"}, ALL),
+    "objects' w first in half": (NONE, TURNS, HALF),
+    "reversed in half": (NONE, TIME, HALF),
+    "reversed in one": (NONE, TIME, 1),
+    "reversed in all": (NONE, TIME, ALL),
+    "broken off in half": (NONE, TIME | HAND_POSE, HALF),
+    "broken off in all": (NONE, TIME | HAND_POSE, ALL),
+    "another task's motion in half": (NONE, HAND, HALF),
+    "another task's motion in one": (NONE, HAND, 1),
+    "another task's motion in all": (NONE, HAND, ALL),
+    "another task in half": (NONE, HAND | POSES, HALF),
+    "another task in all": (NONE, HAND | POSES, ALL),
+    "names swapped in half": (NONE, POSES, HALF),
+    "names swapped in one": (NONE, POSES, 1),
+    "names swapped in question": (POSES, NONE, 0),
+    "object seen where another is in question": (POSES, NONE, 0),
+    "name in capitals in question": ({"names"}, NONE, 0),
+    "name underscored in half": (NONE, {"names"}, HALF),
+    "name hyphenated in question": ({"names"}, NONE, 0),
+    "name twice in question": (NAMED, NONE, 0),
+    "name twice, one capitalized": (NAMED, NONE, 0),
+    "name twice, one underscored": (NAMED, NONE, 0),
+    "objects of the next in one": (NONE, POSES, 1),
+    "objects of the next in half": (NONE, POSES, HALF),
+    "objects of the next in all": (NONE, POSES, ALL),
+    "object 2 to 5 cm off in half": (NONE, PLACES, HALF),
+    "object 5 to 20 cm off in half": (NONE, PLACES, HALF),
+    "object 20 to 70 cm off in half": (NONE, PLACES, HALF),
+    "object 2 to 5 cm off in question": (PLACES, NONE, 0),
+    "object 5 to 20 cm off in question": (PLACES, NONE, 0),
+    "object 20 to 70 cm off in question": (PLACES, NONE, 0),
+    "object 0.7 to 2.5 m off in question": (PLACES, NONE, 0),
+    "object 2 to 6 cm higher or lower in question": (PLACES, NONE, 0),
+    "object 10 to 70 cm higher or lower in question": (PLACES, NONE, 0),
+    "object's height scaled in half": (NONE, PLACES, HALF),
+    "object's height scaled in question": (PLACES, NONE, 0),
+    "object upside down in question": (TURNS, NONE, 0),
+    "object lying in question": (TURNS, NONE, 0),
+    "object turned in question": (TURNS, NONE, 0),
+    "object turned in half": (NONE, TURNS, HALF),
+    "bystander moved in question": (PLACES, NONE, 0),
+    "tag moved in question": (NAMED, NAMED, ALL),
+    "poses 5 cm off in all": (NONE, POSES, ALL),
+    "scene 5 cm off": (POSES, NONE, 0),
+    "scene of a recording": (POSES, NONE, 0),
+    "two ways under one instruction": ({"words"}, {"words"}, ALL),
+    "instructions exchanged in half": (NONE, {"words"}, HALF),
+    "declared round": ({"settings"}, NONE, 0),
+    "declared square": ({"settings"}, NONE, 0),
+    "workspace widened": (PLACES, PLACES | HAND, 1),
+    "one asked for, hand shifted in half": ({"options"}, HAND, HALF),
+    "two asked for, hand shifted in half": ({"options"}, HAND, HALF),
+    "one asked for, gripper inverted in half": ({"options"}, {"gripper"}, HALF),
+    "one asked for, names swapped in half": ({"options"}, POSES, HALF),
+    "five samples, hand shifted in half": ({"options"}, HAND, HALF),
+}
+ELSEWHERE = {"five recordings", "tag moved, nothing named"}  # tests of their own
+
+
+def test_every_kind_is_tested():
+    assert {*EXPECTED, *ELSEWHERE} == {*KINDS}
+
+
+@pytest.mark.parametrize("kind", EXPECTED)
+def test_a_kind_changes_what_it_says_and_nothing_else(kind):
+    case = picks()
+    assert changes(case, mutated(kind, case, "pick", 0)) == EXPECTED[kind]
+
+
+def test_equal_arguments_give_equal_cases_and_other_seeds_other_ones():
+    kind = "hand shifted in half"
+    one, again, other = (mutated(kind, picks(), "pick", seed) for seed in (3, 3, 4))
+    assert changes(one, again) == (set(), set(), 0)
+    assert digest_of(one) == digest_of(again) != digest_of(other)
+
+
+def test_there_are_enough_kinds():
+    assert len(WRONG) >= 25
+    assert all(not kind.wrong for kind in RIGHT.values())
+
+
+def test_five_recordings_have_those_of_the_asked_instruction_first():
+    case = picks()
+    kept = mutated("five recordings", case, "pick", 0).recordings
+    assert kept == tuple(item for item in case.recordings if item.instruction == case.instruction)
+
+
+def test_a_tag_is_beside_the_object_in_every_recording_and_elsewhere_in_the_question():
+    one_task = picks()
+    own = tuple(item for item in one_task.recordings if item.instruction == one_task.instruction)
+    case = mutated("tag moved in question", one_task, "pick", 0)
+    beside_m = [np.linalg.norm(r.objects[0].position_m - r.objects[-1].position_m) for r in case.recordings]
+    np.testing.assert_allclose(beside_m, 0.08)
+    alone = type(one_task)(own, one_task.instruction, one_task.objects, one_task.settings)
+    hidden = mutated("tag moved, nothing named", alone, "pick", 0)
+    assert {item.instruction for item in hidden.recordings} == {hidden.instruction} == {"do it"}
+
+
+@pytest.mark.parametrize(
+    ("kind", "least_m", "most_m"),
+    [("object 2 to 5 cm off in question", 0.02, 0.05), ("object 20 to 70 cm off in question", 0.2, 0.7)],
+)
+def test_an_object_is_shifted_as_far_as_the_kind_says(kind, least_m, most_m):
+    case = picks()
+    for seed in range(10):
+        moved = mutated(kind, case, "pick", seed)
+        far_m = np.linalg.norm(moved.objects[0].position_m - case.objects[0].position_m)
+        assert least_m <= far_m <= most_m
+
+
+def test_a_mirrored_hand_keeps_rotations_and_returns_when_it_is_mirrored_again():
+    case = picks()
+    once = mutated("hand mirrored in all", case, "pick", 0)
+    twice = mutated("hand mirrored in all", once, "pick", 0)
+    assert changes(case, twice) == (set(), set(), 0)
+
+
+def test_a_moved_frame_keeps_where_the_hand_is_seen_from_the_objects():
+    case = picks()
+    moved = mutated("frame moved in half", case, "pick", 0)
+    for old, new in zip(case.recordings, moved.recordings, strict=True):
+        far_m = [np.linalg.norm(r.trajectory.positions_m - r.objects[0].position_m, axis=1) for r in (old, new)]
+        np.testing.assert_allclose(*far_m)
+
+
+def test_a_case_that_offers_no_way_to_be_wrong_is_none():
+    case = picks()
+    single = type(case)(
+        tuple(type(r)(r.instruction, r.objects[:1], r.trajectory, 20.0) for r in case.recordings[::2]),
+        case.instruction,
+        case.objects[:1],
+        case.settings,
+    )
+    for kind in ("names swapped in question", "bystander moved in question", "another task in all"):
+        assert mutated(kind, single, "pick", 0) is None
