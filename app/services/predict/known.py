@@ -2,12 +2,15 @@
 
 import random
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from datetime import datetime
 
 from sqlalchemy import Connection
 
 from app.llm.base import ModelProfile
 from app.perception.registry import estimate_poses
+from app.pipeline.findings.demonstrations import Taught
+from app.pipeline.findings.places import MIN_DEMONSTRATIONS
 from app.pipeline.findings.units import check_scene_units
 from app.pipeline.prompt import check_object_names
 from app.services.cache import Cache
@@ -28,6 +31,8 @@ from roboprompt_client.motion_limits import Pose
 from roboprompt_client.trajectory import ObjectPose
 
 MAX_PREFIXES = 256  # that are kept
+MAX_TAUGHT = 128  # tasks whose demonstrations are kept
+MOST_HELD_AGAINST = 50  # demonstrations of a task
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +43,8 @@ class Known:
         objects: as they were observed, in the task's order.
         end_effector: where it is before the first action: as the robot tells, else where the last step sent it.
         prefixes: one for all samples, or one for each.
+        taught: all demonstrations of the task, which an answer is held against; empty for a closed loop, and where the
+            demonstrations are other tasks'.
     """
 
     settings: TaskSettings
@@ -47,6 +54,7 @@ class Known:
     profile: ModelProfile
     style: PromptStyle
     prefixes: Sequence[Prefix]
+    taught: Taught
 
 
 class KnownReader:
@@ -67,6 +75,7 @@ class KnownReader:
         self._pose_servers = pose_servers or PoseServers()
         self._select = DemonstrationSelector()
         self._prefixes: Cache[PrefixKey, Prefix] = Cache(MAX_PREFIXES)
+        self._all: Cache[tuple[str, datetime, int, bool, tuple[str, ...]], Taught] = Cache(MAX_TAUGHT)
 
     def __call__(self, request: PredictRequest) -> Known:
         """As the request asks; a closed loop goes on as it began.
@@ -92,7 +101,8 @@ class KnownReader:
                 profile = self.profile_of(previous.model if previous else request.options.model)
                 style = previous.style if previous else PromptStyle.of(request, settings, profile)
                 prefixes = self._shown(connection, request, task, settings, style, objects, previous)
-        return Known(settings, previous, end_effector, objects, profile, style, prefixes)
+                taught = self._taught(connection, task, settings, style, request.options)
+        return Known(settings, previous, end_effector, objects, profile, style, prefixes, taught)
 
     def usual_prefix(self, task_name: str) -> Prefix:
         """What a request that names nothing but the task shows.
@@ -105,7 +115,35 @@ class KnownReader:
             task = tasks.get(connection, task_name)
             settings = TaskSettings.model_validate(task.settings)
             style = PromptStyle.of(request, settings, self.profile_of(None))
+            self._taught(connection, task, settings, style, request.options)
             return self._shown(connection, request, task, settings, style, (), None)[0]
+
+    def _taught(
+        self,
+        connection: Connection,
+        task: TaskRecord,
+        settings: TaskSettings,
+        style: PromptStyle,
+        options: PredictOptions,
+    ) -> Taught:
+        """All demonstrations of the task, or those that the request names; of very many those that lie farthest apart.
+
+        A few that are named do not count: they would say nothing of the others. None for a closed loop, whose objects
+        move under way, and where the demonstrations are other tasks'.
+        """
+        if style.closed_loop or options.demonstrations_from is not None:
+            return Taught(())
+        named = options.episode_ids or ()
+        chosen = named if len(named) >= MIN_DEMONSTRATIONS else ()
+
+        def make() -> Taught:
+            ids = chosen or self._select(connection, task, "diverse", MOST_HELD_AGAINST, 0, ())
+            recorded = read_demonstrations(connection, task.name, ids, settings, all_of_them=True).recorded
+            if not style.from_start:
+                recorded = tuple(replace(demonstration, start=None) for demonstration in recorded)
+            return Taught(recorded, settings.ways == "several")
+
+        return self._all.get((task.name, task.created_at, task.version, style.from_start, chosen), make)
 
     def _shown(
         self,
