@@ -8,8 +8,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from app.pipeline.findings import SEVERITIES, Finding, Severity
+from app.pipeline.plans.rows import BEYOND_NOISE_M
 
 ALWAYS = 0.0
+MEASURED = "thresholds: docs/results/findings.md; no danger in 1056 right scenes of 22 tasks"
 
 
 @dataclass(frozen=True)
@@ -18,19 +20,21 @@ class Rule:
 
     Attributes:
         code: of its findings.
-        quantity: what the value is, with its unit; empty where there is one severity only.
-        info, warning, danger: the least value of that severity; None where there is no such. Distances in metres.
+        quantity: what the value is; empty where there is one severity only.
+        unit: of the value: m, degrees, or none.
+        info, warning, danger: the least value of that severity; None where there is no such.
         nearer: whether small values are the severe ones, so that these are the largest instead.
-        source: where the numbers come from, and how often a right case had a danger by this rule.
+        source: where the numbers come from, and how often right cases had a danger by this rule.
     """
 
     code: str
     quantity: str = ""
+    unit: str = ""
     info: float | None = None
     warning: float | None = None
     danger: float | None = None
     nearer: bool = False
-    source: str = ""
+    source: str = MEASURED
 
     @property
     def levels(self) -> dict[Severity, float]:
@@ -40,9 +44,8 @@ class Rule:
 
     def severity(self, value: float = ALWAYS) -> Severity | None:
         """How severe the doubt is; None where there is none."""
-        reached = [
-            severity for severity, level in self.levels.items() if (value <= level if self.nearer else value >= level)
-        ]
+        levels = self.levels.items()
+        reached = [severity for severity, level in levels if (value <= level if self.nearer else value >= level)]
         return reached[-1] if reached else None
 
     def finding(
@@ -64,35 +67,61 @@ class Rule:
         return Finding(self.code, severity, message, where, numbers or {})
 
 
-# Of the words.
-UNFAMILIAR_INSTRUCTION = Rule("unfamiliar-instruction", danger=ALWAYS, source="what the request lets pass is unchecked")
+UNFAMILIAR_INSTRUCTION = Rule("unfamiliar-instruction", danger=ALWAYS, source="not one motion is taught for it")
 NEW_INSTRUCTION = Rule("new-instruction", info=ALWAYS, source="its form was taught")
-NEW_ROLE = Rule("new-role", "1 where taught words have it in another part, else 0", warning=0.0, danger=1.0)
+NEW_ROLE = Rule(
+    "new-role", "1 where taught words have the object in another part, else 0", warning=0.0, danger=1.0, source="words"
+)
 OTHER_TASKS = Rule("other-tasks-demonstrations", danger=ALWAYS, source="docs/results/unseen.md: 1 of 38 scenes solved")
 
-# Of the scene. False alarms: docs/results/findings.md.
-UNCERTAIN_POSE = Rule("uncertain-pose", "confidence", info=1.0, warning=0.699999, nearer=True)
+UNCERTAIN_POSE = Rule("uncertain-pose", "1 below a confidence of 0.7, else 0", info=0.0, warning=1.0)
 ONE_PLACE = Rule("objects-in-one-place", danger=ALWAYS)
-TILTED = Rule("object-tilted", "degrees beyond every demonstration", danger=20.0)
-HEIGHT = Rule("object-at-another-height", "m above or below every demonstration", warning=0.011, danger=0.018)
-BEYOND = Rule("object-beyond-demonstrations", "m beyond the box of demonstrated places", warning=0.05, danger=0.30)
-TURNED = Rule("object-turned", "degrees beyond the demonstrations", warning=10.0)
-NOISY = Rule("noisy-observation", "m, the average error of poses", warning=0.016, danger=0.04)
-ARRANGED = Rule("objects-arranged-otherwise", "m off a relation that all demonstrations share", warning=0.035)
-PARTED = Rule("objects-arranged-otherwise", "m off a rigid arrangement that a row follows", warning=0.035, danger=0.05)
+TILTED = Rule("object-tilted", "beyond every demonstration", "degrees", danger=20.0)
+HEIGHT = Rule("object-at-another-height", "above or below every demonstration", "m", warning=0.011, danger=0.018)
+BEYOND = Rule("object-beyond-demonstrations", "beyond the box of demonstrated places", "m", warning=0.05, danger=0.30)
+TURNED = Rule("object-turned", "beyond the demonstrations", "degrees", warning=10.0)
+NOISY = Rule("noisy-observation", "the average error of poses", "m", warning=0.016, danger=0.04)
+ARRANGED = Rule("objects-arranged-otherwise", "off what all demonstrations share", "m", warning=0.035)
+PARTED = Rule(
+    "objects-arranged-otherwise", "off a rigid arrangement that a row follows", "m", warning=0.035, danger=0.05
+)
 
-# Of the demonstrations.
-SCATTERED = Rule("scattered-demonstrations", "m that their centre may be off", info=0.0, warning=0.012)
-CONTRADICTING = Rule("scattered-demonstrations", "m from the centre, of more than a third", danger=0.08)
+SCATTERED = Rule("scattered-demonstrations", "that their centre may be off", info=0.0, warning=0.012)
+CONTRADICTING = Rule(
+    "scattered-demonstrations", "of more than a third from the centre where the hand acts", "m", danger=BEYOND_NOISE_M
+)
 SEVERAL_WAYS = Rule("several-ways", "0 where the task says that there are several, else 1", info=0.0, danger=1.0)
 
-# Of the actions.
 STRAYING = Rule("straying-action", info=ALWAYS)
-PASSES_CLOSE = Rule("passes-close", "m from an object's centre", warning=0.08, danger=0.03, nearer=True)
+PASSES_CLOSE = Rule("passes-close", "from an object's centre", "m", warning=0.08, danger=0.03, nearer=True)
 UNSUPPORTED = Rule("unsupported-action", danger=ALWAYS)
-SAMPLES_DISAGREE = Rule("samples-disagree", warning=ALWAYS)
-UNPARSABLE = Rule("unparsable-reply", danger=ALWAYS)
-UNSAFE = Rule("unsafe-action", danger=ALWAYS)
-MODEL_FAILED = Rule("model-failed", danger=ALWAYS)
+SAMPLES_DISAGREE = Rule("samples-disagree", warning=ALWAYS, source="each reply is held to the demonstrations")
+UNPARSABLE = Rule("unparsable-reply", danger=ALWAYS, source="there are no actions")
+UNSAFE = Rule("unsafe-action", danger=ALWAYS, source="there are no actions")
+MODEL_FAILED = Rule("model-failed", danger=ALWAYS, source="there are no actions")
 
-RULES: tuple[Rule, ...] = tuple(value for value in list(globals().values()) if isinstance(value, Rule))
+RULES = (
+    UNFAMILIAR_INSTRUCTION,
+    NEW_INSTRUCTION,
+    NEW_ROLE,
+    OTHER_TASKS,
+    UNCERTAIN_POSE,
+    ONE_PLACE,
+    TILTED,
+    HEIGHT,
+    BEYOND,
+    TURNED,
+    NOISY,
+    ARRANGED,
+    PARTED,
+    SCATTERED,
+    CONTRADICTING,
+    SEVERAL_WAYS,
+    STRAYING,
+    PASSES_CLOSE,
+    UNSUPPORTED,
+    SAMPLES_DISAGREE,
+    UNPARSABLE,
+    UNSAFE,
+    MODEL_FAILED,
+)

@@ -62,7 +62,8 @@ def _uncertain(observed: Sequence[ObjectPose]) -> Iterator[Finding]:
             reason = f": {pose.reason}" if pose.reason else ""
             message = f"The pose of {pose.name} is not certain ({pose.estimator}, {pose.confidence:.2f}){reason}."
             numbers = {"confidence": pose.confidence}
-            yield UNCERTAIN_POSE.finding(message, f"objects[{pose.name}]", numbers, value=pose.confidence)
+            unsure = float(pose.confidence < UNSURE_CONFIDENCE)
+            yield UNCERTAIN_POSE.finding(message, f"objects[{pose.name}]", numbers, value=unsure)
 
 
 def _one_place(observed: Sequence[ObjectPose], scenes: ShownScenes) -> tuple[list[Finding], tuple[ObjectPose, ...]]:

@@ -43,7 +43,7 @@ class Reply:
             samples the one that counts, or the first where none does.
         usage: the replies' together.
         actions: those that demonstrations support, so far.
-        samples: each reply and whether it is the answer, as stored; None where one reply is asked for.
+        samples: each reply and whether it does as the one that counts, as stored; None where one reply is asked for.
 
     Args:
         motion: holds the actions against bounds of motion; None: nothing does.
@@ -182,8 +182,7 @@ class Reply:
             agreed = consensus(said)
         chosen = self._chosen = replies[agreed.chosen]
         self._disagreeing = disagreeing_findings(len(replies), len(agreed.alike))
-        used = [k == agreed.chosen for k in range(len(replies))]
-        self.samples = tuple(_sample(r, refused.get(k), used=used[k]) for k, r in enumerate(replies))
+        self.samples = tuple(_sample(r, refused.get(k), used=k in agreed.alike) for k, r in enumerate(replies))
         self.prompt, self.text = chosen.prompt, chosen.text
         return chosen.actions
 
