@@ -109,14 +109,15 @@ def _beyond(pose: ObjectPose, places: ShownPlaces) -> Iterator[Finding]:
     beyond_m = places.beyond_m(pose)
     axis = int(np.argmax(beyond_m - places.range_m / places.number))
     far_m = float(beyond_m[axis])
-    if BEYOND.severity(far_m - places.range_m[axis] / places.number) is None:
+    doubtful_m = far_m - float(places.range_m[axis]) / places.number
+    if BEYOND.severity(doubtful_m) is None:
         return
     message = (
         f"{pose.name} lies {100 * far_m:.0f} cm beyond the demonstrations along {'xyz'[axis]}: they have it from"
         f" {places.low_m[axis]:.3f} to {places.high_m[axis]:.3f} m. Is it another object? If not, demonstrate"
         " nearer to it."
     )
-    yield BEYOND.finding(message, f"objects[{pose.name}]", {"beyond_m": far_m}, value=far_m)
+    yield BEYOND.finding(message, f"objects[{pose.name}]", {"beyond_m": far_m}, value=doubtful_m)
 
 
 def _turned(pose: ObjectPose, places: ShownPlaces) -> Iterator[Finding]:
