@@ -21,7 +21,7 @@ from app.services.predict.closed_loop import PreviousStep, previous_step
 from app.services.predict.lent import LendingTask, lending_tasks, read_lent
 from app.services.predict.prefix import Prefix, PrefixKey, PromptStyle, make_lent_prefix, make_prefix
 from app.services.predict.request import PredictOptions, PredictRequest
-from app.services.predict.select import DemonstrationSelector, read_demonstrations
+from app.services.predict.select import Demonstrations, DemonstrationSelector, read_demonstrations
 from app.services.task_settings import TaskSettings
 from app.store import tasks
 from app.store.errors import ConflictError
@@ -31,6 +31,7 @@ from roboprompt_client.motion_limits import Pose
 from roboprompt_client.trajectory import ObjectPose
 
 MAX_PREFIXES = 256  # that are kept
+MAX_READ = 16  # sets of demonstrations: what was read for one purpose is soon wanted for another
 MAX_TAUGHT = 128  # tasks whose demonstrations are kept
 MOST_HELD_AGAINST = 50  # demonstrations of a task
 
@@ -75,6 +76,7 @@ class KnownReader:
         self._pose_servers = pose_servers or PoseServers()
         self._select = DemonstrationSelector()
         self._prefixes: Cache[PrefixKey, Prefix] = Cache(MAX_PREFIXES)
+        self._demonstrations: Cache[tuple[str, datetime, int, tuple[str, ...]], Demonstrations] = Cache(MAX_READ)
         self._all: Cache[tuple[str, datetime, int, bool, tuple[str, ...]], Taught] = Cache(MAX_TAUGHT)
 
     def __call__(self, request: PredictRequest) -> Known:
@@ -138,12 +140,22 @@ class KnownReader:
 
         def make() -> Taught:
             ids = chosen or self._select(connection, task, "diverse", MOST_HELD_AGAINST, 0, ())
-            recorded = read_demonstrations(connection, task.name, ids, settings, all_of_them=True).recorded
+            recorded = self._read(connection, task, settings, ids).recorded
             if not style.from_start:
                 recorded = tuple(replace(demonstration, start=None) for demonstration in recorded)
             return Taught(recorded, settings.ways == "several")
 
         return self._all.get((task.name, task.created_at, task.version, style.from_start, chosen), make)
+
+    def _read(
+        self, connection: Connection, task: TaskRecord, settings: TaskSettings, ids: tuple[str, ...]
+    ) -> Demonstrations:
+        """The demonstrations of those ids; a prompt and what its answer is held against are often made of the same."""
+
+        def make() -> Demonstrations:
+            return read_demonstrations(connection, task.name, ids, settings, all_of_them=True)
+
+        return self._demonstrations.get((task.name, task.created_at, task.version, ids), make)
 
     def _shown(
         self,
@@ -196,10 +208,12 @@ class KnownReader:
         def make() -> Prefix:
             if lending:
                 return make_lent_prefix(read_lent(connection, lending, task, settings), ids, settings, style)
-            read = read_demonstrations(
-                connection, task.name, ids, settings, all_of_them=all_of_them, stepwise=style.closed_loop
-            )
-            return make_prefix(read, settings, style)
+            if style.closed_loop:
+                stepwise = read_demonstrations(connection, task.name, ids, settings, stepwise=True)
+                return make_prefix(stepwise, settings, style)
+            read = self._read(connection, task, settings, ids)
+            leaves_out = settings.keyframes.keyframe_rule().aligned and not all_of_them
+            return make_prefix(read.without_rare_plans() if leaves_out else read, settings, style)
 
         return self._prefixes.get(key, make)
 
