@@ -14,7 +14,7 @@ import typer
 from app import cli
 from app.api.schemas import examples
 from app.pipeline.findings import SEVERITIES
-from app.services.predict.findings import FAILURES
+from app.pipeline.findings.rules import RULES
 from app.settings import Settings
 
 ROOT = Path(__file__).parents[1]
@@ -52,13 +52,15 @@ def test_no_package_registry_in_the_repository():
 
 
 def _made_findings():
-    """The severities by code of every `Finding(...)` in the code; all of them where a variable decides."""
-    made = defaultdict(set, {code: {"danger"} for code, _, _ in FAILURES.values()})
+    """The severities by code of every rule and `Finding(...)` in the code; all of them where a variable decides."""
+    made = defaultdict(set)
+    for rule in RULES:
+        made[rule.code] |= set(rule.levels)
     for path in (ROOT / "app").rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text())):
             if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "Finding":
                 code, severity = node.args[:2]
-                if isinstance(code, ast.Constant):
+                if isinstance(code, ast.Constant) and isinstance(code.value, str):
                     made[code.value] |= {severity.value} if isinstance(severity, ast.Constant) else set(SEVERITIES)
     return made
 
@@ -74,6 +76,23 @@ def test_every_finding_is_documented_with_its_severity_and_nothing_else():
         assert severities, code
         assert severities <= made[code], code
         assert severities == made[code] or made[code] == set(SEVERITIES), code
+
+
+def test_documented_thresholds_are_those_of_the_rules():
+    rows = re.findall(r"^\| `([\w-]+)` \|(.+)", (ROOT / "docs/findings.md").read_text(), re.MULTILINE)
+    said = dict(rows)
+    for rule in RULES:
+        for level in rule.levels.values():
+            text = f"{100 * level:g} cm" if rule.unit == "m" else f"{level:g} {rule.unit}".strip()
+            assert not rule.unit or text in said[rule.code], (rule.code, text)
+
+
+def test_only_rules_decide_how_severe_a_doubt_about_an_answer_is():
+    rooms = [*(ROOT / "app/services/predict").rglob("*.py"), *(ROOT / "app/pipeline/findings").rglob("*.py")]
+    for path in rooms:
+        if path.name not in ("rules.py", "recording.py", "units.py"):
+            made = [node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Call)]
+            assert all(getattr(node.func, "id", "") != "Finding" for node in made), path
 
 
 PAGES = [

@@ -1,4 +1,4 @@
-"""The LLM's reply -> actions, as a whole or while it arrives, and several replies -> one list of actions.
+"""The LLM's reply -> actions, as a whole or while it arrives, and several replies -> the one that counts.
 
 What does not parse is an error.
 """
@@ -8,16 +8,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Query
 from app.pipeline.errors import ReplyParseError
+from app.pipeline.representation.anchors import M_PER_RAD
 from app.pipeline.representation.base import Codec
+from roboprompt_client.arrays import Array
 from roboprompt_client.motion_limits import MAX_ACTIONS
 from roboprompt_client.trajectory import EndEffectorAction
 
 MAX_REPLY_CHARS = 100_000
 ROUNDING = 1e-9  # far below one unit of any representation
+SAME_WAY_M = 0.04  # replies whose actions differ by less go one way; demonstrations that do are one plan, too
 
 
 class ReplyReader:
@@ -90,18 +92,22 @@ def _same(a: EndEffectorAction, b: EndEffectorAction) -> bool:
 
 @dataclass(frozen=True)
 class Consensus:
-    """What most samples agree on.
+    """Which of several samples is the answer.
 
     Attributes:
-        used: indices of the samples that the actions are made of.
+        chosen: its index.
+        alike: the indices of the samples that say the same in all but small things, the chosen one among them.
     """
 
-    actions: tuple[EndEffectorAction, ...]
-    used: tuple[int, ...]
+    chosen: int
+    alike: tuple[int, ...]
 
 
 def consensus(samples: Sequence[Sequence[EndEffectorAction] | None]) -> Consensus:
-    """The median of those samples that have as many actions as most of them.
+    """The medoid of the largest cluster of samples: the one that differs least from those that do the same.
+
+    It is a reply that was said as a whole. A mean or median of several is not: of two ways round an obstacle it goes
+    through it. Of clusters that are equally large the one that differs less within counts.
 
     Args:
         samples: the actions of each reply; None for a reply that was not a list of valid actions.
@@ -116,19 +122,40 @@ def consensus(samples: Sequence[Sequence[EndEffectorAction] | None]) -> Consensu
         message = f"no more than half of the {len(samples)} samples have the same number of actions ({said})"
         raise ReplyParseError(message, "")
     agreeing = {k: actions for k, actions in enumerate(samples) if actions is not None and len(actions) == length}
-    rows = zip(*agreeing.values(), strict=True)
-    return Consensus(tuple(median_action(row) for row in rows), tuple(agreeing))
+    places, apart_m = list(agreeing), _apart_m(list(agreeing.values()))
+    sums_m = {
+        (*cluster,): apart_m[np.ix_(cluster, cluster)].sum(axis=1) for cluster in _clusters(apart_m <= SAME_WAY_M)
+    }
+    largest = min(sums_m, key=lambda cluster: (-len(cluster), sums_m[cluster].sum()))
+    medoid = largest[int(sums_m[largest].argmin())]
+    return Consensus(places[medoid], tuple(places[k] for k in largest))
 
 
-def median_action(actions: Sequence[EndEffectorAction]) -> EndEffectorAction:
-    """Of each coordinate the median, of the rotations the chordal mean, and what the gripper does in most.
+def _apart_m(replies: Sequence[Sequence[EndEffectorAction]]) -> Array:
+    """(N, N) how far replies with equally many actions differ where they differ most; rotations weigh in as metres.
 
-    The chordal mean minimises the summed squared Frobenius distances of rotation matrices (Hartley et al. 2013,
-    "Rotation Averaging"). Where the gripper's states are equally many, the first action's counts.
+    Replies that do otherwise with the gripper are infinitely far from each other.
     """
-    position_m = np.median([action.position_m for action in actions], axis=0)
-    rotation = Rotation.from_quat([action.quaternion_xyzw for action in actions]).mean()
-    num_open = sum(action.gripper_open for action in actions)
-    tied = 2 * num_open == len(actions)
-    is_open = actions[0].gripper_open if tied else 2 * num_open > len(actions)
-    return EndEffectorAction(position_m, rotation.as_quat(canonical=True), is_open)
+    positions_m = np.array([[action.position_m for action in reply] for reply in replies])
+    turns = np.array([[action.quaternion_xyzw for action in reply] for reply in replies])
+    states = np.array([[action.gripper_open for action in reply] for reply in replies])
+    cosines = np.abs(np.einsum("akq,bkq->abk", turns, turns))
+    off_m = np.linalg.norm(positions_m[:, None] - positions_m[None], axis=3)
+    off_m += M_PER_RAD * 2 * np.arccos(np.clip(cosines, 0, 1))
+    off_m[states[:, None] != states[None]] = np.inf
+    apart_m: Array = off_m.max(axis=2)
+    np.fill_diagonal(apart_m, 0.0)
+    return apart_m
+
+
+def _clusters(near: np.ndarray) -> list[list[int]]:
+    """The indices that are linked to each other by steps between near ones."""
+    left, clusters = set(range(len(near))), []
+    while left:
+        cluster, frontier = set(), {min(left)}
+        while frontier:
+            cluster |= frontier
+            frontier = set(np.flatnonzero(near[sorted(frontier)].any(axis=0)).tolist()) - cluster
+        left -= cluster
+        clusters.append(sorted(cluster))
+    return clusters

@@ -107,6 +107,13 @@ class TaskSettings(BaseModel):
         dict[str, Annotated[tuple[str, ...], Field(max_length=32)]],
         Field(description="per object what people call it besides its name; no two objects share one"),
     ] = {}
+    ways: Annotated[
+        Literal["one", "several"],
+        Field(
+            description="in how many ways demonstrations of one instruction do it; several: ways that neither words nor"
+            " scene decide are all right"
+        ),
+    ] = "one"
     robot_base: Annotated[
         Point, Field(description="where the robot's base stands, metres, world frame; it looks along +x, left is +y")
     ] = (0.0, 0.0, 0.0)

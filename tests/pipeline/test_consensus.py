@@ -1,4 +1,4 @@
-import math
+"""Of several replies one is the answer, as it was said; they are never mixed."""
 
 import numpy as np
 import pytest
@@ -7,25 +7,39 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from app.pipeline.errors import ReplyParseError
-from app.pipeline.reply import consensus, median_action
+from app.pipeline.reply import SAME_WAY_M, consensus
 from roboprompt_client.trajectory import EndEffectorAction
 
 
-def action(x_m, yaw_deg=0.0, is_open=True):
+def action(x_m, yaw_deg=0.0, is_open=True, y_m=0.0):
     rotation = Rotation.from_euler("z", yaw_deg, degrees=True)
-    return EndEffectorAction(np.array([x_m, 0.0, 1.0]), rotation.as_quat(), is_open)
+    return EndEffectorAction(np.array([x_m, y_m, 1.0]), rotation.as_quat(), is_open)
 
 
-def test_an_outlier_does_not_move_the_median():
-    agreed = consensus([[action(0.1)], [action(0.11)], [action(0.9)]])
-    assert agreed.actions[0].position_m.tolist() == [0.11, 0.0, 1.0]
-    assert agreed.used == (0, 1, 2)
+def test_the_middle_one_of_those_that_agree_is_chosen():
+    agreed = consensus([[action(0.1)], [action(0.11)], [action(0.13)], [action(0.9)]])
+    assert (agreed.chosen, agreed.alike) == (1, (0, 1, 2))
+
+
+def round_the_peg(y_m):
+    return [action(0.0), action(0.2, y_m=y_m), action(0.4)]
+
+
+def test_of_two_ways_round_a_peg_one_is_gone():
+    """Their median goes through it."""
+    samples = [round_the_peg(y_m) for y_m in (0.1, -0.1, 0.11, -0.1, 0.105)]
+    agreed = consensus(samples)
+    assert (agreed.chosen, agreed.alike) == (4, (0, 2, 4))
+
+
+def test_of_equally_many_those_that_agree_more_closely_count():
+    agreed = consensus([round_the_peg(y_m) for y_m in (0.1, -0.1, 0.13, -0.11)])
+    assert agreed.alike == (1, 3)
 
 
 def test_samples_of_another_length_and_invalid_ones_are_left_out():
-    agreed = consensus([[action(0.9)] * 3, [action(0.1)] * 2, None, [action(0.2)] * 2, [action(0.3)] * 2])
-    assert agreed.used == (1, 3, 4)
-    assert [item.position_m[0] for item in agreed.actions] == [0.2, 0.2]
+    agreed = consensus([[action(0.9)] * 3, [action(0.1)] * 2, None, [action(0.11)] * 2, [action(0.3)] * 2])
+    assert agreed.alike == (1, 3)
 
 
 @pytest.mark.parametrize(
@@ -42,26 +56,26 @@ def test_half_of_the_samples_is_not_enough(samples):
         consensus(samples)
 
 
-def test_rotations_are_averaged_across_the_half_turn():
-    turned = median_action([action(0.0, 170.0), action(0.0, -170.0), action(0.0, 180.0)])
-    gap = Rotation.from_quat(turned.quaternion_xyzw).inv() * Rotation.from_euler("z", 180, degrees=True)
-    assert gap.magnitude() < 1e-6
+def test_a_turn_is_another_way_and_half_a_turn_is_counted_once_round():
+    agreed = consensus([[action(0.0, yaw_deg)] for yaw_deg in (170.0, -170.0, 90.0)])
+    assert agreed.alike == (0, 1)
 
 
-@pytest.mark.parametrize(("states", "expected"), [("110", True), ("100", False), ("10", True), ("01", False)])
-def test_gripper_does_what_most_say_and_the_first_breaks_a_tie(states, expected):
-    assert median_action([action(0.0, is_open=state == "1") for state in states]).gripper_open is expected
+def test_a_gripper_that_does_otherwise_is_another_way():
+    agreed = consensus([[action(0.1, is_open=is_open)] for is_open in (True, False, False)])
+    assert (agreed.chosen, agreed.alike) == (1, (1, 2))
 
 
-@given(st.lists(st.tuples(st.floats(-1, 1), st.floats(-40, 40)), min_size=1, max_size=8))
-def test_median_lies_among_what_was_said(said):
-    merged = median_action([action(x_m, yaw_deg) for x_m, yaw_deg in said])
-    places, yaws = zip(*said, strict=True)
-    assert min(places) <= merged.position_m[0] <= max(places)
-    yaw_deg = math.degrees(2 * math.atan2(merged.quaternion_xyzw[2], merged.quaternion_xyzw[3]))
-    assert min(yaws) - 1e-6 <= yaw_deg <= max(yaws) + 1e-6
+@given(st.lists(st.tuples(st.floats(-1, 1), st.floats(-180, 180)), min_size=1, max_size=8))
+def test_no_reply_that_is_left_out_is_near_to_one_that_agrees(said):
+    agreed = consensus([[action(x_m, yaw_deg)] for x_m, yaw_deg in said])
+    assert agreed.chosen in agreed.alike
+    for k, (x_m, _) in enumerate(said):
+        if k not in agreed.alike:
+            near = [j for j in agreed.alike if abs(said[j][0] - x_m) < SAME_WAY_M and said[j][1] == said[k][1]]
+            assert not near
 
 
-@given(st.permutations([0.1, 0.2, 0.4, 0.7, 0.8]))
-def test_order_of_the_samples_does_not_matter(places):
-    assert median_action([action(x_m) for x_m in places]).position_m[0] == 0.4
+@given(st.permutations([0.1, 0.11, 0.12, 0.7, 0.8]))
+def test_order_of_the_samples_does_not_matter(places_m):
+    assert places_m[consensus([[action(x_m)] for x_m in places_m]).chosen] == 0.11

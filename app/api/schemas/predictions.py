@@ -129,12 +129,12 @@ class SampleOut(BaseModel):
     seed: int
     reply_text: str | None
     num_actions: Annotated[int | None, Field(description="null where the reply is not a list of valid actions")]
-    used: Annotated[bool, Field(description="whether it entered the median")]
+    used: Annotated[bool, Field(description="whether it goes the way of the reply that counts")]
     error: str | None
 
 
 class SamplesOut(BaseModel):
-    """Several replies to a question; the actions are the median of those that were used."""
+    """Several replies to a question; the actions are those of the one that most are like."""
 
     asked: int
     used: int

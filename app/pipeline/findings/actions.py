@@ -1,6 +1,5 @@
-"""What is doubtful about actions, and about the demonstrations that a prompt shows.
+"""What is doubtful about actions: rows whose doubts share a cause are one finding.
 
-Rows whose doubts share a cause are one finding. Demonstrations are doubted as far as they bear on the scene at hand.
 The size of objects is not known: how near to an object demonstrated hands came says what was enough.
 """
 
@@ -12,19 +11,14 @@ import numpy as np
 
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.errors import UnsupportedActionError
-from app.pipeline.findings import Finding, Severity
+from app.pipeline.findings import Finding
 from app.pipeline.findings.places import MIN_DEMONSTRATIONS
-from app.pipeline.plans.rows import BEYOND_NOISE_M, acting_rows
-from app.pipeline.plans.support import PlacedPlan
+from app.pipeline.findings.rules import PASSES_CLOSE, SAMPLES_DISAGREE, STRAYING, UNSUPPORTED
 from roboprompt_client.arrays import Array
 from roboprompt_client.trajectory import EndEffectorAction
 
 MAX_LISTED = 4  # numbers of actions that a sentence lists
-SCATTER_M = 0.01
-CENTRE_OFF_M = 0.012  # as much as pose estimators err without harm; measured: docs/results/findings.md
-NEAR_M = 0.08  # about half the width of a hand
 NEARER, NEARER_M = 0.5, 0.03  # than every demonstrated hand: times its distance, and by this at least
-HITS_M = 0.03  # nearer to its centre a hand meets whatever has a size
 
 
 @dataclass(frozen=True)
@@ -60,7 +54,7 @@ def _unsupported(doubts: Sequence[ActionDoubt]) -> tuple[Finding, ...]:
     if len(doubts) > 1:
         message = f"{_named(doubts)} are unlike the demonstrations; the first: {first}."
     numbers = {"num_actions": len(doubts)}
-    return (Finding("unsupported-action", "danger", message, f"actions[{doubts[0].index}]", numbers),)
+    return (UNSUPPORTED.finding(message, f"actions[{doubts[0].index}]", numbers),)
 
 
 def _straying(doubts: Sequence[ActionDoubt]) -> tuple[Finding, ...]:
@@ -73,7 +67,7 @@ def _straying(doubts: Sequence[ActionDoubt]) -> tuple[Finding, ...]:
         f" beyond where the demonstrations have them, seen from {worst.seen_from}."
     )
     numbers = {"num_actions": len(doubts), "off_m": off_m, "off_deg": off_deg}
-    return (Finding("straying-action", "info", message, f"actions[{doubts[0].index}]", numbers),)
+    return (STRAYING.finding(message, f"actions[{doubts[0].index}]", numbers),)
 
 
 def _named(doubts: Sequence[ActionDoubt]) -> str:
@@ -85,29 +79,12 @@ def _named(doubts: Sequence[ActionDoubt]) -> str:
     return f"Actions {', '.join(numbers[:-1])} and {numbers[-1]}"
 
 
-def scatter_findings(plans: Sequence[PlacedPlan]) -> Iterator[Finding]:
-    """Where the gripper acts, demonstrations that scatter say that poses are noisy or an object is missing.
-
-    Prompts show the demonstrations' centre, so that what counts is how far that is likely to be off; beyond all noise
-    they show no centre, and the number of demonstrations makes up for nothing.
-    """
-    acting = [(k, plan[k]) for plan in plans for k in acting_rows(plan)]
-    scattered = [item for item in acting if item[1].scatter_m > SCATTER_M]
-    if not scattered:
-        return
-    k, row = max(scattered, key=lambda item: (item[1].scatter_m > BEYOND_NOISE_M, item[1].centre_off_m))
-    severity: Severity = "warning" if row.centre_off_m > CENTRE_OFF_M else "info"
-    cause = "poses are noisy, or what it follows is not among the objects."
-    if row.scatter_m > BEYOND_NOISE_M:
-        severity = "danger"
-        cause = "no noise does that. They do it in several ways, or what it follows is not among the objects."
-    seen_from = row.anchor.object_name or row.anchor.frame
-    message = (
-        f"{row.number} demonstrations scatter by {100 * row.scatter_m:.1f} cm where the gripper acts (action {k + 1},"
-        f" seen from {seen_from}), and their centre may be {100 * row.centre_off_m:.1f} cm off: {cause}"
-    )
-    numbers = {"scatter_m": row.scatter_m, "centre_off_m": row.centre_off_m}
-    yield Finding("scattered-demonstrations", severity, message, f"actions[{k}]", numbers)
+def disagreeing_findings(num_samples: int, num_alike: int) -> tuple[Finding, ...]:
+    """A doubt where no more than half of several replies do what the chosen one does."""
+    if 2 * num_alike > num_samples:
+        return ()
+    message = f"Only {num_alike} of {num_samples} replies do what this one does; the others do otherwise."
+    return (SAMPLES_DISAGREE.finding(message, "reply", {"num_alike": num_alike, "num_samples": num_samples}),)
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,13 +163,12 @@ def passing_findings(query: Query, actions: Sequence[EndEffectorAction], shown: 
     for pose in query.objects:
         least_m, all_m = shown.least_m(pose.name, query.order.objects), distances_m(way_m, pose.position_m)
         near_m = float(all_m.min())
-        if least_m is None or near_m > min(NEAR_M, NEARER * least_m, least_m - NEARER_M):
+        if least_m is None or near_m > min(PASSES_CLOSE.levels["warning"], NEARER * least_m, least_m - NEARER_M):
             continue
         number = max(0, int(all_m.argmin()) - (query.start is not None))
-        severity: Severity = "danger" if near_m < HITS_M else "warning"
         message = (
             f"On the way to action {number + 1} the hand passes {100 * near_m:.1f} cm from the centre of {pose.name!r};"
             f" demonstrations kept {100 * least_m:.1f} cm away. The hand, or what it holds, may hit it."
         )
         numbers = {"distance_m": near_m, "demonstrated_m": least_m, "action": number}
-        yield Finding("passes-close", severity, message, f"objects[{pose.name}]", numbers)
+        yield PASSES_CLOSE.finding(message, f"objects[{pose.name}]", numbers, value=near_m)

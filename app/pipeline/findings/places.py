@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from app.pipeline.episode import Demonstration
+from app.pipeline.findings.arrangement import RigidPair, rigid_pairs
 from app.pipeline.noise import MEAN_ERROR_M, MEAN_ERROR_RAD, MEAN_LENGTH
 from roboprompt_client import quaternions
 from roboprompt_client.arrays import Array
@@ -110,6 +111,11 @@ class ShownScenes:
         if (places := self._places.get(name)) is None:
             places = self._places[name] = ShownPlaces.of(name, self.demonstrations)
         return places
+
+    @cached_property
+    def pairs(self) -> tuple[RigidPair, ...]:
+        """The objects that keep one arrangement."""
+        return rigid_pairs(self.demonstrations)
 
     @cached_property
     def _least_apart_m(self) -> dict[tuple[str, str], float]:

@@ -7,6 +7,7 @@ A language model that continues a pattern needs to see what is the same.
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from itertools import groupby
 from typing import TypeVar
 
 import numpy as np
@@ -25,8 +26,10 @@ __all__ = [
     "agreeing",
     "aligned_by_plan",
     "by_plan",
+    "is_decided",
     "plan_rows",
     "shown_together",
+    "usual_ways",
 ]
 
 Key = TypeVar("Key")
@@ -75,9 +78,30 @@ def shown_together(demonstrations: Sequence[Demonstration]) -> Group:
         counts = Counter(keys.values())
         usual = counts.most_common(1)[0][0]
         group = [demonstrations[k] for k in places]
-        decides = len(counts) > 1 and (_scene_decides(group) or _instruction_decides(group))
+        decides = is_decided(group)
         kept |= {k for k, key in keys.items() if key == usual or decides or counts[key] > RARE_SHARE * len(places)}
     return tuple(demonstrations[k] for k in sorted(kept))
+
+
+def is_decided(group: Sequence[Demonstration]) -> bool:
+    """Whether scene or words tell which of several plans demonstrations of like instructions follow."""
+    several = len({demonstration.kind for demonstration in group}) > 1
+    return several and (_scene_decides(group) or _instruction_decides(group))
+
+
+def usual_ways(group: Sequence[Demonstration]) -> list[Group]:
+    """Of demonstrations of like instructions those of each plan that is not rare.
+
+    Keyframes that were not aligned have no plan; there the gripper's switches tell.
+    """
+    ways = _grouped((_way(demonstration), demonstration) for demonstration in group)
+    return [tuple(way) for way in ways.values() if len(way) > RARE_SHARE * len(group)]
+
+
+def _way(demonstration: Demonstration) -> tuple[int | bool, ...]:
+    if demonstration.plan is not None:
+        return demonstration.plan, len(demonstration.actions)
+    return tuple(state for state, _ in groupby(action.gripper_open for action in demonstration.actions))
 
 
 def _by_way(demonstrations: Sequence[Demonstration]) -> list[Demonstration]:

@@ -30,8 +30,8 @@ FAR_APART_M = 0.03  # two demonstrations cannot tell scatter from two ways
 def agreed(group: Sequence[Demonstration]) -> tuple[Demonstration, ...]:
     """The demonstrations of one plan with each row that they agree on at its centre.
 
-    Where the gripper acts here in one demonstration and there in another, its rows that scatter as far are not among
-    them: half-way the hand does nothing of use.
+    Where the hand acts here in some demonstrations and there in others, rows that differ as far are not among them:
+    half-way it does nothing of use.
 
     Args:
         group: demonstrations with equally many actions that ask for the same.
@@ -41,7 +41,7 @@ def agreed(group: Sequence[Demonstration]) -> tuple[Demonstration, ...]:
     tilted = tilted_objects(group)
     columns = []
     rows = plan_rows(group)
-    undecided = {k for k, row in enumerate(rows) if row.scatter_m > BEYOND_NOISE_M}
+    undecided = {k for k, row in enumerate(rows) if row.way_off_m > BEYOND_NOISE_M}
     if undecided.isdisjoint(acting_rows(rows)):
         undecided = set()
     for k, row in enumerate(rows):

@@ -1,9 +1,9 @@
 """Rows of one plan over its demonstrations: what each follows, where it lies around, and how far it scatters."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -21,18 +21,11 @@ MARGIN_M = 0.03  # beyond the farthest demonstration, within which an action is 
 MARGIN_DEG = 20.0
 BEYOND_NOISE_M = 0.08  # twice what rows scatter by where the noise of poses is twice the paper's
 CLOSER = 0.5  # times the scatter of a row, from which on a later one keeps to something
-
-
-class ScatteredRow(Protocol):
-    """A row of a plan, as far as it matters whether the gripper acts there."""
-
-    @property
-    def grippers(self) -> frozenset[bool]:
-        """Everything that the gripper does there."""
-
-    @property
-    def scatter_m(self) -> float:
-        """How far the median demonstration is from the centre."""
+WAY_SHARE = 1 / 3  # of the demonstrations: what more of them do is a way of doing it, not a slip
+LOW_M = 0.03  # a way that is as level has no lowest place
+LOWEST_M = 0.01  # above the lowest place a hand is there
+TURNS_BACK = -0.5  # cosine of the angle between coming and going
+LEG_M = 0.02  # shorter ways have no direction
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +40,7 @@ class PlanRow:
         mean_rotation: of the rotations.
         gripper_open: what the gripper does there in most.
         grippers: everything that it does there.
+        positions_m: (N, 3) of the hand in the world frame.
     """
 
     anchors: tuple[Anchor, ...]
@@ -56,6 +50,7 @@ class PlanRow:
     mean_rotation: Rotation
     gripper_open: bool
     grippers: frozenset[bool]
+    positions_m: Array
 
     @cached_property
     def mean_xyzw(self) -> Array:
@@ -73,6 +68,16 @@ class PlanRow:
     def scatter_m(self) -> float:
         """How far the median demonstration is from the centre."""
         return float(np.median(self.off_m))
+
+    @cached_property
+    def way_off_m(self) -> float:
+        """How far from the centre more than a third of the demonstrations are at least: they do it another way."""
+        return float(np.sort(self.off_m)[-1 - int(WAY_SHARE * len(self.off_m))])
+
+    @property
+    def centre_off_m(self) -> float:
+        """How far the centre is likely to be from that of very many demonstrations."""
+        return self.scatter_m / math.sqrt(len(self.off_m))
 
     @cached_property
     def tolerance(self) -> tuple[float, float]:
@@ -105,7 +110,8 @@ def _row(group: Sequence[Demonstration], k: int, anchors: Sequence[Anchor], tilt
     centre_m, mean = robust_centre(offsets_m, rotations)
     states = [demonstration.actions[k].gripper_open for demonstration in group]
     is_open = 2 * sum(states) >= len(states)
-    return PlanRow(tuple(anchors), offsets_m, rotations, centre_m, mean, is_open, frozenset(states))
+    positions_m = np.array([demonstration.actions[k].position_m for demonstration in group])
+    return PlanRow(tuple(anchors), offsets_m, rotations, centre_m, mean, is_open, frozenset(states), positions_m)
 
 
 def robust_centre(offsets_m: Array, rotations: Rotation) -> tuple[Array, Rotation]:
@@ -128,8 +134,17 @@ def robust_centre(offsets_m: Array, rotations: Rotation) -> tuple[Array, Rotatio
     return centre_m, mean
 
 
-def acting_rows(plan: Sequence[ScatteredRow]) -> list[int]:
-    """The rows in which the gripper acts on something: people close an empty hand on the way, wherever they are.
+def acting_rows(plan: Sequence[PlanRow]) -> list[int]:
+    """The rows in which the hand acts on something.
+
+    Where the gripper switches; where none does, as when a button is pressed, where the hand is lowest or turns back;
+    every row of a way that has nothing of the kind.
+    """
+    return _switches(plan) or _tips(plan) or list(range(len(plan)))
+
+
+def _switches(plan: Sequence[PlanRow]) -> list[int]:
+    """The rows in which the gripper acts: people close an empty hand on the way, wherever they are.
 
     That is so where it switches only once, and the hand comes to something later that it keeps to more closely.
     """
@@ -137,3 +152,23 @@ def acting_rows(plan: Sequence[ScatteredRow]) -> list[int]:
     if len(switches) > 1:
         return switches
     return [k for k in switches if not any(row.scatter_m < CLOSER * plan[k].scatter_m for row in plan[k + 1 :])]
+
+
+def _tips(plan: Sequence[PlanRow]) -> list[int]:
+    """The rows in which the hand is lowest, and those in which it goes back where it came from.
+
+    Not where it goes back on the way to a lowest place that it keeps to more closely.
+    """
+    if not plan:
+        return []
+    positions_m = np.stack([row.positions_m for row in plan])  # (K, N, 3)
+    heights_m = np.median(positions_m[:, :, 2], axis=1)
+    level = np.ptp(heights_m) < LOW_M
+    lowest = [] if level else np.flatnonzero(heights_m <= heights_m.min() + LOWEST_M).tolist()
+    legs_m = np.diff(positions_m, axis=0)
+    lengths_m = np.linalg.norm(legs_m, axis=2)
+    going_on = np.einsum("knx,knx->kn", legs_m[:-1], legs_m[1:])
+    cosines = going_on / np.maximum(lengths_m[:-1] * lengths_m[1:], LEG_M**2)
+    turns = (1 + np.flatnonzero(np.median(cosines, axis=1) < TURNS_BACK)).tolist()
+    kept_m = {k: min((plan[j].scatter_m for j in lowest if j > k), default=np.inf) for k in turns}
+    return sorted({*lowest, *(k for k in turns if kept_m[k] >= CLOSER * plan[k].scatter_m)})

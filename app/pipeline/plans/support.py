@@ -25,8 +25,6 @@ class PlacedRow:
         tolerance_m, tolerance_deg: within which most demonstrations lie.
         reach_m, reach_deg: within which an action is supported.
         grippers: what demonstrations do with the gripper there.
-        scatter_m: how far the median demonstration is from the centre.
-        number: of demonstrations.
     """
 
     anchor: Anchor
@@ -38,13 +36,6 @@ class PlacedRow:
     reach_m: float
     reach_deg: float
     grippers: frozenset[bool]
-    scatter_m: float
-    number: int
-
-    @property
-    def centre_off_m(self) -> float:
-        """How far the centre is likely to be from that of very many demonstrations."""
-        return self.scatter_m / math.sqrt(self.number)
 
     def seen_from_anchor(self, action: EndEffectorAction) -> tuple[Array, Array]:
         """An action's offset (3,) in metres along the anchor's axes, and its rotation (4,) from them."""
@@ -101,8 +92,11 @@ class Support:
         asked = query.order
         if any(len(group[0].order.clauses) != len(asked.clauses) for group, _ in self.plans):
             return None
-        alike = [plan for plan in self.plans if plan[0][0].order.form == asked.form]
-        return tuple(_placed_plan(rows, group[0], query, self.tilted) for group, rows in alike or self.plans)
+        return tuple(_placed_plan(rows, group[0], query, self.tilted) for group, rows in self.alike(asked))
+
+    def alike(self, asked: Order) -> tuple[tuple[tuple[Demonstration, ...], tuple[PlanRow, ...]], ...]:
+        """The plans that ask for the same, or all where none does."""
+        return tuple(plan for plan in self.plans if plan[0][0].order.form == asked.form) or self.plans
 
 
 def _placed_plan(rows: Sequence[PlanRow], shown: Demonstration, query: Query, tilted: frozenset[str]) -> PlacedPlan:
@@ -119,7 +113,7 @@ def _placed_plan(rows: Sequence[PlanRow], shown: Demonstration, query: Query, ti
         quaternions_xyzw.append(quaternions.canonical(quaternions.product(axes_xyzw, row.mean_xyzw)))
     actions = EndEffectorAction.many(positions_m, quaternions_xyzw, [row.gripper_open for row in rows])
     return tuple(
-        PlacedRow(*frame, action, *row.tolerance, *row.reach, row.grippers, row.scatter_m, len(row.off_m))
+        PlacedRow(*frame, action, *row.tolerance, *row.reach, row.grippers)
         for row, frame, action in zip(rows, frames, actions, strict=True)
     )
 

@@ -2,12 +2,15 @@
 
 import random
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from datetime import datetime
 
 from sqlalchemy import Connection
 
 from app.llm.base import ModelProfile
 from app.perception.registry import estimate_poses
+from app.pipeline.findings.demonstrations import Taught
+from app.pipeline.findings.places import MIN_DEMONSTRATIONS
 from app.pipeline.findings.units import check_scene_units
 from app.pipeline.prompt import check_object_names
 from app.services.cache import Cache
@@ -18,7 +21,7 @@ from app.services.predict.closed_loop import PreviousStep, previous_step
 from app.services.predict.lent import LendingTask, lending_tasks, read_lent
 from app.services.predict.prefix import Prefix, PrefixKey, PromptStyle, make_lent_prefix, make_prefix
 from app.services.predict.request import PredictOptions, PredictRequest
-from app.services.predict.select import DemonstrationSelector, read_demonstrations
+from app.services.predict.select import Demonstrations, DemonstrationSelector, read_demonstrations
 from app.services.task_settings import TaskSettings
 from app.store import tasks
 from app.store.errors import ConflictError
@@ -28,6 +31,9 @@ from roboprompt_client.motion_limits import Pose
 from roboprompt_client.trajectory import ObjectPose
 
 MAX_PREFIXES = 256  # that are kept
+MAX_READ = 16  # sets of demonstrations: what was read for one purpose is soon wanted for another
+MAX_TAUGHT = 128  # tasks whose demonstrations are kept
+MOST_HELD_AGAINST = 50  # demonstrations of a task
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +44,8 @@ class Known:
         objects: as they were observed, in the task's order.
         end_effector: where it is before the first action: as the robot tells, else where the last step sent it.
         prefixes: one for all samples, or one for each.
+        taught: all demonstrations of the task, which an answer is held against; empty for a closed loop, and where the
+            demonstrations are other tasks'.
     """
 
     settings: TaskSettings
@@ -47,6 +55,7 @@ class Known:
     profile: ModelProfile
     style: PromptStyle
     prefixes: Sequence[Prefix]
+    taught: Taught
 
 
 class KnownReader:
@@ -67,6 +76,8 @@ class KnownReader:
         self._pose_servers = pose_servers or PoseServers()
         self._select = DemonstrationSelector()
         self._prefixes: Cache[PrefixKey, Prefix] = Cache(MAX_PREFIXES)
+        self._demonstrations: Cache[tuple[str, datetime, int, tuple[str, ...]], Demonstrations] = Cache(MAX_READ)
+        self._all: Cache[tuple[str, datetime, int, bool, tuple[str, ...]], Taught] = Cache(MAX_TAUGHT)
 
     def __call__(self, request: PredictRequest) -> Known:
         """As the request asks; a closed loop goes on as it began.
@@ -92,7 +103,8 @@ class KnownReader:
                 profile = self.profile_of(previous.model if previous else request.options.model)
                 style = previous.style if previous else PromptStyle.of(request, settings, profile)
                 prefixes = self._shown(connection, request, task, settings, style, objects, previous)
-        return Known(settings, previous, end_effector, objects, profile, style, prefixes)
+                taught = self._taught(connection, task, settings, style, request.options)
+        return Known(settings, previous, end_effector, objects, profile, style, prefixes, taught)
 
     def usual_prefix(self, task_name: str) -> Prefix:
         """What a request that names nothing but the task shows.
@@ -105,7 +117,45 @@ class KnownReader:
             task = tasks.get(connection, task_name)
             settings = TaskSettings.model_validate(task.settings)
             style = PromptStyle.of(request, settings, self.profile_of(None))
+            self._taught(connection, task, settings, style, request.options)
             return self._shown(connection, request, task, settings, style, (), None)[0]
+
+    def _taught(
+        self,
+        connection: Connection,
+        task: TaskRecord,
+        settings: TaskSettings,
+        style: PromptStyle,
+        options: PredictOptions,
+    ) -> Taught:
+        """All demonstrations of the task, or those that the request names; of very many those that lie farthest apart.
+
+        A few that are named do not count: they would say nothing of the others. None for a closed loop, whose objects
+        move under way, and where the demonstrations are other tasks'.
+        """
+        if style.closed_loop or options.demonstrations_from is not None:
+            return Taught(())
+        named = options.episode_ids or ()
+        chosen = named if len(named) >= MIN_DEMONSTRATIONS else ()
+
+        def make() -> Taught:
+            ids = chosen or self._select(connection, task, "diverse", MOST_HELD_AGAINST, 0, ())
+            recorded = self._read(connection, task, settings, ids).recorded
+            if not style.from_start:
+                recorded = tuple(replace(demonstration, start=None) for demonstration in recorded)
+            return Taught(recorded, settings.ways == "several")
+
+        return self._all.get((task.name, task.created_at, task.version, style.from_start, chosen), make)
+
+    def _read(
+        self, connection: Connection, task: TaskRecord, settings: TaskSettings, ids: tuple[str, ...]
+    ) -> Demonstrations:
+        """The demonstrations of those ids; a prompt and what its answer is held against are often made of the same."""
+
+        def make() -> Demonstrations:
+            return read_demonstrations(connection, task.name, ids, settings, all_of_them=True)
+
+        return self._demonstrations.get((task.name, task.created_at, task.version, ids), make)
 
     def _shown(
         self,
@@ -158,10 +208,12 @@ class KnownReader:
         def make() -> Prefix:
             if lending:
                 return make_lent_prefix(read_lent(connection, lending, task, settings), ids, settings, style)
-            read = read_demonstrations(
-                connection, task.name, ids, settings, all_of_them=all_of_them, stepwise=style.closed_loop
-            )
-            return make_prefix(read, settings, style)
+            if style.closed_loop:
+                stepwise = read_demonstrations(connection, task.name, ids, settings, stepwise=True)
+                return make_prefix(stepwise, settings, style)
+            read = self._read(connection, task, settings, ids)
+            leaves_out = settings.keyframes.keyframe_rule().aligned and not all_of_them
+            return make_prefix(read.without_rare_plans() if leaves_out else read, settings, style)
 
         return self._prefixes.get(key, make)
 

@@ -8,8 +8,6 @@ from functools import cached_property
 from app.llm.base import ModelProfile
 from app.pipeline.closed_loop import ClosedLoopTemplate
 from app.pipeline.episode import Demonstration
-from app.pipeline.findings.actions import ShownWays
-from app.pipeline.findings.places import ShownScenes
 from app.pipeline.plans import by_plan
 from app.pipeline.plans.support import Support
 from app.pipeline.prompt import PromptTemplate, system_prompt_text
@@ -91,21 +89,6 @@ class Prefix:
     def cache_key(self) -> str:
         """Equal for equal prompts up to the query."""
         return hashlib.sha256(f"{self.template.system}\0{self.template.prefix}".encode()).hexdigest()[:16]
-
-    @cached_property
-    def scenes(self) -> ShownScenes:
-        """The scenes of the demonstrations that support a reply."""
-        return ShownScenes(self._supporting)
-
-    @cached_property
-    def ways(self) -> ShownWays:
-        """The ways of the same demonstrations."""
-        return ShownWays(self._supporting)
-
-    @property
-    def _supporting(self) -> tuple[Demonstration, ...]:
-        plans = () if self.support is None else self.support.plans
-        return tuple(demonstration for group, _ in plans for demonstration in group)
 
     def at_step(self, step: int) -> PromptTemplate:
         """The template for a step of a closed loop; without one there is only step 0."""

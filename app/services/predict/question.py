@@ -8,6 +8,7 @@ import numpy as np
 from app.llm.base import ModelProfile
 from app.pipeline.episode import Query
 from app.pipeline.findings import Finding
+from app.pipeline.findings.demonstrations import Taught
 from app.pipeline.order.order import Order
 from app.pipeline.plans.support import PlacedPlan
 from app.pipeline.prompt import Prompt, PromptTemplate
@@ -39,6 +40,7 @@ class Question:
             demonstrations have them.
         end_effector: where it is before the first action: as the robot tells, else where the last step sent it.
         prefix: what the LLM reads before the query.
+        taught: what the answer is held against.
         template: writes the query and reads the reply, at the step that is asked for.
         so_far: the steps of a closed loop that were taken already.
         step: of a closed loop, from 0; None without one.
@@ -57,6 +59,7 @@ class Question:
     parts: tuple[Query, ...]
     end_effector: Pose | None
     prefix: Prefix
+    taught: Taught
     template: PromptTemplate
     so_far: str
     step: int | None
@@ -88,7 +91,6 @@ def write_question(request: PredictRequest, instruction: str, known: Known, limi
     seen, objects, support = Query(grounded.text, observed, start=start), template.posed(observed), prefix.support
     parts = tuple(Query(part, objects, start=start) for part in template.codec.questions(grounded))
     plans = {} if support is None else {part.instruction: support.placed(part) for part in parts}
-    placed = [plan for found in plans.values() for plan in found or ()]
     question = Question(
         request=request.without_frames(),
         settings=known.settings,
@@ -99,12 +101,13 @@ def write_question(request: PredictRequest, instruction: str, known: Known, limi
         parts=parts,
         end_effector=known.end_effector,
         prefix=prefix,
+        taught=known.taught,
         template=template,
         so_far=so_far,
         step=step,
         prompt=template.ask(parts[0], request.options.max_actions, so_far),
         plans=plans,
-        findings=findings_before(prefix, seen, grounded, placed),
+        findings=findings_before(prefix, known.taught, seen, grounded),
     )
     if request.options.num_samples == 1:
         return question

@@ -1,6 +1,6 @@
 """An LLM's reply to a question: pieces of text -> rows -> actions that demonstrations support, within bounds of motion.
 
-The parts of an instruction are asked for in turn. Of several samples the reply is the median.
+The parts of an instruction are asked for in turn. Of several samples the one that most others are like is the reply.
 """
 
 import time
@@ -21,12 +21,12 @@ from app.llm.base import (
 from app.pipeline.episode import Query
 from app.pipeline.errors import ReplyParseError, UnsupportedActionError
 from app.pipeline.findings import Finding
-from app.pipeline.findings.actions import ActionDoubt, action_findings, passing_findings
+from app.pipeline.findings.actions import ActionDoubt, action_findings, disagreeing_findings, passing_findings
 from app.pipeline.prompt import Prompt
 from app.pipeline.reply import consensus
 from app.services.measures import timed, timings, timings_of_its_own
 from app.services.predict.checks import MotionCheck
-from app.services.predict.part_reply import PartReply, PredictedAction, predicted
+from app.services.predict.part_reply import PartReply, PredictedAction
 from app.services.predict.question import Question
 from app.store.values import JsonObject
 
@@ -40,10 +40,10 @@ class Reply:
     Attributes:
         prompt: the last that was asked: with several instructions it holds the replies to those before.
         text: every reply so far, while it streams also one that broke off; None while there is none. Of several
-            samples the first that entered, or the first at all.
+            samples the one that counts, or the first where none does.
         usage: the replies' together.
         actions: those that demonstrations support, so far.
-        samples: each reply and whether it entered, as stored; None where one reply is asked for.
+        samples: each reply and whether it does as the one that counts, as stored; None where one reply is asked for.
 
     Args:
         motion: holds the actions against bounds of motion; None: nothing does.
@@ -56,7 +56,8 @@ class Reply:
         self.usage = Usage()
         self.actions: list[PredictedAction] = []
         self.samples: tuple[JsonObject, ...] | None = None
-        self._entered: Sequence[Reply] = ()
+        self._chosen: Reply | None = None
+        self._disagreeing: tuple[Finding, ...] = ()
         self._last_text = ""
         self._doubts: list[ActionDoubt] = []
         self._model = model
@@ -66,12 +67,12 @@ class Reply:
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """What in it deserves a look; of several samples each kind once."""
+        """What in it deserves a look; of several samples those of the one that counts."""
         if self.question.samples:
-            found = [finding for reply in self._entered for finding in reply.findings]
-            return tuple({finding.code: finding for finding in reversed(found)}.values())
+            found = () if self._chosen is None else self._chosen.findings
+            return (*found, *self._disagreeing)
         actions, question = [item.action for item in self.actions], self.question
-        passing = passing_findings(question.seen, actions, question.prefix.ways)
+        passing = passing_findings(question.seen, actions, question.taught.ways)
         return (*action_findings(self._doubts), *passing)
 
     async def whole(self) -> None:
@@ -151,7 +152,7 @@ class Reply:
         return actions
 
     async def _agreed(self) -> list[PredictedAction]:
-        """The actions that most samples agree on; the first failure of the LLM ends the other samples."""
+        """The actions of the sample that most others are like; the first failure of the LLM ends the other samples."""
         replies = [Reply(sample, self._model) for sample in self.question.samples]
         refused: dict[int, str] = {}
 
@@ -179,11 +180,11 @@ class Reply:
         self.samples = tuple(_sample(reply, refused.get(k), used=False) for k, reply in enumerate(replies))
         with timed("parse"):
             agreed = consensus(said)
-        self.samples = tuple(_sample(reply, refused.get(k), used=k in agreed.used) for k, reply in enumerate(replies))
-        self._entered = [reply for k, reply in enumerate(replies) if k in agreed.used]
-        self.text = self._entered[0].text
-        rows = [item.row for item in self._entered[0].actions]
-        return predicted(agreed.actions, rows, self.question)
+        chosen = self._chosen = replies[agreed.chosen]
+        self._disagreeing = disagreeing_findings(len(replies), len(agreed.alike))
+        self.samples = tuple(_sample(r, refused.get(k), used=k in agreed.alike) for k, r in enumerate(replies))
+        self.prompt, self.text = chosen.prompt, chosen.text
+        return chosen.actions
 
     async def _take(self, actions: Sequence[PredictedAction], *, sent_now: bool = False) -> None:
         """Let the next actions pass, if they are within the bounds of motion."""

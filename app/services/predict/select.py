@@ -160,6 +160,12 @@ class Demonstrations:
     shown: tuple[Demonstration, ...]
     recorded: tuple[Demonstration, ...]
 
+    def without_rare_plans(self) -> "Demonstrations":
+        """Those that a prompt shows where nobody named them."""
+        kept = {demonstration.id for demonstration in shown_together(self.recorded)}
+        shown, recorded = (tuple(item for item in items if item.id in kept) for items in (self.shown, self.recorded))
+        return Demonstrations(shown, recorded)
+
 
 def read_demonstrations(
     connection: Connection,

@@ -55,7 +55,8 @@ def test_what_is_as_shown_deserves_no_look():
 CAUSES = [
     (moved("red cube", 0.4, 0, 0), ("object-beyond-demonstrations", "danger", "objects[red cube]")),
     (moved("red cube", 0, -0.15, 0), ("object-beyond-demonstrations", "warning", "objects[red cube]")),
-    (moved("red cube", 0, 0, 0.02), ("object-at-another-height", "warning", "objects[red cube]")),
+    (moved("red cube", 0, 0, 0.015), ("object-at-another-height", "warning", "objects[red cube]")),
+    (moved("red cube", 0, 0, 0.02), ("object-at-another-height", "danger", "objects[red cube]")),
     (turned("red cube", 70, 0, 0), ("object-tilted", "danger", "objects[red cube]")),
     (turned("red cube", 0, 0, 60), ("object-turned", "warning", "objects[red cube]")),
     (moved("red cube", 0.1, 0.19, 0), ("objects-in-one-place", "danger", "objects[red cube]")),
@@ -73,6 +74,20 @@ CAUSES = [
 @pytest.mark.parametrize(("observed", "expected"), CAUSES, ids=[f"{c}-{s}" for _, (c, s, _) in CAUSES])
 def test_each_cause_is_found_alone(observed, expected):
     assert found(observed) == [expected]
+
+
+def test_a_lesser_doubt_hides_no_greater_one():
+    """An object that stands a little higher and far away, and one that hangs in the air."""
+    assert [kind[:2] for kind in found(moved("red cube", 0.5, 0, 0.015))] == [
+        ("object-at-another-height", "warning"),
+        ("object-beyond-demonstrations", "danger"),
+    ]
+    assert ("object-beyond-demonstrations", "danger") in [kind[:2] for kind in found(moved("red cube", 0, 0, 0.7))]
+
+
+def test_a_great_error_of_all_poses_is_a_danger():
+    noisy = disturbed(OBSERVED, np.random.default_rng(1), mean_error_m=0.08, mean_error_rad=0.08 * 4.79)
+    assert "danger" in [severity for _, severity, _ in found(noisy)]
 
 
 def test_an_object_that_is_taken_for_another_is_one_finding():

@@ -69,15 +69,21 @@ def test_two_ways_are_never_averaged(apart_m, shares):
         assert same_actions(before.actions, after.actions)
 
 
-@pytest.mark.parametrize("closes", [True, False])
-def test_what_scatters_too_far_for_noise_is_averaged_on_the_way_only(closes):
+@pytest.mark.parametrize(("after", "averaged"), [("closes", False), ("rises", False), ("goes on down", True)])
+def test_what_scatters_too_far_for_noise_is_averaged_on_the_way_only(after, averaged):
     """A third of the demonstrations act at the cube, the others anywhere; on the way the middle is as good."""
     random = np.random.default_rng(11)
     places_m = random.uniform(-0.2, 0.2, (12, 3)) * (np.arange(12) % 3 > 0)[:, None]
-    group = reached(OFFSET_M + places_m, random=random)
-    if closes:
-        group = [replace(d, actions=(*d.actions, replace(d.actions[0], gripper_open=False))) for d in group]
-    assert agrees(group) is not closes
+    group = []
+    for demonstration in reached(OFFSET_M + places_m, random=random):
+        (first,) = demonstration.actions
+        then = {
+            "closes": replace(first, gripper_open=False),
+            "rises": replace(first, position_m=first.position_m + np.array([0, 0, 0.1])),
+            "goes on down": replace(first, position_m=demonstration.objects[0].position_m - np.array([0, 0, 0.25])),
+        }[after]
+        group.append(replace(demonstration, actions=(first, then)))
+    assert agrees(group) is averaged
 
 
 def test_a_row_half_way_between_two_objects_stays_as_it_was_shown():

@@ -1,0 +1,119 @@
+"""Objects that stand to each other as in all demonstrations: a lid on its pot, two parts of one thing.
+
+Whether words name them does not matter: the motion was shown with both where they were.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from app.pipeline.episode import Demonstration, Query
+from app.pipeline.findings import Finding
+from app.pipeline.findings.rules import ARRANGED, PARTED
+from app.pipeline.representation.anchors import OBJECT_FRAMES, Frame, object_rotation, tilted_objects
+from roboprompt_client.arrays import Array
+from roboprompt_client.trajectory import ObjectPose
+
+RIGID_M = 0.01  # what varies by less is the same in all demonstrations
+FEWEST = 3  # demonstrations that tell what is the same from chance
+MOVED_M = 0.05  # a pair that never stood elsewhere is two objects that never moved
+
+
+@dataclass(frozen=True, eq=False)
+class RigidPair:
+    """Two objects in one arrangement, which demonstrations have at different places.
+
+    Attributes:
+        one: what stands somewhere, seen from `other`.
+        frame: of `other` in which it does.
+        low_m, high_m: (3,) the box of where it does.
+        tilted: objects whose frames turn with them fully.
+    """
+
+    one: str
+    other: str
+    frame: Frame
+    low_m: Array
+    high_m: Array
+    tilted: frozenset[str]
+
+    def off_m(self, scene: Query) -> float:
+        """How far `one` is from where the arrangement has it."""
+        seen_m = _seen_m(scene.object(self.one), scene.object(self.other), self.frame, self.tilted)
+        beyond_m = np.maximum(seen_m - self.high_m, 0) + np.maximum(self.low_m - seen_m, 0)
+        return float(np.linalg.norm(beyond_m))
+
+
+def rigid_pairs(shown: Sequence[Demonstration]) -> tuple[RigidPair, ...]:
+    """Of the objects that all demonstrations have, by their names, the pairs that keep one arrangement."""
+    if len(shown) < FEWEST:
+        return ()
+    tilted, names = tilted_objects(shown), [pose.name for pose in shown[0].objects]
+    places_m = {name: np.array([scene.object(name).position_m for scene in shown]) for name in names}
+    moved = [name for name in names if np.ptp(places_m[name], axis=0).max() > MOVED_M]
+    found = [_rigid(one, other, shown, tilted) for one, other in combinations(moved, 2)]
+    return tuple(pair for pair in found if pair is not None)
+
+
+def _rigid(one: str, other: str, shown: Sequence[Demonstration], tilted: frozenset[str]) -> RigidPair | None:
+    """The pair in the frame in which it varies least, if that is little."""
+    pairs = []
+    for (seen, origin), frame in [((a, b), f) for a, b in ((one, other), (other, one)) for f in OBJECT_FRAMES]:
+        poses = [(scene.object(seen), scene.object(origin)) for scene in shown]
+        seen_m = np.array([_seen_m(*pair, frame, tilted) for pair in poses])
+        low_m, high_m = seen_m.min(axis=0), seen_m.max(axis=0)
+        pairs.append((float((high_m - low_m).max()), RigidPair(seen, origin, frame, low_m, high_m, tilted)))
+    spread_m, pair = min(pairs, key=lambda item: item[0])
+    return pair if spread_m < RIGID_M else None
+
+
+def _seen_m(one: ObjectPose, other: ObjectPose, frame: Frame, tilted: frozenset[str]) -> Array:
+    """(3,) where one object is, seen from the other."""
+    seen_m: Array = object_rotation(other, frame, tilted).inv().apply(one.position_m - other.position_m)
+    return seen_m
+
+
+def parted_findings(query: Query, pairs: Sequence[RigidPair], followed: frozenset[str]) -> Iterator[Finding]:
+    """The pair that is farthest from its arrangement; those that the motion follows count before others.
+
+    Args:
+        followed: the objects that rows of the asked motion are relative to.
+    """
+    off = [(pair.off_m(query), pair) for pair in pairs]
+    parted = [(off_m, pair) for off_m, pair in off if ARRANGED.severity(off_m) is not None]
+    if not parted:
+        return
+    off_m, pair = max(parted, key=lambda item: (not followed.isdisjoint((item[1].one, item[1].other)), item[0]))
+    follows = not followed.isdisjoint((pair.one, pair.other))
+    message = (
+        f"{pair.one} is {100 * off_m:.1f} cm from where it stands to {pair.other} in every demonstration, as if they"
+        " were one thing: is one taken for another, or were they parted?"
+    )
+    rule = PARTED if follows else ARRANGED
+    yield rule.finding(message, f"objects[{pair.one}]", {"off_m": off_m}, value=off_m)
+
+
+def arranged_findings(query: Query, shown: Sequence[Demonstration], followed: frozenset[str]) -> Iterator[Finding]:
+    """Objects that the instruction names stand to each other as in every demonstration, whichever they are."""
+    asked, named = query.order.objects, [demonstration.order.objects for demonstration in shown]
+    if any(len(names) != len(asked) for names in named):
+        return
+    for i, j in combinations(range(len(asked)), 2):
+        ways_m = np.array(
+            [d.object(n[i]).position_m - d.object(n[j]).position_m for d, n in zip(shown, named, strict=True)]
+        )
+        way_m = query.object(asked[i]).position_m - query.object(asked[j]).position_m
+        beyond_m = np.maximum(way_m - ways_m.max(axis=0), 0) + np.maximum(ways_m.min(axis=0) - way_m, 0)
+        same = np.ptp(ways_m, axis=0) < RIGID_M
+        off_m = float((beyond_m * same).max())
+        if ARRANGED.severity(off_m) is not None:
+            message = (
+                f"{asked[i]} lies {100 * off_m:.1f} cm from where it stands to {asked[j]} in every demonstration: is"
+                " one taken for the other?"
+            )
+            follows = same.all() and not followed.isdisjoint((asked[i], asked[j]))
+            rule = PARTED if follows else ARRANGED
+            yield rule.finding(message, f"objects[{asked[i]}]", {"off_m": off_m}, value=off_m)
+            return

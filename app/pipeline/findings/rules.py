@@ -1,0 +1,134 @@
+"""Which doubt about an answer is how severe: every rule by its name, with where its numbers come from.
+
+This is the one place that decides what is a `danger`, on which robots stop. docs/findings.md describes the same rules,
+and a test holds the two together.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from app.pipeline.findings import SEVERITIES, Finding, Severity
+from app.pipeline.plans.rows import BEYOND_NOISE_M
+
+ALWAYS = 0.0
+MEASURED = "thresholds: docs/results/findings.md; no danger in 1056 right scenes of 22 tasks"
+
+
+@dataclass(frozen=True)
+class Rule:
+    """From which value on a doubt is how severe.
+
+    Attributes:
+        code: of its findings.
+        quantity: what the value is; empty where there is one severity only.
+        unit: of the value: m, degrees, or none.
+        info, warning, danger: the least value of that severity; None where there is no such.
+        nearer: whether small values are the severe ones, so that these are the largest instead.
+        source: where the numbers come from, and how often right cases had a danger by this rule.
+    """
+
+    code: str
+    quantity: str = ""
+    unit: str = ""
+    info: float | None = None
+    warning: float | None = None
+    danger: float | None = None
+    nearer: bool = False
+    source: str = MEASURED
+
+    @property
+    def levels(self) -> dict[Severity, float]:
+        """The severities that it can have, the lowest first, each with its value."""
+        values = zip(SEVERITIES, (self.info, self.warning, self.danger), strict=True)
+        return {severity: value for severity, value in values if value is not None}
+
+    def severity(self, value: float = ALWAYS) -> Severity | None:
+        """How severe the doubt is; None where there is none."""
+        levels = self.levels.items()
+        reached = [severity for severity, level in levels if (value <= level if self.nearer else value >= level)]
+        return reached[-1] if reached else None
+
+    def finding(
+        self,
+        message: str,
+        where: str = "",
+        numbers: Mapping[str, float] | None = None,
+        *,
+        value: float = ALWAYS,
+    ) -> Finding:
+        """The doubt as a finding.
+
+        Raises:
+            ValueError: for a value of no severity.
+        """
+        severity = self.severity(value)
+        if severity is None:
+            raise ValueError(f"{self.code} is no finding at {value}")
+        return Finding(self.code, severity, message, where, numbers or {})
+
+
+UNFAMILIAR_INSTRUCTION = Rule("unfamiliar-instruction", danger=ALWAYS, source="not one motion is taught for it")
+NEW_INSTRUCTION = Rule("new-instruction", info=ALWAYS, source="its form was taught")
+NEW_ROLE = Rule(
+    "new-role", "1 where taught words have the object in another part, else 0", warning=0.0, danger=1.0, source="words"
+)
+OTHER_TASKS = Rule("other-tasks-demonstrations", danger=ALWAYS, source="docs/results/unseen.md: 1 of 38 scenes solved")
+
+UNCERTAIN_POSE = Rule("uncertain-pose", "1 below a confidence of 0.7, else 0", info=0.0, warning=1.0)
+ONE_PLACE = Rule("objects-in-one-place", danger=ALWAYS)
+TILTED = Rule("object-tilted", "beyond every demonstration", "degrees", danger=20.0)
+HEIGHT = Rule("object-at-another-height", "above or below every demonstration", "m", warning=0.011, danger=0.018)
+BEYOND = Rule(
+    "object-beyond-demonstrations",
+    "beyond the box of N demonstrated places, less 1 / N of its range",
+    "m",
+    warning=0.05,
+    danger=0.20,
+    source="of 264 right scenes a danger in none with ten demonstrations, 5 with five, 10 with three",
+)
+TURNED = Rule("object-turned", "beyond the demonstrations", "degrees", warning=10.0)
+NOISY = Rule("noisy-observation", "the average error of poses", "m", warning=0.016, danger=0.04)
+ARRANGED = Rule("objects-arranged-otherwise", "off what all demonstrations share", "m", warning=0.035)
+PARTED = Rule(
+    "objects-arranged-otherwise", "off a rigid arrangement that a row follows", "m", warning=0.035, danger=0.05
+)
+
+SCATTERED = Rule("scattered-demonstrations", "that their centre may be off", info=0.0, warning=0.012)
+CONTRADICTING = Rule(
+    "scattered-demonstrations", "of more than a third from the centre where the hand acts", "m", danger=BEYOND_NOISE_M
+)
+SEVERAL_WAYS = Rule("several-ways", "0 where the task says that there are several, else 1", info=0.0, danger=1.0)
+
+STRAYING = Rule("straying-action", info=ALWAYS)
+PASSES_CLOSE = Rule("passes-close", "from an object's centre", "m", warning=0.08, danger=0.03, nearer=True)
+UNSUPPORTED = Rule("unsupported-action", danger=ALWAYS)
+SAMPLES_DISAGREE = Rule("samples-disagree", warning=ALWAYS, source="each reply is held to the demonstrations")
+UNPARSABLE = Rule("unparsable-reply", danger=ALWAYS, source="there are no actions")
+UNSAFE = Rule("unsafe-action", danger=ALWAYS, source="there are no actions")
+MODEL_FAILED = Rule("model-failed", danger=ALWAYS, source="there are no actions")
+
+RULES = (
+    UNFAMILIAR_INSTRUCTION,
+    NEW_INSTRUCTION,
+    NEW_ROLE,
+    OTHER_TASKS,
+    UNCERTAIN_POSE,
+    ONE_PLACE,
+    TILTED,
+    HEIGHT,
+    BEYOND,
+    TURNED,
+    NOISY,
+    ARRANGED,
+    PARTED,
+    SCATTERED,
+    CONTRADICTING,
+    SEVERAL_WAYS,
+    STRAYING,
+    PASSES_CLOSE,
+    UNSUPPORTED,
+    SAMPLES_DISAGREE,
+    UNPARSABLE,
+    UNSAFE,
+    MODEL_FAILED,
+)

@@ -1,0 +1,94 @@
+"""Demonstrations that contradict each other: no answer made of them goes without a danger."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from app.pipeline.findings.demonstrations import Taught
+from app.pipeline.plans import agreeing, aligned_by_plan
+from tests.pipeline.plans.taught import picked, recording
+from tests.pipeline.recordings import Motion
+from tests.pipeline.scenes import pose
+
+PRESS = "press the button"
+
+
+def presses(seed, side):
+    """The left or the right of two buttons is pressed; the gripper stays closed."""
+    random = np.random.default_rng(seed)
+    left_m = random.uniform((-0.2, 0.05, 0.8), (0.3, 0.35, 0.8))
+    right_m = random.uniform((-0.2, -0.35, 0.8), (0.3, -0.05, 0.8))
+    objects = (pose("left knob", left_m, 0), pose("right knob", right_m, 0))
+    above_m, pressed_m = (objects[side].position_m + np.array([0, 0, height_m]) for height_m in (0.1, 0.02))
+    places_m = [(0.1, 0.0, 1.1), above_m, pressed_m, above_m]
+    knots = tuple((2.0 * k + rest_s, place_m) for k, place_m in enumerate(places_m) for rest_s in (0.0, 0.5))
+    return recording(Motion(knots, starts_open=False, rest_s=0.5), objects, instruction=PRESS)
+
+
+def taught(recordings, **how):
+    demonstrations = tuple(replace(d, start=None) for d in aligned_by_plan(recordings))
+    return Taught(demonstrations, **how)
+
+
+def found(taught):
+    return [(f.code, f.severity) for f in taught.findings(taught.demonstrations[0].order)]
+
+
+def test_presses_of_one_button_are_no_doubt():
+    assert found(taught([presses(seed, 0) for seed in range(10)])) == []
+
+
+@pytest.mark.parametrize("num_right", [4, 5, 6])
+def test_five_that_press_left_and_five_that_press_right_are_a_danger_and_no_mean(num_right):
+    known = taught([presses(seed, int(seed < num_right)) for seed in range(10)])
+    assert "danger" in [severity for _, severity in found(known)]
+    for before, after in zip(known.usual, agreeing(known.usual), strict=True):
+        pressed_m = min(after.actions, key=lambda action: action.position_m[2]).position_m
+        nearest_m = min(np.linalg.norm(pressed_m - pose.position_m) for pose in before.objects)
+        assert nearest_m < 0.03
+
+
+def moved(item, move_m=(0, 0, 0), mirror=False, invert=False):
+    """The recording with its hand in another frame, or its gripper told the wrong way round."""
+    trajectory = item.trajectory
+    positions_m = trajectory.positions_m * ([1, -1, 1] if mirror else [1, 1, 1]) + np.array(move_m)
+    gripper = ~trajectory.gripper_open if invert else trajectory.gripper_open
+    return replace(item, trajectory=replace(trajectory, positions_m=positions_m, gripper_open=gripper))
+
+
+FAULTS = {
+    "another base frame": {"move_m": (0.12, 0.13, 0)},
+    "a little beside": {"move_m": (0, 0.06, 0)},
+    "gripper inverted": {"invert": True},
+    "mirrored": {"mirror": True},
+}
+
+
+@pytest.mark.parametrize("number", [4, 5])
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_fault_of_half_the_recordings_is_a_danger(fault, number):
+    recordings = [picked(seed) for seed in range(10)]
+    assert found(taught(recordings)) == []
+    wrong = [moved(item, **FAULTS[fault]) if k < number else item for k, item in enumerate(recordings)]
+    assert "danger" in [severity for _, severity in found(taught(wrong))]
+
+
+def test_ways_that_the_task_declares_are_no_danger():
+    recordings = [moved(picked(seed), (0, 0.12 * (seed % 2), 0)) for seed in range(10)]
+    assert found(taught(recordings)) == [("several-ways", "danger")]
+    assert found(taught(recordings, several_ways=True)) == [("several-ways", "info")]
+
+
+def test_a_slip_among_ten_is_no_way():
+    recordings = [moved(picked(seed), (0, 0.2 * (seed < 2), 0)) for seed in range(10)]
+    assert "danger" not in [severity for _, severity in found(taught(recordings))]
+
+
+def test_of_instructions_only_the_one_that_is_asked_is_doubted():
+    right = [picked(seed) for seed in range(6)]
+    wrong = [presses(seed, seed % 2) for seed in range(6)]
+    known = taught(right)
+    assert found(known) == []
+    assert Taught(()).findings(right[0].demonstration.order) == ()
+    assert "danger" in [severity for _, severity in found(taught(wrong))]
