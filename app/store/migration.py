@@ -36,7 +36,7 @@ def migrate(database: Database) -> None:
     if unknown := revisions - {script.revision for script in scripts.walk_revisions()}:
         raise SchemaVersionError(
             f"database {database.name} is at revision {', '.join(sorted(unknown))}, which this code "
-            f"({scripts.get_current_head()}) does not know: install the version that wrote it, or use another data directory"
+            f"({scripts.get_current_head()}) does not know: install the version that wrote it, or use another folder"
         )
     with migration_transaction(database) as connection:
         config.attributes["connection"] = connection
