@@ -88,7 +88,7 @@ def _arrivals_s(poses: Sequence[tuple[Array, Array, bool]]) -> Array:
 
 def _arm(geometry: PandaGeometry, positions_m: Array, quaternions_xyzw: Array) -> Array | None:
     """(M, 9, 3) the arm at the first M poses, base frame: up to where it gets; None if not even to the first."""
-    found = []
+    found: list[Array] = []
     with suppress(MotionError):
         found.extend(_skeletons(geometry, positions_m, quaternions_xyzw))
     return np.array(found) if found else None

@@ -20,6 +20,7 @@ from app.store import episodes, tasks
 from app.store.errors import NotFoundError
 from app.store.records import EpisodeRecord, TaskCounts, TaskRecord
 from app.web.page import PageRoute, render, thumbnail
+from app.web.scene import scene
 from app.web.texts import is_evaluated
 
 router = APIRouter(route_class=PageRoute)
@@ -70,6 +71,30 @@ def tasks_page(
 
 def _contains(record: TaskRecord, text: str) -> bool:
     return any(text.casefold() in name.casefold() for name in (record.name, *(record.object_names or ())))
+
+
+@router.get("/ui/tasks/{name}")
+def task_page(request: Request, services: Wired, name: str) -> Response:
+    """The task's settings as a form."""
+    with services.store.read() as connection:
+        task = tasks.get(connection, name)
+        newest = next(iter(episodes.list_page(connection, name, 1).items), None)
+    settings = TaskSettings.model_validate(task.settings)
+    workspace = settings.workspace
+    own = {"min": workspace.min, "max": workspace.max}
+    stored = settings.model_dump(mode="json", include={"arm", "robot_base", "num_demonstrations"})
+    stored["aliases"] = {each: settings.aliases[each] for each in task.object_names or () if each in settings.aliases}
+    stored["workspace"] = {"preset": workspace.preset} if workspace.preset else own
+    stored["motion_limits"] = {"keep_out": task.settings["motion_limits"]["keep_out"]}
+    return render(
+        request,
+        "task.html",
+        task=task,
+        settings=settings,
+        newest=newest,
+        stored=stored,
+        scene=scene(workspace, () if newest is None else newest.objects, ()),
+    )
 
 
 @router.get("/ui/tasks/{name}/check")

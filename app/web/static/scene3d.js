@@ -25,7 +25,7 @@ const metres = (point) => `${point.map((value) => value.toFixed(3)).join(", ")} 
 
 /** Draw `scene` into `place`, over what was there; the view that a person turned it to stays. */
 export function drawScene(place, scene) {
-  if (!states.has(place)) prepare(place, scene.play?.arm ? ARM : CLOSE);
+  if (!states.has(place)) prepare(place, scene.boxes ? WHOLE : scene.play?.arm ? ARM : CLOSE);
   const state = states.get(place);
   state.scene = scene;
   state.armButton.hidden = !scene.play?.arm;
@@ -96,7 +96,8 @@ function paint(place, state) {
       "svg",
       { viewBox: `0 0 ${width} ${height}`, "aria-hidden": "true" },
       ...floor(room, scene.objects, projection),
-      ...(shows !== WHOLE ? [] : [box(scene.workspace, projection)]),
+      ...(shows !== WHOLE ? [] : [box(scene.workspace, projection, "workspace")]),
+      ...(scene.boxes ?? []).map((item) => box(item, projection, "keep-out")),
       ...(scene.shown ?? []).map((item) => demonstrated(item, projection)),
       ...inOrder(scene.objects, projection).flatMap((item) => solid(item, projection)),
       ...(scene.ways ?? []).map((way) => line(way, projection, "way")),
@@ -116,7 +117,8 @@ function paint(place, state) {
 function bounds(scene, shows) {
   const places = [...scene.frames, ...scene.objects, ...(scene.shown ?? [])].map((item) => item.position);
   const withArm = [...places, ...scene.path, ...(scene.play?.arm ?? []).flat()];
-  const whole = [scene.workspace.min, scene.workspace.max, ...withArm];
+  const boxes = (scene.boxes ?? []).flatMap((item) => [item.min, item.max]);
+  const whole = [scene.workspace.min, scene.workspace.max, ...withArm, ...boxes];
   const near = { [CLOSE]: places, [ARM]: withArm, [WHOLE]: [] }[shows];
   const points = near.length ? near : whole;
   const along = [0, 1, 2].map((k) => points.map((point) => point[k]));
@@ -144,10 +146,10 @@ function floor({ min, max }, objects, projection) {
   return [svg("polygon", { class: "floor", points: text(plane, projection) }), ...across.map((ends) => line(ends, projection, "grid"))];
 }
 
-function box({ min, max }, { at }) {
+function box({ min, max }, { at }, name) {
   const corners = CORNERS.map((corner) => at(corner.map((side, k) => (side > 0 ? max : min)[k])));
   const drawn = EDGES.map(([one, other]) => `M${corners[one].map(Math.round)}L${corners[other].map(Math.round)}`);
-  return titled(svg("path", { class: "workspace", d: drawn.join("") }), "workspace");
+  return titled(svg("path", { class: name, d: drawn.join("") }), name);
 }
 
 /** An object as a small box, the sides that are seen; its axes if its rotation is known. */
