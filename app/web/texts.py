@@ -35,7 +35,7 @@ def metres_text(position_m: tuple[float, ...]) -> str:
 
 def rotation_text(quaternion_xyzw: Sequence[float]) -> str:
     """A quaternion for a field: four numbers with blanks between them, to a hundredth of a degree."""
-    return " ".join(f"{value:z.5f}" for value in quaternion_xyzw)
+    return " ".join(f"{round(value, 5) + 0.0:g}" for value in quaternion_xyzw)
 
 
 def breakable_text(name: str) -> Markup:

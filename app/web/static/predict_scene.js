@@ -42,7 +42,7 @@ export async function fillFrom(form, id) {
     if (!group) continue;
     const field = (name) => group.querySelector(`[name="${name}"]`);
     ["x", "y", "z"].forEach((axis, k) => (field(axis).value = object.position[k].toFixed(4)));
-    field("quaternion").value = (object.quaternion_xyzw ?? []).map((value) => value.toFixed(5)).join(" ");
+    field("quaternion").value = (object.quaternion_xyzw ?? []).map((value) => Number(value.toFixed(5)) + 0).join(" ");
   }
   const { cameras, images, mask_ids } = await call(`/ui/predict/scenes/${id}`);
   for (const [name, ids] of Object.entries(mask_ids)) {
