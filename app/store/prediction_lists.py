@@ -161,6 +161,18 @@ def configurations(connection: Connection, task: str | None = None) -> tuple[Con
     return tuple(ConfigurationSummary(*row) for row in rows)
 
 
+def outcomes(
+    connection: Connection, chosen: PredictionFilter, limit: int = 2000
+) -> dict[tuple[str, str, str, int], tuple[bool, ...]]:
+    """Whether each of the latest `limit` predictions with an outcome succeeded, oldest first, by configuration."""
+    query = select(*_CONFIGURATION, _P.c.outcome_success).where(_P.c.outcome_success.is_not(None))
+    rows = connection.execute(chosen.narrow(query).order_by(_P.c.sequence.desc()).limit(limit)).all()
+    found: dict[tuple[str, str, str, int], list[bool]] = {}
+    for *key, success in reversed(rows):
+        found.setdefault(tuple(key), []).append(success)
+    return {key: tuple(values) for key, values in found.items()}
+
+
 def usual_llm_ms(connection: Connection, model: str, number: int = 20) -> float | None:
     """How long the model took for the median of its latest answers; None without any."""
     query = select(_P.c.timings_ms).where(_P.c.model == model, _P.c.status == "ok")

@@ -11,6 +11,7 @@ from app.api.routes import Wired
 from app.llm.baselines import YARDSTICKS
 from app.store import prediction_lists, tasks
 from app.store.prediction_lists import FATES, Fate, ListCursor, Order, PredictionFilter
+from app.web.over_time import over_time
 from app.web.page import HEADERS, PageRoute, render, render_part
 from app.web.prediction_views import compare, view_prediction
 from roboprompt_client.errors import InvalidInputError
@@ -57,6 +58,7 @@ def predictions_page(
         page = prediction_lists.list_page(connection, chosen, order, PAGE_SIZE, _cursor(cursor))
         names = list(tasks.counts(connection))
         configurations = prediction_lists.configurations(connection, task or None)
+        successes = prediction_lists.outcomes(connection, PredictionFilter(task=task or None))
         wanted = [n for item in configurations for n in (item.newest, item.newest_failure) if n is not None]
         ids = prediction_lists.ids_of(connection, wanted)
     query = {k: v for k, v in request.query_params.items() if v and k != "cursor"}
@@ -73,6 +75,7 @@ def predictions_page(
         measures=[name for name in models if name in YARDSTICKS],
         yardsticks=yardsticks,
         configurations=configurations,
+        over_time={key: over_time(values) for key, values in successes.items()},
         ids=ids,
         fates=FATES,
     )
