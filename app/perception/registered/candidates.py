@@ -1,0 +1,47 @@
+"""Where to look for an object: connected parts of a scene that have its colors."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+from scipy import ndimage
+
+from app.perception.registered.cloud import Index
+from app.perception.registered.scene import LitScene
+from app.perception.registered.template import Template
+from roboprompt_client.arrays import Array
+
+GAP_M = 0.008  # between two parts
+LIKE_LAB = 26.0  # a color of the object, in Lab units
+FEWEST_POINTS, LEAST_SHARE = 15, 0.04  # of the template's points
+MOST_CANDIDATES = 8  # the largest
+
+
+def candidates(template: Template, lit: LitScene, without: Index | None = None) -> Sequence[Index]:
+    """Indices of the scene's points in each part, the largest part first.
+
+    Args:
+        without: points that something else explains.
+    """
+    distance, _ = template.palette.query(lit.lab, distance_upper_bound=LIKE_LAB)
+    is_like = np.isfinite(distance)
+    if without is not None:
+        is_like[without] = False
+    like = np.flatnonzero(is_like)
+    if len(like) < FEWEST_POINTS:
+        return []
+    part = _parts(lit.scene.points_m[like])
+    sizes = np.bincount(part)
+    enough = max(FEWEST_POINTS, LEAST_SHARE * len(template))
+    order = [number for number in np.argsort(-sizes) if sizes[number] >= enough]
+    return [like[part == number] for number in order[:MOST_CANDIDATES]]
+
+
+def _parts(points_m: Array) -> npt.NDArray[np.int32]:
+    """(N,) which connected part each point belongs to."""
+    cells = np.floor((points_m - points_m.min(axis=0)) / GAP_M).astype(int)
+    is_full = np.zeros(cells.max(axis=0) + 1, bool)
+    is_full[tuple(cells.T)] = True
+    parts: npt.NDArray[np.int32] = ndimage.label(is_full, np.ones((3, 3, 3)))[0]
+    part: npt.NDArray[np.int32] = parts[tuple(cells.T)]
+    return part
