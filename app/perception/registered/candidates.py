@@ -30,14 +30,14 @@ def candidates(template: Template, lit: LitScene, without: Index | None = None) 
     like = np.flatnonzero(is_like)
     if len(like) < FEWEST_POINTS:
         return []
-    part = _parts(lit.scene.points_m[like])
+    part = parts_of(lit.scene.points_m[like])
     sizes = np.bincount(part)
     enough = max(FEWEST_POINTS, LEAST_SHARE * len(template))
     order = [number for number in np.argsort(-sizes) if sizes[number] >= enough]
     return [like[part == number] for number in order[:MOST_CANDIDATES]]
 
 
-def _parts(points_m: Array) -> npt.NDArray[np.int32]:
+def parts_of(points_m: Array) -> npt.NDArray[np.int32]:
     """(N,) which connected part each point belongs to."""
     cells = np.floor((points_m - points_m.min(axis=0)) / GAP_M).astype(int)
     is_full = np.zeros(cells.max(axis=0) + 1, bool)

@@ -103,7 +103,7 @@ def _turn_axis(template: Template, symmetry_deg: float) -> tuple[Array, str]:
     turn = about_z(symmetry_deg)
     start = Poses(turn, (middle_m - turn[0] @ middle_m)[None])
     pose = registered(template, start, template.points_m, (*COARSE_M, *FINAL_M), lab=template.lab)
-    axis_m: Array = np.linalg.solve(np.eye(2) - pose.rotations[0, :2, :2], pose.origins_m[0, :2])
+    axis_m = np.asarray(np.linalg.solve(np.eye(2) - pose.rotations[0, :2, :2], pose.origins_m[0, :2]), np.float64)
     places_m = pose.to_template(template.points_m)[0]
     off_m = np.linalg.norm(places_m - template.points_m[template.closest(places_m)], axis=1)
     off_mm = 1000 * float(np.median(off_m))

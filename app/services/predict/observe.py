@@ -11,7 +11,9 @@ from app.services.measures import Timings, timed
 from app.services.pose_servers import PoseServers
 from app.services.predict.question import PredictRequest
 from app.services.task_settings import TaskSettings
+from app.services.templates import with_templates
 from app.store import tasks
+from app.store.blobs import BlobStore
 from app.store.errors import ConflictError
 from app.store.records import TaskRecord
 from app.store.store import Store
@@ -47,7 +49,7 @@ def look(store: Store, pose_servers: PoseServers, request: PredictRequest, timin
     settings = TaskSettings.model_validate(task.settings)
     pose_servers.check(settings.object_models)
     with timed(timings_ms, "poses"):
-        return Seen(task, observed(request, settings, object_names(request, task)))
+        return Seen(task, observed(request, settings, object_names(request, task), store.blobs))
 
 
 def object_names(request: PredictRequest, task: TaskRecord) -> tuple[str, ...]:
@@ -63,14 +65,16 @@ def object_names(request: PredictRequest, task: TaskRecord) -> tuple[str, ...]:
     return tuple(dict.fromkeys(query.name for query in request.objects))
 
 
-def observed(request: PredictRequest, settings: TaskSettings, names: Sequence[str]) -> tuple[ObjectPose, ...]:
+def observed(
+    request: PredictRequest, settings: TaskSettings, names: Sequence[str], blobs: BlobStore
+) -> tuple[ObjectPose, ...]:
     """The observed objects' poses in the order of `names`, symmetric objects at their canonical yaw.
 
     Raises:
         ObjectSetError: if the request has other objects; as `estimate_poses` and `check_scene_units`.
     """
     check_object_names([query.name for query in request.objects], names)
-    queries = settings.with_models(request.objects)
+    queries = with_templates(settings.with_models(request.objects), blobs)
     poses = estimate_poses(settings.pose_estimator, queries, request.frames, given_first=True)
     check_scene_units(poses, settings.workspace.workspace())
     return settings.canonical(objects_of_task(poses, names))

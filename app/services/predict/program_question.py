@@ -63,7 +63,7 @@ class ProgramQuestionWriter:
         settings = TaskSettings.model_validate(task.settings)
         self._pose_servers.check(settings.object_models)
         with timed(timings_ms, "poses"):
-            poses = observed(request, settings, _names(task, request))
+            poses = observed(request, settings, _names(task, request), self._store.blobs)
             objects, sources = _with_points(request, settings, poses)
         start = EndEffectorAction(
             np.array(end_effector.position_m), np.array(end_effector.quaternion_xyzw), gripper_open=True

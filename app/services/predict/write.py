@@ -90,7 +90,7 @@ class QuestionWriter:
             settings.limits_of_motion().require_start(end_effector)
             if seen is None:
                 with timed(timings_ms, "poses"):
-                    objects = observed(request, settings, object_names(request, task))
+                    objects = observed(request, settings, object_names(request, task), self._store.blobs)
             else:
                 objects = seen.objects_of(task)
             with timed(timings_ms, "prompt"):
