@@ -5,8 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
+from scipy.cluster.vq import kmeans2
 
-from app.perception.registered.cloud import Index
+from app.perception.registered.cloud import VOXEL_M, Index
 from app.perception.registered.scene import LitScene
 from app.perception.registered.template import Template
 from roboprompt_client.arrays import Array
@@ -15,6 +16,7 @@ GAP_M = 0.008  # between two parts
 LIKE_LAB = 26.0  # a color of the object, in Lab units
 FEWEST_POINTS, LEAST_SHARE = 15, 0.04  # of the template's points
 MOST_CANDIDATES = 8  # the largest
+TOO_WIDE, MOST_PIECES = 1.2, 4  # times an object's width: several that touch
 
 
 def candidates(template: Template, lit: LitScene, without: Index | None = None) -> Sequence[Index]:
@@ -34,7 +36,21 @@ def candidates(template: Template, lit: LitScene, without: Index | None = None) 
     sizes = np.bincount(part)
     enough = max(FEWEST_POINTS, LEAST_SHARE * len(template))
     order = [number for number in np.argsort(-sizes) if sizes[number] >= enough]
-    return [like[part == number] for number in order[:MOST_CANDIDATES]]
+    parts = [like[part == number] for number in order[:MOST_CANDIDATES]]
+    pieces = [piece for whole in parts for piece in _pieces(template, lit.scene.points_m, whole)]
+    return [*parts, *(piece for piece in pieces if len(piece) >= enough)]
+
+
+def _pieces(template: Template, points_m: Array, part: Index) -> Sequence[Index]:
+    """A part that is too large for one object in as many pieces as it may be objects that touch."""
+    width_m = float(np.ptp(points_m[part, :2], axis=0).max())
+    count = min(round(width_m / max(template.width_m, VOXEL_M)), MOST_PIECES)
+    if count < 2 and width_m > TOO_WIDE * template.width_m:
+        count = 2
+    if count < 2:
+        return []
+    _, piece = kmeans2(points_m[part, :2], count, minit="++", rng=np.random.default_rng(0))
+    return [part[piece == number] for number in range(count)]
 
 
 def parts_of(points_m: Array) -> npt.NDArray[np.int32]:

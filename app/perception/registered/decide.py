@@ -20,7 +20,7 @@ USUAL_SCORE, SLACK = 0.97, 0.08  # of a template of one view; how far below its 
 SAME_YAW_DEG, SAME_PLACE_M = 14.0, 0.02
 EXPLAINED_M = 0.015  # points nearer than this to the object in its pose are its own
 RIVAL_SCORE, RIVAL_MARGIN, RIVAL_SUPPORT = 0.55, 0.25, 0.12
-LIES_SCORE = 0.6
+LIES_SCORE, LIES_BETTER = 0.6, 0.1  # lying; and by how much better than upright
 SEEN_SHARE = 0.12  # of the side that faces a camera: with less, the camera does not see it
 HELP_SEE = "a view in which more of it is seen, or a further camera"
 
@@ -102,7 +102,7 @@ def _check(
     """Refuse what does not look like the object, or shows too little of it."""
     seen = ", ".join(f"{camera} {100 * share:.0f} %" for camera, share in shares.items())
     if best.value < least_score(template):
-        if _lies(template, lit, parts[0]):
+        if _lies(template, lit, parts[0], best):
             raise UncertainPoseError(name, "it seems to lie on its side, and is found upright only", "it upright")
         message = f"what looks most like it scores {best.value:.2f} of at least {least_score(template):.2f}"
         remedy = "it upright on the table, uncovered; or labelled views in this light and from this side"
@@ -138,8 +138,8 @@ def _leftover(template: Template, lit: LitScene, best: Hypothesis) -> list[Hypot
     return [hypotheses(template, lit, part)[0] for part in candidates(template, lit, without=own)]
 
 
-def _lies(template: Template, lit: LitScene, part: Index) -> bool:
-    return hypotheses(template, lit, part, fallen=True)[0].value > LIES_SCORE
+def _lies(template: Template, lit: LitScene, part: Index, upright: Hypothesis) -> bool:
+    return hypotheses(template, lit, part, fallen=True)[0].value > max(LIES_SCORE, upright.value + LIES_BETTER)
 
 
 def _no_colors(template: Template, lit: LitScene) -> str:

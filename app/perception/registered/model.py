@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 
 from app.perception.object_model import MIN_CONFIDENCE, Checked, Confidence, ObjectModel
 from app.perception.strict import WHOLE, Number, Truth
@@ -12,7 +12,34 @@ from roboprompt_client.errors import InvalidInputError
 SYMMETRIES = '"none", "yaw" (the same all around), or degrees of a turn that leaves it unchanged, e.g. 180'
 MIN_SYMMETRY_DEG = 30.0  # what is rounder is round
 Share = Annotated[Number, Field(ge=0, le=1)]
-Symmetric = Annotated[Literal["none", "yaw"] | Number, Field(description=SYMMETRIES)]
+
+
+def yaw_symmetry_deg(symmetric: str | float) -> float | None:
+    """The turn about z that leaves pose and looks unchanged: 0 any, None none.
+
+    Raises:
+        InvalidInputError: if it is neither "none" nor "yaw", nor a number of which a whole turn is a multiple.
+    """
+    if symmetric in ("none", "yaw"):
+        return None if symmetric == "none" else 0.0
+    if isinstance(symmetric, bool) or not isinstance(symmetric, int | float):
+        raise InvalidInputError("", f"is {symmetric!r:.80}", SYMMETRIES)
+    turns = 360 / symmetric if symmetric else 0
+    if not (MIN_SYMMETRY_DEG <= symmetric <= 180 and abs(turns - round(turns)) < 1e-9):
+        raise InvalidInputError("", f"is {symmetric!r}", SYMMETRIES)
+    return float(symmetric)
+
+
+def _checked(symmetric: str | float) -> str | float:
+    yaw_symmetry_deg(symmetric)
+    return symmetric if isinstance(symmetric, str) else float(symmetric)
+
+
+Symmetric = Annotated[
+    str | float,
+    BeforeValidator(_checked, json_schema_input_type=Literal["none", "yaw"] | float),
+    Field(description=SYMMETRIES),
+]
 
 
 @dataclass(frozen=True)
@@ -51,20 +78,3 @@ class RegisteredModel(ObjectModel):
     left_out: Annotated[tuple[LeftOutView, ...], Field(max_length=100)] = ()
     num_points: Annotated[int, Field(ge=0), WHOLE] = 0
     min_confidence: Confidence = MIN_CONFIDENCE
-
-    def __post_init__(self) -> None:
-        yaw_symmetry_deg(self.symmetric)
-
-
-def yaw_symmetry_deg(symmetric: str | float) -> float | None:
-    """The turn about z that leaves pose and looks unchanged: 0 any, None none.
-
-    Raises:
-        InvalidInputError: if no number of such turns makes a whole one.
-    """
-    if isinstance(symmetric, str):
-        return None if symmetric == "none" else 0.0
-    turns = 360 / symmetric if symmetric else 0
-    if not (MIN_SYMMETRY_DEG <= symmetric <= 180 and abs(turns - round(turns)) < 1e-9):
-        raise InvalidInputError("symmetric", f"is {symmetric!r}", SYMMETRIES)
-    return float(symmetric)

@@ -64,9 +64,9 @@ class Template:
         return to_lab(self.rgb)
 
     @cached_property
-    def radius_m(self) -> float:
-        """Of the ball about the origin that holds all points."""
-        return float(np.linalg.norm(self.points_m, axis=1).max())
+    def width_m(self) -> float:
+        """The longest level distance between two of its points, about."""
+        return 2 * float(np.linalg.norm(self.points_m[:, :2] - self.points_m[:, :2].mean(axis=0), axis=1).max())
 
     @cached_property
     def palette(self) -> cKDTree:
@@ -133,7 +133,7 @@ class Template:
             with np.load(io.BytesIO(data), allow_pickle=False) as file:
                 arrays = {name: file[name] for name in file.files}
             return cls._from_arrays(arrays)
-        except (KeyError, ValueError, OSError, BadZipFile) as error:
+        except (EOFError, KeyError, ValueError, OSError, BadZipFile) as error:
             raise InvalidInputError("template", f"is no template ({error})", "one that was learned here") from None
 
     @classmethod

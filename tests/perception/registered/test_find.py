@@ -19,7 +19,7 @@ ALL = {"carton": (0.08, -0.05, 2.0), "jar": (-0.1, 0.1, 0.0), "brick": (-0.15, -
 
 @pytest.mark.parametrize("name", NAMES)
 def test_an_object_is_found_among_others_where_it_stands(name):
-    x_m, y_m, yaw = ALL[name]
+    x_m, y_m, _ = ALL[name]
     pose = estimate(name, layout(**ALL), seed=3)
     assert (pose.estimator, set(pose.cameras)) == ("registered", {"front", "left", "right"})
     assert pose.confidence > 0.8
@@ -41,7 +41,7 @@ def test_a_pose_moves_and_turns_with_the_object(name):
     before, after = pose_at(0.0, 0.0, 0.2, 1), pose_at(0.1, -0.08, 1.3, 2)
     turn = Rotation.from_quat(after.quaternion_xyzw) * Rotation.from_quat(before.quaternion_xyzw).inv()
     assert np.degrees(yaw_rad(turn)) == pytest.approx(np.degrees(1.1), abs=4)
-    expected_m = turn.apply(before.position_m) + [0.1, -0.08, 0]
+    expected_m = turn.apply(before.position_m.copy()) + np.array([0.1, -0.08, 0])
     np.testing.assert_allclose(after.position_m, expected_m, atol=0.005)
 
 
