@@ -8,7 +8,7 @@ from pathlib import Path
 
 from app.api.schemas import examples
 from app.pipeline.findings import SEVERITIES
-from app.services.predict.doubts import FAILURES
+from app.services.predict.findings import FAILURES
 from app.settings import Settings
 
 ROOT = Path(__file__).parents[1]

@@ -27,8 +27,9 @@ from app.api.access_rules import (
     credential_of,
 )
 from app.api.problems import Kind, problem, store_problem
-from app.services.api_keys import Caller, ExpiredKeyError, audit_name
+from app.services.api_keys import Caller, audit_name
 from app.services.container import Services
+from app.services.errors import ExpiredKeyError
 from app.store.audit import acting
 from app.store.errors import StoreError
 from app.store.visibility import Visibility, seeing

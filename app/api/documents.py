@@ -5,12 +5,14 @@ from typing import Any
 
 from app.llm.base import ModelProfile
 from app.pipeline.episode import Demonstration
-from app.pipeline.language.grounded import Grounded
+from app.pipeline.order.order import Order
 from app.pipeline.prompt import Prompt
 from app.pipeline.representation import fit_codec
 from app.pipeline.workspace import Workspace, discretize_action, object_bins
+from app.services.measures import timings
 from app.services.predict.evidence import Standing, TaskStats
-from app.services.predict.question import Prediction, Question
+from app.services.predict.question import Question
+from app.services.predict.record import Prediction
 from app.services.task_settings import TaskSettings
 from app.store.records import ConfigurationCounts, EpisodeFields, EpisodeRecord, JobRecord, PredictionRecord, TaskRecord
 from app.store.values import JsonObject, KeyframeRecord, ObjectRecord
@@ -38,7 +40,7 @@ def episode_document(record: EpisodeFields, settings: TaskSettings) -> JsonObjec
         "cameras": [camera.name for camera in record.cameras],
         **({} if record.extra is None else {"extra": record.extra}),
         "prediction_id": record.prediction_id,
-        "observation_text": codec.observation_text(poses, record.instruction),
+        "observation_text": codec.observation_text(demonstration),
         "actions_text": codec.actions_text(demonstration),
         "created_at": record.created_at.isoformat(),
     }
@@ -118,13 +120,13 @@ def _asked(question: Question, prompt: Prompt) -> JsonObject:
     """What a prediction and a dry run have in common."""
     return {
         **_understood(question.grounded),
-        "objects": [ObjectRecord.of(pose).to_json() for pose in question.observed],
+        "objects": [ObjectRecord.of(pose).to_json() for pose in question.seen.objects],
         "model": question.profile.name,
         "representation": question.style.representation,
         "prompt_format": question.style.prompt_format,
-        "demonstration_ids": list(question.template.demonstration_ids),
+        "demonstration_ids": list(question.prefix.demonstration_ids),
         "prompt": _prompt(prompt.system, prompt.user),
-        "prefix_hash": question.template.cache_key,
+        "prefix_hash": question.prefix.cache_key,
     }
 
 
@@ -133,14 +135,9 @@ def _prompt(system: str, user: str) -> JsonObject | None:
     return {"system": system, "user": user} if present().demonstrations and user else None
 
 
-def _understood(grounded: Grounded | None) -> JsonObject:
+def _understood(order: Order) -> JsonObject:
     """How the instruction was understood."""
-    if grounded is None:
-        return {"canonical_instruction": None, "grounding": []}
-    return {
-        "canonical_instruction": grounded.instruction,
-        "grounding": [phrase.to_json() for phrase in grounded.phrases],
-    }
+    return {"canonical_instruction": order.text, "grounding": [phrase.to_json() for phrase in order.phrases]}
 
 
 def understood_document(question: Question) -> JsonObject:
@@ -150,20 +147,16 @@ def understood_document(question: Question) -> JsonObject:
 
 def prediction_document(prediction: Prediction) -> JsonObject:
     """A `PredictionOut`."""
-    usage = prediction.completion.usage
+    reply = prediction.reply
     return {
         "id": prediction.id,
-        "actions": [item.to_json() for item in prediction.actions],
-        **_asked(prediction.question, prediction.prompt),
-        "reply_text": prediction.completion.text,
-        "usage": {
-            "prompt_tokens": usage.prompt_tokens,
-            "cached_tokens": usage.cached_tokens,
-            "completion_tokens": usage.completion_tokens,
-        },
+        "actions": [item.document for item in reply.actions],
+        **_asked(prediction.question, reply.prompt),
+        "reply_text": reply.text or "",
+        "usage": dict(vars(reply.usage)),
         "timings_ms": prediction.timings_ms,
         "step": prediction.question.step,
-        "samples": _samples(prediction.samples),
+        "samples": _samples(reply.samples),
         "findings": [finding.to_json() for finding in prediction.findings],
     }
 
@@ -175,7 +168,7 @@ def _samples(samples: Sequence[JsonObject] | None) -> JsonObject | None:
     return {"asked": len(samples), "used": sum(sample["used"] for sample in samples), "replies": list(samples)}
 
 
-def dry_run_document(question: Question, timings_ms: dict[str, float]) -> JsonObject:
+def dry_run_document(question: Question) -> JsonObject:
     """A `DryRunOut`."""
     prompt = question.prompt
     findings = [finding.to_json() for finding in question.findings]
@@ -184,7 +177,7 @@ def dry_run_document(question: Question, timings_ms: dict[str, float]) -> JsonOb
         **_asked(question, prompt),
         "grammar": prompt.grammar,
         "findings": findings,
-        "timings_ms": timings_ms,
+        "timings_ms": timings().ms,
     }
 
 
@@ -195,10 +188,9 @@ def stored_prediction_document(record: PredictionRecord) -> JsonObject:
         recorded_at = record.outcome_at.isoformat()
         outcome = {"success": record.outcome_success, "note": record.outcome_note, "recorded_at": recorded_at}
     same = ("id", "task", "instruction", "status", "error", "model", "representation", "prompt_format", "reply_text")
-    grounded = None if record.grounding is None else Grounded.from_json(record.grounding)
     return {
         **{name: getattr(record, name) for name in same},
-        **_understood(grounded),
+        **_understood(Order.from_json(record.grounding, ())),
         "demonstration_ids": list(record.demonstration_ids),
         "prompt": _prompt(record.prompt_system, record.prompt_user),
         "actions": None if record.actions is None else list(record.actions),
@@ -208,7 +200,7 @@ def stored_prediction_document(record: PredictionRecord) -> JsonObject:
         "timings_ms": record.timings_ms,
         "step": record.step,
         "samples": _samples(record.samples),
-        "findings": None if record.findings is None else list(record.findings),
+        "findings": list(record.findings),
         "request": record.request,
         "outcome": outcome,
         "key_id": record.key_id,

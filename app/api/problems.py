@@ -33,7 +33,7 @@ from app.pipeline.errors import (
     UnfamiliarInstructionError,
     UngroundedInstructionError,
 )
-from app.services.limits import (
+from app.services.errors import (
     NoDemonstrationsError,
     RefusedReplyError,
     UnparsableReplyError,

@@ -17,7 +17,7 @@ from app.evaluation.methods import Method
 from app.evaluation.results import Trial
 from app.evaluation.teach import Lesson
 from app.evaluation.trials import PlannedTrial
-from app.pipeline.language.mentions import clauses
+from app.pipeline.order.order import clause_texts
 from app.sim.outcomes import SceneView
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import InvalidInputError
@@ -202,7 +202,7 @@ def estimates(
     for trial in {(trial.task, trial.seed): trial for trial in planned}.values():
         scene = look(trial)
         known = longest.setdefault(trial.task, scene)
-        longest[trial.task] = max(known, scene, key=lambda view: len(clauses(view.instruction)))
+        longest[trial.task] = max(known, scene, key=lambda view: len(clause_texts(view.instruction)))
     for trial in {kind_of(trial): trial for trial in planned}.values():
         if isinstance(lesson := lesson_of(trial), Lesson):
             usage = _of_a_trial(client, trial.method, lesson, longest[trial.task])
@@ -218,7 +218,7 @@ def _of_a_trial(client: RoboPromptClient, method: Method, lesson: Lesson, scene:
     answer = client.dry_run(lesson.name, scene.instruction, Observation(scene.objects), **options)
     prompt = answer["prompt"]
     read = tokens_of(prompt["system"]) + tokens_of(prompt["user"])
-    parts = len(clauses(scene.instruction))
+    parts = len(clause_texts(scene.instruction))
     demonstration = tokens_of(prompt["user"]) / max(1, len(answer["demonstration_ids"]))
     # a step for each keyframe of a demonstration, and one that says that there are no more
     requests = parts * max(len(item.document["keyframes"]) for item in lesson.taught) + 1 if stepwise else 1

@@ -23,7 +23,7 @@ from app.evaluation.teach import UNSEEN, Lesson, images_only
 from app.evaluation.world import World, timed
 from app.executors import Executor, call
 from app.pipeline.geometry import canonical_pose
-from app.pipeline.language.similarity import Described, most_similar
+from app.pipeline.order.similarity import Described, most_similar
 from app.pipeline.workspace import Workspace
 from app.sim.outcomes import RolloutResult, SceneView
 from roboprompt_client.client import RoboPromptClient

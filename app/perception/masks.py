@@ -91,8 +91,8 @@ class MaskedPoints:
             message = f"no camera ({cameras}) has pixels with id {list(query.mask_ids)} and known depth"
             raise ObjectNotVisibleError(query.name, message, "mask_ids that some mask image contains")
         position_m = np.mean(list(means_m.values()), axis=0)
-        cameras = tuple(means_m)
-        pose = ObjectPose(query.name, position_m, None, "masks", cameras, CENTROID_CONFIDENCE, CENTROID_REASON)
+        seeing = tuple(means_m)
+        pose = ObjectPose(query.name, position_m, None, "masks", seeing, CENTROID_CONFIDENCE, CENTROID_REASON)
         if not (isinstance(query.model, MasksModel) and query.model.rotation):
             return pose
         box = box_around(query, query.model, [frame for frame, _ in frames])

@@ -14,12 +14,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import zip_longest
 
-from app.pipeline.episode import Demonstration
+from app.pipeline.episode import Demonstration, Query
 from app.pipeline.errors import ReplyParseError
-from app.pipeline.prompt import PromptTemplate
-from app.pipeline.representation.base import Codec
+from app.pipeline.order.order import Order
+from app.pipeline.prompt import PromptTemplate, rotated_in_all
+from app.pipeline.representation.base import Codec, Decoder
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
+from roboprompt_client.trajectory import EndEffectorAction
 
 DONE = "done"
 FitStep = Callable[[Sequence[Demonstration], int], Codec]
@@ -45,11 +46,14 @@ class StepCodec:
     def separator(self) -> str:
         return self.observation.separator
 
-    def questions(self, instruction: str) -> tuple[str, ...]:
-        return (instruction,)
+    def needed(self) -> tuple[Demonstration, ...]:
+        return self.observation.needed()
 
-    def observation_text(self, objects: Sequence[ObjectPose], instruction: str) -> str:
-        return self.observation.observation_text(objects, instruction)
+    def questions(self, order: Order) -> tuple[str, ...]:
+        return (order.text,)
+
+    def observation_text(self, query: Query) -> str:
+        return self.observation.observation_text(query)
 
     def actions_text(self, demonstration: Demonstration) -> str:
         return self.action.actions_text(demonstration) if self.action and demonstration.actions else DONE
@@ -57,18 +61,17 @@ class StepCodec:
     def demonstration_text(self, demonstration: Demonstration) -> str:
         if self.action and demonstration.actions:
             return self.action.demonstration_text(demonstration)
-        observation = self.observation_text(demonstration.objects, demonstration.instruction)
-        return f"{observation} {DONE}{self.separator}"
+        return f"{self.observation_text(demonstration)} {DONE}{self.separator}"
 
-    def grammar(self, instruction: str, max_actions: int) -> str:
+    def grammar(self, query: Query, max_actions: int) -> str:
         ending = "\\n" if "\n" in self.separator else ""
         done = f'" {DONE}{ending}"'
         if self.action is None:
             return f"root ::= {done}\n"
-        actions = self.action.grammar(instruction, 1).replace("root ::=", "action ::=", 1)
+        actions = self.action.grammar(query, 1).replace("root ::=", "action ::=", 1)
         return f"root ::= {done} | action\n{actions}"
 
-    def schema(self, instruction: str, max_actions: int) -> None:
+    def schema(self, query: Query, max_actions: int) -> None:
         """A step may be `DONE`, which is no JSON."""
 
     def rows(self, reply_text: str, complete: bool) -> list[str]:
@@ -83,19 +86,13 @@ class StepCodec:
     def reply_text(self, rows: Sequence[str]) -> str:
         return self.action.reply_text(rows) if self.action and rows else f" {DONE}"
 
-    def decode_rows(
-        self,
-        first: int,
-        rows: Sequence[str],
-        objects: Sequence[ObjectPose],
-        instruction: str,
-        start: EndEffectorAction | None = None,
-    ) -> list[EndEffectorAction]:
-        if self.action is None:
-            if rows:
-                raise ReplyParseError(f"no demonstration has an action here, expected {DONE!r}", rows[0])
-            return []
-        return self.action.decode_rows(first, rows, objects, instruction, start)
+    def decoder(self, query: Query) -> Decoder:
+        return _no_actions if self.action is None else self.action.decoder(query)
+
+
+def _no_actions(first: int, rows: Sequence[str]) -> list[EndEffectorAction]:
+    """Of a step after the last action: `StepCodec.rows` lets nothing but `DONE` pass."""
+    return []
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,9 +121,8 @@ class ClosedLoopTemplate:
         stepwise = [_steps(demonstration) for demonstration in demonstrations]
         by_step = [[step for step in steps if step is not None] for steps in zip_longest(*stepwise)]
         codecs = tuple(_step_codec(fit, shown, k) for k, shown in enumerate(by_step))
-        rotated = PromptTemplate.write(codecs[0], by_step[0], system).rotated
         texts = [codecs[k].demonstration_text(step) for steps in stepwise for k, step in enumerate(steps)]
-        return cls(codecs, system, "".join(texts), rotated)
+        return cls(codecs, system, "".join(texts), rotated_in_all(by_step[0]))
 
     def at_step(self, step: int) -> PromptTemplate:
         """The template that asks for the action of a step, from 0."""

@@ -3,17 +3,24 @@
 Every value is checked when it is constructed. Positions are in metres in the world frame; quaternions are xyzw.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
+from itertools import pairwise
 from typing import Any
 
-from roboprompt_client.arrays import settle
+import numpy as np
+
+from app.pipeline.order.order import Order
+from roboprompt_client.arrays import Array, settle
 from roboprompt_client.camera import RgbdFrame
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.trajectory import EndEffectorAction, ObjectPose, Trajectory
 from roboprompt_client.wording import checked_instruction
 
 MIN_FREQUENCY_HZ, MAX_FREQUENCY_HZ = 0.01, 100_000.0  # slower than any recorder, and faster
+CONTROL_FREQUENCY_HZ = 20.0  # of RLBench's demonstrations
+MAX_ORDERS = 1024  # that are kept: demonstrations of one instruction share one
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +30,7 @@ class Episode:
     instruction: str
     trajectory: Trajectory
     frames: tuple[RgbdFrame, ...] = ()
-    control_frequency_hz: float = 20.0
+    control_frequency_hz: float = CONTROL_FREQUENCY_HZ
     extra: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -34,24 +41,74 @@ class Episode:
 
 
 @dataclass(frozen=True, eq=False)
-class Demonstration:
-    """An episode as a prompt uses it: the objects' poses at its first frame and the actions at its keyframes.
+class Query:
+    """What is to be done in an observed scene.
 
     Attributes:
-        later_objects: the objects' poses after each action, where the episode tracked them; otherwise empty.
-        start: where the end effector was at first, where that is known.
-        plan: demonstrations of equal plans and like instructions have the same rows, see
-            `app.pipeline.plans`; None: the keyframes are as they were found.
+        instruction: objects by their names, in the form of a taught instruction where there is one.
+        start: where the end effector is before the first action, where that is known.
     """
 
     instruction: str
     objects: tuple[ObjectPose, ...]
-    actions: tuple[EndEffectorAction, ...]
-    id: str = ""
-    later_objects: tuple[tuple[ObjectPose, ...], ...] = ()
-    start: EndEffectorAction | None = None
-    plan: int | None = None
+    start: EndEffectorAction | None = field(default=None, kw_only=True)
+
+    @cached_property
+    def order(self) -> Order:
+        """The instruction as a value."""
+        return _order(self.instruction, tuple(pose.name for pose in self.objects))
+
+    @cached_property
+    def ordered_objects(self) -> tuple[ObjectPose, ...]:
+        """The objects that the instruction mentions in its order, then the others as they come."""
+        return in_order(self.objects, self.order)
 
     def object(self, name: str) -> ObjectPose:
         """The pose of the object of that name, which there is."""
         return next(pose for pose in self.objects if pose.name == name)
+
+
+@dataclass(frozen=True, eq=False)
+class Demonstration(Query):
+    """An episode as a prompt uses it: the objects' poses at its first frame and the actions at its keyframes.
+
+    Attributes:
+        later_objects: the objects' poses after each action, where the episode tracked them; otherwise empty.
+        plan: demonstrations of equal plans and like instructions have the same rows, see
+            `app.pipeline.plans`; None: the keyframes are as they were found.
+    """
+
+    actions: tuple[EndEffectorAction, ...]
+    id: str = ""
+    later_objects: tuple[tuple[ObjectPose, ...], ...] = ()
+    plan: int | None = None
+
+    @property
+    def kind(self) -> tuple[str, int | None, int]:
+        """Equal for demonstrations with the same rows: what they ask for, their plan and number of actions."""
+        return self.order.form, self.plan, len(self.actions)
+
+
+def in_order(objects: Sequence[ObjectPose], order: Order) -> tuple[ObjectPose, ...]:
+    """The objects that an order mentions, in its order, then the others as they come."""
+    place = {name: k for k, name in enumerate(order.objects)}
+    return tuple(sorted(objects, key=lambda pose: place.get(pose.name, len(place))))
+
+
+@lru_cache(MAX_ORDERS)
+def _order(instruction: str, names: tuple[str, ...]) -> Order:
+    return Order(instruction, names)
+
+
+def frame_times_s(trajectory: Trajectory, control_frequency_hz: float = CONTROL_FREQUENCY_HZ) -> Array:
+    """(T,) from the first frame on."""
+    if trajectory.timestamps_s is not None:
+        return trajectory.timestamps_s - float(trajectory.timestamps_s[0])
+    times_s: Array = np.arange(len(trajectory)) / control_frequency_hz
+    return times_s
+
+
+def gripper_stretches(gripper_open: Sequence[bool]) -> list[tuple[int, int, bool]]:
+    """First frame, frame after the last, and state of each stretch in which the gripper stays open or closed."""
+    edges = [0, *(np.flatnonzero(np.diff(gripper_open)) + 1).tolist(), len(gripper_open)]
+    return [(first, end, bool(gripper_open[first])) for first, end in pairwise(edges)]

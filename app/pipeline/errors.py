@@ -13,7 +13,7 @@
     ├── UnsafeActionError          an action is valid but beyond a bound of motion; names action, value and bound
     └── UnsupportedActionError     an action is valid but unlike what was demonstrated; names what was expected
 
-Other packages (llm, store, services) hang their own branches under RoboPromptError; `app.api.problems` maps each to a
+Other packages (llm, store, services) add branches of their own under RoboPromptError; `app.api.problems` maps each to a
 status once.
 """
 

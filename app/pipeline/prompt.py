@@ -3,10 +3,9 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from app.pipeline.episode import Demonstration
+from app.pipeline.episode import Demonstration, Query
 from app.pipeline.errors import ObjectSetError
 from app.pipeline.representation.base import Codec
-from app.pipeline.representation.other_tasks import OtherTasksCodec
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.trajectory import ObjectPose
 
@@ -72,48 +71,26 @@ class PromptTemplate:
 
     Attributes:
         codec: fitted to the demonstrations; reads the replies as well.
-        rotated: objects whose rotation every demonstration has.
-        of_other_tasks: whether the demonstrations are of other tasks, and have other objects (`in_scene`).
+        rotated: objects whose rotation every demonstration has; None where demonstrations have other objects.
     """
 
     codec: Codec
     system: str
     prefix: str
-    rotated: frozenset[str]
-    of_other_tasks: bool = False
+    rotated: frozenset[str] | None
 
     @classmethod
     def write(
-        cls,
-        codec: Codec,
-        demonstrations: Sequence[Demonstration],
-        system: str,
-        written: Sequence[Demonstration] | None = None,
+        cls, codec: Codec, demonstrations: Sequence[Demonstration], system: str, *, of_other_tasks: bool = False
     ) -> "PromptTemplate":
-        """The demonstrations in their order, each as observation, actions and separator.
+        """The demonstrations that the codec needs in their order, each as observation, actions and separator.
 
         Args:
-            written: those of them that the text shows; None: all.
+            of_other_tasks: the demonstrations have other objects than queries.
         """
-        known = [{pose.name for pose in d.objects if pose.quaternion_xyzw is not None} for d in demonstrations]
-        prefix = "".join(codec.demonstration_text(d) for d in (demonstrations if written is None else written))
-        return cls(codec, system, prefix, frozenset(set.intersection(*known)))
-
-    @classmethod
-    def write_other_tasks(cls, codec: Codec, demonstrations: Sequence[Demonstration], system: str) -> "PromptTemplate":
-        """The demonstrations of other tasks in their order; a codec that knows leaves out those that repeat others."""
-        needed = codec.telling() if isinstance(codec, OtherTasksCodec) else demonstrations
-        written = [item for item in demonstrations if any(item is one for one in needed)]
-        prefix = "".join(map(codec.demonstration_text, written))
-        return cls(codec, system, prefix, frozenset(), of_other_tasks=True)
-
-    def in_scene(self, objects: Sequence[ObjectPose]) -> "PromptTemplate":
-        """The template to ask about these objects, which the demonstrations of other tasks do not have."""
-        if not self.of_other_tasks:
-            return self
-        codec = self.codec.in_scene(objects) if isinstance(self.codec, OtherTasksCodec) else self.codec
-        rotated = frozenset(pose.name for pose in objects if pose.quaternion_xyzw is not None)
-        return replace(self, codec=codec, rotated=rotated)
+        needed = codec.needed()
+        prefix = "".join(codec.demonstration_text(item) for item in demonstrations if item in needed)
+        return cls(codec, system, prefix, None if of_other_tasks else rotated_in_all(demonstrations))
 
     def posed(self, objects: Sequence[ObjectPose]) -> tuple[ObjectPose, ...]:
         """The observed objects with rotations just where the demonstrations have them, so that both read alike.
@@ -121,6 +98,8 @@ class PromptTemplate:
         Raises:
             InvalidInputError: if an object lacks a rotation that every demonstration has.
         """
+        if self.rotated is None:
+            return tuple(objects)
         for pose in objects:
             if pose.quaternion_xyzw is None and pose.name in self.rotated:
                 message = "is missing, but every demonstration has it"
@@ -128,16 +107,21 @@ class PromptTemplate:
                 raise InvalidInputError(field, message, "a unit quaternion, order x y z w")
         return tuple(pose if pose.name in self.rotated else replace(pose, quaternion_xyzw=None) for pose in objects)
 
-    def ask(self, objects: Sequence[ObjectPose], instruction: str, max_actions: int, so_far: str = "") -> Prompt:
-        """The prompt that asks for the actions of a new observation.
+    def ask(self, query: Query, max_actions: int, so_far: str = "") -> Prompt:
+        """The prompt that asks for the actions of a query.
 
         Args:
             so_far: the steps of a closed loop that were taken already.
         """
-        query = so_far + self.codec.observation_text(objects, instruction)
-        grammar = self.codec.grammar(instruction, max_actions)
-        schema = self.codec.schema(instruction, max_actions)
-        return Prompt(self.system, self.prefix, query, self.codec.stop, grammar, schema)
+        text = so_far + self.codec.observation_text(query)
+        grammar, schema = self.codec.grammar(query, max_actions), self.codec.schema(query, max_actions)
+        return Prompt(self.system, self.prefix, text, self.codec.stop, grammar, schema)
+
+
+def rotated_in_all(demonstrations: Sequence[Demonstration]) -> frozenset[str]:
+    """Names of the objects whose rotation every demonstration has."""
+    known = [{pose.name for pose in item.objects if pose.quaternion_xyzw is not None} for item in demonstrations]
+    return frozenset(set.intersection(*known))
 
 
 def system_prompt_text(choice: str) -> str:

@@ -149,11 +149,13 @@ def discretize_actions(actions: Sequence[EndEffectorAction], workspace: Workspac
     """The actions' seven bins each."""
     if not actions:
         return []
-    positions = _position_bins(np.array([action.position_m for action in actions]), workspace).tolist()
+    positions_m = np.array([action.position_m for action in actions])
+    inside: list[bool] = np.all((positions_m >= workspace.min_m) & (positions_m <= workspace.max_m), axis=1).tolist()
+    positions = _position_bins(positions_m, workspace).tolist()
     rotations = _rotation_bins(Rotation.from_quat([action.quaternion_xyzw for action in actions])).tolist()
     return [
-        DiscreteAction((*place, *turn, int(action.gripper_open)), clamped=not workspace.contains(action.position_m))
-        for action, place, turn in zip(actions, positions, rotations, strict=True)
+        DiscreteAction((*place, *turn, int(action.gripper_open)), clamped=not within)
+        for action, place, turn, within in zip(actions, positions, rotations, inside, strict=True)
     ]
 
 

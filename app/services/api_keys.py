@@ -17,12 +17,13 @@ from datetime import UTC, datetime, timedelta
 
 import anyio.to_thread
 
+from app.services.errors import ExpiredKeyError
 from app.store import api_keys, audit
 from app.store.api_keys import ApiKeyRecord
 from app.store.errors import StoreError
 from app.store.store import Store
 from app.store.visibility import Visibility
-from roboprompt_client.errors import InvalidInputError, RoboPromptError
+from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.wording import checked_name
 
 SCOPES = ("read", "upload", "predict", "admin")
@@ -34,18 +35,6 @@ USE_NOTED_EVERY = timedelta(minutes=1)  # of one key; a write costs a sync of th
 _NOBODY = "0" * 64
 logger = logging.getLogger(__name__)
 LONGEST = timedelta(days=7)
-
-
-class ExpiredKeyError(RoboPromptError):
-    """The key was right and has expired.
-
-    Args:
-        name: of the key.
-        expired_at: when.
-    """
-
-    def __init__(self, name: str, expired_at: datetime) -> None:
-        super().__init__(f"the key {name!r} expired at {expired_at:%Y-%m-%d %H:%M} UTC")
 
 
 @dataclass(frozen=True)

@@ -9,13 +9,14 @@ from app.llm.registry import ModelRegistry
 from app.services.api_keys import KeyRing, Sessions
 from app.services.limits import Limits
 from app.services.measures import Metrics
-from app.services.motion_bounds import CurrentLimits
 from app.services.pose_servers import PoseServers
 from app.services.predict.ask import PredictActions
-from app.services.predict.record import PredictionRecorder, leave_unrecorded
+from app.services.predict.checks import CurrentLimits
+from app.services.predict.instruction import is_english
+from app.services.predict.known import KnownReader
+from app.services.predict.record import PredictionRecorder
 from app.services.predict.repeat import RepeatedPredictions
 from app.services.predict.warm import PrefixWarmer
-from app.services.predict.write import QuestionWriter
 from app.services.scene_images import DrawOverlay
 from app.services.teach.check import CheckTask
 from app.services.teach.configure import MAX_AT_ONCE, ConfigureTask
@@ -75,12 +76,11 @@ class Services:
             return models.profile(name or default_model)
 
         metrics = Metrics()
-        write_question = QuestionWriter(store, profile_of, limits, pose_servers)
-        warmer = PrefixWarmer(store, models, write_question, num_warm_tasks)
+        known = KnownReader(store, profile_of, pose_servers)
+        warmer = PrefixWarmer(store, models, known, num_warm_tasks)
         of_motion = CurrentLimits(store)
-        record = PredictionRecorder(store, metrics)
-        predict = PredictActions(models, write_question, warmer, record, store.under_way, of_motion)
-        unrecorded = PredictActions(models, write_question, warmer, leave_unrecorded, store.under_way, of_motion)
+        parts = (models, known, limits, of_motion, warmer, store.under_way)
+        is_english("")  # reads its list now, so that no request waits for it
         keys = KeyRing(store)
         configure = ConfigureTask(store, pose_servers, extract_at_once)
         return cls(
@@ -93,8 +93,8 @@ class Services:
             label_objects=LabelObjects(store),
             learn_from_labels=LearnFromLabels(store, configure),
             draw_overlay=DrawOverlay(store),
-            predict_actions=predict,
-            check_task=CheckTask(store, profile_of, unrecorded),
+            predict_actions=PredictActions(*parts, PredictionRecorder(store, metrics)),
+            check_task=CheckTask(store, profile_of, PredictActions(*parts, None)),
             prefix_warmer=warmer,
             metrics=metrics,
             keys=keys,

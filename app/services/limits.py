@@ -1,69 +1,13 @@
-"""How much a request may ask for, and what a use case can refuse beyond the method's and the store's own errors.
-
-Each bound can be set, see docs/settings.md. The errors are a branch of `app.pipeline.errors`.
-"""
+"""How much a request may ask for. Each bound can be set, see docs/settings.md."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 
 from app.perception.images import MAX_PIXELS
-from app.pipeline.errors import UnsupportedActionError
-from roboprompt_client.errors import InvalidInputError, RoboPromptError, UnsafeActionError
+from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.trajectory_npz import MAX_FRAMES, MAX_UNPACKED_BYTES
 from roboprompt_client.wording import MAX_INSTRUCTION_CHARS, MAX_NAME_CHARS
-
-
-class ServiceError(RoboPromptError):
-    """A use case cannot go on.
-
-    ├── NoDemonstrationsError   the task has no episode yet
-    └── RefusedReplyError       what the LLM replied is recorded, and not passed on
-        ├── UnparsableReplyError    it is not a list of valid actions
-        ├── UnsafeReplyError        one of its actions is beyond a bound of motion
-        └── UnsupportedReplyError   one of its actions is unlike what was demonstrated
-    """
-
-
-class NoDemonstrationsError(ServiceError):
-    """The task has no episode yet, so that there is nothing to learn from."""
-
-    def __init__(self, task: str) -> None:
-        super().__init__(f"task {task!r} has no demonstrations yet: upload some with POST /episodes")
-
-
-class RefusedReplyError(ServiceError):
-    """What an LLM replied is not passed on.
-
-    Args:
-        reply_text: as the LLM gave it.
-        prediction_id: under which the reply is recorded.
-    """
-
-    def __init__(self, message: str, reply_text: str, prediction_id: str) -> None:
-        super().__init__(message)
-        self.reply_text = reply_text
-        self.prediction_id = prediction_id
-
-
-class UnparsableReplyError(RefusedReplyError):
-    """The LLM's reply is not a list of valid actions."""
-
-
-class UnsafeReplyError(RefusedReplyError):
-    """The LLM's reply asks for an action beyond a bound of motion: `action` says which and why."""
-
-    def __init__(self, action: UnsafeActionError, reply_text: str, prediction_id: str) -> None:
-        super().__init__(str(action), reply_text, prediction_id)
-        self.action = action
-
-
-class UnsupportedReplyError(RefusedReplyError):
-    """The LLM's reply asks for an action that the demonstrations do not support: `action` says which and why."""
-
-    def __init__(self, action: UnsupportedActionError, reply_text: str, prediction_id: str) -> None:
-        super().__init__(str(action), reply_text, prediction_id)
-        self.action = action
 
 
 @dataclass(frozen=True)

@@ -1,15 +1,15 @@
 """What is measured and logged of a request: milliseconds per stage, Prometheus's counters and fields of log lines."""
 
 import time
-from collections.abc import Iterator, Mapping, MutableMapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
+from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 from prometheus_client import CollectorRegistry, Counter, Histogram, generate_latest
 from prometheus_client.exposition import CONTENT_TYPE_LATEST
 
-Timings = MutableMapping[str, float]
 _fields: ContextVar[dict[str, str] | None] = ContextVar("log_fields", default=None)
 MAX_MODELS = 50
 OTHER_MODELS = "other"
@@ -31,10 +31,46 @@ def trace_with(tracer: Tracer | None) -> None:
     _tracer = tracer
 
 
+@dataclass(frozen=True)
+class Timings:
+    """The stages of one prediction.
+
+    Attributes:
+        ms: by stage, added up.
+        started_s: when the first began, by `time.perf_counter`.
+    """
+
+    ms: dict[str, float] = field(default_factory=dict)
+    started_s: float = field(default_factory=time.perf_counter)
+
+    def reached(self, stage: str) -> float:
+        """Note and return the milliseconds from the beginning to here, unless the stage was reached before."""
+        return self.ms.setdefault(stage, (time.perf_counter() - self.started_s) * 1000)
+
+
+_timings: ContextVar[Timings | None] = ContextVar("timings", default=None)
+
+
+def timings() -> Timings:
+    """Those of the prediction that is made here; elsewhere new ones, which are lost."""
+    return _timings.get() or Timings()
+
+
 @contextmanager
-def timed(timings_ms: Timings, stage: str) -> Iterator[None]:
-    """Add the duration of the block to `timings_ms[stage]`, also when it raises."""
-    started = time.perf_counter()
+def timings_of_its_own() -> Iterator[Timings]:
+    """Inside, stages are timed apart from those outside; also in the threads and tasks that the block starts."""
+    token = _timings.set(own := Timings())
+    try:
+        yield own
+    finally:
+        _timings.reset(token)
+
+
+@contextmanager
+def timed(stage: str) -> Iterator[None]:
+    """Add the duration of the block to the stage's, also when it raises."""
+    current = timings()
+    started_s = time.perf_counter()
     # not made the current span: a stage may begin and end in different contexts of an asynchronous generator
     span = None if _tracer is None else _tracer.start_span(stage)
     try:
@@ -42,15 +78,16 @@ def timed(timings_ms: Timings, stage: str) -> Iterator[None]:
     finally:
         if span is not None:
             span.end()
-        timings_ms[stage] = timings_ms.get(stage, 0.0) + (time.perf_counter() - started) * 1000
+        current.ms[stage] = current.ms.get(stage, 0.0) + (time.perf_counter() - started_s) * 1000
 
 
 @contextmanager
 def request_fields(request_id: str) -> Iterator[dict[str, str]]:
-    """Fields of one request, also in the threads that it uses."""
+    """Log fields and timings of one request, also in the threads that it uses."""
     token = _fields.set(fields := {"request_id": request_id})
     try:
-        yield fields
+        with timings_of_its_own():
+            yield fields
     finally:
         _fields.reset(token)
 
@@ -62,7 +99,7 @@ def note(**fields: str) -> None:
 
 
 def current_fields() -> dict[str, str]:
-    """Those of the request that is answered here."""
+    """The log fields of the request that is answered here."""
     return _fields.get() or {}
 
 

@@ -5,8 +5,7 @@ from datetime import UTC, datetime
 from typing import Generic, Literal, TypeVar
 from uuid import uuid4
 
-from app.pipeline.episode import Demonstration
-from app.pipeline.timeline import CONTROL_FREQUENCY_HZ
+from app.pipeline.episode import CONTROL_FREQUENCY_HZ, Demonstration
 from app.store.values import CameraRecord, JsonObject, KeyframeRecord, ObjectRecord
 from roboprompt_client.trajectory import EndEffectorAction
 

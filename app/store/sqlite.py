@@ -52,7 +52,10 @@ def configure(engine: Engine, busy_timeout_s: float) -> None:
     def on_begin(connection: Connection) -> None:
         # A transaction that reads first and takes the lock later fails at once if another wrote in between.
         writes = connection.get_execution_options().get(WRITE_OPTION, False)
-        connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")
+        if writes:
+            connection.exec_driver_sql("BEGIN IMMEDIATE")
+        else:  # which takes no lock, so that no failure of it must be mapped
+            cast(sqlite3.Connection, connection.connection.dbapi_connection).execute("BEGIN")
 
 
 class WriterQueue:

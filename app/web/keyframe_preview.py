@@ -5,10 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from app.pipeline.episode import CONTROL_FREQUENCY_HZ
 from app.pipeline.keyframes import find_keyframes
-from app.pipeline.timeline import CONTROL_FREQUENCY_HZ
 from app.pipeline.workspace import DiscreteAction, discretize_actions
-from app.services.task_settings import KeyframeSettings, TaskSettings
+from app.services.setting_parts import KeyframeSettings
+from app.services.task_settings import TaskSettings
 from app.store.values import JsonObject
 from app.web.scene import frame
 from roboprompt_client.arrays import Array

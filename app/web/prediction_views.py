@@ -9,10 +9,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 from sqlalchemy import Connection
 
-from app.pipeline.comparison import ActionDeviation
-from app.pipeline.prompt_colours import Span, prompt_spans
-from app.services.predict.evidence import Explanation, configuration, explain_prediction
-from app.services.predict.path import path_of
+from app.pipeline.deviation import ActionDeviation
+from app.pipeline.spans import Span, prompt_spans
+from app.services.predict.evidence import Explanation, configuration, explain_prediction, path_of
 from app.services.predict.select import demonstrations_of
 from app.services.task_settings import TaskSettings
 from app.store import episodes, predictions, tasks

@@ -12,8 +12,8 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from app.perception.overlay import PALETTE
-from app.pipeline.language.colours import COLOURS
-from app.services.task_settings import WorkspaceSettings
+from app.pipeline.order.vocabulary import COLOURS
+from app.services.setting_parts import WorkspaceSettings
 from app.store.values import JsonObject, ObjectRecord
 
 MAX_PATH_POINTS = 2000

@@ -8,8 +8,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from app.evaluation.paper import disturbed
-from app.pipeline.language.mentions import mention_order
 from app.pipeline.noise import MEAN_ERROR_M
+from app.pipeline.order.order import clause_of
 from app.sim.demonstrate import Recordings
 from app.sim.outcomes import RecordedDemonstration, SceneView
 from roboprompt_client.trajectory import ObjectPose
@@ -61,8 +61,8 @@ def _noisy(mean_error_m: float) -> Callable[[SceneView], Poses]:
 
 def _main(scene: SceneView) -> int:
     """The object that the instruction mentions first; the first of all where it mentions none."""
-    names = [pose.name for pose in scene.objects]
-    mentioned = mention_order(names, scene.instruction)
+    names = tuple(pose.name for pose in scene.objects)
+    mentioned = clause_of(scene.instruction, names).objects
     return names.index(mentioned[0]) if mentioned else 0
 
 

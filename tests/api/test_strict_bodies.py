@@ -8,7 +8,8 @@ from app.api.schemas.requests import EpisodeMetadata, OutcomeBody, PredictBody
 from app.perception.cuboid.model import ColorModel, CuboidModel, Rank
 from app.perception.markers.model import Marker, MarkersModel
 from app.perception.models import MasksModel, RemoteModel
-from app.services.task_settings import KeyframeSettings, TaskSettings
+from app.services.setting_parts import KeyframeSettings
+from app.services.task_settings import TaskSettings
 
 BODIES = (EpisodeMetadata, LearnBody, OutcomeBody, PosesBody, PredictBody, TaskSettings)
 PARTS = (ColorModel, CuboidModel, Marker, MarkersModel, MasksModel, Rank, RemoteModel)

@@ -4,9 +4,9 @@ import pytest
 from app.pipeline.closed_loop import ClosedLoopTemplate
 from app.pipeline.episode import Demonstration
 from app.pipeline.errors import ReplyParseError
-from app.pipeline.reply import parse_reply
-from app.pipeline.representation import fit_step
+from app.pipeline.representation import fit_codec
 from roboprompt_client.errors import InvalidInputError
+from tests.pipeline.asking import parse_reply
 
 from .gbnf import matches
 from .scenes import WORKSPACE, action, pose
@@ -25,7 +25,7 @@ def lift(x_m, num_actions=2):
 
 def written(*demonstrations, representation="object_frame"):
     def fit(shown, step):
-        return fit_step(representation, "paper", shown, WORKSPACE, step)
+        return fit_codec(representation, "paper", shown, WORKSPACE, first_row=step + 1)
 
     return ClosedLoopTemplate.write(fit, demonstrations, "")
 
@@ -66,7 +66,7 @@ def test_another_row_than_the_step_s_is_refused(reply):
 
 def test_the_grammar_of_each_step():
     template = written(lift(0.1), lift(0.3, num_actions=1))
-    grammars = [template.at_step(step).codec.grammar(LIFT, 25) for step in range(4)]
+    grammars = [template.at_step(step).codec.grammar(lift(0.1), 25) for step in range(4)]
     grasp, raised = " A w: +0 +0 +0 0 36 36 0\n", " A o: +0 +0 +20 0 36 36 1\n"
     assert [matches(grammar, " done\n") for grammar in grammars] == [True] * 4
     assert [matches(grammar, f" {k + 1}{grasp}") for k, grammar in enumerate(grammars)] == [True, False, False, False]

@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.consensus import consensus, median_action
 from app.pipeline.errors import ReplyParseError
+from app.pipeline.reply import consensus, median_action
 from roboprompt_client.trajectory import EndEffectorAction
 
 

@@ -1,5 +1,6 @@
 import pytest
 
+from app.pipeline.episode import Query
 from app.pipeline.errors import ObjectSetError
 from app.pipeline.prompt import PromptTemplate, check_object_names, objects_of_task, system_prompt_text
 from app.pipeline.representation import fit_codec
@@ -59,7 +60,7 @@ EXPECTED = {
 
 @pytest.mark.parametrize(("style", "expected"), EXPECTED.items(), ids=" ".join)
 def test_the_text_is_the_demonstrations_then_the_query(style, expected):
-    prompt = template(*style).ask(shown(0.005).objects, "open it", 25)
+    prompt = template(*style).ask(Query("open it", shown(0.005).objects), 25)
     assert (prompt.prefix, prompt.query) == expected
     assert prompt.user == "".join(expected)
     assert prompt.system == A
@@ -68,9 +69,9 @@ def test_the_text_is_the_demonstrations_then_the_query(style, expected):
 @pytest.mark.parametrize("representation", ["absolute", "object_frame"])
 def test_the_prefix_is_the_same_bytes_for_every_query(representation):
     written = template(representation)
-    first = written.ask(shown(0.005).objects, "open it", 25)
-    second = written.ask(shown(0.5).objects, "close the drawer, then open the drawer", 3)
-    again = template(representation).ask(shown(0.3).objects, "open the drawer", 25)
+    first = written.ask(Query("open it", shown(0.005).objects), 25)
+    second = written.ask(Query("close the drawer, then open the drawer", shown(0.5).objects), 3)
+    again = template(representation).ask(Query("open the drawer", shown(0.3).objects), 25)
     assert first.prefix.encode() == second.prefix.encode() == again.prefix.encode()
     assert first.query != second.query
     assert matches(first.grammar, GRAMMATICAL[representation])

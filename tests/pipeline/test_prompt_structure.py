@@ -8,6 +8,7 @@ import pytest
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
+from app.pipeline.episode import Query
 from app.pipeline.prompt import PromptTemplate
 from app.pipeline.representation import fit_codec
 from roboprompt_client.errors import InvalidInputError
@@ -68,7 +69,7 @@ def prompt(representation, names, instruction):
     objects = [pose(name, (0.1 * k, 0.1, 1.0)) for k, name in enumerate(names)]
     shown = [demonstration(instruction, objects, [action((0.1, 0.2, 1.0)), action((0.1, 0.2, 1.1))]) for _ in range(2)]
     codec = fit_codec(representation, "paper", shown, WORKSPACE)
-    return PromptTemplate.write(codec, shown, "").ask(objects, instruction, 25)
+    return PromptTemplate.write(codec, shown, "").ask(Query(instruction, tuple(objects)), 25)
 
 
 SCENES = (st.lists(NAMES, min_size=1, max_size=4, unique=True), ANY_TEXT)

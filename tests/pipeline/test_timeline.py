@@ -1,6 +1,6 @@
 import numpy as np
 
-from app.pipeline.timeline import frame_times_s, gripper_stretches
+from app.pipeline.episode import frame_times_s, gripper_stretches
 from roboprompt_client.trajectory import Trajectory
 
 

@@ -1,6 +1,7 @@
 import pytest
 from pydantic import ValidationError
 
+from app.services.teach import configure
 from app.store import episodes
 from app.store.errors import ConflictError
 from roboprompt_client.errors import InvalidInputError
@@ -33,13 +34,13 @@ def test_what_is_not_named_stays(services):
 def test_an_upload_in_between_is_not_lost(services, monkeypatch):
     """An episode that arrives while others are extracted again would keep the old rule's keyframes."""
     services.upload_episode(upload("cube"), respond)
-    extract = services.configure_task._extract
+    extract = configure.extract_all_again
 
-    def extract_slowly(record, settings):
+    def extract_slowly(store, records, settings):
         services.upload_episode(upload("cube"), respond)
-        return extract(record, settings)
+        return extract(store, records, settings)
 
-    monkeypatch.setattr(services.configure_task, "_extract", extract_slowly)
+    monkeypatch.setattr(configure, "extract_all_again", extract_slowly)
     with pytest.raises(ConflictError):
         services.configure_task("pick", {"keyframes": {"rule": "uniform", "interval": 10}})
 

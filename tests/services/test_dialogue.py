@@ -1,7 +1,6 @@
 """What is asked of the LLM: clause by clause, step by step, and read while it arrives."""
 
 import asyncio
-import time
 from contextlib import aclosing
 from dataclasses import replace
 
@@ -11,9 +10,11 @@ import pytest
 from app.llm.base import ModelResponseError, TextDelta
 from app.perception.base import ObjectQuery
 from app.pipeline.episode import Episode
-from app.services.limits import UnparsableReplyError, UnsupportedReplyError
-from app.services.predict.options import PredictOptions
-from app.services.predict.question import PredictedAction, Prediction, PredictRequest
+from app.services.errors import UnparsableReplyError, UnsupportedReplyError
+from app.services.measures import timings_of_its_own
+from app.services.predict.part_reply import PredictedAction
+from app.services.predict.record import Prediction
+from app.services.predict.request import PredictOptions, PredictRequest
 from app.services.teach.upload import Upload
 from app.store import predictions
 from app.store.errors import ConflictError
@@ -49,15 +50,15 @@ def streamed(services, request=REQUEST):
     """Everything that comes, and the error at the end."""
 
     async def collect():
-        items, timings_ms = [], {}
-        question = await services.predict_actions.prepare(request, timings_ms)
-        answer = services.predict_actions.answer(question, timings_ms, time.perf_counter(), piecewise=True)
-        async with aclosing(answer):
-            try:
-                async for item in answer:
-                    items.append(item)
-            except Exception as error:
-                return items, error
+        items = []
+        question = await services.predict_actions.prepare(request)
+        with timings_of_its_own():
+            async with aclosing(services.predict_actions.stream(question)) as answer:
+                try:
+                    async for item in answer:
+                        items.append(item)
+                except Exception as error:
+                    return items, error
         return items, None
 
     return asyncio.run(collect())
@@ -67,13 +68,13 @@ def test_each_clause_is_asked_for_after_the_replies_before(taught):
     services = taught(RELATIVE)
     twice = replace(REQUEST, instruction="pick up the cube, then pick up the cube")
     prediction = ask(services, twice)
-    assert len(prediction.actions) == 6
-    last = prediction.prompt.user.splitlines()
+    assert len(prediction.reply.actions) == 6
+    last = prediction.reply.prompt.user.splitlines()
     assert last[-2].endswith(f"pick up the cube >{RELATIVE.rstrip()}")
     assert last[-1].endswith("pick up the cube >")
-    assert prediction.completion.text.count("1 A w") == 2
+    assert prediction.reply.text.count("1 A w") == 2
     (record,) = recorded(services.store)
-    assert (record.prompt_user, len(record.actions)) == (prediction.prompt.user, 6)
+    assert (record.prompt_user, len(record.actions)) == (prediction.reply.prompt.user, 6)
 
 
 TWICE = replace(REQUEST, instruction="pick up the cube, then pick up the cube")
@@ -83,8 +84,8 @@ FAR = RELATIVE.replace("+0 +0 +0 0", "+0 +20 +0 0")
 def test_each_clause_is_checked_for_itself(taught):
     """The second reply is unlike the demonstration: it alone is asked for again."""
     prediction = ask(taught(RELATIVE, FAR, RELATIVE), TWICE)
-    assert len(prediction.actions) == 6
-    assert prediction.completion.text == "\n".join(reply.rstrip("\n") for reply in (RELATIVE, FAR, RELATIVE))
+    assert len(prediction.reply.actions) == 6
+    assert prediction.reply.text == "\n".join(reply.rstrip("\n") for reply in (RELATIVE, FAR, RELATIVE))
 
 
 def test_an_unsupported_action_of_a_later_clause_is_named_by_its_place_among_all(taught):
@@ -98,7 +99,7 @@ def test_an_unsupported_action_of_a_later_clause_is_named_by_its_place_among_all
 
 def test_an_unsupported_action_is_let_pass_with_a_finding(taught):
     prediction = ask(taught(RELATIVE, FAR), TWICE.with_options(unsupported="allow"))
-    assert len(prediction.actions) == 6
+    assert len(prediction.reply.actions) == 6
     (danger,) = [finding for finding in prediction.findings if finding.severity == "danger"]
     assert (danger.code, danger.where) == ("unsupported-action", "actions[4]")
 
@@ -140,14 +141,14 @@ def test_too_many_clauses_for_the_actions_allowed(taught):
 def test_the_papers_format_asks_for_a_whole_instruction_at_once(taught):
     services = taught(f"[{ROW}]")
     both = TWICE.with_options(representation="absolute")
-    assert "then" in ask(services, both).prompt.query
+    assert "then" in ask(services, both).reply.prompt.query
 
 
 def test_actions_come_while_the_reply_arrives(taught):
     items, error = streamed(taught(RELATIVE, delay_s=0.002))
     assert error is None
     assert [type(item) for item in items] == [PredictedAction] * 3 + [Prediction]
-    assert items[-1].actions == tuple(items[:3])
+    assert items[-1].reply.actions == items[:3]
     timings_ms = items[-1].timings_ms
     assert timings_ms["first_action"] < 0.7 * timings_ms["llm"]
 
@@ -181,11 +182,13 @@ def test_a_closed_loop_goes_on_from_its_last_step(taught):
         services, replace(CLOSED.with_options(after=first.id), objects=(ObjectQuery("cube", (0.2, 0.1, 0.9)),))
     )
     third = ask(services, CLOSED.with_options(after=second.id))
-    assert [len(step.actions) for step in (first, second, third)] == [1, 1, 0]
+    assert [len(step.reply.actions) for step in (first, second, third)] == [1, 1, 0]
     assert [step.question.step for step in (first, second, third)] == [0, 1, 2]
-    np.testing.assert_allclose(second.actions[0].action.position_m, [0.2, 0.1, 0.9])
-    assert second.prompt.user == f"{first.prompt.user}{STEPS[0]}{second.prompt.query.splitlines()[-1]}"
-    assert third.prompt.user.startswith(second.prompt.user)
+    np.testing.assert_allclose(second.reply.actions[0].action.position_m, [0.2, 0.1, 0.9])
+    assert (
+        second.reply.prompt.user == f"{first.reply.prompt.user}{STEPS[0]}{second.reply.prompt.query.splitlines()[-1]}"
+    )
+    assert third.reply.prompt.user.startswith(second.reply.prompt.user)
     with services.store.read() as connection:
         assert predictions.get(connection, third.id).step == 2
     with pytest.raises(InvalidInputError, match="ended its closed loop"):
@@ -197,7 +200,7 @@ def test_a_closed_loop_keeps_its_demonstrations(taught):
     first = ask(services, CLOSED)
     services.upload_episode(tracked(upload("cube")), respond)
     second = ask(services, CLOSED.with_options(after=first.id))
-    assert second.question.template.demonstration_ids == first.question.template.demonstration_ids
+    assert second.question.prefix.demonstration_ids == first.question.prefix.demonstration_ids
     services.configure_task("pick", {"keyframes": {"rule": "uniform", "interval": 4}})
     with pytest.raises(ConflictError, match="begin the closed loop again"):
         ask(services, CLOSED.with_options(after=second.id))
@@ -220,7 +223,7 @@ def test_the_text_comes_in_pieces_if_it_is_wished(taught):
     assert error is None
     pieces = [item.text for item in items if isinstance(item, TextDelta)]
     assert len(pieces) > 3
-    assert "".join(pieces) == items[-1].completion.text
+    assert "".join(pieces) == items[-1].reply.text
     assert sum(isinstance(item, PredictedAction) for item in items) == 3
     assert not any(isinstance(item, TextDelta) for item in streamed(taught(RELATIVE))[0])
 

@@ -51,7 +51,7 @@ def explained(record, shown=None):
 
 def test_objects_and_actions_are_held_against_the_demonstrations():
     evidence = explained(prediction(actions(0.4), cube(0.4)))
-    assert evidence.reaches["cube"].beyond_m == pytest.approx((0.2, 0, 0))
+    assert evidence.reaches["cube"].beyond_m == pytest.approx(0.2)
     assert [deviation.offset_m for deviation in evidence.deviations] == pytest.approx([0.0] * 3)
 
 

@@ -10,18 +10,16 @@ from app.llm.base import ModelProfile
 from app.perception.base import ObjectQuery
 from app.pipeline.episode import Episode
 from app.pipeline.errors import UnfamiliarInstructionError, UngroundedInstructionError
-from app.services.predict.doubts import findings_before
+from app.services.measures import timings_of_its_own
+from app.services.predict.closed_loop import PreviousStep
 from app.services.predict.instruction import ground_instruction
-from app.services.predict.options import PredictOptions
-from app.services.predict.question import PredictRequest
-from app.services.predict.template import PreviousStep
-from app.services.predict.write import QuestionWriter
+from app.services.predict.request import PredictOptions, PredictRequest
 from app.services.teach.upload import Upload
 from app.store import predictions
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.motion_limits import Pose
 from tests.episodes import pick_trajectory
-from tests.services.conftest import ONE_ACTION
+from tests.services.conftest import ONE_ACTION, written
 from tests.services.test_dialogue import RELATIVE
 from tests.services.test_upload_episode import respond
 
@@ -51,7 +49,7 @@ def services(scripted):
 
 def question(services, instruction=REQUEST.instruction, objects=OBJECTS, **options):
     request = replace(REQUEST.with_options(**options), instruction=instruction, objects=objects)
-    return QuestionWriter(services.store, lambda name: PROFILE)(request, {})
+    return written(services, PROFILE, request)
 
 
 def asked(question):
@@ -137,9 +135,9 @@ def test_aliases_of_a_task_without_episodes_are_checked_with_the_first(scripted)
 def test_an_unfamiliar_instruction_is_passed_on_with_a_finding(services):
     allowed = question(services, instruction="pull the azure button", unfamiliar="allow")
     assert "pull the blue button" in asked(allowed)
-    (finding,) = findings_before(allowed)[:1]
+    (finding,) = allowed.findings[:1]
     assert (finding.code, finding.severity, finding.where) == ("unfamiliar-instruction", "danger", "instruction")
-    assert "unfamiliar-instruction" not in {item.code for item in findings_before(question(services))}
+    assert "unfamiliar-instruction" not in {item.code for item in question(services).findings}
 
 
 def test_how_the_words_were_understood_is_recorded(services):
@@ -166,11 +164,9 @@ def test_only_what_the_prompt_shows_is_familiar(scripted):
 
 def test_words_take_little_time(services):
     question(services)
-    timings_ms = {}
-    QuestionWriter(services.store, lambda name: PROFILE)(
-        replace(REQUEST, instruction="press the crimson one"), timings_ms
-    )
-    assert timings_ms["words"] < 50  # 2 on an idle machine
+    with timings_of_its_own() as timings:
+        question(services, instruction="press the crimson one")
+    assert timings.ms["words"] < 50  # 2 on an idle machine
 
 
 def test_a_closed_loop_goes_on_with_what_its_first_step_understood(services):
@@ -178,12 +174,12 @@ def test_a_closed_loop_goes_on_with_what_its_first_step_understood(services):
     previous = PreviousStep(
         0, "base", first.style, (), "", "", Pose((0, 0, 1), (1, 0, 0, 0)), "push the leftmost button", first.grounded
     )
-    swapped = [replace(pose, position_m=pose.position_m * [1, -1, 1]) for pose in first.observed]
-    taught = first.template.instructions
+    swapped = [replace(pose, position_m=pose.position_m * [1, -1, 1]) for pose in first.seen.objects]
+    taught = first.prefix.instructions
 
     def later(said):
         request = replace(REQUEST, instruction=said)
-        return ground_instruction(request, said, taught, first.settings, swapped, previous).instruction
+        return ground_instruction(request, said, taught, first.settings, swapped, previous).text
 
     assert later("push the leftmost button") == "push the red button"
     assert later("push the leftmost one") == "push the blue button"

@@ -9,20 +9,18 @@ from app.llm.base import ModelProfile
 from app.perception.base import ObjectQuery
 from app.pipeline.episode import Episode
 from app.pipeline.errors import ObjectSetError, UngroundedInstructionError
-from app.services.limits import NoDemonstrationsError, UnsafeReplyError
-from app.services.predict.doubts import findings_before
+from app.services.errors import NoDemonstrationsError, UnsafeReplyError
 from app.services.predict.evidence import explain_prediction, task_stats
-from app.services.predict.options import PredictOptions
-from app.services.predict.others import shares
-from app.services.predict.question import PredictRequest
+from app.services.predict.lent import shares
+from app.services.predict.request import PredictOptions, PredictRequest
 from app.services.predict.select import Demonstrations
-from app.services.predict.write import QuestionWriter
 from app.services.teach.upload import Upload
 from app.store import episodes, predictions
 from app.store.errors import ForbiddenTaskError
 from app.store.visibility import Visibility, seeing
 from roboprompt_client.errors import InvalidInputError
 from tests.episodes import pick_trajectory
+from tests.services.conftest import written
 from tests.services.test_upload_episode import respond
 
 PICKED_M = [(0.1, 0.1 + 0.05 * k, 0.78) for k in range(5)]
@@ -49,13 +47,13 @@ def services(scripted):
 
 
 def question(services, profile=BASE, request=ASKED, **options):
-    return QuestionWriter(services.store, lambda name: profile)(request.with_options(**options), {})
+    return written(services, profile, request.with_options(**options))
 
 
 def lent(services, question):
     """How many of its demonstrations are of which task, in their order."""
     with services.store.read() as connection:
-        return [episodes.get(connection, id_).task for id_ in question.template.demonstration_ids]
+        return [episodes.get(connection, id_).task for id_ in question.prefix.demonstration_ids]
 
 
 def test_the_prompt_shows_other_tasks_and_asks_for_this_one(services):
@@ -115,15 +113,15 @@ def test_a_task_that_the_key_is_not_for_lends_nothing(services):
 
 
 def test_the_answer_says_that_nobody_has_shown_this_task(services):
-    findings = findings_before(question(services))
+    findings = question(services).findings
     assert [(finding.code, finding.severity) for finding in findings] == [("other-tasks-demonstrations", "danger")]
     assert "pick (5), press (3)" in findings[0].message
 
 
 def test_no_plan_of_another_task_holds_the_actions_but_the_bounds_of_motion_do(services):
     predicted = asyncio.run(services.predict_actions(ASKED))
-    assert [action.row for action in predicted.actions] == [None] * 3
-    assert predicted.actions[1].action.position_m.tolist() == pytest.approx([0.2, -0.1, 0.78])
+    assert [action.row for action in predicted.reply.actions] == [None] * 3
+    assert predicted.reply.actions[1].action.position_m.tolist() == pytest.approx([0.2, -0.1, 0.78])
     box = {"min": [0.15, -0.15, 0.7], "max": [0.25, -0.05, 0.75]}
     services.configure_task("fetch", {"motion_limits": {"keep_out": [box]}})
     with pytest.raises(UnsafeReplyError, match="keep_out"):
@@ -136,7 +134,7 @@ def test_it_is_kept_and_counted_apart(services):
     )
     with services.store.read() as connection:
         record = predictions.get(connection, predicted.id)
-    assert record.demonstration_ids == predicted.question.template.demonstration_ids
+    assert record.demonstration_ids == predicted.question.prefix.demonstration_ids
     assert record.findings[0]["code"] == "other-tasks-demonstrations"
     assert explain_prediction(record, Demonstrations((), ())).deviations == ()
     (standing,) = task_stats(services.store, "fetch").configurations
@@ -145,16 +143,16 @@ def test_it_is_kept_and_counted_apart(services):
 
 def test_samples_may_see_them_in_different_orders(services):
     asked = question(services, num_samples=3, permute_demonstrations=True)
-    orders = {sample.template.demonstration_ids for sample in asked.samples}
+    orders = {sample.prefix.demonstration_ids for sample in asked.samples}
     assert len(orders) == 3
     assert len({frozenset(order) for order in orders}) == 1
     assert all(sample.prompt.query == asked.prompt.query for sample in asked.samples)
 
 
 def test_what_is_taught_later_is_shown(services):
-    before = question(services, selection="recent").template.demonstration_ids
+    before = question(services, selection="recent").prefix.demonstration_ids
     teach(services, "press", "button", "press the button", [(0.3, 0.3, 0.78)], extra=("lamp",))
-    assert question(services, selection="recent").template.demonstration_ids != before
+    assert question(services, selection="recent").prefix.demonstration_ids != before
 
 
 def test_own_episodes_fix_the_objects_and_are_not_shown(services):
@@ -170,7 +168,8 @@ def test_an_object_stands_once_in_a_scene(services):
 
 
 def test_its_objects_must_be_there_and_its_words_need_not_be_taught(services):
-    assert question(services, request=replace(ASKED, instruction="juggle the mug")).instructions == ("juggle the mug",)
+    (part,) = question(services, request=replace(ASKED, instruction="juggle the mug")).parts
+    assert part.instruction == "juggle the mug"
     with pytest.raises(UngroundedInstructionError, match="the spoon' is none of"):
         question(services, request=replace(ASKED, instruction="fetch the spoon from the shelf"))
     with pytest.raises(UngroundedInstructionError, match="names no object"):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from app.services.predict.path import path_of
+from app.services.predict.evidence import path_of
 from app.services.task_settings import TaskSettings
 from roboprompt_client.arms.panda import PandaGeometry
 from tests.services.test_explain_prediction import DOWN, actions, cube, prediction

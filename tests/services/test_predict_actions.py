@@ -7,9 +7,8 @@ from app.llm.base import ModelTimeoutError, ModelUnavailableError
 from app.llm.computed import SCRIPTED
 from app.perception.base import ObjectQuery
 from app.pipeline.errors import UnfamiliarInstructionError
-from app.services.limits import UnparsableReplyError
-from app.services.predict.options import PredictOptions
-from app.services.predict.question import PredictRequest
+from app.services.errors import UnparsableReplyError
+from app.services.predict.request import PredictOptions, PredictRequest
 from app.store import predictions
 from tests.services.conftest import ONE_ACTION
 from tests.services.test_upload_episode import respond, upload
@@ -39,7 +38,7 @@ def taught(store, scripted):
 
 def test_actions_are_decoded_and_recorded(store, taught):
     prediction = ask(taught(ONE_ACTION))
-    (action,) = prediction.actions
+    (action,) = prediction.reply.actions
     assert action.discrete.bins == (50, 50, 20, 0, 36, 36, 1)
     (record,) = recorded(store)
     assert (record.id, record.status, record.reply_text) == (prediction.id, "ok", ONE_ACTION)
@@ -77,8 +76,8 @@ def test_the_deadline_holds(taught):
 
 
 def prefix(services, request=REQUEST):
-    question = asyncio.run(services.predict_actions.prepare(request, {}))
-    return question.template
+    question = asyncio.run(services.predict_actions.prepare(request))
+    return question.prefix
 
 
 def test_template_is_made_once_per_task_version(taught):
@@ -97,7 +96,7 @@ def test_settings_follow_request_then_task_then_model(taught):
     services = taught(ONE_ACTION)
 
     def style(request=REQUEST):
-        return asyncio.run(services.predict_actions.prepare(request, {})).style
+        return asyncio.run(services.predict_actions.prepare(request)).style
 
     assert (style().representation, style().system_prompt) == ("absolute", "a")
     services.configure_task("pick", {"representation": "object_frame", "system_prompt": "b"})
@@ -112,7 +111,7 @@ UNCLEAR = replace(REQUEST, instruction="soulevez le cube, s'il vous plaît")
 def test_a_chat_model_is_asked_what_unclear_words_mean(store, taught):
     asked = []
     prediction = ask(taught("1", ONE_ACTION, asked=asked), UNCLEAR)
-    assert prediction.question.grounded.instruction == "pick up the cube"
+    assert prediction.question.grounded.text == "pick up the cube"
     assert [phrase.to_json() for phrase in prediction.question.grounded.phrases] == [
         {"phrase": UNCLEAR.instruction, "object": "cube", "by": "llm"}
     ]
@@ -137,5 +136,5 @@ def test_other_models_and_dry_runs_ask_nobody(store, taught):
         ask(taught("1", ONE_ACTION, asked=asked, profile=replace(SCRIPTED, style="completion")), UNCLEAR)
     chat = taught("1", ONE_ACTION, asked=asked)
     with pytest.raises(UnfamiliarInstructionError):
-        asyncio.run(chat.predict_actions.prepare(UNCLEAR, {}, ask_meaning=False))
+        asyncio.run(chat.predict_actions.prepare(UNCLEAR, ask_meaning=False))
     assert asked == []

@@ -8,8 +8,8 @@ import pytest
 
 from app.llm.base import Completion, ModelProfile
 from app.services.predict import warm
+from app.services.predict.known import KnownReader
 from app.services.predict.warm import PrefixWarmer
-from app.services.predict.write import QuestionWriter
 from app.store import predictions
 from app.store.store import Store
 from tests.store.drafts import episode_draft, prediction_draft, upload
@@ -51,7 +51,7 @@ def store(tmp_path):
 
 @asynccontextmanager
 async def running(store, model, num_tasks=4):
-    warmer = PrefixWarmer(store, model, QuestionWriter(store, lambda name: PROFILE), num_tasks)
+    warmer = PrefixWarmer(store, model, KnownReader(store, lambda name: PROFILE), num_tasks)
     task = asyncio.create_task(warmer.run())
     await asyncio.sleep(0)  # it runs
     try:
@@ -93,8 +93,8 @@ def test_most_recently_used_tasks_are_warmed_one_at_a_time(store):
         return model.finished
 
     prefixes = asyncio.run(scenario())
-    writer = QuestionWriter(store, lambda name: PROFILE)
-    assert prefixes == [writer.usual_template(task).prompt.prefix for task in ("first", "third")]
+    reader = KnownReader(store, lambda name: PROFILE)
+    assert prefixes == [reader.usual_prefix(task).template.prefix for task in ("first", "third")]
 
 
 def test_uploads_in_a_row_are_warmed_once(store, monkeypatch):
@@ -112,7 +112,7 @@ def test_uploads_in_a_row_are_warmed_once(store, monkeypatch):
 
     model = asyncio.run(scenario())
     assert len(model.begun) == 1
-    assert model.finished[0] == QuestionWriter(store, lambda name: PROFILE).usual_template("new").prompt.prefix
+    assert model.finished[0] == KnownReader(store, lambda name: PROFILE).usual_prefix("new").template.prefix
 
 
 def test_a_prediction_interrupts_and_the_rest_is_made_up_for(store):

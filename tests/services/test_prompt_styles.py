@@ -5,10 +5,10 @@ from pydantic import ValidationError
 
 from app.api.documents import episode_document
 from app.llm.base import ModelProfile
-from app.services.predict.write import QuestionWriter
 from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks
 from roboprompt_client.errors import InvalidInputError
+from tests.services.conftest import written
 from tests.services.test_predict_actions import REQUEST
 from tests.services.test_upload_episode import respond, upload
 
@@ -24,7 +24,7 @@ def taught(scripted):
 
 
 def question(services, profile=CHAT, **options):
-    return QuestionWriter(services.store, lambda name: profile)(REQUEST.with_options(**options), {})
+    return written(services, profile, REQUEST.with_options(**options))
 
 
 @pytest.mark.parametrize(

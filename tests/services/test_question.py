@@ -5,8 +5,8 @@ import asyncio
 import pytest
 
 from app.perception.base import ObjectQuery
-from app.services.predict import observe
-from app.services.predict.question import PredictRequest
+from app.services.predict import known
+from app.services.predict.request import PredictRequest
 from app.store.errors import ConflictError
 from roboprompt_client.camera import Camera, RgbdFrame
 from tests.services.test_upload_episode import respond, upload
@@ -24,22 +24,22 @@ def services(scripted):
 
 def looking(monkeypatch, meanwhile):
     """Let something happen whenever poses are estimated."""
-    estimate = observe.estimate_poses
+    estimate = known.estimate_poses
 
     def estimate_slowly(*arguments, **options):
         meanwhile()
         return estimate(*arguments, **options)
 
-    monkeypatch.setattr(observe, "estimate_poses", estimate_slowly)
+    monkeypatch.setattr(known, "estimate_poses", estimate_slowly)
 
 
 def prepare(services, request):
-    return asyncio.run(services.predict_actions.prepare(request, {}))
+    return asyncio.run(services.predict_actions.prepare(request))
 
 
 def test_no_transaction_waits_for_images(services, monkeypatch):
     looking(monkeypatch, lambda: services.upload_episode(upload("cube"), respond))
-    assert len(prepare(services, SEEN).template.demonstration_ids) == 2
+    assert len(prepare(services, SEEN).prefix.demonstration_ids) == 2
 
 
 def test_settings_that_change_meanwhile_are_a_conflict(services, monkeypatch):

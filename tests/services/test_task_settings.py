@@ -3,7 +3,8 @@ import pytest
 from pydantic import ValidationError
 
 from app.pipeline.workspace import RLBENCH_MAX_M, RLBENCH_MIN_M
-from app.services.task_settings import KeyframeSettings, MotionLimitsSettings, TaskSettings, WorkspaceSettings
+from app.services.setting_parts import KeyframeSettings, MotionLimitsSettings, WorkspaceSettings
+from app.services.task_settings import TaskSettings
 
 KEEP_OUT = {"min": (0, 0, 0), "max": (1, 1, 1)}
 BOX = {"min": (-1.0, -1.0, 0.0), "max": (1.0, 1.0, 2.0)}

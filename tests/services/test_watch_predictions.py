@@ -32,7 +32,7 @@ def test_a_long_prediction_is_seen_until_it_ends(slow):
     assert (during.task, during.instruction, during.model) == ("pick", "pick up the cube", "scripted")
     assert time.time() - 10 < during.started_s < during.deadline_s
     assert after == ()
-    assert len(asked.result().actions) == 1
+    assert len(asked.result().reply.actions) == 1
 
 
 def test_one_that_fails_is_forgotten_too(slow):

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from app.pipeline.language.grounding import Taught
+from app.pipeline.order.reading import read
+from app.pipeline.order.taught import Taught
 from app.services.predict.instruction import is_english
 from app.sim.demonstrate import rollout
 from app.sim.moves import UP, action_from_move, move_to, nearest_yaw_rad, pick, place, tool_down
@@ -52,8 +53,8 @@ def test_instructions_reach_the_model_as_they_stand(name):
     taught = [make_task(name, 0, k).instruction for k in range(task.variations)]
     words = Taught(task.object_names, {}, taught, is_english)
     asked = [make_task(name, 0, task.variations + k).instruction for k in range(task.test_only_variations)]
-    assert [words.ground(said, allow_unfamiliar=True).instruction for said in asked] == asked
-    refused = [said for said in asked if words.ground(said, allow_unfamiliar=True).unfamiliar is not None]
+    assert [read(said, words, allow_unfamiliar=True).text for said in asked] == asked
+    refused = [said for said in asked if read(said, words, allow_unfamiliar=True).unfamiliar is not None]
     assert bool(refused) == (name in REFUSED)
 
 

@@ -2,7 +2,8 @@
 
 import pytest
 
-from app.pipeline.language.grounding import Taught
+from app.pipeline.order.reading import read
+from app.pipeline.order.taught import Taught
 from app.services.predict.instruction import is_english
 from app.sim.tasks import TASKS, make_task
 
@@ -18,7 +19,7 @@ def test_demonstrated_and_tested_instructions_are_taken_literally(name):
     number = task.variations + task.test_only_variations
     asked = {make_task(name, 0, k).instruction for k in range(0, number, max(1, number // MAX_VARIATIONS))}
     asked |= {make_task(name, 0, task.test_variation(seed)).instruction for seed in range(8)}
-    assert {said: words.ground(said).instruction for said in asked} == {said: said for said in asked}
+    assert {said: read(said, words).text for said in asked} == {said: said for said in asked}
 
 
 PARAPHRASES = {
@@ -58,7 +59,7 @@ def words_of(name):
 @pytest.mark.parametrize("name", PARAPHRASES)
 def test_a_paraphrase_is_understood(name):
     words, taught = words_of(name)
-    canonical = words.ground(PARAPHRASES[name]).instruction
+    canonical = read(PARAPHRASES[name], words).text
     expected = {
         "push_multiple_buttons": "push the red button, then push the green button",
         "stack_cups": "stack the blue cup and the red cup inside the green cup",
@@ -70,4 +71,4 @@ def test_a_paraphrase_is_understood(name):
 def test_what_no_demonstration_shows_is_refused(name):
     words, _ = words_of(name)
     with pytest.raises(ValueError, match=r"^instruction: "):
-        words.ground(OTHER_WORDS[name])
+        read(OTHER_WORDS[name], words)

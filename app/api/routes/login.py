@@ -8,7 +8,7 @@ from fastapi.responses import HTMLResponse, RedirectResponse
 
 from app.api.access_rules import COOKIE, LOGIN, LOGOUT, session_of
 from app.api.routes import Wired
-from app.services.api_keys import ExpiredKeyError
+from app.services.errors import ExpiredKeyError
 
 HOME = "/ui"
 _PAGE = Template("""<!doctype html>

@@ -2,7 +2,6 @@
 
 import json
 import re
-import time
 from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable
 from contextlib import AsyncExitStack, aclosing
 from functools import partial
@@ -21,7 +20,10 @@ from app.api.schemas.predictions import DryRunOut, PredictionOut, UnderstoodOut
 from app.api.schemas.requests import PredictBody
 from app.llm.base import TextDelta
 from app.services.limits import Limits
-from app.services.predict.question import PredictedAction, Prediction, PredictRequest, Question
+from app.services.predict.part_reply import PredictedAction
+from app.services.predict.question import Question
+from app.services.predict.record import Prediction
+from app.services.predict.request import PredictRequest
 from app.services.teach.upload import content_digest
 from app.store.values import JsonObject
 from app.store.visibility import present
@@ -71,11 +73,9 @@ async def predict(request: Request, services: Wired, idempotency_key: Idempotenc
     with the whole document; an event `error` with a problem document ends a reply that goes wrong in the middle. With
     `stream_text` the reply's pieces come as well, as events `text`, before it is known whether they are valid.
     """
-    started_s = time.perf_counter()
     body = await read_body(request, packed=True)
     streamed = _wants_events(request.headers.get("accept", ""))
     keep = _not_kept
-    timings_ms: dict[str, float] = {}
     async with AsyncExitStack() as turn:
         if idempotency_key is not None:
             await turn.enter_async_context(services.repeated_predictions.alone(idempotency_key))
@@ -88,16 +88,16 @@ async def predict(request: Request, services: Wired, idempotency_key: Idempotenc
                 if (known := await services.repeated_predictions.answer_to(idempotency_key, digest, query)) is not None:
                     return EventSourceResponse(_events_again(known)) if streamed else JSONResponse(known)
                 keep = partial(services.repeated_predictions.remember, idempotency_key, digest, query.without_frames())
-            question = await services.predict_actions.prepare(query, timings_ms, ask_meaning=not asked.dry_run)
+            question = await services.predict_actions.prepare(query, ask_meaning=not asked.dry_run)
             del query  # the room is given back, and with it what was decoded
         if asked.dry_run:
-            return JSONResponse(dry_run_document(question, timings_ms))
+            return JSONResponse(dry_run_document(question))
         if streamed:
-            answer = services.predict_actions.answer(question, timings_ms, started_s, piecewise=True)
+            answer = services.predict_actions.stream(question)
             # What fails before the first action is answered with its own status.
             first = await anext(answer)
             return EventSourceResponse(_events(request, question, first, answer, keep, turn.pop_all()))
-        prediction = await services.predict_actions.complete(question, timings_ms, started_s)
+        prediction = await services.predict_actions.complete(question)
         return JSONResponse(await keep(prediction_document(prediction)))
 
 
@@ -154,7 +154,7 @@ async def _event(item: _Item, keep: _Keep) -> bytes:
     if isinstance(item, TextDelta):
         return format_sse_event(event="text", data_str=json.dumps({"text": item.text}))
     if isinstance(item, PredictedAction):
-        return format_sse_event(event="action", data_str=json.dumps(item.to_json()))
+        return format_sse_event(event="action", data_str=json.dumps(item.document))
     document = prediction_document(item)
     await keep(document)
     return format_sse_event(event="done", data_str=json.dumps(document))
@@ -162,11 +162,10 @@ async def _event(item: _Item, keep: _Keep) -> bytes:
 
 async def _events_again(document: JsonObject) -> AsyncIterator[bytes]:
     """The events of an answer that was given before."""
-    listed = {"findings": document.get("findings", [])}
+    listed = {"findings": document["findings"]}
     yield format_sse_event(event="findings", data_str=json.dumps(listed))
-    if "grounding" in document:  # answers from before it was kept have none
-        understood = {name: document[name] for name in UnderstoodOut.model_fields}
-        yield format_sse_event(event="grounding", data_str=json.dumps(understood))
+    understood = {name: document[name] for name in UnderstoodOut.model_fields}
+    yield format_sse_event(event="grounding", data_str=json.dumps(understood))
     for action in document["actions"]:
         yield format_sse_event(event="action", data_str=json.dumps(action))
     yield format_sse_event(event="done", data_str=json.dumps(document))

@@ -229,16 +229,13 @@ class StoredPrediction(UnderstoodOut):
     prompt: ShownPrompt
     reply_text: str | None
     actions: list[ActionOut] | None
-    objects: Annotated[list[ObservedObjectOut], Field(description="empty where they were not kept yet")]
+    objects: list[ObservedObjectOut]
     cameras: Annotated[list[str], Field(description="whose images were sent")]
     usage: dict[str, int]
     timings_ms: dict[str, float]
     step: Step = None
     samples: Samples = None
-    findings: Annotated[
-        list[FindingOut] | None,
-        Field(description="what deserves a look, causes first; null where they were not kept yet"),
-    ]
+    findings: Annotated[list[FindingOut], Field(description="what deserves a look, causes first")]
     request: dict[str, Any]
     outcome: OutcomeOut | None
     key_id: Annotated[str | None, Field(description="of the API key that asked for it, where keys are required")] = None

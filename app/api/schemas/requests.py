@@ -9,7 +9,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 from app.api.schemas import examples
 from app.perception.base import ObjectQuery
 from app.perception.strict import WHOLE, Number, Truth
-from app.services.predict.options import PredictOptions
+from app.services.predict.request import PredictOptions
 from app.services.task_settings import plain_text
 from roboprompt_client.arrays import unit_quaternions
 from roboprompt_client.camera import Camera

@@ -13,8 +13,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from app.evaluation.scores import Result
+from app.pipeline.episode import frame_times_s, gripper_stretches
 from app.pipeline.keyframes import SIMULATION_DELTA_RAD_S
-from app.pipeline.timeline import frame_times_s, gripper_stretches
 from roboprompt_client.arrays import Array
 from roboprompt_client.trajectory import Trajectory
 

@@ -12,8 +12,8 @@ from app.evaluation.report.drawing import draw_scene
 from app.evaluation.report.pictures import Picture, PictureFolder, captions, film_tiles
 from app.evaluation.results import TaughtEpisode, Trial
 from app.evaluation.scores import Result
-from app.pipeline.prompt_colours import Span, prompt_spans
-from app.pipeline.timeline import frame_times_s
+from app.pipeline.episode import frame_times_s
+from app.pipeline.spans import Span, prompt_spans
 from app.sim.outcomes import SceneView
 from app.sim.rendering import CAMERA
 from roboprompt_client.trajectory import EndEffectorAction, ObjectPose

@@ -12,7 +12,6 @@ from app.pipeline.plans import (
     PlanRow,
     Recording,
     aligned_by_plan,
-    asks_for,
     by_plan,
     plan_rows,
     shown_together,
@@ -56,7 +55,7 @@ def _plan_check(group: Sequence[Demonstration], of_id: Mapping[str, Recording], 
         _episode_check(of_id[demonstration.id], demonstration, [offs[place] for offs in errors if offs])
         for place, demonstration in enumerate(group)
     )
-    return PlanCheck(asks_for(group[0]), shown, tuple(checks), episodes)
+    return PlanCheck(group[0].order.form, shown, tuple(checks), episodes)
 
 
 def _row_check(group: Sequence[Demonstration], k: int, row: PlanRow, offs: list[Off], *, switches: bool) -> RowCheck:

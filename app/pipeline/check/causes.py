@@ -13,17 +13,17 @@ from app.pipeline.check.rule_causes import many_rows, missed_path, mixed_recordi
 from app.pipeline.findings import SEVERITIES, Finding
 from app.pipeline.keyframes import KeyframeRule
 
-FEWEST = 3  # demonstrations of a plan, from which on its rows are judged
+MIN_JUDGED = 3  # demonstrations of a plan, from which on its rows are judged
 UNEXPLAINED_M = 0.06  # rotation included
 UNEXPLAINED_DEG = 40.0
-UNEXPLAINED = 0.8  # the share of a row's variation that remains where it follows nothing that is known
+UNEXPLAINED_SHARE = 0.8  # the share of a row's variation that remains where it follows nothing that is known
 NOISY_M = 0.02
-FEW = 3  # demonstrations of an instruction, from which on an odd one stands out from the usual
-ENOUGH = 4  # of one plan, to tell that one of them goes elsewhere
+MIN_PER_INSTRUCTION = 3  # demonstrations of an instruction, from which on an odd one stands out from the usual
+MIN_COMPARED = 4  # of one plan, to tell that one of them goes elsewhere
 ELSEWHERE_M = 0.05
-ELSEWHERE = 4.0  # times what most of the others are off
-MOST = 0.8
-COMMON = 1 / 2  # the share of an instruction's demonstrations that prompts show at least
+ELSEWHERE_FACTOR = 4.0  # times what most of the others are off
+OTHERS_SHARE = 0.8
+COMMON_SHARE = 1 / 2  # the share of an instruction's demonstrations that prompts show at least
 
 Found = tuple[list[Finding], list[str]]
 
@@ -34,7 +34,7 @@ def row_cause(plan: PlanCheck, number: int, rule: KeyframeRule) -> Finding | Non
     Args:
         number: of the plan.
     """
-    if len(plan.episodes) < FEWEST:
+    if len(plan.episodes) < MIN_JUDGED:
         return None
     unexplained = _unexplained(plan, rule)
     explained = [row for k, row in enumerate(plan.rows) if k not in unexplained]
@@ -63,8 +63,8 @@ def _follows_nothing(row: RowCheck) -> bool:
         return False
     lost = min(row.error.together_m, row.varies.together_m) >= UNEXPLAINED_M
     turned = min(row.error.deg, row.varies.deg) >= UNEXPLAINED_DEG
-    return (lost and row.error.together_m >= UNEXPLAINED * row.varies.together_m) or (
-        turned and row.error.deg >= UNEXPLAINED * row.varies.deg
+    return (lost and row.error.together_m >= UNEXPLAINED_SHARE * row.varies.together_m) or (
+        turned and row.error.deg >= UNEXPLAINED_SHARE * row.varies.deg
     )
 
 
@@ -166,7 +166,7 @@ def _of_instruction(group: Sequence[PlanCheck], plans: Sequence[PlanCheck], rule
 def _unlike(unexplained: Sequence[PlanCheck], group: Sequence[PlanCheck], rule: KeyframeRule) -> Found:
     number = len(_episodes(group))
     shown = sum(len(plan.episodes) for plan in group if plan.shown)
-    if unexplained and number >= ENOUGH and shown <= COMMON * number:
+    if unexplained and number >= MIN_COMPARED and shown <= COMMON_SHARE * number:
         return [_no_common_plan(group, number, rule)], []
     findings, ids = [], []
     otherwise = [one for alike in _by_gripper(group) for one in recorded_otherwise(_episodes(alike))]
@@ -185,12 +185,12 @@ def _odd_ones(plan: PlanCheck, usual: PlanCheck) -> Iterator[tuple[EpisodeCheck,
         for episode in plan.episodes:
             yield episode, f"{_other_way(plan, usual)}, and prompts leave it out"
         return
-    if len(plan.episodes) < ENOUGH:
+    if len(plan.episodes) < MIN_COMPARED:
         return
     off_m = np.array([[off.together_m for off in episode.errors] for episode in plan.episodes])
     for place, episode in enumerate(plan.episodes):
-        most_m = np.quantile(np.delete(off_m, place, axis=0), MOST, axis=0)
-        over = off_m[place] - np.maximum(ELSEWHERE_M, ELSEWHERE * most_m)
+        most_m = np.quantile(np.delete(off_m, place, axis=0), OTHERS_SHARE, axis=0)
+        over = off_m[place] - np.maximum(ELSEWHERE_M, ELSEWHERE_FACTOR * most_m)
         if over.max(initial=0) > 0:
             row = int(np.argmax(over))
             off = episode.errors[row]
@@ -229,11 +229,11 @@ def _no_common_plan(group: Sequence[PlanCheck], number: int, rule: KeyframeRule)
 
 def _few(group: Sequence[PlanCheck]) -> list[Finding]:
     number = len(_episodes(group))
-    if number >= FEW:
+    if number >= MIN_PER_INSTRUCTION:
         return []
     instruction = group[0].episodes[0].instruction
     message = (
         f"{instruction!r} has {number} demonstration{'s' if number > 1 else ''}: record more, ten if possible, with the"
-        " objects in other places. With fewer than three nobody can tell what a row follows, or which one is odd."
+        " objects in other places. With fewer than three it is not known what a row follows, or which one is odd."
     )
     return [Finding("few-demonstrations", "info", message, "episodes", {"demonstrations": number})]

@@ -11,7 +11,7 @@ from roboprompt_client.motion_limits import MAX_ACTIONS
 
 LEFT_M = 0.03  # farther than this from the recorded path a hand may hit what the demonstration went around
 MISSED_M = 0.02  # twice what the rules that follow a path allow
-OFTEN = 1 / 3  # of a plan's recordings
+OFTEN_SHARE = 1 / 3  # of a plan's recordings
 MANY_ROWS = 20
 RULES_OF_RESTS = ("merged", "authors")
 
@@ -39,7 +39,7 @@ def path_left(plan: PlanCheck, number: int, rule: KeyframeRule) -> list[Finding]
     """Keyframes between which the recorded hand did not go straight."""
     left_m = {episode.id: _left_m(plan, episode) for episode in plan.episodes}
     left = {id_: far_m for id_, far_m in left_m.items() if far_m > LEFT_M}
-    if not plan.shown or len(left) <= OFTEN * len(left_m):
+    if not plan.shown or len(left) <= OFTEN_SHARE * len(left_m):
         return []
     worst = max(left, key=left.__getitem__)
     remedy = "take the rule `waypoints`"

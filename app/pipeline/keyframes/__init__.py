@@ -1,5 +1,6 @@
 """Which frames of a trajectory matter: the robot rests, or the gripper opens or closes (paper, section III-B)."""
 
+from app.pipeline.episode import CONTROL_FREQUENCY_HZ, frame_times_s
 from app.pipeline.keyframes.resting import Manner, manner_of
 from app.pipeline.keyframes.rule import (
     RULES,
@@ -12,7 +13,6 @@ from app.pipeline.keyframes.rule import (
     uniform,
 )
 from app.pipeline.keyframes.waypoints import waypoints
-from app.pipeline.timeline import CONTROL_FREQUENCY_HZ, frame_times_s
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.trajectory import Trajectory
 

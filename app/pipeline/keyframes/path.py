@@ -16,7 +16,7 @@ from roboprompt_client.trajectory import Trajectory
 
 SPACING = 0.25  # of the poses that stand for a path, in tolerances
 MAX_POSES = 160  # that stand for a path; a longer one has wider spacing
-FAR = 6.0  # deviations beyond count alike
+MAX_DEVIATION = 6.0  # deviations beyond count alike
 LOOK_AHEAD = 32
 NO_TURN = 0.05  # in tolerances
 MIN_SEGMENT = 2.0  # in tolerances: on a shorter segment a place on it says little about progress
@@ -25,7 +25,7 @@ Frames = npt.NDArray[np.int_]
 
 
 @dataclass(frozen=True, eq=False)
-class Path:
+class HandPath:
     """Poses at some frames of a trajectory.
 
     Attributes:
@@ -39,7 +39,9 @@ class Path:
     rotation_vectors: Array
 
     @classmethod
-    def between(cls, trajectory: Trajectory, first: int, last: int, tolerance_m: float, tolerance_deg: float) -> "Path":
+    def between(
+        cls, trajectory: Trajectory, first: int, last: int, tolerance_m: float, tolerance_deg: float
+    ) -> "HandPath":
         """The hand's way from frame `first` to frame `last`; where it rests one pose stands for all."""
         part = slice(first, last + 1)
         positions: Array = trajectory.positions_m[part] / tolerance_m
@@ -53,7 +55,7 @@ class Path:
     def deviations(self) -> Array:
         """(N, N): how far the poses between i and j are from straight motion from i to j; 0 for j <= i + 1."""
         number = len(self.frames)
-        found = np.full((number, number), FAR)
+        found = np.full((number, number), MAX_DEVIATION)
         np.fill_diagonal(found, 0.0)
         travelled = self._travelled
         for i in range(number - 1):
@@ -61,7 +63,7 @@ class Path:
             for start in range(i + 2, number, LOOK_AHEAD):
                 ends = np.arange(start, min(start + LOOK_AHEAD, number))
                 found[i, ends] = self._deviations_from(i, ends, travelled)
-                if found[i, ends].min() >= FAR:
+                if found[i, ends].min() >= MAX_DEVIATION:
                     break
         return found
 
@@ -94,7 +96,7 @@ class Path:
             turned = self.rotation_vectors[between] - self.rotation_vectors[i]
             squared = np.maximum(squared, _squared_distances(turned, progress, turn))
         squared[between[None] >= ends[:, None]] = 0.0
-        farthest: Array = np.minimum(np.sqrt(squared.max(axis=1)), FAR)
+        farthest: Array = np.minimum(np.sqrt(squared.max(axis=1)), MAX_DEVIATION)
         return farthest
 
 
@@ -116,7 +118,7 @@ def fewest_waypoints(deviations: Array) -> list[int]:
     number = len(deviations)
     total = np.concatenate([[0.0], np.full(number - 1, np.inf)])
     before = np.zeros(number, dtype=int)
-    steps = np.where(deviations <= 1, number * FAR**2 + deviations**2, np.inf)
+    steps = np.where(deviations <= 1, number * MAX_DEVIATION**2 + deviations**2, np.inf)
     for j in range(1, number):
         cost = total[:j] + steps[:j, j]
         before[j] = int(np.argmin(cost))

@@ -7,8 +7,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from app.pipeline.keyframes.gripper import at_start, gripper_switches
-from app.pipeline.keyframes.path import Path
+from app.pipeline.keyframes.path import HandPath
 from app.pipeline.keyframes.rule import (
     MAX_KEYFRAMES,
     SIMULATION_DELTA_RAD_S,
@@ -17,6 +16,7 @@ from app.pipeline.keyframes.rule import (
     merged,
     resting_frames,
 )
+from app.pipeline.keyframes.waypoints import at_start, gripper_switches
 from roboprompt_client.arrays import Array
 from roboprompt_client.trajectory import Trajectory
 
@@ -41,7 +41,7 @@ def manner_of(trajectory: Trajectory, times_s: Array, delta_rad_s: float = SIMUL
     `rests`: the rests are its keyframes, so that `merged` finds these. Every grasp and release happens in a rest, the
     hand comes to it in a straight motion, corners are turned in rests, and (nearly) every rest is at a corner.
     `hesitates`: it rests on straight ways or longer than it moves, as people do, whose hand wavers as well.
-    `flows`: anything else, and an arm whose joints nobody recorded.
+    `flows`: anything else, and an arm whose joints were not recorded.
 
     Args:
         times_s: (T,) of the frames.
@@ -78,7 +78,7 @@ def _num_on_the_way(trajectory: Trajectory, keyframes: Sequence[int], switches: 
     for before, (here, after) in zip([0, *keyframes], pairwise(keyframes), strict=False):
         if any(abs(times_s[here] - times_s[frame]) <= NEARBY_S for frame in switches):
             continue
-        number += Path.between(trajectory, before, after, TOLERANCE_M, TOLERANCE_DEG).bend <= 1
+        number += HandPath.between(trajectory, before, after, TOLERANCE_M, TOLERANCE_DEG).bend <= 1
     return number
 
 
@@ -92,7 +92,7 @@ def _straight_to_switches(
     bent = 0
     for before, here in pairwise([0, *keyframes]):
         if any(abs(times_s[here] - times_s[frame]) <= NEARBY_S for frame in switches):
-            bend = Path.between(trajectory, before, here, TOLERANCE_M, TOLERANCE_DEG).bend
+            bend = HandPath.between(trajectory, before, here, TOLERANCE_M, TOLERANCE_DEG).bend
             bent += bend > STRAIGHT and _bend_in_joints(trajectory, before, here, times_s) > BENT
     return bent <= MOST_BENT * len(switches)
 
@@ -100,7 +100,7 @@ def _straight_to_switches(
 def _passes_corners(trajectory: Trajectory, keyframes: Sequence[int], times_s: Array) -> bool:
     """Whether some way between keyframes is several motions, in space and in the joints: a pose was passed on it."""
     return any(
-        Path.between(trajectory, before, here, TOLERANCE_M, TOLERANCE_DEG).bend > WIDE
+        HandPath.between(trajectory, before, here, TOLERANCE_M, TOLERANCE_DEG).bend > WIDE
         and _bend_in_joints(trajectory, before, here, times_s) > WINDING
         for before, here in pairwise([0, *keyframes])
         if here > before + 1

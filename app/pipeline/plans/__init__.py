@@ -12,7 +12,6 @@ from typing import TypeVar
 import numpy as np
 
 from app.pipeline.episode import Demonstration
-from app.pipeline.language.mentions import template
 from app.pipeline.plans.agreement import agreed, two_ways
 from app.pipeline.plans.alignment import Recording, aligned
 from app.pipeline.plans.rows import PlanRow, plan_rows
@@ -33,17 +32,15 @@ __all__ = [
 Key = TypeVar("Key")
 Item = TypeVar("Item")
 Group = tuple[Demonstration, ...]
-RARE = (
-    1 / 3
-)  # of the demonstrations of an instruction: a plan as rare as this is left out unless the scene calls for it
-ENOUGH = 2  # demonstrations of an instruction, on average, to see that their plan is no chance
-TOLD_APART = 0.8  # the share of demonstrations whose plan the nearest other scene has: the scene decides
+RARE_SHARE = 1 / 3  # of an instruction's demonstrations: a plan as rare is left out unless the scene calls for it
+MIN_PER_INSTRUCTION = 2  # demonstrations, on average, to see that their plan is no chance
+SCENE_DECIDES_SHARE = 0.8  # of the demonstrations have the plan of the nearest other scene
 
 
 def aligned_by_plan(recordings: Sequence[Recording]) -> Group:
     """The recordings' demonstrations, those of one plan with equally many actions; ways of doing a thing are plans."""
     result = [recording.demonstration for recording in recordings]
-    for places in _grouped((asks_for(demonstration), k) for k, demonstration in enumerate(result)).values():
+    for places in _grouped((demonstration.order.form, k) for k, demonstration in enumerate(result)).values():
         _put(result, places, _by_way(aligned([recordings[k] for k in places])))
     return tuple(result)
 
@@ -51,7 +48,7 @@ def aligned_by_plan(recordings: Sequence[Recording]) -> Group:
 def agreeing(demonstrations: Sequence[Demonstration]) -> Group:
     """The demonstrations with each row as those of its plan agree on it."""
     result = list(demonstrations)
-    for places in _grouped((_plan_key(demonstration), k) for k, demonstration in enumerate(result)).values():
+    for places in _grouped((demonstration.kind, k) for k, demonstration in enumerate(result)).values():
         _put(result, places, agreed([result[k] for k in places]))
     return tuple(result)
 
@@ -61,14 +58,9 @@ def _put(result: list[Demonstration], places: Sequence[int], demonstrations: Seq
         result[k] = demonstration
 
 
-def asks_for(demonstration: Demonstration) -> str:
-    """The instruction up to the objects that it names."""
-    return template([pose.name for pose in demonstration.objects], demonstration.instruction)
-
-
 def by_plan(demonstrations: Sequence[Demonstration]) -> list[Group]:
     """The demonstrations of each instruction and plan."""
-    return [tuple(group) for group in _grouped((_plan_key(d), d) for d in demonstrations).values()]
+    return [tuple(group) for group in _grouped((d.kind, d) for d in demonstrations).values()]
 
 
 def shown_together(demonstrations: Sequence[Demonstration]) -> Group:
@@ -78,24 +70,20 @@ def shown_together(demonstrations: Sequence[Demonstration]) -> Group:
     near to each other have the same plan) or the instruction (then all that name the same objects have).
     """
     kept: set[int] = set()
-    for places in _grouped((asks_for(d), k) for k, d in enumerate(demonstrations)).values():
-        keys = {k: _plan_key(demonstrations[k]) for k in places}
+    for places in _grouped((d.order.form, k) for k, d in enumerate(demonstrations)).values():
+        keys = {k: demonstrations[k].kind for k in places}
         counts = Counter(keys.values())
         usual = counts.most_common(1)[0][0]
         group = [demonstrations[k] for k in places]
         decides = len(counts) > 1 and (_scene_decides(group) or _instruction_decides(group))
-        kept |= {k for k, key in keys.items() if key == usual or decides or counts[key] > RARE * len(places)}
+        kept |= {k for k, key in keys.items() if key == usual or decides or counts[key] > RARE_SHARE * len(places)}
     return tuple(demonstrations[k] for k in sorted(kept))
-
-
-def _plan_key(demonstration: Demonstration) -> tuple[str, int | None, int]:
-    return asks_for(demonstration), demonstration.plan, len(demonstration.actions)
 
 
 def _by_way(demonstrations: Sequence[Demonstration]) -> list[Demonstration]:
     """The demonstrations with plans that are carried out in two ways kept apart."""
     result = list(demonstrations)
-    pending = list(_grouped((_plan_key(d), k) for k, d in enumerate(result)).values())
+    pending = list(_grouped((d.kind, k) for k, d in enumerate(result)).values())
     next_plan = 1 + max(demonstration.plan or 0 for demonstration in result)
     while pending:
         members = pending.pop()
@@ -116,17 +104,17 @@ def _scene_decides(group: Sequence[Demonstration]) -> bool:
     scenes_m = np.array([[pose.position_m for pose in demonstration.objects] for demonstration in group])
     between_m = np.linalg.norm(scenes_m[:, None] - scenes_m[None], axis=3).sum(axis=2)
     np.fill_diagonal(between_m, np.inf)
-    keys = [_plan_key(demonstration) for demonstration in group]
+    keys = [demonstration.kind for demonstration in group]
     same = [keys[k] == keys[int(nearest)] for k, nearest in enumerate(between_m.argmin(axis=1))]
     rare = Counter(keys).most_common()[-1][0]
     rarely = [hit for key, hit in zip(keys, same, strict=True) if key == rare]
-    return bool(np.mean(same) >= TOLD_APART and np.mean(rarely) >= TOLD_APART)
+    return bool(np.mean(same) >= SCENE_DECIDES_SHARE and np.mean(rarely) >= SCENE_DECIDES_SHARE)
 
 
 def _instruction_decides(group: Sequence[Demonstration]) -> bool:
     """Whether demonstrations of the same words have the same plan, and several do."""
-    plans = _grouped((demonstration.instruction, _plan_key(demonstration)) for demonstration in group)
-    return all(len(set(keys)) == 1 for keys in plans.values()) and len(group) >= ENOUGH * len(plans)
+    plans = _grouped((demonstration.instruction, demonstration.kind) for demonstration in group)
+    return all(len(set(keys)) == 1 for keys in plans.values()) and len(group) >= MIN_PER_INSTRUCTION * len(plans)
 
 
 def _grouped(pairs: Iterable[tuple[Key, Item]]) -> dict[Key, list[Item]]:

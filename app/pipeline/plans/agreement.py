@@ -12,14 +12,14 @@ import numpy as np
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.plans.rows import BEYOND_NOISE_M, PlanRow, acting_rows, plan_rows
-from app.pipeline.representation.anchors import M_PER_RAD, Anchor, anchor_frame, in_order, tilted_objects
+from app.pipeline.representation.anchors import M_PER_RAD, Anchor, anchor_frame, tilted_objects
 from roboprompt_client.arrays import Array
 from roboprompt_client.trajectory import EndEffectorAction
 
 TWO_WAYS_M = 0.04  # ways that differ by less are one
 GAP = 4.0  # between two ways, in standard deviations within them
-GAP_OF_FEW = 10.0  # the same of fewer than MANY demonstrations: few lie apart by chance
-MANY = 6
+GAP_OF_FEW = 10.0  # the same of fewer than MANY_DEMONSTRATIONS demonstrations: few lie apart by chance
+MANY_DEMONSTRATIONS = 6
 FEWEST_OF_A_WAY = 2
 SHARE_OF_A_WAY = 0.3
 EXPLAINED = 0.5  # the share of the scatter that must remain when the scene does not decide a row
@@ -57,7 +57,7 @@ def _centred(group: Sequence[Demonstration], row: PlanRow, tilted: frozenset[str
     """The centre of a row as each demonstration's scene has it."""
     actions = []
     for demonstration, anchor in zip(group, row.anchors, strict=True):
-        origin_m, axes = anchor_frame(anchor, demonstration.objects, demonstration.start, tilted)
+        origin_m, axes = anchor_frame(anchor, demonstration, tilted)
         rotation = axes * row.mean_rotation
         position_m = origin_m + axes.apply(row.centre_m)
         actions.append(EndEffectorAction(position_m, rotation.as_quat(canonical=True), row.gripper_open))
@@ -92,7 +92,7 @@ def two_ways(row: PlanRow, gap_of_few: float = GAP_OF_FEW) -> np.ndarray | None:
     cut = int(np.argmax(gaps_m)) + fewest
     low, high = sorted_m[:cut], sorted_m[cut:]
     within_m = float(np.sqrt((low.var() * len(low) + high.var() * len(high)) / len(sorted_m)))
-    if gaps_m.max() < max(TWO_WAYS_M, (GAP if len(poses_m) >= MANY else gap_of_few) * within_m):
+    if gaps_m.max() < max(TWO_WAYS_M, (GAP if len(poses_m) >= MANY_DEMONSTRATIONS else gap_of_few) * within_m):
         return None
     other = np.zeros(len(places_m), dtype=bool)
     other[order[cut:]] = True
@@ -116,9 +116,8 @@ def _depends_on_scene(group: Sequence[Demonstration], row: PlanRow) -> bool:
 
 def _seen_m(demonstration: Demonstration, anchor: Anchor, place: int) -> Array:
     """(3,) where an object (by its place in the order of mention) is, seen from an anchor."""
-    ordered = in_order(demonstration.objects, demonstration.instruction)
-    origin_m, axes = anchor_frame(anchor, demonstration.objects, demonstration.start, tilted_objects([demonstration]))
-    seen_m: Array = axes.inv().apply(ordered[place].position_m - origin_m)
+    origin_m, axes = anchor_frame(anchor, demonstration, tilted_objects([demonstration]))
+    seen_m: Array = axes.inv().apply(demonstration.ordered_objects[place].position_m - origin_m)
     return seen_m
 
 

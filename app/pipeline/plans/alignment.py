@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.keyframes import Keyframe, KeyframeRule, Manner, find_keyframes, manner_of
-from app.pipeline.keyframes.path import Path, best_waypoints
+from app.pipeline.keyframes.path import HandPath, best_waypoints
 from app.pipeline.keyframes.rule import MAX_KEYFRAMES
 from app.pipeline.keyframes.waypoints import Phase, at_frames, at_tips, phases, waypoints
 from app.pipeline.plans.rows import PlanRow, plan_rows
@@ -24,10 +24,10 @@ from app.pipeline.representation.anchors import M_PER_RAD, anchor_frame, tilted_
 from roboprompt_client.arrays import Array
 from roboprompt_client.trajectory import Trajectory
 
-MOST = 0.8  # the share of demonstrations whose paths need no more keyframes than a phase gets
+PATH_KEPT_SHARE = 0.8  # the share of demonstrations whose paths need no more keyframes than a phase gets
 ROUNDS = 2  # of choosing keyframes where the other demonstrations have them
-TOGETHER = 0.3  # the weight of rows lying together, beside that of paths being kept, in squared tolerances
-ODD = 3.0  # in tolerances: what is farther from the others does not count more
+TOGETHER_WEIGHT = 0.3  # the weight of rows lying together, beside that of paths being kept, in squared tolerances
+MAX_DISTANCE = 3.0  # in tolerances: what is farther from the others does not count more
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,10 +65,10 @@ class Recording:
         return phases(self.trajectory, self.times_s)
 
     @cached_property
-    def paths(self) -> tuple[tuple[Path, Array], ...]:
+    def paths(self) -> tuple[tuple[HandPath, Array], ...]:
         """Of each phase the path and its deviations from straight motion."""
         scale = (self.rule.tolerance_m, self.rule.tolerance_deg)
-        paths = [Path.between(self.trajectory, phase.first, phase.last, *scale) for phase in self.phases]
+        paths = [HandPath.between(self.trajectory, phase.first, phase.last, *scale) for phase in self.phases]
         return tuple((path, path.deviations()) for path in paths)
 
     @property
@@ -143,7 +143,7 @@ def _numbers(counts: Sequence[tuple[int, ...]], *, most_frequent: bool) -> tuple
     """How many keyframes each phase gets, as many as a reply may have in all."""
     if most_frequent:
         return Counter(counts).most_common(1)[0][0]
-    numbers = [math.ceil(np.quantile(column, MOST)) for column in zip(*counts, strict=True)]
+    numbers = [math.ceil(np.quantile(column, PATH_KEPT_SHARE)) for column in zip(*counts, strict=True)]
     while sum(numbers) > max(MAX_KEYFRAMES, len(numbers)):
         numbers[int(np.argmax(numbers))] -= 1
     return tuple(numbers)
@@ -166,7 +166,7 @@ def _chosen(
             costs = np.array(
                 [_distances(recording, path, row, place) for row in rows[len(found) : len(found) + number]]
             )
-            costs = TOGETHER * np.minimum(costs, ODD) ** 2
+            costs = TOGETHER_WEIGHT * np.minimum(costs, MAX_DISTANCE) ** 2
         frames = [int(path.frames[k]) for k in best_waypoints(deviations, number, costs)]
         if others is None:
             frames = at_tips(recording.trajectory, phase.first, frames, recording.rule.tolerance_m)
@@ -174,11 +174,10 @@ def _chosen(
     return found
 
 
-def _distances(recording: Recording, path: Path, row: PlanRow, place: int) -> Array:
+def _distances(recording: Recording, path: HandPath, row: PlanRow, place: int) -> Array:
     """(N,) how far each pose of the path is from where the other demonstrations have the row, in tolerances."""
     demonstration = recording.demonstration
-    tilted = tilted_objects([demonstration])
-    origin_m, axes = anchor_frame(row.anchors[place], demonstration.objects, demonstration.start, tilted)
+    origin_m, axes = anchor_frame(row.anchors[place], demonstration, tilted_objects([demonstration]))
     offsets_m = axes.inv().apply(recording.trajectory.positions_m[path.frames] - origin_m)
     rotations = axes.inv() * Rotation.from_quat(recording.trajectory.quaternions_xyzw[path.frames])
     off_m = np.linalg.norm(offsets_m - row.centre_m, axis=1)

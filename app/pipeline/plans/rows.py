@@ -16,7 +16,7 @@ HUBER = 1.5  # in robust standard deviations: what is farther from the centre co
 ITERATIONS = 5
 MAD_TO_SIGMA = 1.4826  # of a normal distribution
 PRECISE_M = 0.002
-MOST = 0.9  # the share of the demonstrations that lie within a row's tolerance
+TOLERANCE_SHARE = 0.9  # the share of the demonstrations that lie within a row's tolerance
 MARGIN_M = 0.03  # beyond the farthest demonstration, within which an action is supported
 MARGIN_DEG = 20.0
 BEYOND_NOISE_M = 0.08  # twice what rows scatter by where the noise of poses is twice the paper's
@@ -77,7 +77,7 @@ class PlanRow:
     @cached_property
     def tolerance(self) -> tuple[float, float]:
         """Within how many metres and degrees of the centre most demonstrations lie."""
-        return float(np.quantile(self.off_m, MOST)), float(np.quantile(self.off_deg, MOST))
+        return float(np.quantile(self.off_m, TOLERANCE_SHARE)), float(np.quantile(self.off_deg, TOLERANCE_SHARE))
 
     @cached_property
     def reach(self) -> tuple[float, float]:

@@ -4,16 +4,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
-from app.pipeline.episode import Demonstration
+from app.pipeline.episode import Demonstration, Query
 from app.pipeline.errors import UnsupportedActionError
-from app.pipeline.language.mentions import clauses, mention_order, template
+from app.pipeline.order.order import Order
 from app.pipeline.plans.rows import MARGIN_DEG, MARGIN_M, PlanRow, plan_rows
 from app.pipeline.representation.anchors import Anchor, anchor_frame, tilted_objects
 from roboprompt_client import quaternions
 from roboprompt_client.arrays import Array
-from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
+from roboprompt_client.trajectory import EndEffectorAction
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,8 +20,8 @@ class PlacedRow:
 
     Attributes:
         anchor: what it is relative to.
-        action: its centre in the world frame.
         origin_m, axes_xyzw: (3,) and (4,) where the anchor is and how its axes are turned, in the world frame.
+        action: its centre in the world frame.
         tolerance_m, tolerance_deg: within which most demonstrations lie.
         reach_m, reach_deg: within which an action is supported.
         grippers: what demonstrations do with the gripper there.
@@ -32,16 +30,16 @@ class PlacedRow:
     """
 
     anchor: Anchor
-    action: EndEffectorAction
     origin_m: Array
     axes_xyzw: Array
+    action: EndEffectorAction
     tolerance_m: float
     tolerance_deg: float
     reach_m: float
     reach_deg: float
     grippers: frozenset[bool]
-    scatter_m: float = 0.0
-    number: int = 1
+    scatter_m: float
+    number: int
 
     @property
     def centre_off_m(self) -> float:
@@ -56,7 +54,8 @@ class PlacedRow:
 
     def away(self, action: EndEffectorAction) -> tuple[float, float]:
         """How far an action is from the row's centre, in metres and degrees."""
-        off_m = float(np.linalg.norm(action.position_m - self.action.position_m))
+        way_m = action.position_m - self.action.position_m
+        off_m = math.sqrt(way_m.dot(way_m))  # of three numbers numpy's norm takes five times as long
         turn = quaternions.product(quaternions.inverse(self.action.quaternion_xyzw), action.quaternion_xyzw)
         return off_m, math.degrees(quaternions.angle_rad(turn))
 
@@ -93,70 +92,44 @@ class Support:
         plans = tuple((tuple(group), plan_rows(group)) for group in groups if group[0].actions)
         return cls(plans, tilted_objects(everything))
 
-    def placed(
-        self, objects: Sequence[ObjectPose], instruction: str, start: EndEffectorAction | None
-    ) -> tuple[PlacedPlan, ...] | None:
-        """The plans in an observed scene: those that ask for the same, or all where none does.
+    def placed(self, query: Query) -> tuple[PlacedPlan, ...] | None:
+        """The plans in the query's scene: those that ask for the same, or all where none does.
 
-        None where the instruction strings more or fewer clauses together than demonstrations do: then nobody knows
-        which rows follow each other.
+        None where the query strings more or fewer clauses together than demonstrations do: then it is not known which
+        rows follow each other.
         """
-        asked = len(clauses(instruction))
-        if any(len(clauses(group[0].instruction)) != asked for group, _ in self.plans):
+        asked = query.order
+        if any(len(group[0].order.clauses) != len(asked.clauses) for group, _ in self.plans):
             return None
-        names = [pose.name for pose in objects]
-        wanted = template(names, instruction)
-        alike = [plan for plan in self.plans if template(names, plan[0][0].instruction) == wanted]
-        return tuple(
-            _placed_plan(rows, _Frames(group[0], instruction, objects, start, self.tilted))
-            for group, rows in alike or self.plans
-        )
+        alike = [plan for plan in self.plans if plan[0][0].order.form == asked.form]
+        return tuple(_placed_plan(rows, group[0], query, self.tilted) for group, rows in alike or self.plans)
 
 
-@dataclass(frozen=True, eq=False)
-class _Frames:
-    """What the anchors of a demonstration are in another scene; rows that share one have it computed once."""
-
-    shown: Demonstration
-    instruction: str
-    objects: Sequence[ObjectPose]
-    start: EndEffectorAction | None
-    tilted: frozenset[str]
-
-    def __call__(self, anchor: Anchor) -> tuple[Anchor, Array, Array]:
-        """The anchor there, its origin (3,) and its axes (4,) in the world frame."""
-        asked = asked_anchor(anchor, self.shown, self.instruction)
-        origin_m, axes = anchor_frame(asked, self.objects, self.start, self.tilted)
-        return asked, origin_m, axes.as_quat(canonical=True)
-
-
-def _placed_plan(rows: Sequence[PlanRow], frames: _Frames) -> PlacedPlan:
-    found = {anchor: frames(anchor) for anchor in dict.fromkeys(row.anchors[0] for row in rows)}
-    return tuple(_placed_row(row, *found[row.anchors[0]]) for row in rows)
-
-
-def _placed_row(row: PlanRow, anchor: Anchor, origin_m: Array, axes_xyzw: Array) -> PlacedRow:
-    position_m = origin_m + quaternions.rotated(axes_xyzw, row.centre_m)
-    quaternion_xyzw = quaternions.canonical(quaternions.product(axes_xyzw, row.mean_xyzw))
-    return PlacedRow(
-        anchor,
-        EndEffectorAction(position_m, quaternion_xyzw, row.gripper_open),
-        origin_m,
-        axes_xyzw,
-        *row.tolerance,
-        *row.reach,
-        row.grippers,
-        row.scatter_m,
-        len(row.off_m),
+def _placed_plan(rows: Sequence[PlanRow], shown: Demonstration, query: Query, tilted: frozenset[str]) -> PlacedPlan:
+    """The rows in the query's scene; those that share an anchor have it computed once."""
+    placed: dict[Anchor, tuple[Anchor, Array, Array]] = {}
+    for anchor in dict.fromkeys(row.anchors[0] for row in rows):
+        asked = asked_anchor(anchor, shown.order, query.order)
+        origin_m, axes = anchor_frame(asked, query, tilted)
+        placed[anchor] = asked, origin_m, axes.as_quat(canonical=True)
+    frames = [placed[row.anchors[0]] for row in rows]
+    positions_m, quaternions_xyzw = [], []
+    for row, (_, origin_m, axes_xyzw) in zip(rows, frames, strict=True):
+        positions_m.append(origin_m + quaternions.rotated(axes_xyzw, row.centre_m))
+        quaternions_xyzw.append(quaternions.canonical(quaternions.product(axes_xyzw, row.mean_xyzw)))
+    actions = EndEffectorAction.many(positions_m, quaternions_xyzw, [row.gripper_open for row in rows])
+    return tuple(
+        PlacedRow(*frame, action, *row.tolerance, *row.reach, row.grippers, row.scatter_m, len(row.off_m))
+        for row, frame, action in zip(rows, frames, actions, strict=True)
     )
 
 
-def asked_anchor(anchor: Anchor, demonstration: Demonstration, instruction: str) -> Anchor:
-    """The anchor of a demonstration in a scene with another instruction: the object mentioned in the same place."""
-    names = [pose.name for pose in demonstration.objects]
-    shown, asked = mention_order(names, demonstration.instruction), mention_order(names, instruction)
-    if anchor.object_name in shown and (place := shown.index(anchor.object_name)) < len(asked):
-        return Anchor(asked[place], anchor.frame)
+def asked_anchor(anchor: Anchor, shown: Order, asked: Order) -> Anchor:
+    """The anchor of a demonstration in a scene with another order: the object mentioned in the same place."""
+    if anchor.object_name in shown.objects:
+        place = shown.objects.index(anchor.object_name)
+        if place < len(asked.objects):
+            return Anchor(asked.objects[place], anchor.frame)
     return anchor
 
 
@@ -187,10 +160,9 @@ class SupportGuard:
             raise UnsupportedActionError(self._before + index, message, f"at most {most} actions")
         supporting = [plan for plan in going_on if plan[index].supports(action)]
         if not supporting:
-            nearest = min((plan[index] for plan in going_on), key=lambda row: row.away(action))
-            raise _unsupported(self._before + index, action, nearest)
+            raise _unsupported(self._before + index, action, _nearest([plan[index] for plan in going_on], action))
         self._plans, self._index = supporting, index + 1
-        return min((plan[index] for plan in supporting), key=lambda row: row.away(action))
+        return _nearest([plan[index] for plan in supporting], action)
 
     def pass_by(self) -> None:
         """Go on behind an action that `check` refused, as if every plan that has one there had it so."""
@@ -206,6 +178,10 @@ class SupportGuard:
         if all(len(plan) != self._index for plan in self._plans):
             missing, fewest = self._before + self._index, self._before + min(map(len, self._plans))
             raise UnsupportedActionError(missing, "is missing: the reply ends too early", f"{fewest} actions")
+
+
+def _nearest(rows: Sequence[PlacedRow], action: EndEffectorAction) -> PlacedRow:
+    return rows[0] if len(rows) == 1 else min(rows, key=lambda row: row.away(action))
 
 
 def _unsupported(index: int, action: EndEffectorAction, nearest: PlacedRow) -> UnsupportedActionError:

@@ -1,7 +1,6 @@
 """Actions <-> rows of text: one representation a file, chosen by name."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.representation.absolute import AbsoluteCodec
@@ -14,21 +13,21 @@ from roboprompt_client.errors import InvalidInputError
 
 PROMPT_FORMATS = ("paper", "authors")  # RoboPrompt's: every representation has them
 KAT_FORMAT = "kat"  # KAT's own, of its action tokens only
-_FIT: dict[str, Callable[[Sequence[Demonstration], Workspace, bool], Codec]] = {
-    "absolute": AbsoluteCodec.fit,
-    "object_frame": ObjectFrameCodec.fit,
-    "action_tokens": ActionTokensCodec.fit,
-}
-REPRESENTATIONS = tuple(_FIT)
+REPRESENTATIONS = ("absolute", "object_frame", "action_tokens")
 
 
 def fit_codec(
-    representation: str, prompt_format: str, demonstrations: Sequence[Demonstration], workspace: Workspace
+    representation: str,
+    prompt_format: str,
+    demonstrations: Sequence[Demonstration],
+    workspace: Workspace,
+    first_row: int = 1,
 ) -> Codec:
     """The named representation, fitted to the demonstrations of one prompt.
 
     Args:
         prompt_format: `paper` puts the instruction into the observation, `authors` leaves it out, `kat` is KAT's.
+        first_row: the number of the first row, where rows are numbered: in a closed loop it goes on over steps.
 
     Raises:
         InvalidInputError: for an unknown name, a format that the representation does not have, or without
@@ -37,8 +36,13 @@ def fit_codec(
     check_style(representation, prompt_format)
     if not demonstrations:
         raise InvalidInputError("demonstrations", "there are none", "at least one uploaded episode")
-    fit = KatCodec.fit if prompt_format == KAT_FORMAT else _FIT[representation]
-    return fit(demonstrations, workspace, prompt_format == "paper")
+    with_instruction = prompt_format == "paper"
+    if representation == "object_frame":
+        return ObjectFrameCodec.fit(demonstrations, workspace, with_instruction, first_row)
+    codec = AbsoluteCodec if representation == "absolute" else ActionTokensCodec
+    if prompt_format == KAT_FORMAT:
+        codec = KatCodec
+    return codec(workspace, tuple(demonstrations), with_instruction)
 
 
 def fit_other_tasks(
@@ -49,18 +53,10 @@ def fit_other_tasks(
     Rows relative to objects are fitted task by task; of the others only the number of rows depends on demonstrations.
     """
     everything = [demonstration for shown in tasks for demonstration in shown]
-    codec = fit_codec(representation, prompt_format, everything[:1], workspace)
-    if isinstance(codec, ObjectFrameCodec):
-        return OtherTasksCodec.fit(tasks, workspace, codec.with_instruction)
+    if representation == "object_frame" and everything:
+        check_style(representation, prompt_format)
+        return OtherTasksCodec.fit(tasks, workspace, prompt_format == "paper")
     return fit_codec(representation, prompt_format, everything, workspace)
-
-
-def fit_step(
-    representation: str, prompt_format: str, demonstrations: Sequence[Demonstration], workspace: Workspace, step: int
-) -> Codec:
-    """As `fit_codec`, for the demonstrations of one step (from 0) of a closed loop; rows go on counting over steps."""
-    codec = fit_codec(representation, prompt_format, demonstrations, workspace)
-    return replace(codec, first_row=step + 1) if isinstance(codec, ObjectFrameCodec) else codec
 
 
 def check_style(representation: str, prompt_format: str) -> None:
@@ -69,7 +65,7 @@ def check_style(representation: str, prompt_format: str) -> None:
     Raises:
         InvalidInputError: for an unknown name, or a format that the representation does not have.
     """
-    if representation not in _FIT:
+    if representation not in REPRESENTATIONS:
         raise InvalidInputError("representation", f"is {representation!r}", ", ".join(REPRESENTATIONS))
     formats = (*PROMPT_FORMATS, KAT_FORMAT) if representation == "action_tokens" else PROMPT_FORMATS
     if prompt_format not in formats:

@@ -7,11 +7,12 @@ import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
-from app.pipeline.episode import Demonstration
+from app.pipeline.episode import Demonstration, Query
 from app.pipeline.errors import ReplyParseError
-from app.pipeline.representation.base import row_count_bounds
+from app.pipeline.order.order import Order
+from app.pipeline.representation.base import Decoder, row_count_bounds
 from app.pipeline.workspace import (
     POSITION_BINS,
     ROTATION_BINS,
@@ -20,7 +21,7 @@ from app.pipeline.workspace import (
     object_bins,
     undiscretize_actions,
 )
-from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
+from roboprompt_client.trajectory import EndEffectorAction
 
 _FENCED = re.compile(r"```(?:json)?\s*(.*?)```", re.DOTALL)
 _LIST_START = re.compile(r"\[\s*(?=\[)")
@@ -145,32 +146,29 @@ class AbsoluteCodec:
     stop: tuple[str, ...] = ("{'",)  # the next observation
     separator: str = ", "
 
-    @classmethod
-    def fit(cls, demonstrations: Sequence[Demonstration], workspace: Workspace, with_instruction: bool) -> Self:
-        """The codec for `demonstrations`: of them it only needs the number of rows."""
-        return cls(workspace, tuple(demonstrations), with_instruction)
+    def needed(self) -> tuple[Demonstration, ...]:
+        return self.demonstrations
 
-    def questions(self, instruction: str) -> tuple[str, ...]:
-        return (instruction,)
+    def questions(self, order: Order) -> tuple[str, ...]:
+        return (order.text,)
 
-    def observation_text(self, objects: Sequence[ObjectPose], instruction: str) -> str:
-        parts = [f"'{pose.name}': {list(object_bins(pose, self.workspace))}" for pose in objects]
+    def observation_text(self, query: Query) -> str:
+        parts = [f"'{pose.name}': {list(object_bins(pose, self.workspace))}" for pose in query.objects]
         if self.with_instruction:
-            parts.append(f"'{instruction}'")
+            parts.append(f"'{query.instruction}'")
         return "{" + ", ".join(parts) + "}>"
 
     def actions_text(self, demonstration: Demonstration) -> str:
         return str([list(item.bins) for item in discretize_actions(demonstration.actions, self.workspace)])
 
     def demonstration_text(self, demonstration: Demonstration) -> str:
-        observation = self.observation_text(demonstration.objects, demonstration.instruction)
-        return f"{observation}{self.actions_text(demonstration)}{self.separator}"
+        return f"{self.observation_text(demonstration)}{self.actions_text(demonstration)}{self.separator}"
 
-    def grammar(self, instruction: str, max_actions: int) -> str:
-        return list_grammar(_ROW_RULES, *row_count_bounds(self.demonstrations, instruction, max_actions))
+    def grammar(self, query: Query, max_actions: int) -> str:
+        return list_grammar(_ROW_RULES, *row_count_bounds(self.demonstrations, query.order, max_actions))
 
-    def schema(self, instruction: str, max_actions: int) -> Mapping[str, object]:
-        return list_schema(_COLUMNS, *row_count_bounds(self.demonstrations, instruction, max_actions))
+    def schema(self, query: Query, max_actions: int) -> Mapping[str, object]:
+        return list_schema(_COLUMNS, *row_count_bounds(self.demonstrations, query.order, max_actions))
 
     def rows(self, reply_text: str, complete: bool) -> list[str]:
         return list_rows(reply_text, complete)
@@ -178,13 +176,9 @@ class AbsoluteCodec:
     def reply_text(self, rows: Sequence[str]) -> str:
         return f"[{', '.join(rows)}]"
 
-    def decode_rows(
-        self,
-        first: int,
-        rows: Sequence[str],
-        objects: Sequence[ObjectPose],
-        instruction: str,
-        start: EndEffectorAction | None = None,
-    ) -> list[EndEffectorAction]:
+    def decoder(self, query: Query) -> Decoder:
+        return self._actions
+
+    def _actions(self, first: int, rows: Sequence[str]) -> list[EndEffectorAction]:
         bins = [row_integers(row, index, _COLUMNS) for index, row in enumerate(rows, start=first)]
         return undiscretize_actions(bins, self.workspace)

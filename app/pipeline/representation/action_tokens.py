@@ -13,12 +13,12 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.episode import Demonstration
+from app.pipeline.episode import Demonstration, Query
 from app.pipeline.errors import ReplyParseError
 from app.pipeline.representation.absolute import AbsoluteCodec, Column, list_grammar, list_schema, row_integers
 from app.pipeline.representation.base import row_count_bounds
 from roboprompt_client.arrays import Array
-from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
+from roboprompt_client.trajectory import EndEffectorAction
 
 MM_PER_M = 1000
 LEVER_MM = 100
@@ -50,20 +50,13 @@ class ActionTokensCodec(AbsoluteCodec):
     def actions_text(self, demonstration: Demonstration) -> str:
         return str([_tokens(action) for action in demonstration.actions])
 
-    def grammar(self, instruction: str, max_actions: int) -> str:
-        return list_grammar(_ROW_RULES, *row_count_bounds(self.demonstrations, instruction, max_actions))
+    def grammar(self, query: Query, max_actions: int) -> str:
+        return list_grammar(_ROW_RULES, *row_count_bounds(self.demonstrations, query.order, max_actions))
 
-    def schema(self, instruction: str, max_actions: int) -> Mapping[str, object]:
-        return list_schema(_COLUMNS, *row_count_bounds(self.demonstrations, instruction, max_actions))
+    def schema(self, query: Query, max_actions: int) -> Mapping[str, object]:
+        return list_schema(_COLUMNS, *row_count_bounds(self.demonstrations, query.order, max_actions))
 
-    def decode_rows(
-        self,
-        first: int,
-        rows: Sequence[str],
-        objects: Sequence[ObjectPose],
-        instruction: str,
-        start: EndEffectorAction | None = None,
-    ) -> list[EndEffectorAction]:
+    def _actions(self, first: int, rows: Sequence[str]) -> list[EndEffectorAction]:
         return [_action(index, row) for index, row in enumerate(rows, start=first)]
 
 
@@ -77,8 +70,8 @@ class KatCodec(ActionTokensCodec):
     stop: tuple[str, ...] = ("INPUTS",)
     separator: str = "\n"
 
-    def observation_text(self, objects: Sequence[ObjectPose], instruction: str) -> str:
-        return f"INPUTS:\n{[_whole_mm(pose.position_m) for pose in objects]}\nOUTPUTS:\n"
+    def observation_text(self, query: Query) -> str:
+        return f"INPUTS:\n{[_whole_mm(pose.position_m) for pose in query.objects]}\nOUTPUTS:\n"
 
 
 def _action(index: int, row: str) -> EndEffectorAction:

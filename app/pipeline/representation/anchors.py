@@ -7,11 +7,10 @@ from typing import Literal, NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.episode import Demonstration
+from app.pipeline.episode import Demonstration, Query
 from app.pipeline.geometry import tilt_rad, yaw_rad
-from app.pipeline.language.mentions import mention_order
 from roboprompt_client.arrays import Array
-from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
+from roboprompt_client.trajectory import ObjectPose
 
 Frame = Literal["w", "o", "world", "start"]
 OBJECT_FRAMES: tuple[Frame, ...] = ("w", "o")
@@ -20,8 +19,8 @@ M_PER_RAD = 0.06  # 10 degrees of rotation weigh as much as 1 cm of position
 EQUAL_SPREAD_M = 0.002  # pairs this close to the best count as equal: then the previous row's pair goes on
 CLEARLY_LESS = 0.6  # the share of an object's spread below which the world or the start describe a row better
 WORLD_REACH_M = 4.9  # farther from the world's origin a row has no digits for it
-MANY = 5  # demonstrations from which on a single odd one does not decide
-MOST = 0.8  # the share of many demonstrations that decides
+MANY_DEMONSTRATIONS = 5  # demonstrations from which on a single odd one does not decide
+DECIDING_SHARE = 0.8  # the share of many demonstrations that decides
 # Of a single demonstration: a hand that is square to an object's axes has to do with it rather than with a nearer one
 SQUARE = Rotation.create_group("O")  # the 24 rotations that take axes to axes
 MOST_OBLIQUE_RAD = math.radians(20)  # beyond this it is not square to it at all
@@ -45,19 +44,12 @@ WORLD = Anchor("", "world")
 START = Anchor("", "start")
 
 
-def in_order(objects: Sequence[ObjectPose], instruction: str) -> tuple[ObjectPose, ...]:
-    """The objects that the instruction mentions in its order, then the others as they come."""
-    mentioned = mention_order([pose.name for pose in objects], instruction)
-    place = {name: k for k, name in enumerate(mentioned)}
-    return tuple(sorted(objects, key=lambda pose: place.get(pose.name, len(place))))
-
-
-def tilted_objects(demonstrations: Sequence[Demonstration]) -> frozenset[str]:
-    """Names of the objects whose z axis is not vertical in some demonstration."""
+def tilted_objects(scenes: Sequence[Query]) -> frozenset[str]:
+    """Names of the objects whose z axis is not vertical in some scene."""
     return frozenset(
         pose.name
-        for demonstration in demonstrations
-        for pose in demonstration.objects
+        for scene in scenes
+        for pose in scene.objects
         if pose.quaternion_xyzw is not None and tilt_rad(Rotation.from_quat(pose.quaternion_xyzw)) > TILT_RAD
     )
 
@@ -70,20 +62,18 @@ def object_rotation(pose: ObjectPose, frame: str, tilted: frozenset[str]) -> Rot
     return rotation if pose.name in tilted else Rotation.from_euler("z", yaw_rad(rotation))
 
 
-def anchor_frame(
-    anchor: Anchor, objects: Sequence[ObjectPose], start: EndEffectorAction | None, tilted: frozenset[str]
-) -> tuple[Array, Rotation]:
+def anchor_frame(anchor: Anchor, scene: Query, tilted: frozenset[str]) -> tuple[Array, Rotation]:
     """An anchor's origin (3,) in metres in the world frame, and its axes there.
 
     Args:
-        start: where the end effector was at first; needed for the frame `start` only.
+        scene: knows where the end effector was at first, if that is the anchor.
     """
     if anchor.frame == "world":
         return np.zeros(3), Rotation.identity()
     if anchor.frame == "start":
-        assert start is not None
-        return start.position_m, Rotation.identity()
-    pose = next(pose for pose in objects if pose.name == anchor.object_name)
+        assert scene.start is not None
+        return scene.start.position_m, Rotation.identity()
+    pose = scene.object(anchor.object_name)
     return pose.position_m, object_rotation(pose, anchor.frame, tilted)
 
 
@@ -91,7 +81,7 @@ def relative_action(
     demonstration: Demonstration, k: int, anchor: Anchor, tilted: frozenset[str]
 ) -> tuple[Array, Rotation]:
     """Action `k` relative to the anchor: offset (3,) in metres along the anchor's axes, and rotation."""
-    origin_m, axes = anchor_frame(anchor, demonstration.objects, demonstration.start, tilted)
+    origin_m, axes = anchor_frame(anchor, demonstration, tilted)
     action, to_anchor = demonstration.actions[k], axes.inv()
     offset_m: Array = to_anchor.apply(action.position_m - origin_m)
     return offset_m, to_anchor * Rotation.from_quat(action.quaternion_xyzw)
@@ -133,8 +123,8 @@ def _candidates(group: Sequence[Demonstration]) -> list[list[Anchor]]:
 
     The likelier first; a single demonstration rather follows an object's own axes.
     """
-    ordered = [in_order(d.objects, d.instruction) for d in group]
-    mentioned = [len(mention_order([pose.name for pose in d.objects], d.instruction)) for d in group]
+    ordered = [d.ordered_objects for d in group]
+    mentioned = [len(d.order.objects) for d in group]
     by_mention = [[objects[i].name for objects in ordered] for i in range(min(mentioned))]
     never_mentioned = [
         pose.name
@@ -173,7 +163,9 @@ def _spreads_m(group: Sequence[Demonstration], anchors: Sequence[Anchor], tilted
     for k in range(off_m.shape[1]):
         rotations = Rotation.concatenate([turned[k] for _, turned in relative])
         off_m[:, k] += M_PER_RAD * (rotations.mean().inv() * rotations).magnitude()
-    spreads: list[float] = (np.quantile(off_m, MOST, axis=0) if len(group) >= MANY else off_m.max(axis=0)).tolist()
+    spreads: list[float] = (
+        np.quantile(off_m, DECIDING_SHARE, axis=0) if len(group) >= MANY_DEMONSTRATIONS else off_m.max(axis=0)
+    ).tolist()
     return spreads
 
 
@@ -186,7 +178,7 @@ def _oblique_m(hands: Rotation) -> Array:
 
 def _relative_poses(demonstration: Demonstration, anchor: Anchor, tilted: frozenset[str]) -> tuple[Array, Rotation]:
     """Every action relative to the anchor: offsets (K, 3) in metres along its axes, and K rotations."""
-    origin_m, axes = anchor_frame(anchor, demonstration.objects, demonstration.start, tilted)
+    origin_m, axes = anchor_frame(anchor, demonstration, tilted)
     actions, to_anchor = demonstration.actions, axes.inv()
     if not actions:
         return np.zeros((0, 3)), to_anchor

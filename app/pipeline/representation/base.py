@@ -3,9 +3,21 @@
 from collections.abc import Mapping, Sequence
 from typing import Protocol
 
-from app.pipeline.episode import Demonstration
-from app.pipeline.language.mentions import clauses
-from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
+from app.pipeline.episode import Demonstration, Query
+from app.pipeline.order.order import Order
+from roboprompt_client.trajectory import EndEffectorAction
+
+
+class Decoder(Protocol):
+    """Reads rows of one reply."""
+
+    def __call__(self, first: int, rows: Sequence[str]) -> list[EndEffectorAction]:
+        """The actions of the rows from index `first` (from 0) on.
+
+        Raises:
+            ReplyParseError: if one is not a valid row.
+        """
+        ...
 
 
 class Codec(Protocol):
@@ -22,11 +34,15 @@ class Codec(Protocol):
     @property
     def separator(self) -> str: ...
 
-    def questions(self, instruction: str) -> tuple[str, ...]:
-        """The instructions to ask for one after the other so that the whole `instruction` is carried out."""
+    def needed(self) -> tuple[Demonstration, ...]:
+        """The demonstrations that a prompt needs, in their order: some leave out those that repeat others."""
         ...
 
-    def observation_text(self, objects: Sequence[ObjectPose], instruction: str) -> str:
+    def questions(self, order: Order) -> tuple[str, ...]:
+        """The instructions to ask for one after the other so that the whole order is carried out."""
+        ...
+
+    def observation_text(self, query: Query) -> str:
         """The observation as the prompt shows it, including the mark that asks for actions."""
         ...
 
@@ -38,11 +54,11 @@ class Codec(Protocol):
         """Observation, actions and separator: what the prompt repeats."""
         ...
 
-    def grammar(self, instruction: str, max_actions: int) -> str:
+    def grammar(self, query: Query, max_actions: int) -> str:
         """The GBNF grammar of valid replies."""
         ...
 
-    def schema(self, instruction: str, max_actions: int) -> Mapping[str, object] | None:
+    def schema(self, query: Query, max_actions: int) -> Mapping[str, object] | None:
         """The JSON Schema of valid replies; None where they are not JSON."""
         ...
 
@@ -58,31 +74,14 @@ class Codec(Protocol):
         """The reply that consists of these rows, as demonstrations show it after the observation."""
         ...
 
-    def decode_rows(
-        self,
-        first: int,
-        rows: Sequence[str],
-        objects: Sequence[ObjectPose],
-        instruction: str,
-        start: EndEffectorAction | None = None,
-    ) -> list[EndEffectorAction]:
-        """The actions of the rows from index `first` (from 0) on of the reply to `instruction`.
-
-        All rows at once: numpy and scipy take as long for one as for ten.
-
-        Args:
-            objects: as they were observed.
-            start: where the end effector is before the first action, where that is known.
-
-        Raises:
-            ReplyParseError: if one is not a valid row.
-        """
+    def decoder(self, query: Query) -> Decoder:
+        """What reads the rows of a reply to the query, many at once: numpy takes as long for one as for ten."""
         ...
 
 
-def row_count_bounds(demonstrations: Sequence[Demonstration], instruction: str, max_actions: int) -> tuple[int, int]:
+def row_count_bounds(demonstrations: Sequence[Demonstration], order: Order, max_actions: int) -> tuple[int, int]:
     """The fewest and most rows a reply may have: those a clause has in the demonstrations, times the clauses asked."""
-    asked = len(clauses(instruction))
-    counts = [(asked * len(d.actions), len(clauses(d.instruction))) for d in demonstrations]
+    asked = len(order.clauses)
+    counts = [(asked * len(d.actions), len(d.order.clauses)) for d in demonstrations]
     fewest, most = min(rows // shown for rows, shown in counts), max(-(-rows // shown) for rows, shown in counts)
     return min(max(fewest, 1), max_actions), min(most, max_actions)

@@ -14,24 +14,24 @@ import re
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.episode import Demonstration
+from app.pipeline.episode import Demonstration, Query
 from app.pipeline.errors import ReplyParseError
 from app.pipeline.geometry import yaw_rad
-from app.pipeline.language.mentions import clauses
+from app.pipeline.order.order import Order
 from app.pipeline.representation.anchors import (
     OBJECT_FRAMES,
     START,
     WORLD,
     Anchor,
     anchor_frame,
-    in_order,
     tilted_objects,
 )
+from app.pipeline.representation.base import Decoder
 from app.pipeline.representation.object_grammar import any_rows_grammar, plans_grammar, plans_of
 from app.pipeline.representation.object_rows import (
     OFFSET_UNIT_M,
@@ -56,6 +56,7 @@ _ROW = re.compile(
     r" (\d{1,2}) (\d{1,2}) (\d{1,2}) ([01])",
     re.ASCII,
 )
+Frame = tuple[Array, Rotation]  # origin (3,) in metres and axes, in the world frame
 _FENCE = re.compile(r"^```\w*\n?|```$")
 
 
@@ -82,7 +83,7 @@ class ObjectFrameCodec:
 
     @classmethod
     def fit(
-        cls, demonstrations: Sequence[Demonstration], workspace: Workspace, with_instruction: bool
+        cls, demonstrations: Sequence[Demonstration], workspace: Workspace, with_instruction: bool, first_row: int = 1
     ) -> "ObjectFrameCodec":
         """Choose each row's anchor and make equal what differs by rounding only."""
         tilted = tilted_objects(demonstrations)
@@ -90,18 +91,18 @@ class ObjectFrameCodec:
         for places in groups_of(demonstrations).values():
             for place, rows in zip(places, fit_rows([demonstrations[k] for k in places], tilted), strict=True):
                 table[place] = rows
-        return cls(workspace, tuple(demonstrations), with_instruction, tilted, tuple(table))
+        return cls(workspace, tuple(demonstrations), with_instruction, tilted, tuple(table), first_row)
 
-    def questions(self, instruction: str) -> tuple[str, ...]:
+    def questions(self, order: Order) -> tuple[str, ...]:
         """Clause by clause where every demonstration carries out a single one: small models do not compose."""
-        single = all(len(clauses(d.instruction)) == 1 for d in self.demonstrations)
-        return clauses(instruction) if single else (instruction,)
+        single = all(len(d.order.clauses) == 1 for d in self.demonstrations)
+        return tuple(clause.text for clause in order.clauses) if single else (order.text,)
 
-    def observation_text(self, objects: Sequence[ObjectPose], instruction: str) -> str:
-        ordered = enumerate(in_order(objects, instruction))
+    def observation_text(self, query: Query) -> str:
+        ordered = enumerate(query.ordered_objects)
         parts = [f"{letter(place)} {self._object_text(pose)}" for place, pose in ordered]
         if self.with_instruction:
-            parts.append(instruction.rstrip("."))
+            parts.append(query.instruction.rstrip("."))
         return "; ".join(parts) + " >"
 
     def _object_text(self, pose: ObjectPose) -> str:
@@ -112,20 +113,18 @@ class ObjectFrameCodec:
         return " ".join([pose.name, *map(str, numbers)])
 
     def actions_text(self, demonstration: Demonstration) -> str:
-        rows = self.table[_place(self.demonstrations, demonstration)]
-        anchors = [anchor_text(row.anchor, demonstration.objects, demonstration.instruction) for row in rows]
+        rows = self.table[self.demonstrations.index(demonstration)]
+        anchors = [anchor_text(row.anchor, demonstration.objects, demonstration.order) for row in rows]
         numbered = enumerate(zip(rows, anchors, strict=True), start=self.first_row)
         return "; ".join(shortened([row_text(number, anchor, row) for number, (row, anchor) in numbered]))
 
     def demonstration_text(self, demonstration: Demonstration) -> str:
-        observation = self.observation_text(demonstration.objects, demonstration.instruction)
-        return f"{observation} {self.actions_text(demonstration)}{self.separator}"
+        return f"{self.observation_text(demonstration)} {self.actions_text(demonstration)}{self.separator}"
 
-    def telling(self) -> tuple[Demonstration, ...]:
-        """The demonstrations that a prompt needs, in their order.
+    def needed(self) -> tuple[Demonstration, ...]:
+        """Of demonstrations that ask for the same thing and have the same rows, the last few.
 
-        Where all that ask for the same thing have the same rows, the last few show them as well as all do. Where rows
-        differ, all are needed: they show how often each variant occurs, and in which scenes.
+        Where rows differ, all are needed: they show how often each variant occurs, and in which scenes.
         """
         asking: dict[str, list[int]] = defaultdict(list)
         for (asks, *_), places in groups_of(self.demonstrations).items():
@@ -136,21 +135,21 @@ class ObjectFrameCodec:
             needed.update(sorted(places)[-MOST_REPEATED:] if len(texts) == 1 else places)
         return tuple(self.demonstrations[place] for place in sorted(needed))
 
-    def schema(self, instruction: str, max_actions: int) -> None:
+    def schema(self, query: Query, max_actions: int) -> None:
         """Its rows are no JSON."""
 
-    def grammar(self, instruction: str, max_actions: int) -> str:
-        return self._grammars(instruction, max_actions)
+    def grammar(self, query: Query, max_actions: int) -> str:
+        return self._grammars(query.order, max_actions)
 
     @cached_property
-    def _grammars(self) -> Callable[[str, int], str]:
-        """Grammars of the last instructions: to write one takes as long as to read a reply."""
+    def _grammars(self) -> Callable[[Order, int], str]:
+        """Grammars of the last orders: to write one takes as long as to read a reply."""
         return lru_cache(maxsize=MOST_GRAMMARS)(self._grammar)
 
-    def _grammar(self, instruction: str, max_actions: int) -> str:
-        if (plans := plans_of(self.demonstrations, self.table, instruction)) is not None:
+    def _grammar(self, asked: Order, max_actions: int) -> str:
+        if (plans := plans_of(self.demonstrations, self.table, asked)) is not None:
             return plans_grammar(plans, self.first_row, max_actions)
-        return any_rows_grammar(self.demonstrations, instruction, self.first_row, max_actions)
+        return any_rows_grammar(self.demonstrations, asked, self.first_row, max_actions)
 
     def rows(self, reply_text: str, complete: bool) -> list[str]:
         rows = [row.strip() for row in _FENCE.sub("", reply_text.strip()).split(";")]
@@ -159,17 +158,12 @@ class ObjectFrameCodec:
     def reply_text(self, rows: Sequence[str]) -> str:
         return f" {'; '.join(shortened(rows))}"
 
-    def decode_rows(
-        self,
-        first: int,
-        rows: Sequence[str],
-        objects: Sequence[ObjectPose],
-        instruction: str,
-        start: EndEffectorAction | None = None,
-    ) -> list[EndEffectorAction]:
+    def decoder(self, query: Query) -> Decoder:
+        return partial(self._actions, self._frames(query))
+
+    def _actions(self, frames: Mapping[str, Frame], first: int, rows: Sequence[str]) -> list[EndEffectorAction]:
         if not rows:
             return []
-        frames = self._frames(objects, instruction, start)
         read = [self._read_row(index, row, frames) for index, row in enumerate(rows, start=first)]
         origins_m = np.array([origin_m for (origin_m, _), _ in read])
         axes = Rotation.concatenate([axes for (_, axes), _ in read])
@@ -178,26 +172,22 @@ class ObjectFrameCodec:
         quaternions_xyzw = (axes * rotation_from_bins(numbers[:, 3:6])).as_quat(canonical=True)
         return EndEffectorAction.many(positions_m, quaternions_xyzw, (numbers[:, 6] == 1).tolist())
 
-    def _frames(
-        self, objects: Sequence[ObjectPose], instruction: str, start: EndEffectorAction | None
-    ) -> dict[str, tuple[Array, Rotation]]:
+    def _frames(self, query: Query) -> dict[str, Frame]:
         """Everything that a row may be relative to, as rows write it: origin and axes."""
-        ordered = enumerate(in_order(objects, instruction))
+        ordered = enumerate(query.ordered_objects)
         anchors = {
             f"{letter(place)} {frame}": Anchor(pose.name, frame)
             for place, pose in ordered
             for frame in OBJECT_FRAMES
-            if frame == "w" or _has_rotation(pose)
+            if frame == "w" or pose.quaternion_xyzw is not None
         }
         shown = {row.anchor for rows in self.table for row in rows}
         for anchor in (WORLD, START):
-            if anchor in shown and (anchor is WORLD or start is not None):
+            if anchor in shown and (anchor is WORLD or query.start is not None):
                 anchors[anchor.frame] = anchor
-        return {text: anchor_frame(anchor, objects, start, self.tilted) for text, anchor in anchors.items()}
+        return {text: anchor_frame(anchor, query, self.tilted) for text, anchor in anchors.items()}
 
-    def _read_row(
-        self, index: int, row: str, frames: Mapping[str, tuple[Array, Rotation]]
-    ) -> tuple[tuple[Array, Rotation], tuple[int, ...]]:
+    def _read_row(self, index: int, row: str, frames: Mapping[str, Frame]) -> tuple[Frame, tuple[int, ...]]:
         """What a row is relative to, and its seven numbers."""
         match = _ROW.fullmatch(row)
         if not match:
@@ -214,33 +204,3 @@ class ObjectFrameCodec:
             message = f"action {index} has the rotations {list(numbers[3:6])}, expected 0 to {ROTATION_BINS - 1}"
             raise ReplyParseError(message, row)
         return frames[anchor], numbers
-
-
-def _place(demonstrations: Sequence[Demonstration], wanted: Demonstration) -> int:
-    """Where a demonstration, or an equal copy of it, stands among those that the codec was fitted to.
-
-    Raises:
-        ValueError: it is none of them.
-    """
-    for place, known in enumerate(demonstrations):
-        if known is wanted:
-            return place
-    return [_content(known) for known in demonstrations].index(_content(wanted))
-
-
-def _content(demonstration: Demonstration) -> tuple[object, ...]:
-    """All that a demonstration's rows and their anchors are fitted to; ids are none where somebody made it by hand."""
-    poses = [(pose.name, _bytes(pose.position_m), _bytes(pose.quaternion_xyzw)) for pose in demonstration.objects]
-    actions = [
-        (_bytes(action.position_m), _bytes(action.quaternion_xyzw), action.gripper_open)
-        for action in demonstration.actions
-    ]
-    return demonstration.id, demonstration.instruction, poses, actions
-
-
-def _bytes(values: Array | None) -> bytes | None:
-    return None if values is None else values.tobytes()
-
-
-def _has_rotation(pose: ObjectPose) -> bool:
-    return pose.quaternion_xyzw is not None

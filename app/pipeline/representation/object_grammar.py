@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from app.pipeline.episode import Demonstration
-from app.pipeline.language.mentions import clauses, template
-from app.pipeline.representation.anchors import OBJECT_FRAMES, in_order
+from app.pipeline.episode import Demonstration, Query, in_order
+from app.pipeline.order.order import Order
+from app.pipeline.representation.anchors import OBJECT_FRAMES
 from app.pipeline.representation.base import row_count_bounds
 from app.pipeline.representation.object_rows import Row, asked_anchor, groups_of, letter
 from app.pipeline.workspace import ROTATION_BINS
@@ -65,30 +65,28 @@ Plan = Sequence[RowPattern]
 Table = Sequence[Sequence[Row]]  # [demonstration][row]
 
 
-def plans_of(demonstrations: Sequence[Demonstration], table: Table, instruction: str) -> list[Plan] | None:
+def plans_of(demonstrations: Sequence[Demonstration], table: Table, asked: Order) -> list[Plan] | None:
     """What each plan's rows may say; None where the rows of several demonstrations must be strung together.
 
-    Plans of demonstrations that ask for the same as the instruction, or of all where none does.
+    Plans of demonstrations that ask for the same as the order, or of all where none does.
     """
-    asked = len(clauses(instruction))
-    if any(len(clauses(d.instruction)) != asked for d in demonstrations):
+    if any(len(d.order.clauses) != len(asked.clauses) for d in demonstrations):
         return None
     groups = groups_of(demonstrations)
-    wanted = template([pose.name for pose in demonstrations[0].objects], instruction)
-    chosen = [places for (asks, *_), places in groups.items() if asks == wanted] or list(groups.values())
+    chosen = [places for (form, *_), places in groups.items() if form == asked.form] or list(groups.values())
     return [
-        _patterns([demonstrations[place] for place in places], [table[place] for place in places], instruction)
+        _patterns([demonstrations[place] for place in places], [table[place] for place in places], asked)
         for places in chosen
     ]
 
 
-def _patterns(shown: Sequence[Demonstration], table: Table, instruction: str) -> list[RowPattern]:
+def _patterns(shown: Sequence[Demonstration], table: Table, asked: Order) -> list[RowPattern]:
     """Of each row of the plan that these demonstrations share."""
     by_row = list(zip(*table, strict=True))
     patterns = []
     for rows, before in zip(by_row, [(None,) * len(shown), *by_row], strict=False):
         numbers = np.array([row.numbers for row in rows])
-        anchors = {asked_anchor(row.anchor, shown_, instruction) for row, shown_ in zip(rows, shown, strict=True)}
+        anchors = {asked_anchor(row.anchor, shown_, asked) for row, shown_ in zip(rows, shown, strict=True)}
         columns = [frozenset(column.tolist()) for column in numbers.T]
         patterns.append(
             RowPattern(
@@ -115,32 +113,32 @@ def plans_grammar(plans: Sequence[Plan], first_row: int, most: int) -> str:
 
 def any_rows_grammar(
     demonstrations: Sequence[Demonstration],
-    instruction: str,
+    asked: Order,
     first_row: int,
     most: int,
-    scenes: Sequence[Demonstration] = (),
+    scenes: Sequence[Query] = (),
 ) -> str:
-    """The grammar of replies of well-formed rows, as many as the instruction's clauses have in the demonstrations.
+    """The grammar of replies of well-formed rows, as many as the order's clauses have in the demonstrations.
 
     Args:
         scenes: with the objects that rows may follow; none: those of the demonstrations.
     """
-    fewest, most = row_count_bounds(demonstrations, instruction, most)
+    fewest, most = row_count_bounds(demonstrations, asked, most)
     rows = [
         f'"{number} " a ": " {"b" if number == first_row else "s"}' for number in range(first_row, first_row + most)
     ]
     optional = ""
     for row in reversed(rows[fewest:]):
         optional = f' ("; " {row}{optional})?'
-    anchors = " | ".join(f'"{anchor}"' for anchor in _anchors(scenes or demonstrations, instruction))
+    anchors = " | ".join(f'"{anchor}"' for anchor in _anchors(scenes or demonstrations, asked))
     required = ' "; " '.join(rows[:fewest])
     return f'root ::= " " {required}{optional} "\\n"\na ::= {anchors}\n{_GRAMMAR_TAIL}'
 
 
-def _anchors(demonstrations: Sequence[Demonstration], instruction: str) -> list[str]:
-    """Every letter and frame that the demonstrations' objects allow."""
-    rotated = {pose.name for d in demonstrations for pose in d.objects if pose.quaternion_xyzw is not None}
-    ordered = enumerate(in_order(demonstrations[0].objects, instruction))
+def _anchors(scenes: Sequence[Query], asked: Order) -> list[str]:
+    """Every letter and frame that the scenes' objects allow."""
+    rotated = {pose.name for scene in scenes for pose in scene.objects if pose.quaternion_xyzw is not None}
+    ordered = enumerate(in_order(scenes[0].objects, asked))
     return [
         f"{letter(k)} {frame}" for k, pose in ordered for frame in OBJECT_FRAMES if frame == "w" or pose.name in rotated
     ]

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from app.pipeline.episode import Demonstration
-from app.pipeline.language.mentions import mention_order, template
-from app.pipeline.representation.anchors import Anchor, choose_anchors, in_order, relative_action
+from app.pipeline.episode import Demonstration, in_order
+from app.pipeline.order.order import Order
+from app.pipeline.representation.anchors import Anchor, choose_anchors, relative_action
 from app.pipeline.workspace import ROTATION_BINS, rotation_bins
 from roboprompt_client.trajectory import ObjectPose
 
@@ -40,12 +40,10 @@ class Row:
 
 
 def groups_of(demonstrations: Sequence[Demonstration]) -> dict[tuple[str, int | None, int], list[int]]:
-    """The places of demonstrations with the same rows: what they ask for, their plan and number of actions."""
+    """The places of demonstrations of one kind: they have the same rows."""
     groups: dict[tuple[str, int | None, int], list[int]] = defaultdict(list)
     for place, demonstration in enumerate(demonstrations):
-        names = [pose.name for pose in demonstration.objects]
-        asks = template(names, demonstration.instruction)
-        groups[asks, demonstration.plan, len(demonstration.actions)].append(place)
+        groups[demonstration.kind].append(place)
     return groups
 
 
@@ -98,7 +96,7 @@ def shortened(rows: Sequence[str]) -> list[str]:
 
 
 def in_full(rows: Sequence[str]) -> list[str]:
-    """The rows with the rotations that `shortened` leaves out; what is no such row stays as it is."""
+    """The rows with the rotations that `shortened` leaves out; other texts stay as they are."""
     full, before = [], ""
     for row in rows:
         short = _NO_ROTATION.fullmatch(row)
@@ -108,23 +106,19 @@ def in_full(rows: Sequence[str]) -> list[str]:
     return full
 
 
-def anchor_text(anchor: Anchor, objects: Sequence[ObjectPose], instruction: str) -> str:
+def anchor_text(anchor: Anchor, objects: Sequence[ObjectPose], order: Order) -> str:
     """An anchor of a scene as its rows write it."""
     if not anchor.object_name:
         return anchor.frame
-    names = [pose.name for pose in in_order(objects, instruction)]
+    names = [pose.name for pose in in_order(objects, order)]
     return f"{letter(names.index(anchor.object_name))} {anchor.frame}"
 
 
-def asked_anchor(anchor: Anchor, demonstration: Demonstration, instruction: str) -> str:
-    """An anchor of a demonstration as an answer to `instruction` writes it: the object mentioned in the same place."""
-    if not anchor.object_name:
-        return anchor.frame
-    names = [pose.name for pose in demonstration.objects]
-    shown = mention_order(names, demonstration.instruction)
-    if anchor.object_name in shown:
-        return f"{letter(shown.index(anchor.object_name))} {anchor.frame}"
-    return anchor_text(anchor, demonstration.objects, instruction)
+def asked_anchor(anchor: Anchor, demonstration: Demonstration, asked: Order) -> str:
+    """An anchor of a demonstration as an answer to an order writes it: the object mentioned in the same place."""
+    if anchor.object_name in demonstration.order.objects:
+        return f"{letter(demonstration.order.objects.index(anchor.object_name))} {anchor.frame}"
+    return anchor_text(anchor, demonstration.objects, asked)
 
 
 def letter(place: int) -> str:

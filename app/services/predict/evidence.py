@@ -1,21 +1,28 @@
-"""What recorded predictions are judged by: the demonstrations that they were made of, and how robots fared with them.
+"""What recorded predictions are judged by: their demonstrations, the robot's path, and how robots fared with them.
 
 A prediction is compared with its demonstrations; successes are counted by model and configuration of a task.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from app.pipeline.comparison import ActionDeviation, ObjectReach, action_deviations, object_reach
+from app.pipeline.deviation import ActionDeviation, ObjectReach, action_deviations, object_reach
 from app.pipeline.episode import Demonstration
 from app.pipeline.success_rate import SuccessRate
 from app.services.predict.select import Demonstrations
+from app.services.task_settings import TaskSettings
 from app.store import predictions, tasks
 from app.store.records import ConfigurationCounts, PredictionRecord
 from app.store.store import Store
+from roboprompt_client import quaternions
+from roboprompt_client.arms.calibration import Calibration
+from roboprompt_client.arms.panda import PandaGeometry
+from roboprompt_client.arms.preview import Previewed, preview_plan
+from roboprompt_client.arrays import Array
+from roboprompt_client.errors import MotionError
 from roboprompt_client.trajectory import EndEffectorAction
 
 
@@ -45,12 +52,37 @@ def explain_prediction(record: PredictionRecord, demonstrations: Demonstrations)
 
 def _canonical(record: PredictionRecord) -> str:
     """The instruction as the LLM read it."""
-    return record.instruction if record.grounding is None else str(record.grounding["instruction"])
+    return str(record.grounding["instruction"])
 
 
 def _actions(record: PredictionRecord) -> Iterator[EndEffectorAction]:
     for item in record.actions or ():
         yield EndEffectorAction(np.array(item["position"]), np.array(item["quaternion_xyzw"]), item["gripper_open"])
+
+
+def path_of(record: PredictionRecord, settings: TaskSettings) -> tuple[Previewed, ...]:
+    """Each action with its distance from the base, its reach, and the boxes of today's settings on the way to it.
+
+    The arm, where the settings name one, is thought to come from its maker's ready pose straight to where the request
+    said that the hand was.
+    """
+    base = Calibration(np.array(settings.robot_base), quaternions.IDENTITY)
+    geometry = None if settings.arm is None else PandaGeometry(settings.arm)
+    hand = record.request.get("end_effector")
+    joints = None if geometry is None else _start(geometry, base, hand)
+    start_m = None if hand is None else hand["position"]
+    limits, actions = settings.limits_of_motion(), list(_actions(record))
+    return preview_plan(actions, base, limits, geometry=geometry, joints_rad=joints, start_m=start_m)
+
+
+def _start(geometry: PandaGeometry, base: Calibration, hand: Mapping[str, Any] | None) -> Array:
+    if hand is None:
+        return geometry.ready_rad
+    position_m, quaternion = np.array(hand["position"]), np.array(hand["quaternion_xyzw"])
+    try:
+        return geometry.way(geometry.ready_rad, *base.to_base(position_m, quaternion))
+    except MotionError:
+        return geometry.ready_rad
 
 
 def configuration(record: PredictionRecord) -> dict[str, Any]:

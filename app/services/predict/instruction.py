@@ -14,12 +14,13 @@ from importlib.resources import files
 import numpy as np
 
 from app.llm.base import CompletionRequest, LanguageModel, LanguageModelError, complete
-from app.pipeline.language.grounded import Grounded, Grounding
-from app.pipeline.language.grounding import Taught
-from app.pipeline.language.space import Layout
+from app.pipeline.order.order import Grounding, Order
+from app.pipeline.order.reading import read, read_untaught
+from app.pipeline.order.space import Layout
+from app.pipeline.order.taught import Taught
 from app.pipeline.prompt import Prompt
-from app.services.predict.question import PredictRequest
-from app.services.predict.template import PreviousStep
+from app.services.predict.closed_loop import PreviousStep
+from app.services.predict.request import PredictRequest
 from app.services.task_settings import TaskSettings
 from roboprompt_client.trajectory import ObjectPose
 
@@ -66,7 +67,7 @@ def ground_instruction(
     settings: TaskSettings,
     objects: Sequence[ObjectPose],
     previous: PreviousStep | None,
-) -> Grounded:
+) -> Order:
     """The instruction as it is understood; a closed loop goes on with what its first step understood.
 
     The objects move while a closed loop runs: "the leftmost cube" must stay the one that it was.
@@ -79,23 +80,25 @@ def ground_instruction(
     Raises:
         UngroundedInstructionError, UnfamiliarInstructionError: if it is not clear.
     """
-    if previous is not None and previous.grounded is not None and previous.instruction == request.instruction:
+    if previous is not None and previous.instruction == request.instruction:
         return previous.grounded
-    aliases = tuple(sorted(settings.aliases.items()))
-    words = _words(tuple(pose.name for pose in objects), aliases, tuple(dict.fromkeys(taught)))
+    names, aliases = tuple(pose.name for pose in objects), tuple(sorted(settings.aliases.items()))
+    known = _taught(names, aliases, tuple(dict.fromkeys(taught)))
     if request.meaning is not None:
-        grounded = words.ground(request.meaning)
-        phrases = tuple(Grounding(instruction, phrase.object_name, "llm") for phrase in grounded.phrases)
-        return replace(grounded, phrases=phrases)
+        order = read(request.meaning, known)
+        phrases = tuple(Grounding(instruction, phrase.object_name, "llm") for phrase in order.phrases)
+        return replace(order, phrases=phrases)
     layout = Layout({pose.name: pose.position_m for pose in objects}, np.array(settings.robot_base))
     if request.options.demonstrations_from is not None:
-        return words.ground_names(instruction, layout)
-    return words.ground(instruction, layout, allow_unfamiliar=request.options.unfamiliar == "allow")
+        return read_untaught(instruction, known, layout)
+    return read(instruction, known, layout, allow_unfamiliar=request.options.unfamiliar == "allow")
 
 
 @lru_cache(MAX_TASKS)
-def _words(names: tuple[str, ...], aliases: tuple[tuple[str, tuple[str, ...]], ...], taught: tuple[str, ...]) -> Taught:
-    return Taught(names, dict(aliases), taught, is_english)
+def _taught(
+    names: tuple[str, ...], aliases: tuple[tuple[str, tuple[str, ...]], ...], instructions: tuple[str, ...]
+) -> Taught:
+    return Taught(names, dict(aliases), instructions, is_english)
 
 
 async def ask_meaning(

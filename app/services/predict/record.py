@@ -1,69 +1,41 @@
 """What became of a question to an LLM, kept: the prediction's row, its images, and the service's figures."""
 
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import Protocol
+from functools import partial
 
 import anyio.to_thread
-from sqlalchemy import Connection
 
+from app.pipeline.errors import ReplyParseError, UnsupportedActionError
 from app.pipeline.findings import Finding
-from app.services.measures import Metrics, Timings, note, timed
-from app.services.predict.dialogue import Dialogue
-from app.services.predict.doubts import findings_of
-from app.services.predict.program_dialogue import ProgramDialogue
-from app.services.predict.question import PredictedAction, Question
-from app.services.predict.sampled import SampledDialogue
+from app.services.errors import RefusedReplyError, UnparsableReplyError, UnsafeReplyError, UnsupportedReplyError
+from app.services.measures import Metrics, note, timed, timings
+from app.services.predict.checks import MotionCheck
+from app.services.predict.findings import failure_findings
+from app.services.predict.question import Question
+from app.services.predict.reply import Reply
 from app.services.scene_images import put_images
 from app.store import predictions
 from app.store.records import PredictionDraft, PredictionStatus
 from app.store.store import Store
 from app.store.values import ObjectRecord
-
-AnyDialogue = Dialogue | SampledDialogue | ProgramDialogue
-Check = Callable[[Connection], None]
-
-
-def _nothing_to_check(_: Connection) -> None:
-    pass
+from roboprompt_client.errors import RoboPromptError, UnsafeActionError
 
 
 @dataclass(frozen=True, eq=False)
-class Ended:
-    """What became of a question.
+class Prediction:
+    """A recorded answer.
 
     Attributes:
-        timings_ms: of the stages so far; whoever keeps the prediction adds `write`, `total` and `outside_llm`.
-        started_s: when the request came, by `time.perf_counter`.
-        actions: None if the reply had none; `error` None if all went well.
+        id: empty where it is not kept.
+        findings: what deserves a look.
     """
 
+    id: str
     question: Question
-    dialogue: AnyDialogue
-    timings_ms: Timings
-    started_s: float
-    status: PredictionStatus
-    actions: Sequence[PredictedAction] | None = None
-    error: str | None = None
-
-    @cached_property
-    def findings(self) -> tuple[Finding, ...]:
-        """All that deserves a look."""
-        return findings_of(self.question, self.dialogue, self.status, self.error)
-
-
-class Recorder(Protocol):
-    """What keeps a prediction, or does not."""
-
-    async def __call__(self, ended: Ended, check: Check = _nothing_to_check) -> str:
-        """The prediction's id; empty where it is not kept.
-
-        Args:
-            check: called in the transaction before anything is written; what it raises goes on, and nothing is stored.
-        """
-        ...
+    reply: Reply
+    timings_ms: dict[str, float]
+    findings: tuple[Finding, ...]
 
 
 class PredictionRecorder:
@@ -73,52 +45,77 @@ class PredictionRecorder:
         self._store = store
         self._metrics = metrics
 
-    async def __call__(self, ended: Ended, check: Check = _nothing_to_check) -> str:
-        """Store what was asked and answered, and count it; see `Recorder`."""
-        question, timings_ms, draft = ended.question, ended.timings_ms, _draft(ended)
+    async def answered(self, reply: Reply, motion: MotionCheck) -> Prediction:
+        """Store a reply that is passed on, and count it.
+
+        Raises:
+            UnsafeActionError: if limits of motion that were set since forbid an action; nothing is stored.
+        """
+        findings = _findings(reply, "ok", None)
+        id_ = await self._store_reply(reply, _draft(reply, "ok", None, findings), motion)
+        return Prediction(id_, reply.question, reply, timings().ms, findings)
+
+    async def failed(self, reply: Reply, error: RoboPromptError) -> RoboPromptError:
+        """Store a reply that is not passed on, and count it; returns the error that says so."""
+        status, message, refusal = _refusal(error)
+        draft = _draft(reply, status, message, _findings(reply, status, message))
+        id_ = await self._store_reply(reply, draft, None)
+        return error if refusal is None else refusal(reply.text or "", id_)
+
+    async def _store_reply(self, reply: Reply, draft: PredictionDraft, motion: MotionCheck | None) -> str:
+        request, current = reply.question.request, timings()
 
         def write() -> str:
-            cameras = put_images(self._store.blobs, question.request.cameras, question.request.images)
+            cameras = put_images(self._store.blobs, request.cameras, request.images)
             with self._store.write() as connection:
-                check(connection)
+                if motion is not None:
+                    motion.within(connection)
                 return predictions.add(connection, replace(draft, cameras=cameras) if cameras else draft).id
 
-        with timed(timings_ms, "write"):
+        with timed("write"):
             id_ = await anyio.to_thread.run_sync(write)
         note(prediction_id=id_)
-        timings_ms["total"] = (time.perf_counter() - ended.started_s) * 1000
-        timings_ms["outside_llm"] = timings_ms["total"] - timings_ms.get("llm", 0.0)
-        style, model, usage = question.style, question.profile.name, vars(ended.dialogue.usage)
-        self._metrics.observe_prediction(model, style.representation, ended.status, timings_ms, usage)
+        current.ms["outside_llm"] = current.reached("total") - current.ms.get("llm", 0.0)
+        self._metrics.observe_prediction(draft.model, draft.representation, draft.status, current.ms, vars(reply.usage))
         return id_
 
 
-async def leave_unrecorded(ended: Ended, check: Check = _nothing_to_check) -> str:
-    """In place of a `PredictionRecorder`: what a check asks is no robot's prediction, and no statistic counts it."""
-    return ""
+def _refusal(error: RoboPromptError) -> tuple[PredictionStatus, str, Callable[[str, str], RefusedReplyError] | None]:
+    """How a reply that is not passed on is kept, why, and the error of its text and id; None for that of the LLM."""
+    if isinstance(error, ReplyParseError):
+        return "parse_error", error.message, partial(UnparsableReplyError, error)
+    if isinstance(error, UnsafeActionError):
+        return "unsafe_action", str(error), partial(UnsafeReplyError, error)
+    if isinstance(error, UnsupportedActionError):
+        return "unsupported", str(error), partial(UnsupportedReplyError, error)
+    return "model_error", str(error), None
 
 
-def _draft(ended: Ended) -> PredictionDraft:
-    question, dialogue, actions = ended.question, ended.dialogue, ended.actions
+def _findings(reply: Reply, status: PredictionStatus, error: str | None) -> tuple[Finding, ...]:
+    return (*reply.question.findings, *reply.findings, *failure_findings(status, error))
+
+
+def _draft(reply: Reply, status: PredictionStatus, error: str | None, findings: tuple[Finding, ...]) -> PredictionDraft:
+    question = reply.question
     return PredictionDraft(
         task=question.request.task,
         instruction=question.request.instruction,
         model=question.profile.name,
         representation=question.style.representation,
         prompt_format=question.style.prompt_format,
-        status=ended.status,
+        status=status,
         request=question.request.as_sent,
-        demonstration_ids=question.template.demonstration_ids,
-        prompt_system=dialogue.prompt.system,
-        prompt_user=dialogue.prompt.user,
-        reply_text=dialogue.reply_text,
-        actions=None if actions is None else tuple(item.to_json() for item in actions),
-        error=ended.error,
-        usage={} if dialogue.reply_text is None else dict(vars(dialogue.usage)),
-        timings_ms=dict(ended.timings_ms),
+        demonstration_ids=question.prefix.demonstration_ids,
+        prompt_system=reply.prompt.system,
+        prompt_user=reply.prompt.user,
+        reply_text=reply.text,
+        actions=None if error is not None else tuple(item.document for item in reply.actions),
+        error=error,
+        usage={} if reply.text is None else dict(vars(reply.usage)),
+        timings_ms=dict(timings().ms),
         step=question.step,
-        objects=tuple(map(ObjectRecord.of, question.observed)),
-        samples=dialogue.samples,
+        objects=tuple(map(ObjectRecord.of, question.seen.objects)),
+        samples=reply.samples,
         grounding=question.grounded.to_json(),
-        findings=tuple(finding.to_json() for finding in ended.findings),
+        findings=tuple(finding.to_json() for finding in findings),
     )

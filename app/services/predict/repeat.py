@@ -8,10 +8,10 @@ from contextlib import asynccontextmanager
 import anyio.to_thread
 from sqlalchemy import Connection
 
-from app.services.limits import UnsafeReplyError
-from app.services.motion_bounds import CurrentLimits
-from app.services.predict.question import PredictRequest
-from app.services.predict.template import previous_step
+from app.services.errors import UnsafeReplyError
+from app.services.predict.checks import CurrentLimits
+from app.services.predict.closed_loop import previous_step
+from app.services.predict.request import PredictRequest
 from app.store import idempotency
 from app.store.errors import ConflictError
 from app.store.processes import Turn
@@ -98,8 +98,8 @@ class RepeatedPredictions:
 
     def _check(self, connection: Connection, request: PredictRequest, answer: JsonObject) -> None:
         before = request.end_effector
-        if before is None and request.options.after is not None:
-            before = previous_step(connection, request.options.after, request.task).end_effector
+        if before is None and (previous := previous_step(connection, request)) is not None:
+            before = previous.end_effector
         guard = MotionGuard(self._limits.read(connection, request.task), request.options.max_actions, before)
         try:
             for index, action in enumerate(answer["actions"]):

@@ -13,11 +13,11 @@ from typing import Literal
 import numpy as np
 from sqlalchemy import Connection
 
-from app.pipeline.episode import Demonstration
+from app.pipeline.episode import Demonstration, frame_times_s
 from app.pipeline.keyframes import KeyframeRule
-from app.pipeline.plans import Recording, agreeing, aligned_by_plan, by_plan, shown_together
-from app.pipeline.timeline import frame_times_s
+from app.pipeline.plans import Recording, agreeing, aligned_by_plan, shown_together
 from app.services.cache import Cache
+from app.services.predict.request import Selection
 from app.services.task_settings import TaskSettings
 from app.store import episodes
 from app.store.records import DemonstrationRecord, TaskRecord
@@ -25,7 +25,6 @@ from app.store.trajectories import get_trajectories
 from roboprompt_client.arrays import Array
 from roboprompt_client.trajectory import ObjectPose, Trajectory
 
-Selection = Literal["first", "recent", "random", "nearest", "diverse"]
 MAX_TASKS = 64  # whose scenes are kept: 10,000 episodes of three objects take 1 MB
 MAX_CHOICES = 1024
 
@@ -161,24 +160,28 @@ class Demonstrations:
     shown: tuple[Demonstration, ...]
     recorded: tuple[Demonstration, ...]
 
-    @property
-    def groups(self) -> list[tuple[Demonstration, ...]]:
-        """The recorded ones of each instruction and plan."""
-        return by_plan(self.recorded)
-
 
 def read_demonstrations(
-    connection: Connection, task: str, ids: Sequence[str], settings: TaskSettings, *, all_of_them: bool = False
+    connection: Connection,
+    task: str,
+    ids: Sequence[str],
+    settings: TaskSettings,
+    *,
+    all_of_them: bool = False,
+    stepwise: bool = False,
 ) -> Demonstrations:
     """The demonstrations of the named episodes.
 
     Args:
         all_of_them: also those of a rare plan, which a prompt otherwise leaves out.
+        stepwise: for a closed loop, each with its own keyframes: the objects were tracked to these.
 
     Raises:
         NotFoundError: naming the first id that is no episode of this task.
     """
     records = episodes.demonstrations_by_id(connection, task, ids)
+    if stepwise:
+        return _unaligned(records, settings)
 
     def trajectories() -> tuple[Trajectory, ...]:
         return get_trajectories(connection, ids)
@@ -199,8 +202,7 @@ def demonstrations_of(
         trajectories: reads those of the records, in their order; called where the task's keyframe rule needs them.
     """
     if not settings.keyframes.keyframe_rule().aligned:
-        canonical = tuple(canonical_demonstration(record.demonstration(), settings) for record in records)
-        return Demonstrations(canonical, canonical)
+        return _unaligned(records, settings)
     recorded = aligned_by_plan(recordings_of(records, trajectories(), settings))
     if not all_of_them:
         recorded = shown_together(recorded)
@@ -218,8 +220,7 @@ def recordings_of(
     ]
 
 
-def stepwise_demonstrations(records: Sequence[DemonstrationRecord], settings: TaskSettings) -> Demonstrations:
-    """The demonstrations of a closed loop, each with its own keyframes: the objects were tracked to these."""
+def _unaligned(records: Sequence[DemonstrationRecord], settings: TaskSettings) -> Demonstrations:
     canonical = tuple(canonical_demonstration(record.demonstration(), settings) for record in records)
     return Demonstrations(canonical, canonical)
 

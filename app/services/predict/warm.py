@@ -12,7 +12,7 @@ import anyio.to_thread
 from app.llm.base import CompletionRequest, LanguageModelError, complete
 from app.llm.registry import ModelRegistry
 from app.pipeline.prompt import Prompt
-from app.services.predict.write import QuestionWriter
+from app.services.predict.known import KnownReader
 from app.store import tasks
 from app.store.store import Store
 from roboprompt_client.errors import RoboPromptError
@@ -33,10 +33,10 @@ class PrefixWarmer:
         num_tasks: so many of the most recently used tasks; the model keeps as many prefixes.
     """
 
-    def __init__(self, store: Store, models: ModelRegistry, write: QuestionWriter, num_tasks: int) -> None:
+    def __init__(self, store: Store, models: ModelRegistry, known: KnownReader, num_tasks: int) -> None:
         self._store = store
         self._models = models
-        self._write = write
+        self._known = known
         self._num_tasks = num_tasks
         self._due_s: dict[str, float] = {}  # by task, by time.monotonic
         self._work = asyncio.Event()
@@ -113,9 +113,9 @@ class PrefixWarmer:
     async def _read(self, task: str) -> None:
         """Let the model read the task's prefix; what goes wrong is the answer when a robot asks."""
         try:
-            template = await anyio.to_thread.run_sync(self._write.usual_template, task)
-            prompt = Prompt(template.prompt.system, template.prompt.prefix, "")
-            request = CompletionRequest(prompt, max_tokens=1, timeout_s=TIMEOUT_S, cache_key=template.cache_key)
+            prefix = await anyio.to_thread.run_sync(self._known.usual_prefix, task)
+            prompt = Prompt(prefix.template.system, prefix.template.prefix, "")
+            request = CompletionRequest(prompt, max_tokens=1, timeout_s=TIMEOUT_S, cache_key=prefix.cache_key)
             await complete(self._models.get(), request)
         except RoboPromptError as error:
             logger.info("the prefix of task %s is not warm: %s", task, error)

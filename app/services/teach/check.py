@@ -11,27 +11,27 @@ from app.perception.base import ObjectQuery
 from app.pipeline.check import check_demonstrations
 from app.pipeline.check.left_out import ReplyCheck, check_reply, reply_findings
 from app.pipeline.check.report import EpisodeCheck, TaskCheck
+from app.pipeline.errors import ReplyParseError, UnsupportedActionError
 from app.pipeline.findings import Finding
 from app.pipeline.plans import Recording
 from app.services.cache import Cache
-from app.services.limits import NoDemonstrationsError, UnparsableReplyError, UnsafeReplyError, UnsupportedReplyError
+from app.services.errors import NoDemonstrationsError
 from app.services.predict.ask import PredictActions
-from app.services.predict.options import PredictOptions
-from app.services.predict.question import PredictRequest
+from app.services.predict.request import PredictOptions, PredictRequest
 from app.services.predict.select import recordings_of
 from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks
 from app.store.records import TaskRecord
 from app.store.store import Store
 from app.store.trajectories import get_trajectories
-from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.errors import InvalidInputError, UnsafeActionError
 from roboprompt_client.motion_limits import Pose
 
 MOST_CHECKED = 30  # demonstrations, the task's first; prompts have 10 unless somebody wants more
 MOST_ASKED = 10  # of them that an LLM is asked about, some seconds each
 ASKED_TIMEOUT_S = 120.0  # each; nobody's robot waits
 KEPT = 32  # checks of tasks that have not changed since
-REFUSALS = (UnparsableReplyError, UnsafeReplyError, UnsupportedReplyError, InvalidInputError)
+REFUSALS = (ReplyParseError, UnsafeActionError, UnsupportedActionError, InvalidInputError)
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +140,7 @@ class CheckTask:
             prediction = await self._predict(request)
         except REFUSALS as error:
             return ReplyCheck(episode.id, None, problem=str(error))
-        return check_reply(episode, [item.action for item in prediction.actions])
+        return check_reply(episode, [item.action for item in prediction.reply.actions])
 
 
 def _request(task: str, model: str, recording: Recording, others: Sequence[str]) -> PredictRequest:

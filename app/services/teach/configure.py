@@ -1,15 +1,15 @@
 """Change a task's settings; where they decide what is extracted, every episode is extracted again."""
 
 from collections.abc import Mapping
+from contextlib import suppress
 from typing import Any
 
 from sqlalchemy import Connection
 
-from app.services.motion_bounds import record_limits
 from app.services.pose_servers import PoseServers
 from app.services.task_settings import MERGED, TaskSettings
-from app.services.teach.extract import extract_again, with_room_for
-from app.store import episodes, jobs, tasks
+from app.services.teach.extract import extract_all_again, with_room_for
+from app.store import audit, episodes, jobs, tasks
 from app.store.errors import ConflictError, NotFoundError
 from app.store.records import EpisodeRecord, Extraction, JobRecord, TaskRecord
 from app.store.store import Store
@@ -17,6 +17,7 @@ from app.store.values import JsonObject
 from roboprompt_client.wording import checked_name
 
 MAX_AT_ONCE = 200  # some seconds
+BOUNDS = ("workspace", "motion_limits")  # settings that decide which actions are unsafe
 
 
 class ConfigureTask:
@@ -42,8 +43,13 @@ class ConfigureTask:
         if before is None:
             return self._create(name, new.model_dump(mode="json"))
         fits = new.workspace.preset == "auto" and ("workspace" in changes or new.reads_unlike(old))
-        records = self._episodes(name) if fits or new.reads_unlike(old) else ()
-        extractions = [self._extract(record, new) for record in records] if new.reads_unlike(old) else []
+        records: tuple[EpisodeRecord, ...] = ()
+        extractions: list[Extraction] = []
+        if fits or new.reads_unlike(old):
+            with self._store.read() as connection:
+                records = episodes.all_of(connection, name)
+        if new.reads_unlike(old):
+            extractions = extract_all_again(self._store, records, new)
         settings = with_room_for(new, (*records, *extractions)).model_dump(mode="json")
         with self._store.write() as connection:
             # An episode that came in since would keep what the old settings made of it.
@@ -78,7 +84,10 @@ class ConfigureTask:
     def _planned(self, name: str, changes: Mapping[str, Any]) -> tuple[TaskRecord | None, TaskSettings, TaskSettings]:
         """The task as it is, and its settings as they are and as they will be."""
         checked_name("task", name)
-        before = self._get(name)
+        with self._store.read() as connection:
+            before = None
+            with suppress(NotFoundError):
+                before = tasks.get(connection, name)
         old = TaskSettings() if before is None else TaskSettings.model_validate(before.settings)
         new = old.changed(changes)
         new.workspace.workspace()
@@ -95,20 +104,6 @@ class ConfigureTask:
             record_limits(connection, name, TaskSettings().model_dump(mode="json"), settings)
         return task
 
-    def _get(self, name: str) -> TaskRecord | None:
-        with self._store.read() as connection:
-            try:
-                return tasks.get(connection, name)
-            except NotFoundError:
-                return None
-
-    def _episodes(self, task: str) -> tuple[EpisodeRecord, ...]:
-        with self._store.read() as connection:
-            return episodes.all_of(connection, task)
-
-    def _extract(self, record: EpisodeRecord, settings: TaskSettings) -> Extraction:
-        return extract_again(self._store, record, settings)
-
 
 def _named(settings: JsonObject, change: Mapping[str, Any]) -> JsonObject:
     """The members that a change names."""
@@ -118,3 +113,26 @@ def _named(settings: JsonObject, change: Mapping[str, Any]) -> JsonObject:
 def _require_no_job(connection: Connection, name: str) -> None:
     if jobs.has_open(connection, name):
         raise ConflictError(f"a job extracts the episodes of {name!r} again: wait for its end, see GET /jobs")
+
+
+def record_limits(
+    connection: Connection,
+    task: str,
+    before: Mapping[str, Any],
+    after: Mapping[str, Any],
+    *,
+    action: str = "limits.changed",
+    actor: str | None = None,
+) -> None:
+    """Add an entry to the audit log if the settings' bounds of motion differ.
+
+    Args:
+        before, after: settings, as JSON.
+    """
+    changed = [name for name in BOUNDS if before.get(name) != after.get(name)]
+    if changed:
+        details = {
+            when: {name: values.get(name) for name in changed}
+            for when, values in (("before", before), ("after", after))
+        }
+        audit.record(connection, action, task, details, actor)

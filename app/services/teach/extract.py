@@ -11,10 +11,10 @@ import numpy as np
 
 from app.perception.base import ObjectQuery
 from app.perception.registry import estimate_poses
+from app.pipeline.episode import frame_times_s
 from app.pipeline.findings import Finding
+from app.pipeline.findings.recording import recording_findings
 from app.pipeline.keyframes import find_keyframes
-from app.pipeline.recording_findings import recording_findings
-from app.pipeline.timeline import frame_times_s
 from app.services.scene_images import read_frame
 from app.services.task_settings import TaskSettings
 from app.services.templates import with_templates

@@ -7,7 +7,7 @@ from typing import Any
 from app.perception.base import LabelledScene, ObjectQuery
 from app.perception.cuboid.learn import learn_models
 from app.perception.object_model import ObjectModelError
-from app.services.limits import NoDemonstrationsError
+from app.services.errors import NoDemonstrationsError
 from app.services.scene_images import read_frame
 from app.services.teach.configure import ConfigureTask
 from app.store import episodes, tasks

@@ -8,8 +8,8 @@ from collections.abc import Callable, Sequence
 from datetime import timedelta
 from functools import partial
 
-from app.services.motion_bounds import record_limits
 from app.services.task_settings import TaskSettings
+from app.services.teach.configure import record_limits
 from app.services.teach.extract import extract_all_again, with_room_for
 from app.store import episodes, jobs, tasks
 from app.store.errors import CorruptDataError, NotFoundError

@@ -3,6 +3,7 @@
 import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 
 import numpy as np
@@ -10,11 +11,10 @@ from sqlalchemy import Connection
 
 from app.perception.base import ObjectQuery
 from app.perception.images import ImageBytes
-from app.pipeline.episode import Episode
+from app.pipeline.episode import Episode, frame_times_s
+from app.pipeline.findings.recording import check_moves
+from app.pipeline.findings.units import check_recording_units
 from app.pipeline.prompt import check_object_names
-from app.pipeline.recording_findings import check_moves
-from app.pipeline.timeline import frame_times_s
-from app.pipeline.units import check_recording_units
 from app.services.measures import note
 from app.services.pose_servers import PoseServers
 from app.services.scene_images import put_images
@@ -67,40 +67,27 @@ Respond = Callable[[EpisodeFields, TaskSettings], JsonObject]
 
 
 @dataclass(frozen=True, eq=False)
-class _Outcome:
-    """What an upload makes of its task.
-
-    Attributes:
-        settings_before: of the task; for others the outcome is another one.
-        settings: of the task afterwards.
-    """
-
-    settings_before: JsonObject
-    settings: JsonObject
-    answer: JsonObject
-
-
-@dataclass(frozen=True, eq=False)
 class _Attempt:
-    """An upload, extracted and put into words before its transaction: on SQLite nobody else writes meanwhile.
+    """An upload, extracted for a task as it was read.
 
     Attributes:
-        seen: the task as it was read; None if there was none.
+        seen: the task; None if there was none.
+        settings: of the task, or those that it is made with.
     """
 
     upload: Upload
     seen: TaskRecord | None
+    settings: JsonObject
     extracted: Extracted
     draft: EpisodeDraft
     respond: Respond
 
-    def outcome(self, settings_before: JsonObject) -> _Outcome:
-        """What becomes of a task with these settings."""
+    def outcome(self, settings_before: JsonObject) -> tuple[JsonObject, JsonObject]:
+        """What becomes of a task with these settings: those afterwards, and the answer."""
         settings = TaskSettings.model_validate(settings_before).with_joints_of(self.upload.episode.trajectory)
         settings = with_room_for(settings, [self.extracted])
         findings = [item.to_json() for item in self.extracted.findings]
-        answer = {**self.respond(self.draft, settings), "findings": findings}
-        return _Outcome(settings_before, settings.model_dump(mode="json"), answer)
+        return settings.model_dump(mode="json"), {**self.respond(self.draft, settings), "findings": findings}
 
 
 class UploadEpisode:
@@ -121,30 +108,22 @@ class UploadEpisode:
             ConflictError: if the idempotency key came with other content.
         """
         note(task=upload.task)
-        if (answer := self._answered(upload)) is not None:
-            return answer
         for _ in range(MAX_ATTEMPTS):
-            seen = self._task(upload)
+            with self._store.read() as connection:
+                if (answer := _answer_before(connection, upload)) is not None:
+                    return answer
+                seen = None
+                with suppress(NotFoundError):
+                    seen = tasks.get(connection, upload.task)
             settings = _settings_of(seen, upload.objects)
             extracted = self._extract(upload, seen, settings)
             calibrated = [frame.camera for frame in upload.episode.frames]
             cameras = put_images(self._store.blobs, calibrated, upload.images)
-            attempt = _Attempt(upload, seen, extracted, _draft(upload, extracted, cameras), respond)
-            outcome = attempt.outcome(settings.model_dump(mode="json") if seen is None else seen.settings)
-            if (answer := self._commit(attempt, outcome)) is not None:
+            read = settings.model_dump(mode="json") if seen is None else seen.settings
+            draft = _draft(upload, extracted, cameras)
+            if (answer := self._commit(_Attempt(upload, seen, read, extracted, draft, respond))) is not None:
                 return answer
         raise ConflictError(f"task {upload.task!r} kept changing during the upload: send the episode again")
-
-    def _answered(self, upload: Upload) -> JsonObject | None:
-        with self._store.read() as connection:
-            return _answer_before(connection, upload)
-
-    def _task(self, upload: Upload) -> TaskRecord | None:
-        with self._store.read() as connection:
-            try:
-                return tasks.get(connection, upload.task)
-            except NotFoundError:
-                return None
 
     def _extract(self, upload: Upload, task: TaskRecord | None, settings: TaskSettings) -> Extracted:
         settings.with_joints_of(upload.episode.trajectory)
@@ -165,27 +144,28 @@ class UploadEpisode:
             self._store.blobs,
         )
 
-    def _commit(self, attempt: _Attempt, outcome: _Outcome) -> JsonObject | None:
+    def _commit(self, attempt: _Attempt) -> JsonObject | None:
         """The answer, or None if the task changed in what matters since it was read, or was deleted."""
         upload, seen = attempt.upload, attempt.seen
+        settings, answer = attempt.outcome(attempt.settings)  # before the transaction: on SQLite others wait for it
         with self._store.write() as connection:
             if (before := _answer_before(connection, upload)) is not None:
                 return before
             if seen is not None and not tasks.exists(connection, upload.task):
                 return None
-            task = tasks.get_or_create(connection, upload.task, outcome.settings_before)
-            expected = _what_is_extracted(outcome.settings_before, None if seen is None else seen.object_names)
+            task = tasks.get_or_create(connection, upload.task, attempt.settings)
+            expected = _what_is_extracted(attempt.settings, None if seen is None else seen.object_names)
             if _what_is_extracted(task.settings, task.object_names) != expected:
                 return None
             _check_link(connection, upload)
-            if task.settings != outcome.settings_before:  # another upload has widened the workspace
-                outcome = attempt.outcome(task.settings)
+            if task.settings != attempt.settings:  # another upload has widened the workspace
+                settings, answer = attempt.outcome(task.settings)
             episodes.add(connection, attempt.draft)
-            tasks.update_settings(connection, upload.task, outcome.settings)
+            tasks.update_settings(connection, upload.task, settings)
             if (key := upload.idempotency_key) is not None:
                 idempotency.forget(connection, SCOPE, key)
-                idempotency.save(connection, SCOPE, key, upload.digest, StoredResponse(201, outcome.answer))
-        return outcome.answer
+                idempotency.save(connection, SCOPE, key, upload.digest, StoredResponse(201, answer))
+        return answer
 
 
 def _check_recording(upload: Upload) -> None:

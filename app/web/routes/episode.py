@@ -16,14 +16,14 @@ from starlette.responses import Response
 from app.api.documents import episode_document
 from app.api.routes import Wired
 from app.llm.base import LanguageModelError
-from app.pipeline.episode import Demonstration
+from app.pipeline.episode import Demonstration, frame_times_s, gripper_stretches
 from app.pipeline.keyframes import Rule
-from app.pipeline.prompt_colours import Span, prompt_spans
 from app.pipeline.representation import KAT_FORMAT, REPRESENTATIONS, fit_codec
-from app.pipeline.timeline import frame_times_s, gripper_stretches
+from app.pipeline.spans import Span, prompt_spans
 from app.services.container import Services
 from app.services.predict.select import demonstrations_of
-from app.services.task_settings import KeyframeSettings, TaskSettings
+from app.services.setting_parts import KeyframeSettings
+from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks
 from app.store.records import DemonstrationRecord, EpisodeRecord, TaskRecord
 from app.store.trajectories import get_trajectories, get_trajectory

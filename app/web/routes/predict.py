@@ -20,10 +20,9 @@ from app.api.image_work import image_work
 from app.api.routes import Wired
 from app.api.routes.predict import questioned
 from app.pipeline.prompt import SYSTEM_PROMPTS
-from app.pipeline.prompt_colours import prompt_spans
-from app.services.predict.options import Method
+from app.pipeline.spans import prompt_spans
 from app.services.predict.question import Question
-from app.services.predict.select import Selection
+from app.services.predict.request import Selection
 from app.services.scene_images import stored_image
 from app.services.task_settings import PromptFormat, Representation, TaskSettings
 from app.store import episodes, predictions, tasks
@@ -37,7 +36,6 @@ from app.web.texts import by_origin
 NUM_EPISODES = 100  # offered to take a scene from
 SETTINGS = (
     "model",
-    "method",
     "representation",
     "prompt_format",
     "system_prompt",
@@ -173,7 +171,6 @@ def predict_page(request: Request, services: Wired, task: Id = "", episode: Id =
         prompt_formats=get_args(PromptFormat),
         system_prompts=list(SYSTEM_PROMPTS),
         selections=get_args(Selection),
-        methods=get_args(Method),
     )
 
 
@@ -210,7 +207,7 @@ async def predict_prompt(request: Request, services: Wired) -> Response:
     body = await read_body(request)
     async with image_work(request).room(request, body, services.limits) as decode:
         query, _ = await questioned(decode, body, services.limits)
-        question = await services.predict_actions.prepare(query, {}, ask_meaning=False)
+        question = await services.predict_actions.prepare(query, ask_meaning=False)
         del query
     return await run_in_threadpool(_prompt_part, request, services, question)
 
@@ -218,7 +215,7 @@ async def predict_prompt(request: Request, services: Wired) -> Response:
 def _prompt_part(request: Request, services: Wired, question: Question) -> Response:
     prompt, style = question.prompt, question.style
     with services.store.read() as connection:
-        shown = episodes.by_ids(connection, question.request.task, question.template.demonstration_ids)
+        shown = episodes.by_ids(connection, question.request.task, question.prefix.demonstration_ids)
     html = render_part(
         "prompt_part.html",
         root=request.scope.get("root_path", ""),
@@ -227,7 +224,7 @@ def _prompt_part(request: Request, services: Wired, question: Question) -> Respo
         spans=prompt_spans(prompt.user, style.representation, style.prompt_format),
         shown=shown,
     )
-    observed = [ObjectRecord.of(pose) for pose in question.observed]
+    observed = [ObjectRecord.of(pose) for pose in question.seen.objects]
     demonstrated = [item for record in shown.values() for item in record.objects]
     drawn = scene(question.settings.workspace, observed, (), shown=demonstrated)
     return JSONResponse({"html": html, "scene": drawn}, headers=HEADERS)

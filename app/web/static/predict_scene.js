@@ -3,7 +3,7 @@
 import { ProblemError, call, send } from "./api.js";
 
 const PART = /^((?:rgb|depth|mask)_.+)\.(?:png|jpe?g|npy)$/i;
-const SETTINGS = ["model", "method", "representation", "prompt_format", "system_prompt", "selection", "unfamiliar"];
+const SETTINGS = ["model", "representation", "prompt_format", "system_prompt", "selection", "unfamiliar"];
 const NUMBERS = ["num_demonstrations", "seed", "max_actions", "timeout_s", "num_samples", "temperature"];
 const taken = new Map(); // images taken from an episode, by the name of their part
 

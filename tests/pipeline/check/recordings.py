@@ -7,10 +7,9 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.episode import Demonstration
+from app.pipeline.episode import Demonstration, frame_times_s
 from app.pipeline.keyframes import KeyframeRule, find_keyframes
 from app.pipeline.plans import Recording
-from app.pipeline.timeline import frame_times_s
 from roboprompt_client.trajectory import ObjectPose, Trajectory
 
 HZ = 20.0
@@ -29,7 +28,7 @@ def recorded(number, rule=None, *, flows=(), noise_m=0.0, without=(), instructio
     Args:
         flows: the places of those that do not rest.
         noise_m: standard deviation of each coordinate of the objects' poses.
-        without: names of objects that nobody sees.
+        without: names of objects that are not seen.
         way_m: points over which the cube is carried, from the cube's place.
     """
     way_m = tuple(way_m or ())

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from app.pipeline.episode import frame_times_s
+from app.pipeline.findings.recording import recording_findings
 from app.pipeline.keyframes import RULES, KeyframeRule, find_keyframes, manner_of, waypoints
-from app.pipeline.recording_findings import recording_findings
-from app.pipeline.timeline import frame_times_s
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.trajectory import Trajectory
 

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from app.pipeline.episode import frame_times_s
 from app.pipeline.keyframes import RULES, KeyframeRule, find_keyframes, manner_of, merged, waypoints
 from app.pipeline.keyframes.rule import TOLERANCE_DEG, TOLERANCE_M
-from app.pipeline.timeline import frame_times_s
 from roboprompt_client.trajectory import Trajectory
 
 from ..recordings import Motion, flowing, pick_and_place, resting

@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
+from app.pipeline.episode import frame_times_s
 from app.pipeline.keyframes import waypoints
 from app.pipeline.keyframes.rule import MAX_KEYFRAMES, TOLERANCE_M
-from app.pipeline.timeline import frame_times_s
 
 from ..recordings import DOWN, Motion, arrival_s, flowing, pick_and_place, resting
 

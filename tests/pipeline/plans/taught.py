@@ -4,10 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from app.pipeline.episode import Demonstration
+from app.pipeline.episode import Demonstration, frame_times_s
 from app.pipeline.keyframes import KeyframeRule
 from app.pipeline.plans import Recording
-from app.pipeline.timeline import frame_times_s
 
 from ..recordings import flowing, pick_and_place
 from ..scenes import action, demonstration, pose

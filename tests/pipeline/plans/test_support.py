@@ -4,11 +4,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from app.pipeline.episode import Query
 from app.pipeline.errors import UnsupportedActionError
 from app.pipeline.plans import agreeing, aligned_by_plan, by_plan
 from app.pipeline.plans.support import Support, SupportGuard
 from app.pipeline.representation.object_frame import ObjectFrameCodec
 from roboprompt_client.trajectory import EndEffectorAction
+from tests.pipeline.asking import grammar_of
 
 from ..gbnf import matches
 from ..recordings import flowing, resting
@@ -23,7 +25,7 @@ def recorded(request):
 
 def check(demonstrations, actions, objects, instruction=INSTRUCTION, start=None):
     """Let a whole reply pass."""
-    plans = Support.of(by_plan(demonstrations)).placed(objects, instruction, start)
+    plans = Support.of(by_plan(demonstrations)).placed(Query(instruction, tuple(objects), start=start))
     guard = SupportGuard(plans)
     for one in actions:
         guard.check(one)
@@ -51,7 +53,7 @@ def test_it_is_supported_in_an_unseen_scene(recorded):
     shift_m = np.array([0.05, -0.07, 0.0])
     own = recorded[0]
     moved = [replace(item, position_m=item.position_m + shift_m) for item in own.objects]
-    plans = Support.of(by_plan(recorded)).placed(moved, INSTRUCTION, own.start)
+    plans = Support.of(by_plan(recorded)).placed(Query(INSTRUCTION, moved, start=own.start))
     guard = SupportGuard(plans)
     for row, one in zip(plans[0], own.actions, strict=True):
         follows = shift_m if row.anchor.object_name else 0
@@ -122,7 +124,7 @@ def test_two_plans_do_not_mix():
     error = refused(ways, [left[0], right[1]], SMALL)
     assert error.field == "actions[1]"
     codec = ObjectFrameCodec.fit(ways, WORKSPACE, with_instruction=True)
-    grammar = codec.grammar(INSTRUCTION, 25)
+    grammar = grammar_of(codec, INSTRUCTION)
     first, second = (codec.actions_text(way).split("; ") for way in ways)
     assert matches(grammar, f" {'; '.join(first)}\n")
     assert matches(grammar, f" {'; '.join(second)}\n")
@@ -135,7 +137,7 @@ def text_of(actions, codec):
 
 def test_the_grammar_accepts_what_demonstrations_show(recorded):
     codec = ObjectFrameCodec.fit(agreeing(recorded), WORKSPACE, with_instruction=True)
-    grammar = codec.grammar(INSTRUCTION, 25)
+    grammar = grammar_of(codec, INSTRUCTION)
     for shown in codec.demonstrations:
         assert matches(grammar, text_of(shown, codec))
 
@@ -153,13 +155,13 @@ def test_the_grammar_refuses_what_is_unlike_them(recorded, fault):
         del rows[-1]
     else:
         rows.append(rows[-1].replace(f"{len(rows)} ", f"{len(rows) + 1} ", 1))
-    assert not matches(codec.grammar(INSTRUCTION, 25), f" {'; '.join(rows)}\n")
+    assert not matches(grammar_of(codec, INSTRUCTION), f" {'; '.join(rows)}\n")
 
 
 def test_one_demonstration_leaves_only_its_own_rows():
     (only,) = aligned_by_plan([picked(7)])
     codec = ObjectFrameCodec.fit([only], WORKSPACE, with_instruction=True)
-    grammar = codec.grammar(INSTRUCTION, 25)
+    grammar = grammar_of(codec, INSTRUCTION)
     text = text_of(only, codec)
     assert matches(grammar, text)
     assert grammar.count("|") == 0
@@ -175,12 +177,12 @@ def test_a_row_may_be_near_what_several_show():
         for dz_m in (0.10, 0.15)
     ]
     codec = ObjectFrameCodec.fit(shown, WORKSPACE, with_instruction=True)
-    grammar = codec.grammar(INSTRUCTION, 25)
+    grammar = grammar_of(codec, INSTRUCTION)
     accepted = [z for z in range(60) if matches(grammar, f" 1 A w: +0 +0 {z:+d} 0 36 36 1\n")]
     assert accepted == list(range(18, 33))
 
 
-def test_an_object_that_nobody_demonstrated_is_expected_at_its_own_place():
+def test_an_object_that_was_not_demonstrated_is_expected_at_its_own_place():
     """The instruction asks for the same of another object."""
     random = np.random.default_rng(0)
     shown = []
@@ -194,11 +196,11 @@ def test_an_object_that_nobody_demonstrated_is_expected_at_its_own_place():
     assert refused(shown, [action((0.0, 0.0, 0.9))], seen, instruction="lift the blue cube").field == "actions[0]"
 
 
-def test_nobody_knows_what_several_clauses_have_unless_they_were_shown():
+def test_the_rows_of_several_clauses_are_unknown_unless_they_were_shown():
     ways, *_ = two_plans()
     support = Support.of(by_plan(ways))
-    assert support.placed(SMALL, f"{INSTRUCTION}, then {INSTRUCTION}", None) is None
-    assert len(support.placed(SMALL, INSTRUCTION, None)) == 2
+    assert support.placed(Query(f"{INSTRUCTION}, then {INSTRUCTION}", SMALL)) is None
+    assert len(support.placed(Query(INSTRUCTION, SMALL))) == 2
 
 
 def test_a_row_tells_how_far_demonstrations_scatter():
@@ -207,7 +209,7 @@ def test_a_row_tells_how_far_demonstrations_scatter():
         replace(demonstration(INSTRUCTION, SMALL, [action(np.add(PLACE_M, [dx_m, 0, 0.1]))]), plan=0)
         for dx_m in offsets_m
     ]
-    ((row,),) = Support.of(by_plan(shown)).placed(SMALL, INSTRUCTION, None)
+    ((row,),) = Support.of(by_plan(shown)).placed(Query(INSTRUCTION, SMALL))
     assert row.anchor.object_name == "red cube"
     assert 0.005 <= row.tolerance_m <= 0.01 < row.reach_m == pytest.approx(0.04)
     far = EndEffectorAction(np.add(PLACE_M, [0.041, 0, 0.1]), row.action.quaternion_xyzw, gripper_open=True)

@@ -6,10 +6,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from jsonschema import Draft202012Validator
 
+from app.pipeline.episode import Query
 from app.pipeline.errors import ReplyParseError
-from app.pipeline.reply import ReplyReader, parse_reply
+from app.pipeline.reply import ReplyReader
 from app.pipeline.representation.absolute import AbsoluteCodec
 from app.pipeline.workspace import discretize_action
+from tests.pipeline.asking import grammar_of, parse_reply, schema_of
 
 from ..gbnf import matches
 from ..scenes import WORKSPACE, action, demonstration, pose
@@ -25,7 +27,7 @@ OPEN = demonstration("open the drawer", [DRAWER], ACTIONS)
 
 
 def fitted(*demonstrations, with_instruction=True):
-    return AbsoluteCodec.fit(demonstrations or (OPEN,), WORKSPACE, with_instruction)
+    return AbsoluteCodec(WORKSPACE, tuple(demonstrations) or (OPEN,), with_instruction)
 
 
 @pytest.mark.parametrize(
@@ -40,7 +42,7 @@ def fitted(*demonstrations, with_instruction=True):
 )
 def test_observation_text(objects, with_instruction, expected):
     codec = fitted(with_instruction=with_instruction)
-    assert codec.observation_text(objects, "open the drawer") == expected
+    assert codec.observation_text(Query("open the drawer", objects)) == expected
 
 
 def test_demonstration_text():
@@ -160,7 +162,7 @@ def test_refused_replies_carry_their_text(reply_text, message):
 def test_no_depth_of_nesting_gets_through(depth):
     for opening, closing in (("[", "]"), ('{"a":', "}")):
         text = f"[[1, 2, 3, 4, 5, 6, {opening * depth}1{closing * depth}]]"
-        assert ReplyReader(fitted(), [DRAWER], OPEN.instruction).feed(text) == []
+        assert ReplyReader(fitted(), Query(OPEN.instruction, (DRAWER,))).feed(text) == []
         with pytest.raises(ReplyParseError):
             parse_reply(text, fitted(), [DRAWER], OPEN.instruction)
 
@@ -176,7 +178,7 @@ def test_every_row_of_bins_is_written_and_read(rows):
     for first, second in zip(seen, again, strict=True):
         np.testing.assert_allclose(first.position_m, second.position_m)
         np.testing.assert_allclose(abs(first.quaternion_xyzw @ second.quaternion_xyzw), 1, atol=1e-9)
-    assert matches(fitted(shown).grammar("open", 25), str(rows))
+    assert matches(grammar_of(fitted(shown), "open"), str(rows))
 
 
 @pytest.mark.parametrize(
@@ -201,25 +203,25 @@ def test_every_row_of_bins_is_written_and_read(rows):
 def test_the_grammar_knows_rows_and_their_number(text, expected):
     longer = demonstration("open the drawer", [DRAWER], [*ACTIONS, ACTIONS[0]])
     codec = fitted(OPEN, longer)
-    assert matches(codec.grammar("open the drawer", 25), text) is expected
+    assert matches(grammar_of(codec, "open the drawer"), text) is expected
     if expected:
-        Draft202012Validator(codec.schema("open the drawer", 25)).validate(json.loads(text))
+        Draft202012Validator(schema_of(codec, "open the drawer")).validate(json.loads(text))
 
 
 @pytest.mark.parametrize("rows", wrong_lists(ROW, ROW_2))
 def test_the_schema_knows_rows_and_their_number(rows):
     longer = demonstration("open the drawer", [DRAWER], [*ACTIONS, ACTIONS[0]])
-    validator = Draft202012Validator(fitted(OPEN, longer).schema("open the drawer", 25))
+    validator = Draft202012Validator(schema_of(fitted(OPEN, longer), "open the drawer"))
     assert validator.is_valid([json.loads(ROW), json.loads(ROW_2)])
     assert not validator.is_valid(rows)
 
 
 def test_the_grammar_asks_for_more_where_the_instruction_has_more_clauses():
-    grammar = fitted().grammar("open the drawer, then open the drawer", 25)
+    grammar = grammar_of(fitted(), "open the drawer, then open the drawer")
     assert matches(grammar, f"[{', '.join([ROW] * 4)}]")
     assert not matches(grammar, f"[{ROW}, {ROW_2}]")
 
 
 def test_the_reply_ends_where_the_next_observation_begins():
-    assert fitted().observation_text([DRAWER], "open").startswith(fitted().stop)
+    assert fitted().observation_text(Query("open", (DRAWER,))).startswith(fitted().stop)
     assert not any(stop in f"[{ROW}, {ROW_2}], " for stop in fitted().stop)

@@ -5,13 +5,15 @@ import pytest
 from jsonschema import Draft202012Validator
 from scipy.spatial.transform import Rotation
 
+from app.pipeline.episode import Query
 from app.pipeline.errors import ReplyParseError
 from app.pipeline.prompt import SYSTEM_PROMPTS, PromptTemplate
-from app.pipeline.reply import ReplyReader, parse_reply
+from app.pipeline.reply import ReplyReader
 from app.pipeline.representation import REPRESENTATIONS, action_tokens, fit_codec
 from app.pipeline.representation.action_tokens import ActionTokensCodec, KatCodec
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.trajectory import EndEffectorAction
+from tests.pipeline.asking import grammar_of, parse_reply, schema_of
 
 from ..gbnf import matches
 from ..scenes import WORKSPACE, action, angle_deg, demonstration, pose, same_actions
@@ -41,7 +43,7 @@ def fitted(prompt_format="paper", *demonstrations):
 )
 def test_text(prompt_format, observation, end):
     codec = fitted(prompt_format)
-    assert codec.observation_text(OPEN.objects, "open the drawer") == observation
+    assert codec.observation_text(Query("open the drawer", OPEN.objects)) == observation
     assert codec.actions_text(OPEN) == f"[{ROW}, {ROW_2}]"
     assert codec.demonstration_text(OPEN) == f"{observation}[{ROW}, {ROW_2}]{end}"
     assert observation.startswith(codec.stop)
@@ -50,7 +52,7 @@ def test_text(prompt_format, observation, end):
 
 def test_kat_is_told_neither_names_nor_instruction():
     template = PromptTemplate.write(fitted("kat"), [OPEN, OPEN], SYSTEM_PROMPTS["kat"])
-    text = template.ask(OPEN.objects, "open the drawer", 25).user
+    text = template.ask(Query("open the drawer", OPEN.objects), 25).user
     assert set("".join(filter(str.isalpha, text))) == set("INPUTSOUTPUTS")
     assert text.count("INPUTS:") == text.count("OUTPUTS:") == 3
     assert "INPUTS" in template.system
@@ -72,7 +74,7 @@ def test_actions_are_written_and_read_within_the_rounding():
     for given in random_actions():
         shown = demonstration("go", [DRAWER], [given])
         text = fitted("kat", shown).actions_text(shown)
-        assert matches(fitted("kat", shown).grammar("go", 25), text)
+        assert matches(grammar_of(fitted("kat", shown), "go"), text)
         (seen,) = parse_reply(text, fitted(), [DRAWER], "go")
         assert np.linalg.norm(seen.position_m - given.position_m) <= 0.001
         assert angle_deg(seen.quaternion_xyzw, given.quaternion_xyzw) <= 1.5
@@ -201,7 +203,7 @@ def test_refused_replies_carry_their_text(reply_text, message):
 
 
 def test_actions_come_while_the_reply_arrives():
-    reader = ReplyReader(fitted("kat"), [DRAWER], "go")
+    reader = ReplyReader(fitted("kat"), Query("go", (DRAWER,)))
     early = [seen for character in f"[{ROW}, {ROW_2}" for seen in reader.feed(character)]
     assert len(early) == 2
     assert same_actions(early, reader.finish(f"[{ROW}, {ROW_2}]"))
@@ -225,15 +227,15 @@ def test_actions_come_while_the_reply_arrives():
 def test_the_grammar_knows_rows_and_their_number(text, expected):
     longer = demonstration("open the drawer", [DRAWER], [*ACTIONS, ACTIONS[0]])
     codec = fitted("paper", OPEN, longer)
-    assert matches(codec.grammar("open the drawer", 25), text) is expected
+    assert matches(grammar_of(codec, "open the drawer"), text) is expected
     if expected:
-        Draft202012Validator(codec.schema("open the drawer", 25)).validate(json.loads(text))
+        Draft202012Validator(schema_of(codec, "open the drawer")).validate(json.loads(text))
 
 
 @pytest.mark.parametrize("rows", wrong_lists(ROW, ROW_2))
 def test_the_schema_knows_rows_and_their_number(rows):
     longer = demonstration("open the drawer", [DRAWER], [*ACTIONS, ACTIONS[0]])
-    validator = Draft202012Validator(fitted("paper", OPEN, longer).schema("open the drawer", 25))
+    validator = Draft202012Validator(schema_of(fitted("paper", OPEN, longer), "open the drawer"))
     assert validator.is_valid([json.loads(ROW), json.loads(ROW_2)])
     assert not validator.is_valid(rows)
 

@@ -1,10 +1,11 @@
 import numpy as np
 import pytest
 
+from app.pipeline.episode import in_order
+from app.pipeline.order.order import Order
 from app.pipeline.representation.anchors import (
     Anchor,
     choose_anchors,
-    in_order,
     object_rotation,
     relative_action,
     tilted_objects,
@@ -129,6 +130,7 @@ def test_anchors_follow_the_order_of_mention():
 
 
 def test_in_order():
-    objects = [pose(name, (0, 0, 1)) for name in ("tray", "red", "blue")]
-    assert [p.name for p in in_order(objects, "put the blue on the red")] == ["blue", "red", "tray"]
-    assert [p.name for p in in_order(objects, "tidy up")] == ["tray", "red", "blue"]
+    names = ("tray", "red", "blue")
+    objects = [pose(name, (0, 0, 1)) for name in names]
+    assert [p.name for p in in_order(objects, Order("put the blue on the red", names))] == ["blue", "red", "tray"]
+    assert [p.name for p in in_order(objects, Order("tidy up", names))] == ["tray", "red", "blue"]

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from app.pipeline.order.order import Order
 from app.pipeline.representation import PROMPT_FORMATS, REPRESENTATIONS, fit_codec
 from app.pipeline.representation.base import row_count_bounds
 from roboprompt_client.errors import InvalidInputError
@@ -32,14 +33,14 @@ def demo(num_actions, instruction=ONE):
     ],
 )
 def test_row_count_bounds(demonstrations, instruction, max_actions, expected):
-    assert row_count_bounds(demonstrations, instruction, max_actions) == expected
+    assert row_count_bounds(demonstrations, Order(instruction, ("button",)), max_actions) == expected
 
 
 @pytest.mark.parametrize("representation", REPRESENTATIONS)
 @pytest.mark.parametrize("prompt_format", PROMPT_FORMATS)
 def test_the_format_decides_whether_the_observation_has_the_instruction(representation, prompt_format):
     codec = fit_codec(representation, prompt_format, [demo(2)], WORKSPACE)
-    assert (ONE in codec.observation_text(demo(2).objects, ONE)) == (prompt_format == "paper")
+    assert (ONE in codec.observation_text(demo(2))) == (prompt_format == "paper")
 
 
 @pytest.mark.parametrize("representation", REPRESENTATIONS)

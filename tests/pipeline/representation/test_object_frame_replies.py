@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from app.pipeline.errors import ReplyParseError
-from app.pipeline.reply import parse_reply
 from app.pipeline.representation.object_frame import ObjectFrameCodec
+from tests.pipeline.asking import grammar_of, parse_reply
 
 from ..gbnf import matches
 from ..scenes import WORKSPACE, action, angle_deg, demonstration, pose, rotated
@@ -110,8 +110,8 @@ def test_refused_replies_carry_their_text(reply_text, message):
     ],
 )
 def test_the_grammar_knows_numbers_letters_frames_and_the_number_of_rows(text, expected):
-    """Where demonstrations of two clauses are all there is, nobody knows which of their rows one clause has."""
-    assert matches(codec_for(4, 6, instruction=TWO_CLAUSES).grammar(INSTRUCTION, 25), text) is expected
+    """Where demonstrations of two clauses are all there is, it is unknown which of their rows one clause has."""
+    assert matches(grammar_of(codec_for(4, 6, instruction=TWO_CLAUSES), INSTRUCTION), text) is expected
 
 
 @pytest.mark.parametrize("counts", [(1,), (1, 4), (3, 2, 2), (12,)])
@@ -121,12 +121,12 @@ def test_every_text_follows_the_grammar_of_its_own_demonstrations(counts, instru
     for shown, count in zip(codec.demonstrations, counts, strict=True):
         text = codec.actions_text(shown)
         assert text.count(":") == count
-        assert matches(codec.grammar(instruction, 25), f" {text}\n")
+        assert matches(grammar_of(codec, instruction), f" {text}\n")
 
 
 def test_objects_of_unknown_rotation_only_offer_world_axes():
     objects = (pose("red cup", (0.1, 0.2, 0.7)), PLATE)
-    grammar = codec_for(4, objects=objects, instruction=TWO_CLAUSES).grammar(INSTRUCTION, 25)
+    grammar = grammar_of(codec_for(4, objects=objects, instruction=TWO_CLAUSES), INSTRUCTION)
     assert not matches(grammar, f" {ROW}; {ROW_2}\n")
     assert matches(grammar, f" {ROW.replace(' o:', ' w:')}; {ROW_2}\n")
 
@@ -140,7 +140,7 @@ def test_a_rotation_that_only_some_demonstrations_know():
     for demonstrated in codec.demonstrations:
         text = codec.actions_text(demonstrated)
         assert len(parse_reply(text, codec, demonstrated.objects, "lift the cup")) == 1
-        assert matches(codec.grammar("lift the cup", 25), f" {text}\n")
+        assert matches(grammar_of(codec, "lift the cup"), f" {text}\n")
 
 
 def test_the_reply_ends_with_its_line():

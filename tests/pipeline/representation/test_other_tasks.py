@@ -1,12 +1,14 @@
-"""Rows of other tasks, read in the scene of a task that nobody has shown."""
+"""Rows of other tasks, read in the scene of a task that was not shown."""
 
 import numpy as np
 import pytest
 
+from app.pipeline.episode import Query
 from app.pipeline.errors import ReplyParseError
+from app.pipeline.order.order import Order
 from app.pipeline.prompt import PromptTemplate
-from app.pipeline.reply import parse_reply
 from app.pipeline.representation import fit_codec, fit_other_tasks
+from tests.pipeline.asking import parse_reply
 
 from ..gbnf import matches
 from ..scenes import WORKSPACE, action, demonstration, pose, rotated
@@ -43,7 +45,7 @@ SCENE = (pose("tray", (0.5, 0.1, 0.75)), pose("mug", (0.15, -0.2, 0.8), 25))
 def template(representation="object_frame", prompt_format="paper", tasks=None):
     tasks = tasks or (pushes(), stacks())
     codec = fit_other_tasks(representation, prompt_format, tasks, WORKSPACE)
-    return PromptTemplate.write_other_tasks(codec, [d for task in tasks for d in task], "").in_scene(SCENE)
+    return PromptTemplate.write(codec, [d for task in tasks for d in task], "", of_other_tasks=True)
 
 
 def test_each_task_reads_as_by_itself():
@@ -59,7 +61,7 @@ def test_each_task_reads_as_by_itself():
 
 
 def test_the_query_has_its_own_objects_in_the_order_of_mention():
-    asked = template().ask(SCENE, GRAB, 25).query
+    asked = template().ask(Query(GRAB, SCENE), 25).query
     assert asked == "A mug 44 29 19 41; B tray 79 59 14; grab the mug from the tray >"
 
 
@@ -88,7 +90,7 @@ def test_an_object_of_another_task_is_none_of_the_scene():
 )
 def test_the_grammar_allows_every_object_of_the_scene_and_as_many_rows_as_some_task_has(reply, fits):
     """The tray has no rotation, so that nothing can turn with it."""
-    assert matches(template().ask(SCENE, GRAB, 25).grammar, reply) == fits
+    assert matches(template().ask(Query(GRAB, SCENE), 25).grammar, reply) == fits
 
 
 def test_rotations_of_the_scene_stay_as_they_were_seen():
@@ -99,19 +101,19 @@ def test_rotations_of_the_scene_stay_as_they_were_seen():
 
 def test_a_tilted_object_shows_its_full_rotation():
     leaning = (SCENE[0], pose("mug", (0.15, -0.2, 0.8), rotated(0, 30, 0)))
-    assert template().codec.observation_text(leaning, GRAB).startswith("A mug 44 29 19 36 42 36;")
+    assert template().codec.observation_text(Query(GRAB, leaning)).startswith("A mug 44 29 19 36 42 36;")
 
 
 def test_clause_by_clause_unless_some_demonstration_strings_them_together():
     both = demonstration(f"{PUSH}, then {PUSH}", pushes()[0].objects, pushes()[0].actions)
-    asked = "grab the mug, then grab the tray"
+    asked = Order("grab the mug, then grab the tray", ("tray", "mug"))
     assert template().codec.questions(asked) == ("grab the mug", "grab the tray")
-    assert template(tasks=([both], stacks())).codec.questions(asked) == (asked,)
+    assert template(tasks=([both], stacks())).codec.questions(asked) == (asked.text,)
 
 
 @pytest.mark.parametrize("representation", ["absolute", "action_tokens"])
 def test_the_papers_format_shows_several_instructions(representation):
-    asked = template(representation).ask(SCENE, GRAB, 25)
+    asked = template(representation).ask(Query(GRAB, SCENE), 25)
     assert asked.prefix.count(f"'{PUSH}'}}>") == asked.prefix.count(f"'{STACK}'}}>") == 3
     assert asked.query.startswith("{'tray': [79, 59, 14], 'mug': [44, 29, 19, 36, 36, 41], ")
 

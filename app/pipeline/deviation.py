@@ -1,0 +1,105 @@
+"""How far a prediction is from what its demonstrations did, relative to the objects as they did it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from app.pipeline.episode import Demonstration
+from app.pipeline.representation.anchors import Anchor, choose_anchors, relative_action, tilted_objects
+from roboprompt_client.arrays import Array
+from roboprompt_client.trajectory import ObjectPose
+
+
+@dataclass(frozen=True)
+class ObjectReach:
+    """Where an object lies, seen from where the demonstrations have it.
+
+    Attributes:
+        nearest_m: to its place in the nearest demonstration.
+        nearest_deg: the least turn to its rotation in a demonstration; None where a rotation is not known.
+        beyond_m: how far it lies outside the box that holds its places in all demonstrations, along the axis on which
+            that is farthest; 0 inside.
+    """
+
+    nearest_m: float
+    nearest_deg: float | None
+    beyond_m: float
+
+
+@dataclass(frozen=True)
+class ActionDeviation:
+    """How an action differs from the same action of the demonstrations, relative to the object it has to do with.
+
+    Attributes:
+        offset_m: from the demonstrations' median place.
+        spread_m: of the farthest demonstration from there.
+        turn_deg, turn_spread_deg: the same of the rotation, from their mean rotation.
+        gripper_shown: whether some demonstration has the gripper like this.
+    """
+
+    object_name: str
+    offset_m: float
+    spread_m: float
+    turn_deg: float
+    turn_spread_deg: float
+    gripper_shown: bool
+
+
+def object_reach(pose: ObjectPose, demonstrations: Sequence[Demonstration]) -> ObjectReach:
+    """Where the object lies compared with at least one demonstration, each of which has it."""
+    shown = [demonstration.object(pose.name) for demonstration in demonstrations]
+    places_m = np.array([item.position_m for item in shown])
+    beyond_m = np.maximum(pose.position_m - places_m.max(axis=0), places_m.min(axis=0) - pose.position_m)
+    turns_deg = [_turn_deg(pose, item) for item in shown]
+    known_deg = [turn for turn in turns_deg if turn is not None]
+    nearest_m = float(np.linalg.norm(places_m - pose.position_m, axis=1).min())
+    return ObjectReach(nearest_m, min(known_deg, default=None), max(float(beyond_m.max()), 0.0))
+
+
+def action_deviations(predicted: Demonstration, demonstrations: Sequence[Demonstration]) -> tuple[ActionDeviation, ...]:
+    """Each action of `predicted` against the demonstrations that do the same thing in as many actions.
+
+    Empty if there is none of that kind.
+    """
+    asked = predicted.order.form, len(predicted.actions)
+    group = [shown for shown in demonstrations if (shown.order.form, len(shown.actions)) == asked]
+    if not group or not predicted.actions:
+        return ()
+    tilted = tilted_objects([*group, predicted])
+    chosen = choose_anchors(group, tilted)
+    return tuple(_deviation(predicted, group, k, anchors, tilted) for k, anchors in enumerate(chosen))
+
+
+def _deviation(
+    predicted: Demonstration, group: Sequence[Demonstration], k: int, anchors: Sequence[Anchor], tilted: frozenset[str]
+) -> ActionDeviation:
+    own = _own_anchor(predicted, group[0], anchors[0])
+    offset_m, rotation = relative_action(predicted, k, own, tilted)
+    shown = [relative_action(d, k, anchor, tilted) for d, anchor in zip(group, anchors, strict=True)]
+    offsets_m: Array = np.array([offset for offset, _ in shown])
+    rotations = Rotation.concatenate([turned for _, turned in shown])
+    centre_m, mean = np.median(offsets_m, axis=0), rotations.mean()
+    return ActionDeviation(
+        own.object_name,
+        float(np.linalg.norm(offset_m - centre_m)),
+        float(np.linalg.norm(offsets_m - centre_m, axis=1).max()),
+        float(np.degrees((mean.inv() * rotation).magnitude())),
+        float(np.degrees((mean.inv() * rotations).magnitude().max())),
+        predicted.actions[k].gripper_open in [d.actions[k].gripper_open for d in group],
+    )
+
+
+def _own_anchor(predicted: Demonstration, shown: Demonstration, anchor: Anchor) -> Anchor:
+    """The anchor at the same place in the order of mention; the frame `w` where the object's rotation is not known."""
+    names = [pose.name for pose in shown.ordered_objects]
+    pose = predicted.ordered_objects[names.index(anchor.object_name)]
+    return Anchor(pose.name, anchor.frame if pose.quaternion_xyzw is not None else "w")
+
+
+def _turn_deg(one: ObjectPose, other: ObjectPose) -> float | None:
+    if one.quaternion_xyzw is None or other.quaternion_xyzw is None:
+        return None
+    turn = Rotation.from_quat(one.quaternion_xyzw).inv() * Rotation.from_quat(other.quaternion_xyzw)
+    return float(np.degrees(turn.magnitude()))

@@ -1,0 +1,150 @@
+"""Where demonstrations have an object, and how far an observed pose is from that."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from app.pipeline.episode import Demonstration
+from app.pipeline.noise import MEAN_ERROR_M, MEAN_ERROR_RAD, MEAN_LENGTH
+from roboprompt_client import quaternions
+from roboprompt_client.arrays import Array
+from roboprompt_client.trajectory import ObjectPose
+
+UP = (0.0, 0.0, 1.0)
+FIXED_M = 0.01  # what varies by less is the same in all demonstrations
+FIXED_DEG = 3.0
+FULL_TURN_DEG = 200.0  # demonstrations over more than this have an object at any angle
+MIN_DEMONSTRATIONS = 3  # from which on their places say something about what was taught
+
+
+@dataclass(frozen=True, eq=False)
+class ShownPlaces:
+    """One object in all demonstrations.
+
+    Attributes:
+        number: of the demonstrations.
+        low_m, high_m: (3,) the box that holds its places.
+        up: (N, 3) the directions of its z axis; empty where its rotations are not known.
+        yaws_rad: (N,) of the same objects.
+    """
+
+    number: int
+    low_m: Array
+    high_m: Array
+    up: Array
+    yaws_rad: Array
+
+    @classmethod
+    def of(cls, name: str, shown: Sequence[Demonstration]) -> "ShownPlaces":
+        """The places of the object in at least one demonstration."""
+        poses = [demonstration.object(name) for demonstration in shown]
+        places_m = np.array([pose.position_m for pose in poses])
+        known = [pose.quaternion_xyzw for pose in poses if pose.quaternion_xyzw is not None]
+        up = np.array([quaternions.rotated(turn, UP) for turn in known]).reshape(-1, 3)
+        yaws_rad = np.array([quaternions.yaw_rad(turn) for turn in known])
+        return cls(len(poses), places_m.min(axis=0), places_m.max(axis=0), up, yaws_rad)
+
+    @property
+    def range_m(self) -> Array:
+        """(3,) how far the places reach along each axis."""
+        reach: Array = self.high_m - self.low_m
+        return reach
+
+    def beyond_m(self, pose: ObjectPose) -> Array:
+        """(3,) how far the pose lies outside of the box."""
+        beyond: Array = np.maximum(pose.position_m - self.high_m, 0) + np.maximum(self.low_m - pose.position_m, 0)
+        return beyond
+
+    def lifted_m(self, pose: ObjectPose) -> float:
+        """How far the pose lies above or below; 0 where demonstrations have the object at different heights."""
+        return float(self.beyond_m(pose)[2]) if self.range_m[2] < FIXED_M else 0.0
+
+    def leans_deg(self, pose: ObjectPose) -> float:
+        """The angle between its z axis and that of the nearest demonstration; 0 where it is not known."""
+        if pose.quaternion_xyzw is None or not len(self.up):
+            return 0.0
+        axis = quaternions.rotated(pose.quaternion_xyzw, UP)
+        return math.degrees(math.acos(float(np.clip((self.up @ axis).max(), -1, 1))))
+
+    @property
+    def is_upright(self) -> bool:
+        """Whether its z axis is the same in all demonstrations."""
+        return len(self.up) > 0 and float((self.up @ self.up.T).min()) > math.cos(math.radians(FIXED_DEG))
+
+    def tilted_beyond_deg(self, pose: ObjectPose) -> float:
+        """How far the object is tilted from the vertical beyond, or short of, every demonstration."""
+        if pose.quaternion_xyzw is None or not len(self.up):
+            return 0.0
+        tilts_deg = np.degrees(np.arccos(np.clip(self.up[:, 2], -1, 1)))
+        tilt_deg = math.degrees(quaternions.tilt_rad(pose.quaternion_xyzw))
+        return float(max(tilts_deg.min() - tilt_deg, tilt_deg - tilts_deg.max(), 0))
+
+    def turned_beyond_deg(self, pose: ObjectPose) -> tuple[float, float]:
+        """How far the object is turned about the vertical beyond the demonstrations, and their range."""
+        if pose.quaternion_xyzw is None or not len(self.yaws_rad):
+            return 0.0, 0.0
+        middle_rad = np.angle(np.exp(1j * self.yaws_rad).mean())
+        off_deg = _wrapped_deg(self.yaws_rad - middle_rad)
+        range_deg = float(np.ptp(off_deg))
+        if range_deg > FULL_TURN_DEG:
+            return 0.0, range_deg
+        own_deg = float(_wrapped_deg(np.array(quaternions.yaw_rad(pose.quaternion_xyzw) - middle_rad)))
+        return max(float(off_deg.min()) - own_deg, own_deg - float(off_deg.max()), 0.0), range_deg
+
+
+@dataclass(frozen=True, eq=False)
+class ShownScenes:
+    """The scenes of demonstrations; what they say of an object is computed once."""
+
+    demonstrations: tuple[Demonstration, ...]
+
+    @cached_property
+    def _places(self) -> dict[str, ShownPlaces]:
+        return {}
+
+    def places(self, name: str) -> ShownPlaces:
+        """Where the object is in all of them, at least one."""
+        if (places := self._places.get(name)) is None:
+            places = self._places[name] = ShownPlaces.of(name, self.demonstrations)
+        return places
+
+    @cached_property
+    def _least_apart_m(self) -> dict[tuple[str, str], float]:
+        return {}
+
+    def least_apart_m(self, one: str, other: str) -> float:
+        """The least distance between two objects in any of them."""
+        if (least_m := self._least_apart_m.get((one, other))) is None:
+            least_m = min(apart_m(d.object(one), d.object(other)) for d in self.demonstrations)
+            self._least_apart_m[one, other] = least_m
+        return least_m
+
+
+def estimated_error_m(observed: Sequence[ObjectPose], places: Sequence[ShownPlaces]) -> float:
+    """The mean error of the observed positions, from heights and tilts that are the same in all demonstrations.
+
+    Errors are taken for Gaussian, alike along every axis, with as many degrees to a centimetre as the paper's pose
+    estimator has; 0 where no height and no tilt is the same in all.
+    """
+    per_axis_m, per_axis_deg = MEAN_ERROR_M / MEAN_LENGTH, math.degrees(MEAN_ERROR_RAD) / MEAN_LENGTH
+    squares, number = 0.0, 0
+    for pose, shown in zip(observed, places, strict=True):
+        if shown.range_m[2] < FIXED_M:
+            squares, number = squares + (shown.lifted_m(pose) / per_axis_m) ** 2, number + 1
+        if pose.quaternion_xyzw is not None and shown.is_upright:
+            squares, number = squares + (shown.leans_deg(pose) / per_axis_deg) ** 2, number + 2
+    return MEAN_ERROR_M * math.sqrt(squares / number) if number else 0.0
+
+
+def _wrapped_deg(angles_rad: Array) -> Array:
+    """The same angles from -180 to 180 degrees."""
+    wrapped: Array = np.degrees((angles_rad + np.pi) % (2 * np.pi) - np.pi)
+    return wrapped
+
+
+def apart_m(one: ObjectPose, other: ObjectPose) -> float:
+    """The distance between two objects."""
+    return float(np.linalg.norm(one.position_m - other.position_m))

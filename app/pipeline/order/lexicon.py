@@ -1,0 +1,182 @@
+"""Every word that can be understood in one task: its objects' names and aliases, and what is the same for all tasks."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from functools import cached_property
+
+from app.pipeline.order import verbs, vocabulary
+from app.pipeline.order.vocabulary import ADJECTIVES, FUNCTION_WORDS, GENERIC_NOUNS, NEVER_LOOSE, NOUN_KINDS
+from app.pipeline.order.words import (
+    NUMBERS,
+    IsWord,
+    Phrase,
+    PhraseTable,
+    Speller,
+    Token,
+    Word,
+    plurals_of,
+    tokens_of,
+)
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.wording import checked_name
+
+_NOUNS = GENERIC_NOUNS.union(*NOUN_KINDS)
+
+
+class Lexicon:
+    """The words of a task.
+
+    Args:
+        names: the task's objects.
+        aliases: by object what else it is called.
+        taught: the instructions that demonstrations carry out.
+        is_word: whether a word is English: such a word is taken at its own meaning, never for a misspelt other.
+
+    Attributes:
+        phrases: what may stand for an object, by object: its name, then its aliases.
+        objects_of: by word the objects that have it in their name or in an alias.
+        loose: those of the words that may tell an object apart by themselves.
+        table, called: the whole names and aliases, and for each its objects and "name" or "alias".
+    """
+
+    def __init__(
+        self, names: Sequence[str], aliases: Mapping[str, Sequence[str]], taught: Sequence[str], is_word: IsWord
+    ) -> None:
+        self.names = tuple(names)
+        self.phrases: dict[str, tuple[Phrase, ...]] = {
+            name: tuple(phrase_of(text) for text in (name, *aliases.get(name, ()))) for name in names
+        }
+        self.name_words = {word for phrases in self.phrases.values() for word in phrases[0]}
+        self.objects_of: dict[str, frozenset[str]] = {}
+        for name, phrases in self.phrases.items():
+            for word in {word for phrase in phrases for word in phrase}:
+                self.objects_of[word] = self.objects_of.get(word, frozenset()) | {name}
+        self.loose = self.objects_of.keys() - NEVER_LOOSE
+        self.called: dict[Phrase, list[tuple[str, str]]] = {}
+        for name, phrases in self.phrases.items():
+            for number, phrase in enumerate(phrases):
+                self.called.setdefault(phrase, []).append((name, "alias" if number else "name"))
+        self.table = PhraseTable(self.called)
+        self._taught = {token.text for text in taught for token in tokens_of(text)}
+        self._is_word = is_word
+
+    def read(self, text: str) -> list[Word]:
+        """The text's words, as far as they are known."""
+        return [self._word(token) for token in tokens_of(text)]
+
+    def kind_of(self, noun: str) -> frozenset[str]:
+        """The objects that a noun of the same kind stands for: a block for `red cube`."""
+        kinds = [kind for kind in NOUN_KINDS if noun in kind]
+        return frozenset(name for kind in kinds for other in kind for name in self.objects_of.get(other, ()))
+
+    def is_meant(self, name: str, words: Iterable[str]) -> bool:
+        """Whether words of an object's name or alias suffice for it: its noun, all that no other has, or adjectives.
+
+        "The cup" is no cup holder, and "the wine" no wine bottle.
+        """
+        said = frozenset(words)
+        nouns = {noun_of(phrase) for phrase in self.phrases[name]}
+        own = {word for word in self.phrases[name][0] if self.objects_of[word] == {name}}
+        return bool(said & nouns) or said <= ADJECTIVES or (bool(own) and own <= said)
+
+    def with_noun(self, noun: str) -> frozenset[str]:
+        """The objects that are called so."""
+        return frozenset(name for name, phrases in self.phrases.items() if any(noun_of(p) == noun for p in phrases))
+
+    def colours_of(self, name: str) -> set[str]:
+        """The colour words in an object's name and aliases."""
+        return {word for phrase in self.phrases[name] for word in phrase if word in vocabulary.COLOURS}
+
+    def _word(self, token: Token) -> Word:
+        if (known := self._known(token.text)) is not None:
+            return Word(token, known, plural=known in self._nouns and token.text in plurals_of(known))
+        if not token.text[0].isalnum():
+            return Word(token, token.text, known=token.text in FUNCTION_WORDS)
+        right = self._speller.correct(token.text)
+        if right is None:
+            return Word(token, token.text, known=False)
+        return Word(token, self._known(right) or right, corrected=True)
+
+    def _known(self, text: str) -> str | None:
+        """The base form by which the text is known."""
+        if text in self.objects_of:
+            return text
+        if text in NUMBERS:
+            return NUMBERS[text]
+        if nouns := (plurals_of(text) & self._nouns) | self._singulars.get(text, frozenset()):
+            return min(nouns)
+        if text in self._exact:
+            return text
+        return verbs.forms().get(text)
+
+    @cached_property
+    def _nouns(self) -> frozenset[str]:
+        return frozenset({*self.objects_of, *_NOUNS} - FUNCTION_WORDS)
+
+    @cached_property
+    def _singulars(self) -> Mapping[str, frozenset[str]]:
+        """From every plural to the nouns that it is one of."""
+        found: dict[str, frozenset[str]] = {}
+        for noun in self._nouns:
+            for plural in plurals_of(noun):
+                found[plural] = found.get(plural, frozenset()) | {noun}
+        return found
+
+    @cached_property
+    def _exact(self) -> frozenset[str]:
+        colors: Iterable[str] = (*vocabulary.COLOURS, *vocabulary.SHADES_OF)
+        return (
+            frozenset((*colors, *_NOUNS, *NUMBERS.values(), *verbs.PARTICLES))
+            | FUNCTION_WORDS
+            | self._taught
+            | verbs.FIRST_WORDS
+        )
+
+    @cached_property
+    def _speller(self) -> Speller:
+        return Speller((self.objects_of, self._taught, verbs.FIRST_WORDS, self._exact), self._is_word)
+
+
+def noun_of(phrase: Phrase) -> str:
+    """The last word that is no adjective: the drawer of `drawer_top`."""
+    return next((word for word in reversed(phrase) if word not in ADJECTIVES), phrase[-1])
+
+
+def phrase_of(text: str) -> Phrase:
+    """The words of a name or an alias."""
+    return tuple(token.text for token in tokens_of(text))
+
+
+def checked_aliases(aliases: Mapping[str, Sequence[str]]) -> dict[str, tuple[str, ...]]:
+    """The aliases by object, if each may stand in an instruction and belongs to one object only.
+
+    Raises:
+        InvalidInputError: names the alias and the object that has it already.
+    """
+    owners = {_as_said(name): name for name in aliases}
+    for name, words in aliases.items():
+        checked_name("aliases", name)
+        for word in words:
+            field = f"aliases[{name}]"
+            owner = owners.setdefault(_as_said(checked_name(field, word)), name)
+            if owner != name:
+                raise InvalidInputError(field, f"{word!r} stands for {owner!r} already", "a word of one object only")
+    return {name: tuple(words) for name, words in aliases.items()}
+
+
+def check_aliases_of(aliases: Mapping[str, Sequence[str]], names: Sequence[str]) -> None:
+    """Refuse aliases of unknown objects, and aliases that are another object's name.
+
+    Args:
+        names: the task's objects.
+    """
+    by_name = {_as_said(name): name for name in names}
+    for name, words in aliases.items():
+        if name not in names:
+            raise InvalidInputError(f"aliases[{name}]", "is no object of the task", ", ".join(names))
+        for word in words:
+            if by_name.get(_as_said(word), name) != name:
+                raise InvalidInputError(f"aliases[{name}]", f"{word!r} is the name of another object", "another word")
+
+
+def _as_said(name: str) -> str:
+    return " ".join(name.replace("_", " ").lower().split())

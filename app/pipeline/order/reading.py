@@ -1,0 +1,176 @@
+"""An instruction is read: every word finds its place in what the task was taught, or the instruction is refused."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import islice, product
+
+from app.pipeline.errors import UnfamiliarInstructionError
+from app.pipeline.order.clause_parser import DIRECT, ParsedClause
+from app.pipeline.order.descriptions import MEANS
+from app.pipeline.order.frames import INSTRUMENT, Frame
+from app.pipeline.order.noun_phrases import NounPhrase, NounPhrases, TooInvolvedError
+from app.pipeline.order.order import Grounding, Order
+from app.pipeline.order.refusals import check_named, passed_on, refusal
+from app.pipeline.order.sentences import PICKING, Sentences
+from app.pipeline.order.space import Layout
+from app.pipeline.order.taught import Taught
+from app.pipeline.order.verbs import DESTINATIONS
+
+MAX_READINGS = 64  # that are compared; an instruction with more is ambiguous
+_JOINT = ", then "
+
+
+def read(instruction: str, taught: Taught, layout: Layout | None = None, *, allow_unfamiliar: bool = False) -> Order:
+    """The instruction as it is understood.
+
+    Args:
+        layout: where the objects are, for relations.
+        allow_unfamiliar: let pass what is unlike every taught instruction, if its objects are clear.
+
+    Raises:
+        UngroundedInstructionError: if a phrase stands for no object or for several.
+        UnfamiliarInstructionError: if it is unlike every taught instruction, or has words that nothing explains.
+    """
+    if (literal := taught.literal(instruction)) is not None:
+        return literal
+    phrases = NounPhrases(instruction, taught.lexicon, layout)
+    found = _meanings(taught, phrases)
+    if len(found) == 1:
+        return found[0]
+    error = refusal(taught, phrases, [order.text for order in found])
+    if not allow_unfamiliar or not isinstance(error, UnfamiliarInstructionError):
+        error.choices = taught.choices
+        raise error
+    text, named = passed_on(taught, phrases)
+    return taught.order(text, _groundings(phrases, named), error.message)
+
+
+def read_untaught(instruction: str, taught: Taught, layout: Layout | None = None) -> Order:
+    """An instruction of which nothing was taught: its objects by their names, the rest as it stands.
+
+    What stands where objects do must be one of the scene; of several objects one must be named, since rows follow
+    them in the order of mention.
+
+    Raises:
+        UngroundedInstructionError: if not, or if it says what not to do.
+    """
+    phrases = NounPhrases(instruction, taught.lexicon, layout)
+    text, named = passed_on(taught, phrases)
+    check_named(taught, phrases, named)
+    return taught.order(text, _groundings(phrases, named))
+
+
+def _groundings(phrases: NounPhrases, named: Sequence[NounPhrase]) -> tuple[Grounding, ...]:
+    """What each phrase was taken for."""
+    return tuple(
+        Grounding(phrases.text_of(phrase), phrase.name, phrase.by) for phrase in named if phrase.name is not None
+    )
+
+
+@dataclass(frozen=True)
+class _Filled:
+    """A clause as a frame has it."""
+
+    frame: Frame
+    objects: Mapping[str, str]
+    clause: ParsedClause
+
+    @property
+    def is_as_taught(self) -> bool:
+        return all(mine == other for mine, other in self.objects.items())
+
+    @property
+    def has_instrument(self) -> bool:
+        return len(self.frame.clause.objects_in(INSTRUMENT)) == len(self.clause.objects_in(INSTRUMENT))
+
+    @property
+    def has_verb(self) -> bool:
+        return self.frame.clause.verb == self.clause.verb
+
+    @property
+    def has_words(self) -> bool:
+        return self.frame.clause.fixed_phrases == self.clause.fixed_phrases
+
+
+def _meanings(taught: Taught, phrases: NounPhrases) -> list[Order]:
+    """Every different thing that the instruction may ask for."""
+    sentences = Sentences(phrases, taught.fixed_words, taught.verbs)
+    found: dict[str, Order] = {}
+    try:
+        for forms in islice(sentences.readings(), MAX_READINGS):
+            for plan in next(filter(None, (list(_plans(taught, form)) for form in forms)), []):
+                if (text := _canonical(taught, plan)) is not None:
+                    named = {phrase for filled in plan for phrase in filled.clause.phrases}
+                    groundings = _groundings(phrases, sorted(named, key=lambda phrase: phrase.start))
+                    order = taught.order(text, groundings or taught.mentioned(phrases.instruction))
+                    found[text] = min(found.get(text, order), order, key=_uncertainty)
+    except TooInvolvedError:
+        return []
+    return list(found.values())
+
+
+def _uncertainty(order: Order) -> tuple[int, int]:
+    """Less for readings that guess less."""
+    return max((MEANS.index(each.by) for each in order.phrases), default=0), -len(order.phrases)
+
+
+def _plans(taught: Taught, reading: Sequence[ParsedClause]) -> Iterator[tuple[_Filled, ...]]:
+    """The reading in frames that were taught one after the other, or each on its own."""
+    per_clause = [_choices(taught, clause) for clause in reading]
+    for choice in islice(product(*per_clause), MAX_READINGS):
+        plan = tuple(filled for part in choice for filled in part)
+        signatures = tuple(filled.frame.signature for filled in plan)
+        alone = all(filled.frame.may_stand_alone for filled in plan)
+        if any(signatures == frame.plan for frame in taught.frames) or (alone and not _wants_moved(plan)):
+            yield plan
+
+
+def _choices(taught: Taught, clause: ParsedClause) -> list[tuple[_Filled, ...]]:
+    """The frames of a clause, one for each thing that it may ask for; "red and blue" is asked one by one."""
+    if whole := _best(taught, clause):
+        return [(filled,) for filled in whole]
+    objects = clause.objects_in(DIRECT)
+    if len(objects) < 2 or len(clause.roles) > 1:
+        return []
+    parts = [_best(taught, replace(clause, roles=((DIRECT, (phrase,)),))) for phrase in objects]
+    return list(product(*parts)) if all(parts) else []
+
+
+def _best(taught: Taught, clause: ParsedClause) -> list[_Filled]:
+    """The clause as frames have it: with its own verb, if that was taught, and as many of its words as possible."""
+    every = [
+        _Filled(frame, objects, clause)
+        for frame in taught.frames
+        if (objects := frame.filled(clause, taught.names)) is not None
+    ]
+    every = [filled for filled in every if filled.has_instrument] or every
+    every = [filled for filled in every if filled.has_verb] or every
+    every = [filled for filled in every if filled.has_words] or every
+    by_signature: dict[object, _Filled] = {}
+    for filled in sorted(every, key=lambda filled: not filled.is_as_taught):
+        by_signature.setdefault(filled.frame.signature, filled)
+    return list(by_signature.values())
+
+
+def _canonical(taught: Taught, plan: Sequence[_Filled]) -> str | None:
+    texts = [filled.frame.text_for(filled.objects, taught.names) for filled in plan]
+    known = [text for text in texts if text is not None]
+    if len(known) < len(texts):
+        return None
+    return _JOINT.join([*(text.rstrip(". ") for text in known[:-1]), known[-1]])
+
+
+def _wants_moved(plan: Sequence[_Filled]) -> bool:
+    """Whether an object is asked for again after it was taken elsewhere: only where it was seen is known.
+
+    To pick it up twice is as it was said.
+    """
+    moved: set[str] = set()
+    for k, filled in enumerate(plan):
+        picks = filled.clause.verb in PICKING and len(filled.clause.roles) <= 1
+        again = picks and k > 0 and filled.objects == plan[k - 1].objects and filled.frame is plan[k - 1].frame
+        if not again and not moved.isdisjoint(phrase.name for phrase in filled.clause.phrases if phrase.name):
+            return True
+        if picks or any(role in DESTINATIONS or role == "off" for role, _ in filled.clause.roles):
+            moved |= {phrase.name for phrase in filled.clause.objects_in(DIRECT) if phrase.name}
+    return False

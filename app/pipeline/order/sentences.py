@@ -1,0 +1,186 @@
+"""Sentences: what is to be done with which objects, clause by clause; what is forbidden is left out.
+
+Everything in an instruction must find its place here. Where a word does not, there is no reading, and the instruction
+is refused: an unknown word may change what the others mean.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from app.pipeline.order import vocabulary
+from app.pipeline.order.clause_parser import DIRECT, ClauseParser, ParsedClause
+from app.pipeline.order.noun_phrases import NounPhrases
+from app.pipeline.order.verbs import common_families
+from app.pipeline.order.words import PhraseTable
+
+Mood = Literal["do", "not", "skip", "rather"]
+PICKING = frozenset(
+    {"pick", "pick up", "grasp", "grab", "grip", "take", "lift", "lift up", "get", "take hold of", "grab hold of"}
+)
+
+
+@dataclass(frozen=True)
+class _Unit:
+    clause: ParsedClause
+    mood: Mood
+    own_verb: bool
+
+
+class Sentences:
+    """The readings of one instruction.
+
+    Args:
+        fixed: words that a clause may have besides verb and objects; None: any (for taught instructions).
+        taught_verbs: verbs of taught instructions that no table has.
+    """
+
+    def __init__(self, phrases: NounPhrases, fixed: frozenset[str] | None, taught_verbs: frozenset[str]) -> None:
+        self._words = phrases.words
+        self._phrases = phrases
+        self._clauses = ClauseParser(phrases, fixed, taught_verbs)
+
+    def readings(self) -> Iterator[tuple[tuple[ParsedClause, ...], ...]]:
+        """The things to do, in their order, in every way that the whole text can be read.
+
+        Where one way has several forms, of which the first that was taught is meant, these stand together.
+
+        Raises:
+            TooInvolvedError: if that takes too many steps.
+        """
+        for units in self._units(0, (), frozenset()):
+            if not self._is_order(units):
+                continue
+            done = tuple(unit.clause for unit in units if unit.mood == "do")
+            forbidden = [unit.clause for unit in units if unit.mood != "do"]
+            says_what = len(units) == 1 or all(unit.clause.roles for unit in units)
+            if done and says_what and all(_is_other(one, done) for one in forbidden):
+                yield _without_pronouns(done)
+
+    def _is_order(self, units: Sequence[_Unit]) -> bool:
+        """Whether the text asks to do something: "the red button?" and "it" alone do not."""
+        if any(unit.own_verb for unit in units):
+            return True
+        phrases = units[0].clause.phrases
+        named = all(phrase.name for phrase in phrases) and any(phrase.with_noun for phrase in phrases)
+        return (len(units) > 1 or named) and all(word.text != "?" for word in self._words)
+
+    def _units(self, at: int, units: tuple[_Unit, ...], joined: frozenset[str]) -> Iterator[tuple[_Unit, ...]]:
+        """The text from here on.
+
+        Args:
+            joined: by what the unit that begins here is joined to the one before.
+        """
+        self._phrases.count_step()
+        start = self._clauses.skip(at, vocabulary.FILLERS, vocabulary.LEADS, *self._leads_after(units))
+        if units and all(self._clauses.text(k) in ".?," for k in range(start, len(self._words))):
+            yield units
+            return
+        forbidding: tuple[tuple[Mood, PhraseTable], ...] = (
+            ("not", vocabulary.NOT), ("skip", vocabulary.SKIP), ("rather", vocabulary.RATHER),
+        )  # fmt: skip
+        for mood, table in forbidding:
+            if (end := self._clauses.end(start, table)) is not None:
+                for clause, after in self._clauses.at(end, forbidden=True):
+                    yield from self._after(after, (*units, _unit(clause, units, mood)))
+        for begin in {at, start}:
+            for clause, after in self._clauses.at(begin, forbidden=False):
+                if _may_follow(clause, units, joined) and not self._goes_on(clause, units):
+                    yield from self._after(after, (*units, _unit(clause, units, "do")))
+
+    def _goes_on(self, clause: ParsedClause, units: Sequence[_Unit]) -> bool:
+        """Whether a clause without a verb may describe the object before it further."""
+        before = units[-1].clause.phrases if units else ()
+        return clause.verb is None and bool(before) and self._clauses.is_one_thing((before[-1], *clause.phrases[:1]))
+
+    def _leads_after(self, units: tuple[_Unit, ...]) -> tuple[PhraseTable, ...]:
+        """A later "first" would change the order, and an "instead" after what was wanted takes that back."""
+        if not units:
+            return (vocabulary.FIRST, vocabulary.INSTEAD)
+        return () if any(unit.mood == "do" for unit in units) else (vocabulary.INSTEAD,)
+
+    def _after(self, at: int, units: tuple[_Unit, ...]) -> Iterator[tuple[_Unit, ...]]:
+        """What follows a unit: the end, a separator, or what is not meant."""
+        if (
+            len(units) == 1
+            and units[0].mood == "do"
+            and (first := self._clauses.end(at, vocabulary.FIRST)) is not None
+            and self._clauses.separator(first)[1]
+        ):
+            at = first  # "push the red button first, then the blue one"
+        end, joined = self._clauses.separator(at)
+        if self._clauses.at_end(end):
+            if joined <= {",", "stop"}:  # "now and then" and "after that" say when
+                yield units
+        elif end > at or units[-1].mood == "rather" or self._clauses.forbids(at):
+            yield from self._units(end, units, joined)
+
+
+def _is_other(forbidden: ParsedClause, wanted: Sequence[ParsedClause]) -> bool:
+    """Whether what is forbidden is something else that might have been wanted.
+
+    It is not where it is wanted as well, nor where it is another kind of motion: "do not touch the blue one" bounds the
+    way to the red one, of which nothing here knows.
+    """
+    return any(_same_verb(forbidden, clause) for clause in wanted) and not any(
+        _contradict(forbidden, clause) for clause in wanted
+    )
+
+
+def _same_verb(forbidden: ParsedClause, wanted: ParsedClause) -> bool:
+    roles = {role for role, _ in wanted.roles if role != DIRECT}
+    same = not forbidden.verb or not wanted.verb or forbidden.verb == wanted.verb
+    return same or bool(common_families(forbidden.verb or "", wanted.verb or "", roles))
+
+
+def _contradict(forbidden: ParsedClause, wanted: ParsedClause) -> bool:
+    """Whether what is wanted has the objects that are forbidden, in the same roles."""
+    names = {role: {phrase.name for phrase in phrases} for role, phrases in wanted.roles}
+    return all({p.name for p in phrases} & names.get(role, set()) for role, phrases in forbidden.roles)
+
+
+def _unit(clause: ParsedClause, units: Sequence[_Unit], mood: Mood) -> _Unit:
+    """A unit that has the verb of the one before where it has none of its own."""
+    before = next((unit.clause.verb for unit in reversed(units) if unit.clause.verb), None)
+    return _Unit(clause if clause.verb else replace(clause, verb=before), mood, clause.verb is not None)
+
+
+def _may_follow(clause: ParsedClause, units: Sequence[_Unit], joined: frozenset[str]) -> bool:
+    """Whether a clause goes on with what is wanted.
+
+    "Do not push the red one and the blue one" wants nothing, and "push the red one, the blue one" is perhaps a
+    correction; "not the red one, the blue one" is none.
+    """
+    before = units[-1] if units else None
+    if before is None:
+        return True
+    if before.mood in ("do", "rather"):
+        fronted = before.mood == "rather" and len(units) == 1
+        return clause.verb is not None or fronted or bool(joined & {"and", "then"})
+    if before.mood == "skip":
+        return clause.verb is not None
+    if "but" in joined or clause.verb:
+        return not joined.isdisjoint({"but", ",", "stop"})
+    return "," in joined and len(units) == 1 and before.clause.verb is None
+
+
+def _without_pronouns(clauses: tuple[ParsedClause, ...]) -> tuple[tuple[ParsedClause, ...], ...]:
+    """The clauses with "it" replaced; first of all "pick up X and put it on Y" as the single clause "put X on Y".
+
+    Demonstrations begin with an empty gripper: one that puts something somewhere picks it up by itself.
+    """
+    resolved: list[ParsedClause] = []
+    merged: list[ParsedClause] = []
+    for clause in clauses:
+        direct = clause.objects_in(DIRECT)
+        antecedent = resolved[-1].objects_in(DIRECT) if resolved else ()
+        if (direct and direct[0].name) or not clause.verb or len(antecedent) != 1 or not antecedent[0].name:
+            resolved.append(clause)
+            merged.append(clause)
+            continue
+        whole = clause.about(antecedent[0])
+        picked = merged[-1].verb in PICKING and len(merged[-1].roles) == 1
+        announced = resolved[-1].verb is None  # "the red button, push it"
+        merged = [*merged[:-1], whole] if picked or announced else [*merged, whole]
+        resolved = [*resolved[:-1], whole] if announced else [*resolved, whole]
+    return (tuple(merged), tuple(resolved)) if len(merged) < len(resolved) else (tuple(resolved),)

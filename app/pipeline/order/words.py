@@ -1,0 +1,146 @@
+"""An instruction's words: cut out, put into their base form, and corrected where they are misspelt.
+
+Tables of phrases are looked up at every word.
+"""
+
+import re
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from rapidfuzz.distance import OSA
+
+Phrase = tuple[str, ...]
+IsWord = Callable[[str], bool]
+
+_TOKEN = re.compile(r"[^\W_]+-most\b|(?<![^\W_])[-\u2212]\d+|[^\W_]+(?:['\u2019][^\W_]+)*|[^\w\s]")
+_DROPPED = frozenset("\"'`\u2018\u2019\u201c\u201d\u00ab\u00bb-\u2010\u2011)")  # "left-hand" reads as "left hand"
+_STOPS = {"(": ",", ":": ",", "\u2013": ",", "\u2014": ",", "!": ".", "\u2026": "."}
+_CONTRACTIONS = {
+    "don't": "do not", "dont": "do not", "doesn't": "does not", "mustn't": "must not", "shouldn't": "should not",
+    "can't": "can not", "cannot": "can not", "won't": "will not", "isn't": "is not", "i'd": "i would",
+    "i'll": "i will", "let's": "let us", "that's": "that is", "it's": "it is", "you'd": "you would",
+    "you'll": "you will", "there's": "there is", "which's": "which is",
+}  # fmt: skip
+NUMBERS = {
+    "two": "2", "three": "3", "four": "4", "five": "5", "six": "6", "seven": "7", "eight": "8", "nine": "9",
+    "ten": "10", "eleven": "11", "twelve": "12",
+}  # fmt: skip
+# Not "one", which stands for a thing: "the blue one"
+MIN_CORRECTED_CHARS = 3  # of three letters only an exchange of neighbours is corrected: "rug" is no misspelt "mug"
+MIN_FREE_CHARS = 4
+MIN_TWO_ERRORS_CHARS = 8
+
+
+class PhraseTable:
+    """A set of phrases, found by their first word."""
+
+    def __init__(self, phrases: Iterable[Phrase]) -> None:
+        self._by_first: dict[str, list[Phrase]] = {}
+        for phrase in sorted(phrases, key=len, reverse=True):
+            self._by_first.setdefault(phrase[0], []).append(phrase)
+
+    def __iter__(self) -> Iterator[Phrase]:
+        return (phrase for phrases in self._by_first.values() for phrase in phrases)
+
+    def all_at(self, texts: Sequence[str], at: int) -> Iterator[Phrase]:
+        """The phrases that stand there, the longest first."""
+        if at < len(texts):
+            for phrase in self._by_first.get(texts[at], ()):
+                if len(phrase) == 1 or tuple(texts[at : at + len(phrase)]) == phrase:
+                    yield phrase
+
+    def end_at(self, texts: Sequence[str], at: int) -> int | None:
+        """Where the longest phrase that stands there ends; None if none does."""
+        phrase = next(self.all_at(texts, at), None)
+        return None if phrase is None else at + len(phrase)
+
+
+def phrases(text: str) -> PhraseTable:
+    """The phrases that a text lists, with commas between them."""
+    return PhraseTable(tuple(part.split()) for part in text.split(","))
+
+
+class Token(NamedTuple):
+    """A word or mark as it stands in the text, in lower case, from character `start` to `end`."""
+
+    text: str
+    start: int
+    end: int
+
+
+@dataclass(frozen=True)
+class Word:
+    """A token as it was understood.
+
+    Attributes:
+        text: the known word that it stands for; the token's own text where nothing is known.
+        known: whether the vocabulary has it.
+        corrected: whether it was misspelt.
+        plural: whether it is the plural of what it stands for.
+    """
+
+    token: Token
+    text: str
+    known: bool = True
+    corrected: bool = False
+    plural: bool = False
+
+
+def tokens_of(text: str) -> list[Token]:
+    """The words and marks of a text; contractions are written out, quotation marks and hyphens left out."""
+    found: list[Token] = []
+    for match in _TOKEN.finditer(text.lower() if len(text.lower()) == len(text) else text):
+        token = match[0].replace("\u2019", "'").replace("-most", "most")
+        if token not in _DROPPED:
+            written_out = _CONTRACTIONS.get(token) or _STOPS.get(token) or token
+            found += [Token(part, *match.span()) for part in written_out.split()]
+    return found
+
+
+def plurals_of(singular: str) -> set[str]:
+    """The regular plurals of a word."""
+    plurals = {f"{singular}s", f"{singular}es"}
+    return plurals | {f"{singular[:-1]}ies"} if singular.endswith("y") else plurals
+
+
+def verb_forms(verb: str) -> set[str]:
+    """The regular forms of a verb's base form: pushes, pushing, pushed; placing, tapped, carries."""
+    short = verb[:-1] if verb.endswith("e") else verb
+    doubled = verb + verb[-1] if re.fullmatch(r".*[^aeiou][aeiou][bdgmnpt]", verb) else short
+    past = f"{verb[:-1]}ied" if verb.endswith("y") else f"{doubled}ed"
+    return plurals_of(verb) | {f"{short}ing", f"{doubled}ing", past, f"{short}ed"}
+
+
+class Speller:
+    """Finds the known word that an unknown one is a misspelling of.
+
+    Args:
+        known: what it may stand for, in groups: of words equally near, the one in the earliest group is meant.
+        is_word: whether a word is one of the language: such a word is not misspelt, it means something else.
+    """
+
+    def __init__(self, known: Iterable[Iterable[str]], is_word: IsWord) -> None:
+        self._rank: dict[str, int] = {}
+        for rank, group in enumerate(known):
+            for word in group:
+                if word.isalpha() and len(word) >= MIN_CORRECTED_CHARS:
+                    self._rank.setdefault(word, rank)
+        self._is_word = is_word
+
+    def correct(self, word: str) -> str | None:
+        """The one known word that is nearest, if it is near enough; None for a word of the language."""
+        if not word.isalpha() or len(word) < MIN_CORRECTED_CHARS or self._is_word(word):
+            return None
+        near = list(self._near(word))
+        least = min((distance for distance, _ in near), default=None)
+        best = [known for distance, known in near if distance == least]
+        return best[0] if len(best) == 1 else None
+
+    def _near(self, word: str) -> Iterator[tuple[tuple[int, int], str]]:
+        for known, rank in self._rank.items():
+            most = 2 if min(len(word), len(known)) >= MIN_TWO_ERRORS_CHARS else 1
+            errors = OSA.distance(word, known, score_cutoff=most)
+            exchanged = sorted(word) == sorted(known)
+            if errors <= most and (exchanged or min(len(word), len(known)) >= MIN_FREE_CHARS):
+                yield (errors, rank), known

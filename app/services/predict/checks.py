@@ -1,0 +1,159 @@
+"""What every action of a reply is held against: what demonstrations support, and the bounds of motion of the moment."""
+
+from collections.abc import Sequence
+
+import anyio.to_thread
+from sqlalchemy import Connection
+
+from app.pipeline.errors import UnsupportedActionError
+from app.pipeline.findings.actions import ActionDoubt
+from app.pipeline.plans.support import PlacedRow, SupportGuard
+from app.pipeline.workspace import ROTATION_BIN_DEG
+from app.services.cache import Cache
+from app.services.predict.question import Question
+from app.services.task_settings import TaskSettings
+from app.store import tasks
+from app.store.store import Store
+from roboprompt_client.errors import UnsafeActionError
+from roboprompt_client.motion_guard import MotionGuard
+from roboprompt_client.motion_limits import MotionLimits
+from roboprompt_client.trajectory import EndEffectorAction
+
+MAX_LIMITS = 64  # of so many tasks they are kept
+# What bins alone may do: half a bin where a demonstration was written, half where the reply is read; of rotations,
+# three Euler angles together.
+TOLERATED_BINS = 1.0
+TOLERATED_DEG = 1.5 * ROTATION_BIN_DEG
+
+
+class SupportCheck:
+    """Holds the actions of the reply to one instruction against the demonstrations, as they come.
+
+    Attributes:
+        doubts: about actions that the request lets pass, and about those that lie beyond every demonstration.
+
+    Args:
+        num_before: actions of replies to earlier parts of the instruction.
+    """
+
+    def __init__(self, question: Question, instruction: str, num_before: int) -> None:
+        plans = question.plans.get(instruction)
+        self._guard = SupportGuard(plans, num_before) if plans else None
+        self._allows = question.request.options.unsupported == "allow"
+        self._tolerated_m = TOLERATED_BINS * float(question.settings.workspace.workspace().bin_size_m.max())
+        self._index = num_before
+        self.doubts: list[ActionDoubt] = []
+
+    def check(self, action: EndEffectorAction) -> PlacedRow | None:
+        """Let the next action pass; the demonstrated row that it carries out, None where none is known.
+
+        Raises:
+            UnsupportedActionError: unless the request lets it pass.
+        """
+        index, self._index = self._index, self._index + 1
+        if self._guard is None:
+            return None
+        try:
+            row = self._guard.check(action)
+        except UnsupportedActionError as error:
+            self._let_pass(error, index)
+            self._guard.pass_by()
+            return None
+        beyond_m, beyond_deg = row.beyond(action)
+        if beyond_m > self._tolerated_m or beyond_deg > TOLERATED_DEG:
+            seen_from = row.anchor.object_name or f"the {row.anchor.frame}"
+            self.doubts.append(ActionDoubt(index, beyond_m, beyond_deg, seen_from))
+        return row
+
+    def finish(self) -> None:
+        """Let the reply end; raises as `check`."""
+        try:
+            if self._guard is not None:
+                self._guard.finish()
+        except UnsupportedActionError as error:
+            self._let_pass(error, self._index)
+
+    def _let_pass(self, error: UnsupportedActionError, index: int) -> None:
+        if not self._allows:
+            raise error
+        self.doubts.append(ActionDoubt(index, unsupported=error))
+
+
+class CurrentLimits:
+    """Reads tasks' limits of motion; one whose version is as it was costs the read of that number."""
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+        self._built: Cache[tuple[str, int], MotionLimits] = Cache(MAX_LIMITS)
+
+    def read(self, connection: Connection, task: str) -> MotionLimits:
+        """The task's limits.
+
+        Raises:
+            NotFoundError: if there is no such task.
+        """
+
+        def build() -> MotionLimits:
+            return TaskSettings.model_validate(tasks.get(connection, task).settings).limits_of_motion()
+
+        return self._built.get((task, tasks.version(connection, task)), build)
+
+    async def now(self, task: str) -> MotionLimits:
+        """The same on a connection of its own, in a thread."""
+
+        def read() -> MotionLimits:
+            with self._store.read() as connection:
+                return self.read(connection, task)
+
+        return await anyio.to_thread.run_sync(read)
+
+
+class MotionCheck:
+    """Holds the actions of one answer against the limits of motion, and all of them again where those change.
+
+    They may be tightened while an LLM writes. Each method raises UnsafeActionError for an action beyond a limit.
+    """
+
+    def __init__(self, current: CurrentLimits, question: Question) -> None:
+        self._current, self._question = current, question
+        self._actions: list[EndEffectorAction] = []
+        self._limits = question.settings.limits_of_motion()
+        self._guard = self._guarding(self._limits)
+
+    async def check(self, actions: Sequence[EndEffectorAction], *, sent_now: bool) -> None:
+        """Let the answer's next actions pass.
+
+        Args:
+            sent_now: by the limits of the moment. Otherwise those that were read last do, as `within` follows; where
+                they forbid an action, it is held against those of the moment, which may be wider.
+        """
+        if sent_now:
+            await self.again()
+        self._actions += actions
+        try:
+            for action in actions:
+                self._guard.check(action)
+        except UnsafeActionError:
+            limits = await self._current.now(self._question.request.task)
+            if limits == self._limits:
+                raise
+            self._hold(limits)
+
+    async def again(self) -> None:
+        """Check the actions so far by the limits of the moment."""
+        self._hold(await self._current.now(self._question.request.task))
+
+    def within(self, connection: Connection) -> None:
+        """The same in a transaction."""
+        self._hold(self._current.read(connection, self._question.request.task))
+
+    def _hold(self, limits: MotionLimits) -> None:
+        if limits == self._limits:
+            return
+        guard = self._guarding(limits)
+        for action in self._actions:
+            guard.check(action)
+        self._limits, self._guard = limits, guard
+
+    def _guarding(self, limits: MotionLimits) -> MotionGuard:
+        return MotionGuard(limits, self._question.request.options.max_actions, self._question.end_effector)

@@ -1,0 +1,79 @@
+"""The step of a closed loop that a request goes on from: the next prompt continues its prompt and reply."""
+
+from dataclasses import dataclass
+
+from sqlalchemy import Connection
+
+from app.pipeline.order.order import Order
+from app.services.predict.prefix import Prefix, PromptStyle
+from app.services.predict.request import PredictRequest
+from app.store import predictions
+from app.store.errors import ConflictError
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.motion_limits import Pose
+
+
+@dataclass(frozen=True)
+class PreviousStep:
+    """A closed loop's last prediction.
+
+    Attributes:
+        step: its number, from 0.
+        prompt_user, reply_text: as the LLM read and wrote them.
+        end_effector: where its action sent it.
+        instruction, grounded: as it was asked, and how it was understood.
+    """
+
+    step: int
+    model: str
+    style: PromptStyle
+    demonstration_ids: tuple[str, ...]
+    prompt_user: str
+    reply_text: str
+    end_effector: Pose
+    instruction: str
+    grounded: Order
+
+    def so_far(self, prefix: Prefix) -> str:
+        """What follows the demonstrations in the next prompt: every observation and action until now.
+
+        Raises:
+            ConflictError: if the demonstrations do not read as they did.
+        """
+        shown = prefix.template.prefix
+        if not self.prompt_user.startswith(shown):
+            raise ConflictError("the demonstrations have changed since the last step: begin the closed loop again")
+        codec = prefix.at_step(self.step).codec
+        reply = codec.reply_text(codec.rows(self.reply_text, complete=True))
+        return f"{self.prompt_user[len(shown) :]}{reply}{codec.separator}"
+
+
+def previous_step(connection: Connection, request: PredictRequest) -> PreviousStep | None:
+    """The prediction that a closed loop goes on from; None for a request that begins.
+
+    Raises:
+        NotFoundError: if there is no such prediction.
+        InvalidInputError: if it is none that a closed loop of this task can go on from.
+    """
+    if request.options.after is None:
+        return None
+    record = predictions.get(connection, request.options.after)
+    valid = "the id of the last step of a closed loop that goes on"
+    if record.task != request.task:
+        raise InvalidInputError("after", f"is a prediction of the task {record.task!r}", valid)
+    if record.step is None or record.reply_text is None or record.actions is None:
+        raise InvalidInputError("after", "is not a step of a closed loop that gave an action", valid)
+    if not record.actions:
+        raise InvalidInputError("after", "is a step that ended its closed loop", valid)
+    last = record.actions[-1]
+    return PreviousStep(
+        record.step,
+        record.model,
+        PromptStyle(record.representation, record.prompt_format, record.prompt_system, closed_loop=True),
+        record.demonstration_ids,
+        record.prompt_user,
+        record.reply_text,
+        Pose(tuple(last["position"]), tuple(last["quaternion_xyzw"])),
+        record.instruction,
+        Order.from_json(record.grounding, [item.name for item in record.objects]),
+    )

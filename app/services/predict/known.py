@@ -1,0 +1,232 @@
+"""What the store knows of a request, read in one transaction: task, settings, the step before, and demonstrations."""
+
+import random
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from sqlalchemy import Connection
+
+from app.llm.base import ModelProfile
+from app.perception.registry import estimate_poses
+from app.pipeline.findings.units import check_scene_units
+from app.pipeline.prompt import check_object_names
+from app.services.cache import Cache
+from app.services.errors import NoDemonstrationsError
+from app.services.measures import timed
+from app.services.pose_servers import PoseServers
+from app.services.predict.closed_loop import PreviousStep, previous_step
+from app.services.predict.lent import LendingTask, lending_tasks, read_lent
+from app.services.predict.prefix import Prefix, PrefixKey, PromptStyle, make_lent_prefix, make_prefix
+from app.services.predict.request import PredictOptions, PredictRequest
+from app.services.predict.select import DemonstrationSelector, read_demonstrations
+from app.services.task_settings import TaskSettings
+from app.services.templates import with_templates
+from app.store import tasks
+from app.store.blobs import BlobStore
+from app.store.errors import ConflictError
+from app.store.records import TaskRecord
+from app.store.store import Store
+from roboprompt_client.motion_limits import Pose
+from roboprompt_client.trajectory import ObjectPose
+
+MAX_PREFIXES = 256  # that are kept
+
+
+@dataclass(frozen=True, eq=False)
+class Known:
+    """What is known of a request before its question is written.
+
+    Attributes:
+        objects: as they were observed, in the task's order.
+        end_effector: where it is before the first action: as the robot tells, else where the last step sent it.
+        prefixes: one for all samples, or one for each.
+    """
+
+    settings: TaskSettings
+    previous: PreviousStep | None
+    end_effector: Pose | None
+    objects: tuple[ObjectPose, ...]
+    profile: ModelProfile
+    style: PromptStyle
+    prefixes: Sequence[Prefix]
+
+
+class KnownReader:
+    """Reads what requests need; keeps what does not depend on the request. Synchronous: call it in a thread.
+
+    Args:
+        profile_of: the profile of a model by its name, of the default for None; raises UnknownModelError.
+    """
+
+    def __init__(
+        self,
+        store: Store,
+        profile_of: Callable[[str | None], ModelProfile],
+        pose_servers: PoseServers | None = None,
+    ) -> None:
+        self._store = store
+        self.profile_of = profile_of
+        self._pose_servers = pose_servers or PoseServers()
+        self._select = DemonstrationSelector()
+        self._prefixes: Cache[PrefixKey, Prefix] = Cache(MAX_PREFIXES)
+
+    def __call__(self, request: PredictRequest) -> Known:
+        """As the request asks; a closed loop goes on as it began.
+
+        Raises:
+            UnknownModelError: for an unknown model.
+            NotFoundError: for an unknown task, episode or prediction.
+            NoDemonstrationsError: if the task has no episode yet.
+            ConflictError: if the task's settings changed while its images were looked at.
+            InvalidInputError, ObjectSetError: if the observation does not fit the task.
+        """
+        seen = _look(self._store, self._pose_servers, request) if request.frames else None
+        with self._store.read() as connection:
+            with timed("read"):
+                task = tasks.get(connection, request.task)
+                settings = TaskSettings.model_validate(task.settings)
+                previous = previous_step(connection, request)
+            end_effector = request.end_effector or (previous.end_effector if previous else None)
+            settings.limits_of_motion().require_start(end_effector)
+            with timed("poses"):
+                blobs = self._store.blobs
+                objects = _observed(request, task, settings, blobs) if seen is None else seen.objects_of(task)
+            with timed("prompt"):
+                profile = self.profile_of(previous.model if previous else request.options.model)
+                style = previous.style if previous else PromptStyle.of(request, settings, profile)
+                prefixes = self._shown(connection, request, task, settings, style, objects, previous)
+        return Known(settings, previous, end_effector, objects, profile, style, prefixes)
+
+    def usual_prefix(self, task_name: str) -> Prefix:
+        """What a request that names nothing but the task shows.
+
+        Raises:
+            as for such a request.
+        """
+        request = PredictRequest(task_name, "", ())
+        with self._store.read() as connection:
+            task = tasks.get(connection, task_name)
+            settings = TaskSettings.model_validate(task.settings)
+            style = PromptStyle.of(request, settings, self.profile_of(None))
+            return self._shown(connection, request, task, settings, style, (), None)[0]
+
+    def _shown(
+        self,
+        connection: Connection,
+        request: PredictRequest,
+        task: TaskRecord,
+        settings: TaskSettings,
+        style: PromptStyle,
+        objects: Sequence[ObjectPose],
+        previous: PreviousStep | None,
+    ) -> list[Prefix]:
+        """The demonstrations that the request names or its selection finds, once for each order of them."""
+        options, lending = request.options, tuple[LendingTask, ...]()
+        number = options.num_demonstrations or settings.num_demonstrations
+        if previous is not None:
+            ids = previous.demonstration_ids
+        elif options.demonstrations_from is not None:
+            lending = lending_tasks(connection, request, task, number, self._select)
+            ids = tuple(id_ for other in lending for id_ in other.ids)
+        elif options.episode_ids is not None:
+            ids = options.episode_ids
+        else:
+            ids = self._select(connection, task, options.selection, number, options.seed, objects)
+        named = options.episode_ids is not None and previous is None
+        return [
+            self._prefix(connection, task, settings, style, order, lending, all_of_them=named)
+            for order in _orders(ids, options)
+        ]
+
+    def _prefix(
+        self,
+        connection: Connection,
+        task: TaskRecord,
+        settings: TaskSettings,
+        style: PromptStyle,
+        ids: tuple[str, ...],
+        lending: Sequence[LendingTask],
+        *,
+        all_of_them: bool,
+    ) -> Prefix:
+        """The demonstrations of those ids, written down.
+
+        Args:
+            lending: the tasks whose they are, where that is not `task`.
+            all_of_them: also those of a rare plan.
+        """
+        versions = tuple((other.record.name, other.record.version) for other in lending)
+        key = PrefixKey(task.name, task.version, style, ids, all_of_them, versions)
+
+        def make() -> Prefix:
+            if lending:
+                return make_lent_prefix(read_lent(connection, lending, task, settings), ids, settings, style)
+            read = read_demonstrations(
+                connection, task.name, ids, settings, all_of_them=all_of_them, stepwise=style.closed_loop
+            )
+            return make_prefix(read, settings, style)
+
+        return self._prefixes.get(key, make)
+
+
+def _orders(ids: tuple[str, ...], options: PredictOptions) -> list[tuple[str, ...]]:
+    """The order of the demonstrations for each sample that has one of its own."""
+    if not options.permute_demonstrations:
+        return [ids]
+    others = [random.Random(options.seed + k) for k in range(1, options.num_samples)]
+    return [ids, *(tuple(other.sample(ids, len(ids))) for other in others)]
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """The objects that were found with the settings of `task`."""
+
+    task: TaskRecord
+    objects: tuple[ObjectPose, ...]
+
+    def objects_of(self, task: TaskRecord) -> tuple[ObjectPose, ...]:
+        """The objects, if `task` still wants them found so.
+
+        Raises:
+            ConflictError: if not.
+        """
+        if (task.settings, task.object_names) != (self.task.settings, self.task.object_names):
+            raise ConflictError(f"task {task.name!r} changed while its images were looked at: send the request again")
+        return self.objects
+
+
+def _look(store: Store, pose_servers: PoseServers, request: PredictRequest) -> _Seen:
+    """What the images show, found without a transaction open: a server may be asked.
+
+    Raises:
+        as `_observed`; NotFoundError for an unknown task.
+    """
+    with timed("read"), store.read() as connection:
+        task = tasks.get(connection, request.task)
+    settings = TaskSettings.model_validate(task.settings)
+    pose_servers.check(settings.object_models)
+    with timed("poses"):
+        return _Seen(task, _observed(request, task, settings, store.blobs))
+
+
+def _observed(
+    request: PredictRequest, task: TaskRecord, settings: TaskSettings, blobs: BlobStore
+) -> tuple[ObjectPose, ...]:
+    """The observed objects' poses in the task's order, symmetric objects at their canonical yaw.
+
+    Raises:
+        NoDemonstrationsError: if the task has no demonstrations, and the request asks for no other task's.
+        ObjectSetError: if the request has other objects; as `estimate_poses` and `check_scene_units`.
+    """
+    sent = [query.name for query in request.objects]
+    names: Sequence[str] | None = task.object_names
+    if names is None:
+        if request.options.demonstrations_from is None:
+            raise NoDemonstrationsError(task.name)
+        names = list(dict.fromkeys(sent))
+    check_object_names(sent, names)
+    queries = with_templates(settings.with_models(request.objects), blobs)
+    poses = estimate_poses(settings.pose_estimator, queries, request.frames, given_first=True)
+    check_scene_units(poses, settings.workspace.workspace())
+    by_name = {pose.name: pose for pose in poses}
+    return settings.canonical(tuple(by_name[name] for name in names))

@@ -1,0 +1,186 @@
+"""What a robot asks, and how it wants it predicted; what it leaves out follows the task, then the model."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+
+from app.perception.base import ObjectQuery
+from app.perception.images import ImageBytes
+from app.perception.strict import WHOLE, Number, Truth
+from app.services.task_settings import PromptFormat, Representation, SystemPrompt
+from app.store.values import JsonObject
+from roboprompt_client.camera import Camera, RgbdFrame
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.motion_limits import MAX_ACTIONS, Pose
+from roboprompt_client.wording import checked_name
+
+Selection = Literal["first", "recent", "random", "nearest", "diverse"]
+SAMPLES_TEMPERATURE = 0.5
+MAX_OTHER_TASKS = 8
+SIMILAR: Literal["similar"] = "similar"
+Doubtful = Literal["refuse", "allow"]
+
+
+def _names_or_similar(value: object) -> object:
+    """One error for whatever is neither, in place of one for each."""
+    if value is None or value == SIMILAR:
+        return value
+    if not isinstance(value, list | tuple) or not 1 <= len(value) <= MAX_OTHER_TASKS:
+        raise InvalidInputError("demonstrations_from", f"is {value!r:.80}", OTHER_TASKS_RULE)
+    for k, name in enumerate(value):
+        field = f"demonstrations_from[{k}]"
+        if not isinstance(name, str) or name in value[:k]:
+            why = "stands there twice" if isinstance(name, str) else "is no name"
+            raise InvalidInputError(field, f"{name!r:.80} {why}", OTHER_TASKS_RULE)
+        checked_name(field, name)
+    return value
+
+
+OTHER_TASKS_RULE = f'1 to {MAX_OTHER_TASKS} different names of other tasks, or "{SIMILAR}"'
+OtherTaskNames = Annotated[tuple[str, ...], Field(min_length=1, max_length=MAX_OTHER_TASKS)]
+
+
+class PredictOptions(BaseModel):
+    """How to predict."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    num_demonstrations: Annotated[int | None, Field(ge=1, le=100), WHOLE] = None
+    selection: Annotated[
+        Selection,
+        Field(
+            description="first and recent by time of upload; nearest: to the observed objects, the nearest last; "
+            "diverse: those whose objects stand farthest apart"
+        ),
+    ] = "first"
+    seed: Annotated[int, Field(ge=0, le=2**31 - 1, description="for selection random and for sampling"), WHOLE] = 0
+    num_samples: Annotated[
+        int,
+        Field(
+            ge=1,
+            le=16,
+            description="replies to ask for at once; the actions are the median of those with the most common number "
+            "of actions, who must be more than half",
+        ),
+        WHOLE,
+    ] = 1
+    temperature: Annotated[
+        Number | None, Field(ge=0, le=2, description="left out: 0, or 0.5 for several samples of the same prompt")
+    ] = None
+    permute_demonstrations: Annotated[
+        Truth, Field(description="every sample but the first sees the demonstrations in an order of its own")
+    ] = False
+    episode_ids: Annotated[
+        tuple[str, ...] | None,
+        Field(min_length=1, max_length=100, description="exactly these demonstrations, in this order"),
+    ] = None
+    demonstrations_from: Annotated[
+        Literal["similar"] | OtherTaskNames | None,
+        BeforeValidator(_names_or_similar),
+        Field(
+            description="for a task that nobody showed: the prompt has demonstrations of these tasks instead, the last "
+            "one's last; similar: of up to three whose newest instruction and objects share most words with the "
+            "request. Nothing holds the actions to what was demonstrated: the answer has a finding of severity danger"
+        ),
+    ] = None
+    model: Annotated[str | None, Field(max_length=200, description="a name from GET /models")] = None
+    representation: Representation | None = None
+    prompt_format: PromptFormat | None = None
+    system_prompt: Annotated[SystemPrompt | None, Field(description="a, b, c, kat, none or free text")] = None
+    closed_loop: Annotated[
+        Truth, Field(description="only the next action; the demonstrations must have tracked their objects")
+    ] = False
+    after: Annotated[
+        str | None,
+        Field(
+            max_length=64, description="id of the last step of a closed loop; its model, style and demonstrations stay"
+        ),
+    ] = None
+    unfamiliar: Annotated[
+        Doubtful,
+        Field(
+            description="an instruction unlike every taught one: refuse, or pass it on to the LLM with a finding of "
+            "severity danger; objects that are not clear are refused either way"
+        ),
+    ] = "refuse"
+    max_actions: Annotated[int, Field(ge=1, le=100), WHOLE] = MAX_ACTIONS
+    timeout_s: Annotated[Number, Field(ge=0.1, le=600)] = 60.0
+    unsupported: Annotated[
+        Doubtful,
+        Field(description="allow: actions unlike what was demonstrated are answered with a finding instead of refused"),
+    ] = "refuse"
+    stream_text: Annotated[
+        Truth, Field(description="with `Accept: text/event-stream`: the reply's text, too, in events `text`")
+    ] = False
+
+    @property
+    def sampling_temperature(self) -> float:
+        """As asked for; several samples of the same prompt must differ."""
+        if self.temperature is not None:
+            return self.temperature
+        return 0.0 if self.num_samples == 1 or self.permute_demonstrations else SAMPLES_TEMPERATURE
+
+    def check_other_tasks(self, task: str) -> None:
+        """Refuse what does not go with demonstrations of other tasks than `task`.
+
+        Raises:
+            InvalidInputError.
+        """
+        if self.demonstrations_from is None:
+            return
+        without = "no demonstrations_from"
+        if self.demonstrations_from != SIMILAR and task in self.demonstrations_from:
+            place = self.demonstrations_from.index(task)
+            message = f"{task!r} is the task that is asked for"
+            raise InvalidInputError(f"demonstrations_from[{place}]", message, f"other tasks; {without} for its own")
+        if self.episode_ids is not None:
+            raise InvalidInputError("episode_ids", "is given together with demonstrations_from", "one of the two")
+        if self.closed_loop or self.after is not None:
+            field = "closed_loop" if self.closed_loop else "after"
+            raise InvalidInputError(field, "does not go with demonstrations of other tasks", without)
+        if self.selection == "nearest":
+            message = "is 'nearest', but other tasks have other objects"
+            raise InvalidInputError("selection", message, "first, recent, random or diverse")
+
+
+@dataclass(frozen=True)
+class PredictRequest:
+    """What a robot asks.
+
+    Attributes:
+        objects: the observed objects, in any order.
+        frames: calibrated images, for estimators that look.
+        cameras: those of the frames, where these are no longer kept.
+        images: the same as they came, by camera, to be stored with the prediction.
+        end_effector: where the robot's end effector is, where the robot tells.
+        meaning: the instruction of the task that `instruction` means, where an LLM was asked for it.
+        as_sent: the request as it came, to be stored with the prediction.
+    """
+
+    task: str
+    instruction: str
+    objects: tuple[ObjectQuery, ...]
+    frames: tuple[RgbdFrame, ...] = ()
+    cameras: tuple[Camera, ...] = ()
+    images: Mapping[str, ImageBytes] = field(default_factory=dict)
+    end_effector: Pose | None = None
+    meaning: str | None = None
+    options: PredictOptions = PredictOptions()  # noqa: RUF009  it is frozen
+    as_sent: JsonObject = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        options = self.options
+        if options.num_samples > 1 and (options.closed_loop or options.after is not None):
+            raise InvalidInputError("num_samples", f"is {options.num_samples} in a closed loop", "1")
+        options.check_other_tasks(self.task)
+
+    def without_frames(self) -> "PredictRequest":
+        """The same with the cameras, but without what was decoded: it would fill the memory while the LLM is asked."""
+        return replace(self, cameras=tuple(frame.camera for frame in self.frames), frames=()) if self.frames else self
+
+    def with_options(self, **changes: Any) -> "PredictRequest":  # noqa: ANN401
+        """The same with these options, which are checked, and the others as they are."""
+        kept = {name: getattr(self.options, name) for name in PredictOptions.model_fields}
+        return replace(self, options=PredictOptions.model_validate(kept | changes))

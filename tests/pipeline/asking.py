@@ -1,0 +1,19 @@
+"""Short ways to ask a codec, and to read what it is answered."""
+
+from app.pipeline.episode import Query
+from app.pipeline.reply import ReplyReader
+
+
+def grammar_of(codec, instruction):
+    """Of replies to a query about the objects of the codec's demonstrations."""
+    return codec.grammar(Query(instruction, codec.demonstrations[0].objects), 25)
+
+
+def schema_of(codec, instruction):
+    """The same as a JSON Schema."""
+    return codec.schema(Query(instruction, codec.demonstrations[0].objects), 25)
+
+
+def parse_reply(reply_text, codec, objects, instruction, max_actions=25):
+    """The actions of a whole reply."""
+    return ReplyReader(codec, Query(instruction, tuple(objects)), max_actions).finish(reply_text)

@@ -1,0 +1,138 @@
+"""Doubts about an observed scene: each cause is found, alone, and what is as shown is not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from app.pipeline.episode import Query
+from app.pipeline.findings.scene import ShownPlaces, ShownScenes, estimated_error_m, scene_findings
+from app.pipeline.noise import disturbed
+from roboprompt_client.trajectory import ObjectPose
+from tests.pipeline.scenes import demonstration, pose, rotated
+
+STACK = "stack the red cube on the blue cube"
+REVERSE = "stack the blue cube on the red cube"
+
+
+def scene(x_m=0.1, y_m=0.0, yaw_deg=0.0):
+    """A cube, another in front of it, and a box, which stands higher."""
+    return (
+        pose("red cube", (x_m, y_m, 0.80), yaw_deg),
+        pose("blue cube", (x_m + 0.1, y_m + 0.2, 0.80), -yaw_deg),
+        pose("box", (x_m - 0.3, y_m, 0.90), yaw_deg),
+    )
+
+
+SHOWN = [demonstration(STACK, scene(0.02 * k, 0.03 * (k % 5), 5 * (k % 7)), []) for k in range(10)]
+OBSERVED = scene(0.09, 0.05, 12)
+
+
+def found(observed, shown=SHOWN, instruction=STACK):
+    findings = scene_findings(Query(instruction, tuple(observed)), ShownScenes(tuple(shown)))
+    return [(finding.code, finding.severity, finding.where) for finding in findings]
+
+
+def with_changed(name, **changes):
+    return tuple(replace(item, **changes) if item.name == name else item for item in OBSERVED)
+
+
+def moved(name, *way_m):
+    position_m = next(item for item in OBSERVED if item.name == name).position_m
+    return with_changed(name, position_m=position_m + np.array(way_m))
+
+
+def turned(name, *euler_deg):
+    turn = Rotation.from_quat(next(item for item in OBSERVED if item.name == name).quaternion_xyzw)
+    return with_changed(name, quaternion_xyzw=(rotated(*euler_deg) * turn).as_quat())
+
+
+def test_what_is_as_shown_deserves_no_look():
+    assert found(OBSERVED) == []
+
+
+CAUSES = [
+    (moved("red cube", 0.4, 0, 0), ("object-beyond-demonstrations", "danger", "objects[red cube]")),
+    (moved("red cube", 0, -0.15, 0), ("object-beyond-demonstrations", "warning", "objects[red cube]")),
+    (moved("red cube", 0, 0, 0.02), ("object-at-another-height", "warning", "objects[red cube]")),
+    (turned("red cube", 70, 0, 0), ("object-tilted", "danger", "objects[red cube]")),
+    (turned("red cube", 0, 0, 60), ("object-turned", "warning", "objects[red cube]")),
+    (moved("red cube", 0.1, 0.19, 0), ("objects-in-one-place", "danger", "objects[red cube]")),
+    (
+        with_changed("red cube", confidence=0.6, reason="half hidden", estimator="cuboid"),
+        ("uncertain-pose", "warning", "objects[red cube]"),
+    ),
+    (
+        with_changed("red cube", confidence=0.9, reason="half hidden", estimator="cuboid"),
+        ("uncertain-pose", "info", "objects[red cube]"),
+    ),
+]
+
+
+@pytest.mark.parametrize(("observed", "expected"), CAUSES, ids=[f"{c}-{s}" for _, (c, s, _) in CAUSES])
+def test_each_cause_is_found_alone(observed, expected):
+    assert found(observed) == [expected]
+
+
+def test_an_object_that_is_taken_for_another_is_one_finding():
+    """It is at the other's height and place: what else is odd about it follows."""
+    box = OBSERVED[2]
+    assert found(with_changed("red cube", position_m=box.position_m, quaternion_xyzw=box.quaternion_xyzw)) == [
+        ("objects-in-one-place", "danger", "objects[red cube]")
+    ]
+
+
+def test_objects_that_are_swapped_are_told_by_the_order_of_mention():
+    """Whatever is named first stands on the other in every demonstration, and both cubes have been above."""
+
+    def tower(lower, upper, x_m):
+        return (pose(lower, (x_m, 0, 0.8), 0), pose(upper, (x_m, 0, 0.85), 0))
+
+    below, above = ("blue cube", "red cube"), ("red cube", "blue cube")
+    shown = [
+        demonstration(REVERSE if k % 2 else STACK, tower(*(above if k % 2 else below), 0.03 * k), []) for k in range(10)
+    ]
+    assert found(tower(*below, 0.1), shown, STACK) == []
+    assert found(tower(*above, 0.1), shown, REVERSE) == []
+    assert found(tower(*above, 0.1), shown, STACK) == [("objects-arranged-otherwise", "warning", "objects[red cube]")]
+
+
+@pytest.mark.parametrize(("error_m", "expected"), [(0.0, False), (0.008, False), (0.04, True)])
+def test_noise_is_told_by_what_all_demonstrations_share(error_m, expected):
+    noisy = [
+        disturbed(OBSERVED, np.random.default_rng(k), mean_error_m=error_m, mean_error_rad=error_m * 4.79)
+        for k in range(10)
+    ]
+    loud = [bool(found(observed)) for observed in noisy]
+    assert sum(loud) == (10 if expected else 0)
+
+
+def test_the_size_of_the_noise_is_estimated():
+    places = [ShownPlaces.of(item.name, SHOWN) for item in OBSERVED]
+    estimates_m = [
+        estimated_error_m(
+            disturbed(OBSERVED, np.random.default_rng(k), mean_error_m=0.03, mean_error_rad=0.1437), places
+        )
+        for k in range(50)
+    ]
+    assert np.median(estimates_m) == pytest.approx(0.03, rel=0.15)
+
+
+def test_nothing_is_estimated_where_demonstrations_share_nothing():
+    shown = [demonstration(STACK, (pose("red cube", (0, 0, 0.8 + 0.05 * k)),), []) for k in range(5)]
+    observed = (ObjectPose("red cube", np.array([0.0, 0.0, 0.93])),)
+    assert estimated_error_m(observed, [ShownPlaces.of("red cube", shown)]) == 0
+    assert found(observed, shown, "lift the red cube") == []
+
+
+def test_few_demonstrations_say_little():
+    assert found(moved("red cube", 0.4, 0, 0.1), SHOWN[:2]) == []
+    assert found(moved("red cube", 0.03, 0, 0), SHOWN[:4]) == []
+    assert len(found(moved("red cube", 0.06, 0, 0), SHOWN[:4])) == 1
+
+
+def test_an_object_at_any_angle_is_never_turned_too_far():
+    shown = [demonstration(STACK, (pose("tap", (0.01 * k, 0, 0.8), 36 * k - 180),), []) for k in range(10)]
+    for yaw_deg in range(-180, 180, 15):
+        assert found((pose("tap", (0.05, 0, 0.8), yaw_deg),), shown, "turn the tap") == []

@@ -1,0 +1,172 @@
+"""What an instruction becomes: what was taught, byte for byte, and what each phrase was taken for."""
+
+import time
+from contextlib import suppress
+
+import numpy as np
+import pytest
+
+from app.pipeline.errors import UnfamiliarInstructionError, UngroundedInstructionError
+from app.pipeline.order.order import Grounding, Order
+from app.pipeline.order.reading import read
+from app.pipeline.order.space import Layout
+from app.pipeline.order.taught import Taught
+from app.services.predict.instruction import is_english
+
+BUTTONS = ("red button", "blue button")
+PUSH = ["push the red button", "push the blue button"]
+
+
+def taught(names, instructions, **aliases):
+    return Taught(names, aliases, instructions, is_english)
+
+
+@pytest.mark.parametrize(
+    ("names", "instructions", "said", "canonical"),
+    [
+        (BUTTONS, PUSH, "Push the BLUE button.", "Push the BLUE button."),
+        (BUTTONS, PUSH[:1], "push the blue button", "push the blue button"),
+        (BUTTONS, ["Push the red button."], "press the blue one", "Push the blue button."),
+        (BUTTONS, PUSH, "Press the azure button!", "push the blue button"),
+        (BUTTONS, ["push red"], "push red and then push blue", "push red and then push blue"),
+        (BUTTONS, ["push red"], "press red and then blue", "push red, then push blue"),
+        (BUTTONS, PUSH, "push the red one and then the blue one", "push the red button, then push the blue button"),
+        (("red_button", "blue_button"), ["push red_button"], "press the blue button", "push blue_button"),
+        (("drawer_top", "drawer_bottom"), ["open the top drawer"], "open the lowest drawer", "open the bottom drawer"),
+        (("drawer_top", "drawer_bottom"), ["open drawer_top"], "open up the bottom one", "open drawer_bottom"),
+        (("mug", "plate"), ["Put the mug on the plate"], "place the mug onto the plate", "Put the mug on the plate"),
+        (("red cube", "blue cube"), ["stack red on blue"], "put the blue cube on the red cube", "stack blue on red"),
+    ],
+)  # fmt: skip
+def test_the_canonical_instruction_is_worded_as_it_was_taught(names, instructions, said, canonical):
+    assert read(said, taught(names, instructions)).text == canonical
+
+
+@pytest.mark.parametrize(
+    ("said", "phrase", "name", "by"),
+    [
+        ("push the red button", "red button", "red button", "name"),
+        ("press the red one", "the red one", "red button", "name"),
+        ("push the big one", "the big one", "red button", "alias"),
+        ("push the bleu button", "the bleu button", "blue button", "spelling"),
+        ("push the crimson button", "the crimson button", "red button", "colour"),
+        ("push the button on the left", "the button on the left", "red button", "relation"),
+    ],
+)
+def test_every_phrase_tells_what_it_was_taken_for_and_by_what(said, phrase, name, by):
+    layout = Layout({"red button": np.array([0.3, 0.2, 0.8]), "blue button": np.array([0.3, -0.2, 0.8])}, np.zeros(3))
+    words = Taught(BUTTONS, {"red button": ("big one", "start")}, PUSH, is_english)
+    assert read(said, words, layout).phrases == (Grounding(phrase, name, by),)
+
+
+def test_what_was_understood_survives_being_stored():
+    order = read("push the crimson button", taught(BUTTONS, PUSH))
+    assert Order.from_json(order.to_json(), BUTTONS) == order
+
+
+@pytest.mark.parametrize(
+    ("names", "instructions", "said"),
+    [
+        (("button",), ["press"], "press"),
+        (("button",), ["press"], "push the button, please"),
+        (("button",), ["press"], "tap it"),
+        (("cube",), ["pick up the cube"], "grab it"),
+        (("cube",), ["pick up the cube"], "pick up the cube, then pick up the cube"),
+        (("drawer_top",), ["open the drawer"], "open the drawer"),
+        (("mug", "plate"), ["clear the table"], "clear the table"),
+        (("mug", "plate"), ["clear the table"], "please clear the table"),
+        (("handle",), ["open the top drawer"], "open the top drawer"),
+    ],
+)
+def test_a_task_of_one_object_or_without_names_keeps_working(names, instructions, said):
+    assert read(said, taught(names, instructions)).text in (*instructions, said)
+
+
+@pytest.mark.parametrize(
+    ("names", "instructions", "said", "error"),
+    [
+        (("button",), ["press"], "press the lever", UngroundedInstructionError),
+        (("button",), ["press"], "press not the button", UnfamiliarInstructionError),
+        (("button",), ["press"], "don't press", UnfamiliarInstructionError),
+        (("button",), ["press"], "dance", UnfamiliarInstructionError),
+        (("drawer",), ["open the top drawer"], "open the bottom drawer", UngroundedInstructionError),
+        (("left tap",), ["turn left tap"], "turn the right tap", UngroundedInstructionError),
+        (("mug", "plate"), ["clear the table"], "pick up the mug", UnfamiliarInstructionError),
+        (("mug", "plate"), ["clear the table"], "clear the mug", UnfamiliarInstructionError),
+        (("mug", "plate"), ["clear the table"], "clear the desk", UngroundedInstructionError),
+        # a noun that is only a part of a name
+        (("wine bottle", "cup"), ["lift the wine bottle"], "lift the wine", UngroundedInstructionError),
+        (("cup holder", "lid"), ["move the cup holder", "move the lid"], "move the cup", UngroundedInstructionError),
+        # an article is no letter of a name
+        (("block a", "block b"), ["lift block a", "lift block b"], "lift a block", UngroundedInstructionError),
+        # a number that was not taught
+        (("part12", "bin"), ["put part12 in the bin"], "put part13 in the bin", UngroundedInstructionError),
+        (("red block", "pad"), ["put 2 bricks on the pad"], "put 3 bricks on the pad", UngroundedInstructionError),
+        (("red block", "pad"), ["put 2 bricks on the pad"], "put bricks on the pad", UngroundedInstructionError),
+        # a word that decides, and was taught
+        (BUTTONS, ["press the red and the blue button in the reverse order"],
+         "press the blue and the red button in this order", UnfamiliarInstructionError),
+        (("drawer",), ["open the drawer halfway"], "open the drawer", UnfamiliarInstructionError),
+        # part of a plan that was taught as a whole
+        (("door", "mug"), ["open the door, then lift the mug"], "lift the mug", UnfamiliarInstructionError),
+        # two taught verbs that a third is like
+        (BUTTONS, ["push the red button", "tap the red button"], "hit the blue button", UngroundedInstructionError),
+    ],
+)  # fmt: skip
+def test_other_words_are_refused(names, instructions, said, error):
+    with pytest.raises(error):
+        read(said, taught(names, instructions))
+
+
+def test_a_plan_of_several_clauses_is_understood_as_a_whole():
+    words = taught(("door", "mug", "bowl"), ["open the door, then lift the mug"])
+    assert read("open the door and then grab the bowl", words).text == "open the door, then lift the bowl"
+
+
+@pytest.mark.parametrize(
+    ("said", "passed_on"),
+    [
+        ("pull the red button", "pull the red button"),
+        ("lift the azure button", "lift the blue button"),
+        ("push the red button twice", "push the red button twice"),
+    ],
+)
+def test_an_unfamiliar_instruction_may_be_passed_on_with_its_objects_named(said, passed_on):
+    order = read(said, taught(BUTTONS, PUSH), allow_unfamiliar=True)
+    assert (order.text, bool(order.unfamiliar)) == (passed_on, True)
+    assert [phrase.phrase in said for phrase in order.phrases] == [True]
+
+
+@pytest.mark.parametrize(
+    "said", ["dance", "open the drawer", "pull the purple button", "pull the button", "do not pull the red button",
+             "pull the frobnicator to the red button", "pull the red one, not the blue one"],
+)  # fmt: skip
+def test_objects_that_are_not_clear_are_refused_all_the_same(said):
+    with pytest.raises(UngroundedInstructionError):
+        read(said, taught(BUTTONS, PUSH), allow_unfamiliar=True)
+
+
+def test_a_refusal_lists_what_the_task_knows():
+    words = Taught(BUTTONS, {"blue button": ("stop",)}, PUSH, is_english)
+    with pytest.raises(UngroundedInstructionError, match="'the purple button' is none") as refused:
+        read("push the purple button", words)
+    assert refused.value.valid == (
+        "objects red button, blue button (or stop); taught 'push the red button', 'push the blue button'"
+    )
+
+
+def test_an_ambiguous_phrase_names_its_candidates():
+    with pytest.raises(UngroundedInstructionError, match="'the button' may be red button, blue button"):
+        read("push the button", taught(BUTTONS, PUSH))
+
+
+@pytest.mark.parametrize(
+    "said", ["push the red button and " * 20 + "push the red button", "the " * 100, "red " * 100, ", " * 200]
+)
+def test_no_instruction_takes_long(said):  # fmt: skip
+    words = taught(BUTTONS, PUSH)
+    read("press the red one", words)
+    started_s = time.process_time()
+    with suppress(UngroundedInstructionError, UnfamiliarInstructionError):
+        read(said, words)
+    assert time.process_time() - started_s < 0.5

@@ -1,0 +1,113 @@
+import pytest
+
+from app.pipeline.order.order import Order
+
+
+@pytest.mark.parametrize(
+    ("names", "instruction", "expected"),
+    [
+        (("red", "blue"), "put the blue on the red", ("blue", "red")),
+        (("red", "blue"), "put the red on the blue", ("red", "blue")),
+        (("red button", "blue button"), "Push the RED button.", ("red button",)),
+        (("red_button",), "push the red button", ("red_button",)),
+        (("red button",), "push the red_button", ("red button",)),
+        # the longest name wins, at every place
+        (("cup", "cup holder"), "move the cup holder", ("cup holder",)),
+        (("cup", "cup holder"), "put the cup holder beside the other cup holder", ("cup holder",)),
+        (("cup", "cup holder"), "put the cup into the cup holder", ("cup", "cup holder")),
+        (("cup", "cup holder"), "to the cup holder bring the cup", ("cup holder", "cup")),
+        # a part of a word is no mention
+        (("lid",), "slide the block", ()),
+        (("cup",), "close the cupboard", ()),
+        (("no. 5",), "push no. 5 now", ("no. 5",)),
+        (("a.b",), "push axb", ()),
+        ((), "push", ()),
+    ],
+)
+def test_an_order_has_its_objects_by_their_first_mention(names, instruction, expected):
+    assert Order(instruction, names).objects == expected
+
+
+@pytest.mark.parametrize(
+    ("instruction", "expected"),
+    [
+        ("push the red button", "push the <0>"),
+        ("Push the BLUE button.", "push the <0>"),
+        ("push the red_button, then the blue button", "push the <0>, then the <1>"),
+        ("push the blue button, then the red button", "push the <0>, then the <1>"),
+        ("push the red button twice: red button", "push the <0> twice: <0>"),
+        ("push anything", "push anything"),
+        ("push #0", "push #0"),
+    ],
+)
+def test_a_template_stands_for_all_instructions_of_its_form(instruction, expected):
+    assert Order(instruction, ("red button", "blue button")).form == expected
+
+
+def test_a_name_within_another_or_within_a_placeholder_is_not_replaced():
+    assert Order("put the cup holder by the cup", ("cup", "cup holder")).form == "put the <0> by the <1>"
+    assert Order("put cup on 0 then 1", ("0", "1", "cup")).form == "put <0> on <1> then <2>"
+
+
+@pytest.mark.parametrize(
+    ("instruction", "expected"),
+    [
+        ("push the red button", 1),
+        ("push the red button, then push the blue button", 2),
+        ("push red, then blue, and then green", 3),
+        ("push red and then blue", 2),
+        ("push red then blue", 2),
+        ("Push red. Then push blue", 2),
+        ("strengthen the grip", 1),
+        ("then push", 1),
+        (" push red THEN blue ", 2),
+    ],
+)
+def test_clauses(instruction, expected):
+    assert len(Order(instruction, ()).clauses) == expected
+
+
+DRAWERS = ("drawer_bottom", "drawer_middle", "drawer_top")
+
+
+@pytest.mark.parametrize(
+    ("names", "instruction", "expected"),
+    [
+        (DRAWERS, "open the top drawer", ("drawer_top",)),
+        (DRAWERS, "open the Top one, then the bottom one.", ("drawer_top", "drawer_bottom")),
+        (DRAWERS, "open the drawer", ()),
+        (DRAWERS, "push the stopper", ()),
+        # its own words, all of them, in any order
+        (("toy block", "wooden box"), "put the block, a toy, into the box", ("toy block",)),
+        (("toy block", "wooden box"), "into the box of wooden planks goes the block", ("wooden box",)),
+        # a word that two names share says nothing
+        (("red cup", "red plate"), "move the red thing", ()),
+        (("red cup", "red plate", "blue cup"), "put the plate by the red thing", ("red plate",)),
+        # a name without a word of its own needs its phrase
+        (("red cup", "red plate", "blue cup"), "put the cup, the red one, away", ()),
+        (("cup", "cup holder"), "put the cup into the holder", ("cup", "cup holder")),
+        (("cup", "cup holder"), "move the holder", ("cup holder",)),
+        # a phrase goes first: its words are no longer there for another name, nor for its own
+        (("left lid", "lid left of jar"), "take the lid left of jar", ("lid left of jar",)),
+        ((*DRAWERS, "top shelf"), "put it on the top shelf in the middle drawer", ("top shelf", "drawer_middle")),
+        (DRAWERS, "close the top one, that is drawer_top", ("drawer_top",)),
+        (("left-hand tap", "right-hand tap"), "turn the left tap", ("left-hand tap",)),
+    ],
+)
+def test_a_name_is_mentioned_by_the_words_that_no_other_has(names, instruction, expected):
+    assert Order(instruction, names).objects == expected
+
+
+@pytest.mark.parametrize(
+    ("names", "instruction", "expected"),
+    [
+        (DRAWERS, "Open the top drawer.", "open the <0> drawer"),
+        (DRAWERS, "open the bottom drawer, then the top drawer", "open the <0> drawer, then the <1> drawer"),
+        (DRAWERS, "close the top one, that is drawer_top", "close the top one, that is <0>"),
+        (("red block", "blue cup"), "push the block that is red", "push the <0> that is <0>"),
+        (("red block", "blue cup"), "push the cup that is blue", "push the <0> that is <0>"),
+        (("cup", "cup holder"), "put the cup into the holder", "put the <0> into the <1>"),
+    ],
+)
+def test_a_form_replaces_distinctive_words(names, instruction, expected):
+    assert Order(instruction, names).form == expected

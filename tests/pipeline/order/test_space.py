@@ -1,0 +1,52 @@
+import numpy as np
+import pytest
+
+from app.pipeline.order import space
+from app.pipeline.order.space import Layout
+
+ROW = {"a": (0.3, 0.3, 0.8), "b": (0.3, 0.1, 0.8), "c": (0.3, -0.1, 0.8), "d": (0.5, -0.3, 0.8)}
+ALL = tuple(ROW)
+
+
+def layout(**moved):
+    places = {**ROW, **moved}
+    return Layout({name: np.array(place) for name, place in places.items()}, np.zeros(3))
+
+
+@pytest.mark.parametrize(
+    ("pick", "names", "found"),
+    [
+        (space.extreme("left"), ALL, ("a",)),
+        (space.extreme("right", 2), ALL, ("c",)),
+        (space.extreme("left", 5), ALL, ()),
+        (space.extreme("far"), ALL, ("d",)),
+        (space.extreme("near"), ALL, ("a", "b", "c")),  # equally near: not decided
+        (space.nearest_to(None), ("a", "d"), ("a",)),
+        (space.farthest_from(None), ALL, ("d",)),
+        (space.nearest_to("a"), ALL, ("b",)),
+        (space.farthest_from("a", 2), ALL, ("c",)),
+        (space.next_to("a"), ALL, ("b",)),
+        (space.next_to("b"), ALL, ("a", "c", "d")),  # one on either side
+        (space.beyond("left", "c"), ALL, ("b",)),
+        (space.beyond("left", "a"), ALL, ()),
+        (space.beyond("far", "a"), ALL, ()),  # d is farther away, but mostly to the right
+        (space.between("a", "c"), ALL, ("b",)),
+        (space.between("a", "a"), ALL, ()),
+        (space.on_side("left"), ("b", "c"), ("b",)),
+        (space.on_side("left"), ALL, ("a", "b")),
+        (space.on_side("right"), ("a", "b", "d"), ("d",)),
+        (space.in_the_middle, ("a", "b", "c"), ("b",)),
+        (space.in_the_middle, ALL, ALL),
+    ],
+)
+def test_relations_in_the_robots_frame(pick, names, found):
+    assert pick(layout(), names) == found
+
+
+def test_what_lies_closer_together_than_poses_are_certain_is_not_told_apart():
+    assert space.extreme("left")(layout(b=(0.3, 0.29, 0.8)), ALL) == ("a", "b")
+
+
+def test_distances_are_measured_from_where_the_robot_stands():
+    beside = Layout(layout().positions_m, np.array([0.5, -0.5, 0.0]))
+    assert space.nearest_to(None)(beside, ALL) == ("d",)

@@ -1,0 +1,60 @@
+import pytest
+
+from app.pipeline.order.words import Speller, plurals_of, tokens_of, verb_forms
+
+KNOWN = (("red", "blue", "yellow", "button", "mug", "bowl", "leftmost"), ("below", "push"))
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("Push the red_button.", ["push", "the", "red", "button", "."]),
+        ("don't push 'red', push “blue”!", ["do", "not", "push", "red", ",", "push", "blue", "."]),
+        (
+            "the left-hand, bottom-most tap (not the other)",
+            ["the", "left", "hand", ",", "bottommost", "tap", ",", "not", "the", "other"],
+        ),
+        ("I\u2019d like no. 5", ["i", "would", "like", "no", ".", "5"]),
+    ],
+)
+def test_words_are_cut_out_and_contractions_written_out(text, words):
+    assert [token.text for token in tokens_of(text)] == words
+
+
+def test_a_word_knows_its_place():
+    text = "Press the «Blue» one"
+    assert [text[token.start : token.end] for token in tokens_of(text)] == ["Press", "the", "Blue", "one"]
+
+
+@pytest.mark.parametrize(
+    ("word", "meant"),
+    [
+        ("yelow", "yellow"),  # as near to "below", but objects come first
+        ("bule", "blue"),
+        ("rde", "red"),
+        ("lefmots", None),
+        ("leftmsot", "leftmost"),
+        ("bwol", "bowl"),
+        ("nug", None),  # three letters: only neighbours that changed places
+        ("bow", None),  # a word of its own
+        ("redd7", None),
+        ("bo", None),
+    ],
+)
+def test_only_what_is_no_word_and_near_to_one_is_corrected(word, meant):
+    assert Speller(KNOWN, {"bow", "bowel", "rug"}.__contains__).correct(word) == meant
+
+
+@pytest.mark.parametrize(
+    ("verb", "form"),
+    [("push", "pushes"), ("push", "pushing"), ("place", "placing"), ("tap", "tapped"), ("carry", "carries"),
+     ("carry", "carried"), ("put", "putting"), ("close", "closed"), ("lift", "lifted")],
+)  # fmt: skip
+def test_regular_forms_of_verbs(verb, form):
+    assert form in verb_forms(verb)
+
+
+@pytest.mark.parametrize(("plural", "singular"), [("mugs", "mug"), ("boxes", "box"), ("berries", "berry")])
+def test_plurals(plural, singular):
+    assert plural in plurals_of(singular)
+    assert singular not in plurals_of(plural)

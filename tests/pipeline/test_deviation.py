@@ -1,0 +1,74 @@
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from app.pipeline.deviation import action_deviations, object_reach
+from app.pipeline.episode import Demonstration
+from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
+
+DOWN = np.array([1.0, 0.0, 0.0, 0.0])
+OFFSETS_M = ([0.0, 0.0, 0.1], [0.0, 0.0, 0.0], [0.0, 0.0, 0.2])
+
+
+def pick(x_m, instruction="pick up the cube", yaw_deg=0.0, name="cube", offsets_m=OFFSETS_M, is_open=(1, 0, 0)):
+    """A cube beside a wall; the gripper goes above it, down, closes, and lifts."""
+    yaw = Rotation.from_euler("z", yaw_deg, degrees=True)
+    cube = ObjectPose(name, [x_m, 0.1, 0.8], yaw.as_quat())
+    wall = ObjectPose("wall", [0.5, 0.4, 0.9])
+    turned = (yaw * Rotation.from_quat(DOWN)).as_quat()
+    targets = [EndEffectorAction(cube.position_m + o, turned, bool(g)) for o, g in zip(offsets_m, is_open, strict=True)]
+    return Demonstration(instruction, (cube, wall), tuple(targets))
+
+
+SHOWN = [pick(0.1), pick(0.15, yaw_deg=20), pick(0.2, yaw_deg=-30)]
+
+
+def test_what_is_done_as_shown_does_not_deviate():
+    deviations = action_deviations(pick(0.3, yaw_deg=10), SHOWN)
+    assert [item.object_name for item in deviations] == ["cube"] * 3
+    for item in deviations:
+        assert max(item.offset_m, item.spread_m) < 1e-9
+        assert max(item.turn_deg, item.turn_spread_deg) < 1e-6
+        assert item.gripper_shown
+
+
+def test_an_action_that_goes_elsewhere_is_told_from_the_others():
+    wrong = pick(0.15, offsets_m=([0, 0, 0.1], [0.03, 0.04, 0], [0, 0, 0.2]), is_open=(1, 1, 0))
+    deviations = action_deviations(wrong, SHOWN)
+    assert [round(item.offset_m, 6) for item in deviations] == [0, 0.05, 0]
+    assert [item.gripper_shown for item in deviations] == [True, False, True]
+
+
+def test_a_turn_is_told_in_degrees():
+    wrong = pick(0.15, yaw_deg=20)
+    quarter = Rotation.from_euler("z", 90, degrees=True)
+    turned = [
+        EndEffectorAction(a.position_m, (quarter * Rotation.from_quat(a.quaternion_xyzw)).as_quat(), a.gripper_open)
+        for a in wrong.actions
+    ]
+    deviations = action_deviations(Demonstration(wrong.instruction, wrong.objects, tuple(turned)), SHOWN)
+    assert [round(item.turn_deg, 6) for item in deviations] == [90] * 3
+
+
+def test_other_objects_of_the_same_instruction_are_compared():
+    ball = pick(0.3, "pick up the ball", name="ball")
+    assert action_deviations(ball, SHOWN)[0].object_name == "ball"
+
+
+@pytest.mark.parametrize("other", [pick(0.1, "push the cube"), pick(0.1, offsets_m=OFFSETS_M[:2], is_open=(1, 0))])
+def test_what_was_not_shown_is_not_compared(other):
+    assert action_deviations(other, SHOWN) == ()
+
+
+def test_nothing_is_compared_without_actions():
+    assert action_deviations(Demonstration("pick up the cube", SHOWN[0].objects, ()), SHOWN) == ()
+
+
+def test_reach_is_told_from_the_demonstrations():
+    inside = object_reach(ObjectPose("cube", [0.12, 0.1, 0.8], [0, 0, 0, 1]), SHOWN)
+    assert inside.beyond_m == 0
+    assert inside.nearest_m == pytest.approx(0.02)
+    assert inside.nearest_deg == pytest.approx(0, abs=1e-6)
+    beyond = object_reach(ObjectPose("cube", [0.05, 0.13, 0.8]), SHOWN)
+    assert beyond.beyond_m == pytest.approx(0.05)
+    assert beyond.nearest_deg is None

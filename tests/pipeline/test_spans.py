@@ -1,0 +1,115 @@
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from app.pipeline.episode import Demonstration, Query
+from app.pipeline.prompt import SYSTEM_PROMPTS, PromptTemplate
+from app.pipeline.representation import PROMPT_FORMATS, REPRESENTATIONS, fit_codec
+from app.pipeline.spans import prompt_spans
+from app.pipeline.workspace import Workspace
+from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
+
+FORMATS = [(representation, form) for representation in REPRESENTATIONS for form in PROMPT_FORMATS]
+DOWN = [1.0, 0.0, 0.0, 0.0]
+LEVEL = [0.0, 0.0, 0.0, 1.0]
+# what looks like structure: digits in names, an apostrophe, a quotation, an instruction that ends like an object
+INSTRUCTIONS = ("push the red button", "don't push 'cube 2', push the red button 1 2 3")
+
+
+def demonstration(instruction, x_m):
+    objects = (
+        ObjectPose("red button", [x_m, 0.1, 0.8], LEVEL),
+        ObjectPose("cube 2", [0.3, x_m, 0.8], LEVEL),
+        ObjectPose("no-rotation_v1.0", [0.2, 0.2, 0.8]),
+    )
+    actions = [EndEffectorAction([x_m, 0.1, z], DOWN, z > 0.9) for z in (1.0, 0.85, 1.0)]
+    return Demonstration(instruction, objects, tuple(actions))
+
+
+def prompt_and_actions(representation, prompt_format, instruction):
+    demonstrations = [demonstration(instruction, x_m) for x_m in (0.1, 0.2)]
+    codec = fit_codec(representation, prompt_format, demonstrations, Workspace.rlbench())
+    template = PromptTemplate.write(codec, demonstrations, "")
+    query = demonstration(instruction, 0.3)
+    return template.ask(Query(instruction, query.objects), 25).user, [codec.actions_text(d) for d in demonstrations]
+
+
+def texts(spans, kind):
+    return [span.text for span in spans if span.kind == kind]
+
+
+@pytest.mark.parametrize("instruction", INSTRUCTIONS)
+@pytest.mark.parametrize(("representation", "prompt_format"), FORMATS)
+def test_every_part_of_a_prompt_has_its_kind(representation, prompt_format, instruction):
+    prompt, actions = prompt_and_actions(representation, prompt_format, instruction)
+    spans = prompt_spans(prompt, representation, prompt_format)
+    assert "".join(span.text for span in spans) == prompt
+    objects = texts(spans, "object")
+    assert len(objects) == 3 * 3
+    for name in ("red button", "cube 2", "no-rotation_v1.0"):
+        assert sum(name in text for text in objects) == 3
+    shown = f"'{instruction}'" if representation != "object_frame" else instruction
+    assert texts(spans, "instruction") == ([shown] * 3 if prompt_format == "paper" else [])
+    assert len(texts(spans, "separator")) == 2
+    assert "".join(texts(spans, "action")) == "".join(actions).replace("; ", "")
+    assert not set("".join(texts(spans, "plain"))) - set("{}, >;")
+
+
+@pytest.mark.parametrize(("representation", "prompt_format"), FORMATS)
+def test_a_reply_is_actions(representation, prompt_format):
+    _, (reply, _) = prompt_and_actions(representation, prompt_format, INSTRUCTIONS[0])
+    spans = prompt_spans(f" {reply}\n", representation, prompt_format)
+    assert not set("".join(texts(spans, "plain") + texts(spans, "separator"))) - set(" ;\n")
+    assert "".join(texts(spans, "action")) == reply.replace("; ", "")
+
+
+def test_the_paper_s_example():
+    text = "{'drawer': [42, 65, 29], 'open it'}>[[46, 74, 55, 54, 36, 37, 1], [40, 7, 5, 4, 6, 7, 0]], "
+    assert [(span.kind, span.text) for span in prompt_spans(text, "absolute", "paper")] == [
+        ("plain", "{"),
+        ("object", "'drawer': [42, 65, 29]"),
+        ("plain", ", "),
+        ("instruction", "'open it'"),
+        ("plain", "}>"),
+        ("action", "[[46, 74, 55, 54, 36, 37, 1], [40, 7, 5, 4, 6, 7, 0]]"),
+        ("separator", ", "),
+    ]
+
+
+def test_kat_s_format():
+    prompt, actions = prompt_and_actions("action_tokens", "kat", INSTRUCTIONS[0])
+    spans = prompt_spans(prompt, "action_tokens", "kat")
+    assert "".join(span.text for span in spans) == prompt
+    assert len(texts(spans, "object")) == 3
+    assert texts(spans, "action") == actions
+    assert len(texts(spans, "separator")) == 2
+    assert [span.kind for span in prompt_spans(actions[0], "action_tokens", "kat")] == ["action"]
+
+
+def test_the_object_frame_s_example():
+    text = "A red button 40 41 17 36; push it > 1 A w: +0 +0 +14 0 36 36 0; 2 A o: +0 -1 +0 0 36 36 1\n"
+    assert [(span.kind, span.text) for span in prompt_spans(text, "object_frame", "paper")] == [
+        ("object", "A red button 40 41 17 36"),
+        ("plain", "; "),
+        ("instruction", "push it"),
+        ("plain", " > "),
+        ("action", "1 A w: +0 +0 +14 0 36 36 0"),
+        ("plain", "; "),
+        ("action", "2 A o: +0 -1 +0 0 36 36 1"),
+        ("separator", "\n"),
+    ]
+
+
+def test_what_is_no_row_stays_plain():
+    spans = prompt_spans("1 A w: +0 +0 +14 0 36 36; I'd rather not", "object_frame", "paper")
+    assert {span.kind for span in spans} == {"plain"}
+
+
+@given(st.text(alphabet="ab'{}[]<>;:, \n019+-w", max_size=60) | st.text(), st.sampled_from(FORMATS))
+def test_nothing_is_lost_or_repeated(text, style):
+    assert "".join(span.text for span in prompt_spans(text, *style)) == text
+
+
+@pytest.mark.parametrize("system", SYSTEM_PROMPTS.values())
+def test_a_text_of_another_representation_stays_as_it_is(system):
+    assert "".join(span.text for span in prompt_spans(system, "action_tokens", "paper")) == system
