@@ -25,7 +25,8 @@ from app.perception.registered.model import RegisteredModel
 from app.perception.registered.poses import angle_deg
 from app.perception.registered.template import Template
 from app.pipeline.errors import NoPoseError
-from benchmarks.object_scenes import THINGS, Layout, Room, sample
+from benchmarks.object_scenes import Layout, Room, sample
+from benchmarks.object_shapes import THINGS
 from roboprompt_client.arrays import Array
 from roboprompt_client.trajectory import ObjectPose
 

@@ -11,11 +11,12 @@ import numpy as np
 from app.perception.object_model import ObjectModelError
 from app.perception.registered.cloud import Index, thinned, unit
 from app.perception.registered.decide import LEAST_SCORE, yaw_rivals
+from app.perception.registered.free_space import free_views_of
 from app.perception.registered.hypotheses import hypotheses
 from app.perception.registered.scene import LitScene, Scene
 from app.perception.registered.score import NEAR_M
 from app.perception.registered.symmetry import centered, completed, looks_alike_all_around
-from app.perception.registered.template import Template, free_views_of
+from app.perception.registered.template import Template
 from roboprompt_client.arrays import Array
 from roboprompt_client.camera import RgbdFrame
 

@@ -5,7 +5,6 @@ around. As a file it is an .npz without pickles.
 """
 
 import io
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from zipfile import BadZipFile
@@ -161,34 +160,3 @@ def _free_view(number: int, camera_to_template: Array, intrinsics: Array, neares
     camera = Camera(f"view_{number}", fx_px, fy_px, cx_px, cy_px, camera_to_template)
     nearest_m = (nearest * DEPTH_UNIT_M).astype(np.float32)
     return View(camera, nearest_m, nearest_m, np.zeros((0, 0, 3), np.uint8))
-
-
-def free_views_of(
-    views: Sequence[View], template_to_world: Array, points_m: Array, margin_m: float
-) -> tuple[View, ...]:
-    """The views cut to where the template's points (N, 3) and what is nearer to them than a margin appear."""
-    cut = (_cut(view, template_to_world, points_m, margin_m) for view in views)
-    return tuple(view for view in cut if view is not None)
-
-
-def _cut(view: View, template_to_world: Array, points_m: Array, margin_m: float) -> View | None:
-    pose = np.linalg.inv(template_to_world) @ view.camera.camera_to_world
-    pixels, depth_m = _moved(view.camera, pose, 0, 0).project(points_m)
-    if (depth_m <= 0).any():
-        return None
-    margin_px = margin_m * max(view.camera.fx_px, view.camera.fy_px) / depth_m.min()
-    height, width = view.depth_m.shape
-    left, top = np.clip(np.floor(pixels.min(axis=0) - margin_px), 0, (width, height)).astype(int)
-    right, bottom = np.clip(np.ceil(pixels.max(axis=0) + margin_px) + 1, 0, (width, height)).astype(int)
-    if right - left < 2 or bottom - top < 2:
-        return None
-    nearest_m = view.nearest_m[top:bottom, left:right].copy()
-    return View(_moved(view.camera, pose, left, top), nearest_m, nearest_m, np.zeros((0, 0, 3), np.uint8))
-
-
-def _moved(camera: Camera, camera_to_template: Array, left_px: int, top_px: int) -> Camera:
-    """The camera of a part of its image, in the template's frame."""
-    pose = camera_to_template.copy()
-    pose[3] = 0, 0, 0, 1
-    intrinsics = camera.fx_px, camera.fy_px, camera.cx_px - left_px, camera.cy_px - top_px
-    return Camera(camera.name, *intrinsics, pose)

@@ -10,7 +10,8 @@ from app.perception.registered.estimator import RegisteredPoses
 from app.perception.registered.model import RegisteredModel
 from app.pipeline.errors import ObjectNotVisibleError, UncertainPoseError
 from app.pipeline.geometry import yaw_rad
-from benchmarks.object_scenes import THINGS, Layout
+from benchmarks.object_scenes import Layout
+from benchmarks.object_shapes import THINGS
 from roboprompt_client.errors import InvalidInputError
 from tests.perception.registered.rooms import NAMES, PLACES, estimate, frames, layout, query, taught
 
