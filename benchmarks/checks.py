@@ -25,10 +25,11 @@ from rich.table import Table
 from starlette.types import Receive, Scope, Send
 
 from app.api.access import Access, AccessControl
-from app.api.app import SecurityHeaders
+from app.api.middleware import OuterMiddleware
 from app.evaluation.server import running_server
 from app.services.api_keys import KeyRing, create_key
 from app.services.limits import Limits
+from app.services.measures import Metrics
 from app.store.store import Store
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.motion_guard import MotionGuard
@@ -173,9 +174,9 @@ async def middleware_us(store: Store, token: str) -> float:
         await send({"type": "http.response.body", "body": b""})
 
     owner = FastAPI()
-    owner.state.services = type("Keys", (), {"keys": KeyRing(store)})()
+    owner.state.services = type("Services", (), {"keys": KeyRing(store), "metrics": Metrics()})()
     access = Access(key_required=True, requests_per_s=1e9)
-    guarded = SecurityHeaders(AccessControl(answer, owner, access))
+    guarded = OuterMiddleware(AccessControl(answer, owner, access), owner)
     headers = [(b"host", b"127.0.0.1"), (b"authorization", f"Bearer {token}".encode())]
     scope = {"type": "http", "method": "POST", "path": "/predict", "query_string": b"", "headers": headers}
     scope["client"] = ("127.0.0.1", 1)

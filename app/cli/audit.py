@@ -1,4 +1,4 @@
-"""`roboprompt audit`: what was done, and whether the log of it is whole."""
+"""`roboprompt audit`: the audit log, and whether it is intact."""
 
 import json
 from dataclasses import asdict
@@ -19,7 +19,7 @@ def audit(
         str | None, typer.Option(help="digest of an entry that was noted down: the log must still have it")
     ] = None,
 ) -> None:
-    """Print the audit log, oldest first, and verify that no entry was changed, left out or put in between.
+    """Print the audit log, oldest first, and verify that no entry was changed, removed or inserted.
 
     The exit status is 1 if one was, and the first such entry is named. What was cut off at the end shows only by a
     digest that was kept elsewhere: --holds.

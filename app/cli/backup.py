@@ -18,11 +18,11 @@ Data = Annotated[Path | None, typer.Option(help="folder of the database and imag
 
 
 def back_up(
-    file: Annotated[Path, typer.Argument(help="to write; a file of that name is replaced")],
+    file: Annotated[Path, typer.Argument(help="the file to write; an existing one is replaced")],
     data: Data = None,
     env_file: EnvFile = None,
 ) -> None:
-    """Write every task, episode, image and prediction to a file; the service may go on meanwhile."""
+    """Write every task, episode, image and prediction to a file; the service may keep running."""
     from app.store.backup import back_up
 
     _run(data, env_file, lambda store: back_up(store, file))
@@ -32,7 +32,7 @@ def restore(
     file: Annotated[Path, typer.Argument(help="a backup", exists=True, dir_okay=False)],
     data: Data = None,
     with_keys: Annotated[
-        bool, typer.Option("--with-keys", help="bring its API keys, too, those revoked since it was made included")
+        bool, typer.Option("--with-keys", help="also restore its API keys, those revoked since then included")
     ] = False,
     env_file: EnvFile = None,
 ) -> None:

@@ -13,8 +13,8 @@ from roboprompt_client.client import DEFAULT_URL, RoboPromptClient
 from roboprompt_client.errors import InvalidInputError, ServiceProblemError, ServiceUnreachableError
 
 Squares = Annotated[int, typer.Option(help="squares of the board", min=3)]
-SquareSide = Annotated[float, typer.Option("--square", help="side of a square, metres: measure it on the print")]
-MarkerSide = Annotated[float, typer.Option("--marker", help="side of a marker's black border, metres")]
+SquareSide = Annotated[float, typer.Option("--square", help="side of a square, meters: measure it on the print")]
+MarkerSide = Annotated[float, typer.Option("--marker", help="side of a marker's black border, meters")]
 Dictionary = Annotated[str, typer.Option(help="family of the markers, e.g. DICT_5X5_100, DICT_APRILTAG_36h11")]
 Legacy = Annotated[bool, typer.Option("--legacy", help="the pattern that OpenCV drew before 4.6")]
 
@@ -26,14 +26,14 @@ def calibrate(
     ],
     board_position: Annotated[
         tuple[float, float, float],
-        typer.Option(help="the board's bottom left corner in the robot's world frame, metres"),
+        typer.Option(help="the board's bottom left corner in the robot's world frame, meters"),
     ],
     board_quaternion: Annotated[
         tuple[float, float, float, float],
         typer.Option(help="x y z w of the board's axes: x to its right, y to its top, z out of the paper"),
     ] = (0.0, 0.0, 0.0, 1.0),
     name: Annotated[str, typer.Option(help="of the camera, as uploads will call it")] = "front",
-    depth_scale: Annotated[float, typer.Option(help="metres per unit of its 16-bit depth images")] = 0.001,
+    depth_scale: Annotated[float, typer.Option(help="meters per unit of its 16-bit depth images")] = 0.001,
     columns: Squares = 5,
     rows: Squares = 7,
     square_m: SquareSide = 0.035,
@@ -96,7 +96,7 @@ def calibration_board(
 
 
 def teach_objects(
-    task: Annotated[str, typer.Argument(help="a task with labelled episodes: RGB-D images with masks or poses")],
+    task: Annotated[str, typer.Argument(help="a task with labeled episodes: RGB-D images with masks or poses")],
     url: Annotated[str, typer.Option(help=URL_HELP)] = DEFAULT_URL,
     episodes: Annotated[int, typer.Option(min=1, max=100, help="learn from at most so many, the task's first")] = 10,
     objects: Annotated[list[str] | None, typer.Option("--object", help="may be repeated; default: all")] = None,

@@ -76,7 +76,7 @@ def demo(
 
 
 def _check_names(tasks: list[str] | None, representation: str | None, model: str | None) -> None:
-    """Refuse names that there are not, before anything is started."""
+    """Refuse unknown names before anything is started."""
     from app.pipeline.representation import REPRESENTATIONS
     from app.sim.tasks import TASKS as SIMULATED
 

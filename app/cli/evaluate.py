@@ -22,9 +22,9 @@ BUDGET_SPENT = 3  # the exit status of a run that its budget stopped
 
 
 def evaluate(**options: Any) -> None:  # noqa: ANN401
-    """Teach tasks to the service, test methods on unseen scenes, and hold them against the paper's numbers.
+    """Teach tasks to the service, test methods on unseen scenes, and compare them with the paper's numbers.
 
-    Results are kept as they come: the same command with the same --out goes on where an earlier one stopped.
+    Results are kept as they come: the same command with the same --out continues where an earlier one stopped.
     """
     # The simulator is an extra that `roboprompt serve` does without.
     from app.cli.evaluate_plan import paper_of, sweep_of

@@ -28,7 +28,7 @@ class EvaluateOptions:
     sweep: Annotated[str | None, Option(help=f"{SWEEP_NAMES}; default: main, with --world outside")] = None
     task: Annotated[list[str] | None, Option(help="may be repeated; default: all of the sweep")] = None
     episodes: Annotated[
-        int | None, Option(min=1, help="unseen scenes a task (default: 25; of --sweep paper: as in its tables)")
+        int | None, Option(min=1, help="unseen scenes per task (default: 25; of --sweep paper: as in its tables)")
     ] = None
     demos: Annotated[int, Option(min=1, max=100, help="demonstrations in a prompt")] = 10
     model: Annotated[
@@ -74,7 +74,7 @@ class EvaluateOptions:
     shift: Annotated[
         float | None,
         Option(
-            help="metres: move the free objects after the answer, and test with and without looking again"
+            help="meters: move the free objects after the answer, and test with and without looking again"
             " (methods `default` and `look again`; default: they stay)"
         ),
     ] = None
@@ -100,7 +100,7 @@ class EvaluateOptions:
         float | None,
         Option(help="of --sweep paper: stop before the trial that may exceed it, in the prices' currency, this run"),
     ] = None
-    yes: Annotated[bool, Option("--yes", help="of --sweep paper: ask the LLM without a question beforehand")] = False
+    yes: Annotated[bool, Option("--yes", help="of --sweep paper: ask the LLM without asking you first")] = False
     as_json: Annotated[bool, Option("--json", help="one JSON object as the last line")] = False
 
     @property
@@ -115,5 +115,5 @@ class EvaluateOptions:
 
     @property
     def command(self) -> str:
-        """The command line that goes on with the run."""
+        """The command line that continues the run."""
         return shlex.join(["roboprompt", *sys.argv[1:], *([] if self.out else ["--out", str(self.folder)])])

@@ -154,7 +154,7 @@ def _without_objects(entry: Entry, task: str) -> Result:
 
 
 def import_data(
-    path: Annotated[Path, typer.Argument(help="folder or file; its format is found out")],
+    path: Annotated[Path, typer.Argument(help="folder or file; its format is detected")],
     url: Annotated[str, typer.Option(help=URL_HELP)] = DEFAULT_URL,
     task: Annotated[str | None, typer.Option(help="instead of the task that the dataset names")] = None,
     instruction: Annotated[str | None, typer.Option(help="instead of the dataset's")] = None,
@@ -162,7 +162,8 @@ def import_data(
     camera: Annotated[list[str] | None, typer.Option(help="only its images; may be repeated; default: all")] = None,
     mapping: Annotated[Path | None, typer.Option(help="JSON: which columns are what, see docs/datasets.md")] = None,
     feature: Annotated[
-        list[str] | None, typer.Option(help="PART=COLUMN over the mapping, e.g. gripper=action[6]; may be repeated")
+        list[str] | None,
+        typer.Option(help="PART=COLUMN, overrides the mapping, e.g. gripper=action[6]; may be repeated"),
     ] = None,
     form: Annotated[str | None, typer.Option("--format", help=", ".join(FORMATS))] = None,
     max_unpacked_mb: Annotated[
@@ -171,7 +172,7 @@ def import_data(
     dry_run: Annotated[bool, typer.Option(help="say what would be imported and what is missing")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="one JSON object as the last line")] = False,
 ) -> None:
-    """Import a dataset. Episodes that are there already are skipped: the same command again goes on where it stopped.
+    """Import a dataset. Episodes that are there already are skipped: the same command again continues where it stopped.
 
     A damaged file is named and skipped; the exit status is 1 if anything could not be imported. Files are read by
     processes of their own, within limits of memory and time.

@@ -33,7 +33,7 @@ def jobs(
 ) -> None:
     """Work at all queued re-extractions of tasks, and end when none is left.
 
-    The database and the images are those of the settings, as for the service, which may go on meanwhile: with
+    The database and the images are those of the settings, as for the service, which may keep running: with
     ROBOPROMPT_WORK_AT_JOBS=false it leaves jobs to this command. Every machine of a Ray cluster must reach both: a
     PostgreSQL and an object store by URL, or a shared folder.
     """

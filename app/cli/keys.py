@@ -67,7 +67,7 @@ def list_keys(data: Data = None, env_file: EnvFile = None) -> None:
 def revoke(
     key_id: Annotated[str, typer.Argument(help="as `list` prints it")], data: Data = None, env_file: EnvFile = None
 ) -> None:
-    """Take a key back; a running service refuses it within 5 seconds, and ends its browsers' sessions at once."""
+    """Revoke a key; a running service refuses it within 5 seconds, and ends its browsers' sessions at once."""
     from app.store import api_keys
 
     with opened_store(data, env_file) as store, store.write() as connection:

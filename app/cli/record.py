@@ -34,7 +34,7 @@ def record(
     seed: Annotated[int, typer.Option(min=0, help="of the scene")] = 0,
     name: Annotated[str | None, typer.Option(help="of the task at the service; default: the simulated task's")] = None,
     url: Annotated[str, typer.Option(help=URL_HELP)] = DEFAULT_URL,
-    spool: Annotated[Path, typer.Option(help="folder of what the service could not take")] = Path("recordings"),
+    spool: Annotated[Path, typer.Option(help="folder of recordings not yet uploaded")] = Path("recordings"),
 ) -> None:
     """Make a demonstration by hand: move the simulated Panda with the keyboard, and upload what it did.
 
@@ -75,7 +75,7 @@ def record(
 
 
 class _Pace:
-    """Keeps simulated time to the clock's, and the table up to date."""
+    """Keeps simulated time in step with the clock, and the table up to date."""
 
     def __init__(self, arm: "JoggedPanda", live: Live) -> None:
         self._arm, self._live = arm, live

@@ -18,13 +18,13 @@ def serve(
     host: Annotated[str, typer.Option(help="address to listen on")] = "127.0.0.1",
     port: Annotated[int, typer.Option(callback=check_port, help="port to listen on")] = 8000,
     data: Annotated[Path | None, typer.Option(help="folder of the database and images")] = None,
-    no_auth: Annotated[bool, typer.Option("--no-auth", help="let in whoever can connect, without API keys")] = False,
+    no_auth: Annotated[bool, typer.Option("--no-auth", help="accept every connection, without API keys")] = False,
     workers: Annotated[int, typer.Option(min=1, help="processes that share the port, the store and the LLM")] = 1,
     env_file: EnvFile = None,
 ) -> None:
     """Run the service until Ctrl-C.
 
-    Where others than this machine can connect (--host), API keys are required: `roboprompt keys add`.
+    Where other machines can connect (--host), API keys are required: `roboprompt keys add`.
     Everything else is set by ROBOPROMPT_ variables, see docs/settings.md; no file is read for them but --env-file.
     """
     import uvicorn
@@ -61,7 +61,7 @@ def serve(
 def _for_workers(settings: "Settings") -> str:
     """The import name of the application that each worker builds from the environment.
 
-    The database is migrated here, so that a failure is said once and before any worker starts.
+    The database is migrated here, so that a failure is reported once, before any worker starts.
     """
     from app.bootstrap import open_store
 

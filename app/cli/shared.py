@@ -22,9 +22,7 @@ URL_HELP = "of the running service"
 DOT_ENV = Path(".env")
 EnvFile = Annotated[
     Path | None,
-    typer.Option(
-        exists=True, dir_okay=False, help="lines NAME=VALUE of settings; what the environment says goes first"
-    ),
+    typer.Option(exists=True, dir_okay=False, help="lines NAME=VALUE of settings; the environment overrides them"),
 ]
 T = TypeVar("T")
 PACE_S = 60.0  # the time left follows from the pace of the last minute
@@ -45,10 +43,10 @@ def check_port(port: int) -> int:
 
 
 def check_models(names: Sequence[str], url: str | None = None) -> None:
-    """Refuse a model that there is not, or that cannot be used here.
+    """Refuse a model that does not exist or cannot be used here.
 
     Args:
-        url: of the service that shall ask them; None: one of the command's own, with this environment's settings.
+        url: of the service that will ask them; None: the command's own service, with this environment's settings.
     """
     for name in dict.fromkeys(names):
         if (reason := _why_not(name) if url is None else _why_not_there(name, url)) is not None:
@@ -98,7 +96,7 @@ def settings_of(data: Path | None, env_file: Path | None) -> Settings:
     """
     if env_file is not None:
         load_env_file(env_file)
-    elif DOT_ENV.is_file():  # whoever relies on it must learn that it has no effect
+    elif DOT_ENV.is_file():  # a user who relies on it must learn that it has no effect
         typer.echo("the file .env in this folder is not read: if it is yours, say --env-file .env", err=True)
     return Settings() if data is None else Settings(data=data)
 

@@ -90,7 +90,7 @@ class Budget:
             where: instead of the budget's own place.
 
         Raises:
-            DamagedError: if it is more than what is left, or no size at all.
+            DamagedError: if it is more than what is left, or not a size.
         """
         if num_bytes < 0:
             raise DamagedError(where or self._where, f"says that it holds {num_bytes} bytes")

@@ -40,7 +40,7 @@ def open_dataset(path: Path, options: ImportOptions, name: str | None = None) ->
         name: of its format; None to find out.
 
     Raises:
-        DatasetError: if there is nothing, or nothing of a known format.
+        DatasetError: if there is no file or folder, or none of a known format.
     """
     if not path.exists():
         raise DatasetError(f"{path} does not exist")

@@ -2,7 +2,7 @@
 
 Topics become columns: a JointState gives `TOPIC.velocity` and `TOPIC.position`, a pose `TOPIC.position` and
 `TOPIC.quaternion`, a number or a truth value `TOPIC`. The clock is that of the joint states; of every other topic each
-frame has the last message up to then. Without a mapping the topics are recognised by their types, where that is clear.
+frame has the last message up to then. Without a mapping the topics are recognized by their types, where that is clear.
 
 Chunks are unpacked here, within the budget: mcap's own reader unpacks one to whatever size it has, and makes an object
 of each of its records at once.

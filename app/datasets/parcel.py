@@ -17,13 +17,13 @@ from roboprompt_client.trajectory import Trajectory
 from roboprompt_client.trajectory_npz import npz_from_trajectory
 from roboprompt_client.wording import checked_instruction, checked_name
 
-FINE_M, COARSE_M = 0.0001, 0.001  # metres a unit: 16 bits reach 6.5 m or 65 m
+FINE_M, COARSE_M = 0.0001, 0.001  # meters a unit: 16 bits reach 6.5 m or 65 m
 _MAX_UNITS = np.iinfo(np.uint16).max
 KEY_PREFIX = "import-"
 
 
 def depth_png(depth_m: Array) -> tuple[bytes, float]:
-    """(H, W) metres -> a 16-bit PNG and its depth scale: a tenth of a millimetre where that reaches far enough."""
+    """(H, W) meters -> a 16-bit PNG and its depth scale: a tenth of a millimeter where that reaches far enough."""
     known_m = np.where(np.isfinite(depth_m) & (depth_m > 0), depth_m, 0.0)
     scale = FINE_M if known_m.max(initial=0) <= FINE_M * _MAX_UNITS else COARSE_M
     units = np.rint(known_m / scale)
@@ -151,7 +151,7 @@ class Entry:
 
 @dataclass(frozen=True)
 class Dataset:
-    """A dataset that was found, nothing of its bulk read yet.
+    """A dataset that was found; its bulk is read later.
 
     Attributes:
         task_settings: of tasks that the dataset brings along, by name.

@@ -34,7 +34,7 @@ def detailed_failures(trials: Sequence[Trial], methods: Sequence[Method]) -> lis
 
 
 def detailed_successes(trials: Sequence[Trial], methods: Sequence[Method]) -> list[Trial]:
-    """At most two, of different methods where there are such; replays, which ask nobody, last."""
+    """At most two, of different methods where possible; replays, which ask no LLM, last."""
     in_turns = _in_turns(_by_method(trials, methods, succeeded=True))
     return sorted(in_turns, key=lambda trial: trial.answer is None)[:MAX_SUCCESSES]
 

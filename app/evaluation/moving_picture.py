@@ -67,7 +67,7 @@ def make_moving_picture(task: str, seed: int, num_demonstrations: int, path: Pat
             for image, num_done in _carry_out(robot, asked.actions, lambda: renderer.rgb(robot.task.data, CAMERA))
         ]
     durations_ms += [FRAME_MS] * (len(frames) - len(durations_ms) - 1) + [LAST_MS]
-    # keeps the few pixels of coloured text, unlike the default method
+    # keeps the few pixels of colored text, unlike the default method
     first, *rest = [frame.quantize(COLOURS, Image.Quantize.MAXCOVERAGE) for frame in frames]
     path.parent.mkdir(parents=True, exist_ok=True)
     first.save(path, save_all=True, append_images=rest, duration=durations_ms, loop=0, optimize=True)

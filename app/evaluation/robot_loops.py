@@ -1,7 +1,6 @@
 """Trials in closed loop: the simulated robot observes and asks again while it acts.
 
-Either before every action, or by the robot's own loop in a scene that somebody changes between the answer and the
-motion.
+Either before every action, or by the robot's own loop in a scene that is changed between the answer and the motion.
 """
 
 import time

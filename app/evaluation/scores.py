@@ -1,4 +1,4 @@
-"""What the trials of a method come to, per task and over all tasks; how near a driver brought the arm."""
+"""The results of a method's trials, per task and over all tasks; how near a driver brought the arm."""
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence

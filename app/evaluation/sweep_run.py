@@ -1,4 +1,4 @@
-"""A sweep with everything that stays of it: results, tables, plots, record of the run and page of failures."""
+"""A sweep with everything that it leaves on disk: results, tables, plots, record of the run and page of failures."""
 
 from collections.abc import Mapping
 from contextlib import ExitStack, closing

@@ -1,4 +1,4 @@
-"""The methods that evaluations compare, and the named sweeps that hold them against each other.
+"""The methods that evaluations compare, and the named sweeps that compare them with each other.
 
 To add a sweep, add an entry.
 """
@@ -14,7 +14,7 @@ from roboprompt_client.errors import InvalidInputError
 BY_NAME = Method("")  # a model as the service asks it
 PAPER = {"representation": "absolute", "prompt_format": "paper", "system_prompt": "a"}
 KAT = {"representation": "action_tokens", "prompt_format": "kat"}
-# A yardstick shows what its actions are worth; held to the demonstrations, most of them would be refused.
+# A yardstick shows what its actions are worth; checked against the demonstrations, most of them would be refused.
 REGRESSION = Method("regression, no LLM", {"model": "regression", "unsupported": "allow"})
 COPY = Method("nearest demonstration's rows, no LLM", {"model": "nearest"})
 UNSEEN = Method("similar tasks", unseen=True)
@@ -51,7 +51,7 @@ LONG_REPLIES = {"max_actions": 100, "timeout_s": 300.0}
 ALLOWED = {"unfamiliar": "allow", "unsupported": "allow"}
 AS_RECORDED = {"keyframes": {"rule": "merged"}}
 LONG_PLAN_S = 300.0
-# From a look to closed fingers: 0.4 s until the poses are known, some 1.4 s of motion, half of the fingers' way.
+# From observation to closed fingers: 0.4 s until the poses are known, 1.4 s of motion, half of the fingers' way.
 LEAD_S = 2.0
 AS_ANSWERED = Method("as answered", source="robot loop")
 LOOKING = replace(AS_ANSWERED, label="look again", look_again=True)
@@ -82,7 +82,7 @@ def chosen(methods: Sequence[Method], names: Sequence[str], models: Sequence[str
 
 
 def methods_beside(model: str | None, representation: str | None) -> tuple[Method, ...]:
-    """The method asked for, and what to hold it against: the paper's format, a regression, the expert's replay.
+    """The method asked for, and methods to compare it with: the paper's format, a regression, the expert's replay.
 
     Args:
         model: a name from `GET /models`; None: the service's default, which is not asked in the paper's format as well:

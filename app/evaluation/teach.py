@@ -1,6 +1,6 @@
 """Record demonstrations with a task's expert and upload them, under a task name for each way of reading them.
 
-With images only, object models are learned first, from a few labelled scenes.
+With images only, object models are learned first, from a few labeled scenes.
 """
 
 import json
@@ -40,7 +40,7 @@ def learned_models(client: RoboPromptClient, name: str, labelled: Sequence[Recor
     """Models of every object, learned by the service from the scenes' masks and poses.
 
     Args:
-        name: of the task that is to find objects by them; the labelled scenes come under a name of their own.
+        name: of the task that is to find objects by them; the labeled scenes come under a name of their own.
 
     Raises:
         NotLearnedError: if an object cannot be learned; says why.

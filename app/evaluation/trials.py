@@ -148,7 +148,7 @@ def _without_actions(client: RoboPromptClient, error: ServiceProblemError) -> di
 
 
 def _ask_and_act(runner: TrialRunner, planned: PlannedTrial, lesson: Lesson, scene: SceneView) -> Trial:
-    """With the robot's own loop, in one worker: it asks before every action, or once and looks again if told to."""
+    """With the robot's own loop, in one worker: it asks before every action, or once and perhaps looks again."""
     with runner.asking:
         result = call(runner.executor, run_loop, runner.client.url, lesson.name, *planned)
     predict_s = 0.0 if result.answer is None else result.answer["timings_ms"]["total"] / 1000

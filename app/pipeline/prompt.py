@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.errors import ObjectSetError
+from app.pipeline.names import alike, folded
 from app.pipeline.representation.base import Codec
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.trajectory import ObjectPose
@@ -150,12 +151,21 @@ def objects_of_task(objects: Sequence[ObjectPose], names: Sequence[str]) -> tupl
 def check_object_names(given: Sequence[str], names: Sequence[str]) -> None:
     """Refuse object names that are not those of the task.
 
+    A name must be spelt as the task spells it, and no two may differ in case, width or separators only: an instruction
+    could not tell them apart.
+
     Raises:
-        ObjectSetError: names what is missing, unknown or given twice.
+        ObjectSetError: names what is missing, unknown, given twice or too much alike.
     """
+    spelt = {folded(name): name for name in names}
     missing = [name for name in names if name not in given]
-    unknown = [name for name in dict.fromkeys(given) if name not in names]
+    unknown = [
+        f"{name} (here: {spelt[folded(name)]})" if folded(name) in spelt else name
+        for name in dict.fromkeys(given)
+        if name not in names
+    ]
     twice = sorted({name for name in given if list(given).count(name) > 1})
-    differences = {"missing": missing, "not of this task": unknown, "given twice": twice}
+    same = [f"{one} and {other}" for one, other in alike(given)]
+    differences = {"missing": missing, "not of this task": unknown, "given twice": twice, "one name": same}
     if said := "; ".join(f"{what}: {', '.join(which)}" for what, which in differences.items() if which):
         raise ObjectSetError("objects", said, ", ".join(names))

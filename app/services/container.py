@@ -1,7 +1,8 @@
 """The use cases that the web, the command line and tests share, wired by `app.bootstrap`."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
+import anyio
 import anyio.to_thread
 
 from app.llm.base import ModelProfile
@@ -26,10 +27,17 @@ from app.services.teach.reextract import RunJobs
 from app.services.teach.upload import UploadEpisode
 from app.store.store import Store
 
+TEACHING_AT_ONCE = 4
+
 
 @dataclass(frozen=True, eq=False)
 class Services:
-    """Everything that a request may need."""
+    """Everything that a request may need.
+
+    Attributes:
+        teaching: the turn to upload, learn and configure, which compute for long: of forty such threads at once the
+            event loop would get every fortieth slice of time, and robots would wait.
+    """
 
     store: Store
     models: ModelRegistry
@@ -49,6 +57,7 @@ class Services:
     repeated_predictions: RepeatedPredictions
     limits: Limits
     run_jobs: RunJobs
+    teaching: anyio.CapacityLimiter = field(default_factory=lambda: anyio.CapacityLimiter(TEACHING_AT_ONCE))
 
     @classmethod
     def wire(

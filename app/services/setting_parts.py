@@ -5,11 +5,11 @@ from typing import Annotated, Literal, Self
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
-from app.perception.strict import Number
+from app.perception.strict import Metres, Number
 from app.pipeline.keyframes import SIMULATION_DELTA_RAD_S, KeyframeRule, Rule
 from app.pipeline.keyframes.rule import TOLERANCE_DEG, TOLERANCE_M
 from app.pipeline.workspace import RLBENCH_MAX_M, RLBENCH_MIN_M, Workspace
-from roboprompt_client.arrays import Array
+from roboprompt_client.arrays import MOST_M, Array
 from roboprompt_client.motion_limits import HAND_RADIUS_M, Box, MotionLimits
 
 
@@ -21,7 +21,7 @@ def _no_truth_value(value: object) -> object:
 
 # For numbers that the address of a page may carry as text.
 NOT_A_TRUTH_VALUE = BeforeValidator(_no_truth_value)
-Point = tuple[Number, Number, Number]
+Point = tuple[Metres, Metres, Metres]
 Preset = Literal["auto", "rlbench"]
 
 
@@ -32,7 +32,9 @@ class _Settings(BaseModel):
 class WorkspaceSettings(_Settings):
     """The box that the position bins divide and that actions keep to, in metres in the world frame.
 
-    `auto`: it follows from the demonstrations and grows with them. `rlbench`: RLBench's. A box of one's own has none.
+    `auto`: what the present demonstrations span with a margin, at least a metre wide. An upload that would more than
+    double it is stored with the finding `beyond-workspace` and moves no bound until `workspace` is set, e.g. to `auto`
+    again. `rlbench`: RLBench's. A box of one's own has no preset.
     """
 
     preset: Preset | None = None
@@ -60,7 +62,7 @@ class WorkspaceSettings(_Settings):
 
         A box that still is RLBench's comes from no demonstration: it is not kept.
         """
-        if self.preset != "auto":
+        if self.preset != "auto" or not len(positions_m):
             return self
         untaught = (self.min, self.max) == (RLBENCH_MIN_M, RLBENCH_MAX_M)
         box = Workspace.around(positions_m, None if untaught else self.workspace())
@@ -77,17 +79,17 @@ class KeyframeSettings(_Settings):
 
     rule: Rule = "auto"
     delta_rad_s: Annotated[
-        float, Field(gt=0, description="0.1 in simulation, 0.01 on a real robot"), NOT_A_TRUTH_VALUE
+        float, Field(ge=1e-6, le=1000, description="0.1 in simulation, 0.01 on a real robot"), NOT_A_TRUTH_VALUE
     ] = SIMULATION_DELTA_RAD_S
     interval: Annotated[int, Field(ge=1, le=10_000), NOT_A_TRUTH_VALUE] = 5
     tolerance_m: Annotated[
         float,
-        Field(gt=0, le=1, description="waypoints: how far the hand may stray from straight motion"),
+        Field(ge=1e-6, le=1, description="waypoints: how far the hand may stray from straight motion"),
         NOT_A_TRUTH_VALUE,
     ] = TOLERANCE_M
-    tolerance_deg: Annotated[float, Field(gt=0, le=180, description="the same of its rotation"), NOT_A_TRUTH_VALUE] = (
-        TOLERANCE_DEG
-    )
+    tolerance_deg: Annotated[
+        float, Field(ge=1e-6, le=180, description="the same of its rotation"), NOT_A_TRUTH_VALUE
+    ] = TOLERANCE_DEG
 
     def keyframe_rule(self) -> KeyframeRule:
         """As the pipeline wants it."""
@@ -130,7 +132,7 @@ class MotionLimitsSettings(_Settings):
     ] = ()
     max_step_m: Annotated[
         Number | None,
-        Field(gt=0, description="between consecutive targets; requests then need `end_effector`"),
+        Field(gt=0, le=MOST_M, description="between consecutive targets; requests then need `end_effector`"),
     ] = None
     max_step_rotation_deg: Annotated[Number | None, Field(gt=0, le=180, description="as max_step_m, in degrees")] = None
     hand_radius_m: Annotated[

@@ -4,7 +4,7 @@ import json
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
     AfterValidator,
@@ -13,6 +13,7 @@ from pydantic import (
     Field,
     ValidationInfo,
     field_validator,
+    model_validator,
 )
 
 from app.perception.base import ObjectQuery
@@ -21,6 +22,7 @@ from app.perception.object_model import ObjectModelError
 from app.perception.registry import pose_estimator
 from app.perception.strict import WHOLE, Number
 from app.pipeline.geometry import canonical_pose
+from app.pipeline.names import alike
 from app.pipeline.order.lexicon import check_aliases_of, checked_aliases
 from app.pipeline.prompt import MAX_SYSTEM_PROMPT_CHARS
 from app.pipeline.representation import check_style
@@ -132,6 +134,12 @@ class TaskSettings(BaseModel):
     def _names_one_object_each(cls, value: dict[str, tuple[str, ...]]) -> dict[str, tuple[str, ...]]:
         return checked_aliases(value)
 
+    @model_validator(mode="after")
+    def _one_spelling_of_each_object(self) -> Self:
+        for one, other in alike((*self.aliases, *self.object_models, *self.yaw_symmetry_deg)):
+            raise ValueError(f"{one!r} and {other!r} are one name: the objects of a task must differ in more")
+        return self
+
     def limits_of_motion(self) -> MotionLimits:
         """What every action of a prediction must keep to."""
         return self.motion_limits.limits(self.workspace)
@@ -173,6 +181,8 @@ class TaskSettings(BaseModel):
         """Refuse models and aliases of objects that are not among the task's `names`."""
         known = list(names)
         check_aliases_of(self.aliases, known)
+        for one, other in alike((*known, *self.yaw_symmetry_deg)):
+            raise InvalidInputError(f"yaw_symmetry_deg[{other}]", f"is {one!r} in another spelling", one)
         for name in self.object_models:
             if name not in known:
                 raise ObjectModelError(name, "is no object of the task", ", ".join(known))

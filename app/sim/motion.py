@@ -12,7 +12,7 @@ from app.sim.kinematics import Kinematics
 from app.sim.planner import JointPath
 from roboprompt_client.arrays import Array
 
-# Fractions of Franka's limits: brisk, and within what the position servos follow to a millimetre
+# Fractions of Franka's limits: brisk, and within what the position servos follow to a millimeter
 VELOCITY_SHARE, FREE_ACCELERATION_SHARE, LINE_ACCELERATION_SHARE, JERK_SHARE = 0.5, 0.25, 0.3, 0.05
 # Limits of the tool on a straight line; a turn of 1 rad counts as 0.3 m
 LINE_VELOCITY_M_S, LINE_ACCELERATION_M_S2, LINE_JERK_M_S3 = 0.25, 0.8, 6.0

@@ -26,7 +26,7 @@ MIN_LEG_SAMPLES = 9
 # half a window h to either side of a corner that turns back on itself is h / 2 away from it.
 WINDOW_PER_DISTANCE = 2.0
 ACCELERATION_M_S2 = 0.6
-# Fractions of Franka's limits of acceleration, for bends and for changes of speed: the servos follow to a millimetre
+# Fractions of Franka's limits of acceleration, for bends and for changes of speed: the servos follow to a millimeter
 BEND_SHARE, CHANGE_SHARE = 0.15, 0.2
 WINDOW_S = 0.2
 NEGLIGIBLE = 1e-9
@@ -73,7 +73,7 @@ def joined(paths: Sequence[JointPath], within_m: Sequence[float], kinematics: Ki
 
 
 def _sampled(path: JointPath, kinematics: Kinematics) -> tuple[Array, Array]:
-    """Joint positions (N, 7) every few millimetres, and the ways (N - 1,) between them."""
+    """Joint positions (N, 7) every few millimeters, and the ways (N - 1,) between them."""
     rough_m = _steps_m(path.joints_rad, kinematics).sum()
     share = np.linspace(0, 1, max(MIN_LEG_SAMPLES, int(np.ceil(rough_m / SAMPLE_M)) + 1))
     known = np.linspace(0, 1, len(path.joints_rad))

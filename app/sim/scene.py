@@ -82,7 +82,7 @@ class Part:
         return self._geom(mujoco.mjtGeom.mjGEOM_SPHERE, (radius_m, 0, 0), colour, **shape)
 
     def mark(self, half_sizes_m: Vector, colour: str, **shape: Unpack[Shape]) -> Self:
-        """A box that is seen but not felt, e.g. a coloured place on the table."""
+        """A box that is seen but not felt, e.g. a colored place on the table."""
         return self._geom(mujoco.mjtGeom.mjGEOM_BOX, half_sizes_m, colour, contact=NO_CONTACT, **shape)
 
     def wall(

@@ -52,7 +52,7 @@ def add_cameras(spec: mujoco.MjSpec) -> None:
 
 
 def calibrated(name: str) -> Camera:
-    """A camera's calibration. Pixel centres are whole numbers: the optical axis meets the image at (size - 1) / 2."""
+    """A camera's calibration. Pixel centers are whole numbers: the optical axis meets the image at (size - 1) / 2."""
     placement = CAMERAS[name]
     focal_px = HEIGHT_PX / 2 / np.tan(np.radians(placement.vertical_fov_deg) / 2)
     return Camera(name, focal_px, focal_px, (WIDTH_PX - 1) / 2, (HEIGHT_PX - 1) / 2, camera_to_world(placement))

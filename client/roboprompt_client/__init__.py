@@ -3,7 +3,7 @@
     with RoboPromptClient("http://127.0.0.1:8000") as client:
         run_task(client, my_robot, "open_drawer", "open the bottom drawer")
 
-Needs numpy, httpx and httpx-sse. Metres, radians, seconds; poses in the world frame; quaternions x y z w.
+Needs numpy, httpx and httpx-sse. Meters, radians, seconds; poses in the world frame; quaternions x y z w.
 """
 
 from roboprompt_client.answers import Outcome, PredictedActions

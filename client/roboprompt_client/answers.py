@@ -36,7 +36,7 @@ class PredictedActions:
 
     @property
     def findings(self) -> tuple[Mapping[str, Any], ...]:
-        """What deserves a look: `code`, `severity` (info, warning, danger), `message`, `where`; see `findings_in`."""
+        """The service's doubts: `code`, `severity` (info, warning, danger), `message`, `where`; see `findings_in`."""
         return findings_in(self.response)
 
     @property

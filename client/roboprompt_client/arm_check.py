@@ -18,7 +18,7 @@ from roboprompt_client.trajectory import EndEffectorAction
 LIFT_M, TURN_RAD = 0.03, math.radians(10)
 POSITION_TOLERANCE_M, ROTATION_TOLERANCE_DEG = 0.005, 2.0
 TOUCH_TOLERANCE_M = 0.005  # a hand that is guided to a corner is there within 2 mm
-MAX_OBSERVE_S = 1.0  # longer, and a look before each contact is felt
+MAX_OBSERVE_S = 1.0  # longer, and observing before each contact delays the motion noticeably
 STOP_AFTER_S, MAX_STOP_S = 0.3, 1.0
 
 
@@ -42,7 +42,7 @@ class ArmCheck:
 
     Args:
         confirm: asked before the first motion, and when a place is touched; None: go.
-        touched_m: places in the world frame, metres, to which a person guides the point between the fingertips, such as
+        touched_m: places in the world frame, meters, to which a person guides the point between the fingertips, such as
             corners of the ChArUco board that the camera was calibrated with.
     """
 

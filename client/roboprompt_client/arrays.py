@@ -9,6 +9,7 @@ from roboprompt_client.errors import InvalidInputError
 
 Array = npt.NDArray[np.float64]
 
+MOST_M = 10_000.0  # a position in the world frame: no robot is farther, and arithmetic stays finite
 QUATERNION_NORM_TOLERANCE = 1e-3
 UNIT_NORM_ROUNDING = 1e-15
 
@@ -37,13 +38,31 @@ def finite_array(name: str, value: npt.ArrayLike, shape: tuple[int | None, ...])
     return array
 
 
+def bounded_array(name: str, value: npt.ArrayLike, shape: tuple[int | None, ...], most: float, unit: str) -> Array:
+    """As `finite_array`, every element between `-most` and `most`.
+
+    Raises:
+        InvalidInputError: as `finite_array`; also for the first element beyond the bound, which it names with the unit.
+    """
+    array = finite_array(name, value, shape)
+    if (beyond := np.abs(array) > most).any():
+        index = tuple(int(i) for i in np.argwhere(beyond)[0])
+        raise InvalidInputError(name, f"element {list(index)} is {array[index]:g}", f"{-most:g} to {most:g} {unit}")
+    return array
+
+
+def positions_array(name: str, value: npt.ArrayLike, shape: tuple[int | None, ...]) -> Array:
+    """As `bounded_array`, of positions in metres."""
+    return bounded_array(name, value, shape, MOST_M, "m")
+
+
 def _in_words(shape: tuple[int | None, ...]) -> str:
     lengths = ", ".join("T" if n is None else str(n) for n in shape)
     return f"shape ({lengths}{',' if len(shape) == 1 else ''})"
 
 
 def unit_quaternions(name: str, value: npt.ArrayLike, shape: tuple[int | None, ...]) -> Array:
-    """`value` as quaternions xyzw of unit length; a deviation within 1e-3 is normalised away, a larger one refused."""
+    """`value` as quaternions xyzw of unit length; a deviation within 1e-3 is normalized away, a larger one refused."""
     quaternions = finite_array(name, value, shape)
     if quaternions.ndim == 1 and abs(math.hypot(*quaternions.tolist()) - 1) <= UNIT_NORM_ROUNDING / 2:
         return quaternions  # as below, at a tenth of the cost for a single one

@@ -10,22 +10,25 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from roboprompt_client.arrays import Array, finite_array, settle
+from roboprompt_client.arrays import Array, bounded_array, positions_array, settle
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.wording import checked_name
 
 ROTATION_MATRIX_TOLERANCE = 1e-3
-OPTICAL_CENTRE_TOLERANCE = 0.25  # of the image's size: no lens is that far off-centre, other image sizes are
+MAX_PX = 1e6  # of a focal length or an optical centre
+MIN_FOCAL_PX = 0.1
+MIN_DEPTH_SCALE_M, MAX_DEPTH_SCALE_M = 1e-7, 1.0  # per unit of a 16-bit image
+OPTICAL_CENTRE_TOLERANCE = 0.25  # of the image's size: no lens is that far off-center, other image sizes are
 
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """A calibrated pinhole camera. Pixel centres are whole numbers: u = column, v = row.
+    """A calibrated pinhole camera. Pixel centers are whole numbers: u = column, v = row.
 
     Attributes:
         fx_px, fy_px, cx_px, cy_px: intrinsics; both focal lengths positive (OpenCV's convention).
         camera_to_world: (4, 4) rigid transform from OpenCV camera axes (x right, y down, z forward) to the world.
-        depth_scale: metres per unit of a 16-bit depth image.
+        depth_scale: meters per unit of a 16-bit depth image.
         image_size_px: (width, height) that the intrinsics were calibrated for, or None where unknown.
     """
 
@@ -41,13 +44,14 @@ class Camera:
     def __post_init__(self) -> None:
         where = f"cameras[{checked_name('cameras.name', self.name)}]"
         values = (self.fx_px, self.fy_px, self.cx_px, self.cy_px)
-        fx, fy, _, _ = finite_array(f"{where}.intrinsics", values, (4,))
-        if fx <= 0 or fy <= 0:
+        fx, fy, _, _ = bounded_array(f"{where}.intrinsics", values, (4,), MAX_PX, "px")
+        if min(fx, fy) < MIN_FOCAL_PX:
             remedy = "positive focal lengths: OpenCV axes, x right, y down, z forward (RLBench's are negative)"
             raise InvalidInputError(f"{where}.intrinsics", f"fx = {fx:g}, fy = {fy:g}", remedy)
-        if not (np.isfinite(self.depth_scale) and self.depth_scale > 0):
-            raise InvalidInputError(f"{where}.depth_scale", f"is {self.depth_scale}", "a positive number of metres")
-        transform = finite_array(f"{where}.camera_to_world", self.camera_to_world, (4, 4))
+        if not MIN_DEPTH_SCALE_M <= self.depth_scale <= MAX_DEPTH_SCALE_M:
+            remedy = f"metres per unit of a depth image, {MIN_DEPTH_SCALE_M:g} to {MAX_DEPTH_SCALE_M:g}"
+            raise InvalidInputError(f"{where}.depth_scale", f"is {self.depth_scale}", remedy)
+        transform = positions_array(f"{where}.camera_to_world", self.camera_to_world, (4, 4))
         if not _is_rigid(transform):
             remedy = "a rigid transform: rotation matrix, translation in metres, last row 0 0 0 1"
             raise InvalidInputError(f"{where}.camera_to_world", "is not a rigid transform", remedy)
@@ -57,11 +61,11 @@ class Camera:
         """Where points of the world appear in the image.
 
         Args:
-            points_world_m: (..., 3) metres in the world frame.
+            points_world_m: (..., 3) meters in the world frame.
 
         Returns:
             pixels: (..., 2) as (u, v) = (column, row), not rounded; they may lie outside the image.
-            depth_m: (...) metres along the optical axis. A point behind the camera has a depth <= 0 and its pixel means
+            depth_m: (...) meters along the optical axis. A point behind the camera has a depth <= 0 and its pixel means
                 nothing (infinite or NaN at depth 0): the caller decides.
         """
         points = np.asarray(points_world_m, np.float64)
@@ -114,7 +118,7 @@ class RgbdFrame:
 
     Attributes:
         rgb: (H, W, 3) uint8, or None.
-        depth_m: (H, W) float32 metres along the optical axis, 0 where unknown, or None.
+        depth_m: (H, W) float32 meters along the optical axis, 0 where unknown, or None.
         mask: (H, W) int32 object ids, or None.
     """
 

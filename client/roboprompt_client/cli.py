@@ -66,7 +66,7 @@ def _parser() -> ArgumentParser:
         nargs=7,
         type=float,
         metavar=("X", "Y", "Z", "QX", "QY", "QZ", "QW"),
-        help="where the arm is, metres and quaternion, world frame: needed where the task bounds steps",
+        help="where the arm is, meters and quaternion, world frame: needed where the task bounds steps",
     )
     _add_run(add("run", "observe the scene, ask for actions, and carry them out with an arm", _run))
     add_record(add, ROBOT)
@@ -96,7 +96,7 @@ def _add_run(run: ArgumentParser) -> None:
         nargs=6,
         type=float,
         metavar=("XMIN", "YMIN", "ZMIN", "XMAX", "YMAX", "ZMAX"),
-        help="metres, world frame: refuse every action outside, too, whatever the service says",
+        help="meters, world frame: refuse every action outside, too, whatever the service says",
     )
     run.add_argument(
         "--limits",

@@ -231,7 +231,7 @@ class RoboPromptClient:
     def learn_object_models(
         self, task: str, objects: Sequence[str] | None = None, episodes: int = 10
     ) -> dict[str, Any]:
-        """Let the service learn what the task's objects look like from its labelled episodes.
+        """Let the service learn what the task's objects look like from its labeled episodes.
 
         Returns `object_models`, and in `refused` why nothing was learned of an object.
 

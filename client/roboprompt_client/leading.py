@@ -1,6 +1,6 @@
-"""Objects that move by themselves, on a belt, say: their velocity from two looks, and where they will be at contact.
+"""Objects that move by themselves, e.g. on a belt: their velocity from two observations, and where they will be.
 
-The velocity counts as constant from the look to the contact, and horizontal; objects that turn are not led in that.
+The velocity is taken as constant and horizontal until contact; rotation is not extrapolated.
 """
 
 import math
@@ -14,7 +14,7 @@ from roboprompt_client.arrays import Array
 from roboprompt_client.errors import InvalidInputError, ObjectLostError
 from roboprompt_client.trajectory import ObjectPose
 
-MIN_LOOK_INTERVAL_S = 0.2  # of two looks: an estimator's noise of 1 cm would be 5 cm/s
+MIN_LOOK_INTERVAL_S = 0.2  # between two observations: an estimator's noise of 1 cm would be 5 cm/s
 MAX_SPEED_M_S = 0.15  # what is faster cannot be grasped by a motion that ends at rest
 RESTING_M_S = 0.003
 MAX_HEIGHT_CHANGE_M = 0.01  # an object that rises or sinks by more has left what carried it
@@ -28,10 +28,10 @@ class _Seen:
 
 
 class Leading:
-    """Leads objects by their velocity.
+    """Estimates objects' velocities, and where they will be `lead_s` after an observation.
 
     Args:
-        lead_s: how long the robot takes from a look until its fingers close.
+        lead_s: how long the robot takes from an observation until its fingers close.
         clock: seconds from any beginning; for simulations, whose time passes otherwise.
 
     Raises:
@@ -46,7 +46,7 @@ class Leading:
         self._velocities_m_s: dict[str, Array] = {}
 
     def saw(self, poses: Mapping[str, ObjectPose], at_s: float) -> None:
-        """Note a look; of two that follow each other closely the second says nothing about a velocity.
+        """Note an observation; one that follows another too closely is not used for the velocity.
 
         Raises:
             ObjectLostError: if an object has left what carried it, or is too fast.

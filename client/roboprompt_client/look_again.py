@@ -108,7 +108,7 @@ class Follower:
         self._visits: Counter[str] = Counter()
 
     def before(self, index: int) -> EndEffectorAction:
-        """The action, after a look at the object that it refers to where one is due.
+        """The action, after observing the object that it refers to where that is due.
 
         Raises:
             ObjectLostError, ServiceUnreachableError: see `ObjectFinder.look_for`.

@@ -65,10 +65,10 @@ def run_task(
         leading: with `look_again`: estimates the velocity of objects that move by themselves, and aims ahead of them
             (the module `leading`).
         on_danger: where the service finds its own answer dangerous: ask `confirm` before anything moves, refuse, or go
-            on all the same. None: `confirm` where there is one, else `refuse`. With `stream` this holds for what is
+            ahead. None: `confirm` where there is one, else `refuse`. With `stream` this holds for what is
             found ahead of the first action.
-        preview: shown the actions and the limits that hold, before they are held against each other and before anything
-            moves; with `stream` each action as it comes.
+        preview: shown the actions and the limits that hold, before the actions are checked and before anything moves;
+            with `stream` each action as it comes.
         on_outcome: called with what was carried out once the robot has done so; what it returns is recorded at the
             service. A failure to record it is logged.
         options: as for `RoboPromptClient.predict`.

@@ -15,7 +15,7 @@ STEP_BOUNDS = ("max_step_m", "max_step_rotation_deg")
 
 
 class Box(NamedTuple):
-    """An axis-aligned box, in metres in the world frame: (3) opposite corners."""
+    """An axis-aligned box, in meters in the world frame: (3) opposite corners."""
 
     min_m: tuple[float, ...]
     max_m: tuple[float, ...]
@@ -67,7 +67,7 @@ class MotionLimits:
 
     @classmethod
     def from_task(cls, document: object) -> "MotionLimits":
-        """The limits in a task's document (`GET /tasks/{name}`), nothing about it taken on trust.
+        """The limits in a task's document (`GET /tasks/{name}`), every value checked.
 
         Raises:
             InvalidInputError: naming a bound that is missing or can bound nothing, such as NaN.
@@ -102,7 +102,7 @@ class MotionLimits:
         return self.max_step_m is not None or self.max_step_rotation_deg is not None
 
     def require_start(self, end_effector: Pose | None) -> None:
-        """Make sure that the first step can be held against its bounds.
+        """Make sure that the first step can be checked against its bounds.
 
         Raises:
             InvalidInputError: if steps are bounded and the place of the end effector is not known.

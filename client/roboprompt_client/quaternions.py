@@ -1,4 +1,4 @@
-"""Rotations as unit quaternions (4,) in the order x y z w; no more of them than a robot's side needs."""
+"""Rotations as unit quaternions (4,) in the order x y z w, as far as the robot's side needs them."""
 
 import math
 

@@ -17,7 +17,7 @@ UPRIGHT_RAD = math.radians(0.5)  # a frame that leans less is turned about the v
 
 
 class Moved(NamedTuple):
-    """From which change on an object counts as moved; below it a change may as well be the estimator's noise."""
+    """The change from which on an object counts as moved; a smaller one may be the estimator's noise."""
 
     position_m: float = 0.005
     rotation_deg: float = 3.0

@@ -1,4 +1,4 @@
-"""`roboprompt-robot record` and `roboprompt-robot check`: what a person does at the arm before the first prediction."""
+"""`roboprompt-robot record` and `roboprompt-robot check`: what happens at the arm before a prediction."""
 
 import sys
 from argparse import ArgumentParser, Namespace
@@ -50,7 +50,7 @@ def add_check(add: AddCommand, robot_help: str) -> None:
         action="append",
         default=[],
         metavar=("X", "Y", "Z"),
-        help="metres, world frame: a place, such as a corner of the ChArUco board, to which you guide the fingers by "
+        help="meters, world frame: a place, such as a corner of the ChArUco board, to which you guide the fingers by "
         "hand; says how far off the arm takes itself to be (may be repeated)",
     )
 

@@ -1,4 +1,4 @@
-"""A record button: an arm's state, sampled while a person moves it, and safe on disk from the first second."""
+"""Records an arm's state while a person moves it; samples are on disk within a second."""
 
 import json
 import os
@@ -64,7 +64,7 @@ class Recorder:
         """End, and what was recorded.
 
         Raises:
-            MotionError: if the arm did not answer any more; the journal has what came before.
+            MotionError: if the arm stopped answering; the journal has what came before.
             InvalidInputError: if what was recorded is no trajectory, or could not be written.
         """
         self._ended.set()
@@ -98,7 +98,7 @@ class Recorder:
                 seen_s, state = self._read()
 
     def _read(self) -> tuple[float, ArmState]:
-        """The state, and when it was: in the middle of the time that the arm took to say it."""
+        """The state, and its time: the middle of the interval in which the arm answered."""
         asked_s = time.monotonic()
         state = self._arm.state()
         return (asked_s + time.monotonic()) / 2, state

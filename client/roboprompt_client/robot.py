@@ -12,7 +12,7 @@ from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.motion_limits import Pose
 from roboprompt_client.trajectory import EndEffectorAction, ObjectPose, object_from_json
 
-OBJECTS = 'JSON: [{"name": "cube", "position": [x, y, z]}], metres, each with "quaternion_xyzw" where it is known'
+OBJECTS = 'JSON: [{"name": "cube", "position": [x, y, z]}], meters, each with "quaternion_xyzw" where it is known'
 
 
 @dataclass(frozen=True, init=False)

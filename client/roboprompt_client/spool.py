@@ -1,4 +1,4 @@
-"""Recordings on disk until the service has them: whatever goes wrong, none is lost and none is stored twice.
+"""Recordings that stay on disk until the service has stored them: none is lost, and none is stored twice.
 
 A spool belongs to one user: its folders are 0700 and its files 0600, and only plain files of that user are read, so
 that another user can neither see a recording nor make it upload anything else.
@@ -108,8 +108,8 @@ class Spool:
         """Upload one, again and again while the service does not answer.
 
         Raises:
-            ServiceUnreachableError: if it never does, or takes nothing from this robot at present; the recording waits.
-            InvalidInputError: if the recording is none, or not this user's own; it stays where it is.
+            ServiceUnreachableError: if it never does, or refuses this robot at present; the recording waits.
+            InvalidInputError: if it is not a recording, or another user's; it stays where it is.
         """
         parts = _parts(folder)
         for wait_s in (*WAITS_S, None):

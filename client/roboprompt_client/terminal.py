@@ -34,9 +34,9 @@ class Person:
         self._shown: list[Previewed] = []  # in the order in which `confirm` is asked about them
 
     def preview(self, actions: Sequence[EndEffectorAction], limits: MotionLimits) -> None:
-        """Print the plan, or that nothing is known of the arm."""
+        """Print the plan, or that the arm's geometry is unknown."""
         if not isinstance(self._robot, Arm):
-            _print("no preview: of this robot's arm nothing is known (a cell's file says it)")
+            _print("no preview: the geometry of this robot's arm is unknown (a cell's file names it)")
             return
         previewed = self._robot.preview(actions, limits)
         self._shown += previewed
@@ -52,7 +52,7 @@ class Person:
         return ask_yes(f"action {index + 1}: to {x_m:.3f} {y_m:.3f} {z_m:.3f} m, gripper {gripper}. Go? [y/N] ")
 
     def outcome(self, predicted: PredictedActions) -> Outcome | None:
-        """What the person says: `y` or `n`, with a note behind it; None where they say nothing."""
+        """What the person says: `y` or `n`, with a note behind it; None where they answer nothing."""
         while answer := ask("Did it work? [y, n, or n and why; Enter: not recorded] "):
             word, _, note = answer.partition(" ")
             if word.lower().rstrip(",:") in (*YES, *NO):

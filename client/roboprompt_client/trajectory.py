@@ -1,6 +1,6 @@
 """What a robot records, where objects are, and where the end effector is to go.
 
-Every value is checked when it is constructed. Positions are in metres in the world frame; quaternions are xyzw.
+Every value is checked when it is constructed. Positions are in meters in the world frame; quaternions are xyzw.
 """
 
 from collections.abc import Mapping, Sequence
@@ -10,11 +10,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from roboprompt_client.arrays import Array, finite_array, settle, unit_quaternions
+from roboprompt_client.arrays import Array, bounded_array, finite_array, positions_array, settle, unit_quaternions
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.wording import checked_name
 
 MAX_JOINTS = 16
+MOST_RAD = MOST_RAD_S = 1e5  # of a joint: what is more is no angle in any unit
+MOST_S = 1e11  # of a clock, in seconds since whenever: three thousand years
 MAX_GRIPPER_WIDTH_M = 0.2  # that a gripper opens
 WIDTH_ROUNDING_M = 0.002  # closed fingers are measured a little below 0
 
@@ -46,25 +48,27 @@ class Trajectory:
     gripper_width_m: Array | None = None
 
     def __post_init__(self) -> None:
-        velocities = finite_array("trajectory.joint_velocities", self.joint_velocities_rad_s, (None, None))
+        name, speeds = "trajectory.joint_velocities", self.joint_velocities_rad_s
+        velocities = bounded_array(name, speeds, (None, None), MOST_RAD_S, "rad/s")
         num_frames, num_joints = velocities.shape
         if num_frames == 0:
-            raise InvalidInputError("trajectory.joint_velocities", "has no frames (T = 0)", "at least one frame")
+            raise InvalidInputError(name, "has no frames (T = 0)", "at least one frame")
         if num_joints > MAX_JOINTS:
-            raise InvalidInputError("trajectory.joint_velocities", f"has {num_joints} joints", f"1 to {MAX_JOINTS}")
+            raise InvalidInputError(name, f"has {num_joints} joints", f"1 to {MAX_JOINTS}")
         joints, poses = (num_frames, num_joints), (num_frames, 4)
         quaternions = unit_quaternions("trajectory.end_effector_quaternions_xyzw", self.quaternions_xyzw, poses)
         settle(
             self,
             joint_velocities_rad_s=velocities,
-            positions_m=finite_array("trajectory.end_effector_positions", self.positions_m, (num_frames, 3)),
+            positions_m=positions_array("trajectory.end_effector_positions", self.positions_m, (num_frames, 3)),
             quaternions_xyzw=quaternions,
             gripper_open=_booleans("trajectory.gripper_open", self.gripper_open, num_frames),
         )
         if self.timestamps_s is not None:
             settle(self, timestamps_s=_increasing("trajectory.timestamps", self.timestamps_s, num_frames))
         if self.joint_positions_rad is not None:
-            positions = finite_array("trajectory.joint_positions", self.joint_positions_rad, joints)
+            name = "trajectory.joint_positions"
+            positions = bounded_array(name, self.joint_positions_rad, joints, MOST_RAD, "rad")
             settle(self, joint_positions_rad=positions)
         if self.gripper_width_m is not None:
             settle(self, gripper_width_m=_widths("trajectory.gripper_width", self.gripper_width_m, num_frames))
@@ -89,14 +93,14 @@ class Trajectory:
         Raises:
             InvalidInputError: naming the array and what is wrong with it.
         """
-        positions = finite_array("trajectory.end_effector_positions", positions_m, (None, 3))
+        positions = positions_array("trajectory.end_effector_positions", positions_m, (None, 3))
         no_joints = np.zeros((len(positions), 0))
         return cls(no_joints, positions, quaternions_xyzw, gripper_open, timestamps_s)  # type: ignore[arg-type]  # checked
 
     def _check_objects(self, num_frames: int) -> None:
         name = "trajectory.object_quaternions_xyzw"
         if self.object_positions_m is not None:
-            positions = finite_array("trajectory.object_positions", self.object_positions_m, (num_frames, None, 3))
+            positions = positions_array("trajectory.object_positions", self.object_positions_m, (num_frames, None, 3))
             settle(self, object_positions_m=positions)
         elif self.object_quaternions_xyzw is not None:
             raise InvalidInputError(name, "has no object_positions beside it", "both, or only object_positions")
@@ -165,7 +169,7 @@ def _widths(name: str, value: npt.ArrayLike, length: int) -> Array:
 
 
 def _increasing(name: str, value: npt.ArrayLike, length: int) -> Array:
-    array = finite_array(name, value, (length,))
+    array = bounded_array(name, value, (length,), MOST_S, "s")
     if (np.diff(array) <= 0).any():
         index = int(np.flatnonzero(np.diff(array) <= 0)[0]) + 1
         raise InvalidInputError(name, f"element {index} is not after the one before", "increasing seconds")
@@ -195,7 +199,7 @@ class ObjectPose:
 
     def __post_init__(self) -> None:
         where = f"objects[{checked_name('objects.name', self.name)}]"
-        settle(self, position_m=finite_array(f"{where}.position", self.position_m, (3,)))
+        settle(self, position_m=positions_array(f"{where}.position", self.position_m, (3,)))
         if self.quaternion_xyzw is not None:
             unit = unit_quaternions(f"{where}.quaternion_xyzw", self.quaternion_xyzw, (4,))
             settle(self, quaternion_xyzw=unit)

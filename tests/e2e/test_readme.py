@@ -1,4 +1,4 @@
-"""README's examples work as pasted, against the running service."""
+"""The examples of README and of the guide work as pasted, against the running service."""
 
 import json
 import re
@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 ROOT = Path(__file__).parents[2]
-README = (ROOT / "README.md").read_text()
-CURL = [block for block in re.findall(r"```bash\n(.*?)```", README, re.DOTALL) if "curl" in block]
-PYTHON = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
+PAGES = (ROOT / "README.md", *sorted((ROOT / "docs/guide").glob("*.md")))
+TEXTS = [page.read_text() for page in PAGES]
+CURL = [block for text in TEXTS for block in re.findall(r"```bash\n(.*?)```", text, re.DOTALL) if "curl" in block]
+PYTHON = [block for text in TEXTS for block in re.findall(r"```python\n(.*?)```", text, re.DOTALL)]
 ADDRESS = "http://127.0.0.1:8000"
 
 
@@ -40,3 +41,15 @@ def test_curl_examples_in_their_order(url):
 def test_python_example(url, block):
     lines = run([sys.executable, "-c", block], url).splitlines()
     assert len(lines) == 3
+
+
+def test_a_row_is_explained_as_the_service_decodes_it(http):
+    """README: `1 A o: +0 +0 +20 0 36 36 0` is 10 cm above the button, the hand down, the gripper closed."""
+    answer = http.post("/predict", json=json.loads((ROOT / "docs/examples/predict.json").read_text())).json()
+    assert "`1 A o: +0 +0 +20 0 36 36 0`" in TEXTS[0]
+    assert answer["reply_text"].strip().startswith("1 A o: +0 +0 +20 0 36 36 0;")
+    first = answer["actions"][0]
+    button_m = answer["objects"][0]["position"]
+    np.testing.assert_allclose(np.subtract(first["position"], button_m), [0, 0, 20 * 0.005], atol=1e-9)
+    np.testing.assert_allclose(np.abs(first["quaternion_xyzw"]), [1, 0, 0, 0], atol=1e-9)
+    assert first["gripper_open"] is False

@@ -3,11 +3,12 @@
 Whoever goes on with an import that was cut off asks for the latter.
 """
 
+from functools import partial
 from typing import Annotated, Any
 
+import anyio.to_thread
 from fastapi import APIRouter, Query, Request, Response
 from fastapi.responses import JSONResponse
-from starlette.concurrency import run_in_threadpool
 
 from app.api.body import Body, read_body
 from app.api.documents import episode_document, metadata_document
@@ -22,6 +23,7 @@ from app.services.container import Services
 from app.services.limits import Limits
 from app.services.scene_images import stored_image
 from app.services.task_settings import TaskSettings
+from app.services.teach.remove import remove_episode
 from app.services.teach.upload import SCOPE, Upload, content_digest
 from app.store import episodes, idempotency, tasks, trajectories
 from app.store.errors import NotFoundError
@@ -61,7 +63,8 @@ async def upload_episode(request: Request, services: Wired, idempotency_key: Ide
     body = await read_body(request)
     async with image_work(request).room(request, body, services.limits) as decode:
         upload = await decode(_read_upload, services.limits, body, idempotency_key)
-        document = await run_in_threadpool(services.upload_episode, upload, episode_document)
+        store = partial(services.upload_episode, upload, episode_document)
+        document = await anyio.to_thread.run_sync(store, limiter=services.teaching)
     services.prefix_warmer.changed(document["task"])
     return JSONResponse(document, 201, {"Location": f"/episodes/{document['id']}"})
 
@@ -151,9 +154,8 @@ def get_metadata(services: Wired, episode_id: str) -> Response:
     responses=problems(_404="no such episode"),
 )
 def delete_episode(services: Wired, episode_id: str) -> Response:
-    """Delete an episode; its images go with the next sweep."""
-    with services.store.write() as connection:
-        task = episodes.remove(connection, episode_id)
+    """Delete an episode; its images go with the next sweep. A workspace `auto` is what the remaining ones span."""
+    task = remove_episode(services.store, episode_id)
     services.prefix_warmer.changed(task)
     return Response(status_code=204)
 

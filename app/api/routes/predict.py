@@ -25,9 +25,9 @@ from app.services.predict.question import Question
 from app.services.predict.record import Prediction
 from app.services.predict.request import PredictRequest
 from app.services.teach.upload import content_digest
+from app.store.errors import StoreError
 from app.store.values import JsonObject
 from app.store.visibility import present
-from roboprompt_client.errors import RoboPromptError
 
 EVENT_STREAM = "text/event-stream"
 REFUSED_QUALITY = re.compile(r"q\s*=\s*0(\.0*)?")
@@ -70,7 +70,8 @@ async def predict(request: Request, services: Wired, idempotency_key: Idempotenc
 
     With `Accept: text/event-stream` a first event `findings` says what is doubtful, and an event `grounding` how the
     instruction was understood; then each action comes as an event `action` as soon as its row is complete, then `done`
-    with the whole document; an event `error` with a problem document ends a reply that goes wrong in the middle. With
+    with the whole document; an event `error` with a problem document ends a reply that goes wrong in the middle. Where
+    the store fails then, it says how many `actions_sent` are not `recorded`. With
     `stream_text` the reply's pieces come as well, as events `text`, before it is known whether they are valid.
     """
     body = await read_body(request, packed=True)
@@ -138,16 +139,22 @@ async def _events(
     Args:
         turn: left at the end; a repeated request waits for it.
     """
+    sent = 0
     async with turn, aclosing(answer):
         try:
             listed = [finding.to_json() for finding in question.findings]
             yield format_sse_event(event="findings", data_str=json.dumps({"findings": listed}))
             yield format_sse_event(event="grounding", data_str=json.dumps(understood_document(question)))
+            sent += isinstance(first, PredictedAction)
             yield await _event(first, keep)
             async for item in answer:
+                sent += isinstance(item, PredictedAction)
                 yield await _event(item, keep)
-        except RoboPromptError as error:
-            yield format_sse_event(event="error", data_str=bytes(problem_of(request, error).body).decode())
+        except Exception as error:  # the status is sent already: whatever goes wrong is said here
+            document = json.loads(bytes(problem_of(request, error).body))
+            if isinstance(error, StoreError):  # the robot may have moved, and nothing else remembers it
+                document |= {"actions_sent": sent, "recorded": False}
+            yield format_sse_event(event="error", data_str=json.dumps(document))
 
 
 async def _event(item: _Item, keep: _Keep) -> bytes:

@@ -1,8 +1,10 @@
 """Tasks: their settings, what is stored of them, and what a check of their demonstrations finds out."""
 
 from collections.abc import Collection, Sequence
+from functools import partial
 from typing import Annotated
 
+import anyio.to_thread
 from fastapi import APIRouter, Body, Query, Response
 from fastapi.openapi.models import Example
 from fastapi.responses import JSONResponse
@@ -127,7 +129,7 @@ def get_task(services: Wired, name: str) -> Response:
         _422="a setting is not valid, or a stored episode cannot be extracted with it",
     ),
 )
-def configure_task(
+async def configure_task(
     services: Wired, name: str, changes: Annotated[TaskSettings, Body(openapi_examples=_EXAMPLES)]
 ) -> Response:
     """Set what the body names and keep the rest; creates the task if it is new.
@@ -135,11 +137,12 @@ def configure_task(
     A change of the keyframe rule, the pose estimator or the object models extracts every stored episode again. Where
     there are many, a job does it (202, see `Location`): until it is done the task stays as it is.
     """
-    outcome = services.configure_task.at_once_or_as_job(name, changes.model_dump(exclude_unset=True))
+    configure = partial(services.configure_task.at_once_or_as_job, name, changes.model_dump(exclude_unset=True))
+    outcome = await anyio.to_thread.run_sync(configure, limiter=services.teaching)
     if isinstance(outcome, JobRecord):
         return JSONResponse(job_document(outcome), 202, {"Location": f"/jobs/{outcome.id}"})
     services.prefix_warmer.changed(name)
-    return JSONResponse(_document(services, outcome))
+    return JSONResponse(await anyio.to_thread.run_sync(_document, services, outcome))
 
 
 @router.delete("/tasks/{name}", operation_id="delete_task", status_code=204, responses=problems(_404="no such task"))
@@ -199,13 +202,14 @@ async def check_task(services: Wired, name: str, model: Model = None) -> Respons
         _422="no episode has labels and images, or one cannot be extracted with what was learned",
     ),
 )
-def learn_object_models(services: Wired, name: str, body: Annotated[LearnBody, Body()] = _EVERYTHING) -> Response:
+async def learn_object_models(services: Wired, name: str, body: Annotated[LearnBody, Body()] = _EVERYTHING) -> Response:
     """Learn colours, sizes and shapes of the objects from stored episodes, and find the objects by them from now on.
 
     Episodes with RGB-D images and masks, poses or both teach; afterwards uploads and requests need images and names
     only. Every stored episode is extracted again; if one cannot be, nothing changes.
     """
-    learned = services.learn_object_models(name, body.objects, body.episodes)
+    learn = partial(services.learn_object_models, name, body.objects, body.episodes)
+    learned = await anyio.to_thread.run_sync(learn, limiter=services.teaching)
     services.prefix_warmer.changed(name)
     document = {
         "object_models": dict(learned.object_models),

@@ -8,18 +8,20 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from app.api.schemas import examples
 from app.perception.base import ObjectQuery
-from app.perception.strict import WHOLE, Number, Truth
+from app.perception.strict import WHOLE, Metres, Number, Truth
+from app.pipeline.episode import MAX_FREQUENCY_HZ, MIN_FREQUENCY_HZ
 from app.services.predict.request import PredictOptions
 from app.services.task_settings import plain_text
 from roboprompt_client.arrays import unit_quaternions
-from roboprompt_client.camera import Camera
+from roboprompt_client.camera import MAX_DEPTH_SCALE_M, MAX_PX, MIN_DEPTH_SCALE_M, Camera
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.motion_limits import Pose
 
 MAX_EXTRA_BYTES = 65_536
-Position = tuple[Number, Number, Number]
+Position = tuple[Metres, Metres, Metres]
 Quaternion = tuple[Number, Number, Number, Number]
-Row4 = tuple[Number, Number, Number, Number]
+Row4 = tuple[Metres, Metres, Metres, Metres]
+Pixels = Annotated[Number, Field(ge=-MAX_PX, le=MAX_PX)]
 Name = Annotated[str, Field(min_length=1, max_length=64)]
 MaskId = Annotated[int, WHOLE]
 Instruction = Annotated[str, Field(min_length=1, max_length=500)]
@@ -54,10 +56,10 @@ class ObjectIn(RequestModel):
 class Intrinsics(RequestModel):
     """Pinhole intrinsics in pixels; pixel centres are whole numbers."""
 
-    fx: Number
-    fy: Number
-    cx: Number
-    cy: Number
+    fx: Pixels
+    fy: Pixels
+    cx: Pixels
+    cy: Pixels
     width: Annotated[int | None, Field(gt=0, description="of the images; checked where given"), WHOLE] = None
     height: Annotated[int | None, Field(gt=0), WHOLE] = None
 
@@ -73,7 +75,10 @@ class CameraIn(RequestModel):
             description="4x4 rigid transform from OpenCV camera axes (x right, y down, z forward) to the world, metres"
         ),
     ]
-    depth_scale: Annotated[Number, Field(gt=0, description="metres per unit of a 16-bit depth image")] = 0.001
+    depth_scale: Annotated[
+        Number,
+        Field(ge=MIN_DEPTH_SCALE_M, le=MAX_DEPTH_SCALE_M, description="metres per unit of a 16-bit depth image"),
+    ] = 0.001
 
     def camera(self) -> Camera:
         """As the pipeline wants it."""
@@ -93,7 +98,7 @@ class EpisodeMetadata(RequestModel):
     instruction: Instruction
     objects: Annotated[list[ObjectIn], Field(min_length=1, max_length=64)]
     cameras: Annotated[list[CameraIn], Field(max_length=16)] = []
-    control_frequency_hz: Annotated[Number, Field(gt=0)] = 20.0
+    control_frequency_hz: Annotated[Number, Field(ge=MIN_FREQUENCY_HZ, le=MAX_FREQUENCY_HZ)] = 20.0
     prediction_id: Annotated[
         str | None, Field(max_length=64, description="of the prediction of this task that the robot carried out here")
     ] = None

@@ -101,7 +101,7 @@ def _opened(path: Path) -> Iterator[Any]:
 
 
 def _check(path: Path, metadata: Any, names: set[str], budget: Budget) -> None:  # noqa: ANN401
-    """Refuse a file that says itself that it is too large."""
+    """Refuse a file whose own metadata say that it is too large."""
     num_bytes = 0
     for group in map(metadata.row_group, range(metadata.num_row_groups)):
         if group.num_rows < 0:

@@ -41,7 +41,7 @@ DEFAULTS = {
     "gripper": GRIPPER,
     "timestamps": TIMES,
 }
-FILES_IN_MEMORY = 2  # neighbouring episodes share a file of up to 100 MB
+FILES_IN_MEMORY = 2  # neighboring episodes share a file of up to 100 MB
 
 
 def first_image(root: Path, info: Info, place: Place, budget: Budget, feature: str) -> bytes:

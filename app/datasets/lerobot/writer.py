@@ -1,7 +1,7 @@
 """Episodes -> a LeRobot dataset, version 3.0, that the package `lerobot` loads.
 
 `observation.state` and `action` (the next frame's state) are what policies train on; the other columns hold the
-trajectory bit by bit. Statistics of the columns normalise what a policy sees. The first frame's images stand in
+trajectory bit by bit. Statistics of the columns normalize what a policy sees. The first frame's images stand in
 meta/roboprompt: LeRobot knows only cameras that saw every frame, and to repeat the first would pretend so.
 """
 

@@ -84,7 +84,7 @@ def read_images(
 
 
 def depth_of(path: Path, pixels: npt.NDArray[np.uint8], name: str, misc: Mapping[str, Any]) -> Array:
-    """(H, W) metres along the optical axis."""
+    """(H, W) meters along the optical axis."""
     planes = [misc.get(f"{name}_camera_{plane}") for plane in ("near", "far")]
     if None in planes:
         raise DamagedError(path, f"needs {name}_camera_near and {name}_camera_far in the observation's misc")

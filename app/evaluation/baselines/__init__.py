@@ -1,1 +1,1 @@
-"""Methods that RoboPrompt is compared with. They need nothing of the service but what it knows of a task."""
+"""Methods that RoboPrompt is compared with. Of the service they need only what it has stored of a task."""

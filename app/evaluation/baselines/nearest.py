@@ -22,7 +22,7 @@ def replayed(
     """The keyframes that the service found in the demonstration whose object poses are nearest to `objects`.
 
     Only demonstrations of the same instruction are considered, where there are any. The distance is the sum over the
-    objects of their shifts in metres and of their turns times 10 cm, up to their symmetry.
+    objects of their shifts in meters and of their turns times 10 cm, up to their symmetry.
     """
     alike = [item for item in taught if item.recorded.scene.instruction == instruction] or list(taught)
     observed = {pose.name: canonical_pose(pose, yaw_symmetry_deg.get(pose.name)) for pose in objects}

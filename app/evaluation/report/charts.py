@@ -1,6 +1,6 @@
 """The charts of a report: success rates as bars with their intervals, and the speed of the joints.
 
-The speed is plotted over a demonstration, with the places where its keyframes are found (paper, section III-B). Colours
+The speed is plotted over a demonstration, with the places where its keyframes are found (paper, section III-B). Colors
 suit light and dark pages.
 """
 
@@ -32,11 +32,11 @@ HEADROOM = 1.08
 
 @dataclass(frozen=True)
 class Theme:
-    """Colours of one mode.
+    """Colors of one mode.
 
     Attributes:
         series: for one method after the other. Hues of Okabe and Ito (2008), distinguishable with the common
-            deficiencies of colour vision; light on light pages, dark on dark ones, so that `text` stands out on them.
+            deficiencies of color vision; light on light pages, dark on dark ones, so that `text` stands out on them.
     """
 
     name: str
@@ -79,7 +79,7 @@ def new_figure(theme: Theme, width_in: float, height_in: float) -> Figure:
 
 
 def style_axes(axes: Axes, theme: Theme) -> None:
-    """Colours of the theme, no box, small type."""
+    """Colors of the theme, no box, small type."""
     axes.set_facecolor(theme.background)
     axes.tick_params(colors=theme.muted, labelsize=FONT_SIZE, length=3)
     axes.xaxis.label.set(color=theme.text, fontsize=FONT_SIZE)

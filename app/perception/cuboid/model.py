@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from pydantic import BeforeValidator, Field
 
 from app.perception.object_model import MIN_CONFIDENCE, Checked, Confidence, Length, ObjectModel
-from app.perception.strict import WHOLE, Number
+from app.perception.strict import WHOLE, Metres, Number
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.wording import checked_name
 
@@ -109,7 +109,7 @@ class CuboidModel(ObjectModel):
     ]
     color: Color
     shape: Shape = "box"
-    origin_m: Annotated[tuple[Number, Number, Number], Field(description="[x, y, z] in metres")] = (0.0, 0.0, 0.0)
+    origin_m: Annotated[tuple[Metres, Metres, Metres], Field(description="[x, y, z] in metres")] = (0.0, 0.0, 0.0)
     rank: Rank | None = None
     away_from: str | None = None
     min_confidence: Confidence = MIN_CONFIDENCE

@@ -10,12 +10,12 @@ import numpy as np
 from pydantic import Field
 
 from app.perception.object_model import MIN_CONFIDENCE, Checked, Confidence, Length, ObjectModel, one_of
-from app.perception.strict import WHOLE, Number, Truth
+from app.perception.strict import WHOLE, Metres, Truth
 from roboprompt_client.camera import ROTATION_MATRIX_TOLERANCE
 from roboprompt_client.errors import InvalidInputError
 
 _RIGID = "four rows of a rigid transform from the marker's axes to the object's, lengths in metres"
-Row = tuple[Number, Number, Number, Number]
+Row = tuple[Metres, Metres, Metres, Metres]
 DICTIONARIES = tuple(sorted(name for name in dir(cv2.aruco) if name.startswith("DICT_")))
 SAME_PLACE = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0))
 

@@ -1,41 +1,76 @@
 """Numbers that can only be meant in other units or conventions are refused, with the likely cause."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.keyframes.waypoints import hand_speeds_m_s
+from app.pipeline.findings import Finding
+from app.pipeline.keyframes.waypoints import gripper_switches, hand_speeds_m_s
 from app.pipeline.workspace import Workspace
 from roboprompt_client.arrays import Array
+from roboprompt_client.camera import Camera
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.trajectory import ObjectPose, Trajectory
 
 MOST_MOTION_M = 3.0  # along an axis: no arm on a table reaches farther
 MOST_AWAY_M = 3.0  # of an object from all places where the hand was
 MOST_JOINT_RAD_S = 30.0  # several times what arms turn
-FAST_JOINT_RAD_S = 6.0
+FAST_JOINT_RAD_S = 2.0
+LEAST_JOINT_RAD_S = 0.05  # below this a rate from positions is mostly noise
+MOST_RATE_RATIO = 20.0  # of joint velocities to those that joint positions show: 57 where they are degrees
 LEAST_HAND_M_PER_RAD = 0.02  # how far a turning joint moves or turns the hand, at the least
 MOST_JOINT_RAD = 4 * np.pi
 UPRIGHT_DEG = 5.0
 OFF_UPRIGHT_DEG = 20.0
 DOWN_DEG = 10.0
+APPROACH_M = 0.05  # before a grasp or release the hand moves along its own z axis
+ALONG_DEG, ACROSS_DEG = 25.0, 60.0
+MOST_CAMERA_M = 20.0  # from the hand
+NEAR_OBJECT_M = 0.3  # the farthest in recordings that were right: 0.07 m, to a door's hinge
+FEW_FRAMES = 5
 UNITS_PER_M = {"millimetres": 1000.0, "centimetres": 100.0}
 
 
-def check_recording_units(trajectory: Trajectory, objects: Sequence[ObjectPose], times_s: Array) -> None:
+def check_recording_units(
+    trajectory: Trajectory, objects: Sequence[ObjectPose], times_s: Array, cameras: Sequence[Camera] = ()
+) -> None:
     """Refuse a recording whose numbers are not metres, radians and quaternions xyzw.
 
     Args:
         objects: those whose poses came with the recording.
         times_s: (T,) of the frames.
+        cameras: that saw its first frame.
 
     Raises:
         InvalidInputError: naming the field and what the numbers probably are.
     """
     _check_positions(trajectory, objects)
+    _check_cameras(trajectory, cameras)
     _check_joints(trajectory, times_s)
-    _check_quaternion_order(trajectory, objects)
+    _check_quaternion_order(trajectory, objects, times_s)
+
+
+def unit_findings(trajectory: Trajectory, objects: Sequence[ObjectPose]) -> Iterator[Finding]:
+    """What is likely another frame or rate, but may be meant.
+
+    Args:
+        objects: as they were given or found at the first frame.
+    """
+    if len(trajectory) < FEW_FRAMES:
+        message = f"The recording has {len(trajectory)} frames: how the hand moves between them is not known."
+        numbers = {"num_frames": len(trajectory)}
+        yield Finding("few-frames", "warning", message, "trajectory", numbers)
+    away_m = {
+        pose.name: float(np.linalg.norm(trajectory.positions_m - pose.position_m, axis=1).min()) for pose in objects
+    }
+    if away_m and min(away_m.values()) > NEAR_OBJECT_M:
+        name = min(away_m, key=lambda name: away_m[name])
+        message = (
+            f"The hand comes no nearer to any object than {away_m[name]:.2f} m ({name}): are positions of the hand and"
+            " of the objects in one frame, not one in the robot's base and the other in the world?"
+        )
+        yield Finding("far-from-objects", "warning", message, f"objects[{name}].position", {"away_m": away_m[name]})
 
 
 def check_scene_units(objects: Sequence[ObjectPose], workspace: Workspace) -> None:
@@ -66,6 +101,14 @@ def _check_positions(trajectory: Trajectory, objects: Sequence[ObjectPose]) -> N
             raise InvalidInputError(f"objects[{pose.name}].position", message, "metres, world frame as the hand's")
 
 
+def _check_cameras(trajectory: Trajectory, cameras: Sequence[Camera]) -> None:
+    for camera in cameras:
+        away_m = float(np.linalg.norm(trajectory.positions_m - camera.camera_to_world[:3, 3], axis=1).min())
+        if away_m > MOST_CAMERA_M:
+            message = f"puts the camera {away_m:.4g} from the hand: likely {_likely(away_m)}"
+            raise InvalidInputError(f"cameras[{camera.name}].camera_to_world", message, "a translation in metres")
+
+
 def _likely(extent: float) -> str:
     return "millimetres" if extent > 100 * MOST_MOTION_M / 3 else "centimetres or millimetres"
 
@@ -79,20 +122,64 @@ def _check_joints(trajectory: Trajectory, times_s: Array) -> None:
     moving = speeds_rad_s > fastest / 10
     hand = hand_speeds_m_s(trajectory, times_s)
     idle = float(np.median(hand[moving] / speeds_rad_s[moving])) < LEAST_HAND_M_PER_RAD if fastest > 0 else False
-    if fastest > MOST_JOINT_RAD_S or (fastest > FAST_JOINT_RAD_S and idle):
+    if fastest > MOST_JOINT_RAD_S or (fastest > FAST_JOINT_RAD_S and idle) or _beyond_positions(trajectory, times_s):
         message = f"reaches {fastest:.4g} (norm over the joints): likely degrees per second"
         raise InvalidInputError("trajectory.joint_velocities", message, "rad/s")
 
 
-def _check_quaternion_order(trajectory: Trajectory, objects: Sequence[ObjectPose]) -> None:
-    """A hand that would point straight down all the time, and objects that would stand upright, if w came first."""
+def _beyond_positions(trajectory: Trajectory, times_s: Array) -> bool:
+    """Whether joint velocities are many times what the joint positions show."""
+    if trajectory.joint_positions_rad is None or len(trajectory) < FEW_FRAMES:
+        return False
+    shown_rad_s = np.linalg.norm(np.gradient(trajectory.joint_positions_rad, times_s, axis=0), axis=1)
+    moving = shown_rad_s > LEAST_JOINT_RAD_S
+    if not moving.any():
+        return False
+    said_rad_s = np.linalg.norm(trajectory.joint_velocities_rad_s[moving], axis=1)
+    return bool(np.median(said_rad_s / shown_rad_s[moving]) > MOST_RATE_RATIO)
+
+
+def _check_quaternion_order(trajectory: Trajectory, objects: Sequence[ObjectPose], times_s: Array) -> None:
+    """What would be so if w came first: a hand that points down or moves the way it points, objects that stand."""
     _check_objects_order(objects)
+    _check_approaches(trajectory, times_s)
     quaternions = trajectory.quaternions_xyzw
     as_read, as_meant = _off_axis_deg(quaternions, -1.0), _off_axis_deg(np.roll(quaternions, -1, axis=1), -1.0)
     turns = np.abs(quaternions @ quaternions[0]).min() < np.cos(np.radians(DOWN_DEG / 2))
     if turns and as_meant.max() < DOWN_DEG and as_read.max() > OFF_UPRIGHT_DEG:
         message = "are a hand that points straight down only if w comes first"
         raise InvalidInputError("trajectory.end_effector_quaternions_xyzw", message, "order x y z w")
+
+
+def _check_approaches(trajectory: Trajectory, times_s: Array) -> None:
+    frames = [switch.frame for switch in gripper_switches(trajectory, times_s)]
+    ways = [(frame, way_m) for frame in frames if (way_m := _approach(trajectory.positions_m[: frame + 1])) is not None]
+    if not ways:
+        return
+    quaternions = trajectory.quaternions_xyzw[[frame for frame, _ in ways]]
+    directions = np.array([way_m for _, way_m in ways])
+    as_read, as_meant = (_off_way_deg(q, directions) for q in (quaternions, np.roll(quaternions, -1, axis=1)))
+    if as_read.min() > ACROSS_DEG and as_meant.max() < ALONG_DEG:
+        message = "are a hand that moves the way it points before it grasps only if w comes first"
+        raise InvalidInputError("trajectory.end_effector_quaternions_xyzw", message, "order x y z w")
+
+
+def _approach(positions_m: Array) -> Array | None:
+    """(3,) the last `APPROACH_M` of a way; None if it is shorter."""
+    away_m = np.linalg.norm(positions_m - positions_m[-1], axis=1)
+    before = np.flatnonzero(away_m >= APPROACH_M)
+    if not len(before):
+        return None
+    way_m: Array = positions_m[-1] - positions_m[before[-1]]
+    return way_m
+
+
+def _off_way_deg(quaternions_xyzw: Array, ways_m: Array) -> Array:
+    """(N,) angles between the rotations' z axes and ways (N, 3)."""
+    axes = Rotation.from_quat(quaternions_xyzw).apply([0.0, 0.0, 1.0])
+    along = np.einsum("nk,nk->n", axes, ways_m) / np.linalg.norm(ways_m, axis=1)
+    angles: Array = np.degrees(np.arccos(np.clip(along, -1, 1)))
+    return angles
 
 
 def _check_objects_order(objects: Sequence[ObjectPose]) -> None:

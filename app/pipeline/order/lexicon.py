@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 
+from app.pipeline.names import folded
 from app.pipeline.order import verbs, vocabulary
 from app.pipeline.order.vocabulary import ADJECTIVES, FUNCTION_WORDS, GENERIC_NOUNS, NEVER_LOOSE, NOUN_KINDS
 from app.pipeline.order.words import (
@@ -152,31 +153,33 @@ def checked_aliases(aliases: Mapping[str, Sequence[str]]) -> dict[str, tuple[str
     Raises:
         InvalidInputError: names the alias and the object that has it already.
     """
-    owners = {_as_said(name): name for name in aliases}
+    owners = {folded(name): name for name in aliases}
     for name, words in aliases.items():
         checked_name("aliases", name)
         for word in words:
             field = f"aliases[{name}]"
-            owner = owners.setdefault(_as_said(checked_name(field, word)), name)
+            owner = owners.setdefault(folded(checked_name(field, word)), name)
             if owner != name:
                 raise InvalidInputError(field, f"{word!r} stands for {owner!r} already", "a word of one object only")
     return {name: tuple(words) for name, words in aliases.items()}
 
 
 def check_aliases_of(aliases: Mapping[str, Sequence[str]], names: Sequence[str]) -> None:
-    """Refuse aliases of unknown objects, and aliases that are another object's name.
+    """Refuse aliases of unknown objects, and aliases that another object's name is or contains.
+
+    "Blue" for the red cube beside a blue cube would move the red one.
 
     Args:
         names: the task's objects.
     """
-    by_name = {_as_said(name): name for name in names}
     for name, words in aliases.items():
+        field = f"aliases[{name}]"
         if name not in names:
-            raise InvalidInputError(f"aliases[{name}]", "is no object of the task", ", ".join(names))
+            raise InvalidInputError(field, "is no object of the task", ", ".join(names))
         for word in words:
-            if by_name.get(_as_said(word), name) != name:
-                raise InvalidInputError(f"aliases[{name}]", f"{word!r} is the name of another object", "another word")
+            if other := next((other for other in names if other != name and _contains(other, word)), None):
+                raise InvalidInputError(field, f"{word!r} is in the name of {other!r}", "words that no other name has")
 
 
-def _as_said(name: str) -> str:
-    return " ".join(name.replace("_", " ").lower().split())
+def _contains(name: str, words: str) -> bool:
+    return f" {folded(words)} " in f" {folded(name)} "

@@ -10,10 +10,12 @@ from typing import NamedTuple
 
 from rapidfuzz.distance import OSA
 
+from app.pipeline.names import folded_characters
+
 Phrase = tuple[str, ...]
 IsWord = Callable[[str], bool]
 
-_TOKEN = re.compile(r"[^\W_]+-most\b|(?<![^\W_])[-\u2212]\d+|[^\W_]+(?:['\u2019][^\W_]+)*|[^\w\s]")
+_TOKEN = re.compile(r"[^\W_]+-most\b|(?<![^\W_])[-\u2212]\d+|[^\W_]+(?:['\u2019][^\W_]+)*|[^\w\s]", re.IGNORECASE)
 _DROPPED = frozenset("\"'`\u2018\u2019\u201c\u201d\u00ab\u00bb-\u2010\u2011)")  # "left-hand" reads as "left hand"
 _STOPS = {"(": ",", ":": ",", "\u2013": ",", "\u2014": ",", "!": ".", "\u2026": "."}
 _CONTRACTIONS = {
@@ -62,7 +64,7 @@ def phrases(text: str) -> PhraseTable:
 
 
 class Token(NamedTuple):
-    """A word or mark as it stands in the text, in lower case, from character `start` to `end`."""
+    """A word or mark of the text from character `start` to `end`, without differences of case and Unicode form."""
 
     text: str
     start: int
@@ -90,8 +92,9 @@ class Word:
 def tokens_of(text: str) -> list[Token]:
     """The words and marks of a text; contractions are written out, quotation marks and hyphens left out."""
     found: list[Token] = []
-    for match in _TOKEN.finditer(text.lower() if len(text.lower()) == len(text) else text):
-        token = match[0].replace("\u2019", "'").replace("-most", "most")
+    for match in _TOKEN.finditer(text):
+        said = folded_characters(match[0]) if match[0].isalnum() else match[0].lower()
+        token = said.replace("\u2019", "'").replace("-most", "most")
         if token not in _DROPPED:
             written_out = _CONTRACTIONS.get(token) or _STOPS.get(token) or token
             found += [Token(part, *match.span()) for part in written_out.split()]

@@ -4,6 +4,7 @@ import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
+import anyio
 import anyio.to_thread
 
 from app.llm.base import ModelProfile
@@ -75,6 +76,7 @@ class CheckTask:
         self._store = store
         self._profile_of = profile_of
         self._predict = predict
+        self._threads = anyio.CapacityLimiter(1)  # what waits for its turn takes no thread from others
         self._one_at_a_time = threading.Lock()  # a page that is reloaded must not work the same out twice
         self._kept: Cache[tuple[str, int], _Read] = Cache(KEPT)
 
@@ -96,9 +98,9 @@ class CheckTask:
             LanguageModelError: if the model does not answer.
         """
         if model is None:
-            return await anyio.to_thread.run_sync(self.without_model, task)
+            return await anyio.to_thread.run_sync(self.without_model, task, limiter=self._threads)
         self._profile_of(model)
-        read = await anyio.to_thread.run_sync(self._read, task)
+        read = await anyio.to_thread.run_sync(self._read, task, limiter=self._threads)
         replies = await self._replies(task, model, read)
         findings = (*reply_findings(model, replies), *read.checked.findings)
         return replace(read.checked, model=model, replies=replies, findings=findings)

@@ -1,6 +1,6 @@
 """Change a task's settings; where they decide what is extracted, every episode is extracted again."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from typing import Any
 
@@ -8,10 +8,11 @@ from sqlalchemy import Connection
 
 from app.services.pose_servers import PoseServers
 from app.services.task_settings import MERGED, TaskSettings
-from app.services.teach.extract import extract_all_again, with_room_for
+from app.services.teach.extract import extract_all_again
+from app.services.teach.room import FIRST, Shown, spanned, widened
 from app.store import audit, episodes, jobs, tasks
 from app.store.errors import ConflictError, NotFoundError
-from app.store.records import EpisodeRecord, Extraction, JobRecord, TaskRecord
+from app.store.records import JobRecord, TaskRecord
 from app.store.store import Store
 from app.store.values import JsonObject
 from roboprompt_client.wording import checked_name
@@ -42,15 +43,10 @@ class ConfigureTask:
         before, old, new = self._planned(name, changes)
         if before is None:
             return self._create(name, new.model_dump(mode="json"))
-        fits = new.workspace.preset == "auto" and ("workspace" in changes or new.reads_unlike(old))
-        records: tuple[EpisodeRecord, ...] = ()
-        extractions: list[Extraction] = []
-        if fits or new.reads_unlike(old):
-            with self._store.read() as connection:
-                records = episodes.all_of(connection, name)
-        if new.reads_unlike(old):
-            extractions = extract_all_again(self._store, records, new)
-        settings = with_room_for(new, (*records, *extractions)).model_dump(mode="json")
+        with self._store.read() as connection:
+            records = episodes.all_of(connection, name) if "workspace" in changes or new.reads_unlike(old) else ()
+        extractions = extract_all_again(self._store, records, new) if new.reads_unlike(old) else []
+        settings = with_room(new, extractions or records, changes).model_dump(mode="json")
         with self._store.write() as connection:
             # An episode that came in since would keep what the old settings made of it.
             tasks.require_version(connection, name, before.version)
@@ -103,6 +99,18 @@ class ConfigureTask:
                 raise ConflictError(f"task {name!r} was created meanwhile: read it again and repeat")
             record_limits(connection, name, TaskSettings().model_dump(mode="json"), settings)
         return task
+
+
+def with_room(settings: TaskSettings, episodes: Sequence[Shown], changes: Mapping[str, Any]) -> TaskSettings:
+    """Changed settings with a workspace for the task's episodes, where it follows from them.
+
+    Only who names the workspace accepts episodes that reach far beyond the others.
+    """
+    if "workspace" in changes:
+        return spanned(settings, episodes)
+    for episode in episodes:
+        settings = widened(settings, episode, episodes[:FIRST])
+    return settings
 
 
 def _named(settings: JsonObject, change: Mapping[str, Any]) -> JsonObject:

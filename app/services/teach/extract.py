@@ -1,19 +1,14 @@
-"""Episode -> keyframes and object poses, as the task's settings want them, and the workspace that follows from them.
+"""Episode -> keyframes and object poses, as the task's settings want them."""
 
-A task's workspace follows from what its demonstrations showed until somebody sets one.
-"""
-
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
-
-import numpy as np
 
 from app.perception.base import ObjectQuery
 from app.perception.registry import estimate_poses
 from app.pipeline.episode import frame_times_s
 from app.pipeline.findings import Finding
 from app.pipeline.findings.recording import recording_findings
+from app.pipeline.findings.units import unit_findings
 from app.pipeline.keyframes import find_keyframes
 from app.services.scene_images import read_frame
 from app.services.task_settings import TaskSettings
@@ -78,7 +73,8 @@ def extract(
         for frame, gripper_open in found
     )
     times_s = frame_times_s(trajectory, control_frequency_hz)
-    findings = recording_findings(trajectory, times_s, found, settings.keyframes.keyframe_rule())
+    doubts = recording_findings(trajectory, times_s, found, settings.keyframes.keyframe_rule())
+    findings = (*unit_findings(trajectory, poses), *doubts)
     return Extracted(keyframes, tuple(ObjectRecord.of(pose) for pose in _ordered(poses, names)), findings)
 
 
@@ -108,23 +104,3 @@ def extract_again(store: Store, record: EpisodeRecord, settings: TaskSettings) -
 def extract_all_again(store: Store, records: Sequence[EpisodeRecord], settings: TaskSettings) -> list[Extraction]:
     """Several stored episodes, each as by `extract_again`."""
     return [extract_again(store, record, settings) for record in records]
-
-
-class Shown(Protocol):
-    """What an episode shows: where the hand and the objects were."""
-
-    @property
-    def keyframes(self) -> Sequence[KeyframeRecord]: ...
-
-    @property
-    def objects(self) -> Sequence[ObjectRecord]: ...
-
-
-def with_room_for(settings: TaskSettings, episodes: Iterable[Shown]) -> TaskSettings:
-    """The settings with a workspace that holds the episodes, where it follows from demonstrations."""
-    places = [
-        item.position_m for episode in episodes for items in (episode.keyframes, episode.objects) for item in items
-    ]
-    if settings.workspace.preset != "auto" or not places:
-        return settings
-    return settings.model_copy(update={"workspace": settings.workspace.grown(np.array(places))})

@@ -9,8 +9,8 @@ from datetime import timedelta
 from functools import partial
 
 from app.services.task_settings import TaskSettings
-from app.services.teach.configure import record_limits
-from app.services.teach.extract import extract_all_again, with_room_for
+from app.services.teach.configure import record_limits, with_room
+from app.services.teach.extract import extract_all_again
 from app.store import episodes, jobs, tasks
 from app.store.errors import CorruptDataError, NotFoundError
 from app.store.records import EpisodeRecord, Extraction, JobRecord
@@ -119,8 +119,8 @@ class RunJobs:
                 return False
             settings = self._settings(job, task.settings)
             jobs.finish(connection, job, settings.model_dump(mode="json"))
-            fitted = with_room_for(settings, episodes.all_of(connection, job.task) if settings.workspace.preset else ())
-            after = fitted.model_dump(mode="json")
+            records = episodes.all_of(connection, job.task) if settings.workspace.preset == "auto" else ()
+            after = with_room(settings, records, job.changes).model_dump(mode="json")
             tasks.update_settings(connection, job.task, after)
             before = TaskSettings.model_validate(task.settings).model_dump(mode="json")
             record_limits(connection, job.task, before, after, actor=f"job {job.id}")

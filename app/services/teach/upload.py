@@ -19,10 +19,12 @@ from app.services.measures import note
 from app.services.pose_servers import PoseServers
 from app.services.scene_images import put_images
 from app.services.task_settings import TaskSettings
-from app.services.teach.extract import Extracted, extract, with_room_for
+from app.services.teach.configure import record_limits
+from app.services.teach.extract import Extracted, extract
+from app.services.teach.room import FIRST, room_findings, widened
 from app.store import episodes, idempotency, predictions, tasks, trajectories
 from app.store.errors import ConflictError, NotFoundError
-from app.store.records import EpisodeDraft, EpisodeFields, StoredResponse, TaskRecord
+from app.store.records import DemonstrationRecord, EpisodeDraft, EpisodeFields, StoredResponse, TaskRecord
 from app.store.store import Store
 from app.store.values import CameraRecord, JsonObject
 from roboprompt_client.errors import InvalidInputError
@@ -72,21 +74,26 @@ class _Attempt:
 
     Attributes:
         seen: the task; None if there was none.
+        first: its first `FIRST` demonstrations.
         settings: of the task, or those that it is made with.
     """
 
     upload: Upload
     seen: TaskRecord | None
+    first: tuple[DemonstrationRecord, ...]
     settings: JsonObject
     extracted: Extracted
     draft: EpisodeDraft
     respond: Respond
 
-    def outcome(self, settings_before: JsonObject) -> tuple[JsonObject, JsonObject]:
-        """What becomes of a task with these settings: those afterwards, and the answer."""
+    def outcome(
+        self, settings_before: JsonObject, first: Sequence[DemonstrationRecord]
+    ) -> tuple[JsonObject, JsonObject]:
+        """What becomes of a task with these settings and first demonstrations: its settings, and the answer."""
         settings = TaskSettings.model_validate(settings_before).with_joints_of(self.upload.episode.trajectory)
-        settings = with_room_for(settings, [self.extracted])
-        findings = [item.to_json() for item in self.extracted.findings]
+        settings = widened(settings, self.extracted, first)
+        found = (*room_findings(settings, self.extracted), *self.extracted.findings)
+        findings = [item.to_json() for item in found]
         return settings.model_dump(mode="json"), {**self.respond(self.draft, settings), "findings": findings}
 
 
@@ -115,13 +122,14 @@ class UploadEpisode:
                 seen = None
                 with suppress(NotFoundError):
                     seen = tasks.get(connection, upload.task)
+                first = () if seen is None else episodes.demonstrations(connection, upload.task, FIRST)
             settings = _settings_of(seen, upload.objects)
             extracted = self._extract(upload, seen, settings)
             calibrated = [frame.camera for frame in upload.episode.frames]
             cameras = put_images(self._store.blobs, calibrated, upload.images)
             read = settings.model_dump(mode="json") if seen is None else seen.settings
             draft = _draft(upload, extracted, cameras)
-            if (answer := self._commit(_Attempt(upload, seen, read, extracted, draft, respond))) is not None:
+            if (answer := self._commit(_Attempt(upload, seen, first, read, extracted, draft, respond))) is not None:
                 return answer
         raise ConflictError(f"task {upload.task!r} kept changing during the upload: send the episode again")
 
@@ -147,7 +155,8 @@ class UploadEpisode:
     def _commit(self, attempt: _Attempt) -> JsonObject | None:
         """The answer, or None if the task changed in what matters since it was read, or was deleted."""
         upload, seen = attempt.upload, attempt.seen
-        settings, answer = attempt.outcome(attempt.settings)  # before the transaction: on SQLite others wait for it
+        # before the transaction: on SQLite others wait for it
+        settings, answer = attempt.outcome(attempt.settings, attempt.first)
         with self._store.write() as connection:
             if (before := _answer_before(connection, upload)) is not None:
                 return before
@@ -158,13 +167,15 @@ class UploadEpisode:
             if _what_is_extracted(task.settings, task.object_names) != expected:
                 return None
             _check_link(connection, upload)
-            if task.settings != attempt.settings:  # another upload has widened the workspace
-                settings, answer = attempt.outcome(task.settings)
+            first = episodes.demonstrations(connection, upload.task, FIRST)
+            if (task.settings, first) != (attempt.settings, attempt.first):  # another upload has come in
+                settings, answer = attempt.outcome(task.settings, first)
             episodes.add(connection, attempt.draft)
             tasks.update_settings(connection, upload.task, settings)
             if (key := upload.idempotency_key) is not None:
                 idempotency.forget(connection, SCOPE, key)
                 idempotency.save(connection, SCOPE, key, upload.digest, StoredResponse(201, answer))
+            record_limits(connection, upload.task, task.settings, settings)
         return answer
 
 
@@ -185,7 +196,8 @@ def _check_recording(upload: Upload) -> None:
         for query in upload.objects
         if query.position_m is not None
     )
-    check_recording_units(trajectory, given, frame_times_s(trajectory, upload.episode.control_frequency_hz))
+    cameras = [frame.camera for frame in upload.episode.frames]
+    check_recording_units(trajectory, given, frame_times_s(trajectory, upload.episode.control_frequency_hz), cameras)
 
 
 def _what_is_extracted(

@@ -124,7 +124,7 @@ class SimTask(ABC):
         mass_kg: float,
         friction: float = 0.6,
     ) -> None:
-        """A cube that moves freely, upright, its centre (3,) in the world frame; for use in `build`."""
+        """A cube that moves freely, upright, its center (3,) in the world frame; for use in `build`."""
         cube = self.add_part(name, centre_m, about_z(yaw_rad), free=True)
         cube.box((half_m,) * 3, colour, mass_kg=mass_kg, friction=friction)
 

@@ -22,8 +22,8 @@ BEHIND_M, RISE_M = 0.035, 0.10
 class SlideBlock(SimTask):
     """A 6 cm block at x 0.12..0.30 m, y -0.15..0.15 m and four squares around it, each 16 cm away.
 
-    As in RLBench block and squares are turned as a whole, by any angle. The block's pose is its centre. The target's
-    pose is its centre; x points away from the block, towards the white stripe on its far edge. Success: some part of
+    As in RLBench block and squares are turned as a whole, by any angle. The block's pose is its center. The target's
+    pose is its center; x points away from the block, towards the white stripe on its far edge. Success: some part of
     the block lies on the green square.
     """
 
@@ -45,7 +45,7 @@ class SlideBlock(SimTask):
             square.mark((0.004, SQUARE_HALF_M, SQUARE_HALF_THICKNESS_M), "white", at_m=stripe_m)
 
     def expert(self) -> list[Move]:
-        touching_m = BLOCK_HALF_M + FINGER_HALF_M  # from the block's centre
+        touching_m = BLOCK_HALF_M + FINGER_HALF_M  # from the block's center
         start_m, end_m = -DISTANCE_M - touching_m - BEHIND_M, -touching_m
         route = [(start_m, RISE_M, LOOSE_M), (start_m, 0, BEHIND_M / 4), (end_m, 0, 0), (end_m, RISE_M, 0)]
         in_world = [
@@ -62,8 +62,8 @@ class SlideBlock(SimTask):
 
 
 SHAPE_HALF_M, SHAPE_KG = 0.020, 0.05
-GRASP_M = 0.010  # above the cube's centre
-# The sorter's origin is the centre of its square hole, in the upper face of its lid
+GRASP_M = 0.010  # above the cube's center
+# The sorter's origin is the center of its square hole, in the upper face of its lid
 HALF_WIDTH_M, HEIGHT_M, LID_M = 0.09, 0.064, 0.004
 MIDDLE_M = np.array([0.035, 0.035, 0.0])  # of the lid
 HOLE_HALF_M = 0.029
@@ -75,7 +75,7 @@ class SortShape(SimTask):
     """A cube, a cylinder and a bar around a box whose lid has a hole for the cube, all turned at random.
 
     The box's middle is in x 0.18..0.30 m, y -0.10..0.10 m, the shapes at least 19 cm from it in x 0.02..0.38 m,
-    y -0.36..0.36 m. The cube's pose is its centre. The sorter's pose is the centre of its square hole, a quarter turn
+    y -0.36..0.36 m. The cube's pose is its center. The sorter's pose is the center of its square hole, a quarter turn
     about which changes nothing for the cube. Success: the cube is in the box below the square hole's rim, where no
     other opening lets it in, and the gripper holds nothing.
     """

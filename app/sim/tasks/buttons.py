@@ -1,4 +1,4 @@
-"""Four coloured buttons: `push_button`, `push_button_real`, `push_multiple_buttons` and `press_in_order`."""
+"""Four colored buttons: `push_button`, `push_button_real`, `push_multiple_buttons` and `press_in_order`."""
 
 from abc import abstractmethod
 from itertools import chain, product
@@ -31,7 +31,7 @@ TEST_STREAM = 1  # keeps the draw of a test's sequence apart from that of the sa
 class ButtonTask(SimTask):
     """Four buttons on the table, at least 13 cm apart, each anywhere in x 0.03..0.38 m, y -0.30..0.30 m.
 
-    A button's pose is the centre of its cap's top at rest. `events` are the colours pressed (by 6 mm), in order.
+    A button's pose is the center of its cap's top at rest. `events` are the colors pressed (by 6 mm), in order.
     """
 
     object_names = tuple(f"{colour} button" for colour in COLOURS)
@@ -42,7 +42,7 @@ class ButtonTask(SimTask):
     @property
     @abstractmethod
     def asked(self) -> tuple[str, ...]:
-        """The colours to press, in order."""
+        """The colors to press, in order."""
 
     def build(self, random: np.random.Generator) -> None:
         height_m = BASE_HEIGHT_M + CAP_HEIGHT_M
@@ -98,7 +98,7 @@ class PushButton(ButtonTask):
 
 
 class PushButtonReal(PushButton):
-    """The scene, instructions and success of `push_button`, which has the real task's four colours already.
+    """The scene, instructions and success of `push_button`, which has the real task's four colors already.
 
     The paper reports the simulated and the real button task apart; so does an evaluation by these two names.
     """
@@ -107,9 +107,9 @@ class PushButtonReal(PushButton):
 
 
 class PushMultipleButtons(ButtonTask):
-    """The scene of `push_button`. Demonstrations press one button; tests ask for 1 to 6 presses, colours repeating.
+    """The scene of `push_button`. Demonstrations press one button; tests ask for 1 to 6 presses, colors repeating.
 
-    As in the paper, a test's number of presses is uniform in 1..6 and each colour is drawn at random. Success: the
+    As in the paper, a test's number of presses is uniform in 1..6 and each color is drawn at random. Success: the
     buttons have been pressed in exactly the order asked for, with no other press.
     """
 
@@ -130,12 +130,12 @@ class PushMultipleButtons(ButtonTask):
         return self.events == list(self.asked)
 
 
-# "before" or "after", and the colours as the instruction names them
+# "before" or "after", and the colors as the instruction names them
 Order = tuple[str, tuple[str, ...]]
 
 
 class PressInOrder(ButtonTask):
-    """The scene of `push_button`; poses are the centres of the caps' tops.
+    """The scene of `push_button`; poses are the centers of the caps' tops.
 
     Demonstrated are two and three presses with "before", two with "after"; asked for are three with "after".
     Success: the buttons have been pressed in exactly the order asked for, with no other press.

@@ -26,7 +26,7 @@ CUBE = "red cube"
 class CarriedCube(SimTask):
     """A 5 cm cube on a slab 2 cm thick that runs at 0 (demonstrations), 2, 5 or 10 cm/s (tests).
 
-    The cube's pose is its centre. Success: it is held at least 6 cm higher than it lay.
+    The cube's pose is its center. Success: it is held at least 6 cm higher than it lay.
     """
 
     object_names = (CUBE,)

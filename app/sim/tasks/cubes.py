@@ -17,7 +17,7 @@ MAX_OFFSET_M = 0.03  # of a cube from the middle of what it stands on
 
 
 class CubeTask(SimTask):
-    """Cubes of one size on the table. A cube's pose is its centre."""
+    """Cubes of one size on the table. A cube's pose is its center."""
 
     half_m: ClassVar[float] = HALF_SIZE_M
     mass_kg: ClassVar[float] = 0.09
@@ -55,9 +55,9 @@ class TwoCubes(CubeTask):
 
 
 class StackCube(TwoCubes):
-    """Two 5 cm cubes on the table, centres at least 11 cm apart, in x 0.05..0.38 m, y -0.28..0.28 m, turned at random.
+    """Two 5 cm cubes on the table, centers at least 11 cm apart, in x 0.05..0.38 m, y -0.28..0.28 m, turned at random.
 
-    A cube's pose is its centre. Success: the right cube rests on the other and the gripper holds nothing.
+    A cube's pose is its center. Success: the right cube rests on the other and the gripper holds nothing.
     """
 
     name = "stack_cube"
@@ -93,7 +93,7 @@ class StackCube(TwoCubes):
 class DestackCube(TwoCubes):
     """Two 5 cm cubes, one on the other, in x 0.10..0.36 m, y -0.12..0.26 m, turned at random, up to 11 degrees apart.
 
-    The range leaves room on the table to the right. A cube's pose is its centre. Success: the upper cube has landed on
+    The range leaves room on the table to the right. A cube's pose is its center. Success: the upper cube has landed on
     the table and the gripper holds nothing.
     """
 
@@ -131,7 +131,7 @@ class DestackCube(TwoCubes):
 class StackBlocks(CubeTask):
     """Four red and two blue 4.8 cm blocks about a green platform, each turned at random, at least 10.5 cm apart.
 
-    Blocks lie in x 0.02..0.38 m, y -0.33..0.33 m, the platform in x 0.10..0.30 m, y -0.10..0.10 m. Poses are centres.
+    Blocks lie in x 0.02..0.38 m, y -0.33..0.33 m, the platform in x 0.10..0.30 m, y -0.10..0.10 m. Poses are centers.
     The red blocks are numbered by their distance from the platform. Success: two red blocks or more, whichever they
     are, are inside the platform's area and the gripper holds nothing.
     """
@@ -178,7 +178,7 @@ class StackBlocks(CubeTask):
 
 
 class BuildTower(BlockTask):
-    """Four 4.4 cm blocks about a white plate, each turned at random; poses are centres.
+    """Four 4.4 cm blocks about a white plate, each turned at random; poses are centers.
 
     Blocks lie in x 0.02..0.38 m, y -0.33..0.33 m, the plate in x 0.12..0.30 m, y -0.10..0.10 m. Demonstrated are towers
     of one, two and four blocks, asked for is one of three. Success: so many blocks, whichever they are, stand on each

@@ -115,7 +115,7 @@ def _add_cup(cup: Part, colour: str) -> None:
 
 
 TARGET, OTHERS = "green cup", ("red cup", "blue cup")
-# A cup is a cone of facets; its origin is the centre of its rim
+# A cup is a cone of facets; its origin is the center of its rim
 CONE_HEIGHT_M, BOTTOM_RADIUS_M, RIM_RADIUS_M = 0.085, 0.026, 0.037
 CONE_WALL_M, BOTTOM_M = 0.003, 0.004
 CONE_WALL_KG, BOTTOM_KG = 0.048, 0.02
@@ -132,7 +132,7 @@ LOWEST_M = 0.004  # a cup that is inside another stands this much higher than it
 class StackCups(SimTask):
     """A red, a green and a blue cup at least 15 cm apart in x 0.06..0.36 m, y -0.25..0.25 m, not turned, as in RLBench.
 
-    A cup's pose is the centre of its rim. Success: the red and the blue cup stand inside the green one and the gripper
+    A cup's pose is the center of its rim. Success: the red and the blue cup stand inside the green one and the gripper
     holds nothing.
     """
 

@@ -15,7 +15,7 @@ from roboprompt_client.arrays import Array
 DRAWERS = ("bottom", "middle", "top")
 HALF_DEPTH_M, HALF_WIDTH_M, STOREY_M = 0.10, 0.12, 0.085
 FEET_M = 0.02
-# The handle: a vertical bar in front of the drawer; its centre is the origin of the drawer's body
+# The handle: a vertical bar in front of the drawer; its center is the origin of the drawer's body
 HANDLE_HALF_M = (0.014, 0.009, 0.022)
 HANDLE_FROM_FRONT_M = 0.020
 HANDLE_HEIGHT_M = 0.046  # above the middle of the cabinet's board
@@ -35,20 +35,20 @@ CLEARANCE_M = 0.08
 RISE_M = 0.30  # over the open drawer, before and after: as high as over the block
 # Where the gripper opens: in the open drawer's front part, clear of the drawers above; and its height
 BEHIND_HANDLE_M, DROP_HEIGHT_M = 0.075, 0.005
-INSIDE_HALF_HEIGHT_M = 0.025  # of the drawer, about the handle's centre: from its floor to its front's upper edge
+INSIDE_HALF_HEIGHT_M = 0.025  # of the drawer, about the handle's center: from its floor to its front's upper edge
 
 
 class DrawerTask(SimTask):
     """A cabinet of three drawers to the robot's right, turned by up to 22.5 degrees either way as in RLBench.
 
-    The bottom handle lies in x 0.16..0.30 m, y -0.28..-0.10 m. The drawer's pose is its handle's centre; x points into
+    The bottom handle lies in x 0.16..0.30 m, y -0.28..-0.10 m. The drawer's pose is its handle's center; x points into
     the cabinet, so that the drawer opens along -x.
     """
 
     ways = len(RISES_M)
 
     def add_cabinet(self, random: np.random.Generator) -> tuple[Array, Rotation]:
-        """The cabinet, for use in `build`; returns the bottom handle's centre (3,) and the cabinet's turn."""
+        """The cabinet, for use in `build`; returns the bottom handle's center (3,) and the cabinet's turn."""
         turn = about_z(FACING_RAD + random.uniform(-MAX_TURN_RAD, MAX_TURN_RAD))
         handle = np.array([*random.uniform((0.16, -0.28), (0.30, -0.10)), TABLE_TOP_M + FEET_M + HANDLE_HEIGHT_M])
         foot = turn.apply([HALF_DEPTH_M + HANDLE_FROM_FRONT_M, 0, -HANDLE_HEIGHT_M])
@@ -83,7 +83,7 @@ def _add_boards(cabinet: Part) -> None:
 
 
 def _add_drawer(drawer: Part) -> None:
-    """Around the handle's centre, a little smaller than the cabinet's storey."""
+    """Around the handle's center, a little smaller than the cabinet's storey."""
     front, back = HANDLE_FROM_FRONT_M + 0.001, HANDLE_FROM_FRONT_M + 2 * HALF_DEPTH_M - 0.012
     half_width, floor = HALF_WIDTH_M - 0.010, 0.012 - HANDLE_HEIGHT_M
     middle, half_length = (front + back) / 2, (back - front) / 2
@@ -116,7 +116,7 @@ class PutInDrawer(DrawerTask):
     """The closed cabinet of `open_drawer`, and a block on top of it.
 
     The block lies 4.5..11 cm behind the bottom handle and up to 6 cm to its sides, turned at random. Its pose is its
-    centre. Success: the block is inside the bottom drawer and the gripper holds nothing.
+    center. Success: the block is inside the bottom drawer and the gripper holds nothing.
     """
 
     name = "put_in_drawer"

@@ -8,16 +8,16 @@ from app.sim.scene import Part, about_z
 from app.sim.tasks.base import SimTask
 from app.sim.world import TABLE_TOP_M
 
-# The grill's origin is the centre of its grate
+# The grill's origin is the center of its grate
 GRILL_HALF_DEPTH_M, GRILL_HALF_WIDTH_M, GRILL_HEIGHT_M = 0.10, 0.14, 0.088
 FEET_M, BAR_RADIUS_M, NUM_BARS = 0.03, 0.003, 11
 # A piece of meat is a box between two round ends along its x axis
 MEAT_HALF_LENGTH_M, MEAT_HALF_WIDTH_M, MEAT_HALF_HEIGHT_M = 0.025, 0.020, 0.014
 MEAT_MASS_KG = 0.1
 SUNK_M = 0.0005  # of the box below the ends: surfaces in one plane flicker
-MEAT = {"chicken": ("orange", 0.065), "steak": ("red", -0.065)}  # colour, and place on the grate along y, m
+MEAT = {"chicken": ("orange", 0.065), "steak": ("red", -0.065)}  # color, and place on the grate along y, m
 MAX_SHIFT_M = 0.03  # of the meat along x
-BESIDE_M = 0.26  # from the grill's centre along y to where the chicken goes
+BESIDE_M = 0.26  # from the grill's center along y to where the chicken goes
 MEAT_DROP_M = 0.004
 OVER_GRILL_M = 0.15  # the arm swings over the grill on its way
 GRILL_MAX_TURN_RAD = np.radians(60.0)
@@ -25,11 +25,11 @@ MAX_DISTANCE_M, MEAT_HEIGHT_ERROR_M = 0.10, 0.006
 
 
 class MeatOffGrill(SimTask):
-    """Chicken and steak on a grill, its centre in x 0.14..0.28 m, y -0.18..-0.02 m.
+    """Chicken and steak on a grill, its center in x 0.14..0.28 m, y -0.18..-0.02 m.
 
     The grill is turned by up to 60 degrees either way (RLBench: 180), as the arm must reach the table on its +y side;
-    the meat lies up to 3 cm off the middle of its half and is turned at random. The grill's pose is the centre of its
-    grate, the chicken's its centre, x along it. Success: the chicken lies on the table on the grill's +y side and the
+    the meat lies up to 3 cm off the middle of its half and is turned at random. The grill's pose is the center of its
+    grate, the chicken's its center, x along it. Success: the chicken lies on the table on the grill's +y side and the
     gripper holds nothing.
     """
 
@@ -155,8 +155,8 @@ def _add_glass(bottle: Part) -> None:
 
 PIPE_HALF_M = (0.025, 0.115, 0.025)
 SPOUT_RADIUS_M, SPOUT_HEIGHT_M, SPOUT_REACH_M = 0.013, 0.095, 0.10
-HANDLES = {"left tap": (0.09, "red"), "right tap": (-0.09, "blue")}  # y along the pipe, colour
-# A handle is a bar across a stem; its centre is the origin of the handle's body
+HANDLES = {"left tap": (0.09, "red"), "right tap": (-0.09, "blue")}  # y along the pipe, color
+# A handle is a bar across a stem; its center is the origin of the handle's body
 BAR_HALF_M = (0.036, 0.009, 0.012)
 BAR_HEIGHT_M = 0.11
 STEM_RADIUS_M = 0.009
@@ -169,7 +169,7 @@ OVER_TAP_M = 0.10
 class TurnTap(SimTask):
     """A tap with two handles on the table, at x 0.12..0.30 m, y -0.15..0.15 m, turned by any angle as in RLBench.
 
-    To someone who faces the spout the left handle is the red one. Its pose is the centre of its bar, x along the bar.
+    To someone who faces the spout the left handle is the red one. Its pose is the center of its bar, x along the bar.
     Success: the left handle has been turned by 90 degrees.
     """
 

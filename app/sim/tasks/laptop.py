@@ -20,7 +20,7 @@ MARK_M = 0.0005
 
 
 class LaptopTask(SimTask):
-    """A laptop whose front edge points away from the robot. Its pose is the centre of its base, x to the front edge."""
+    """A laptop whose front edge points away from the robot. Its pose is the center of its base, x to the front edge."""
 
     def add_laptop(self, centre_m: npt.ArrayLike, turn: Rotation) -> Part:
         """The body `laptop` with keyboard and touchpad; for use in `build`."""
@@ -58,8 +58,8 @@ OVER_LAPTOP_M = 0.09
 class CloseLaptop(LaptopTask):
     """A laptop, its hinge towards the robot, its screen open by 90 to 110 degrees.
 
-    Its centre lies in x 0.22..0.38 m, y -0.20..0.20 m and it is turned by up to 60 degrees either way: the arm must
-    reach between itself and the lid. The laptop's pose is the centre of its base; x points from the hinge to the front
+    Its center lies in x 0.22..0.38 m, y -0.20..0.20 m and it is turned by up to 60 degrees either way: the arm must
+    reach between itself and the lid. The laptop's pose is the center of its base; x points from the hinge to the front
     edge. Success: the screen is closed (to 2 degrees).
     """
 
@@ -102,7 +102,7 @@ UNPLUG_MAX_TURN_RAD = np.pi / 4
 OPEN_RAD = np.radians(105.0)
 PLUG_HALF_M = (0.028, 0.010, 0.009)
 PLUG_KG = 0.02
-SOCKET_M = np.array([0.02, HALF_WIDTH_M + PLUG_HALF_M[0] + 0.001, 0.0])  # the plug's centre in the laptop's frame
+SOCKET_M = np.array([0.02, HALF_WIDTH_M + PLUG_HALF_M[0] + 0.001, 0.0])  # the plug's center in the laptop's frame
 HOLD_N = 18.0  # the socket lets go of the plug when pulled harder
 UNPLUGGED = "unplugged"
 WELD_ROWS = 6  # three of force, three of torque
@@ -120,9 +120,9 @@ CLEARANCE_M, PULL_M = 0.10, 0.09
 class UnplugCable(LaptopTask):
     """An open laptop with a cable in its left side, as seen from the robot.
 
-    The laptop's centre lies in x 0.08..0.27 m, y -0.22..0.06 m and it is turned by up to 45 degrees either way: the arm
-    must still reach the place where it lets go of the plug. The laptop's pose is the centre of its base, x from the
-    hinge to the front edge; the cable's pose is the centre of its plug, x out of the socket. The socket holds the plug
+    The laptop's center lies in x 0.08..0.27 m, y -0.22..0.06 m and it is turned by up to 45 degrees either way: the arm
+    must still reach the place where it lets go of the plug. The laptop's pose is the center of its base, x from the
+    hinge to the front edge; the cable's pose is the center of its plug, x out of the socket. The socket holds the plug
     until it is pulled by 18 N. Success: the socket has let go and the plug is 3 cm away from it.
     """
 

@@ -22,25 +22,25 @@ OVER_TRAY_M = 0.12
 
 
 class ClearKind(BlockTask):
-    """A round tray in x 0.14..0.26 m, y -0.18..0.18 m, three red and three blue blocks; poses are centres.
+    """A round tray in x 0.14..0.26 m, y -0.18..0.18 m, three red and three blue blocks; poses are centers.
 
-    Some blocks of each colour are on the table, in x 0.02..0.38 m, y -0.34..0.34 m, turned at random, the others in the
+    Some blocks of each color are on the table, in x 0.02..0.38 m, y -0.34..0.34 m, turned at random, the others in the
     tray. Demonstrated are one and two red ones, one and three blue ones on the table; asked for are three red ones, and
-    two blue ones. Success: all blocks of the colour are in the tray, no other block has been lifted, and the gripper
+    two blue ones. Success: all blocks of the color are in the tray, no other block has been lifted, and the gripper
     holds nothing. `events` are the other blocks that were lifted.
     """
 
     name = "clear_kind"
     object_names = (*BLOCKS, "tray")
     yaw_symmetry_deg: ClassVar[Mapping[str, float]] = {**dict.fromkeys(BLOCKS, 90.0), "tray": 0.0}
-    # The colour, and how many blocks of it are on the table; the others are in the tray already
+    # The color, and how many blocks of it are on the table; the others are in the tray already
     SHOWN = (("red", 1), ("red", 2), ("blue", 1), ("blue", 3))
     ASKED = (("red", 3), ("blue", 2))
     variations, test_only_variations = len(SHOWN), len(ASKED)
 
     @property
     def asked(self) -> tuple[str, int]:
-        """The colour, and how many of it are on the table."""
+        """The color, and how many of it are on the table."""
         return (*self.SHOWN, *self.ASKED)[self.variation]
 
     def build(self, random: np.random.Generator) -> None:
@@ -96,7 +96,7 @@ class ClearKind(BlockTask):
 
 
 def _slot_m(block: str) -> Array:
-    """(3,) from the tray's centre to the block's place in it."""
+    """(3,) from the tray's center to the block's place in it."""
     slot: Array = about_z(np.pi / 3 * BLOCKS.index(block)).apply([SLOT_RADIUS_M, 0, 0])
     return slot
 
@@ -122,9 +122,9 @@ BESIDE_DROP_M = 0.004
 
 
 class PlaceBeside(BlockTask):
-    """Four 4.4 cm blocks in x 0.04..0.36 m, y -0.30..0.30 m, at least 11 cm apart; poses are centres.
+    """Four 4.4 cm blocks in x 0.04..0.36 m, y -0.30..0.30 m, at least 11 cm apart; poses are centers.
 
-    Close is 10 cm, far is 18 cm from centre to centre. Demonstrated are close and far to the left, close to the right,
+    Close is 10 cm, far is 18 cm from center to center. Demonstrated are close and far to the left, close to the right,
     and between two of the pairs; asked for are far to the right, and between the third pair. Success: the red block
     lies within 3 cm of its place, the others have not been pushed by 2 cm or more, and the gripper holds nothing.
     """
@@ -213,7 +213,7 @@ OVER_PAD_M = 0.10
 class SwapCubes(BlockTask):
     """Four pads in x 0.05..0.36 m, y -0.28..0.28 m, at least 15 cm apart, and cubes on three of them.
 
-    Poses are centres. Demonstrated are scenes whose white, black or pink pad is free, asked for are those whose cyan
+    Poses are centers. Demonstrated are scenes whose white, black or pink pad is free, asked for are those whose cyan
     pad is. Success: the two cubes stand where the other was, the third has stayed, none has been set down beside the
     pads in between, and the gripper holds nothing. `events` are the cubes that were set down beside the pads.
     """

@@ -11,7 +11,7 @@ CLEARANCE_M = 0.10
 
 OTHER_COLOURS = ("blue", "purple", "green", "orange")
 JAR_HEIGHT_M, JAR_RADIUS_M, GLASS_M = 0.08, 0.034, 0.006
-# The lid is a disc with a plug beneath it; its origin is the disc's centre
+# The lid is a disc with a plug beneath it; its origin is the disc's center
 LID_RADIUS_M, LID_HALF_HEIGHT_M = 0.033, 0.010
 PLUG_RADIUS_M, PLUG_HALF_HEIGHT_M = 0.020, 0.005
 LIFTED_M = 2 * PLUG_HALF_HEIGHT_M  # the lid's height on the table, so that it stands on its plug
@@ -22,10 +22,10 @@ LID_OFFSET_M, LID_HEIGHT_ERROR_M, LID_UPRIGHT = 0.012, 0.004, 0.98
 
 
 class CloseJar(SimTask):
-    """A red jar, one of another colour and a lid, at least 16 cm apart in x 0.05..0.36 m, y -0.25..0.25 m.
+    """A red jar, one of another color and a lid, at least 16 cm apart in x 0.05..0.36 m, y -0.25..0.25 m.
 
-    All are round, so that RLBench's turns of up to 108 degrees mean nothing here. The jar's pose is the centre of its
-    rim, the lid's the centre of its disc. Success: the lid lies on the red jar and the gripper holds nothing.
+    All are round, so that RLBench's turns of up to 108 degrees mean nothing here. The jar's pose is the center of its
+    rim, the lid's the center of its disc. Success: the lid lies on the red jar and the gripper holds nothing.
     """
 
     name = "close_jar"
@@ -68,7 +68,7 @@ GLASS_RADIUS_M, GLASS_HALF_HEIGHT_M = 0.024, 0.016
 THREAD_RADIUS_M, THREAD_M = 0.012, 0.050
 BULB_HEIGHT_M = THREAD_M + GLASS_HALF_HEIGHT_M  # of the origin above the thread's end
 HOLDER_BASE_M, HOLDER_HEIGHT_M, HOLDER_RADIUS_M = 0.008, 0.024, 0.018
-# The lamp's origin is the centre of its rim; below are a funnel, a socket and a base
+# The lamp's origin is the center of its rim; below are a funnel, a socket and a base
 FUNNEL_M, SOCKET_M, LAMP_BASE_M = 0.014, 0.028, 0.020
 RIM_RADIUS_M, SOCKET_RADIUS_M, LAMP_RADIUS_M = 0.034, 0.019, 0.055
 WALL_M = 0.004
@@ -83,7 +83,7 @@ class ScrewBulb(SimTask):
     """A red and a blue bulb in holders and a lamp, at least 15 cm apart in x 0.06..0.36 m, y -0.25..0.25 m.
 
     Bulb and lamp are round: turns mean nothing here. A bulb's pose is the middle of the lower part of its glass, the
-    lamp's the centre of its rim. Success: the red bulb stands in the lamp's socket, has been turned clockwise there by
+    lamp's the center of its rim. Success: the red bulb stands in the lamp's socket, has been turned clockwise there by
     60 degrees or more, and the gripper holds nothing.
     """
 

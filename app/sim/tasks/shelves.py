@@ -56,7 +56,7 @@ class PutInSafe(ShelfTask):
 
     The safe's front edge has its middle in x 0.30..0.38 m, y -0.26..-0.16 m; its yaw has a range of 90 degrees as in
     RLBench, -75..15. The money lies in x 0.20..0.32 m, y 0.12..0.30 m, turned at random: within these ranges the arm
-    can go all the way from the money into the safe without changing its posture. The money's pose is its centre, x
+    can go all the way from the money into the safe without changing its posture. The money's pose is its center, x
     along it.
     """
 
@@ -65,7 +65,7 @@ class PutInSafe(ShelfTask):
     yaw_symmetry_deg = dict.fromkeys(("money",), 180.0)
     instruction = "put the money away in the safe on the bottom shelf"
     stored_half_m = (0.045, 0.022, 0.018)
-    grasp_at_m = (-0.010, 0.0, 0.005)  # above its centre, so that the fingertips stay off the table
+    grasp_at_m = (-0.010, 0.0, 0.005)  # above its center, so that the fingertips stay off the table
     half_width_m = 0.13
     shelves_m = (0.0, 0.15, 0.26)
     back_m, rise_m = 0.16, 0.06
@@ -93,7 +93,7 @@ class PutInCupboard(ShelfTask):
     The cupboard's front edge has its middle in x 0.32..0.40 m, y -0.26..-0.16 m; its yaw is -75..39 degrees, a range of
     57 either way as in RLBench. The groceries stand at least 9 cm apart in x 0.16..0.32 m, y 0.12..0.34 m, the crackers
     at a yaw of -25..65 degrees (RLBench: any; at others the arm sometimes runs into the other groceries or the
-    cupboard's side). The crackers' pose is their centre, x along their broad side.
+    cupboard's side). The crackers' pose is their center, x along their broad side.
     """
 
     name = "put_in_cupboard"

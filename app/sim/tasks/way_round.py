@@ -33,7 +33,7 @@ class WayRound(BlockTask):
 
     The scene is turned as a whole by up to 14 degrees. Each barrier reaches over the line from cube to plate to one
     side, its other end is open. Demonstrated are barriers that are both open to the left, both to the right, and to the
-    left and then to the right; asked for are those open to the right and then to the left. Poses are centres. Success:
+    left and then to the right; asked for are those open to the right and then to the left. Poses are centers. Success:
     the cube has passed each barrier once, round its open end and below its top, lies on the plate, and the gripper
     holds nothing. `events` are the barriers passed, with "wrong" before one that was passed otherwise.
     """

@@ -68,9 +68,9 @@ def _contains(record: TaskRecord, text: str) -> bool:
 
 
 @router.get("/ui/tasks/{name}/check")
-def check_page(request: Request, services: Wired, name: str) -> Response:
+async def check_page(request: Request, services: Wired, name: str) -> Response:
     """Each demonstration, predicted from the others."""
-    return render(request, "check.html", checked=services.check_task.without_model(name))
+    return render(request, "check.html", checked=await services.check_task(name))
 
 
 @router.get("/ui/episodes")

@@ -107,7 +107,7 @@ class Arm:
         """What a plan asks of the arm from where it is; nothing moves.
 
         Args:
-            limits: of the task, whose boxes are held against the way together with the cell's.
+            limits: of the task; the way is checked against its boxes and the cell's.
 
         Raises:
             MotionError: if the arm does not answer.

@@ -9,7 +9,7 @@ from roboprompt_client import quaternions as rotations
 from roboprompt_client.arrays import Array, finite_array, settle, unit_quaternions
 from roboprompt_client.errors import InvalidInputError
 
-CALIBRATION_JSON = '{"base_to_world": {"position": [x, y, z], "quaternion_xyzw": [x, y, z, w]}}, metres'
+CALIBRATION_JSON = '{"base_to_world": {"position": [x, y, z], "quaternion_xyzw": [x, y, z, w]}}, meters'
 
 
 @dataclass(frozen=True, eq=False)

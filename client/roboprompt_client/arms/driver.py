@@ -1,4 +1,4 @@
-"""What an arm's interface must offer: metres, radians, x y z w, all in the arm's base frame."""
+"""What an arm's interface must offer: meters, radians, x y z w, all in the arm's base frame."""
 
 import importlib
 import math
@@ -32,7 +32,7 @@ class ArmState:
     gripper_open: bool | None = None
 
     def distance_to(self, position_m: Array, quaternion_xyzw: Array) -> tuple[float, float]:
-        """How far the end effector is from a pose (3,), (4,) in the same frame: metres and degrees."""
+        """How far the end effector is from a pose (3,), (4,) in the same frame: meters and degrees."""
         turn_rad = angle_between_rad(self.quaternion_xyzw, quaternion_xyzw)
         return float(np.linalg.norm(self.position_m - position_m)), math.degrees(turn_rad)
 

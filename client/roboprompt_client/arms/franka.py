@@ -1,6 +1,6 @@
 """A Franka Panda or Research 3 over libfranka, by franky.
 
-Metres, x y z w, end effector to base, as franky has them. It starts at 5 % of the arm's dynamics.
+Meters, x y z w, end effector to base, as franky has them. It starts at 5 % of the arm's dynamics.
 """
 
 import math
@@ -23,7 +23,7 @@ GRIPPER_M_S, GRASP_N = 0.05, 20.0
 POLL_S = 0.05
 CONNECT_S = 10.0
 WIDTH_TOLERANCE_M = 0.001
-POSE_TOLERANCE = 1e-6  # metres and radians
+POSE_TOLERANCE = 1e-6  # meters and radians
 
 
 class Franka:

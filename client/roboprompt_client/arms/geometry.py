@@ -13,7 +13,7 @@ from roboprompt_client.errors import MotionError
 Forward = Callable[[Array], tuple[Array, Array]]
 JOINT_MARGIN_RAD = 0.02  # the arm's own reflex comes at the limit
 STEP_M, STEP_RAD = 0.01, 0.05
-POSE_TOLERANCE = 1e-4  # metres and radians
+POSE_TOLERANCE = 1e-4  # meters and radians
 DAMPING, MAX_ITERATIONS = 0.02, 60
 
 

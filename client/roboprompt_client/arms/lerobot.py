@@ -1,6 +1,6 @@
 """An arm behind LeRobot's Robot interface whose actions are end-effector poses, such as an SO-101 with its kinematics.
 
-LeRobot's convention for these: `ee.x`, `ee.y`, `ee.z` in metres, `ee.wx`, `ee.wy`, `ee.wz` a rotation vector,
+LeRobot's convention for these: `ee.x`, `ee.y`, `ee.z` in meters, `ee.wx`, `ee.wy`, `ee.wz` a rotation vector,
 `ee.gripper_pos` 0 (closed) to 100 (open); joints `NAME.pos` in degrees. An action that is further than 5 cm from the
 last one is refused there, so that a motion is sent in steps. An arm of five joints cannot have every rotation: give
 `Arm` a tolerance that its orientation can keep.

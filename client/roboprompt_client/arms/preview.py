@@ -70,10 +70,10 @@ def preview_plan(
 
     Args:
         calibration: where the arm's base stands.
-        limits: of which the boxes to keep out of are held against the way.
+        limits: the way is checked against their boxes to keep out of.
         geometry: of the arm's joints; None: not known.
         reach_m: how far from the base the hand gets, where the joints are not known; None: not known either.
-        joints_rad: (J,) where the arm is; None: only the distance is held against its reach.
+        joints_rad: (J,) where the arm is; None: only the distance is compared with its reach.
         start_m: (3,) where the hand is, world frame; None: the way to the first action is not known.
     """
     previewed = []

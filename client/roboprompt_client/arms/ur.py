@@ -1,4 +1,4 @@
-"""A Universal Robots arm by ur-rtde: metres, rotation vectors, tool to base."""
+"""A Universal Robots arm by ur-rtde: meters, rotation vectors, tool to base."""
 
 import time
 

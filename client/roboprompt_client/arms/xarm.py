@@ -1,4 +1,4 @@
-"""A UFACTORY xArm or Lite by xarm-python-sdk: millimetres, roll pitch yaw, and return codes instead of exceptions."""
+"""A UFACTORY xArm or Lite by xarm-python-sdk: millimeters, roll pitch yaw, and return codes instead of exceptions."""
 
 import time
 from typing import Any

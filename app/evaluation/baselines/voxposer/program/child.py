@@ -32,7 +32,7 @@ def give_up_rights() -> None:
     }
     for limit, most in limits.items():
         resource.setrlimit(limit, (most, most))
-    resource.setrlimit(resource.RLIMIT_CPU, (CPU_S, CPU_S + 1))  # at the second the system asks nobody
+    resource.setrlimit(resource.RLIMIT_CPU, (CPU_S, CPU_S + 1))  # the second limit cannot be caught
     sys.setrecursionlimit(FRAMES)
 
 

@@ -93,7 +93,7 @@ class ValueMap(Target):
         """Set the voxels of a box."""
         self.commands.count_painted()
         if box == EVERYWHERE:
-            self.painted.clear()  # nothing of it would be seen
+            self.painted.clear()  # it would have no effect
         self.painted.append((box, map_value(self.kind, value)))
 
 

@@ -46,7 +46,7 @@ def number(value: object) -> Any:  # noqa: ANN401
 
 
 def computed(kind: type[ast.AST], left: object, right: object) -> object:
-    """The result of a binary operator; raises CommandError for what is no number, or too large a one."""
+    """The result of a binary operator; raises CommandError for what is not a number or too large."""
     result = ARITHMETIC[kind](number(left), number(right))
     if not abs(result) <= MAX_NUMBER:
         raise CommandError(f"a number is beyond {MAX_NUMBER:g}")

@@ -1,0 +1,50 @@
+"""A stream that has begun says in itself what went wrong."""
+
+import asyncio
+import json
+from contextlib import AsyncExitStack
+from types import SimpleNamespace
+
+import pytest
+from starlette.requests import Request
+
+from app.api.routes import predict
+from app.services.predict.part_reply import PredictedAction
+from app.store.errors import StoreUnavailableError
+
+
+def events_of(error, monkeypatch, number=3):
+    actions = [PredictedAction.__new__(PredictedAction) for _ in range(number)]
+    for action in actions:
+        action.__dict__["document"] = {"position": [0, 0, 1]}
+
+    async def answer():
+        for action in actions[1:]:
+            yield action
+        raise error
+
+    async def collect():
+        request = Request({"type": "http", "method": "POST", "path": "/predict", "headers": []})
+        question = SimpleNamespace(findings=())
+        stream = predict._events(request, question, actions[0], answer(), predict._not_kept, AsyncExitStack())
+        return b"".join([piece async for piece in stream]).decode()
+
+    monkeypatch.setattr(predict, "understood_document", lambda question: {})
+    return asyncio.run(collect())
+
+
+def last_event(text):
+    return json.loads(text.rpartition("event: error")[2].partition("data: ")[2].strip())
+
+
+def test_actions_that_cannot_be_recorded_are_counted(monkeypatch):
+    text = events_of(StoreUnavailableError("database: disk is full"), monkeypatch)
+    document = last_event(text)
+    assert text.count("event: action") == 3
+    assert (document["status"], document["actions_sent"], document["recorded"]) == (503, 3, False)
+
+
+@pytest.mark.parametrize("error", [OverflowError("too large"), ValueError("nan"), RuntimeError("x")])
+def test_an_unexpected_error_is_an_event_too(monkeypatch, error):
+    document = last_event(events_of(error, monkeypatch))
+    assert document["type"] == "/problems/internal-error"
