@@ -12,7 +12,7 @@ from app.store.blobs import BlobStore
 from app.store.errors import CorruptDataError
 from roboprompt_client.errors import InvalidInputError
 
-MAX_TEMPLATES = 32  # in memory, about 2 MB each
+MAX_TEMPLATES = 16  # in memory, some MB each
 _decoded: Cache[str, Template] = Cache(MAX_TEMPLATES)  # of any store: a digest names the same bytes everywhere
 
 

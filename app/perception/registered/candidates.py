@@ -3,9 +3,10 @@
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
-from scipy import ndimage
 from scipy.cluster.vq import kmeans2
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from app.perception.registered.cloud import VOXEL_M, Index
 from app.perception.registered.scene import LitScene
@@ -13,6 +14,7 @@ from app.perception.registered.template import Template
 from roboprompt_client.arrays import Array
 
 GAP_M = 0.008  # between two parts
+NEIGHBOR_CELLS = 1.75  # from a cell to the 26 around it
 LIKE_LAB = 26.0  # a color of the object, in Lab units
 FEWEST_POINTS, LEAST_SHARE = 15, 0.04  # of the template's points
 MOST_CANDIDATES = 8  # the largest
@@ -53,11 +55,10 @@ def _pieces(template: Template, points_m: Array, part: Index) -> Sequence[Index]
     return [part[piece == number] for number in range(count)]
 
 
-def parts_of(points_m: Array) -> npt.NDArray[np.int32]:
+def parts_of(points_m: Array) -> Index:
     """(N,) which connected part each point belongs to."""
-    cells = np.floor((points_m - points_m.min(axis=0)) / GAP_M).astype(int)
-    is_full = np.zeros(cells.max(axis=0) + 1, bool)
-    is_full[tuple(cells.T)] = True
-    parts: npt.NDArray[np.int32] = ndimage.label(is_full, np.ones((3, 3, 3)))[0]
-    part: npt.NDArray[np.int32] = parts[tuple(cells.T)]
+    cells, cell = np.unique(np.floor(points_m / GAP_M).astype(np.int64), axis=0, return_inverse=True)
+    pairs = cKDTree(cells).query_pairs(NEIGHBOR_CELLS, output_type="ndarray")
+    graph = coo_array((np.ones(len(pairs), bool), pairs.T), shape=(len(cells), len(cells)))
+    part: Index = connected_components(graph, directed=False)[1].astype(np.intp)[cell.ravel()]
     return part

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from app.perception.frame_checks import check_level, check_rgbd
 from app.perception.registered.cloud import normals_of, thinned
 from app.perception.registered.table import Table, find_table
-from app.perception.registered.view import RgbImage, View
+from app.perception.registered.view import FARTHEST_M, RgbImage, View
 from app.pipeline.geometry import pixels_to_world
 from roboprompt_client.arrays import Array
 from roboprompt_client.camera import RgbdFrame
@@ -108,7 +108,8 @@ def _lab_image(rgb: RgbImage, gain: Array) -> npt.NDArray[np.uint8]:
 def _points(view: View) -> tuple[Array, Array, Array]:
     """(N, 3) points, colors and where the camera stands, on a grid of pixels."""
     step = max(1, round(view.depth_m.shape[1] / POINTS_WIDTH_PX))
-    rows, columns = np.nonzero(view.depth_m[::step, ::step])
+    depth_m = view.depth_m[::step, ::step]
+    rows, columns = np.nonzero((depth_m > 0) & (depth_m < FARTHEST_M))
     rows, columns = step * rows, step * columns
     points_m = pixels_to_world(view.camera, rows, columns, view.depth_m[rows, columns])
     return points_m, view.rgb[rows, columns].astype(np.float64), np.broadcast_to(view.eye_m, points_m.shape)

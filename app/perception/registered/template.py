@@ -83,21 +83,21 @@ class Template:
         return cKDTree(np.concatenate([self.points_m, self.lab * LAB_AS_M], axis=1))
 
     @cached_property
-    def _nearest(self) -> Index:
+    def _nearest(self) -> npt.NDArray[np.int32]:
         """Per voxel the index of the nearest point."""
         shape = np.ceil((self.points_m.max(axis=0) + MARGIN_M - self._low_m) / VOXEL_M).astype(int) + 1
         cells = tuple(((self.points_m - self._low_m) / VOXEL_M).astype(int).T)
-        is_empty, index = np.ones(shape, bool), np.zeros(shape, np.intp)
+        is_empty, index = np.ones(shape, bool), np.zeros(shape, np.int32)
         is_empty[cells], index[cells] = False, np.arange(len(self))
         where = ndimage.distance_transform_edt(is_empty, return_distances=False, return_indices=True)
-        nearest: Index = index[tuple(where)]
+        nearest: npt.NDArray[np.int32] = index[tuple(where)]
         return nearest
 
     def closest(self, points_m: Array) -> Index:
         """(...) index of about the nearest point to each of (..., 3)."""
         cells = ((points_m - self._low_m) / VOXEL_M).astype(int)
         cells = np.clip(cells, 0, np.array(self._nearest.shape) - 1)
-        index: Index = self._nearest[cells[..., 0], cells[..., 1], cells[..., 2]]
+        index: Index = self._nearest[cells[..., 0], cells[..., 1], cells[..., 2]].astype(np.intp)
         return index
 
     def to_bytes(self) -> bytes:

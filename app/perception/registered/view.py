@@ -12,6 +12,7 @@ from roboprompt_client.camera import Camera, RgbdFrame
 
 WIDTH_PX = 800  # wider images are reduced by a whole factor
 FLYING_STEP_M = 0.02  # between neighbors: a pixel there lies on neither side
+FARTHEST_M = 5.0  # what is farther counts as so far
 NEAREST_PX = 5  # side of the window in which a depth is the least
 DepthImage = npt.NDArray[np.float32]
 RgbImage = npt.NDArray[np.uint8]
@@ -56,7 +57,8 @@ class View:
         assert frame.rgb is not None
         assert frame.depth_m is not None
         step = -(-frame.depth_m.shape[1] // WIDTH_PX)
-        depth_m = _without_flying(np.ascontiguousarray(frame.depth_m[::step, ::step], np.float32))
+        reduced_m = np.minimum(frame.depth_m[::step, ::step], np.float32(FARTHEST_M))
+        depth_m = _without_flying(np.ascontiguousarray(reduced_m, np.float32))
         rgb = np.asarray(cv2.blur(frame.rgb, (max(3, step),) * 2)[::step, ::step], np.uint8)
         nearest_m = np.asarray(cv2.erode(depth_m, np.ones((NEAREST_PX, NEAREST_PX))), np.float32)
         mask = None if frame.mask is None else frame.mask[::step, ::step] != 0

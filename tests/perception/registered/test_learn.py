@@ -62,6 +62,13 @@ def test_nothing_is_taught_where_no_view_fits_another():
     assert caught.value.name == "thing"
 
 
+def test_a_mask_of_half_the_table_is_no_object():
+    spread = frames(layout(carton=(-0.3, 0.1, 0.0), jar=(0.3, 0.1, 0.0)))
+    everything = LabelledView(tuple(replace(frame, mask=np.ones_like(frame.mask)) for frame in spread))
+    with pytest.raises(ObjectModelError, match=r"span \d+ cm, at most 50"):
+        learn("carton", [everything], None)
+
+
 def test_nothing_is_taught_without_a_mask():
     with pytest.raises(ObjectModelError, match="no view shows it"):
         learn("carton", [without_mask(view("carton", 0))], None)
