@@ -23,7 +23,9 @@ from app.services.predict.prefix import Prefix, PrefixKey, PromptStyle, make_len
 from app.services.predict.request import PredictOptions, PredictRequest
 from app.services.predict.select import Demonstrations, DemonstrationSelector, read_demonstrations
 from app.services.task_settings import TaskSettings
+from app.services.templates import with_templates
 from app.store import tasks
+from app.store.blobs import BlobStore
 from app.store.errors import ConflictError
 from app.store.records import TaskRecord
 from app.store.store import Store
@@ -98,7 +100,8 @@ class KnownReader:
             end_effector = request.end_effector or (previous.end_effector if previous else None)
             settings.limits_of_motion().require_start(end_effector)
             with timed("poses"):
-                objects = _observed(request, task, settings) if seen is None else seen.objects_of(task)
+                blobs = self._store.blobs
+                objects = _observed(request, task, settings, blobs) if seen is None else seen.objects_of(task)
             with timed("prompt"):
                 profile = self.profile_of(previous.model if previous else request.options.model)
                 style = previous.style if previous else PromptStyle.of(request, settings, profile)
@@ -255,10 +258,12 @@ def _look(store: Store, pose_servers: PoseServers, request: PredictRequest) -> _
     settings = TaskSettings.model_validate(task.settings)
     pose_servers.check(settings.object_models)
     with timed("poses"):
-        return _Seen(task, _observed(request, task, settings))
+        return _Seen(task, _observed(request, task, settings, store.blobs))
 
 
-def _observed(request: PredictRequest, task: TaskRecord, settings: TaskSettings) -> tuple[ObjectPose, ...]:
+def _observed(
+    request: PredictRequest, task: TaskRecord, settings: TaskSettings, blobs: BlobStore
+) -> tuple[ObjectPose, ...]:
     """The observed objects' poses in the task's order, symmetric objects at their canonical yaw.
 
     Raises:
@@ -272,7 +277,7 @@ def _observed(request: PredictRequest, task: TaskRecord, settings: TaskSettings)
             raise NoDemonstrationsError(task.name)
         names = list(dict.fromkeys(sent))
     check_object_names(sent, names)
-    queries = settings.with_models(request.objects)
+    queries = with_templates(settings.with_models(request.objects), blobs)
     poses = estimate_poses(settings.pose_estimator, queries, request.frames, given_first=True)
     check_scene_units(poses, settings.workspace.workspace())
     by_name = {pose.name: pose for pose in poses}
