@@ -8,7 +8,10 @@ from sqlalchemy import Connection
 
 from app.llm.base import ModelProfile
 from app.perception.registry import estimate_poses
+from app.pipeline.findings import Finding
 from app.pipeline.findings.units import check_scene_units
+from app.pipeline.plans import agreeing
+from app.pipeline.plans.choice import PlanChoice, PlanChooser
 from app.pipeline.prompt import check_object_names
 from app.services.cache import Cache
 from app.services.errors import NoDemonstrationsError
@@ -18,7 +21,13 @@ from app.services.predict.closed_loop import PreviousStep, previous_step
 from app.services.predict.lent import LendingTask, lending_tasks, read_lent
 from app.services.predict.prefix import Prefix, PrefixKey, PromptStyle, make_lent_prefix, make_prefix
 from app.services.predict.request import PredictOptions, PredictRequest
-from app.services.predict.select import DemonstrationSelector, read_demonstrations
+from app.services.predict.select import (
+    Demonstrations,
+    DemonstrationSelector,
+    TaskState,
+    read_demonstrations,
+    read_plans,
+)
 from app.services.task_settings import TaskSettings
 from app.store import tasks
 from app.store.errors import ConflictError
@@ -28,6 +37,7 @@ from roboprompt_client.motion_limits import Pose
 from roboprompt_client.trajectory import ObjectPose
 
 MAX_PREFIXES = 256  # that are kept
+MAX_PLANS = 128  # sets of demonstrations whose plans are kept
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +48,7 @@ class Known:
         objects: as they were observed, in the task's order.
         end_effector: where it is before the first action: as the robot tells, else where the last step sent it.
         prefixes: one for all samples, or one for each.
+        plan_findings: which of the demonstrated plans the first shows, and why.
     """
 
     settings: TaskSettings
@@ -47,6 +58,7 @@ class Known:
     profile: ModelProfile
     style: PromptStyle
     prefixes: Sequence[Prefix]
+    plan_findings: tuple[Finding, ...] = ()
 
 
 class KnownReader:
@@ -67,6 +79,7 @@ class KnownReader:
         self._pose_servers = pose_servers or PoseServers()
         self._select = DemonstrationSelector()
         self._prefixes: Cache[PrefixKey, Prefix] = Cache(MAX_PREFIXES)
+        self._plans: Cache[tuple[*TaskState, tuple[str, ...]], PlanChooser | None] = Cache(MAX_PLANS)
 
     def __call__(self, request: PredictRequest) -> Known:
         """As the request asks; a closed loop goes on as it began.
@@ -91,11 +104,12 @@ class KnownReader:
             with timed("prompt"):
                 profile = self.profile_of(previous.model if previous else request.options.model)
                 style = previous.style if previous else PromptStyle.of(request, settings, profile)
-                prefixes = self._shown(connection, request, task, settings, style, objects, previous)
-        return Known(settings, previous, end_effector, objects, profile, style, prefixes)
+                shown = self._shown(connection, request, task, settings, style, objects, previous)
+        prefixes, findings = [prefix for prefix, _ in shown], shown[0][1]
+        return Known(settings, previous, end_effector, objects, profile, style, prefixes, findings)
 
-    def usual_prefix(self, task_name: str) -> Prefix:
-        """What a request that names nothing but the task shows.
+    def usual_prefixes(self, task_name: str) -> list[Prefix]:
+        """What requests that name nothing but the task show in scenes of its usual plans, the most usual first.
 
         Raises:
             as for such a request.
@@ -105,7 +119,11 @@ class KnownReader:
             task = tasks.get(connection, task_name)
             settings = TaskSettings.model_validate(task.settings)
             style = PromptStyle.of(request, settings, self.profile_of(None))
-            return self._shown(connection, request, task, settings, style, (), None)[0]
+            number = settings.num_demonstrations
+            ids = self._select(connection, task, request.options.selection, number, request.options.seed, ())
+            plans = self._plans_of(connection, task, settings, ids)
+            choices = [None] if plans is None else plans.likely()
+            return [self._prefix(connection, task, settings, style, ids, (), choice) for choice in choices]
 
     def _shown(
         self,
@@ -116,8 +134,11 @@ class KnownReader:
         style: PromptStyle,
         objects: Sequence[ObjectPose],
         previous: PreviousStep | None,
-    ) -> list[Prefix]:
-        """The demonstrations that the request names or its selection finds, once for each order of them."""
+    ) -> list[tuple[Prefix, tuple[Finding, ...]]]:
+        """The demonstrations that the request names or its selection finds, once for each order of them.
+
+        Of several plans those that the scene calls for, and why, unless somebody chose the demonstrations.
+        """
         options, lending = request.options, tuple[LendingTask, ...]()
         number = options.num_demonstrations or settings.num_demonstrations
         if previous is not None:
@@ -130,10 +151,20 @@ class KnownReader:
         else:
             ids = self._select(connection, task, options.selection, number, options.seed, objects)
         named = options.episode_ids is not None and previous is None
-        return [
-            self._prefix(connection, task, settings, style, order, lending, all_of_them=named)
-            for order in _orders(ids, options)
-        ]
+        found = []
+        for order in _orders(ids, options):
+            by_scene = not (named or lending or style.closed_loop)
+            plans = self._plans_of(connection, task, settings, order) if by_scene else None
+            choice = None if plans is None else plans(objects)
+            prefix = self._prefix(connection, task, settings, style, order, lending, choice, all_of_them=named)
+            found.append((prefix, () if choice is None else choice.findings))
+        return found
+
+    def _plans_of(
+        self, connection: Connection, task: TaskRecord, settings: TaskSettings, ids: tuple[str, ...]
+    ) -> PlanChooser | None:
+        key = (task.name, task.created_at, task.version, ids)
+        return self._plans.get(key, lambda: read_plans(connection, task.name, ids, settings))
 
     def _prefix(
         self,
@@ -143,21 +174,26 @@ class KnownReader:
         style: PromptStyle,
         ids: tuple[str, ...],
         lending: Sequence[LendingTask],
+        choice: PlanChoice | None,
         *,
-        all_of_them: bool,
+        all_of_them: bool = False,
     ) -> Prefix:
         """The demonstrations of those ids, written down.
 
         Args:
             lending: the tasks whose they are, where that is not `task`.
+            choice: those of them that the scene calls for.
             all_of_them: also those of a rare plan.
         """
         versions = tuple((other.record.name, other.record.version) for other in lending)
-        key = PrefixKey(task.name, task.version, style, ids, all_of_them, versions)
+        shown_ids = () if choice is None else tuple(demonstration.id for demonstration in choice.shown)
+        key = PrefixKey(task.name, task.version, style, ids, all_of_them, versions, shown_ids)
 
         def make() -> Prefix:
             if lending:
                 return make_lent_prefix(read_lent(connection, lending, task, settings), ids, settings, style)
+            if choice is not None:
+                return make_prefix(Demonstrations(agreeing(choice.shown), choice.shown), settings, style)
             read = read_demonstrations(
                 connection, task.name, ids, settings, all_of_them=all_of_them, stepwise=style.closed_loop
             )

@@ -104,7 +104,7 @@ def write_question(request: PredictRequest, instruction: str, known: Known, limi
         step=step,
         prompt=template.ask(parts[0], request.options.max_actions, so_far),
         plans=plans,
-        findings=findings_before(prefix, seen, grounded, placed),
+        findings=(*known.plan_findings, *findings_before(prefix, seen, grounded, placed)),
     )
     if request.options.num_samples == 1:
         return question

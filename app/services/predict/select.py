@@ -16,6 +16,7 @@ from sqlalchemy import Connection
 from app.pipeline.episode import Demonstration, frame_times_s
 from app.pipeline.keyframes import KeyframeRule
 from app.pipeline.plans import Recording, agreeing, aligned_by_plan, shown_together
+from app.pipeline.plans.choice import PlanChooser
 from app.services.cache import Cache
 from app.services.predict.request import Selection
 from app.services.task_settings import TaskSettings
@@ -187,6 +188,18 @@ def read_demonstrations(
         return get_trajectories(connection, ids)
 
     return demonstrations_of(records, trajectories, settings, all_of_them=all_of_them)
+
+
+def read_plans(connection: Connection, task: str, ids: Sequence[str], settings: TaskSettings) -> PlanChooser | None:
+    """What prompts of the named episodes show, scene by scene; None where keyframes are not aligned, so that all are.
+
+    Raises:
+        NotFoundError: naming the first id that is no episode of this task.
+    """
+    if not settings.keyframes.keyframe_rule().aligned:
+        return None
+    records = episodes.demonstrations_by_id(connection, task, ids)
+    return PlanChooser(aligned_by_plan(recordings_of(records, get_trajectories(connection, ids), settings)))
 
 
 def demonstrations_of(

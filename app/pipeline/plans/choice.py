@@ -1,0 +1,149 @@
+"""What prompts show of demonstrations of several plans, scene by scene, and why; and what of them no prompt shows."""
+
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+from app.pipeline.episode import Demonstration
+from app.pipeline.findings import Finding
+from app.pipeline.plans import shown_together
+from app.pipeline.plans.by_scene import BETWEEN, FAR, Parting, parting, range_text, said
+from roboprompt_client.motion_limits import MAX_ACTIONS
+from roboprompt_client.trajectory import ObjectPose
+
+MOST_WARMED = 4  # plans whose prompts a model reads beforehand
+FEW = 3  # demonstrations, from which on it is known what a row follows
+MANY_ROWS = 20
+COMMON_SHARE = 1 / 2
+LISTED = 5  # demonstrations that a sentence names
+
+
+@dataclass(frozen=True, eq=False)
+class PlanChoice:
+    """What a prompt shows.
+
+    Attributes:
+        findings: why, and what is doubtful about it.
+    """
+
+    shown: tuple[Demonstration, ...]
+    findings: tuple[Finding, ...] = ()
+
+
+class PlanChooser:
+    """Demonstrations with aligned rows, of which a prompt shows the plans that a scene calls for.
+
+    Plans are chosen where like instructions name the same objects in the same order, and something in their scenes
+    parts their plans; otherwise every prompt shows the usual plan and others that are not rare.
+    """
+
+    def __init__(self, demonstrations: Sequence[Demonstration]) -> None:
+        self._all = tuple(demonstrations)
+        self._usual = shown_together(self._all)
+
+    def __call__(self, objects: Sequence[ObjectPose]) -> PlanChoice:
+        """What is shown in a scene; without objects the way with most demonstrations."""
+        left_out: set[str] = set()
+        findings: list[Finding] = []
+        for parted in self._parted:
+            way, found = _chosen(parted, objects) if objects else (_usual(parted)[0], [])
+            findings += found
+            left_out |= _not_of(way, parted)
+        return self._choice(left_out, findings)
+
+    def likely(self) -> list[PlanChoice]:
+        """What is shown in scenes of the ways with most demonstrations, those first."""
+        if not self._parted:
+            return [self._choice(set(), [])]
+        parted, *others = self._parted
+        usual = {id_ for other in others for id_ in _not_of(_usual(other)[0], other)}
+        return [self._choice(usual | _not_of(way, parted), []) for way in _usual(parted)[:MOST_WARMED]]
+
+    def _choice(self, left_out: set[str], findings: Sequence[Finding]) -> PlanChoice:
+        parted = {d.id for one in self._parted for d in one.demonstrations}
+        usual = {d.id for d in self._usual}
+        shown = tuple(d for d in self._all if d.id not in left_out and (d.id in parted or d.id in usual))
+        return PlanChoice(shown, (*findings, *self._doubts(shown)))
+
+    @cached_property
+    def _parted(self) -> list[Parting]:
+        """Of each form of instruction what parts its plans, where something does."""
+        groups: dict[str, list[Demonstration]] = defaultdict(list)
+        for demonstration in self._all:
+            groups[demonstration.order.form].append(demonstration)
+        alike = [group for group in groups.values() if len({d.order.objects for d in group}) == 1]
+        return [found for group in alike if (found := parting(group)) is not None]
+
+    @cached_property
+    def _never_shown(self) -> tuple[Demonstration, ...]:
+        parted = {d.id for one in self._parted for d in one.demonstrations}
+        usual = {d.id for d in self._usual}
+        return tuple(d for d in self._all if d.id not in parted and d.id not in usual)
+
+    def _doubts(self, shown: Sequence[Demonstration]) -> Iterator[Finding]:
+        rows = max((len(demonstration.actions) for demonstration in shown), default=0)
+        if len(shown) < FEW:
+            message = (
+                f"The prompt shows {len(shown)} demonstration{'s' if len(shown) > 1 else ''} of the plan: with fewer"
+                f" than {FEW} it is not known what a row follows. Record more in scenes like this one."
+            )
+            yield Finding("few-demonstrations", "info", message, "demonstrations", {"demonstrations": len(shown)})
+        if rows > MANY_ROWS:
+            message = f"The plan takes {rows} rows; a reply may have {MAX_ACTIONS}: the longer, the more goes wrong."
+            yield Finding("many-rows", "warning", message, "demonstrations", {"rows": rows})
+        if never := self._never_shown:
+            yield from _left_out(never, len(self._all))
+
+
+def _usual(parted: Parting) -> list[int]:
+    """The ways, those with most demonstrations first."""
+    return [way for way, _ in Counter(parted.ways.tolist()).most_common()]
+
+
+def _not_of(way: int, parted: Parting) -> set[str]:
+    """The ids of demonstrations that do it in another way."""
+    return {d.id for d, other in zip(parted.demonstrations, parted.ways, strict=True) if other != way}
+
+
+def _chosen(parted: Parting, objects: Sequence[ObjectPose]) -> tuple[int, list[Finding]]:
+    """The way of the demonstration that is most like the scene, and what to say of it."""
+    quantity, apart = parted.quantity, parted.from_scene(objects)
+    way = int(parted.ways[apart.argmin()])
+    own = parted.ways == way
+    unit, off, other = quantity.unit, float(apart[own].min()), float(apart[~own].min())
+    plan, plans = way + 1, int(parted.ways.max()) + 1
+    numbers = {"plan": plan, "plans": plans, f"apart_{unit}": off, f"other_plan_{unit}": other}
+    where = f"objects[{quantity.object_name}]" if quantity.object_name else "objects"
+    if quantity.axis is None:
+        here, shown = f"{quantity.text} are {said(off, unit)} from", f"those of {int(own.sum())} demonstrations"
+    else:
+        here = f"{quantity.text} is {said(float(quantity.of(objects)[0]), unit)}, near"
+        shown = range_text(parted.values[own], unit)
+    message = f"Plan {plan} of {plans} is shown: {here} {shown}"
+    far = off > max(FAR[unit], parted.near(way))
+    if not far and off <= max(BETWEEN * other, parted.near(way)):
+        return way, [Finding("plan-of-this-scene", "info", f"{message}.", where, numbers)]
+    message += (
+        f", but {said(off, unit)} from the nearest of these; the nearest of another plan is {said(other, unit)} away."
+        " Demonstrate in scenes like this one."
+    )
+    if far:
+        return way, [Finding("scene-beyond-plans", "danger", message, where, numbers)]
+    return way, [Finding("scene-between-plans", "warning", message, where, numbers)]
+
+
+def _left_out(never: Sequence[Demonstration], number: int) -> Iterator[Finding]:
+    named = ", ".join(demonstration.id for demonstration in never[:LISTED])
+    more = f" and {len(never) - LISTED} more" if never[LISTED:] else ""
+    message = (
+        f"{len(never)} of {number} demonstrations are not shown, since they are done in another way than most and"
+        f" nothing in their scenes tells when: {named}{more}."
+    )
+    yield Finding("left-out", "info", message, "demonstrations", {"left_out": len(never), "demonstrations": number})
+    if number - len(never) <= COMMON_SHARE * number:
+        message = (
+            f"No more than half of the {number} demonstrations are carried out in the way that is shown: demonstrate it"
+            " in one way, and send every object whose place decides between ways."
+        )
+        yield Finding("no-common-plan", "warning", message, "demonstrations", {"demonstrations": number})
