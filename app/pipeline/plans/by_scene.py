@@ -19,6 +19,7 @@ from roboprompt_client.arrays import Array
 from roboprompt_client.trajectory import ObjectPose
 
 PARTED_SHARE = 0.8  # of the demonstrations are where their plan is
+COMPARED = 3  # demonstrations of a plan are enough to see how it acts
 ALIKE_M, ALIKE_DEG = 0.04, 20.0  # hands that act within these of their center act alike
 CHANCE = 0.05  # that some quantity parts the plans as well though it has nothing to do with them
 SHUFFLES = 1000
@@ -127,7 +128,7 @@ def ways_of(demonstrations: Sequence[Demonstration]) -> Array:
     groups = [[d for d in demonstrations if d.kind == plan] for plan in plans]
     found: list[list[Demonstration]] = []
     for group in groups:
-        alike = next((way for way in found if _act_alike([*way, *group])), None)
+        alike = next((way for way in found if _act_alike([*way[:COMPARED], *group[:COMPARED]])), None)
         if alike is None:
             found.append(list(group))
         else:
@@ -170,11 +171,14 @@ def _by_one(
     share = 1 - (changes - fewest) / len(ways)
     if share < PARTED_SHARE:
         return None
+    clear = _clear(ways, between)
     shuffled = np.random.default_rng(0).permuted(np.tile(ways, (SHUFFLES, 1)), axis=1)
-    chance = (1 + int((_changes(shuffled, is_circle=is_circle) <= changes).sum())) / (1 + SHUFFLES)
+    as_few = shuffled[_changes(shuffled, is_circle=is_circle) <= changes]
+    as_clear = sum(_clear(other[np.argsort(order)], between) >= clear for other in as_few)
+    chance = (1 + as_clear) / (1 + SHUFFLES)
     if num_quantities * chance > CHANCE:
         return None
-    return Parting(tuple(demonstrations), quantity, ways, values, share, _clear(ways, between))
+    return Parting(tuple(demonstrations), quantity, ways, values, share, clear)
 
 
 def _compared(demonstrations: Sequence[Demonstration], quantity: Quantity) -> tuple[Array, Array]:

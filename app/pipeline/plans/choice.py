@@ -2,7 +2,7 @@
 
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 from app.pipeline.episode import Demonstration
@@ -41,30 +41,30 @@ class PlanChooser:
     def __init__(self, demonstrations: Sequence[Demonstration]) -> None:
         self._all = tuple(demonstrations)
         self._usual = shown_together(self._all)
+        self._found: dict[tuple[int, ...], PlanChoice] = {}
 
     def __call__(self, objects: Sequence[ObjectPose]) -> PlanChoice:
         """What is shown in a scene; without objects the way with most demonstrations."""
-        left_out: set[str] = set()
-        findings: list[Finding] = []
-        for parted in self._parted:
-            way, found = _chosen(parted, objects) if objects else (_usual(parted)[0], [])
-            findings += found
-            left_out |= _not_of(way, parted)
-        return self._choice(left_out, findings)
+        chosen = [_chosen(parted, objects) if objects else (_usual(parted)[0], []) for parted in self._parted]
+        choice = self._of_ways(tuple(way for way, _ in chosen))
+        return replace(choice, findings=(*(found for _, findings in chosen for found in findings), *choice.findings))
 
     def likely(self) -> list[PlanChoice]:
         """What is shown in scenes of the ways with most demonstrations, those first."""
         if not self._parted:
-            return [self._choice(set(), [])]
-        parted, *others = self._parted
-        usual = {id_ for other in others for id_ in _not_of(_usual(other)[0], other)}
-        return [self._choice(usual | _not_of(way, parted), []) for way in _usual(parted)[:MOST_WARMED]]
+            return [self._of_ways(())]
+        first, *others = self._parted
+        return [self._of_ways((way, *(_usual(other)[0] for other in others))) for way in _usual(first)[:MOST_WARMED]]
 
-    def _choice(self, left_out: set[str], findings: Sequence[Finding]) -> PlanChoice:
-        parted = {d.id for one in self._parted for d in one.demonstrations}
-        usual = {d.id for d in self._usual}
-        shown = tuple(d for d in self._all if d.id not in left_out and (d.id in parted or d.id in usual))
-        return PlanChoice(shown, (*findings, *self._doubts(shown)))
+    def _of_ways(self, ways: tuple[int, ...]) -> PlanChoice:
+        """What is shown of the ways that were chosen where something parts them; worked out once."""
+        if (found := self._found.get(ways)) is None:
+            left_out = {d.id for d in self._never_shown}.union(
+                *(_not_of(way, parted) for way, parted in zip(ways, self._parted, strict=True))
+            )
+            shown = tuple(d for d in self._all if d.id not in left_out)
+            found = self._found[ways] = PlanChoice(shown, tuple(self._doubts(shown)))
+        return found
 
     @cached_property
     def _parted(self) -> list[Parting]:

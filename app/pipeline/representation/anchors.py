@@ -157,7 +157,7 @@ def _without_bystanders(
 ) -> list[Anchors]:
     """The same anchors, rows in which something is held on this, on where it comes to, or on no object.
 
-    Another object is near by chance, unless rows keep clearly closer to it in several demonstrations: they go around it.
+    Another object is near by chance, unless several demonstrations keep clearly closer to it: they go around it.
     """
     found = list(chosen)
     for grasp, release in _held(group[0]):
