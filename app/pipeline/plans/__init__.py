@@ -89,13 +89,13 @@ def _by_way(demonstrations: Sequence[Demonstration]) -> list[Demonstration]:
     while pending:
         members = pending.pop()
         group = [result[k] for k in members]
-        ways = next((ways for row in plan_rows(group) if (ways := two_ways(row)) is not None), None)
-        if ways is not None:
-            other = [k for k, differs in zip(members, ways, strict=True) if differs]
-        elif (lone := lone_way(group)) is not None:
+        if (lone := lone_way(group)) is not None:
             other = [members[lone]]
         else:
-            continue
+            ways = next((ways for row in plan_rows(group) if (ways := two_ways(row)) is not None), None)
+            if ways is None:
+                continue
+            other = [k for k, differs in zip(members, ways, strict=True) if differs]
         for k in other:
             result[k] = replace(result[k], plan=next_plan)
         next_plan += 1

@@ -12,7 +12,7 @@ from app.pipeline.episode import Demonstration
 from app.pipeline.plans.rows import PlanRow, plan_rows
 from app.pipeline.representation.anchors import relative_action, tilted_objects
 
-FEWEST = 3  # demonstrations, to see which one is alone
+FEWEST = 4  # demonstrations: two that agree against one may do so by chance
 TURNED_DEG = 60.0  # from all others
 ALIKE_DEG = 20.0  # the others are turned alike
 
