@@ -12,6 +12,7 @@ from app.pipeline.findings.rules import CONTRADICTING, SCATTERED, SEVERAL_WAYS
 from app.pipeline.order.order import Order
 from app.pipeline.plans import Group, by_plan, is_decided, shown_together, usual_ways
 from app.pipeline.plans.agreement import two_ways
+from app.pipeline.plans.by_scene import parting
 from app.pipeline.plans.rows import PlanRow, acting_rows, plan_rows
 from app.pipeline.plans.support import Support, asked_anchor
 
@@ -32,8 +33,10 @@ class Taught:
 
     @cached_property
     def usual(self) -> tuple[Demonstration, ...]:
-        """Those that prompts would show."""
-        return shown_together(self.demonstrations)
+        """Those that prompts show in one scene or another."""
+        shown = {item.id for item in shown_together(self.demonstrations)}
+        shown |= {item.id for group in self._alike.values() if parting(group) is not None for item in group}
+        return tuple(item for item in self.demonstrations if item.id in shown)
 
     @cached_property
     def support(self) -> Support:
@@ -59,7 +62,7 @@ class Taught:
         return self._of(asked).followed
 
     def _of(self, asked: Order) -> "_Asked":
-        form = asked.form if asked.form in self._forms else ""
+        form = asked.form if asked.form in self._alike else ""
         if (known := self._known.get((form, asked.objects))) is None:
             findings = (*self._ways_findings(form), *scatter_findings(self.support, asked))
             known = self._known[form, asked.objects] = _Asked(findings, _followed(self.support, asked))
@@ -70,13 +73,16 @@ class Taught:
         return {}
 
     @cached_property
-    def _forms(self) -> frozenset[str]:
-        return frozenset(demonstration.order.form for demonstration in self.demonstrations)
+    def _alike(self) -> dict[str, list[Demonstration]]:
+        """By form of instruction."""
+        found: dict[str, list[Demonstration]] = {}
+        for demonstration in self.demonstrations:
+            found.setdefault(demonstration.order.form, []).append(demonstration)
+        return found
 
     def _ways_findings(self, form: str) -> Iterator[Finding]:
-        for taught in sorted(self._forms) if not form else [form]:
-            alike = [demonstration for demonstration in self.demonstrations if demonstration.order.form == taught]
-            yield from ways_findings(alike, declared=self.several_ways)
+        for taught in sorted(self._alike) if not form else [form]:
+            yield from ways_findings(self._alike[taught], declared=self.several_ways)
 
 
 @dataclass(frozen=True)
@@ -102,7 +108,7 @@ def ways_findings(alike: Sequence[Demonstration], *, declared: bool) -> Iterator
         alike: that ask for the same.
         declared: whether the task says that there are several ways.
     """
-    ways = [] if is_decided(alike) else _acting_otherwise(usual_ways(alike))
+    ways = [] if is_decided(alike) or parting(alike) is not None else _acting_otherwise(usual_ways(alike))
     if len(ways) < 2:
         return
     numbers = " and ".join(str(len(way)) for way in ways)
