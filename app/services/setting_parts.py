@@ -9,7 +9,7 @@ from app.perception.strict import Metres, Number
 from app.pipeline.keyframes import SIMULATION_DELTA_RAD_S, KeyframeRule, Rule
 from app.pipeline.keyframes.rule import TOLERANCE_DEG, TOLERANCE_M
 from app.pipeline.workspace import RLBENCH_MAX_M, RLBENCH_MIN_M, Workspace
-from roboprompt_client.arrays import MOST_M, Array
+from roboprompt_client.arrays import MAX_M, Array
 from roboprompt_client.motion_limits import HAND_RADIUS_M, Box, MotionLimits
 
 
@@ -132,7 +132,7 @@ class MotionLimitsSettings(_Settings):
     ] = ()
     max_step_m: Annotated[
         Number | None,
-        Field(gt=0, le=MOST_M, description="between consecutive targets; requests then need `end_effector`"),
+        Field(gt=0, le=MAX_M, description="between consecutive targets; requests then need `end_effector`"),
     ] = None
     max_step_rotation_deg: Annotated[Number | None, Field(gt=0, le=180, description="as max_step_m, in degrees")] = None
     hand_radius_m: Annotated[

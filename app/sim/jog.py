@@ -19,8 +19,8 @@ HELD_S = 0.15  # after its last press a key counts as held: terminals repeat it 
 # A key that is tapped moves the hand by 3 mm, one that is held has its full speed after a while.
 TAPPED_SHARE, FULL_AFTER_S = 0.2, 1.0
 ITERATIONS = 10
-MOST_STEP_RAD = 0.1  # a joint that would have to go further in a tick has met the end of the arm's reach
-MOST_LEAD_M = 0.02  # a hand that is further behind has met something
+MAX_STEP_RAD = 0.1  # a joint that would have to go further in a tick has met the end of the arm's reach
+MAX_LEAD_M = 0.02  # a hand that is further behind has met something
 
 # Along x (away from the robot), y (to its left), z (up), and a turn about the vertical
 DIRECTIONS: Mapping[str, Array] = {
@@ -58,7 +58,7 @@ class JoggedPanda(SimulatedPanda):
         self._velocity = self._velocity + (SCALE * direction - self._velocity) * (1 - np.exp(-TICK_S / RAMP_S))
         moved = self._moved()
         joints = self._kinematics.solve(moved, self._target_rad, ITERATIONS, self._target_rad)
-        if joints is None or np.abs(joints - self._target_rad).max() > MOST_STEP_RAD or self._blocked(moved):
+        if joints is None or np.abs(joints - self._target_rad).max() > MAX_STEP_RAD or self._blocked(moved):
             self._velocity, joints = np.zeros(4), self._target_rad
         else:
             self._wanted = moved
@@ -73,7 +73,7 @@ class JoggedPanda(SimulatedPanda):
 
     def _blocked(self, moved: ToolPose) -> bool:
         behind_m, before_m = (self.hand.apart(pose)[0] for pose in (moved, self._wanted))
-        return behind_m > MOST_LEAD_M and behind_m > before_m
+        return behind_m > MAX_LEAD_M and behind_m > before_m
 
 
 class _Held:

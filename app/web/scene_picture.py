@@ -19,7 +19,7 @@ from roboprompt_client.arrays import Array
 WIDTH, HEIGHT, MARGIN = 96.0, 72.0, 8.0  # units of the drawing
 AZIMUTH_DEG, ELEVATION_DEG = -47.0, 27.0  # of the viewer, as in static/view3d.js
 BOX_M = 0.05
-LEAST_M = 0.35  # as wide is the drawing at least: a single object does not fill it
+MIN_M = 0.35  # as wide is the drawing at least: a single object does not fill it
 _CORNERS = np.array(list(product((-0.5, 0.5), repeat=3)))
 _TURN = Rotation.from_euler("ZY", (AZIMUTH_DEG, -ELEVATION_DEG), degrees=True).as_matrix()
 _TOWARDS, _RIGHT, _UP = _TURN.T
@@ -85,7 +85,7 @@ class _Fit:
         low, high = flat.min(axis=0), flat.max(axis=0)
         room = np.array([WIDTH, HEIGHT]) - 2 * MARGIN
         self._centre = (low + high) / 2
-        self._scale = float((room / np.maximum(high - low, LEAST_M * np.array([1.0, HEIGHT / WIDTH]))).min())
+        self._scale = float((room / np.maximum(high - low, MIN_M * np.array([1.0, HEIGHT / WIDTH]))).min())
 
     def __call__(self, points_m: Array) -> Array:
         """(N, 2), x to the right and y down."""

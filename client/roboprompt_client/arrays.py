@@ -9,7 +9,7 @@ from roboprompt_client.errors import InvalidInputError
 
 Array = npt.NDArray[np.float64]
 
-MOST_M = 10_000.0  # a position in the world frame: no robot is farther, and arithmetic stays finite
+MAX_M = 10_000.0  # a position in the world frame: no robot is farther, and arithmetic stays finite
 QUATERNION_NORM_TOLERANCE = 1e-3
 UNIT_NORM_ROUNDING = 1e-15
 
@@ -53,7 +53,7 @@ def bounded_array(name: str, value: npt.ArrayLike, shape: tuple[int | None, ...]
 
 def positions_array(name: str, value: npt.ArrayLike, shape: tuple[int | None, ...]) -> Array:
     """As `bounded_array`, of positions in metres."""
-    return bounded_array(name, value, shape, MOST_M, "m")
+    return bounded_array(name, value, shape, MAX_M, "m")
 
 
 def _in_words(shape: tuple[int | None, ...]) -> str:

@@ -15,8 +15,8 @@ from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.wording import checked_name
 
 MAX_JOINTS = 16
-MOST_RAD = MOST_RAD_S = 1e5  # of a joint: what is more is no angle in any unit
-MOST_S = 1e11  # of a clock, in seconds since whenever: three thousand years
+MAX_RAD = MAX_RAD_S = 1e5  # of a joint: what is more is no angle in any unit
+MAX_S = 1e11  # of a clock, in seconds since whenever: three thousand years
 MAX_GRIPPER_WIDTH_M = 0.2  # that a gripper opens
 WIDTH_ROUNDING_M = 0.002  # closed fingers are measured a little below 0
 
@@ -49,7 +49,7 @@ class Trajectory:
 
     def __post_init__(self) -> None:
         name, speeds = "trajectory.joint_velocities", self.joint_velocities_rad_s
-        velocities = bounded_array(name, speeds, (None, None), MOST_RAD_S, "rad/s")
+        velocities = bounded_array(name, speeds, (None, None), MAX_RAD_S, "rad/s")
         num_frames, num_joints = velocities.shape
         if num_frames == 0:
             raise InvalidInputError(name, "has no frames (T = 0)", "at least one frame")
@@ -68,7 +68,7 @@ class Trajectory:
             settle(self, timestamps_s=_increasing("trajectory.timestamps", self.timestamps_s, num_frames))
         if self.joint_positions_rad is not None:
             name = "trajectory.joint_positions"
-            positions = bounded_array(name, self.joint_positions_rad, joints, MOST_RAD, "rad")
+            positions = bounded_array(name, self.joint_positions_rad, joints, MAX_RAD, "rad")
             settle(self, joint_positions_rad=positions)
         if self.gripper_width_m is not None:
             settle(self, gripper_width_m=_widths("trajectory.gripper_width", self.gripper_width_m, num_frames))
@@ -169,7 +169,7 @@ def _widths(name: str, value: npt.ArrayLike, length: int) -> Array:
 
 
 def _increasing(name: str, value: npt.ArrayLike, length: int) -> Array:
-    array = bounded_array(name, value, (length,), MOST_S, "s")
+    array = bounded_array(name, value, (length,), MAX_S, "s")
     if (np.diff(array) <= 0).any():
         index = int(np.flatnonzero(np.diff(array) <= 0)[0]) + 1
         raise InvalidInputError(name, f"element {index} is not after the one before", "increasing seconds")

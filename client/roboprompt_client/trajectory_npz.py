@@ -14,7 +14,7 @@ import numpy.typing as npt
 from roboprompt_client.arrays import Array, bounded_array, finite_array
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.npy import array_from_npy
-from roboprompt_client.trajectory import MOST_RAD, MOST_S, Trajectory
+from roboprompt_client.trajectory import MAX_RAD, MAX_S, Trajectory
 
 REQUIRED = ("end_effector_positions", "end_effector_quaternions_xyzw", "gripper_open")
 _FIELDS = {  # in the file's order
@@ -142,13 +142,13 @@ def _joint_velocities(
     """
     if joint_positions_rad is None:
         return np.zeros((num_frames, 0))
-    positions = bounded_array("trajectory.joint_positions", joint_positions_rad, (num_frames, None), MOST_RAD, "rad")
+    positions = bounded_array("trajectory.joint_positions", joint_positions_rad, (num_frames, None), MAX_RAD, "rad")
     if timestamps_s is None:
         message = "is missing, and joint_positions have no timestamps from which it would follow"
         raise InvalidInputError("trajectory.joint_velocities", message, "(T, J) rad/s, or timestamps (T,) s")
     if num_frames < 2:
         return np.zeros_like(positions)
-    times = bounded_array("trajectory.timestamps", timestamps_s, (num_frames,), MOST_S, "s")
+    times = bounded_array("trajectory.timestamps", timestamps_s, (num_frames,), MAX_S, "s")
     if (np.diff(times) <= 0).any():
         raise InvalidInputError("trajectory.timestamps", "do not increase", "increasing seconds")
     rates: Array = np.gradient(positions, times, axis=0)

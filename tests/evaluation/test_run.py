@@ -245,11 +245,24 @@ def test_a_service_that_is_gone_ends_the_run(tmp_path):
     assert "ServiceUnreachableError" in task.crashes[0].message
 
 
-def test_pictures_show_the_trials(run):
-    task = run(REGRESSION, SCRIPTED, REPLAY)
-    evaluation = Evaluation("roboprompt eval", (REGRESSION, SCRIPTED, REPLAY), (task,), 1.0)
+def pictured(task, *methods):
+    evaluation = Evaluation("roboprompt eval", methods, (task,), 1.0)
     (shown,) = illustrated(evaluation, InlineExecutor(), Progress(disable=True))
-    asked, scripted, replay = shown.trials
+    return shown.trials
+
+
+def test_pictures_show_the_trials_of_yardsticks_where_nothing_else_was_tried(run):
+    task = run(REGRESSION, REPLAY)
+    asked, replay = pictured(task, REGRESSION, REPLAY)
     assert len(replay.execution.film_strip) == 1 + replay.execution.num_executed
-    assert (asked.failure, scripted.execution) == (task.trials[0].failure, None)
-    assert all(trial.scene.frames for trial in shown.trials)
+    assert asked.failure == task.trials[0].failure
+    assert asked.scene.frames
+    assert replay.scene.frames
+
+
+def test_pictures_show_the_trials_of_models(run):
+    task = run(SCRIPTED, REPLAY)
+    scripted, replay = pictured(task, SCRIPTED, REPLAY)
+    assert scripted.execution is None
+    assert scripted.scene.frames
+    assert not replay.execution.film_strip

@@ -33,8 +33,8 @@ every_expert = pytest.mark.parametrize("name", PAPERS_OR_LONG, scope="module")
 WORKSPACE = Workspace.rlbench()
 LATER = [pytest.param(seed, marks=LONG) for seed in range(2, 8)]
 ONE_MORE = pytest.param(1, marks=LONG)
-MOST_KEYFRAMES = 15
-MOST_OF_COMPOSITIONS = 25  # as many actions as a reply may have by default
+MAX_KEYFRAMES = 15
+MAX_OF_COMPOSITIONS = 25  # as many actions as a reply may have by default
 MIN_PIXELS = 200
 MIN_SPREAD_M, MIN_SPREAD_RAD = 0.02, 0.1
 
@@ -132,7 +132,7 @@ def test_the_expert_and_its_binned_keyframes_succeed(name, seed):
     assert demonstration.succeeded, demonstration.failure
     keyframes = merged(demonstration.trajectory)
     assert len(keyframes) == demonstration.num_expert_poses
-    assert 3 <= len(keyframes) <= (MOST_KEYFRAMES if name in TASKS else MOST_OF_COMPOSITIONS)
+    assert 3 <= len(keyframes) <= (MAX_KEYFRAMES if name in TASKS else MAX_OF_COMPOSITIONS)
     binned = [discretize_action(demonstration.trajectory.action_at(frame), WORKSPACE) for frame in keyframes]
     assert not any(action.clamped for action in binned)
     result = rollout(name, seed, [undiscretize_action(action.bins, WORKSPACE) for action in binned])

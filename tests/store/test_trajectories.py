@@ -6,11 +6,14 @@ from hypothesis.extra.numpy import arrays
 
 from app.store import trajectories
 from app.store.errors import CorruptDataError
-from roboprompt_client.trajectory import Trajectory
+from roboprompt_client.arrays import MAX_M
+from roboprompt_client.trajectory import MAX_RAD_S, Trajectory
 
 from .drafts import trajectory
 
-FINITE = st.floats(allow_nan=False, allow_infinity=False)
+
+def finite(greatest: float) -> st.SearchStrategy[float]:
+    return st.floats(-greatest, greatest)
 
 
 def assert_same_bits(one: Trajectory, other: Trajectory) -> None:
@@ -32,7 +35,10 @@ def test_every_bit_comes_back(num_frames: int, optional_arrays: bool) -> None:
 
 
 @settings(max_examples=50, derandomize=True, deadline=None)
-@given(velocities=arrays(np.float64, (3, 7), elements=FINITE), positions=arrays(np.float64, (3, 3), elements=FINITE))
+@given(
+    velocities=arrays(np.float64, (3, 7), elements=finite(MAX_RAD_S)),
+    positions=arrays(np.float64, (3, 3), elements=finite(MAX_M)),
+)
 def test_any_finite_number_comes_back(velocities, positions) -> None:
     recorded = Trajectory(velocities, positions, np.tile([0.0, 0.0, 0.0, 1.0], (3, 1)), np.array([True, False, True]))
     assert_same_bits(recorded, trajectories.unpack(trajectories.pack(recorded), "e1"))

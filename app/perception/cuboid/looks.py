@@ -18,7 +18,7 @@ from app.pipeline.geometry import yaw_rad
 from roboprompt_client.arrays import Array
 from roboprompt_client.camera import RgbdFrame
 
-LEAST_SATURATION = 0.3  # the hue of paler pixels is noise
+MIN_SATURATION = 0.3  # the hue of paler pixels is noise
 HUE_BIN_DEG = 5.0
 PEAK_REACH_DEG = 30.0
 HUE_MARGIN_DEG, SATURATION_MARGIN, VALUE_FACTOR = 8.0, 0.15, 0.5  # for other light than the demonstrations'
@@ -60,7 +60,7 @@ def learn_color(name: str, seen: Sequence[tuple[RgbdFrame, Bools]]) -> ColorMode
         ObjectModelError: if the object `name` has no colour that stands out.
     """
     samples = np.concatenate([_samples(frame, pixels) for frame, pixels in seen])
-    strong = samples[samples[:, 1] > LEAST_SATURATION]
+    strong = samples[samples[:, 1] > MIN_SATURATION]
     if len(strong) < 0.2 * len(samples) or len(strong) < 10:
         share = f"only {100 * len(strong) / len(samples):.0f} % of its pixels have a colour (saturation over 0.3)"
         raise ObjectModelError(name, share, "a coloured object, markers on it, or masks")
@@ -71,7 +71,7 @@ def learn_color(name: str, seen: Sequence[tuple[RgbdFrame, Bools]]) -> ColorMode
     near = np.abs(offsets_deg) < PEAK_REACH_DEG
     (low, high), least = np.percentile(offsets_deg[near], [2, 98]), np.percentile(strong[near, 1:], 2, axis=0)
     hue_deg = ((peak_deg + low - HUE_MARGIN_DEG) % 360, (peak_deg + high + HUE_MARGIN_DEG) % 360)
-    saturation = max(least[0] - SATURATION_MARGIN, LEAST_SATURATION)
+    saturation = max(least[0] - SATURATION_MARGIN, MIN_SATURATION)
     return ColorModel(
         (round(float(hue_deg[0]), 1), round(float(hue_deg[1]), 1)),
         (round(float(saturation), 3), 1.0),

@@ -16,9 +16,9 @@ from roboprompt_client.arrays import Array
 GAP_M = 0.008  # between two parts
 NEIGHBOR_CELLS = 1.75  # from a cell to the 26 around it
 LIKE_LAB = 26.0  # a color of the object, in Lab units
-FEWEST_POINTS, LEAST_SHARE = 15, 0.04  # of the template's points
-MOST_CANDIDATES = 8  # the largest
-TOO_WIDE, MOST_PIECES = 1.2, 4  # times an object's width: several that touch
+FEWEST_POINTS, MIN_SHARE = 15, 0.04  # of the template's points
+MAX_CANDIDATES = 8  # the largest
+TOO_WIDE, MAX_PIECES = 1.2, 4  # times an object's width: several that touch
 
 
 def candidates(template: Template, lit: LitScene, without: Index | None = None) -> Sequence[Index]:
@@ -36,9 +36,9 @@ def candidates(template: Template, lit: LitScene, without: Index | None = None) 
         return []
     part = parts_of(lit.scene.points_m[like])
     sizes = np.bincount(part)
-    enough = max(FEWEST_POINTS, LEAST_SHARE * len(template))
+    enough = max(FEWEST_POINTS, MIN_SHARE * len(template))
     order = [number for number in np.argsort(-sizes) if sizes[number] >= enough]
-    parts = [like[part == number] for number in order[:MOST_CANDIDATES]]
+    parts = [like[part == number] for number in order[:MAX_CANDIDATES]]
     pieces = [piece for whole in parts for piece in _pieces(template, lit.scene.points_m, whole)]
     return [*parts, *(piece for piece in pieces if len(piece) >= enough)]
 
@@ -46,7 +46,7 @@ def candidates(template: Template, lit: LitScene, without: Index | None = None) 
 def _pieces(template: Template, points_m: Array, part: Index) -> Sequence[Index]:
     """A part that is too large for one object in as many pieces as it may be objects that touch."""
     width_m = float(np.ptp(points_m[part, :2], axis=0).max())
-    count = min(round(width_m / max(template.width_m, VOXEL_M)), MOST_PIECES)
+    count = min(round(width_m / max(template.width_m, VOXEL_M)), MAX_PIECES)
     if count < 2 and width_m > TOO_WIDE * template.width_m:
         count = 2
     if count < 2:

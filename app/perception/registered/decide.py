@@ -15,7 +15,7 @@ from app.perception.registered.template import Template
 from app.pipeline.errors import ObjectNotVisibleError, UncertainPoseError
 from roboprompt_client.arrays import Array
 
-LEAST_SCORE, LEAST_SUPPORT = 0.72, 0.30
+MIN_SCORE, MIN_SUPPORT = 0.72, 0.30
 USUAL_SCORE, SLACK = 0.97, 0.08  # of a template of one view; how far below its views' worst score a right pose may lie
 SAME_YAW_DEG, SAME_PLACE_M = 14.0, 0.02
 EXPLAINED_M = 0.015  # points nearer than this to the object in its pose are its own
@@ -84,11 +84,11 @@ def yaw_rivals(template: Template, place: Sequence[Hypothesis]) -> list[Hypothes
 
 def least_score(template: Template) -> float:
     """Of a right pose."""
-    return max(LEAST_SCORE, min(template.scores, default=USUAL_SCORE) - SLACK)
+    return max(MIN_SCORE, min(template.scores, default=USUAL_SCORE) - SLACK)
 
 
 def _rank(hypothesis: Hypothesis) -> float:
-    return hypothesis.value * min(1.0, hypothesis.support / LEAST_SUPPORT)
+    return hypothesis.value * min(1.0, hypothesis.support / MIN_SUPPORT)
 
 
 def _check(
@@ -107,9 +107,9 @@ def _check(
         message = f"what looks most like it scores {best.value:.2f} of at least {least_score(template):.2f}"
         remedy = "it upright on the table, uncovered; or labelled views in this light and from this side"
         raise ObjectNotVisibleError(name, f"{message} (of its facing side agree: {seen})", remedy)
-    if best.support < LEAST_SUPPORT:
+    if best.support < MIN_SUPPORT:
         message = f"only {100 * best.support:.0f} % of the side that faces the cameras is seen ({seen})"
-        raise UncertainPoseError(name, f"{message}, at least {100 * LEAST_SUPPORT:.0f} % is needed", HELP_SEE)
+        raise UncertainPoseError(name, f"{message}, at least {100 * MIN_SUPPORT:.0f} % is needed", HELP_SEE)
 
 
 def _check_alone(name: str, best: Hypothesis, rivals: Sequence[Hypothesis]) -> None:

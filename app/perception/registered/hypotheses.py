@@ -18,10 +18,10 @@ COARSE_M = (0.05, 0.04, 0.03, 0.03, 0.025, 0.025, 0.02, 0.02)
 FINE_M = (0.02, 0.02, 0.015, 0.015, 0.012)
 FINAL_M = (0.012, 0.01, 0.01)
 HOPELESS = 0.5  # of which score no start becomes good
-CLOSE_BY, FEWEST_KEPT, MOST_KEPT = 0.12, 4, 14  # scores so little below the best, and how many in any case
+CLOSE_BY, FEWEST_KEPT, MAX_KEPT = 0.12, 4, 14  # scores so little below the best, and how many in any case
 NEARBY_YAWS_DEG = np.array([-10.0, -7, -4, -2, 2, 4, 7, 10])
 SURE = 3.0  # standard errors by which the evidence must speak for a pose
-LEAST_SHARE = 0.02  # of the points, by which it must speak, too
+MIN_SHARE = 0.02  # of the points, by which it must speak, too
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +56,7 @@ class Hypothesis:
             return self.evidence is not None
         against = np.minimum(self.evidence, 0) - np.minimum(rival.evidence, 0)
         by_chance = SURE * np.sqrt((against**2).sum())
-        return bool(against.sum() > max(by_chance, LEAST_SHARE * (self.evidence != 0).sum()))
+        return bool(against.sum() > max(by_chance, MIN_SHARE * (self.evidence != 0).sum()))
 
 
 def hypotheses(
@@ -79,7 +79,7 @@ def hypotheses(
     if coarse.value[best] < HOPELESS:
         return [Hypothesis(poses[[best]], float(coarse.value[best]), float(coarse.support[best]), None)]
     close = int((coarse.value > coarse.value[best] - CLOSE_BY).sum())
-    poses = poses[np.argsort(-coarse.value)[: min(max(FEWEST_KEPT, close), MOST_KEPT)]]
+    poses = poses[np.argsort(-coarse.value)[: min(max(FEWEST_KEPT, close), MAX_KEPT)]]
     poses = registered(template, poses, points_m[many], FINE_M, lab=lit.lab[many], free=free)
     if template.yaw_symmetry_deg != 0:
         poses = _best_nearby(template, lit, index[:SOME], poses)

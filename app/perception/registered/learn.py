@@ -10,7 +10,7 @@ import numpy as np
 
 from app.perception.object_model import ObjectModelError
 from app.perception.registered.cloud import Index, thinned, unit
-from app.perception.registered.decide import LEAST_SCORE, yaw_rivals
+from app.perception.registered.decide import MIN_SCORE, yaw_rivals
 from app.perception.registered.free_space import free_views_of
 from app.perception.registered.hypotheses import hypotheses
 from app.perception.registered.scene import LitScene, Scene
@@ -161,8 +161,8 @@ def _with(template: Template, seen: _Seen, root: _Seen) -> Template | str:
     if seen.yaw_deg is not None and root.yaw_deg is not None:
         arrows = seen.yaw_deg + ARROW_ERROR_DEG
     found = hypotheses(template, lit, seen.index, arrows)
-    if found[0].value < LEAST_SCORE:
-        return f"it agrees with the others to {found[0].value:.2f}, at least {LEAST_SCORE:.2f} is needed"
+    if found[0].value < MIN_SCORE:
+        return f"it agrees with the others to {found[0].value:.2f}, at least {MIN_SCORE:.2f} is needed"
     if arrows is None and (rivals := yaw_rivals(template, found)):
         return f"{len(rivals) + 1} yaws fit the other views: a yaw with each label would decide"
     return _merged(template, lit, seen.index, found[0].pose.matrix(0), found[0].value)

@@ -12,8 +12,8 @@ from roboprompt_client.arrays import Array
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.trajectory import Trajectory
 
-LEAST_MOTION_M = 0.005
-LEAST_MOTION_DEG = 3.0
+MIN_MOTION_M = 0.005
+MIN_MOTION_DEG = 3.0
 JUMP_M = 0.05
 JUMP_M_S = 3.0  # faster than arms move their hands
 COARSE_M = 0.05  # between two frames; poses are known no closer than a half of that
@@ -33,7 +33,7 @@ def check_moves(trajectory: Trajectory) -> None:
     alike = np.clip(np.abs(trajectory.quaternions_xyzw @ trajectory.quaternions_xyzw[0]), 0, 1)
     turned_deg = float(np.degrees(2 * np.arccos(alike)).max())
     changes = bool(np.diff(trajectory.gripper_open).any())
-    if away_m < LEAST_MOTION_M and turned_deg < LEAST_MOTION_DEG and not changes:
+    if away_m < MIN_MOTION_M and turned_deg < MIN_MOTION_DEG and not changes:
         message = f"moves the hand by {1000 * away_m:.1f} mm and {turned_deg:.1f} degrees in {len(trajectory)} frames"
         raise InvalidInputError("trajectory", message, "a demonstration in which the robot moves: record it again")
 
@@ -74,7 +74,7 @@ def _jumps(trajectory: Trajectory, times_s: Array) -> Iterator[Finding]:
 
 def _coarse(trajectory: Trajectory, times_s: Array) -> Iterator[Finding]:
     steps_m = np.linalg.norm(np.diff(trajectory.positions_m, axis=0), axis=1)
-    moving_m = steps_m[steps_m > LEAST_MOTION_M]
+    moving_m = steps_m[steps_m > MIN_MOTION_M]
     if len(moving_m) and (usual_m := float(np.quantile(moving_m, 0.75))) > COARSE_M:
         rate_hz = len(steps_m) / max(float(times_s[-1] - times_s[0]), 1e-9)
         message = (

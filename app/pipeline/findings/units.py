@@ -13,20 +13,20 @@ from roboprompt_client.camera import Camera
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.trajectory import ObjectPose, Trajectory
 
-MOST_MOTION_M = 3.0  # along an axis: no arm on a table reaches farther
-MOST_AWAY_M = 3.0  # of an object from all places where the hand was
-MOST_JOINT_RAD_S = 30.0  # several times what arms turn
+MAX_MOTION_M = 3.0  # along an axis: no arm on a table reaches farther
+MAX_AWAY_M = 3.0  # of an object from all places where the hand was
+MAX_JOINT_RAD_S = 30.0  # several times what arms turn
 FAST_JOINT_RAD_S = 2.0
-LEAST_JOINT_RAD_S = 0.05  # below this a rate from positions is mostly noise
-MOST_RATE_RATIO = 20.0  # of joint velocities to those that joint positions show: 57 where they are degrees
-LEAST_HAND_M_PER_RAD = 0.02  # how far a turning joint moves or turns the hand, at the least
-MOST_JOINT_RAD = 4 * np.pi
+MIN_JOINT_RAD_S = 0.05  # below this a rate from positions is mostly noise
+MAX_RATE_RATIO = 20.0  # of joint velocities to those that joint positions show: 57 where they are degrees
+MIN_HAND_M_PER_RAD = 0.02  # how far a turning joint moves or turns the hand, at the least
+MAX_JOINT_RAD = 4 * np.pi
 UPRIGHT_DEG = 5.0
 OFF_UPRIGHT_DEG = 20.0
 DOWN_DEG = 10.0
 APPROACH_M = 0.05  # before a grasp or release the hand moves along its own z axis
 ALONG_DEG, ACROSS_DEG = 25.0, 60.0
-MOST_CAMERA_M = 20.0  # from the hand
+MAX_CAMERA_M = 20.0  # from the hand
 NEAR_OBJECT_M = 0.3  # the farthest in recordings that were right: 0.07 m, to a door's hinge
 FEW_FRAMES = 5
 UNITS_PER_M = {"millimetres": 1000.0, "centimetres": 100.0}
@@ -82,7 +82,7 @@ def check_scene_units(objects: Sequence[ObjectPose], workspace: Workspace) -> No
     for pose in objects:
         away_m = np.maximum(workspace.min_m - pose.position_m, pose.position_m - workspace.max_m).max()
         for unit, factor in UNITS_PER_M.items():
-            if away_m > MOST_AWAY_M and workspace.contains(pose.position_m / factor):
+            if away_m > MAX_AWAY_M and workspace.contains(pose.position_m / factor):
                 message = f"is {pose.position_m.round(3).tolist()}, which is likely in {unit}"
                 raise InvalidInputError(f"objects[{pose.name}].position", message, "metres, world frame")
     _check_objects_order(objects)
@@ -91,12 +91,12 @@ def check_scene_units(objects: Sequence[ObjectPose], workspace: Workspace) -> No
 def _check_positions(trajectory: Trajectory, objects: Sequence[ObjectPose]) -> None:
     positions_m = trajectory.positions_m
     extent_m = float(np.ptp(positions_m, axis=0).max())
-    if extent_m > MOST_MOTION_M:
+    if extent_m > MAX_MOTION_M:
         message = f"spans {extent_m:.4g} along an axis, which is likely in {_likely(extent_m)}"
         raise InvalidInputError("trajectory.end_effector_positions", message, "metres, world frame")
     for pose in objects:
         away_m = float(np.linalg.norm(positions_m - pose.position_m, axis=1).min())
-        if away_m > MOST_AWAY_M:
+        if away_m > MAX_AWAY_M:
             message = f"is {away_m:.4g} from the nearest place of the hand: likely {_likely(away_m)}, or another frame"
             raise InvalidInputError(f"objects[{pose.name}].position", message, "metres, world frame as the hand's")
 
@@ -104,25 +104,25 @@ def _check_positions(trajectory: Trajectory, objects: Sequence[ObjectPose]) -> N
 def _check_cameras(trajectory: Trajectory, cameras: Sequence[Camera]) -> None:
     for camera in cameras:
         away_m = float(np.linalg.norm(trajectory.positions_m - camera.camera_to_world[:3, 3], axis=1).min())
-        if away_m > MOST_CAMERA_M:
+        if away_m > MAX_CAMERA_M:
             message = f"puts the camera {away_m:.4g} from the hand: likely {_likely(away_m)}"
             raise InvalidInputError(f"cameras[{camera.name}].camera_to_world", message, "a translation in metres")
 
 
 def _likely(extent: float) -> str:
-    return "millimetres" if extent > 100 * MOST_MOTION_M / 3 else "centimetres or millimetres"
+    return "millimetres" if extent > 100 * MAX_MOTION_M / 3 else "centimetres or millimetres"
 
 
 def _check_joints(trajectory: Trajectory, times_s: Array) -> None:
     angles_rad = trajectory.joint_positions_rad
-    if angles_rad is not None and (most := float(np.abs(angles_rad).max())) > MOST_JOINT_RAD:
+    if angles_rad is not None and (most := float(np.abs(angles_rad).max())) > MAX_JOINT_RAD:
         raise InvalidInputError("trajectory.joint_positions", f"reaches {most:.4g}: likely degrees", "radians")
     speeds_rad_s = np.linalg.norm(trajectory.joint_velocities_rad_s, axis=1)
     fastest = float(speeds_rad_s.max())
     moving = speeds_rad_s > fastest / 10
     hand = hand_speeds_m_s(trajectory, times_s)
-    idle = float(np.median(hand[moving] / speeds_rad_s[moving])) < LEAST_HAND_M_PER_RAD if fastest > 0 else False
-    if fastest > MOST_JOINT_RAD_S or (fastest > FAST_JOINT_RAD_S and idle) or _beyond_positions(trajectory, times_s):
+    idle = float(np.median(hand[moving] / speeds_rad_s[moving])) < MIN_HAND_M_PER_RAD if fastest > 0 else False
+    if fastest > MAX_JOINT_RAD_S or (fastest > FAST_JOINT_RAD_S and idle) or _beyond_positions(trajectory, times_s):
         message = f"reaches {fastest:.4g} (norm over the joints): likely degrees per second"
         raise InvalidInputError("trajectory.joint_velocities", message, "rad/s")
 
@@ -132,11 +132,11 @@ def _beyond_positions(trajectory: Trajectory, times_s: Array) -> bool:
     if trajectory.joint_positions_rad is None or len(trajectory) < FEW_FRAMES:
         return False
     shown_rad_s = np.linalg.norm(np.gradient(trajectory.joint_positions_rad, times_s, axis=0), axis=1)
-    moving = shown_rad_s > LEAST_JOINT_RAD_S
+    moving = shown_rad_s > MIN_JOINT_RAD_S
     if not moving.any():
         return False
     said_rad_s = np.linalg.norm(trajectory.joint_velocities_rad_s[moving], axis=1)
-    return bool(np.median(said_rad_s / shown_rad_s[moving]) > MOST_RATE_RATIO)
+    return bool(np.median(said_rad_s / shown_rad_s[moving]) > MAX_RATE_RATIO)
 
 
 def _check_quaternion_order(trajectory: Trajectory, objects: Sequence[ObjectPose], times_s: Array) -> None:

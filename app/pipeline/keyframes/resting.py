@@ -23,10 +23,10 @@ from roboprompt_client.trajectory import Trajectory
 Manner = Literal["rests", "hesitates", "flows"]
 
 NEARBY_S = 0.1  # a switch this near to a rest happens in it
-MOST_RESTING = 0.5  # a recording that rests longer than it moves was made by a person who hesitates
+MAX_RESTING = 0.5  # a recording that rests longer than it moves was made by a person who hesitates
 ON_THE_WAY = 0.2  # the share of keyframes that may lie on a straight way; one always may
 STRAIGHT = 1.5  # tolerances
-MOST_BENT = 0.25  # the share of grasps and releases that may be come to otherwise
+MAX_BENT = 0.25  # the share of grasps and releases that may be come to otherwise
 BENT = 0.15  # of its length: a way in joint space that bends more is no single motion
 WIDE, WINDING = 3.0, 0.3  # in tolerances, and of its length in joint space: a way that bends more has a corner
 MISSED_CORNERS = 0.5  # the share of corners that may be passed without a rest; one always may
@@ -55,7 +55,7 @@ def manner_of(trajectory: Trajectory, times_s: Array, delta_rad_s: float = SIMUL
     switches = [switch.frame for switch in gripper_switches(trajectory, times_s) if not at_start(switch, trajectory)]
     keyframes = merged(trajectory, delta_rad_s)
     on_the_way = _num_on_the_way(trajectory, keyframes, switches, times_s)
-    if float(rests[started:].mean()) > MOST_RESTING or on_the_way > max(1.0, ON_THE_WAY * len(keyframes)):
+    if float(rests[started:].mean()) > MAX_RESTING or on_the_way > max(1.0, ON_THE_WAY * len(keyframes)):
         return "hesitates"
     at_keyframes = (
         bool(rests[started:].any())
@@ -94,7 +94,7 @@ def _straight_to_switches(
         if any(abs(times_s[here] - times_s[frame]) <= NEARBY_S for frame in switches):
             bend = HandPath.between(trajectory, before, here, TOLERANCE_M, TOLERANCE_DEG).bend
             bent += bend > STRAIGHT and _bend_in_joints(trajectory, before, here, times_s) > BENT
-    return bent <= MOST_BENT * len(switches)
+    return bent <= MAX_BENT * len(switches)
 
 
 def _passes_corners(trajectory: Trajectory, keyframes: Sequence[int], times_s: Array) -> bool:

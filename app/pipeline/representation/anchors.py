@@ -25,8 +25,8 @@ MANY_DEMONSTRATIONS = 5  # demonstrations from which on a single odd one does no
 DECIDING_SHARE = 0.8  # the share of many demonstrations that decides
 # Of a single demonstration: a hand that is square to an object's axes has to do with it rather than with a nearer one
 SQUARE = Rotation.create_group("O")  # the 24 rotations that take axes to axes
-MOST_OBLIQUE_RAD = math.radians(20)  # beyond this it is not square to it at all
-OBLIQUE_M_PER_RAD = 0.3 / MOST_OBLIQUE_RAD  # 30 cm of distance for a hand that is not square
+MAX_OBLIQUE_RAD = math.radians(20)  # beyond this it is not square to it at all
+OBLIQUE_M_PER_RAD = 0.3 / MAX_OBLIQUE_RAD  # 30 cm of distance for a hand that is not square
 
 
 class Anchor(NamedTuple):
@@ -255,7 +255,7 @@ def _spreads_m(group: Sequence[Demonstration], anchors: Sequence[Anchor], tilted
 def _oblique_m(hands: Rotation) -> Array:
     """(K,) how far each hand is from square to the axes that it is relative to, as metres."""
     off_rad = np.min([(turn.inv() * hands).magnitude() for turn in SQUARE], axis=0)
-    oblique: Array = OBLIQUE_M_PER_RAD * np.minimum(off_rad, MOST_OBLIQUE_RAD)
+    oblique: Array = OBLIQUE_M_PER_RAD * np.minimum(off_rad, MAX_OBLIQUE_RAD)
     return oblique
 
 

@@ -49,8 +49,8 @@ from roboprompt_client.arrays import Array
 from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
 
 # So many demonstrations with the same rows are written; further ones would be read at every start and say nothing new.
-MOST_REPEATED = 3
-MOST_GRAMMARS = 32
+MAX_REPEATED = 3
+MAX_GRAMMARS = 32
 _ROW = re.compile(
     r"(\d{1,3}) ([A-Z]{1,2} [wo]|world|start): ([+-]\d{1,3}) ([+-]\d{1,3}) ([+-]\d{1,3})"
     r" (\d{1,2}) (\d{1,2}) (\d{1,2}) ([01])",
@@ -132,7 +132,7 @@ class ObjectFrameCodec:
         needed: set[int] = set()
         for places in asking.values():
             texts = {self.actions_text(self.demonstrations[place]) for place in places}
-            needed.update(sorted(places)[-MOST_REPEATED:] if len(texts) == 1 else places)
+            needed.update(sorted(places)[-MAX_REPEATED:] if len(texts) == 1 else places)
         return tuple(self.demonstrations[place] for place in sorted(needed))
 
     def schema(self, query: Query, max_actions: int) -> None:
@@ -144,7 +144,7 @@ class ObjectFrameCodec:
     @cached_property
     def _grammars(self) -> Callable[[Order, int], str]:
         """Grammars of the last orders: to write one takes as long as to read a reply."""
-        return lru_cache(maxsize=MOST_GRAMMARS)(self._grammar)
+        return lru_cache(maxsize=MAX_GRAMMARS)(self._grammar)
 
     def _grammar(self, asked: Order, max_actions: int) -> str:
         if (plans := plans_of(self.demonstrations, self.table, asked)) is not None:

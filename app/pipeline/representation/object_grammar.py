@@ -18,7 +18,7 @@ from app.pipeline.workspace import ROTATION_BINS
 
 MARGIN_UNITS = 2  # 1 cm
 MARGIN_BINS = 1  # 5 degrees
-MOST_LISTED = 100  # values; a wider range allows every number
+MAX_LISTED = 100  # values; a wider range allows every number
 _ANY_OFFSET = "[+-] [0-9]{1,3}"
 _ANY_BIN = '[0-9] | [1-6] [0-9] | "7" [01]'
 _GRAMMAR_TAIL = """b ::= d " " d " " d " " r " " r " " r " " [01]
@@ -147,7 +147,7 @@ def _anchors(scenes: Sequence[Query], asked: Order) -> list[str]:
 def _offset(values: frozenset[int], single: bool) -> str:
     margin = 0 if single else MARGIN_UNITS
     low, high = min(values) - margin, max(values) + margin
-    return f"({_ANY_OFFSET})" if high - low >= MOST_LISTED else _one_of(f"{value:+d}" for value in range(low, high + 1))
+    return f"({_ANY_OFFSET})" if high - low >= MAX_LISTED else _one_of(f"{value:+d}" for value in range(low, high + 1))
 
 
 def _bin(values: frozenset[int], single: bool) -> str:

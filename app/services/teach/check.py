@@ -28,8 +28,8 @@ from app.store.trajectories import get_trajectories
 from roboprompt_client.errors import InvalidInputError, UnsafeActionError
 from roboprompt_client.motion_limits import Pose
 
-MOST_CHECKED = 30  # demonstrations, the task's first; prompts have 10 unless somebody wants more
-MOST_ASKED = 10  # of them that an LLM is asked about, some seconds each
+MAX_CHECKED = 30  # demonstrations, the task's first; prompts have 10 unless somebody wants more
+MAX_ASKED = 10  # of them that an LLM is asked about, some seconds each
 ASKED_TIMEOUT_S = 120.0  # each; nobody's robot waits
 KEPT = 32  # checks of tasks that have not changed since
 REFUSALS = (ReplyParseError, UnsafeActionError, UnsupportedActionError, InvalidInputError)
@@ -40,9 +40,9 @@ class CheckedTask:
     """What a check found.
 
     Attributes:
-        num_episodes: that the task has; the first `MOST_CHECKED` are checked.
+        num_episodes: that the task has; the first `MAX_CHECKED` are checked.
         model: that was asked; None if none was.
-        replies: of the first `MOST_ASKED` demonstrations that prompts show; empty without a model.
+        replies: of the first `MAX_ASKED` demonstrations that prompts show; empty without a model.
         findings: the severest first.
     """
 
@@ -114,7 +114,7 @@ class CheckTask:
     def _made(self, task: TaskRecord) -> _Read:
         settings = TaskSettings.model_validate(task.settings)
         with self._store.read() as connection:
-            records = episodes.demonstrations(connection, task.name, MOST_CHECKED)
+            records = episodes.demonstrations(connection, task.name, MAX_CHECKED)
             trajectories = get_trajectories(connection, [record.id for record in records])
             num_episodes = episodes.number_of(connection, task.name)
         if not records:
@@ -131,7 +131,7 @@ class CheckTask:
         if len(ids) < 2:
             return ()
         replies = []
-        for recording in asked[:MOST_ASKED]:
+        for recording in asked[:MAX_ASKED]:
             others = [id_ for id_ in ids if id_ != recording.demonstration.id][: read.settings.num_demonstrations]
             request = _request(task, model, recording, others)
             replies.append(await self._reply(request, shown[recording.demonstration.id]))

@@ -17,7 +17,7 @@ from app.store.values import KeyframeRecord, ObjectRecord
 from roboprompt_client.arrays import Array
 
 FIRST = 3  # demonstrations that say how large the task is; fewer say little
-MOST_GROWTH = 2.0  # of an edge, beyond what the first ones span
+MAX_GROWTH = 2.0  # of an edge, beyond what the first ones span
 
 
 class Shown(Protocol):
@@ -74,7 +74,7 @@ def _jumps(settings: TaskSettings, box: WorkspaceSettings, first: Sequence[Shown
     if len(first) < FIRST or box == settings.workspace:
         return False
     usual_m = _edges_m(remaining(settings, first).workspace)
-    return bool((_edges_m(box) > np.maximum(MOST_GROWTH * usual_m, _edges_m(settings.workspace)) + 1e-9).any())
+    return bool((_edges_m(box) > np.maximum(MAX_GROWTH * usual_m, _edges_m(settings.workspace)) + 1e-9).any())
 
 
 def _within(settings: TaskSettings, box: WorkspaceSettings) -> TaskSettings:

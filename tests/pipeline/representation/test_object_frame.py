@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from app.pipeline.episode import Query
 from app.pipeline.errors import ReplyParseError
-from app.pipeline.representation.object_frame import MOST_REPEATED, ObjectFrameCodec
+from app.pipeline.representation.object_frame import MAX_REPEATED, ObjectFrameCodec
 from app.pipeline.representation.object_rows import OFFSET_UNIT_M
 from tests.pipeline.asking import grammar_of, parse_reply
 
@@ -195,7 +195,7 @@ def lifted(place, instruction=LIFT, height_m=0.1):
 
 def test_of_demonstrations_with_the_same_rows_the_last_few_are_written():
     shown = [lifted(place) for place in range(0, 50, 5)]
-    assert fitted(*shown).needed() == tuple(shown[-MOST_REPEATED:])
+    assert fitted(*shown).needed() == tuple(shown[-MAX_REPEATED:])
 
 
 def test_all_demonstrations_are_written_where_rows_differ():
@@ -207,4 +207,4 @@ def test_each_thing_to_ask_for_keeps_its_demonstrations():
     lifts = [lifted(place) for place in range(0, 25, 5)]
     taps = [lifted(place, "tap the cup", 0.2) for place in range(0, 25, 5)]
     mixed = [item for pair in zip(lifts, taps, strict=True) for item in pair]
-    assert fitted(*mixed).needed() == tuple(mixed[-2 * MOST_REPEATED :])
+    assert fitted(*mixed).needed() == tuple(mixed[-2 * MAX_REPEATED :])
