@@ -220,5 +220,6 @@ def model_document(profile: ModelProfile, available: bool, reason: str | None, d
         "prompt_format": profile.prompt_format,
         "system_prompt": profile.system_prompt,
         "description": profile.description,
+        "timeout_s": profile.timeout_s,
         "default": profile.name == default,
     }

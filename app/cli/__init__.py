@@ -1,4 +1,4 @@
-"""`roboprompt`: the service, its keys and backups; evaluation; data in and out; cameras."""
+"""`roboprompt`: the service, its keys, models and backups; evaluation; data in and out; cameras."""
 
 from importlib.metadata import version
 from typing import Annotated
@@ -16,6 +16,7 @@ from app.cli import (
     import_data,
     jobs,
     keys,
+    models,
     record,
     serve,
 )
@@ -23,6 +24,7 @@ from app.cli import (
 application = typer.Typer(no_args_is_help=True, add_completion=False, help=__doc__, pretty_exceptions_enable=False)
 application.command("serve")(serve.serve)
 application.add_typer(keys.application, name="keys")
+application.add_typer(models.application, name="models")
 application.command("audit")(audit.audit)
 application.command("backup")(backup.back_up)
 application.command("restore")(backup.restore)

@@ -11,8 +11,9 @@ from app.llm.base import LanguageModel, ModelProfile, ModelUnavailableError, Unk
 from app.llm.computed import SCRIPTED, ScriptedModel
 from app.llm.guard import Limits
 from app.llm.llama.embedded import EmbeddedModel, EmbeddedOptions
+from app.llm.llama.known_models import KNOWN, profile_of
 from app.llm.llama.vocabulary import TrimmedModel
-from app.llm.llama.weights import PACKAGED, find_trimmed_weights, find_weights
+from app.llm.llama.weights import find_trimmed_weights, find_weights, own_models
 from app.llm.llm_settings import LlmSettings, variable
 from app.llm.openai_compatible import SERVERS, OpenAiCompatibleModel, Quirks, quirks_of
 
@@ -67,27 +68,14 @@ def _embedded(model: str, settings: LlmSettings) -> LanguageModel:
         raise ModelUnavailableError("embedded models need llama.cpp: pip install xllamacpp")
     sizes = (settings.embedded_threads, settings.embedded_slots, settings.embedded_context_tokens)
     options = EmbeddedOptions(*sizes, settings.embedded_shared_folder)
-    whole = EmbeddedModel(_embedded_profile(model), weights, options)
+    whole = EmbeddedModel(profile_of(model), weights, options)
     if (trimmed := find_trimmed_weights(model, settings)) is None:
         return whole
-    return TrimmedModel(EmbeddedModel(_embedded_profile(model), trimmed, options), whole)
+    return TrimmedModel(EmbeddedModel(profile_of(model), trimmed, options), whole)
 
 
-def _embedded_profile(model: str) -> ModelProfile:
-    return ModelProfile(
-        name=f"embedded/{model}",
-        style="completion",
-        grammar=True,
-        representation="object_frame",
-        system_prompt="none",
-        description=_EMBEDDED_DESCRIPTIONS.get(model, "A GGUF file, run by llama.cpp on this machine"),
-    )
-
-
-_EMBEDDED_DESCRIPTIONS = {
-    "gemma-3-270m": "Gemma 3 270M base, Q4_K_M, on this machine",
-    "smollm2-135m": "SmolLM2 135M instruct, Q4_1, on this machine",
-}
+def _embedded_offered(settings: LlmSettings) -> list[ModelProfile]:
+    return [profile_of(model) for model in (*KNOWN, *own_models(settings))]
 
 
 def _openai(model: str, settings: LlmSettings) -> LanguageModel:
@@ -204,7 +192,7 @@ def _refuse_model_name(backend: str, model: str) -> None:
 
 
 BUILT_IN: Mapping[str, Backend] = {
-    "embedded": Backend(_embedded, lambda settings: [_embedded_profile(model) for model in PACKAGED], _embedded_limits),
+    "embedded": Backend(_embedded, _embedded_offered, _embedded_limits),
     "anthropic": Backend(
         _anthropic, lambda settings: [_anthropic_profile(*item) for item in _CLAUDE_MODELS.items()], _network_limits
     ),

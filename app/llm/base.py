@@ -61,6 +61,7 @@ class ModelProfile:
         prompt_format: the prompt format that suits it best, used in the same way.
         system_prompt: the system prompt that suits it best (a variant's name, or `none`).
         description: one line for people.
+        timeout_s: the deadline that suits it best, used where a request names none.
     """
 
     name: str
@@ -70,6 +71,7 @@ class ModelProfile:
     prompt_format: str = "paper"
     system_prompt: str = "a"
     description: str = ""
+    timeout_s: float = 60.0
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,7 @@ KEY_VARIABLE = "ROBOPROMPT_API_KEY"
 DEFAULT_URL = "http://127.0.0.1:8000"
 LEARNING_TIMEOUT_S = 600.0
 CHECK_TIMEOUT_S = 1260.0  # ten predictions of at most two minutes each
+LONGEST_S = 300.0  # that the service gives a model where a request names no deadline
 MARGIN_S = 10.0  # the service answers within the request's own deadline; this is for the way there and back
 
 
@@ -141,13 +142,13 @@ class RoboPromptClient:
         observation: Observation,
         *,
         mask_ids: Mapping[str, Sequence[int]] | None = None,
-        timeout_s: float = 60.0,
+        timeout_s: float | None = None,
         **options: Any,  # noqa: ANN401
     ) -> PredictedActions:
         """The actions for what the robot sees now.
 
         Args:
-            timeout_s: the service answers or gives up within it.
+            timeout_s: the service answers or gives up within it; None: within what the model needs, see `GET /models`.
             options: `model`, `representation`, `num_demonstrations` ..., see `POST /predict`.
 
         Raises:
@@ -155,9 +156,9 @@ class RoboPromptClient:
             ServiceUnreachableError: if the service does not answer.
             UnsafeActionError: if what it answers is no action: a number that is not finite, no unit quaternion ...
         """
-        asked = {"timeout_s": timeout_s, **options}
+        asked = options if timeout_s is None else {"timeout_s": timeout_s, **options}
         body = self._question(task, instruction, observation, mask_ids, asked)
-        return PredictedActions.from_json(self._http.document("POST", "/predict", timeout=timeout_s + MARGIN_S, **body))
+        return PredictedActions.from_json(self._http.document("POST", "/predict", timeout=_wait_s(timeout_s), **body))
 
     def dry_run(
         self,
@@ -182,7 +183,7 @@ class RoboPromptClient:
         observation: Observation,
         *,
         mask_ids: Mapping[str, Sequence[int]] | None = None,
-        timeout_s: float = 60.0,
+        timeout_s: float | None = None,
         on_findings: Callable[[Sequence[Mapping[str, Any]]], None] | None = None,
         **options: Any,  # noqa: ANN401
     ) -> Iterator[EndEffectorAction | PredictedActions]:
@@ -195,10 +196,10 @@ class RoboPromptClient:
             as `predict`; also after actions were given, if the rest of the reply goes wrong or does not come.
             InvalidAnswerError: with `on_findings`, if the findings are not well formed.
         """
-        asked = {"timeout_s": timeout_s, **options}
+        asked = options if timeout_s is None else {"timeout_s": timeout_s, **options}
         body = self._question(task, instruction, observation, mask_ids, asked)
         index = 0
-        for name, document in self._http.events("POST", "/predict", timeout=timeout_s + MARGIN_S, **body):
+        for name, document in self._http.events("POST", "/predict", timeout=_wait_s(timeout_s), **body):
             if name == "findings" and on_findings is not None:
                 on_findings(findings_in(document))
             elif name == "action":
@@ -289,3 +290,8 @@ class RoboPromptClient:
             packed = packed_request(document, observation.frames)
             return {"content": packed, "headers": {"Content-Type": "application/msgpack"}}
         return {"files": request_parts(document, observation.frames, self._images)}
+
+
+def _wait_s(timeout_s: float | None) -> float:
+    """How long the connection may be silent."""
+    return (LONGEST_S if timeout_s is None else timeout_s) + MARGIN_S

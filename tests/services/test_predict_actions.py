@@ -75,6 +75,12 @@ def test_the_deadline_holds(taught):
         ask(services, REQUEST.with_options(timeout_s=0.1))
 
 
+def test_a_request_that_names_no_deadline_gets_its_models(taught):
+    services = taught(ONE_ACTION, delay_s=5.0, profile=replace(SCRIPTED, timeout_s=0.1))
+    with pytest.raises(ModelTimeoutError):
+        ask(services)
+
+
 def prefix(services, request=REQUEST):
     question = asyncio.run(services.predict_actions.prepare(request))
     return question.prefix

