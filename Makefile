@@ -1,4 +1,4 @@
-# make setup | dev | demo | serve | test | robustness | check | audit | wheels | sbom | long | torture | attack | fuzz | soak | growth | bench | mutations | metaworld | client | franka | format | openapi | lock
+# make setup | dev | demo | serve | test | robustness | check | audit | wheels | sbom | long | torture | attack | fuzz | soak | growth | bench | mutations | metaworld | robosuite | client | franka | format | openapi | lock
 PYTHON ?= python3
 # Modules are compiled when they are first imported: most never are, and all of them take a minute.
 NO_COMPILE := --no-compile
@@ -10,7 +10,7 @@ DEV_STAMP := .venv/.installed-dev
 unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: setup dev demo serve test pytest robustness check audit wheels sbom long torture attack fuzz soak growth bench \
-	metaworld client franka mutations style types lint format openapi lock clean
+	metaworld robosuite client franka mutations style types lint format openapi lock clean
 
 setup: $(STAMP)
 
@@ -122,6 +122,7 @@ lock:
 		--output-file docker/server.lock
 	$(COMPILE) docker/build.in --constraint requirements-dev.lock --output-file docker/build.lock
 	$(COMPILE) benchmarks/metaworld/requirements.in --output-file benchmarks/metaworld/requirements.txt
+	$(COMPILE) benchmarks/robosuite/requirements.in --output-file benchmarks/robosuite/requirements.txt
 	$(COMPILE) client/libfranka/requirements.in --constraint requirements-dev.lock \
 		--output-file client/libfranka/requirements.txt
 	$(subst 3.11,3.10,$(COMPILE)) client/pyproject.toml client/tests.in --output-file client/tests.txt
@@ -141,6 +142,19 @@ $(METAWORLD_STAMP): benchmarks/metaworld/requirements.txt
 
 metaworld: setup $(METAWORLD_STAMP)
 	$(BIN)/python -m app.cli eval --world benchmarks.metaworld.world $(METAWORLD)
+
+# The same of robosuite, which needs numpy before 2. Options: make robosuite ROBOSUITE="--task square_nut --method nearest"
+# Recordings of people, if there are: ROBOSUITE_RECORDINGS=folder make robosuite ROBOSUITE="--task lift_by_people --demos 8"
+ROBOSUITE_BIN := benchmarks/robosuite/.venv/bin
+ROBOSUITE_STAMP := benchmarks/robosuite/.venv/.installed
+
+$(ROBOSUITE_STAMP): benchmarks/robosuite/requirements.txt
+	$(PYTHON) -m venv benchmarks/robosuite/.venv
+	$(ROBOSUITE_BIN)/python -m pip install --quiet --require-hashes --requirement benchmarks/robosuite/requirements.txt
+	touch $(ROBOSUITE_STAMP)
+
+robosuite: setup $(ROBOSUITE_STAMP)
+	$(BIN)/python -m app.cli eval --world benchmarks.robosuite.world $(ROBOSUITE)
 
 # The robot's side where nothing of the server is: make client CLIENT_PYTHON=python3.10
 CLIENT_PYTHON ?= $(PYTHON)
@@ -168,4 +182,4 @@ franka: $(FRANKA_STAMP)
 	cd client && ../$(BIN)/python -m pytest libfranka
 
 clean:
-	rm -rf .venv client/.venv benchmarks/metaworld/.venv .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache
+	rm -rf .venv client/.venv benchmarks/metaworld/.venv benchmarks/robosuite/.venv .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache

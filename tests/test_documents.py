@@ -47,6 +47,7 @@ def test_no_package_registry_in_the_repository():
         "Makefile",
         ".ci/run",
         "benchmarks/metaworld/requirements.txt",
+        "benchmarks/robosuite/requirements.txt",
     ):
         assert not re.search(r"https?://|index-url [^-]", (ROOT / path).read_text().replace("--no-emit-index-url", ""))
 

@@ -35,6 +35,9 @@ _RULES = tuple(
         ("GET", f"/uploads/{_NAME}", "read", "upload"),
         # whoever can upload can teach
         ("POST", f"/tasks/{_NAME}/object_models/learn", "upload"),
+        ("POST", f"/tasks/{_NAME}/labels", "upload"),
+        ("POST", f"/tasks/{_NAME}/labels/learn", "upload"),
+        ("DELETE", f"/tasks/{_NAME}/labels/{_NAME}", "upload"),
         ("POST", "/predict", "predict"),
         # the page's dry run
         ("POST", "/ui/predict/prompt", "predict"),

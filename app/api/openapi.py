@@ -9,11 +9,12 @@ from pydantic.json_schema import models_json_schema
 
 from app.api.access_rules import COOKIE, HEALTH, accepted_scopes
 from app.api.problems import CONTENT
+from app.api.schemas.labels import LabelBody
 from app.api.schemas.poses import PosesBody
 from app.api.schemas.requests import EpisodeJson, EpisodeMetadata, PredictBody
 from app.api.schemas.responses import Problem
 
-_HAND_READ = (EpisodeJson, EpisodeMetadata, PosesBody, PredictBody, Problem)
+_HAND_READ = (EpisodeJson, EpisodeMetadata, LabelBody, PosesBody, PredictBody, Problem)
 _BINARY = {"type": "string", "format": "binary"}
 _OF_CAMERA = "of the camera that metadata names `front`, if there is one; `{kind}_NAME` of a camera NAME"
 _IMAGES = {

@@ -5,6 +5,7 @@
 
 import json
 import shlex
+import shutil
 import sys
 from dataclasses import asdict
 from datetime import datetime
@@ -46,7 +47,7 @@ def demo(
 ) -> None:
     """Record demonstrations on a simulated Panda, upload them, then predict and execute on unseen scenes.
 
-    Starts the real service on a free port, with its embedded LLM. Writes a report with pictures, failures first.
+    Starts the real service on a free port, with its embedded LLM. Writes a report with pictures.
     """
     # The simulator is an extra that `roboprompt serve` does without.
     from app.evaluation.methods import with_poses
@@ -54,6 +55,7 @@ def demo(
     from app.evaluation.plan import Plan
     from app.evaluation.run import run_demo
     from app.evaluation.sweeps import methods_beside
+    from app.sim.world import BASE_POSITION_M
 
     _check_names(task, representation, model)
     _check_robot(robot)
@@ -65,14 +67,25 @@ def demo(
     console = Console(stderr=as_json)
     command = shlex.join(["roboprompt", *sys.argv[1:]])
     methods = with_poses(methods_beside(model, representation)[: None if compare else 1], poses)
-    plan = Plan(tuple(task or TASKS), methods, episodes, demos, command, Panda(robot=robot), images=True)
+    arm = {"arm": "panda", "robot_base": BASE_POSITION_M}
+    world = Panda(robot=robot)
+    plan = Plan(tuple(task or TASKS), methods, episodes, demos, command, world, images=True, settings=arm)
     columns = (TextColumn("{task.description:<30}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console) as progress:
         evaluation = run_demo(plan, progress, data, workers=1 if robot == "franka" else None)
     figures = _report(evaluation, folder, console)
-    console.print(f"To walk through it in a browser: roboprompt serve --data {data}", soft_wrap=True)
+    console.print(
+        f"To walk through it in a browser: {_to_type('serve', '--data', str(data.resolve()))}", soft_wrap=True
+    )
     if as_json:
         print(json.dumps(figures))  # noqa: T201
+
+
+def _to_type(*arguments: str) -> str:
+    """The command as any shell takes it: `roboprompt` alone is found only where its environment is active."""
+    program = shutil.which(sys.argv[0])
+    started = [sys.executable, "-m", "app.cli"] if program is None else [str(Path(program).absolute())]
+    return shlex.join([*started, *arguments])
 
 
 def _check_names(tasks: list[str] | None, representation: str | None, model: str | None) -> None:

@@ -1,7 +1,7 @@
 """Which trials a report shows in detail, and pictures for them.
 
-Failures come first, and not so many that the report becomes huge. The trials are simulated again, since pictures take
-longer than the simulation.
+Successes come first, then failures, not so many that the report becomes huge. The trials are simulated again, since
+pictures take longer than the simulation.
 """
 
 from collections.abc import Iterator, Sequence
@@ -28,15 +28,19 @@ def failures_in_order(trials: Sequence[Trial], methods: Sequence[Method]) -> lis
 
 
 def detailed_failures(trials: Sequence[Trial], methods: Sequence[Method]) -> list[Trial]:
-    """At most 12 of them: the methods take turns, the first method first."""
-    chosen = _in_turns(_by_method(trials, methods, succeeded=False))[:MAX_FAILURES]
+    """At most 12 of them, the methods in turns; those of yardsticks only where nothing else is tried."""
+    chosen = _in_turns(_by_method(trials, _models(methods), succeeded=False))[:MAX_FAILURES]
     return [trial for trial in failures_in_order(trials, methods) if trial in chosen]
 
 
 def detailed_successes(trials: Sequence[Trial], methods: Sequence[Method]) -> list[Trial]:
-    """At most two, of different methods where possible; replays, which ask no LLM, last."""
-    in_turns = _in_turns(_by_method(trials, methods, succeeded=True))
+    """At most two, of different methods where possible; of yardsticks only where nothing else is tried."""
+    in_turns = _in_turns(_by_method(trials, _models(methods), succeeded=True))
     return sorted(in_turns, key=lambda trial: trial.answer is None)[:MAX_SUCCESSES]
+
+
+def _models(methods: Sequence[Method]) -> Sequence[Method]:
+    return [method for method in methods if not method.is_yardstick] or methods
 
 
 def _by_method(trials: Sequence[Trial], methods: Sequence[Method], *, succeeded: bool) -> list[list[Trial]]:

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
+from app.llm.baselines import YARDSTICKS
 from roboprompt_client.errors import InvalidInputError
 
 # Where a method's actions come from; `app.evaluation.trials` has the function for each.
@@ -78,6 +79,11 @@ class Method:
     def asks_model(self) -> bool:
         """Whether an LLM is asked, by the service or directly."""
         return self.asks_service or self.source == "voxposer"
+
+    @property
+    def is_yardstick(self) -> bool:
+        """Whether models are held against it: no LLM has a part in its actions."""
+        return not self.asks_model or self.options.get("model") in YARDSTICKS
 
     @property
     def sees_poses(self) -> bool:

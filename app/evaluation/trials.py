@@ -22,6 +22,7 @@ from app.evaluation.robot_loops import USELESS_REPLY, run_loop
 from app.evaluation.teach import UNSEEN, Lesson, images_only
 from app.evaluation.world import World, timed
 from app.executors import Executor, call
+from app.llm.baselines import YARDSTICKS
 from app.pipeline.geometry import canonical_pose
 from app.pipeline.order.similarity import Described, most_similar
 from app.pipeline.workspace import Workspace
@@ -31,8 +32,6 @@ from roboprompt_client.errors import ServiceProblemError
 from roboprompt_client.robot import Observation
 from roboprompt_client.trajectory import ObjectPose
 
-# The yardsticks among the backends: where they have no answer, that is no failure of a service
-YARDSTICKS = frozenset({"nearest", "regression"})
 # The problems that say of an instruction, not of the service, that it is not understood
 REFUSED = frozenset({"/problems/ungrounded-instruction", "/problems/unfamiliar-instruction"})
 
@@ -119,6 +118,7 @@ def _ask_service(runner: TrialRunner, planned: PlannedTrial, lesson: Lesson, sce
 
 def _has_no_answer(method: Method, problem: str | None) -> bool:
     """Whether a yardstick found no demonstration like the question among those of other tasks."""
+    # Where a yardstick has no answer, that is no failure of a service.
     return method.unseen and method.options.get("model") in YARDSTICKS and problem == "/problems/model-error"
 
 

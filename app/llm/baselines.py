@@ -40,6 +40,7 @@ REGRESSION = replace(
     representation="absolute",
     description="No LLM: ridge regression on the prompt's integers, a yardstick",
 )
+YARDSTICKS = frozenset({NEAREST.name, REGRESSION.name})
 MIN_DEMONSTRATIONS = 2
 # Weight of the squared coefficients against squared errors in bins. Positions vary over tens of bins, so it decides
 # only where the demonstrations leave a coefficient open.

@@ -26,6 +26,8 @@ from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.trajectory import ObjectPose
 
 MIN_POINTS = 40
+CENTROID_CONFIDENCE = 0.7  # of a position that depends on the view
+CENTROID_REASON = "centroid of the visible surface, 1 to 4 cm from the middle, depends on the view"
 LONGER_BY = 1.15  # a longer side gives a heading from this ratio on
 ROUND_MARGIN = 0.9  # a cylinder that explains the points this much better than a box: the object is round
 Mask = npt.NDArray[np.int32]
@@ -89,8 +91,14 @@ class MaskedPoints:
             message = f"no camera ({cameras}) has pixels with id {list(query.mask_ids)} and known depth"
             raise ObjectNotVisibleError(query.name, message, "mask_ids that some mask image contains")
         position_m = np.mean(list(means_m.values()), axis=0)
-        pose = ObjectPose(query.name, position_m, None, estimator="masks", cameras=tuple(means_m))
+        seeing = tuple(means_m)
+        pose = ObjectPose(query.name, position_m, None, "masks", seeing, CENTROID_CONFIDENCE, CENTROID_REASON)
         if not (isinstance(query.model, MasksModel) and query.model.rotation):
             return pose
         box = box_around(query, query.model, [frame for frame, _ in frames])
-        return replace(box, position_m=position_m)
+        return replace(
+            box,
+            position_m=position_m,
+            confidence=min(box.confidence, CENTROID_CONFIDENCE),
+            reason="; ".join(filter(None, (CENTROID_REASON, box.reason))),
+        )

@@ -17,6 +17,7 @@ from pydantic_core import CoreSchema, ErrorDetails
 from app.perception.cuboid.model import CuboidModel
 from app.perception.markers.model import MarkersModel
 from app.perception.object_model import MIN_CONFIDENCE, Confidence, ObjectModel, one_of, within
+from app.perception.registered.model import RegisteredModel
 from app.perception.strict import Number, Truth
 from roboprompt_client.errors import InvalidInputError
 
@@ -76,9 +77,11 @@ def _check_url(url: str) -> None:
         raise InvalidInputError("url", "has a user name or password in it, which everyone can read", _URL)
 
 
-AnyModel = Annotated[CuboidModel | MasksModel | MarkersModel | RemoteModel, Field(discriminator="estimator")]
-_ADAPTER: TypeAdapter[CuboidModel | MasksModel | MarkersModel | RemoteModel] = TypeAdapter(AnyModel)
-MODELS = ("cuboid", "masks", "markers", "remote")
+AnyModel = Annotated[
+    CuboidModel | MasksModel | MarkersModel | RegisteredModel | RemoteModel, Field(discriminator="estimator")
+]
+_ADAPTER: TypeAdapter[CuboidModel | MasksModel | MarkersModel | RegisteredModel | RemoteModel] = TypeAdapter(AnyModel)
+MODELS = ("cuboid", "masks", "markers", "registered", "remote")
 
 
 class AsObjectModel:

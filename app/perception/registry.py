@@ -6,6 +6,7 @@ from app.perception.base import GivenPoses, ObjectQuery, PoseEstimator
 from app.perception.cuboid.estimator import CuboidPoses
 from app.perception.markers.estimator import MarkerPoses
 from app.perception.masks import MaskedPoints
+from app.perception.registered.estimator import RegisteredPoses
 from app.perception.remote import RemotePoses
 from roboprompt_client.camera import RgbdFrame
 from roboprompt_client.errors import InvalidInputError
@@ -16,6 +17,7 @@ ESTIMATORS: dict[str, PoseEstimator] = {
     "masks": MaskedPoints(),
     "cuboid": CuboidPoses(),
     "markers": MarkerPoses(),
+    "registered": RegisteredPoses(),
     "remote": RemotePoses(),
 }
 

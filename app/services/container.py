@@ -21,6 +21,7 @@ from app.services.predict.warm import PrefixWarmer
 from app.services.scene_images import DrawOverlay
 from app.services.teach.check import CheckTask
 from app.services.teach.configure import MAX_AT_ONCE, ConfigureTask
+from app.services.teach.labels import LabelObjects, LearnFromLabels
 from app.services.teach.learn import LearnObjectModels
 from app.services.teach.reextract import RunJobs
 from app.services.teach.upload import UploadEpisode
@@ -44,6 +45,8 @@ class Services:
     upload_episode: UploadEpisode
     configure_task: ConfigureTask
     learn_object_models: LearnObjectModels
+    label_objects: LabelObjects
+    learn_from_labels: LearnFromLabels
     draw_overlay: DrawOverlay
     predict_actions: PredictActions
     check_task: CheckTask
@@ -96,6 +99,8 @@ class Services:
             upload_episode=UploadEpisode(store, pose_servers),
             configure_task=configure,
             learn_object_models=LearnObjectModels(store, configure),
+            label_objects=LabelObjects(store),
+            learn_from_labels=LearnFromLabels(store, configure),
             draw_overlay=DrawOverlay(store),
             predict_actions=PredictActions(*parts, PredictionRecorder(store, metrics)),
             check_task=CheckTask(store, profile_of, PredictActions(*parts, None)),

@@ -82,8 +82,8 @@ class TaskSettings(BaseModel):
         dict[str, Annotated[dict[str, Any], AsObjectModel()]],
         AfterValidator(_known_models),
         Field(
-            description="per object what is known of it beforehand; its `estimator` (cuboid, markers, masks, remote) "
-            "finds the object, `pose_estimator` those without a model"
+            description="per object what is known of it beforehand; its `estimator` (cuboid, markers, masks, "
+            "registered, remote) finds the object, `pose_estimator` those without a model"
         ),
     ] = {}
     motion_limits: MotionLimitsSettings = MotionLimitsSettings()

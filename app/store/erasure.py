@@ -15,7 +15,7 @@ from app.store.errors import NotFoundError
 from app.store.idempotency import PREDICT, UPLOAD
 from app.store.visibility import of_visible_predictions, present
 
-_TASKS, _EPISODES, _PREDICTIONS = tables.tasks, tables.episodes, tables.predictions
+_TASKS, _EPISODES, _PREDICTIONS, _LABELS = tables.tasks, tables.episodes, tables.predictions, tables.labels
 _JOBS, _STAGED, _KEYS = tables.jobs, tables.staged_extractions, tables.idempotency_keys
 _TEXTS = ("request", "prompt_system", "prompt_user", "reply_text", "actions", "samples", "objects")
 
@@ -40,7 +40,7 @@ def erase_predictions(connection: Connection, ids: Sequence[str]) -> int:
 
 
 def erase_task(connection: Connection, name: str) -> None:
-    """Delete the task with its episodes, predictions, outcomes, jobs, and the answers kept for repeated requests.
+    """Delete the task with its episodes, predictions, outcomes, labels, jobs, and the answers to repeats.
 
     Also the predictions of other tasks to whose prompts it lent its demonstrations, which stand there.
 
@@ -61,7 +61,7 @@ def erase_task(connection: Connection, name: str) -> None:
     connection.execute(delete(_KEYS).where(_KEYS.c.scope == PREDICT, _KEYS.c.response["id"].as_string().in_(ids)))
     held = {
         table.name: connection.execute(delete(table).where(table.c.task == name)).rowcount
-        for table in (_PREDICTIONS, _EPISODES)
+        for table in (_PREDICTIONS, _EPISODES, _LABELS)
     }
     connection.execute(delete(_TASKS).where(_TASKS.c.name == name))
     audit.record(connection, "task.deleted", name, held)

@@ -1,4 +1,4 @@
-"""Lists of predictions for people: without prompts, failures first, and how each configuration fares."""
+"""Lists of predictions for people: without prompts, successes or failures first, and how each configuration fares."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -14,7 +14,7 @@ from app.store.visibility import of_visible_predictions
 
 Fate = Literal["failure", "refused", "unknown", "success"]
 FATES: tuple[Fate, ...] = get_args(Fate)  # in the order in which a person who looks for faults wants them
-Order = Literal["failures", "newest"]
+Order = Literal["successes", "newest", "failures"]
 
 _P = tables.predictions
 _NO_OUTCOME = _P.c.outcome_success.is_(None)
@@ -62,7 +62,11 @@ _SUMMARY = [
 
 @dataclass(frozen=True, kw_only=True)
 class PredictionFilter:
-    """Which predictions; None does not narrow."""
+    """Which predictions; None does not narrow.
+
+    Attributes:
+        without_models: whose predictions are left out.
+    """
 
     task: str | None = None
     model: str | None = None
@@ -70,6 +74,7 @@ class PredictionFilter:
     prompt_format: str | None = None
     num_demonstrations: int | None = None
     fate: Fate | None = None
+    without_models: tuple[str, ...] = ()
 
     def narrow(self, query: Select[Any]) -> Select[Any]:
         """`query` on predictions, of those that fit and are seen."""
@@ -79,6 +84,8 @@ class PredictionFilter:
                 query = query.where(_P.c[name] == value)
         if self.num_demonstrations is not None:
             query = query.where(_num_demonstrations == self.num_demonstrations)
+        if self.without_models:
+            query = query.where(_P.c.model.not_in(self.without_models))
         return query if self.fate is None else query.where(_FATES[self.fate])
 
 
@@ -121,8 +128,9 @@ class ConfigurationSummary:
 def list_page(
     connection: Connection, chosen: PredictionFilter, order: Order, limit: int, cursor: ListCursor | None = None
 ) -> SummaryPage:
-    """At most `limit` predictions: the newest first, or those that failed first and then the newest."""
-    groups = [or_(*_FATES.values())] if order == "newest" else [_FATES[fate] for fate in FATES]
+    """At most `limit` predictions: the newest first, or by their fate and then the newest."""
+    fates = FATES if order == "failures" else FATES[::-1]
+    groups = [or_(*_FATES.values())] if order == "newest" else [_FATES[fate] for fate in fates]
     found: list[tuple[int, Row[Any]]] = []
     for number, fits in enumerate(groups):
         if cursor is not None and number < cursor.group:
@@ -151,6 +159,18 @@ def configurations(connection: Connection, task: str | None = None) -> tuple[Con
     grouped = PredictionFilter(task=task).narrow(query).group_by(*_CONFIGURATION)
     rows = connection.execute(grouped.order_by(func.count().desc(), *_CONFIGURATION))
     return tuple(ConfigurationSummary(*row) for row in rows)
+
+
+def outcomes(
+    connection: Connection, chosen: PredictionFilter, limit: int = 2000
+) -> dict[tuple[str, str, str, int], tuple[bool, ...]]:
+    """Whether each of the latest `limit` predictions with an outcome succeeded, oldest first, by configuration."""
+    query = select(*_CONFIGURATION, _P.c.outcome_success).where(_P.c.outcome_success.is_not(None))
+    rows = connection.execute(chosen.narrow(query).order_by(_P.c.sequence.desc()).limit(limit)).all()
+    found: dict[tuple[str, str, str, int], list[bool]] = {}
+    for *key, success in reversed(rows):
+        found.setdefault(tuple(key), []).append(success)
+    return {key: tuple(values) for key, values in found.items()}
 
 
 def usual_llm_ms(connection: Connection, model: str, number: int = 20) -> float | None:

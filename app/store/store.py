@@ -94,7 +94,7 @@ class Store:
             connection.execute(select(tables.tasks.c.name).limit(1)).first()
 
     def sweep(self, older_than: timedelta = SWEEP_GRACE) -> int:
-        """Remove the blobs that no episode or prediction refers to and that were put longer ago; returns how many."""
+        """Remove the blobs that no row refers to and that were put longer ago; returns how many."""
         with self.read() as connection:
             referenced = episodes.blob_digests(connection)
         return self.blobs.sweep(referenced, older_than)

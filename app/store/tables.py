@@ -180,6 +180,23 @@ jobs = Table(
     sqlite_autoincrement=True,
 )
 
+# What an object of a task looks like, by masks; its cameras' images are kept even if their episode is deleted.
+labels = Table(
+    "labels",
+    metadata,
+    Column("sequence", SequenceNumber, primary_key=True),
+    Column("id", String(32), nullable=False, unique=True),
+    Column("task", String(64), ForeignKey("tasks.name"), nullable=False),
+    Column("object", String(64), nullable=False),
+    Column("episode_id", String(32)),
+    Column("cameras", Json, nullable=False),
+    Column("num_pixels", Json, nullable=False),
+    Column("yaw_deg", Float),
+    Column("created_at", UtcDateTime, nullable=False),
+    Index(None, "task", "sequence"),
+    sqlite_autoincrement=True,
+)
+
 # What a job has extracted; it takes the place of the old all at once when the job ends.
 staged_extractions = Table(
     "staged_extractions",

@@ -1,6 +1,6 @@
 """Queries on tasks. Each runs on the caller's transaction."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from datetime import UTC, datetime
 from typing import Any
 
@@ -127,8 +127,12 @@ def require_version(connection: Connection, name: str, version: int) -> None:
         raise ConflictError(f"task {name!r} is at version {current}, no longer {version}: read it again and repeat")
 
 
-def counts(connection: Connection) -> dict[str, TaskCounts]:
-    """How much is stored of every task that is seen."""
+def counts(connection: Connection, without_models: Collection[str] = ()) -> dict[str, TaskCounts]:
+    """How much is stored of every task that is seen.
+
+    Args:
+        without_models: whose predictions are not counted.
+    """
     episodes, predictions = tables.episodes, tables.predictions
     episode_counts = connection.execute(select(episodes.c.task, func.count()).group_by(episodes.c.task))
     outcomes = select(
@@ -137,6 +141,8 @@ def counts(connection: Connection) -> dict[str, TaskCounts]:
         func.count().filter(predictions.c.outcome_success.is_(True)),
         func.count().filter(predictions.c.outcome_success.is_(False)),
     )
+    if without_models:
+        outcomes = outcomes.where(predictions.c.model.not_in(without_models))
     outcomes = of_visible_predictions(outcomes).group_by(predictions.c.task)
     num_episodes: dict[str, int] = {row[0]: row[1] for row in episode_counts}
     num_predictions: dict[str, Sequence[int]] = {row[0]: row[1:] for row in connection.execute(outcomes)}

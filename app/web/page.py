@@ -59,7 +59,7 @@ NAVIGATION = (
     ("Predict", "/ui/predict"),
     ("Predictions", "/ui/predictions"),
     ("Now", "/ui/live"),
-    ("API", "/docs"),
+    ("API", "/ui/api"),
 )
 
 

@@ -19,6 +19,7 @@ from app.store.prediction_lists import ConfigurationSummary, Fate
 from app.store.records import DemonstrationRecord, EpisodeRecord, PredictionRecord
 from app.store.trajectories import get_trajectories
 from app.store.values import JsonObject
+from app.web.play import planned_motion
 from app.web.scene import frame, scene
 from roboprompt_client.arms.preview import Previewed
 
@@ -62,6 +63,16 @@ class PredictionView:
         """What it replied."""
         return self._spans(self.record.reply_text or "")
 
+    @property
+    def num_written(self) -> int:
+        """How many of its demonstrations the prompt spells out: those that read alike are written once.
+
+        Each has its instruction in the text, and so has the query.
+        """
+        instructions = sum(span.kind == "instruction" for span in self.prompt)
+        known = self.record.step is None and 1 < instructions <= len(self.record.demonstration_ids)
+        return instructions - 1 if known else len(self.record.demonstration_ids)
+
     def _spans(self, text: str) -> tuple[Span, ...]:
         return prompt_spans(text, self.record.representation, self.record.prompt_format)
 
@@ -90,7 +101,9 @@ class PredictionView:
             for k, item in actions
         ]
         shown = [item for record in self.demonstrations.values() for item in record.objects]
-        return scene(self.settings.workspace, self.record.objects, frames, shown=shown)
+        drawn = scene(self.settings.workspace, self.record.objects, frames, shown=shown)
+        ways = [[item.position_m for item in record.keyframes] for record in self.demonstrations.values()]
+        return {**drawn, "ways": ways, "play": planned_motion(self.record, self.settings)}
 
 
 def view_prediction(connection: Connection, prediction_id: str) -> PredictionView:

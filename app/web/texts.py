@@ -4,14 +4,17 @@ A session of `roboprompt eval --url` names the tasks that it teaches `TASK.eval-
 """
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from typing import Any
+
+from markupsafe import Markup
 
 from app.pipeline.success_rate import SuccessRate
 from app.store.records import TaskCounts
 
 NOTHING = "\N{EN DASH}"
+_PART = re.compile(r"[^/_]+[/_]*|[/_]+")
 _EVALUATED = re.compile(r"(.+)\.eval-([0-9a-f]{6})", re.DOTALL)
 
 
@@ -27,7 +30,17 @@ def number_text(number: float) -> str:
 
 def metres_text(position_m: tuple[float, ...]) -> str:
     """Coordinates to the millimetre."""
-    return ", ".join(f"{value:.3f}" for value in position_m)
+    return ", ".join(f"{value:z.3f}" for value in position_m)
+
+
+def rotation_text(quaternion_xyzw: Sequence[float]) -> str:
+    """A quaternion for a field: four numbers with blanks between them, to a hundredth of a degree."""
+    return " ".join(f"{round(value, 5) + 0.0:g}" for value in quaternion_xyzw)
+
+
+def breakable_text(name: str) -> Markup:
+    """A name of several parts that a narrow column may break between them, and nowhere else."""
+    return Markup("<wbr>").join(Markup.escape(part) for part in _PART.findall(name))  # escaped
 
 
 def share_text(share: float | None) -> str:
@@ -81,6 +94,8 @@ FILTERS: Mapping[str, Any] = {
     "date": date_text,
     "number": number_text,
     "metres": metres_text,
+    "rotation": rotation_text,
+    "breakable": breakable_text,
     "share": share_text,
     "success_rate": success_rate,
     "plural": plural,

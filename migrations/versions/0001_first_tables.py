@@ -105,6 +105,23 @@ def upgrade() -> None:
     )
     op.create_index("ix_jobs_status_sequence", "jobs", ["status", "sequence"])
     op.create_table(
+        "labels",
+        sa.Column("sequence", SEQUENCE_NUMBER, nullable=False),
+        sa.Column("id", sa.String(32), nullable=False),
+        sa.Column("task", sa.String(64), nullable=False),
+        sa.Column("object", sa.String(64), nullable=False),
+        sa.Column("episode_id", sa.String(32)),
+        sa.Column("cameras", JSON, nullable=False),
+        sa.Column("num_pixels", JSON, nullable=False),
+        sa.Column("yaw_deg", sa.Float()),
+        sa.Column("created_at", UTC_DATE_TIME, nullable=False),
+        sa.ForeignKeyConstraint(["task"], ["tasks.name"], name="fk_labels_task_tasks"),
+        sa.PrimaryKeyConstraint("sequence", name="pk_labels"),
+        sa.UniqueConstraint("id", name="uq_labels_id"),
+        sqlite_autoincrement=True,
+    )
+    op.create_index("ix_labels_task_sequence", "labels", ["task", "sequence"])
+    op.create_table(
         "predictions",
         sa.Column("sequence", SEQUENCE_NUMBER, nullable=False),
         sa.Column("id", sa.String(32), nullable=False),
@@ -166,6 +183,7 @@ def downgrade() -> None:
     op.drop_table("staged_extractions")
     op.drop_table("sessions")
     op.drop_table("predictions")
+    op.drop_table("labels")
     op.drop_table("jobs")
     op.drop_table("episodes")
     op.drop_table("tasks")

@@ -8,11 +8,12 @@ from app.api.schemas.requests import EpisodeMetadata, OutcomeBody, PredictBody
 from app.perception.cuboid.model import ColorModel, CuboidModel, Rank
 from app.perception.markers.model import Marker, MarkersModel
 from app.perception.models import MasksModel, RemoteModel
+from app.perception.registered.model import RegisteredModel
 from app.services.setting_parts import KeyframeSettings
 from app.services.task_settings import TaskSettings
 
 BODIES = (EpisodeMetadata, LearnBody, OutcomeBody, PosesBody, PredictBody, TaskSettings)
-PARTS = (ColorModel, CuboidModel, Marker, MarkersModel, MasksModel, Rank, RemoteModel)
+PARTS = (ColorModel, CuboidModel, Marker, MarkersModel, MasksModel, Rank, RegisteredModel, RemoteModel)
 PARTS_OF_OBJECT_MODELS = {part.__name__: part for part in PARTS}
 WRONG = {"integer": (True, "5", 5.5), "number": (True, "0.5"), "boolean": (1, 0.0, "yes")}
 

@@ -69,7 +69,11 @@ def log_in(address, token):
 
 REQUESTS = {
     "read": [("GET", path) for path in ("/episodes", "/tasks", "/models", "/metrics", "/docs", "/openapi.json")],
-    "upload": [("POST", "/episodes"), ("POST", "/tasks/none/object_models/learn")],
+    "upload": [
+        ("POST", "/episodes"),
+        ("POST", "/tasks/none/object_models/learn"),
+        ("POST", "/tasks/none/labels/learn"),
+    ],
     "predict": [("POST", "/predict"), ("POST", "/poses"), ("POST", "/predictions/none/outcome")],
     "admin": [("PUT", "/tasks/other"), ("DELETE", "/episodes/none"), ("POST", "/nothing")],
 }

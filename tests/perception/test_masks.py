@@ -33,6 +33,12 @@ def test_one_cameras_pixels_are_averaged():
     assert (cup.name, cup.quaternion_xyzw, cup.estimator, cup.cameras) == ("cup", None, "masks", ("front",))
 
 
+def test_it_is_said_that_the_place_is_the_centroid_of_what_is_visible():
+    (cup,) = estimate([frame("front", (0.5, 0, 0), r1c2=CUP)])
+    assert cup.confidence < 1
+    assert cup.reason == "centroid of the visible surface, 1 to 4 cm from the middle, depends on the view"
+
+
 def test_cameras_weigh_alike_however_many_pixels_they_see():
     many = frame("front", (0, 0, 0), r1c2=CUP, r1c3=CUP, r1c4=CUP)  # mean x 0.02
     one = frame("left", (0.1, 0, 0), 3.0, r1c2=CUP)  # x 0.1

@@ -5,7 +5,7 @@ from datetime import UTC, datetime, timedelta
 import pytest
 from sqlalchemy import func, select, update
 
-from app.store import audit, episodes, erasure, idempotency, jobs, predictions, tables, tasks
+from app.store import audit, episodes, erasure, idempotency, jobs, labels, predictions, tables, tasks
 from app.store.errors import NotFoundError
 from app.store.records import Extraction, StoredResponse
 from app.store.store import Store
@@ -22,12 +22,13 @@ def remember(store: Store, scope: str, key: str, response: dict) -> None:
 
 
 def fill(store: Store, task: str) -> None:
-    """An episode, a prediction with an outcome, a job with something staged, and the answers to both requests."""
+    """An episode, a label, a prediction with an outcome, a job with something staged, the answers to both requests."""
     episode, asked = upload(store, episode_draft(task=task)), predict(store, prediction_draft(task))
     remember(store, idempotency.UPLOAD, f"up {task}", {"id": episode.id, "task": task})
     remember(store, idempotency.PREDICT, f"ask {task}", {"id": asked.id, "actions": []})
     with store.write() as connection:
         predictions.record_outcome(connection, asked.id, True, "fine")
+        labels.add(connection, task, "drawer", (camera_record(),), {"front": 7}, None, episode.id)
         jobs.add(connection, task, {})
     with store.write() as connection:
         job = jobs.claim(connection, LEASE)
@@ -41,7 +42,7 @@ def extraction_of(episode_id: str):
 
 def counts(store: Store) -> dict[str, int]:
     listed = (
-        *(tables.tasks, tables.episodes, tables.predictions, tables.jobs),
+        *(tables.tasks, tables.episodes, tables.labels, tables.predictions, tables.jobs),
         *(tables.staged_extractions, tables.idempotency_keys),
     )
     with store.read() as connection:
@@ -58,7 +59,7 @@ def test_a_task_goes_with_all_that_it_holds(store: Store) -> None:
     assert counts(store) == alone
     with store.read() as connection:
         noted = audit.newest(connection)
-    held = '{"episodes":1,"predictions":1}'
+    held = '{"episodes":1,"labels":1,"predictions":1}'
     assert (noted.action, noted.subject, noted.details) == ("task.deleted", TASK, held)
     with store.read() as connection:
         assert tasks.get(connection, OTHER).object_names == ("drawer", "cube")

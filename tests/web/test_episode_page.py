@@ -186,6 +186,26 @@ def test_the_scene_is_turned_by_hand_and_by_keyboard(page, episode):
     assert far_apart(view) == pytest.approx(1.15 * near, rel=0.02)
 
 
+def test_a_recording_plays_and_is_gone_through_by_keyboard(page, episode):
+    player = page.get_by_role("group", name="Play the motion")
+    moment = player.get_by_label("Moment of the motion")
+    assert player.locator(".mark").count() == 3
+    moment.focus()
+    page.keyboard.press("End")
+    assert player.locator(".clock").inner_text() == "1.00 of 1.00 s"
+    hands = [page.locator("#space-view .hand polyline").first.get_attribute("points")]
+    page.keyboard.press("ArrowLeft")
+    assert player.locator(".clock").inner_text() == "0.90 of 1.00 s"
+    page.locator("#space-view").focus()
+    page.keyboard.press(" ")
+    until(page, "document.querySelector('.clock').textContent === '1.00 of 1.00 s'")
+    page.keyboard.press(" ")
+    until(page, "document.querySelector('.player .play').textContent === 'Play'")
+    player.locator(".timeline svg").click(position={"x": 1, "y": 20})
+    hands.append(page.locator("#space-view .hand polyline").first.get_attribute("points"))
+    assert len(set(hands)) == 2
+
+
 def test_the_text_is_that_of_the_prompt(page, episode, http):
     usual = page.locator("details[open] pre").inner_text()
     body = {"task": "pick", "instruction": "pick up the cube", "dry_run": True}

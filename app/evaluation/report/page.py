@@ -53,7 +53,9 @@ def write_report(evaluation: Evaluation, folder: Path, illustrated: Iterable[Tas
         _task_view(pictures, number, task, evaluation.methods, results)
         for number, task in enumerate(illustrated or evaluation.tasks, start=1)
     ]
-    page = PageView(evaluation.command, evaluation.duration_s, _chart(pictures, results), tuple(tasks))
+    models = any(not method.is_yardstick for method in evaluation.methods)
+    yardsticks = frozenset(method.label for method in evaluation.methods if models and method.is_yardstick)
+    page = PageView(evaluation.command, evaluation.duration_s, _chart(pictures, results), tuple(tasks), yardsticks)
     index = folder / "index.html"
     index.write_text(_environment().get_template("index.html").render(page=page), encoding="utf-8")
     return index

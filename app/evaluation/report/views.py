@@ -79,12 +79,17 @@ class TaskView:
 
 @dataclass(frozen=True, eq=False)
 class PageView:
-    """The whole report."""
+    """The whole report.
+
+    Attributes:
+        yardsticks: methods without an LLM, which models are held against.
+    """
 
     command: str
     duration_s: float
     chart: Picture
     tasks: tuple[TaskView, ...]
+    yardsticks: frozenset[str]
 
 
 def demonstration_view(pictures: PictureFolder, name: str, taught: TaughtEpisode) -> DemonstrationView:

@@ -7,13 +7,14 @@ from functools import cached_property
 from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding
 from app.pipeline.findings.actions import ShownWays
-from app.pipeline.findings.left_out import overruled_findings
+from app.pipeline.findings.elsewhere import elsewhere_findings
 from app.pipeline.findings.places import ShownScenes
 from app.pipeline.findings.rules import CONTRADICTING, PATH_NOT_KEPT, SEVERAL_WAYS
 from app.pipeline.findings.scatter import scatter_findings
 from app.pipeline.order.order import Order
 from app.pipeline.plans import Group, by_plan, is_decided, shown_together, usual_ways
 from app.pipeline.plans.agreement import two_ways
+from app.pipeline.plans.by_scene import parting
 from app.pipeline.plans.rows import WAY_SHARE, acting_rows, plan_rows
 from app.pipeline.plans.support import Support, asked_anchor
 
@@ -39,8 +40,10 @@ class Taught:
 
     @cached_property
     def usual(self) -> tuple[Demonstration, ...]:
-        """Those that prompts would show."""
-        return shown_together(self.demonstrations)
+        """Those that prompts show in one scene or another."""
+        shown = {item.id for item in shown_together(self.demonstrations)}
+        shown |= {item.id for group in self._alike.values() if parting(group) is not None for item in group}
+        return tuple(item for item in self.demonstrations if item.id in shown)
 
     @cached_property
     def support(self) -> Support:
@@ -66,7 +69,7 @@ class Taught:
         return self._of(asked).followed
 
     def _of(self, asked: Order) -> "_Asked":
-        form = asked.form if asked.form in self._forms else ""
+        form = asked.form if asked.form in self._alike else ""
         if (known := self._known.get((form, asked.objects))) is None:
             findings = (*self._of_forms(form), *scatter_findings(self.support, asked, self.round_objects))
             known = self._known[form, asked.objects] = _Asked(findings, _followed(self.support, asked))
@@ -77,28 +80,35 @@ class Taught:
         return {}
 
     @cached_property
+    def _alike(self) -> dict[str, list[Demonstration]]:
+        """By form of instruction."""
+        found: dict[str, list[Demonstration]] = {}
+        for demonstration in self.demonstrations:
+            found.setdefault(demonstration.order.form, []).append(demonstration)
+        return found
+
+    @cached_property
     def _shown_off_m(self) -> dict[int, float]:
-        """By its place, how far each demonstration that prompts show acts from where the others of its plan do."""
-        places = {id(demonstration): k for k, demonstration in enumerate(self.demonstrations)}
+        """By `id`, how far each demonstration that prompts show acts from where the others of its plan do."""
         return {
-            places[id(demonstration)]: max((float(rows[j].off_m[i]) for j in acting_rows(rows)), default=0.0)
+            id(demonstration): max((float(rows[j].off_m[i]) for j in acting_rows(rows)), default=0.0)
             for group, rows in self.support.plans
             for i, demonstration in enumerate(group)
         }
 
     @cached_property
-    def _forms(self) -> frozenset[str]:
-        return frozenset(demonstration.order.form for demonstration in self.demonstrations)
+    def _missed_m(self) -> dict[int, float]:
+        """By `id`, where it is known."""
+        return {id(item): far_m for item, far_m in zip(self.demonstrations, self.missed_m, strict=False)}
 
     def _of_forms(self, asked: str) -> Iterator[Finding]:
         """Of the form that is asked for; of each where it is none of them."""
-        for form in [asked] if asked else sorted(self._forms):
-            places = [k for k, demonstration in enumerate(self.demonstrations) if demonstration.order.form == form]
-            alike = [self.demonstrations[k] for k in places]
+        for form in [asked] if asked else sorted(self._alike):
+            alike = self._alike[form]
+            off_m = [self._shown_off_m.get(id(item)) for item in alike]
             yield from ways_findings(alike, declared=self.several_ways)
-            off_m = [self._shown_off_m.get(k) for k in places]
-            yield from overruled_findings(alike, off_m, declared=self.several_ways)
-            yield from path_findings([self.missed_m[k] for k in places] if self.missed_m else ())
+            yield from elsewhere_findings(alike, off_m, declared=self.several_ways)
+            yield from path_findings([self._missed_m[id(item)] for item in alike if id(item) in self._missed_m])
 
 
 @dataclass(frozen=True)
@@ -124,7 +134,7 @@ def ways_findings(alike: Sequence[Demonstration], *, declared: bool) -> Iterator
         alike: that ask for the same.
         declared: whether the task says that there are several ways.
     """
-    ways = [] if is_decided(alike) else _acting_otherwise(usual_ways(alike))
+    ways = [] if is_decided(alike) or parting(alike) is not None else _acting_otherwise(usual_ways(alike))
     if len(ways) < 2:
         return
     numbers = " and ".join(str(len(way)) for way in ways)

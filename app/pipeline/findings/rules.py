@@ -93,14 +93,22 @@ PARTED = Rule(
     "objects-arranged-otherwise", "off a rigid arrangement that a row follows", "m", warning=0.035, danger=0.05
 )
 
+PLAN_OF_SCENE = Rule("plan-of-this-scene", info=ALWAYS, source="docs/plans.md")
+SCENE_BETWEEN = Rule("scene-between-plans", warning=ALWAYS, source="docs/plans.md")
+SCENE_BEYOND = Rule("scene-beyond-plans", danger=ALWAYS, source="docs/plans.md")
+LEFT_OUT = Rule("left-out", info=ALWAYS, source="docs/plans.md")
+NO_COMMON_PLAN = Rule("no-common-plan", warning=ALWAYS, source="docs/plans.md")
+FEW_DEMONSTRATIONS = Rule("few-demonstrations", info=ALWAYS, source="what a row follows is known from three on")
+MANY_ROWS = Rule("many-rows", warning=ALWAYS, source="max_actions of a request")
+
 SCATTERED = Rule("scattered-demonstrations", "that their centre may be off", info=0.0, warning=0.012)
 CONTRADICTING = Rule(
     "scattered-demonstrations", "of more than a third from the centre where the hand acts", "m", danger=BEYOND_NOISE_M
 )
 SEVERAL_WAYS = Rule("several-ways", "0 where the task says that there are several, else 1", info=0.0, danger=1.0)
-LEFT_OUT = Rule(
-    "left-out",
-    "share of the demonstrations that act elsewhere; 1 where a place decides",
+ELSEWHERE = Rule(
+    "acts-elsewhere",
+    "share of the demonstrations; 1 where words say by its place which object is meant",
     info=0.0,
     warning=0.01,
     danger=0.21,
@@ -130,10 +138,17 @@ RULES = (
     NOISY,
     ARRANGED,
     PARTED,
+    PLAN_OF_SCENE,
+    SCENE_BETWEEN,
+    SCENE_BEYOND,
+    LEFT_OUT,
+    NO_COMMON_PLAN,
+    FEW_DEMONSTRATIONS,
+    MANY_ROWS,
     SCATTERED,
     CONTRADICTING,
     SEVERAL_WAYS,
-    LEFT_OUT,
+    ELSEWHERE,
     ON_A_CIRCLE,
     PATH_NOT_KEPT,
     STRAYING,

@@ -25,6 +25,7 @@ RISE = 1.3  # a speed this much above the least so far ends the search: the hand
 SPEED_NOISE_M_S = 0.01
 M_PER_RAD = 0.06  # 10 degrees of rotation count as 1 cm
 START_REACH_M = 0.01
+OPENING_REACH_M = 0.02  # the same of fingers that open: nothing was grasped before
 WIDER = 1.25  # by which the tolerance grows while a recording has more
 
 
@@ -55,7 +56,8 @@ def gripper_switches(trajectory: Trajectory, times_s: Array) -> tuple[Switch, ..
 def at_start(switch: Switch, trajectory: Trajectory) -> bool:
     """Whether the hand has not left its first pose when the gripper switches: fingers that come to their place."""
     way_m = trajectory.positions_m[: switch.frame + 1] - trajectory.positions_m[0]
-    return bool(np.linalg.norm(way_m, axis=1).max() < START_REACH_M)
+    reach_m = OPENING_REACH_M if switch.opens else START_REACH_M
+    return bool(np.linalg.norm(way_m, axis=1).max() < reach_m)
 
 
 def hand_speeds_m_s(trajectory: Trajectory, times_s: Array) -> Array:

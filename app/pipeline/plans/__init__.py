@@ -15,6 +15,7 @@ import numpy as np
 from app.pipeline.episode import Demonstration
 from app.pipeline.plans.agreement import agreed, two_ways
 from app.pipeline.plans.alignment import Recording, aligned
+from app.pipeline.plans.lone import lone_way
 from app.pipeline.plans.rows import PlanRow, plan_rows
 
 __all__ = [
@@ -112,10 +113,13 @@ def _by_way(demonstrations: Sequence[Demonstration]) -> list[Demonstration]:
     while pending:
         members = pending.pop()
         group = [result[k] for k in members]
-        ways = next((ways for row in plan_rows(group) if (ways := two_ways(row)) is not None), None)
-        if ways is None:
-            continue
-        other = [k for k, differs in zip(members, ways, strict=True) if differs]
+        if (lone := lone_way(group)) is not None:
+            other = [members[lone]]
+        else:
+            ways = next((ways for row in plan_rows(group) if (ways := two_ways(row)) is not None), None)
+            if ways is None:
+                continue
+            other = [k for k, differs in zip(members, ways, strict=True) if differs]
         for k in other:
             result[k] = replace(result[k], plan=next_plan)
         next_plan += 1

@@ -10,6 +10,7 @@ from collections import Counter, defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -25,6 +26,10 @@ from roboprompt_client.arrays import Array
 from roboprompt_client.trajectory import Trajectory
 
 PATH_KEPT_SHARE = 0.8  # the share of demonstrations whose paths need no more keyframes than a phase gets
+GRASPED_M = 0.08  # a hand that closes within this of an object grasps it,
+CLEARLY = 2.0  # if all others are so many times as far
+LEFT_M = 0.03  # farther than this from the recorded path a hand may hit what the demonstration went around
+OFTEN_SHARE = 1 / 3  # of the recordings of a plan
 ROUNDS = 2  # of choosing keyframes where the other demonstrations have them
 TOGETHER_WEIGHT = 0.3  # the weight of rows lying together, beside that of paths being kept, in squared tolerances
 MAX_DISTANCE = 3.0  # in tolerances: what is farther from the others does not count more
@@ -90,10 +95,40 @@ class Recording:
                 state = keyframe.gripper_open
         return tuple(counts if counts[-1] else counts[:-1])
 
+    @cached_property
+    def counts_on_path(self) -> tuple[int, ...]:
+        """As many keyframes in each phase as its path needs, whether it rests or not."""
+        return self._counts_of(waypoints(self.trajectory, self.times_s, self.rule.tolerance_m, self.rule.tolerance_deg))
+
+    def leaves_path(self, numbers: Sequence[int]) -> bool:
+        """Whether so many keyframes in each phase leave its path by more than `LEFT_M`."""
+        kept = [[0, *best_waypoints(off, number)] for (_, off), number in zip(self.paths, numbers, strict=True)]
+        return any(
+            off[before, here] * self.rule.tolerance_m > LEFT_M
+            for (_, off), places in zip(self.paths, kept, strict=True)
+            for before, here in pairwise(places)
+        )
+
     @property
     def signature(self) -> tuple[bool, ...]:
         """What the gripper does, in order."""
         return (self.phases[0].gripper_open, *(phase.ends_open for phase in self.phases))
+
+    @cached_property
+    def grasped(self) -> tuple[int | None, ...]:
+        """Of each grasp the object that the hand closes on, by its place in the order of mention; None: not clear.
+
+        Where objects stand is known before the first action: one that was moved is found by no later grasp.
+        """
+        objects = self.demonstration.ordered_objects
+        grasps = [phase.last for phase in self.phases if phase.gripper_open and not phase.ends_open]
+        found: list[int | None] = []
+        for frame in grasps if objects else ():
+            off_m = [float(np.linalg.norm(pose.position_m - self.trajectory.positions_m[frame])) for pose in objects]
+            nearest, *others = sorted(range(len(objects)), key=off_m.__getitem__)
+            clear = off_m[nearest] <= GRASPED_M and all(off_m[k] >= CLEARLY * off_m[nearest] for k in others)
+            found.append(nearest if clear and nearest not in found else None)
+        return tuple(found)
 
     def with_keyframes(self, keyframes: Sequence[Keyframe]) -> Demonstration:
         """The demonstration with the actions of these keyframes."""
@@ -110,17 +145,37 @@ def aligned(group: Sequence[Recording]) -> tuple[Demonstration, ...]:
     by_signature: dict[tuple[bool, ...], list[int]] = defaultdict(list)
     for place, recording in enumerate(group):
         by_signature[recording.signature].append(place)
+    plans = [places for alike in by_signature.values() for places in _by_grasped(group, alike)]
     found: dict[int, Demonstration] = {}
-    for plan, places in enumerate(by_signature.values()):
+    for plan, places in enumerate(plans):
         members = [group[place] for place in places]
         for place, demonstration in zip(places, _of_one_signature(members), strict=True):
             found[place] = replace(demonstration, plan=plan)
     return tuple(found[place] for place in range(len(group)))
 
 
+def _by_grasped(group: Sequence[Recording], places: Sequence[int]) -> list[list[int]]:
+    """Recordings that grasp the same objects in the same order together; what is not clear fits any."""
+    orders: list[tuple[tuple[int | None, ...], list[int]]] = []
+    for place in places:
+        grasped = group[place].grasped
+        alike = next((members for order, members in orders if _same_order(order, grasped)), None)
+        if alike is None:
+            orders.append((grasped, [place]))
+        else:
+            alike.append(place)
+    return [members for _, members in orders]
+
+
+def _same_order(one: Sequence[int | None], other: Sequence[int | None]) -> bool:
+    return all(None in pair or pair[0] == pair[1] for pair in zip(one, other, strict=True))
+
+
 def _of_one_signature(members: Sequence[Recording]) -> list[Demonstration]:
     resting = 2 * sum(member.manner == "rests" for member in members) > len(members)
     numbers = _numbers([member.counts for member in members], most_frequent=resting)
+    if resting and _loses_path(members, numbers):
+        resting, numbers = False, _numbers([member.counts_on_path for member in members], most_frequent=False)
     own = [
         resting and member.manner == "rests" and member.counts == numbers and len(member.keyframes) == sum(numbers)
         for member in members
@@ -137,6 +192,15 @@ def _of_one_signature(members: Sequence[Recording]) -> list[Demonstration]:
             for place, (member, keeps, item) in enumerate(zip(members, own, chosen, strict=True))
         ]
     return [member.with_keyframes(item) for member, item in zip(members, chosen, strict=True)]
+
+
+def _loses_path(members: Sequence[Recording], numbers: Sequence[int]) -> bool:
+    """Whether the keyframes of recordings that rest are too few for those among them that do not.
+
+    Then the rests of the others do not stand for their paths either: some happen to pass the same corner slowly.
+    """
+    moving = [member for member in members if member.manner != "rests"]
+    return sum(member.leaves_path(numbers) for member in moving) > OFTEN_SHARE * len(members)
 
 
 def _numbers(counts: Sequence[tuple[int, ...]], *, most_frequent: bool) -> tuple[int, ...]:

@@ -1,7 +1,7 @@
 """What each action of the demonstrations is best described relative to: an object, the world, or the arm's start."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -16,6 +16,8 @@ Frame = Literal["w", "o", "world", "start"]
 OBJECT_FRAMES: tuple[Frame, ...] = ("w", "o")
 TILT_RAD = math.radians(5)  # an object that leans more than this in any demonstration turns its frame fully
 M_PER_RAD = 0.06  # 10 degrees of rotation weigh as much as 1 cm of position
+APPROACH_M = 0.06  # beside where it grasps a hand hovers or lifts
+CONTRADICTED_M = 0.03  # a frame in which a row spreads by this much more than in the other is not that of the row
 EQUAL_SPREAD_M = 0.002  # pairs this close to the best count as equal: then the previous row's pair goes on
 CLEARLY_LESS = 0.6  # the share of an object's spread below which the world or the start describe a row better
 WORLD_REACH_M = 4.9  # farther from the world's origin a row has no digits for it
@@ -40,6 +42,8 @@ class Anchor(NamedTuple):
     frame: Frame
 
 
+Anchors = tuple[Anchor, ...]
+"""Of one row, each demonstration's."""
 WORLD = Anchor("", "world")
 START = Anchor("", "start")
 
@@ -115,7 +119,86 @@ def choose_anchors(
             if spreads[k] + EQUAL_SPREAD_M < CLEARLY_LESS * best:
                 best, choice = spreads[k], anchors
         chosen.append(choice)
-    return chosen
+    known = dict(zip(map(tuple, (*candidates, *others)), spreads_m, strict=True))
+    settled = _without_bystanders(group, list(map(tuple, chosen)), known)
+    return [list(anchors) for anchors in _one_frame_in_approaches(group, settled, known)]
+
+
+def _one_frame_in_approaches(
+    group: Sequence[Demonstration], chosen: Sequence[Anchors], spreads_m: Mapping[Anchors, list[float]]
+) -> list[Anchors]:
+    """The same anchors, those of hover, grasp and lift in one frame of what is grasped.
+
+    Where demonstrations show an object at one yaw both of its frames hold, and each row has whichever scatters less by
+    chance: at another yaw the hand would turn between hover and grasp.
+
+    Args:
+        spreads_m: by anchors those of each row.
+    """
+    found = list(chosen)
+    for grasp, _ in _held(group[0]):
+        names = [anchor.object_name for anchor in found[grasp]]
+        near = [
+            [anchor.object_name for anchor in anchors] == names and _aside_m(group, k, grasp) <= APPROACH_M
+            for k, anchors in enumerate(found)
+        ]
+        rows = _around(grasp, near)
+        frames = [tuple(Anchor(name, frame) for name in names) for frame in OBJECT_FRAMES]
+        if "" in names or len({found[k] for k in rows}) == 1 or any(frame not in spreads_m for frame in frames):
+            continue
+        best = min(frames, key=lambda frame: sum(spreads_m[frame][k] for k in rows))
+        if all(spreads_m[best][k] - spreads_m[found[k]][k] <= CONTRADICTED_M for k in rows):
+            found[rows.start : rows.stop] = [best] * len(rows)
+    return found
+
+
+def _without_bystanders(
+    group: Sequence[Demonstration], chosen: Sequence[Anchors], spreads_m: Mapping[Anchors, list[float]]
+) -> list[Anchors]:
+    """The same anchors, rows in which something is held on this, on where it comes to, or on no object.
+
+    Another object is near by chance, unless several demonstrations keep clearly closer to it: they go around it.
+    """
+    found = list(chosen)
+    for grasp, release in _held(group[0]):
+        ends = {tuple(anchor.object_name for anchor in found[k]) for k in (grasp, release)}
+        usable = [
+            anchors for anchors in spreads_m if not any(a.object_name for a in anchors) or _names(anchors) in ends
+        ]
+        for k in range(grasp + 1, release):
+            if _names(found[k]) in ends or not any(_names(found[k])) or not usable:
+                continue
+            best = min(usable, key=lambda anchors: spreads_m[anchors][k])
+            if len(group) == 1 or spreads_m[found[k]][k] >= CLEARLY_LESS * spreads_m[best][k]:
+                found[k] = best
+    return found
+
+
+def _names(anchors: Anchors) -> tuple[str, ...]:
+    return tuple(anchor.object_name for anchor in anchors)
+
+
+def _held(demonstration: Demonstration) -> list[tuple[int, int]]:
+    """Of each grasp its row and that of the release after it, or the last."""
+    states = [action.gripper_open for action in demonstration.actions]
+    grasps = [k for k in range(1, len(states)) if states[k - 1] and not states[k]]
+    return [(k, next((r for r in range(k, len(states)) if states[r]), len(states) - 1)) for k in grasps]
+
+
+def _aside_m(group: Sequence[Demonstration], k: int, grasp: int) -> float:
+    """How far the hand is at most beside where it grasps."""
+    ways_m = [(d.actions[k].position_m - d.actions[grasp].position_m)[:2] for d in group]
+    return float(np.linalg.norm(ways_m, axis=1).max())
+
+
+def _around(place: int, belongs: Sequence[bool]) -> range:
+    """The stretch of rows around one that belong to it."""
+    first = last = place
+    while first > 0 and belongs[first - 1]:
+        first -= 1
+    while last + 1 < len(belongs) and belongs[last + 1]:
+        last += 1
+    return range(first, last + 1)
 
 
 def _candidates(group: Sequence[Demonstration]) -> list[list[Anchor]]:

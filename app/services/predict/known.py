@@ -3,27 +3,31 @@
 import random
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from datetime import datetime
 
 from sqlalchemy import Connection
 
 from app.llm.base import ModelProfile
-from app.perception.registry import estimate_poses
+from app.pipeline.findings import Finding
 from app.pipeline.findings.demonstrations import Taught
-from app.pipeline.findings.units import check_scene_units
-from app.pipeline.prompt import check_object_names
+from app.pipeline.plans import agreeing
+from app.pipeline.plans.choice import PlanChoice, PlanChooser
 from app.services.cache import Cache
-from app.services.errors import NoDemonstrationsError
 from app.services.measures import timed
 from app.services.pose_servers import PoseServers
 from app.services.predict.closed_loop import PreviousStep, previous_step
 from app.services.predict.lent import LendingTask, lending_tasks, read_lent
+from app.services.predict.observe import look, observed
 from app.services.predict.prefix import Prefix, PrefixKey, PromptStyle, make_lent_prefix, make_prefix
 from app.services.predict.request import PredictOptions, PredictRequest
-from app.services.predict.select import Demonstrations, DemonstrationSelector, read_demonstrations, read_missed_m
+from app.services.predict.select import (
+    Demonstrations,
+    DemonstrationSelector,
+    TaskState,
+    read_demonstrations,
+    read_missed_m,
+)
 from app.services.task_settings import TaskSettings
 from app.store import tasks
-from app.store.errors import ConflictError
 from app.store.records import TaskRecord
 from app.store.store import Store
 from roboprompt_client.motion_limits import Pose
@@ -32,7 +36,8 @@ from roboprompt_client.trajectory import ObjectPose
 MAX_PREFIXES = 256  # that are kept
 MAX_READ = 16  # sets of demonstrations: what was read for one purpose is soon wanted for another
 MAX_TAUGHT = 128  # tasks whose demonstrations are kept
-MOST_HELD_AGAINST = 50  # demonstrations of a task
+MAX_PLANS = 128  # sets of demonstrations whose plans are kept
+MAX_HELD_AGAINST = 50  # demonstrations of a task
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +50,7 @@ class Known:
         prefixes: one for all samples, or one for each.
         taught: all demonstrations of the task, which an answer is held against; empty where the demonstrations are
             other tasks'.
+        plan_findings: which of the demonstrated plans the first shows, and why.
     """
 
     settings: TaskSettings
@@ -55,6 +61,7 @@ class Known:
     style: PromptStyle
     prefixes: Sequence[Prefix]
     taught: Taught
+    plan_findings: tuple[Finding, ...] = ()
 
 
 class KnownReader:
@@ -75,8 +82,9 @@ class KnownReader:
         self._pose_servers = pose_servers or PoseServers()
         self._select = DemonstrationSelector()
         self._prefixes: Cache[PrefixKey, Prefix] = Cache(MAX_PREFIXES)
-        self._demonstrations: Cache[tuple[str, datetime, int, tuple[str, ...]], Demonstrations] = Cache(MAX_READ)
-        self._all: Cache[tuple[str, datetime, int, bool, bool], Taught] = Cache(MAX_TAUGHT)
+        self._demonstrations: Cache[tuple[*TaskState, tuple[str, ...]], Demonstrations] = Cache(MAX_READ)
+        self._all: Cache[tuple[*TaskState, bool, bool], Taught] = Cache(MAX_TAUGHT)
+        self._plans: Cache[tuple[*TaskState, tuple[str, ...]], PlanChooser] = Cache(MAX_PLANS)
 
     def __call__(self, request: PredictRequest) -> Known:
         """As the request asks; a closed loop goes on as it began.
@@ -88,7 +96,7 @@ class KnownReader:
             ConflictError: if the task's settings changed while its images were looked at.
             InvalidInputError, ObjectSetError: if the observation does not fit the task.
         """
-        seen = _look(self._store, self._pose_servers, request) if request.frames else None
+        seen = look(self._store, self._pose_servers, request) if request.frames else None
         with self._store.read() as connection:
             with timed("read"):
                 task = tasks.get(connection, request.task)
@@ -97,16 +105,18 @@ class KnownReader:
             end_effector = request.end_effector or (previous.end_effector if previous else None)
             settings.limits_of_motion().require_start(end_effector)
             with timed("poses"):
-                objects = _observed(request, task, settings) if seen is None else seen.objects_of(task)
+                blobs = self._store.blobs
+                objects = observed(request, task, settings, blobs) if seen is None else seen.objects_of(task)
             with timed("prompt"):
                 profile = self.profile_of(previous.model if previous else request.options.model)
                 style = previous.style if previous else PromptStyle.of(request, settings, profile)
-                prefixes = self._shown(connection, request, task, settings, style, objects, previous)
+                shown = self._shown(connection, request, task, settings, style, objects, previous)
                 taught = self._taught(connection, task, settings, style, request.options.demonstrations_from)
-        return Known(settings, previous, end_effector, objects, profile, style, prefixes, taught)
+        prefixes, findings = [prefix for prefix, _ in shown], shown[0][1]
+        return Known(settings, previous, end_effector, objects, profile, style, prefixes, taught, findings)
 
-    def usual_prefix(self, task_name: str) -> Prefix:
-        """What a request that names nothing but the task shows.
+    def usual_prefixes(self, task_name: str) -> list[Prefix]:
+        """What requests that name nothing but the task show in scenes of its usual plans, the most usual first.
 
         Raises:
             as for such a request.
@@ -117,7 +127,11 @@ class KnownReader:
             settings = TaskSettings.model_validate(task.settings)
             style = PromptStyle.of(request, settings, self.profile_of(None))
             self._taught(connection, task, settings, style, request.options.demonstrations_from)
-            return self._shown(connection, request, task, settings, style, (), None)[0]
+            number = settings.num_demonstrations
+            ids = self._select(connection, task, request.options.selection, number, request.options.seed, ())
+            plans = self._plans_of(connection, task, settings, ids)
+            choices = [None] if plans is None else plans.likely()
+            return [self._prefix(connection, task, settings, style, ids, (), choice) for choice in choices]
 
     def _taught(
         self,
@@ -136,7 +150,7 @@ class KnownReader:
             return Taught(())
 
         def make() -> Taught:
-            ids = self._select(connection, task, "diverse", MOST_HELD_AGAINST, 0, ())
+            ids = self._select(connection, task, "diverse", MAX_HELD_AGAINST, 0, ())
             recorded = self._read(connection, task, settings, ids).recorded
             missed_m = read_missed_m(connection, task.name, recorded)
             if not style.from_start:
@@ -171,8 +185,11 @@ class KnownReader:
         style: PromptStyle,
         objects: Sequence[ObjectPose],
         previous: PreviousStep | None,
-    ) -> list[Prefix]:
-        """The demonstrations that the request names or its selection finds, once for each order of them."""
+    ) -> list[tuple[Prefix, tuple[Finding, ...]]]:
+        """The demonstrations that the request names or its selection finds, once for each order of them.
+
+        Of several plans those that the scene calls for, and why, unless somebody chose the demonstrations.
+        """
         options, lending = request.options, tuple[LendingTask, ...]()
         number = options.num_demonstrations or settings.num_demonstrations
         if previous is not None:
@@ -185,10 +202,22 @@ class KnownReader:
         else:
             ids = self._select(connection, task, options.selection, number, options.seed, objects)
         named = options.episode_ids is not None and previous is None
-        return [
-            self._prefix(connection, task, settings, style, order, lending, all_of_them=named)
-            for order in _orders(ids, options)
-        ]
+        found = []
+        for order in _orders(ids, options):
+            by_scene = not (named or lending or style.closed_loop)
+            plans = self._plans_of(connection, task, settings, order) if by_scene else None
+            choice = None if plans is None else plans(objects)
+            prefix = self._prefix(connection, task, settings, style, order, lending, choice, all_of_them=named)
+            found.append((prefix, () if choice is None else choice.findings))
+        return found
+
+    def _plans_of(
+        self, connection: Connection, task: TaskRecord, settings: TaskSettings, ids: tuple[str, ...]
+    ) -> PlanChooser | None:
+        if not settings.keyframes.keyframe_rule().aligned:
+            return None
+        key = (task.name, task.created_at, task.version, ids)
+        return self._plans.get(key, lambda: PlanChooser(self._read(connection, task, settings, ids).recorded))
 
     def _prefix(
         self,
@@ -198,21 +227,26 @@ class KnownReader:
         style: PromptStyle,
         ids: tuple[str, ...],
         lending: Sequence[LendingTask],
+        choice: PlanChoice | None,
         *,
-        all_of_them: bool,
+        all_of_them: bool = False,
     ) -> Prefix:
         """The demonstrations of those ids, written down.
 
         Args:
             lending: the tasks whose they are, where that is not `task`.
+            choice: those of them that the scene calls for.
             all_of_them: also those of a rare plan.
         """
         versions = tuple((other.record.name, other.record.version) for other in lending)
-        key = PrefixKey(task.name, task.version, style, ids, all_of_them, versions)
+        shown_ids = () if choice is None else tuple(demonstration.id for demonstration in choice.shown)
+        key = PrefixKey(task.name, task.version, style, ids, all_of_them, versions, shown_ids)
 
         def make() -> Prefix:
             if lending:
                 return make_lent_prefix(read_lent(connection, lending, task, settings), ids, settings, style)
+            if choice is not None:
+                return make_prefix(Demonstrations(agreeing(choice.shown), choice.shown), settings, style)
             if style.closed_loop:
                 stepwise = read_demonstrations(connection, task.name, ids, settings, stepwise=True)
                 return make_prefix(stepwise, settings, style)
@@ -229,56 +263,3 @@ def _orders(ids: tuple[str, ...], options: PredictOptions) -> list[tuple[str, ..
         return [ids]
     others = [random.Random(options.seed + k) for k in range(1, options.num_samples)]
     return [ids, *(tuple(other.sample(ids, len(ids))) for other in others)]
-
-
-@dataclass(frozen=True, eq=False)
-class _Seen:
-    """The objects that were found with the settings of `task`."""
-
-    task: TaskRecord
-    objects: tuple[ObjectPose, ...]
-
-    def objects_of(self, task: TaskRecord) -> tuple[ObjectPose, ...]:
-        """The objects, if `task` still wants them found so.
-
-        Raises:
-            ConflictError: if not.
-        """
-        if (task.settings, task.object_names) != (self.task.settings, self.task.object_names):
-            raise ConflictError(f"task {task.name!r} changed while its images were looked at: send the request again")
-        return self.objects
-
-
-def _look(store: Store, pose_servers: PoseServers, request: PredictRequest) -> _Seen:
-    """What the images show, found without a transaction open: a server may be asked.
-
-    Raises:
-        as `_observed`; NotFoundError for an unknown task.
-    """
-    with timed("read"), store.read() as connection:
-        task = tasks.get(connection, request.task)
-    settings = TaskSettings.model_validate(task.settings)
-    pose_servers.check(settings.object_models)
-    with timed("poses"):
-        return _Seen(task, _observed(request, task, settings))
-
-
-def _observed(request: PredictRequest, task: TaskRecord, settings: TaskSettings) -> tuple[ObjectPose, ...]:
-    """The observed objects' poses in the task's order, symmetric objects at their canonical yaw.
-
-    Raises:
-        NoDemonstrationsError: if the task has no demonstrations, and the request asks for no other task's.
-        ObjectSetError: if the request has other objects; as `estimate_poses` and `check_scene_units`.
-    """
-    sent = [query.name for query in request.objects]
-    names: Sequence[str] | None = task.object_names
-    if names is None:
-        if request.options.demonstrations_from is None:
-            raise NoDemonstrationsError(task.name)
-        names = list(dict.fromkeys(sent))
-    check_object_names(sent, names)
-    queries = settings.with_models(request.objects)
-    poses = estimate_poses(settings.pose_estimator, queries, request.frames, given_first=True)
-    check_scene_units(poses, settings.workspace.workspace())
-    by_name = {pose.name: pose for pose in poses}
-    return settings.canonical(tuple(by_name[name] for name in names))

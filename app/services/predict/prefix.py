@@ -56,6 +56,7 @@ class PrefixKey:
     Attributes:
         all_of_them: also demonstrations of a rare plan.
         other_tasks: whose demonstrations it has instead of the task's own, with their versions.
+        shown_ids: of the demonstrations whose plan the scene calls for; empty where no scene is asked.
     """
 
     task: str
@@ -64,6 +65,7 @@ class PrefixKey:
     demonstration_ids: tuple[str, ...]
     all_of_them: bool = False
     other_tasks: tuple[tuple[str, int], ...] = ()
+    shown_ids: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -107,7 +107,7 @@ def write_question(request: PredictRequest, instruction: str, known: Known, limi
         step=step,
         prompt=template.ask(parts[0], request.options.max_actions, so_far),
         plans=plans,
-        findings=findings_before(prefix, known.taught, seen, grounded),
+        findings=(*known.plan_findings, *findings_before(prefix, known.taught, seen, grounded)),
     )
     if request.options.num_samples == 1:
         return question

@@ -111,11 +111,14 @@ class PrefixWarmer:
             del self._due_s[task]
 
     async def _read(self, task: str) -> None:
-        """Let the model read the task's prefix; what goes wrong is the answer when a robot asks."""
+        """Let the model read the prefixes of the task's usual plans, the most usual last: it is forgotten last.
+
+        What goes wrong is the answer when a robot asks.
+        """
         try:
-            prefix = await anyio.to_thread.run_sync(self._known.usual_prefix, task)
-            prompt = Prompt(prefix.template.system, prefix.template.prefix, "")
-            request = CompletionRequest(prompt, max_tokens=1, timeout_s=TIMEOUT_S, cache_key=prefix.cache_key)
-            await complete(self._models.get(), request)
+            for prefix in reversed(await anyio.to_thread.run_sync(self._known.usual_prefixes, task)):
+                prompt = Prompt(prefix.template.system, prefix.template.prefix, "")
+                request = CompletionRequest(prompt, max_tokens=1, timeout_s=TIMEOUT_S, cache_key=prefix.cache_key)
+                await complete(self._models.get(), request)
         except RoboPromptError as error:
             logger.info("the prefix of task %s is not warm: %s", task, error)

@@ -12,6 +12,8 @@ from app.pipeline.findings.units import unit_findings
 from app.pipeline.keyframes import find_keyframes
 from app.services.scene_images import read_frame
 from app.services.task_settings import TaskSettings
+from app.services.templates import with_templates
+from app.store.blobs import BlobStore
 from app.store.records import EpisodeRecord, Extraction
 from app.store.store import Store
 from app.store.trajectories import get_trajectory
@@ -41,6 +43,7 @@ def extract(
     settings: TaskSettings,
     names: Sequence[str],
     control_frequency_hz: float,
+    blobs: BlobStore,
 ) -> Extracted:
     """Find the keyframes and estimate the objects' poses.
 
@@ -48,6 +51,7 @@ def extract(
         objects: as sent, which is also the order of the objects that the trajectory tracks.
         names: of the objects, in the task's order.
         control_frequency_hz: of the recording, for a trajectory without timestamps.
+        blobs: where templates of the objects are.
 
     Raises:
         InvalidInputError: if there is no keyframe, an object cannot be found, or a model is of none of them.
@@ -58,7 +62,7 @@ def extract(
         message = f"no keyframe in {len(trajectory)} frames by rule {settings.keyframes.rule!r}"
         raise InvalidInputError("trajectory", message, "an episode in which the robot moves and then rests")
     settings.check_models(names)
-    poses = estimate_poses(settings.pose_estimator, settings.with_models(objects), frames)
+    poses = estimate_poses(settings.pose_estimator, with_templates(settings.with_models(objects), blobs), frames)
     sent = [query.name for query in objects]
     keyframes = tuple(
         KeyframeRecord.of(
@@ -91,7 +95,7 @@ def extract_again(store: Store, record: EpisodeRecord, settings: TaskSettings) -
         names = [item.name for item in record.objects]
         queries = tuple(map(ObjectQuery.from_json, record.given_objects))
         frames = [read_frame(store.blobs, item) for item in record.cameras]
-        extracted = extract(trajectory, queries, frames, settings, names, record.control_frequency_hz)
+        extracted = extract(trajectory, queries, frames, settings, names, record.control_frequency_hz, store.blobs)
     except InvalidInputError as error:
         raise InvalidInputError(f"episode {record.id}: {error.field}", error.message, error.valid) from error
     return Extraction(record.id, extracted.keyframes, extracted.objects)

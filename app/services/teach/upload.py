@@ -143,7 +143,13 @@ class UploadEpisode:
         episode = upload.episode
         _check_recording(upload)
         return extract(
-            episode.trajectory, upload.objects, episode.frames, settings, names, episode.control_frequency_hz
+            episode.trajectory,
+            upload.objects,
+            episode.frames,
+            settings,
+            names,
+            episode.control_frequency_hz,
+            self._store.blobs,
         )
 
     def _commit(self, attempt: _Attempt) -> JsonObject | None:

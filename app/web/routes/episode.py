@@ -30,6 +30,7 @@ from app.store.trajectories import get_trajectories, get_trajectory
 from app.store.values import JsonObject
 from app.web.keyframe_preview import Preview, preview
 from app.web.page import HEADERS, PageRoute, render, render_part
+from app.web.play import recorded_motion
 from app.web.scene import scene
 from roboprompt_client.arrays import Array
 from roboprompt_client.errors import InvalidInputError
@@ -165,13 +166,22 @@ def episode_motion(services: Wired, episode_id: str) -> Response:
     stretches = gripper_stretches(recording.trajectory.gripper_open.tolist())
     ends_s = np.append(times_s, times_s[-1])
     document: JsonObject = {
+        "has_joints": recording.trajectory.num_joints > 0,
         "times_s": times_s.round(4).tolist(),
+        "hand_m_s": _hand_m_s(recording.trajectory, times_s).round(5).tolist(),
         "speed_rad_s": np.linalg.norm(velocities, axis=1).round(5).tolist(),
         "fastest_joint_rad_s": np.abs(velocities).max(axis=1, initial=0.0).round(5).tolist(),
         "gripper": [[float(ends_s[first]), float(ends_s[end]), is_open] for first, end, is_open in stretches],
         "scene": scene(recording.settings.workspace, recording.record.objects, (), recording.trajectory.positions_m),
+        "play": recorded_motion(recording.trajectory, times_s, recording.settings),
     }
     return JSONResponse(document, headers=HEADERS)
+
+
+def _hand_m_s(trajectory: Trajectory, times_s: Array) -> Array:
+    """(T,) the hand's speed from frame to frame."""
+    ways_m = np.linalg.norm(np.diff(trajectory.positions_m, axis=0), axis=1)
+    return np.append(ways_m / np.diff(times_s), 0.0)
 
 
 @documents.get("/ui/episodes/{episode_id}/keyframes")

@@ -8,8 +8,10 @@ from fastapi.responses import JSONResponse
 from starlette.responses import Response
 
 from app.api.routes import Wired
+from app.llm.baselines import YARDSTICKS
 from app.store import prediction_lists, tasks
 from app.store.prediction_lists import FATES, Fate, ListCursor, Order, PredictionFilter
+from app.web.over_time import over_time
 from app.web.page import HEADERS, PageRoute, render, render_part
 from app.web.prediction_views import compare, view_prediction
 from roboprompt_client.errors import InvalidInputError
@@ -32,10 +34,17 @@ def predictions_page(
     prompt_format: Text = "",
     demonstrations: Annotated[str, Query(pattern=r"^\d{0,3}$")] = "",
     outcome: Fate | Literal[""] = "",
-    order: Order = "failures",
+    yardsticks: bool = False,
+    order: Order = "successes",
     cursor: Annotated[str, Query(max_length=32)] = "",
 ) -> Response:
-    """Predictions, those that failed first, and how each configuration fares."""
+    """Predictions and how each configuration fares.
+
+    Yardsticks are listed where they are asked for, by name too, and where no model was asked.
+    """
+    with services.store.read() as connection:
+        models = prediction_lists.models(connection)
+    yardsticks = yardsticks or YARDSTICKS.issuperset(models)
     chosen = PredictionFilter(
         task=task or None,
         model=model or None,
@@ -43,12 +52,13 @@ def predictions_page(
         prompt_format=prompt_format or None,
         num_demonstrations=int(demonstrations) if demonstrations else None,
         fate=outcome or None,
+        without_models=() if model or yardsticks else tuple(YARDSTICKS),
     )
     with services.store.read() as connection:
         page = prediction_lists.list_page(connection, chosen, order, PAGE_SIZE, _cursor(cursor))
         names = list(tasks.counts(connection))
-        models = prediction_lists.models(connection)
         configurations = prediction_lists.configurations(connection, task or None)
+        successes = prediction_lists.outcomes(connection, PredictionFilter(task=task or None))
         wanted = [n for item in configurations for n in (item.newest, item.newest_failure) if n is not None]
         ids = prediction_lists.ids_of(connection, wanted)
     query = {k: v for k, v in request.query_params.items() if v and k != "cursor"}
@@ -61,8 +71,11 @@ def predictions_page(
         first=not cursor,
         query=query,
         names=names,
-        models=models,
+        models=[name for name in models if name not in YARDSTICKS],
+        measures=[name for name in models if name in YARDSTICKS],
+        yardsticks=yardsticks,
         configurations=configurations,
+        over_time={key: over_time(values) for key, values in successes.items()},
         ids=ids,
         fates=FATES,
     )

@@ -13,12 +13,14 @@ from starlette.responses import FileResponse, Response
 from app.api.image_work import image_work
 from app.api.routes import Cursor, Wired
 from app.api.schemas.examples import SAMPLE, SAMPLE_FILES
+from app.llm.baselines import YARDSTICKS
 from app.services.container import Services
 from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks
 from app.store.errors import NotFoundError
 from app.store.records import EpisodeRecord, TaskCounts, TaskRecord
 from app.web.page import PageRoute, render, thumbnail
+from app.web.scene import scene
 from app.web.texts import is_evaluated
 
 router = APIRouter(route_class=PageRoute)
@@ -32,12 +34,15 @@ class TaskRow:
     """A task as the list shows it.
 
     Attributes:
+        counts: of all its predictions.
+        of_models: the same without those of yardsticks, which models are held against.
         newest: its newest episode, if it has one, whose picture stands for it.
     """
 
     record: TaskRecord
     settings: TaskSettings
     counts: TaskCounts
+    of_models: TaskCounts
     newest: EpisodeRecord | None
 
     @property
@@ -53,18 +58,43 @@ def tasks_page(
     """Every task whose name or objects contain the text."""
     with services.store.read() as connection:
         counts = tasks.counts(connection)
+        of_models = tasks.counts(connection, YARDSTICKS)
         newest = episodes.newest_by_task(connection)
         records = tasks.list_all(connection)
     rows = [
-        TaskRow(record, TaskSettings.model_validate(record.settings), counts[record.name], newest.get(record.name))
+        TaskRow(record, TaskSettings.model_validate(record.settings), counts[name], of_models[name], newest.get(name))
         for record in records
-        if _contains(record, containing)
+        if _contains(record, containing) and (name := record.name)
     ]
     return render(request, "tasks.html", rows=rows, containing=containing, num_tasks=len(records))
 
 
 def _contains(record: TaskRecord, text: str) -> bool:
     return any(text.casefold() in name.casefold() for name in (record.name, *(record.object_names or ())))
+
+
+@router.get("/ui/tasks/{name}")
+def task_page(request: Request, services: Wired, name: str) -> Response:
+    """The task's settings as a form."""
+    with services.store.read() as connection:
+        task = tasks.get(connection, name)
+        newest = next(iter(episodes.list_page(connection, name, 1).items), None)
+    settings = TaskSettings.model_validate(task.settings)
+    workspace = settings.workspace
+    own = {"min": workspace.min, "max": workspace.max}
+    stored = settings.model_dump(mode="json", include={"arm", "robot_base", "num_demonstrations"})
+    stored["aliases"] = {each: settings.aliases[each] for each in task.object_names or () if each in settings.aliases}
+    stored["workspace"] = {"preset": workspace.preset} if workspace.preset else own
+    stored["motion_limits"] = {"keep_out": task.settings["motion_limits"]["keep_out"]}
+    return render(
+        request,
+        "task.html",
+        task=task,
+        settings=settings,
+        newest=newest,
+        stored=stored,
+        scene=scene(workspace, () if newest is None else newest.objects, ()),
+    )
 
 
 @router.get("/ui/tasks/{name}/check")
@@ -84,6 +114,7 @@ def episodes_page(
     """Episodes, newest first, of a task or of all."""
     with services.store.read() as connection:
         counts = tasks.counts(connection)
+        of_models = tasks.counts(connection, YARDSTICKS)
         chosen = tasks.get(connection, task) if task else None
         page = episodes.list_page(connection, task or None, PAGE_SIZE, cursor, containing)
     return render(
@@ -94,6 +125,7 @@ def episodes_page(
         chosen=chosen,
         settings=None if chosen is None else TaskSettings.model_validate(chosen.settings),
         counts=counts[task] if task else TaskCounts(sum(item.episodes for item in counts.values())),
+        of_models=of_models[task] if task else TaskCounts(),
         task=task,
         containing=containing,
         first=cursor is None,

@@ -7,6 +7,14 @@ export function element(tag, properties = {}, ...children) {
   return made;
 }
 
+/** A new element of a drawing. */
+export function svg(tag, attributes, ...children) {
+  const made = document.createElementNS("http://www.w3.org/2000/svg", tag);
+  for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);
+  made.append(...children);
+  return made;
+}
+
 /** The value of a `<script type="application/json" id=...>` of the page. */
 export function data(id) {
   return JSON.parse(document.getElementById(id).textContent);

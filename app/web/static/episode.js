@@ -3,6 +3,7 @@
 import { call, root, send } from "./api.js";
 import { confirmed, data, debounced, element, say, sayProblem } from "./dom.js";
 import { drawMotion } from "./motion_plot.js";
+import { mountPlayer } from "./player.js";
 import { inBothModes, whenNear } from "./plot.js";
 import { drawScene } from "./scene3d.js";
 
@@ -15,6 +16,7 @@ const { episode, task, episodes } = section.dataset;
 const stored = data("stored");
 const motion = call(`/ui/episodes/${episode}/motion`);
 let preview = data("preview");
+let marked = null; // the keyframes of the player that is there
 let asked = new AbortController();
 
 /** The rule that the form says, with all its numbers. */
@@ -57,8 +59,11 @@ async function drawSpeed() {
 
 async function drawSpace() {
   try {
-    const { scene } = await motion;
-    drawScene(byId("space-view"), { ...scene, frames: preview.frames });
+    const { scene, play } = await motion;
+    drawScene(byId("space-view"), { ...scene, play, frames: preview.frames });
+    const marks_s = preview.keyframes.map((item) => item.time_s);
+    if (String(marks_s) !== marked) mountPlayer(byId("space-view"), play, marks_s);
+    marked = String(marks_s);
   } catch (error) {
     sayProblem(byId("space-view"), error);
   }

@@ -13,11 +13,9 @@ const looksAtRest = ({ rule }) => !["uniform", "waypoints"].includes(rule);
  */
 export async function drawMotion(place, motion, preview, rule) {
   const Plotly = await plotly();
-  const fastest = rule.rule === "authors";
-  const speeds = fastest ? motion.fastest_joint_rad_s : motion.speed_rad_s;
-  const name = fastest ? "fastest joint, rad/s" : "joint speed ‖q̇‖, rad/s";
+  const { name, unit, speeds } = speedOf(motion, rule);
   const top = Math.max(...speeds, 1e-6) * HEADROOM;
-  const threshold = looksAtRest(rule) ? [thresholdLine(rule.delta_rad_s)] : [];
+  const threshold = looksAtRest(rule) && motion.has_joints ? [thresholdLine(rule.delta_rad_s)] : [];
   const shapes = [...threshold, ...gripperBand(motion.gripper), ...keyframeLines(preview)];
   const curve = {
     type: motion.times_s.length > 5000 ? "scattergl" : "scatter",
@@ -25,9 +23,16 @@ export async function drawMotion(place, motion, preview, rule) {
     y: speeds,
     mode: "lines",
     line: { color: colour("curve"), width: 1.8 },
-    hovertemplate: "%{x:.2f} s: %{y:.3f} rad/s<extra></extra>",
+    hovertemplate: `%{x:.2f} s: %{y:.3f} ${unit}<extra></extra>`,
   };
   await Plotly.react(place, [curve], figure(motion, name, top, shapes, annotations(motion, preview, rule, top)), CONFIG);
+}
+
+/** What the rule looks at; the hand's speed where no joints were recorded. */
+function speedOf(motion, rule) {
+  if (!motion.has_joints) return { name: "speed of the hand, m/s", unit: "m/s", speeds: motion.hand_m_s };
+  if (rule.rule === "authors") return { name: "fastest joint, rad/s", unit: "rad/s", speeds: motion.fastest_joint_rad_s };
+  return { name: "joint speed ‖q̇‖, rad/s", unit: "rad/s", speeds: motion.speed_rad_s };
 }
 
 function figure(motion, name, top, shapes, words) {
@@ -87,7 +92,7 @@ function annotations(motion, { keyframes }, rule, top) {
   const words = motion.gripper
     .filter(([start, end]) => (end - start) / total > 0.07)
     .map(([start, end, isOpen]) => ({ ...small, text: isOpen ? "open" : "closed", x: (start + end) / 2, yref: "y2", y: 0.5 }));
-  if (!looksAtRest(rule) || rule.delta_rad_s > top) return [...numbers, ...words];
+  if (!motion.has_joints || !looksAtRest(rule) || rule.delta_rad_s > top) return [...numbers, ...words];
   const rest = { ...small, text: `at rest below ${rule.delta_rad_s}`, xref: "paper", x: 1, xanchor: "right", y: rule.delta_rad_s, yanchor: "bottom" };
   return [...numbers, ...words, { ...rest, bgcolor: colour("card"), font: { size: 12, color: colour("threshold") } }];
 }

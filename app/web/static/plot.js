@@ -23,12 +23,12 @@ export function layout(more = {}) {
     paper_bgcolor: "rgba(0,0,0,0)",
     plot_bgcolor: "rgba(0,0,0,0)",
     font: { color: colour("text"), family: "system-ui, sans-serif", size: 13 },
-    margin: { l: 56, r: 16, t: 24, b: 44 },
+    margin: { l: 56, r: 16, t: 24, b: 52 },
     ...more,
   };
 }
 
-export const CONFIG = { displaylogo: false, responsive: true, showSendToCloud: false };
+export const CONFIG = { displayModeBar: false, responsive: true }; // a toolbar would cover the last keyframe
 
 /** Call `draw` now and whenever the browser changes between light and dark. */
 export function inBothModes(draw) {

@@ -4,7 +4,8 @@ import { call, root, send } from "./api.js";
 import { element, say, sayProblem } from "./dom.js";
 import { events } from "./events.js";
 import { listenForOutcome } from "./outcome.js";
-import { chosenImages, fillFrom, requestOf, showKind } from "./predict_scene.js";
+import { mountPlayer } from "./player.js";
+import { chosenImages, fillFrom, listCameras, requestOf, showKind } from "./predict_scene.js";
 import { axesOf, drawScene } from "./scene3d.js";
 
 const TICK_MS = 100;
@@ -76,6 +77,7 @@ async function showPrompt(body, signal) {
   byId("part-instruction").hidden = false;
   scene = found;
   draw();
+  mountPlayer(byId("space-view"), null);
 }
 
 async function showResult(id) {
@@ -94,6 +96,7 @@ async function showResult(id) {
   });
   scene = found;
   draw();
+  mountPlayer(byId("space-view"), found.play, found.play?.marks_s);
 }
 
 async function ask(body, signal) {
@@ -156,4 +159,13 @@ byId("fill").addEventListener("click", async () => {
 });
 for (const choice of form.elements.scene) choice.addEventListener("change", () => showKind(form));
 byId("files").addEventListener("change", chosenImages);
+byId("cameras").addEventListener("change", listCameras);
+listCameras();
 showKind(form);
+// Another task is another form. The choice keeps the focus, so that arrow keys go on through the list.
+byId("task").addEventListener("change", () => {
+  sessionStorage.setItem("chosen", "task");
+  byId("choose-task").submit();
+});
+if (sessionStorage.getItem("chosen")) byId("task").focus();
+sessionStorage.removeItem("chosen");

@@ -42,7 +42,7 @@ export async function fillFrom(form, id) {
     if (!group) continue;
     const field = (name) => group.querySelector(`[name="${name}"]`);
     ["x", "y", "z"].forEach((axis, k) => (field(axis).value = object.position[k].toFixed(4)));
-    field("quaternion").value = (object.quaternion_xyzw ?? []).map((value) => +value.toPrecision(9)).join(" ");
+    field("quaternion").value = (object.quaternion_xyzw ?? []).map((value) => Number(value.toFixed(5)) + 0).join(" ");
   }
   const { cameras, images, mask_ids } = await call(`/ui/predict/scenes/${id}`);
   for (const [name, ids] of Object.entries(mask_ids)) {
@@ -50,10 +50,23 @@ export async function fillFrom(form, id) {
     if (group) group.querySelector('[name="mask_ids"]').value = ids.join(" ");
   }
   byId("cameras").value = JSON.stringify(cameras, null, 1);
+  listCameras();
   taken.clear();
   for (const [part, address] of Object.entries(images)) taken.set(part, address);
   byId("files").value = "";
   chosenImages();
+}
+
+/** Say which cameras would be sent, and where they come from. */
+export function listCameras() {
+  const place = byId("listed-cameras");
+  try {
+    const names = cameras().map((camera) => camera.name);
+    place.textContent = names.length ? `Cameras: ${names.join(", ")}, as the episode has them.` : "No camera is known: describe one below.";
+    byId("calibration").open = !names.length;
+  } catch (error) {
+    place.textContent = error.problem.errors[0].message;
+  }
 }
 
 /** Say which images would be sent; returns the chosen files by the name of their part. */

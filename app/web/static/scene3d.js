@@ -1,7 +1,8 @@
-// The 3D view of a scene (app/web/scene3d.py): workspace box, path, end-effector frames, objects. It is SVG and a little
+// The 3D view of a scene (app/web/scene.py): workspace box, path, end-effector frames, objects. It is SVG and a little
 // arithmetic, because WebGL stands still for seconds where a browser draws it in software, as over a remote desktop.
 
-import { element } from "./dom.js";
+import { element, svg } from "./dom.js";
+import { arm, gripper } from "./hand3d.js";
 import { View, steer } from "./view3d.js";
 
 const FRAME_M = 0.05;
@@ -12,6 +13,7 @@ const LETTER_PX = 7; // about, of the labels
 const LINE_PX = 16;
 const SAME_PLACE_M = 0.01; // frames that are nearer have one label
 const CLOSE = "Close to the motion";
+const ARM = "With the arm";
 const WHOLE = "Whole workspace";
 const CORNERS = Array.from({ length: 8 }, (_, bits) => [0, 1, 2].map((k) => (bits & (1 << k) ? 1 : -1)));
 const EDGES = CORNERS.flatMap((_, bits) => [1, 2, 4].filter((bit) => !(bits & bit)).map((bit) => [bits, bits | bit]));
@@ -23,14 +25,26 @@ const metres = (point) => `${point.map((value) => value.toFixed(3)).join(", ")} 
 
 /** Draw `scene` into `place`, over what was there; the view that a person turned it to stays. */
 export function drawScene(place, scene) {
-  if (!states.has(place)) prepare(place);
+  if (!states.has(place)) prepare(place, scene.boxes ? WHOLE : scene.play?.arm ? ARM : CLOSE);
   const state = states.get(place);
   state.scene = scene;
+  state.armButton.hidden = !scene.play?.arm;
   state.redraw();
 }
 
-function prepare(place) {
-  const state = { view: new View(), near: true, scene: null };
+/** Show the hand, and the arm if it is known, of one moment `{position, axes, open, arm}`; the scene must be drawn. */
+export function showMoment(place, moment) {
+  const state = states.get(place);
+  state.moment = moment;
+  if (state.moving) paintMoment(state);
+}
+
+function paintMoment({ moving, projection, moment }) {
+  moving.replaceChildren(...(moment?.arm ? [arm(moment.arm, projection)] : []), ...(moment ? [gripper(moment, projection, "hand")] : []));
+}
+
+function prepare(place, first) {
+  const state = { view: new View(), shows: first, scene: null, moment: null };
   state.redraw = () => paint(place, state);
   states.set(place, state);
   place.replaceChildren();
@@ -50,13 +64,14 @@ function addButtons(place, state) {
     });
     return made;
   };
-  const views = [CLOSE, WHOLE].map((text) => button(text, () => show(text === CLOSE)));
-  const show = (near) => {
-    state.near = near;
+  const views = [CLOSE, ARM, WHOLE].map((text) => button(text, () => show(text)));
+  const show = (text) => {
+    state.shows = text;
     state.view.reset();
-    for (const each of views) each.ariaPressed = String((each.textContent === CLOSE) === near);
+    for (const each of views) each.ariaPressed = String(each.textContent === text);
   };
-  show(true);
+  show(state.shows);
+  state.armButton = views[1];
   const zooms = [
     button("+", () => state.view.scale(1.3), { ariaLabel: "Zoom in" }),
     button("−", () => state.view.scale(1 / 1.3), { ariaLabel: "Zoom out" }),
@@ -64,43 +79,48 @@ function addButtons(place, state) {
   place.before(element("div", { className: "row views", role: "group", ariaLabel: "What the 3D view shows" }, ...views, ...zooms));
 }
 
-function svg(tag, attributes, ...children) {
-  const made = document.createElementNS("http://www.w3.org/2000/svg", tag);
-  for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);
-  made.append(...children);
-  return made;
-}
-
 const titled = (node, text) => (node.append(svg("title", {}, text)), node);
 
-function paint(place, { view, near, scene }) {
+function paint(place, state) {
+  const { view, shows, scene } = state;
   const [width, height] = [place.clientWidth, place.clientHeight];
   if (!scene || !width || !height) return;
-  const room = bounds(scene, near);
+  const room = bounds(scene, shows);
   const corners = CORNERS.map((corner) => corner.map((side, k) => (side > 0 ? room.max : room.min)[k]));
   const projection = view.projection(corners, width, height);
   const write = writer(width, height);
+  state.projection = projection;
+  state.moving = svg("g", { class: "moving" });
   place.replaceChildren(
     svg(
       "svg",
       { viewBox: `0 0 ${width} ${height}`, "aria-hidden": "true" },
       ...floor(room, scene.objects, projection),
-      ...(near ? [] : [box(scene.workspace, projection)]),
+      ...(shows !== WHOLE ? [] : [box(scene.workspace, projection, "workspace")]),
+      ...(scene.boxes ?? []).map((item) => box(item, projection, "keep-out")),
       ...(scene.shown ?? []).map((item) => demonstrated(item, projection)),
       ...inOrder(scene.objects, projection).flatMap((item) => solid(item, projection)),
+      ...(scene.ways ?? []).map((way) => line(way, projection, "way")),
       line(scene.path, projection, "path"),
+      ...scene.frames.map((item) => gripper({ ...item, open: item.gripper_open }, projection, "ghost")),
       ...scene.frames.flatMap((item) => pose(item, projection)),
       ...frameLabels(scene.frames).map(([item, text]) => write(text, projection.at(item.position), "number", 12)),
       ...scene.objects.map((item) => write(item.label, projection.at(item.position), "named", 4 + 0.8 * BOX_M * projection.px_per_m)),
+      state.moving,
       ...compass(projection, height),
     ),
   );
+  paintMoment(state);
 }
 
 /** What the view has room for: the whole workspace, or where something is done. */
-function bounds(scene, near) {
+function bounds(scene, shows) {
   const places = [...scene.frames, ...scene.objects, ...(scene.shown ?? [])].map((item) => item.position);
-  const points = near && places.length ? places : [scene.workspace.min, scene.workspace.max, ...scene.path, ...places];
+  const withArm = [...places, ...scene.path, ...(scene.play?.arm ?? []).flat()];
+  const boxes = (scene.boxes ?? []).flatMap((item) => [item.min, item.max]);
+  const whole = [scene.workspace.min, scene.workspace.max, ...withArm, ...boxes];
+  const near = { [CLOSE]: places, [ARM]: withArm, [WHOLE]: [] }[shows];
+  const points = near.length ? near : whole;
   const along = [0, 1, 2].map((k) => points.map((point) => point[k]));
   return { min: along.map((values) => Math.min(...values) - MARGIN_M), max: along.map((values) => Math.max(...values) + MARGIN_M) };
 }
@@ -126,10 +146,10 @@ function floor({ min, max }, objects, projection) {
   return [svg("polygon", { class: "floor", points: text(plane, projection) }), ...across.map((ends) => line(ends, projection, "grid"))];
 }
 
-function box({ min, max }, { at }) {
+function box({ min, max }, { at }, name) {
   const corners = CORNERS.map((corner) => at(corner.map((side, k) => (side > 0 ? max : min)[k])));
   const drawn = EDGES.map(([one, other]) => `M${corners[one].map(Math.round)}L${corners[other].map(Math.round)}`);
-  return titled(svg("path", { class: "workspace", d: drawn.join("") }), "workspace");
+  return titled(svg("path", { class: name, d: drawn.join("") }), name);
 }
 
 /** An object as a small box, the sides that are seen; its axes if its rotation is known. */
@@ -216,7 +236,7 @@ function compass({ at }, height) {
   });
 }
 
-/** The directions of x, y and z, a row each, as `frame` of app/web/scene3d.py gives them. */
+/** The directions of x, y and z, a row each, as `frame` of app/web/scene.py gives them. */
 export function axesOf([x, y, z, w]) {
   return [
     [1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)],

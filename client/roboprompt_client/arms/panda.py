@@ -45,6 +45,15 @@ def flange(joints_rad: Array) -> tuple[Array, Array]:
     return frame, np.concatenate([np.cross(axes, arms), axes], axis=1).T
 
 
+def skeleton(joints_rad: Array) -> Array:
+    """(9, 3) base, the seven joints and the flange in the base frame: the arm as lines from point to point."""
+    frames = [np.eye(4)]
+    for a, d, alpha, angle in zip(_A_M, _D_M, _ALPHA_RAD, joints_rad, strict=True):
+        frames.append(frames[-1] @ _link(a, d, alpha, float(angle)))
+    frames.append(frames[-1] @ _link(0.0, _FLANGE_M, 0.0, 0.0))
+    return np.array([frame[:3, 3] for frame in frames])
+
+
 def _link(a_m: float, d_m: float, alpha_rad: float, angle_rad: float) -> Array:
     """One joint's frame in the one before (Craig's convention)."""
     ca, sa, ct, st = np.cos(alpha_rad), np.sin(alpha_rad), np.cos(angle_rad), np.sin(angle_rad)

@@ -120,14 +120,14 @@ def sides(instruction, number_right, number=10):
 )
 def test_demonstrations_that_the_answer_does_not_follow(instruction, number_right, severity):
     known = taught(sides(instruction, number_right))
-    assert dict(found(known)).get("left-out") == severity
+    assert dict(found(known)).get("acts-elsewhere") == severity
     if severity is not None:
-        finding = next(item for item in known.findings(known.demonstrations[0].order) if item.code == "left-out")
+        finding = next(item for item in known.findings(known.demonstrations[0].order) if item.code == "acts-elsewhere")
         assert finding.numbers["elsewhere"] == number_right
 
 
 def test_one_of_three_is_more_than_a_slip():
-    assert dict(found(taught(sides("press it", 1, number=3))))["left-out"] == "danger"
+    assert dict(found(taught(sides("press it", 1, number=3))))["acts-elsewhere"] == "danger"
 
 
 def test_a_side_in_an_objects_name_decides_by_the_name():
@@ -135,11 +135,11 @@ def test_a_side_in_an_objects_name_decides_by_the_name():
     recordings = [
         replace(r, demonstration=replace(r.demonstration, instruction="press the left knob")) for r in recordings
     ]
-    assert dict(found(taught(recordings)))["left-out"] == "warning"
+    assert dict(found(taught(recordings)))["acts-elsewhere"] == "warning"
 
 
 def test_a_declared_way_is_no_danger_where_a_place_decides():
-    assert dict(found(taught(sides("press the left one", 2), several_ways=True)))["left-out"] == "info"
+    assert dict(found(taught(sides("press the left one", 2), several_ways=True)))["acts-elsewhere"] == "info"
 
 
 def test_keyframes_that_miss_where_hands_act():

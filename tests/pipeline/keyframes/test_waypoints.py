@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from app.pipeline.episode import frame_times_s
 from app.pipeline.keyframes import waypoints
 from app.pipeline.keyframes.rule import MAX_KEYFRAMES, TOLERANCE_M
+from app.pipeline.keyframes.waypoints import phases
 
 from ..recordings import DOWN, Motion, arrival_s, flowing, pick_and_place, resting
 
@@ -162,6 +163,20 @@ def test_fingers_that_come_to_their_place_at_the_start_are_no_switch(starts_open
     assert (usual.gripper_open != settling.gripper_open).sum() == 4
     np.testing.assert_array_equal(places_m(settling), places_m(usual))
     assert grippers(settling) == grippers(usual)
+
+
+@pytest.mark.parametrize("moved_m", [0.012, 0.018])
+def test_fingers_that_come_open_while_the_hand_sets_off_are_no_switch(moved_m):
+    """Sagging or a person's first move takes the hand a little way meanwhile."""
+    knots = (
+        (0.0, (0, 0, 1.0)),
+        (0.4, (0, 0, 1.0 - moved_m)),
+        (2.0, (0.3, 0, 0.8)),
+        (3.0, (0.3, 0, 0.8)),
+        (4.0, (0.3, 0, 1.0)),
+    )
+    recorded = Motion(knots, switches=(0.3, 2.5), starts_open=False).at(20)
+    assert [phase.ends_open for phase in phases(recorded, frame_times_s(recorded))] == [False, False]
 
 
 def test_a_gripper_that_opens_at_the_start_only_to_close_there_grasps():

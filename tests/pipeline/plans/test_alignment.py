@@ -5,8 +5,8 @@ import pytest
 
 from app.pipeline.plans import agreeing, aligned_by_plan, by_plan, plan_rows, shown_together
 
-from ..recordings import resting
-from ..scenes import same_actions
+from ..recordings import pick_and_place, resting
+from ..scenes import pose, same_actions
 from .taught import picked, picks, recording
 
 
@@ -125,3 +125,26 @@ def test_order_does_not_matter():
         np.testing.assert_allclose(
             [a.position_m for a in one.actions], [a.position_m for a in other.actions], atol=0.005
         )
+
+
+def both_moved(seed, *, cube_first):
+    """The hand closes on the cube and on the cup, in either order, and lets go of each at the plate."""
+    random = np.random.default_rng(seed)
+    cube_m, cup_m = np.array([0.0, -0.25, 0.79]), np.array([0.05, 0.25, 0.79])
+    cube_m, cup_m = (np.add(place_m, [*random.uniform(-0.04, 0.04, 2), 0]) for place_m in (cube_m, cup_m))
+    plate_m = np.array([0.35, 0.0, 0.79])
+    first_m, second_m = (cube_m, cup_m) if cube_first else (cup_m, cube_m)
+    down_m = plate_m + np.array([0, 0, 0.03])
+    one, two = (pick_and_place(at_m, down_m, start_m=(0.1, 0.0, 1.1)) for at_m in (first_m, second_m))
+    later_s = one.knots[-1][0] + 1.0
+    knots = (*one.knots, *((time_s + later_s, at_m) for time_s, at_m in two.knots))
+    switches = (*one.switches, *(time_s + later_s for time_s in two.switches))
+    objects = [pose("red cube", cube_m), pose("cup", cup_m), pose("plate", plate_m)]
+    instruction = "put the red cube and the cup on the plate"
+    return recording(replace(one, knots=knots, switches=switches), objects, instruction=instruction)
+
+
+def test_the_order_in_which_objects_are_grasped_is_part_of_a_plan():
+    recordings = [both_moved(seed, cube_first=seed != 2) for seed in range(4)]
+    assert [one.grasped for one in recordings] == [(0, 1), (0, 1), (1, 0), (0, 1)]
+    assert [len(group) for group in by_plan(aligned_by_plan(recordings))] == [3, 1]

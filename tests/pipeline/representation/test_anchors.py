@@ -134,3 +134,36 @@ def test_in_order():
     objects = [pose(name, (0, 0, 1)) for name in names]
     assert [p.name for p in in_order(objects, Order("put the blue on the red", names))] == ["blue", "red", "tray"]
     assert [p.name for p in in_order(objects, Order("tidy up", names))] == ["tray", "red", "blue"]
+
+
+def picked_up(cup_m, yaw_deg, offsets_m, hand_deg=30, released_m=(0.4, 0.3, 0.72), near=()):
+    """The cup is taken from above and put down; the hand is turned alike in the world."""
+    held = [action(np.add(cup_m, offset_m), (180, 0, hand_deg), gripper_open=k == 0) for k, offset_m in offsets_m]
+    down = [action(released_m, (180, 0, hand_deg))]
+    return demonstration("lift the cup", [pose(CUP, cup_m, yaw_deg), *near], [*held, *down])
+
+
+HOVER_GRASP_LIFT = ((0, (0.012, 0, 0.1)), (1, (0.0, 0, 0.0)), (1, (0.0, 0.0, 0.12)))
+
+
+def test_hover_grasp_and_lift_are_in_one_frame_where_the_object_was_always_turned_alike():
+    """By chance the hover keeps closer to the cup's own axes and the grasp to the world's."""
+    random = np.random.default_rng(4)
+    group = []
+    for place in range(3):
+        offsets_m = [(k, np.add(offset_m, random.normal(0, 0.006, 3))) for k, offset_m in HOVER_GRASP_LIFT]
+        cup_m = (0.1 * place, 0.05 * place, 0.7)
+        group.append(picked_up(cup_m, 57 + 4 * place, offsets_m, 30 + 8 * random.uniform()))
+    hover, grasp, lift, _ = choose_anchors(group, LEVEL, beyond_objects=True)
+    assert hover == grasp == lift
+
+
+def test_what_the_hand_carries_does_not_follow_a_bystander():
+    by_the_way = [*HOVER_GRASP_LIFT, (1, (0.1, 0.1, 0.12))]
+    alone = picked_up(
+        (0.1, 0.1, 0.7), 20, by_the_way, near=[pose(PLATE, (0.4, 0.3, 0.7), 30), pose(LID, (0.2, 0.2, 0.8), 30)]
+    )
+    names = [anchors[0].object_name for anchors in choose_anchors([alone], LEVEL, beyond_objects=True)]
+    assert names[1] == CUP
+    assert names[-1] == PLATE
+    assert LID not in names[1:]

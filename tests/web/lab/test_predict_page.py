@@ -164,6 +164,7 @@ def test_images_of_an_episode_are_asked_about(page, http, masks_task):
     (newest,) = http.get("/predictions", params={"task": "masked", "limit": 1}).json()["predictions"]
     assert (newest["cameras"], newest["objects"][0]["estimator"]) == (["front"], "masks")
     page.get_by_role("link", name="Open this prediction").click()
+    page.locator(".cameras").scroll_into_view_if_needed()
     until(page, "[...document.querySelectorAll('.cameras img')].every(image => image.complete && image.naturalWidth)")
 
 

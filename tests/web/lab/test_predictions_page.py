@@ -3,6 +3,7 @@
 import pytest
 from playwright.sync_api import expect
 
+from tests.web.conftest import until
 from tests.web.lab.conftest import ask
 
 
@@ -10,13 +11,23 @@ def fates(page):
     return page.locator("table.list").first.locator("tbody tr .badge").all_inner_texts()
 
 
-def test_failures_come_first(page):
+def test_successes_come_first_and_failures_where_they_are_asked_for(page):
     page.goto("/ui/predictions?task=pick&model=regression&demonstrations=4")
-    assert fates(page)[0] == "failed"
-    page.get_by_label("Order").select_option("newest first")
+    assert fates(page)[0] == "succeeded"
+    page.get_by_label("Order").select_option("failures first")
     page.get_by_role("button", name="Filter").click()
-    page.wait_for_url("**order=newest**")
-    assert fates(page)[-1] == "failed"
+    page.wait_for_url("**order=failures**")
+    assert fates(page)[0] == "failed"
+
+
+def test_yardsticks_are_listed_where_they_are_asked_for(page):
+    page.goto("/ui/predictions?task=pick")
+    assert "without the yardsticks regression" in page.get_by_role("status").inner_text()
+    assert "regression" not in page.locator("td.model").all_inner_texts()
+    page.get_by_label("Yardsticks, too").check()
+    page.get_by_role("button", name="Filter").click()
+    page.wait_for_url("**yardsticks=true**")
+    assert "regression" in page.locator("td.model").all_inner_texts()
 
 
 def test_a_filter_narrows_the_list(page):
@@ -33,7 +44,7 @@ def test_a_filter_narrows_the_list(page):
 def test_pages_go_on_where_the_last_ended(page, http, seeded):
     for _ in range(51):
         ask(http, model="regression", num_demonstrations=2)
-    page.goto("/ui/predictions?demonstrations=2")
+    page.goto("/ui/predictions?demonstrations=2&yardsticks=true")
     first = page.locator("tbody").first.locator("th a").evaluate_all("links => links.map(link => link.href)")
     page.get_by_role("link", name="Further on").click()
     page.wait_for_url("**cursor=**")
@@ -59,7 +70,7 @@ def test_the_path_has_a_row_for_each_action(page, http, seeded):
     page.goto(f"/ui/predictions/{seeded['success']}")
     actions = http.get(f"/predictions/{seeded['success']}").json()["actions"]
     assert rows.count() == len(actions)
-    assert "distances alone" in page.get_by_role("region", name="Path", exact=True).inner_text()
+    assert "name no arm" in page.get_by_role("region", name="Path", exact=True).inner_text()
     try:
         http.put("/tasks/pick", json={"arm": "fr3", "robot_base": [-9, 0, 0]})
         page.reload()
@@ -105,6 +116,20 @@ def test_a_prediction_shows_what_was_asked_and_what_came(page, seeded):
     page.wait_for_url("**/ui/episodes/*")
 
 
+def test_a_prediction_plays_before_a_robot_moves(page, http, seeded):
+    try:
+        http.put("/tasks/pick", json={"arm": "panda", "robot_base": [-0.3, 0, 0.7]})
+        page.goto(f"/ui/predictions/{seeded['success']}")
+        player = page.get_by_role("group", name="Play the motion")
+        assert player.locator(".mark").count() == 3
+        player.get_by_role("button", name="Play").click()
+        until(page, "document.querySelector('.clock').textContent.startsWith('0.00') === false")
+        assert page.locator("#space-view .arm circle").count() == 9
+        assert page.locator("#space-view .gripper.ghost").count() == 3
+    finally:
+        http.put("/tasks/pick", json={"arm": None, "robot_base": [0, 0, 0]})
+
+
 def test_a_reply_that_is_no_list_of_actions_is_shown_with_its_error(page, seeded):
     page.goto(f"/ui/predictions/{seeded['refused']}")
     assert "I would rather not move today." in page.locator("#part-reply pre").inner_text()
@@ -122,7 +147,7 @@ def test_an_outcome_is_told_with_a_note(page, http):
 
 
 def test_two_are_compared(page, seeded):
-    page.goto("/ui/predictions?task=pick&demonstrations=4")
+    page.goto("/ui/predictions?task=pick&demonstrations=4&yardsticks=true")
     for fate in ("failure", "success"):
         page.locator(f"input[value='{seeded[fate]}']").first.check()
     page.get_by_role("button", name="Compare the two chosen").first.click()
@@ -131,7 +156,7 @@ def test_two_are_compared(page, seeded):
     assert [name.split()[0] for name in differing] == ["representation", "place"]
     assert "48.8 cm apart" in page.locator("tr.differs").last.inner_text()
     cards = page.locator(".pair > .card")
-    assert "went beside the cube" in cards.nth(0).inner_text()
+    assert "went beside the cube" in cards.nth(1).inner_text()
     assert page.get_by_role("region", name="Table of actions of both").get_by_role("row").count() == 4
 
 
@@ -143,7 +168,7 @@ def test_one_alone_is_not_compared(page, seeded):
 
 def test_configurations_are_counted(page):
     page.goto("/ui/predictions?task=pick")
-    table = page.get_by_role("table", name="Success by configuration")
+    table = page.get_by_role("table", name="Success of yardsticks")
     row = table.get_by_role("row").filter(has_text="regression").filter(has_text="object_frame")
     assert "100" in row.locator("td[data-label=Success]").inner_text()
     assert row.locator("td[data-label=Interval]").inner_text() == "21\N{EN DASH}100\N{NO-BREAK SPACE}%"

@@ -1,4 +1,7 @@
-"""Demonstrations that others overrule: prompts leave out a rare plan, and move a row to where most of a plan act."""
+"""Demonstrations that others overrule though they act elsewhere.
+
+Prompts leave out a rare plan, and move each row to where most demonstrations of its plan have it.
+"""
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -7,7 +10,7 @@ import numpy as np
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding
-from app.pipeline.findings.rules import LEFT_OUT
+from app.pipeline.findings.rules import ELSEWHERE
 from app.pipeline.order.vocabulary import COUNTED_FROM, FAR, NEAR, PLACE_ADJECTIVES
 from app.pipeline.plans.rows import BEYOND_NOISE_M
 from roboprompt_client.arrays import Array
@@ -16,46 +19,35 @@ LISTED = 3  # ids that a sentence names
 PLACE_WORDS = frozenset({*COUNTED_FROM, *FAR, *NEAR, *PLACE_ADJECTIVES})  # that say which of several objects
 
 
-def overruled_findings(
+def elsewhere_findings(
     alike: Sequence[Demonstration], off_m: Sequence[float | None], *, declared: bool
 ) -> Iterator[Finding]:
-    """The demonstrations that an answer does not follow, in one finding.
+    """The demonstrations that the others overrule though they act elsewhere, in one finding.
 
     Where words say by its place which object is meant, and some act at another one, the place decides: what is
-    overruled is right.
+    overruled may be right.
 
     Args:
         alike: that ask for the same.
         off_m: of each, how far it acts from where the others of its plan do; None where prompts leave it out.
         declared: whether the task says that there are several ways.
     """
-    left = [k for k, far_m in enumerate(off_m) if far_m is None and alike[k].plan is not None]
-    away_m = _away_m(alike) if left else off_m
-    moved = [k for k, far_m in enumerate(off_m) if far_m is not None and far_m > BEYOND_NOISE_M]
-    elsewhere = [*moved, *(k for k in left if (away_m[k] or 0.0) > BEYOND_NOISE_M)]
-    overruled = sorted({*left, *moved})
-    if not overruled:
+    left_out = None in off_m and alike[0].plan is not None
+    away_m = _away_m(alike) if left_out else [0.0] * len(alike)
+    elsewhere = [k for k, far_m in enumerate(off_m) if (away_m[k] if far_m is None else far_m) > BEYOND_NOISE_M]
+    if not elsewhere:
         return
-    listed = ", ".join(alike[k].id for k in overruled[:LISTED])
-    more = f" and {len(overruled) - LISTED} more" if overruled[LISTED:] else ""
-    message = (
-        f"Of {len(alike)} demonstrations of {alike[0].instruction!r} the answer does not follow {len(overruled)}:"
-        f" {listed}{more}. {_reason(len(elsewhere))}"
-    )
+    listed = ", ".join(alike[k].id for k in elsewhere[:LISTED])
+    more = f" and {len(elsewhere) - LISTED} more" if elsewhere[LISTED:] else ""
     by_place = not PLACE_WORDS.isdisjoint(alike[0].order.form.split())
-    share = len(elsewhere) / len(alike)
-    value = 0.0 if declared else 1.0 if by_place and elsewhere else share
-    numbers = {"left_out": len(left), "elsewhere": len(elsewhere), "demonstrations": len(alike)}
-    yield LEFT_OUT.finding(message, "demonstrations", numbers, value=value)
-
-
-def _reason(num_elsewhere: int) -> str:
-    if not num_elsewhere:
-        return "Their plan is a rare one, such as a second try."
-    return (
-        f"{num_elsewhere} of them act 8 cm or more from where the others do: delete what was recorded wrongly, and name"
-        " the object in the instruction where something else decides which one is meant."
+    message = (
+        f"Of {len(alike)} demonstrations of {alike[0].instruction!r} the answer does not follow {len(elsewhere)}, which"
+        f" act {100 * BEYOND_NOISE_M:.0f} cm or more from where the others do: {listed}{more}. Delete what was recorded"
+        " wrongly; where something else decides which object is meant, name the object in the instruction."
     )
+    value = 0.0 if declared else 1.0 if by_place else len(elsewhere) / len(alike)
+    numbers = {"elsewhere": len(elsewhere), "demonstrations": len(alike)}
+    yield ELSEWHERE.finding(message, "demonstrations", numbers, value=value)
 
 
 def _away_m(alike: Sequence[Demonstration]) -> Array:

@@ -1,0 +1,157 @@
+"""Labels of a task's objects: masks in images, from which the estimator `registered` learns."""
+
+from typing import Annotated
+
+from fastapi import APIRouter, Body, Query, Request, Response
+from fastapi.responses import JSONResponse
+from starlette.concurrency import run_in_threadpool
+
+from app.api.body import Body as RequestBody
+from app.api.body import read_body
+from app.api.decoding import UniqueKeysRoute
+from app.api.image_work import decode_frames, image_work, split_images
+from app.api.openapi import body_of
+from app.api.routes import Wired, problems
+from app.api.schemas.labels import LabelBody, LabelList, LabelOut, LearnedLabelsOut, LearnLabelsBody
+from app.perception.frame_checks import check_rgbd
+from app.perception.images import decode_mask
+from app.services.limits import Limits
+from app.services.teach.labels import LabelDraft
+from app.store import labels
+from app.store.labels import LabelRecord
+from app.store.values import JsonObject
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.wording import checked_name
+
+FEW_VIEWS = 3  # with fewer, advice asks for more
+router = APIRouter(tags=["labels"])
+learn_router = APIRouter(tags=["labels"], route_class=UniqueKeysRoute)
+PATH = "/tasks/{name}/labels"
+
+
+@router.post(
+    PATH,
+    status_code=201,
+    operation_id="label_object",
+    response_model=LabelOut,
+    openapi_extra=body_of(LabelBody, LabelBody),
+    responses=problems(
+        _400="the body cannot be read",
+        _404="no such task or episode",
+        _413="the body is too large",
+        _415="neither multipart nor JSON",
+        _422="a value is not valid, or no mask follows from it",
+    ),
+)
+async def label_object(request: Request, services: Wired, name: str) -> Response:
+    """Say where an object is in the images of an episode, or in images that are sent with it.
+
+    One click on it is enough: its mask grows in depth over the table, and in color where it touches something, and the
+    other cameras' masks follow. Nothing changes for the task until it is learned.
+    """
+    body = await read_body(request)
+    async with image_work(request).room(request, body, services.limits) as decode:
+        draft = await decode(_draft, name, body, services.limits)
+        record = await run_in_threadpool(services.label_objects, draft)
+    return JSONResponse(label_document(record), 201)
+
+
+@router.get(PATH, operation_id="list_labels", response_model=LabelList, responses=problems(_404="no such task"))
+def list_labels(
+    services: Wired,
+    name: str,
+    of: Annotated[str | None, Query(alias="object", max_length=64, description="only of this object")] = None,
+) -> Response:
+    """The labels of a task's objects."""
+    with services.store.read() as connection:
+        records = labels.all_of(connection, name, of)
+    return JSONResponse({"labels": [label_document(record) for record in records]})
+
+
+@router.delete(
+    PATH + "/{label_id}",
+    operation_id="delete_label",
+    status_code=204,
+    responses=problems(_404="no such task or label"),
+)
+def delete_label(services: Wired, name: str, label_id: str) -> Response:
+    """Delete a label. What was learned from it stays until the object is learned again."""
+    with services.store.write() as connection:
+        labels.remove(connection, name, label_id)
+    return Response(status_code=204)
+
+
+@learn_router.post(
+    PATH + "/learn",
+    operation_id="learn_from_labels",
+    response_model=LearnedLabelsOut,
+    responses=problems(
+        _404="no such task",
+        _409="the task changed meanwhile",
+        _422="the labels do not give a template, or an episode cannot be extracted with it",
+    ),
+)
+def learn_from_labels(services: Wired, name: str, body: Annotated[LearnLabelsBody, Body()]) -> Response:
+    """Learn what an object looks like from its last ten labels, and find it by that from now on.
+
+    Every stored episode is extracted again; if one cannot be, nothing changes. `left_out` of the model says which views
+    did not fit, and why.
+    """
+    model = services.learn_from_labels(name, body.object, body.symmetric, yaw_may_be_unknown=body.yaw_may_be_unknown)
+    services.prefix_warmer.changed(name)
+    advice = "" if len(model["views"]) >= FEW_VIEWS else f"{len(model['views'])} views: enough to try, three to rely on"
+    return JSONResponse({"object": body.object, "model": model, "advice": advice})
+
+
+def label_document(record: LabelRecord) -> JsonObject:
+    """A `LabelOut`."""
+    return {
+        "id": record.id,
+        "task": record.task,
+        "object": record.object,
+        "episode_id": record.episode_id,
+        "cameras": [
+            {"name": camera.name, "num_pixels": record.num_pixels.get(camera.name, 0)} for camera in record.cameras
+        ],
+        "yaw_deg": record.yaw_deg,
+        "created_at": record.created_at.isoformat(),
+    }
+
+
+def _draft(task: str, body: RequestBody, limits: Limits) -> LabelDraft:
+    """A label, checked and decoded."""
+    asked = LabelBody.model_validate(body.document)
+    checked_name("object", asked.object)
+    if (asked.episode_id is None) != bool(asked.cameras):
+        remedy = "episode_id, or cameras with their images"
+        raise InvalidInputError("episode_id", "and cameras are both given, or neither is", remedy)
+    limits.check_views([asked.object], [camera.name for camera in asked.cameras])
+    if asked.episode_id is None:
+        images = split_images(asked.cameras, body.parts)
+        frames = decode_frames(asked.cameras, images, limits.max_image_pixels)
+        for frame in frames:
+            check_rgbd(frame)
+        masks = {frame.camera.name: frame.mask for frame in frames if frame.mask is not None}
+    else:
+        images, frames = {}, ()
+        masks = {
+            _camera_of(part): decode_mask(part, data, limits.max_image_pixels) for part, data in body.parts.items()
+        }
+    return LabelDraft(
+        task,
+        asked.object,
+        asked.episode_id,
+        frames,
+        images,
+        masks,
+        asked.mask_ids,
+        asked.polygons,
+        asked.clicks,
+        asked.yaw_deg,
+    )
+
+
+def _camera_of(part: str) -> str:
+    if not part.startswith("mask_"):
+        raise InvalidInputError(part, "is not a part of a label of an episode", "metadata, mask_NAME")
+    return part.removeprefix("mask_")

@@ -1,0 +1,147 @@
+"""A pose, or the reason why there is none: what every part of the scene says of an object, weighed."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from app.perception.registered.candidates import candidates
+from app.perception.registered.cloud import Index
+from app.perception.registered.hypotheses import Hypothesis, hypotheses
+from app.perception.registered.poses import angle_deg
+from app.perception.registered.scene import LitScene
+from app.perception.registered.score import shares_seen
+from app.perception.registered.template import Template
+from app.pipeline.errors import ObjectNotVisibleError, UncertainPoseError
+from roboprompt_client.arrays import Array
+
+LEAST_SCORE, LEAST_SUPPORT = 0.72, 0.30
+USUAL_SCORE, SLACK = 0.97, 0.08  # of a template of one view; how far below its views' worst score a right pose may lie
+SAME_YAW_DEG, SAME_PLACE_M = 14.0, 0.02
+EXPLAINED_M = 0.015  # points nearer than this to the object in its pose are its own
+RIVAL_SCORE, RIVAL_MARGIN, RIVAL_SUPPORT = 0.55, 0.25, 0.12
+LIES_SCORE, LIES_BETTER = 0.6, 0.1  # lying; and by how much better than upright
+SEEN_SHARE = 0.12  # of the side that faces a camera: with less, the camera does not see it
+HELP_SEE = "a view in which more of it is seen, or a further camera"
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """An object that is at one place and nowhere else.
+
+    Attributes:
+        pose: (4, 4) template -> world.
+        shares: by camera, see `shares_seen`.
+        yaw_rivals: how many other yaws explain the scene as well; their greatest distance from the pose in m.
+    """
+
+    pose: Array
+    score: float
+    support: float
+    shares: dict[str, float]
+    yaw_rivals: int = 0
+    spread_m: float = 0.0
+
+    @property
+    def cameras(self) -> tuple[str, ...]:
+        """Those that see it."""
+        seeing = tuple(name for name, share in self.shares.items() if share >= SEEN_SHARE)
+        return seeing or (max(self.shares, key=self.shares.__getitem__),)
+
+
+def find(name: str, template: Template, lit: LitScene) -> Found:
+    """Where the object is.
+
+    Raises:
+        ObjectNotVisibleError: if nothing has its colors and shape.
+        UncertainPoseError: if too little of it is seen, it lies, or another place looks like it.
+    """
+    parts = candidates(template, lit)
+    places = sorted((hypotheses(template, lit, part) for part in parts), key=lambda place: -_rank(place[0]))
+    if not places:
+        raise ObjectNotVisibleError(name, _no_colors(template, lit), HELP_SEE)
+    best = places[0][0]
+    shares = shares_seen(template, lit, best.pose)
+    _check(name, template, lit, best, shares, parts)
+    rivals = [place[0] for place in places[1:]] + _leftover(template, lit, best)
+    _check_alone(name, best, rivals)
+    turned = yaw_rivals(template, places[0])
+    spread_m = max((float(np.linalg.norm(rival.origin_m - best.origin_m)) for rival in turned), default=0.0)
+    return Found(best.pose.matrix(0), best.value, best.support, shares, len(turned), spread_m)
+
+
+def yaw_rivals(template: Template, place: Sequence[Hypothesis]) -> list[Hypothesis]:
+    """Poses with another yaw that the evidence does not tell from the first."""
+    best, symmetry_deg = place[0], template.yaw_symmetry_deg
+    if symmetry_deg == 0:
+        return []
+    return [
+        other
+        for other in place[1:]
+        if angle_deg(best.rotation, other.rotation, symmetry_deg) > SAME_YAW_DEG and not best.beats(other)
+    ]
+
+
+def least_score(template: Template) -> float:
+    """Of a right pose."""
+    return max(LEAST_SCORE, min(template.scores, default=USUAL_SCORE) - SLACK)
+
+
+def _rank(hypothesis: Hypothesis) -> float:
+    return hypothesis.value * min(1.0, hypothesis.support / LEAST_SUPPORT)
+
+
+def _check(
+    name: str,
+    template: Template,
+    lit: LitScene,
+    best: Hypothesis,
+    shares: dict[str, float],
+    parts: Sequence[Index],
+) -> None:
+    """Refuse what does not look like the object, or shows too little of it."""
+    seen = ", ".join(f"{camera} {100 * share:.0f} %" for camera, share in shares.items())
+    if best.value < least_score(template):
+        if _lies(template, lit, parts[0], best):
+            raise UncertainPoseError(name, "it seems to lie on its side, and is found upright only", "it upright")
+        message = f"what looks most like it scores {best.value:.2f} of at least {least_score(template):.2f}"
+        remedy = "it upright on the table, uncovered; or labelled views in this light and from this side"
+        raise ObjectNotVisibleError(name, f"{message} (of its facing side agree: {seen})", remedy)
+    if best.support < LEAST_SUPPORT:
+        message = f"only {100 * best.support:.0f} % of the side that faces the cameras is seen ({seen})"
+        raise UncertainPoseError(name, f"{message}, at least {100 * LEAST_SUPPORT:.0f} % is needed", HELP_SEE)
+
+
+def _check_alone(name: str, best: Hypothesis, rivals: Sequence[Hypothesis]) -> None:
+    """Refuse if another place might be the object as well."""
+    for rival in rivals:
+        apart_m = float(np.linalg.norm(rival.origin_m - best.origin_m))
+        is_good = rival.value > max(RIVAL_SCORE, best.value - RIVAL_MARGIN) and rival.support > RIVAL_SUPPORT
+        if apart_m > SAME_PLACE_M and is_good:
+            places = " and ".join(_place(item) for item in (best, rival))
+            message = f"two places look like it, {100 * apart_m:.0f} cm apart: {places}"
+            raise UncertainPoseError(
+                name, message, "one of its kind in view, or labelled views that show the difference"
+            )
+
+
+def _place(hypothesis: Hypothesis) -> str:
+    x_m, y_m, _ = hypothesis.origin_m
+    return f"x = {x_m:.2f}, y = {y_m:.2f} m (score {hypothesis.value:.2f})"
+
+
+def _leftover(template: Template, lit: LitScene, best: Hypothesis) -> list[Hypothesis]:
+    """The best poses in what the found object does not explain: another that touches it."""
+    places_m = best.pose.to_template(lit.scene.points_m)[0]
+    off_m = np.linalg.norm(places_m - template.points_m[template.closest(places_m)], axis=1)
+    own = np.flatnonzero(off_m < EXPLAINED_M)
+    return [hypotheses(template, lit, part)[0] for part in candidates(template, lit, without=own)]
+
+
+def _lies(template: Template, lit: LitScene, part: Index, upright: Hypothesis) -> bool:
+    return hypotheses(template, lit, part, fallen=True)[0].value > max(LIES_SCORE, upright.value + LIES_BETTER)
+
+
+def _no_colors(template: Template, lit: LitScene) -> str:
+    cameras = ", ".join(view.camera.name for view in lit.scene.views)
+    return f"no camera ({cameras}) sees a part of {len(template)} points or a tenth of it that has its colors"

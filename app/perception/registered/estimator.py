@@ -1,0 +1,104 @@
+"""Objects by what they looked like, found in RGB-D images of one or more cameras together."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from scipy.spatial.transform import Rotation
+
+from app.perception.base import ObjectQuery, model_of
+from app.perception.object_model import ObjectModelError
+from app.perception.registered.decide import HELP_SEE, SAME_PLACE_M, Found, find
+from app.perception.registered.model import RegisteredModel, yaw_symmetry_deg
+from app.perception.registered.scene import Scene
+from app.perception.registered.template import Template
+from app.pipeline.errors import UncertainPoseError
+from app.pipeline.geometry import canonical_pose
+from roboprompt_client.camera import RgbdFrame
+from roboprompt_client.trajectory import ObjectPose
+
+NAME = "registered"
+TAUGHT = "a model that POST /tasks/{name}/labels/learn made"
+WELL_SEEN = 0.6  # support from which on nothing lowers the confidence
+
+
+@dataclass(frozen=True)
+class TaughtQuery(ObjectQuery):
+    """A query with the template that its model names."""
+
+    template: Template | None = None
+
+
+class RegisteredPoses:
+    """Registers templates to what stands on the table; the images are prepared once for all objects.
+
+    Objects stand upright, as in the views that taught them. An object's origin is the middle of what was seen of it, on
+    the axis of a round one.
+    """
+
+    def estimate(self, objects: Sequence[ObjectQuery], frames: Sequence[RgbdFrame]) -> tuple[ObjectPose, ...]:
+        """One pose per object; see `app.perception.base.PoseEstimator`.
+
+        Raises:
+            InvalidInputError: if a query has no template, or the images are unusable.
+            ObjectNotVisibleError, UncertainPoseError: see `app.perception.registered.decide.find`; also if the yaw is
+                undecided, or a single camera sees an object that is not round.
+        """
+        models = [model_of(query, RegisteredModel, TAUGHT) for query in objects]
+        templates = [_template_of(query) for query in objects]
+        scene = Scene.of(frames)
+        return tuple(
+            _pose(query.name, model, template, scene)
+            for query, model, template in zip(objects, models, templates, strict=True)
+        )
+
+
+def _template_of(query: ObjectQuery) -> Template:
+    if not isinstance(query, TaughtQuery) or query.template is None:
+        message = "names a template that is not stored here"
+        raise ObjectModelError(
+            query.name, message, f"a question to the task that was taught; {TAUGHT}", within="template"
+        )
+    return query.template
+
+
+def _pose(name: str, model: RegisteredModel, template: Template, scene: Scene) -> ObjectPose:
+    found = find(name, template, scene.in_light_of(template.table_rgb))
+    symmetry_deg = yaw_symmetry_deg(model.symmetric)
+    unknown = "" if symmetry_deg == 0 else _why_no_yaw(found)
+    _check_yaw(name, model, found, unknown)
+    confidence, reason = _confidence(found)
+    if confidence < model.min_confidence:
+        message = f"confidence {confidence:.2f} is below {model.min_confidence:g}: {reason}"
+        raise UncertainPoseError(name, message, HELP_SEE)
+    quaternion = None if unknown else Rotation.from_matrix(found.pose[:3, :3]).as_quat(canonical=True)
+    reason = "; ".join(filter(None, (reason, unknown)))
+    pose = ObjectPose(name, found.pose[:3, 3], quaternion, NAME, found.cameras, confidence, reason)
+    return canonical_pose(pose, symmetry_deg)
+
+
+def _why_no_yaw(found: Found) -> str:
+    """Why the yaw is not certain; empty if it is."""
+    if found.yaw_rivals:
+        return f"{found.yaw_rivals + 1} yaws explain what {', '.join(found.cameras)} show equally well"
+    if len(found.cameras) == 1:
+        return f"only {found.cameras[0]} sees it, and one camera does not decide a yaw"
+    return ""
+
+
+def _check_yaw(name: str, model: RegisteredModel, found: Found, unknown: str) -> None:
+    if not unknown:
+        return
+    if not model.yaw_may_be_unknown:
+        remedy = 'a further camera that sees it; symmetric: "yaw" if it is round; yaw_may_be_unknown: true'
+        raise UncertainPoseError(name, f"its yaw is undecided: {unknown}", remedy)
+    if found.spread_m > SAME_PLACE_M:
+        message = f"its yaw is undecided, and its place with it by {100 * found.spread_m:.0f} cm: {unknown}"
+        raise UncertainPoseError(name, message, HELP_SEE)
+
+
+def _confidence(found: Found) -> tuple[float, str]:
+    """0..1, and what lowers it."""
+    seen = min(1.0, found.support / WELL_SEEN)
+    confidence = min(1.0, found.score) * (0.6 + 0.4 * seen)
+    reason = "" if seen == 1 else f"{100 * found.support:.0f} % of the side that faces the cameras is seen"
+    return round(confidence, 3), reason

@@ -1,0 +1,80 @@
+"""What a task's settings hold of a registered object: where its template is stored, and how it came about."""
+
+from dataclasses import dataclass, field
+from typing import Annotated, Literal
+
+from pydantic import BeforeValidator, Field
+
+from app.perception.object_model import MIN_CONFIDENCE, Checked, Confidence, ObjectModel
+from app.perception.strict import WHOLE, Number, Truth
+from roboprompt_client.errors import InvalidInputError
+
+SYMMETRIES = '"none", "yaw" (the same all around), or degrees of a turn that leaves it unchanged, e.g. 180'
+MIN_SYMMETRY_DEG = 30.0  # what is rounder is round
+Share = Annotated[Number, Field(ge=0, le=1)]
+
+
+def yaw_symmetry_deg(symmetric: str | float) -> float | None:
+    """The turn about z that leaves pose and looks unchanged: 0 any, None none.
+
+    Raises:
+        InvalidInputError: if it is neither "none" nor "yaw", nor a number of which a whole turn is a multiple.
+    """
+    if symmetric in ("none", "yaw"):
+        return None if symmetric == "none" else 0.0
+    if isinstance(symmetric, bool) or not isinstance(symmetric, int | float):
+        raise InvalidInputError("", f"is {symmetric!r:.80}", SYMMETRIES)
+    turns = 360 / symmetric if symmetric else 0
+    if not (MIN_SYMMETRY_DEG <= symmetric <= 180 and abs(turns - round(turns)) < 1e-9):
+        raise InvalidInputError("", f"is {symmetric!r}", SYMMETRIES)
+    return float(symmetric)
+
+
+def _checked(symmetric: str | float) -> str | float:
+    yaw_symmetry_deg(symmetric)
+    return symmetric if isinstance(symmetric, str) else float(symmetric)
+
+
+Symmetric = Annotated[
+    str | float,
+    BeforeValidator(_checked, json_schema_input_type=Literal["none", "yaw"] | float),
+    Field(description=SYMMETRIES),
+]
+
+
+@dataclass(frozen=True)
+class LeftOutView(Checked):
+    """A labelled view that the template does not have.
+
+    Attributes:
+        label: its id.
+        reason: why, in words.
+    """
+
+    label: str
+    reason: str
+
+
+@dataclass(frozen=True)
+class RegisteredModel(ObjectModel):
+    """An object by what it looked like in labelled views; teaching makes it, see `POST /tasks/{name}/labels/learn`.
+
+    Attributes:
+        template: SHA-256 of the stored template.
+        symmetric: which turns about the vertical leave it unchanged.
+        yaw_may_be_unknown: give a pose without rotation where the images do not decide the yaw; refused otherwise.
+        views: the labels whose views the template has.
+        scores: 0..1, how well each further view agreed with those before.
+        left_out: the labels whose views did not fit.
+        min_confidence: a pose that is less certain is refused.
+    """
+
+    estimator: Literal["registered"] = field(default="registered", kw_only=True)
+    template: Annotated[str, Field(pattern="^[0-9a-f]{64}$", description="SHA-256 of a template, as teaching gives it")]
+    symmetric: Symmetric = "none"
+    yaw_may_be_unknown: Truth = False
+    views: Annotated[tuple[str, ...], Field(max_length=100)] = ()
+    scores: Annotated[tuple[Share, ...], Field(max_length=100)] = ()
+    left_out: Annotated[tuple[LeftOutView, ...], Field(max_length=100)] = ()
+    num_points: Annotated[int, Field(ge=0), WHOLE] = 0
+    min_confidence: Confidence = MIN_CONFIDENCE

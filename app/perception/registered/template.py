@@ -1,0 +1,162 @@
+"""What an object looked like: a colored cloud with normals, and depth images that show where it is not.
+
+The template's frame: z up, its origin in the middle of what was seen; on the axis of an object that looks the same all
+around. As a file it is an .npz without pickles.
+"""
+
+import io
+from dataclasses import dataclass, field
+from functools import cached_property
+from zipfile import BadZipFile
+
+import numpy as np
+import numpy.typing as npt
+from scipy import ndimage
+from scipy.spatial import cKDTree
+
+from app.perception.registered.cloud import VOXEL_M, Index
+from app.perception.registered.scene import to_lab
+from app.perception.registered.view import View
+from roboprompt_client.arrays import Array
+from roboprompt_client.camera import Camera
+from roboprompt_client.errors import InvalidInputError
+
+MARGIN_M = 0.03  # around the points, within which the nearest one is known
+DEPTH_UNIT_M = 1e-4  # of depths in the file: up to 6.5 m
+COLOR_CELL = 12.0  # Lab units: finer differences are one color of the object
+RARE_SHARE = 0.01  # of the points: fewer of one color are noise
+LAB_AS_M = 0.0006  # m that a Lab unit counts where place and color are compared together
+
+
+@dataclass(frozen=True, eq=False)
+class Template:
+    """The object as it was seen in one or more labelled views.
+
+    Attributes:
+        points_m, normals, rgb: (N, 3) in the template's frame; colors 0..255.
+        free_views: depth images whose "world" is the template's frame.
+        table_rgb: (3,) of the table in the views.
+        bottom_m: z of the table on which it stood.
+        scores: with which the further views were merged: what to expect of a right pose.
+        yaw_symmetry_deg: the turn about z that leaves it unchanged: 0 any, None none.
+    """
+
+    points_m: Array
+    normals: Array
+    rgb: Array
+    free_views: tuple[View, ...]
+    table_rgb: Array
+    bottom_m: float
+    scores: tuple[float, ...] = ()
+    yaw_symmetry_deg: float | None = None
+    _low_m: Array = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "_low_m", self.points_m.min(axis=0) - MARGIN_M)
+
+    def __len__(self) -> int:
+        return len(self.points_m)
+
+    @cached_property
+    def lab(self) -> Array:
+        """(N, 3)."""
+        return to_lab(self.rgb)
+
+    @cached_property
+    def width_m(self) -> float:
+        """The longest level distance between two of its points, about."""
+        return 2 * float(np.linalg.norm(self.points_m[:, :2] - self.points_m[:, :2].mean(axis=0), axis=1).max())
+
+    @cached_property
+    def palette(self) -> cKDTree:
+        """Its colors in Lab."""
+        cells, inverse, counts = np.unique(
+            np.floor(self.lab / COLOR_CELL), axis=0, return_inverse=True, return_counts=True
+        )
+        sums = np.stack([np.bincount(inverse, self.lab[:, axis], len(cells)) for axis in range(3)], axis=1)
+        frequent = counts >= min(RARE_SHARE * len(self), counts.max())
+        return cKDTree((sums / counts[:, None])[frequent])
+
+    @cached_property
+    def tree(self) -> cKDTree:
+        """Of places and colors together, (N, 6)."""
+        return cKDTree(np.concatenate([self.points_m, self.lab * LAB_AS_M], axis=1))
+
+    @cached_property
+    def _nearest(self) -> npt.NDArray[np.int32]:
+        """Per voxel the index of the nearest point."""
+        shape = np.ceil((self.points_m.max(axis=0) + MARGIN_M - self._low_m) / VOXEL_M).astype(int) + 1
+        cells = tuple(((self.points_m - self._low_m) / VOXEL_M).astype(int).T)
+        is_empty, index = np.ones(shape, bool), np.zeros(shape, np.int32)
+        is_empty[cells], index[cells] = False, np.arange(len(self))
+        where = ndimage.distance_transform_edt(is_empty, return_distances=False, return_indices=True)
+        nearest: npt.NDArray[np.int32] = index[tuple(where)]
+        return nearest
+
+    def closest(self, points_m: Array) -> Index:
+        """(...) index of about the nearest point to each of (..., 3)."""
+        cells = ((points_m - self._low_m) / VOXEL_M).astype(int)
+        cells = np.clip(cells, 0, np.array(self._nearest.shape) - 1)
+        index: Index = self._nearest[cells[..., 0], cells[..., 1], cells[..., 2]].astype(np.intp)
+        return index
+
+    def to_bytes(self) -> bytes:
+        """As a file; `from_bytes` is the inverse to 0.1 mm."""
+        arrays: dict[str, npt.NDArray[np.generic]] = {
+            "points_m": self.points_m.astype(np.float32),
+            "normals": self.normals.astype(np.float32),
+            "rgb": np.rint(self.rgb).astype(np.uint8),
+            "table_rgb": self.table_rgb,
+            "bottom_m": np.array(self.bottom_m),
+            "scores": np.array(self.scores),
+            "yaw_symmetry_deg": np.array(np.nan if self.yaw_symmetry_deg is None else self.yaw_symmetry_deg),
+        }
+        for number, view in enumerate(self.free_views):
+            camera = view.camera
+            arrays[f"pose_{number}"] = camera.camera_to_world
+            arrays[f"intrinsics_{number}"] = np.array([camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px])
+            units = np.rint(view.nearest_m / DEPTH_UNIT_M)
+            arrays[f"nearest_{number}"] = np.where(units < 2**16, units, 0).astype(np.uint16)
+        file = io.BytesIO()
+        np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
+        return file.getvalue()
+
+    @classmethod
+    def from_bytes(cls, data: bytes) -> "Template":
+        """Of a file.
+
+        Raises:
+            InvalidInputError: if it is no template.
+        """
+        try:
+            with np.load(io.BytesIO(data), allow_pickle=False) as file:
+                arrays = {name: file[name] for name in file.files}
+            return cls._from_arrays(arrays)
+        except (EOFError, KeyError, ValueError, OSError, BadZipFile) as error:
+            raise InvalidInputError("template", f"is no template ({error})", "one that was learned here") from None
+
+    @classmethod
+    def _from_arrays(cls, arrays: dict[str, Array]) -> "Template":
+        points_m, normals, rgb = (arrays[name].astype(np.float64) for name in ("points_m", "normals", "rgb"))
+        count = sum(name.startswith("pose_") for name in arrays)
+        views = (
+            _free_view(n, *(arrays[f"{part}_{n}"] for part in ("pose", "intrinsics", "nearest"))) for n in range(count)
+        )
+        symmetry_deg = float(arrays["yaw_symmetry_deg"])
+        return cls(
+            points_m,
+            normals,
+            rgb,
+            tuple(views),
+            arrays["table_rgb"],
+            float(arrays["bottom_m"]),
+            tuple(arrays["scores"].tolist()),
+            None if np.isnan(symmetry_deg) else symmetry_deg,
+        )
+
+
+def _free_view(number: int, camera_to_template: Array, intrinsics: Array, nearest: Array) -> View:
+    fx_px, fy_px, cx_px, cy_px = intrinsics.tolist()
+    camera = Camera(f"view_{number}", fx_px, fy_px, cx_px, cy_px, camera_to_template)
+    nearest_m = (nearest * DEPTH_UNIT_M).astype(np.float32)
+    return View(camera, nearest_m, nearest_m, np.zeros((0, 0, 3), np.uint8))

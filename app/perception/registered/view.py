@@ -1,0 +1,93 @@
+"""One camera's images, prepared: reduced to what a search needs, flying pixels removed."""
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from roboprompt_client.arrays import Array
+from roboprompt_client.camera import Camera, RgbdFrame
+
+WIDTH_PX = 800  # wider images are reduced by a whole factor
+FLYING_STEP_M = 0.02  # between neighbors: a pixel there lies on neither side
+FARTHEST_M = 5.0  # what is farther counts as so far
+NEAREST_PX = 5  # side of the window in which a depth is the least
+DepthImage = npt.NDArray[np.float32]
+RgbImage = npt.NDArray[np.uint8]
+
+
+class Seen(NamedTuple):
+    """What a depth image has where points appear; all of the points' shape (...).
+
+    Attributes:
+        depth_m: 0 where unknown, or beyond the image.
+        nearest_m: the least depth around the pixel, 0 where one of them is unknown.
+        point_m: the point's own depth along the optical axis.
+        rows, columns: of the pixel, within the image.
+    """
+
+    depth_m: Array
+    nearest_m: Array
+    point_m: Array
+    rows: npt.NDArray[np.intp]
+    columns: npt.NDArray[np.intp]
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """A depth image with its calibrated camera.
+
+    Attributes:
+        depth_m, nearest_m: (H, W), see `Seen`.
+        rgb: (H, W, 3) the mean of 3 x 3 pixels; empty (0, 0, 3) in a template's views.
+        mask: (H, W) of the labelled object, or None.
+    """
+
+    camera: Camera
+    depth_m: DepthImage
+    nearest_m: DepthImage
+    rgb: RgbImage
+    mask: npt.NDArray[np.bool_] | None = None
+
+    @classmethod
+    def of(cls, frame: RgbdFrame) -> "View":
+        """Of a frame with color and depth; its mask ids other than 0 are the object's."""
+        assert frame.rgb is not None
+        assert frame.depth_m is not None
+        step = -(-frame.depth_m.shape[1] // WIDTH_PX)
+        reduced_m = np.minimum(frame.depth_m[::step, ::step], np.float32(FARTHEST_M))
+        depth_m = _without_flying(np.ascontiguousarray(reduced_m, np.float32))
+        rgb = np.asarray(cv2.blur(frame.rgb, (max(3, step),) * 2)[::step, ::step], np.uint8)
+        nearest_m = np.asarray(cv2.erode(depth_m, np.ones((NEAREST_PX, NEAREST_PX))), np.float32)
+        mask = None if frame.mask is None else frame.mask[::step, ::step] != 0
+        return cls(_reduced(frame.camera, step), depth_m, nearest_m, np.ascontiguousarray(rgb), mask)
+
+    @property
+    def eye_m(self) -> Array:
+        """(3,) where the camera stands."""
+        return self.camera.camera_to_world[:3, 3]
+
+    def look_up(self, points_m: Array) -> Seen:
+        """What the image has where points (..., 3) of its world frame appear."""
+        pixels, point_m = self.camera.project(points_m)
+        height, width = self.depth_m.shape
+        inside = (point_m > 0) & (pixels > -0.5).all(axis=-1) & (pixels < (width - 0.5, height - 0.5)).all(axis=-1)
+        columns, rows = (
+            np.rint(np.where(inside[..., None], pixels, 0)).astype(np.intp).transpose(-1, *range(inside.ndim))
+        )
+        depth_m, nearest_m = self.depth_m[rows, columns], self.nearest_m[rows, columns]
+        return Seen(np.where(inside, depth_m, 0), np.where(inside, nearest_m, 0), point_m, rows, columns)
+
+
+def _without_flying(depth_m: DepthImage) -> DepthImage:
+    window = np.ones((3, 3))
+    near, far = cv2.erode(depth_m, window), cv2.dilate(depth_m, window)
+    return np.where((far - near > FLYING_STEP_M) | (near == 0), np.float32(0), depth_m)
+
+
+def _reduced(camera: Camera, step: int) -> Camera:
+    """The camera of an image of which every step-th pixel is kept."""
+    intrinsics = {name: getattr(camera, name) / step for name in ("fx_px", "fy_px", "cx_px", "cy_px")}
+    return replace(camera, **intrinsics, image_size_px=None)

@@ -1,0 +1,244 @@
+"""Which of several plans a scene calls for: that of the demonstration which is most like it in what parts the plans.
+
+What parts them is one quantity of the scene, along which each plan has a stretch of its own: the place or the yaw of an
+object, alone or seen from another. Or it is all places together, if the nearest scene has the same plan. A quantity
+that parts them by chance does not count; plans that none parts are not chosen by the scene.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from app.pipeline.episode import Demonstration
+from app.pipeline.plans.rows import plan_rows
+from roboprompt_client import quaternions
+from roboprompt_client.arrays import Array
+from roboprompt_client.trajectory import ObjectPose
+
+PARTED_SHARE = 0.8  # of the demonstrations are where their plan is
+COMPARED = 3  # demonstrations of a plan are enough to see how it acts
+ALIKE_M, ALIKE_DEG = 0.04, 20.0  # hands that act within these of their center act alike
+CHANCE = 0.05  # that some quantity parts the plans as well though it has nothing to do with them
+SHUFFLES = 1000
+VARIES = {"m": 0.02, "deg": 10.0}  # what varies by less parts nothing
+NEAR = {"m": 0.03, "deg": 15.0}  # of a demonstration: as good as shown
+NEAR_SPACINGS = 2.0  # the same, in spacings of the demonstrations of the plan
+FAR = {"m": 0.15, "deg": 45.0}  # from every demonstration: rows have not been shown to hold there
+BETWEEN = 0.5  # of the distance to the nearest other plan: from here on it might be that one
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """Something of a scene that can be compared.
+
+    Attributes:
+        axis: 0 to 2: the object's x, y or z in metres; 3: its yaw in degrees; None: the places of all objects.
+        seen_from: another object, which the first is compared with.
+    """
+
+    axis: int | None
+    object_name: str = ""
+    seen_from: str = ""
+
+    @property
+    def unit(self) -> str:
+        """Of its values."""
+        return "deg" if self.axis == 3 else "m"
+
+    @property
+    def text(self) -> str:
+        """For people."""
+        if self.axis is None:
+            return "the objects' places"
+        seen = f" seen from {self.seen_from}" if self.seen_from else ""
+        return f"the {('x', 'y', 'z', 'yaw')[self.axis]} of {self.object_name}{seen}"
+
+    def of(self, objects: Sequence[ObjectPose]) -> Array:
+        """(D,) its values in a scene."""
+        if self.axis is None:
+            return np.concatenate([pose.position_m for pose in objects])
+        value = self._of(self.object_name, objects)
+        return np.array([value - self._of(self.seen_from, objects) if self.seen_from else value])
+
+    def _of(self, name: str, objects: Sequence[ObjectPose]) -> float:
+        pose = next(pose for pose in objects if pose.name == name)
+        if self.axis == 3:
+            assert pose.quaternion_xyzw is not None
+            return math.degrees(quaternions.yaw_rad(pose.quaternion_xyzw))
+        return float(pose.position_m[self.axis or 0])
+
+    def apart(self, one: Array, other: Array) -> Array:
+        """(...) how far values (..., D) are from each other."""
+        if self.axis is None:
+            ways_m = (one - other).reshape(*np.broadcast_shapes(one.shape, other.shape)[:-1], -1, 3)
+            between_m: Array = np.linalg.norm(ways_m, axis=-1).sum(axis=-1)
+            return between_m
+        off = (one - other)[..., 0]
+        return np.abs((off + 180) % 360 - 180 if self.axis == 3 else off)
+
+
+@dataclass(frozen=True, eq=False)
+class Parting:
+    """Demonstrations of like instructions, and what of their scenes parts their plans.
+
+    Attributes:
+        ways: (N,) which way of doing it each follows, counted from 0 in their order.
+        values: (N, D) of the quantity in the demonstrations.
+        share: of the demonstrations that are where their way is.
+        clear: 0 to 1: how much farther the nearest of another plan is than the nearest of the same.
+    """
+
+    demonstrations: tuple[Demonstration, ...]
+    quantity: Quantity
+    ways: Array
+    values: Array
+    share: float
+    clear: float
+
+    def from_scene(self, objects: Sequence[ObjectPose]) -> Array:
+        """(N,) how far a scene is from each demonstration's."""
+        return self.quantity.apart(self.values, self.quantity.of(objects))
+
+    def near(self, way: int) -> float:
+        """How far a scene may be from the nearest demonstration of a way to be like it."""
+        of_way = self.values[self.ways == way]
+        between = self.quantity.apart(of_way[:, None], of_way[None])
+        np.fill_diagonal(between, np.inf)
+        spacing = float(np.median(between.min(axis=1))) if len(of_way) > 1 else 0.0
+        return max(NEAR[self.quantity.unit], NEAR_SPACINGS * spacing)
+
+
+def parting(demonstrations: Sequence[Demonstration]) -> Parting | None:
+    """What parts the plans of demonstrations of like instructions.
+
+    None if nothing does, they have one plan, or their instructions name other objects or in another order.
+    """
+    if len({demonstration.order.objects for demonstration in demonstrations}) != 1:
+        return None
+    ways = ways_of(demonstrations)
+    if (np.bincount(ways) > 1).sum() < 2:
+        return None
+    quantities = _quantities(demonstrations)
+    found = [_by_one(demonstrations, ways, quantity, len(quantities)) for quantity in quantities]
+    found.append(_by_all_places(demonstrations, ways))
+    return max((one for one in found if one is not None), key=lambda one: (one.share, one.clear), default=None)
+
+
+def ways_of(demonstrations: Sequence[Demonstration]) -> Array:
+    """(N,) which way each demonstration does it: plans whose hands act alike, however they come there, are one."""
+    plans = list(dict.fromkeys(demonstration.kind for demonstration in demonstrations))
+    groups = [[d for d in demonstrations if d.kind == plan] for plan in plans]
+    found: list[list[Demonstration]] = []
+    for group in groups:
+        alike = next((way for way in found if _act_alike([*way[:COMPARED], *group[:COMPARED]])), None)
+        if alike is None:
+            found.append(list(group))
+        else:
+            alike += group
+    return np.array([next(k for k, way in enumerate(found) if one in way) for one in demonstrations])
+
+
+def _act_alike(demonstrations: Sequence[Demonstration]) -> bool:
+    """Whether grasps and releases are the same, seen from what they follow."""
+    states = {tuple(action.gripper_open for action in demonstration.actions) for demonstration in demonstrations}
+    if len(states) > 1:
+        return False
+    shown = next(iter(states))
+    rows = plan_rows(demonstrations)
+    acting = [row for k, row in enumerate(rows) if k and shown[k] != shown[k - 1]]
+    return bool(acting) and all(row.off_deg.max() <= ALIKE_DEG and row.off_m.max() <= ALIKE_M for row in acting)
+
+
+def _by_all_places(demonstrations: Sequence[Demonstration], ways: Array) -> Parting | None:
+    """The ways as all places together part them: the demonstration with the nearest others does it the same way."""
+    quantity = Quantity(None)
+    values, between = _compared(demonstrations, quantity)
+    judged = np.bincount(ways)[ways] > 1  # a way of one demonstration has no other of its kind
+    same = ways == ways[between.argmin(axis=1)]
+    rarest = min(float(same[ways == way].mean()) for way in set(ways[judged].tolist()))
+    share = float(same[judged].mean())
+    if min(share, rarest) < PARTED_SHARE:
+        return None
+    return Parting(tuple(demonstrations), quantity, ways, values, share, _clear(ways, between))
+
+
+def _by_one(
+    demonstrations: Sequence[Demonstration], ways: Array, quantity: Quantity, num_quantities: int
+) -> Parting | None:
+    """The ways as one quantity parts them: in its order each has a stretch of its own, and not by chance."""
+    values, between = _compared(demonstrations, quantity)
+    order, is_circle = np.argsort(values[:, 0], kind="stable"), quantity.axis == 3
+    fewest = len(set(ways.tolist())) - (not is_circle)
+    changes = int(_changes(ways[order], is_circle=is_circle))
+    share = 1 - (changes - fewest) / len(ways)
+    if share < PARTED_SHARE:
+        return None
+    clear = _clear(ways, between)
+    shuffled = np.random.default_rng(0).permuted(np.tile(ways, (SHUFFLES, 1)), axis=1)
+    as_few = shuffled[_changes(shuffled, is_circle=is_circle) <= changes]
+    as_clear = sum(_clear(other[np.argsort(order)], between) >= clear for other in as_few)
+    chance = (1 + as_clear) / (1 + SHUFFLES)
+    if num_quantities * chance > CHANCE:
+        return None
+    return Parting(tuple(demonstrations), quantity, ways, values, share, clear)
+
+
+def _compared(demonstrations: Sequence[Demonstration], quantity: Quantity) -> tuple[Array, Array]:
+    """The values (N, D) of a quantity and how far they are apart (N, N), of themselves infinitely."""
+    values = np.array([quantity.of(demonstration.objects) for demonstration in demonstrations])
+    between = quantity.apart(values[:, None], values[None])
+    np.fill_diagonal(between, np.inf)
+    return values, between
+
+
+def _changes(ways: Array, *, is_circle: bool) -> Array:
+    """(...) how often neighbors in rows (..., N) differ."""
+    changes: Array = (np.diff(ways, axis=-1) != 0).sum(axis=-1)
+    return changes + (ways[..., 0] != ways[..., -1]) if is_circle else changes
+
+
+def _clear(ways: Array, between: Array) -> float:
+    """0 to 1: how much farther the nearest of another way is than the nearest of the same."""
+    alike = ways[:, None] == ways[None]
+    several = np.bincount(ways)[ways] > 1
+    own, others = (np.where(which, between, np.inf).min(axis=1)[several] for which in (alike, ~alike))
+    return float(np.mean(others / np.maximum(own + others, 1e-12)))
+
+
+def _quantities(demonstrations: Sequence[Demonstration]) -> list[Quantity]:
+    """Places and yaws of the objects that rows of some plan follow, and of each pair of them."""
+    groups = [[d for d in demonstrations if d.kind == kind] for kind in dict.fromkeys(d.kind for d in demonstrations)]
+    followed = {anchor.object_name for group in groups for row in plan_rows(group) for anchor in row.anchors}
+    poses = [pose for pose in demonstrations[0].objects if pose.name in followed]
+    unturned = {pose.name for d in demonstrations for pose in d.objects if pose.quaternion_xyzw is None}
+    single = [Quantity(axis, pose.name) for pose in poses for axis in range(3 + (pose.name not in unturned))]
+    moving = [one for one in single if _varies(one, demonstrations)]
+    pairs = [
+        Quantity(one.axis, one.object_name, other.object_name)
+        for one, other in combinations(moving, 2)
+        if one.axis == other.axis
+    ]
+    return [*moving, *(pair for pair in pairs if _varies(pair, demonstrations))]
+
+
+def _varies(quantity: Quantity, demonstrations: Sequence[Demonstration]) -> bool:
+    values = np.array([quantity.of(demonstration.objects) for demonstration in demonstrations])
+    return bool(quantity.apart(values, values[0]).max() > VARIES[quantity.unit])
+
+
+def said(value: float, unit: str) -> str:
+    """A value for people."""
+    return f"{value:.0f} degrees" if unit == "deg" else f"{100 * value:.1f} cm"
+
+
+def range_text(values_deg_or_m: Array, unit: str) -> str:
+    """The range of values (N, 1), across the turn of a circle where it is shorter."""
+    values = values_deg_or_m[:, 0]
+    if unit == "deg":
+        middle = math.degrees(np.angle(np.exp(1j * np.radians(values)).mean()))
+        values = middle + (values - middle + 180) % 360 - 180
+    low, high = values.min(), values.max()
+    return said(low, unit) if math.isclose(low, high) else f"{said(low, unit)} .. {said(high, unit)}"

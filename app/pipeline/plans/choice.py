@@ -1,0 +1,157 @@
+"""What prompts show of demonstrations of several plans, scene by scene, and why; and what of them no prompt shows."""
+
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+from app.pipeline.episode import Demonstration
+from app.pipeline.findings import Finding
+from app.pipeline.findings.rules import (
+    FEW_DEMONSTRATIONS,
+    LEFT_OUT,
+    MANY_ROWS,
+    NO_COMMON_PLAN,
+    PLAN_OF_SCENE,
+    SCENE_BETWEEN,
+    SCENE_BEYOND,
+)
+from app.pipeline.plans import shown_together
+from app.pipeline.plans.by_scene import BETWEEN, FAR, Parting, parting, range_text, said
+from roboprompt_client.motion_limits import MAX_ACTIONS
+from roboprompt_client.trajectory import ObjectPose
+
+MAX_WARMED = 4  # plans whose prompts a model reads beforehand
+FEW = 3  # demonstrations, from which on it is known what a row follows
+MAX_USUAL_ROWS = 20
+COMMON_SHARE = 1 / 2
+LISTED = 5  # demonstrations that a sentence names
+
+
+@dataclass(frozen=True, eq=False)
+class PlanChoice:
+    """What a prompt shows.
+
+    Attributes:
+        findings: why, and what is doubtful about it.
+    """
+
+    shown: tuple[Demonstration, ...]
+    findings: tuple[Finding, ...] = ()
+
+
+class PlanChooser:
+    """Demonstrations with aligned rows, of which a prompt shows the plans that a scene calls for.
+
+    Plans are chosen where like instructions name the same objects in the same order, and something in their scenes
+    parts their plans; otherwise every prompt shows the usual plan and others that are not rare.
+    """
+
+    def __init__(self, demonstrations: Sequence[Demonstration]) -> None:
+        self._all = tuple(demonstrations)
+        self._usual = shown_together(self._all)
+        self._found: dict[tuple[int, ...], PlanChoice] = {}
+
+    def __call__(self, objects: Sequence[ObjectPose]) -> PlanChoice:
+        """What is shown in a scene; without objects the way with most demonstrations."""
+        chosen = [_chosen(parted, objects) if objects else (_usual(parted)[0], []) for parted in self._parted]
+        choice = self._of_ways(tuple(way for way, _ in chosen))
+        return replace(choice, findings=(*(found for _, findings in chosen for found in findings), *choice.findings))
+
+    def likely(self) -> list[PlanChoice]:
+        """What is shown in scenes of the ways with most demonstrations, those first."""
+        if not self._parted:
+            return [self._of_ways(())]
+        first, *others = self._parted
+        return [self._of_ways((way, *(_usual(other)[0] for other in others))) for way in _usual(first)[:MAX_WARMED]]
+
+    def _of_ways(self, ways: tuple[int, ...]) -> PlanChoice:
+        """What is shown of the ways that were chosen where something parts them; worked out once."""
+        if (found := self._found.get(ways)) is None:
+            left_out = {d.id for d in self._never_shown}.union(
+                *(_not_of(way, parted) for way, parted in zip(ways, self._parted, strict=True))
+            )
+            shown = tuple(d for d in self._all if d.id not in left_out)
+            found = self._found[ways] = PlanChoice(shown, tuple(self._doubts(shown)))
+        return found
+
+    @cached_property
+    def _parted(self) -> list[Parting]:
+        """Of each form of instruction what parts its plans, where something does."""
+        groups: dict[str, list[Demonstration]] = defaultdict(list)
+        for demonstration in self._all:
+            groups[demonstration.order.form].append(demonstration)
+        return [found for group in groups.values() if (found := parting(group)) is not None]
+
+    @cached_property
+    def _never_shown(self) -> tuple[Demonstration, ...]:
+        parted = {d.id for one in self._parted for d in one.demonstrations}
+        usual = {d.id for d in self._usual}
+        return tuple(d for d in self._all if d.id not in parted and d.id not in usual)
+
+    def _doubts(self, shown: Sequence[Demonstration]) -> Iterator[Finding]:
+        rows = max((len(demonstration.actions) for demonstration in shown), default=0)
+        if len(shown) < FEW:
+            message = (
+                f"The prompt shows {len(shown)} demonstration{'s' if len(shown) > 1 else ''} of the plan: with fewer"
+                f" than {FEW} it is not known what a row follows. Record more in scenes like this one."
+            )
+            yield FEW_DEMONSTRATIONS.finding(message, "demonstrations", {"demonstrations": len(shown)})
+        if rows > MAX_USUAL_ROWS:
+            message = f"The plan takes {rows} rows; a reply may have {MAX_ACTIONS}: the longer, the more goes wrong."
+            yield MANY_ROWS.finding(message, "demonstrations", {"rows": rows})
+        if never := self._never_shown:
+            yield from _left_out(never, len(self._all))
+
+
+def _usual(parted: Parting) -> list[int]:
+    """The ways, those with most demonstrations first."""
+    return [way for way, _ in Counter(parted.ways.tolist()).most_common()]
+
+
+def _not_of(way: int, parted: Parting) -> set[str]:
+    """The ids of demonstrations that do it in another way."""
+    return {d.id for d, other in zip(parted.demonstrations, parted.ways, strict=True) if other != way}
+
+
+def _chosen(parted: Parting, objects: Sequence[ObjectPose]) -> tuple[int, list[Finding]]:
+    """The way of the demonstration that is most like the scene, and what to say of it."""
+    quantity, apart = parted.quantity, parted.from_scene(objects)
+    way = int(parted.ways[apart.argmin()])
+    own = parted.ways == way
+    unit, off, other = quantity.unit, float(apart[own].min()), float(apart[~own].min())
+    plan, plans = way + 1, int(parted.ways.max()) + 1
+    numbers = {"plan": plan, "plans": plans, f"apart_{unit}": off, f"other_plan_{unit}": other}
+    where = f"objects[{quantity.object_name}]" if quantity.object_name else "objects"
+    if quantity.axis is None:
+        here, shown = f"{quantity.text} are {said(off, unit)} from", f"those of {int(own.sum())} demonstrations"
+    else:
+        here = f"{quantity.text} is {said(float(quantity.of(objects)[0]), unit)}, near"
+        shown = range_text(parted.values[own], unit)
+    message = f"Plan {plan} of {plans} is shown: {here} {shown}"
+    far = off > max(FAR[unit], parted.near(way))
+    if not far and off <= max(BETWEEN * other, parted.near(way)):
+        return way, [PLAN_OF_SCENE.finding(f"{message}.", where, numbers)]
+    message += (
+        f", but {said(off, unit)} from the nearest of these; the nearest of another plan is {said(other, unit)} away."
+        " Demonstrate in scenes like this one."
+    )
+    if far:
+        return way, [SCENE_BEYOND.finding(message, where, numbers)]
+    return way, [SCENE_BETWEEN.finding(message, where, numbers)]
+
+
+def _left_out(never: Sequence[Demonstration], number: int) -> Iterator[Finding]:
+    named = ", ".join(demonstration.id for demonstration in never[:LISTED])
+    more = f" and {len(never) - LISTED} more" if never[LISTED:] else ""
+    message = (
+        f"{len(never)} of {number} demonstrations are not shown, since they are done in another way than most and"
+        f" nothing in their scenes tells when: {named}{more}."
+    )
+    yield LEFT_OUT.finding(message, "demonstrations", {"left_out": len(never), "demonstrations": number})
+    if number - len(never) <= COMMON_SHARE * number:
+        message = (
+            f"No more than half of the {number} demonstrations are carried out in the way that is shown: demonstrate it"
+            " in one way, and send every object whose place decides between ways."
+        )
+        yield NO_COMMON_PLAN.finding(message, "demonstrations", {"demonstrations": number})

@@ -1,0 +1,116 @@
+"""Motion that a page plays: of an episode as it was recorded, of a prediction before a robot carries it out.
+
+A document for `static/player.js`: times in seconds and, for each, the hand's pose and gripper in the world frame, and
+where the arm's joints stand if the arm is known.
+"""
+
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from itertools import pairwise
+
+import numpy as np
+from scipy.spatial.transform import Rotation, Slerp
+
+from app.services.task_settings import TaskSettings
+from app.store.records import PredictionRecord
+from app.store.values import JsonObject
+from roboprompt_client.arms.panda import PandaGeometry, flange, franka_hand, skeleton
+from roboprompt_client.arrays import Array
+from roboprompt_client.errors import MotionError
+from roboprompt_client.trajectory import Trajectory
+
+MAX_MOMENTS = 1500  # of a recording: the page moves straight between them
+JOINTS = 7  # of the arms whose kinematics are known
+HAND_M_S, HAND_RAD_S = 0.25, 1.0  # how fast a prediction is played
+GRIPPER_S = 0.5  # how long the hand rests where its gripper opens or closes
+STEP_S = 0.1
+
+
+def recorded_motion(trajectory: Trajectory, times_s: Array, settings: TaskSettings) -> JsonObject:
+    """An episode's motion at so many moments as a page can show.
+
+    Args:
+        times_s: (T,) of the trajectory's frames.
+    """
+    chosen = np.unique(np.linspace(0, len(trajectory) - 1, min(len(trajectory), MAX_MOMENTS)).round().astype(int))
+    joints, arm = trajectory.joint_positions_rad, None
+    if joints is not None and settings.arm is not None and joints.shape[1] == JOINTS:
+        arm = np.array([skeleton(joints[index]) for index in chosen]) + settings.robot_base
+    return _document(
+        times_s[chosen],
+        trajectory.positions_m[chosen],
+        trajectory.quaternions_xyzw[chosen],
+        trajectory.gripper_open[chosen].tolist(),
+        arm,
+    )
+
+
+def planned_motion(record: PredictionRecord, settings: TaskSettings) -> JsonObject | None:
+    """A prediction's actions, the hand going straight from one to the next; None without actions.
+
+    It begins where the request says that the hand was, else at the arm's ready pose if the arm is known, else at the
+    first action. The arm is shown as far as it gets.
+    """
+    actions = record.actions or ()
+    if not actions:
+        return None
+    poses = [(np.array(item["position"]), np.array(item["quaternion_xyzw"]), item["gripper_open"]) for item in actions]
+    geometry = None if settings.arm is None else PandaGeometry(settings.arm)
+    base_m = np.array(settings.robot_base)
+    if (hand := record.request.get("end_effector")) is not None:
+        poses.insert(0, (np.array(hand["position"]), np.array(hand["quaternion_xyzw"]), True))
+    elif geometry is not None:
+        ready = flange(geometry.ready_rad)[0] @ franka_hand()
+        poses.insert(0, (ready[:3, 3] + base_m, Rotation.from_matrix(ready[:3, :3]).as_quat(), True))
+    times_s = _arrivals_s(poses)
+    moments_s = np.unique(np.concatenate([np.arange(0, times_s[-1], STEP_S), times_s]))
+    places = np.array([position for position, _, _ in poses])
+    positions = np.stack([np.interp(moments_s, times_s, places[:, k]) for k in range(3)], axis=1)
+    turns = Rotation.from_quat([quaternion for _, quaternion, _ in poses])
+    quaternions = Slerp(times_s, turns)(moments_s).as_quat() if len(poses) > 1 else turns.as_quat()
+    # The gripper acts where it arrives.
+    reached = np.searchsorted(times_s, moments_s + 1e-9, side="right") - 1
+    is_open = [bool(poses[index][2]) for index in reached]
+    arm = None if geometry is None else _arm(geometry, positions - base_m, quaternions)
+    document = _document(moments_s, positions, quaternions, is_open, None if arm is None else arm + base_m)
+    return {**document, "marks_s": times_s[len(poses) - len(actions) :].round(3).tolist()}
+
+
+def _arrivals_s(poses: Sequence[tuple[Array, Array, bool]]) -> Array:
+    """When the hand is at each pose."""
+    times_s = [0.0]
+    for (start_m, start, was_open), (end_m, end, is_open) in pairwise(poses):
+        turn_rad = float((Rotation.from_quat(start).inv() * Rotation.from_quat(end)).magnitude())
+        way_s = max(float(np.linalg.norm(end_m - start_m)) / HAND_M_S, turn_rad / HAND_RAD_S, STEP_S)
+        times_s.append(times_s[-1] + way_s + (GRIPPER_S if was_open != is_open else 0.0))
+    return np.array(times_s)
+
+
+def _arm(geometry: PandaGeometry, positions_m: Array, quaternions_xyzw: Array) -> Array | None:
+    """(M, 9, 3) the arm at the first M poses, base frame: up to where it gets; None if not even to the first."""
+    found: list[Array] = []
+    with suppress(MotionError):
+        found.extend(_skeletons(geometry, positions_m, quaternions_xyzw))
+    return np.array(found) if found else None
+
+
+def _skeletons(geometry: PandaGeometry, positions_m: Array, quaternions_xyzw: Array) -> Iterator[Array]:
+    joints = geometry.ready_rad
+    for position_m, quaternion in zip(positions_m, quaternions_xyzw, strict=True):
+        joints = geometry.way(joints, position_m, quaternion)
+        yield skeleton(joints)
+
+
+def _document(
+    times_s: Array, positions_m: Array, quaternions_xyzw: Array, is_open: list[bool], arm_m: Array | None
+) -> JsonObject:
+    spans_s = np.diff(times_s)
+    speeds = np.linalg.norm(np.diff(positions_m, axis=0), axis=1) / np.maximum(spans_s, 1e-6)
+    return {
+        "times_s": times_s.round(3).tolist(),
+        "positions": positions_m.round(4).tolist(),
+        "quaternions": quaternions_xyzw.round(4).tolist(),
+        "open": is_open,
+        "speeds_m_s": np.append(speeds, speeds[-1:]).round(4).tolist() if len(speeds) else [0.0],
+        "arm": None if arm_m is None else arm_m.round(3).tolist(),
+    }

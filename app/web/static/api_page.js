@@ -1,0 +1,5 @@
+// The API's own documentation within the pages: Swagger UI from its installed package.
+
+import { root } from "./api.js";
+
+window.SwaggerUIBundle({ url: `${root}/openapi.json`, dom_id: "#swagger-ui", deepLinking: true });

@@ -1,0 +1,108 @@
+// A task's settings: what would change is listed and drawn before it is applied, and can be undone.
+
+import { ProblemError, call } from "./api.js";
+import { data, element, say, sayProblem } from "./dom.js";
+import { drawScene } from "./scene3d.js";
+
+const byId = (id) => document.getElementById(id);
+const form = byId("settings");
+const scene = data("scene");
+let stored = data("stored");
+let undone = null; // what brings back the settings before the last change
+
+function point(input, field) {
+  const values = input.value.split(/[\s,]+/).filter(Boolean).map(Number);
+  if (values.length === 3 && values.every(Number.isFinite)) return values;
+  const wrong = { field, message: `is “${input.value}”`, valid: "three numbers with blanks between them" };
+  throw new ProblemError({ title: "The form is not complete", errors: [wrong] });
+}
+
+/** The settings that the form says, in the API's words. Throws ProblemError for what cannot be read. */
+function wanted() {
+  const { arm, robot_base, preset, min, max, num_demonstrations } = form.elements;
+  const box = preset.value ? { preset: preset.value } : { min: point(min, "workspace.min"), max: point(max, "workspace.max") };
+  const boxes = [...form.querySelectorAll(".box")].map((group) => ({
+    min: point(group.querySelector("[name=low]"), "keep_out.min"),
+    max: point(group.querySelector("[name=high]"), "keep_out.max"),
+  }));
+  const words = (input) => input.value.split(",").map((word) => word.trim()).filter(Boolean);
+  const named = [...form.querySelectorAll("[name=alias]")].map((input) => [input.dataset.object, words(input)]);
+  return {
+    arm: arm.value || null,
+    robot_base: point(robot_base, "robot_base"),
+    workspace: box,
+    motion_limits: { keep_out: boxes },
+    aliases: Object.fromEntries(named.filter(([, others]) => others.length)),
+    num_demonstrations: num_demonstrations.valueAsNumber,
+  };
+}
+
+/** [name, before, after] of each setting that the form changes. */
+function changes(after) {
+  return Object.keys(after).filter((name) => JSON.stringify(stored[name]) !== JSON.stringify(after[name]));
+}
+
+const text = (value) => JSON.stringify(value).replaceAll('"', "").replaceAll(",", ", ");
+
+/** List what would change, and draw it. */
+function look() {
+  const { preset, min, max } = form.elements;
+  for (const input of [min, max]) input.closest(".field").hidden = Boolean(preset.value);
+  byId("state").replaceChildren();
+  try {
+    const after = wanted();
+    const names = changes(after);
+    const items = names.map((name) =>
+      element("li", {}, element("strong", {}, name), ` ${text(stored[name])} → ${text(after[name])}`),
+    );
+    byId("changes").replaceChildren(...(items.length ? [element("ul", {}, ...items)] : []));
+    byId("apply").disabled = !names.length;
+    const workspace = preset.value ? scene.workspace : after.workspace;
+    drawScene(byId("space-view"), { ...scene, workspace, boxes: after.motion_limits.keep_out });
+  } catch (error) {
+    byId("apply").disabled = true;
+    byId("changes").replaceChildren(error.problem?.errors?.[0]?.message ?? String(error));
+  }
+}
+
+async function put(json, said) {
+  say(byId("state"), "busy", "Applying…");
+  try {
+    const task = await call(`/tasks/${encodeURIComponent(form.dataset.task)}`, { method: "PUT", json });
+    stored = { ...stored, ...json };
+    if (task.version) byId("version").textContent = task.version;
+    look();
+    say(byId("state"), "good", said);
+    return true;
+  } catch (error) {
+    sayProblem(byId("state"), error);
+    return false;
+  }
+}
+
+form.addEventListener("submit", async (event) => {
+  event.preventDefault();
+  const after = wanted();
+  const names = changes(after);
+  const of = (settings) => Object.fromEntries(names.map((name) => [name, settings[name]]));
+  const before = of(stored);
+  if (!(await put(of(after), "Applied."))) return;
+  undone = before;
+  byId("undo").hidden = false;
+});
+byId("undo").addEventListener("click", async () => {
+  if (await put(undone, "Undone.")) location.reload();
+});
+byId("add").addEventListener("click", () => {
+  byId("boxes").append(byId("box").content.cloneNode(true));
+  byId("boxes").lastElementChild.querySelector("input").focus();
+  look();
+});
+byId("boxes").addEventListener("click", (event) => {
+  if (!event.target.matches(".remove")) return;
+  event.target.closest(".box").remove();
+  byId("add").focus();
+  look();
+});
+form.addEventListener("input", look);
+look();

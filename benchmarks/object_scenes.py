@@ -1,0 +1,275 @@
+"""Everyday objects of simple shapes on a table, as three depth cameras see them whose calibration is a little off."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import cv2
+import mujoco
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from app.sim.scene import COLOURS, Part, about_z, quaternion_wxyz
+from app.sim.world import CameraPlacement, camera_to_world
+from benchmarks.object_shapes import THINGS
+from roboprompt_client.arrays import Array
+from roboprompt_client.camera import Camera, RgbdFrame
+
+WIDTH_PX, HEIGHT_PX, FOCAL_PX, BASELINE_M = 640, 480, 600.0, 0.05
+AREA_M = np.array([0.23, 0.18])  # half sizes of where objects stand, around the origin
+GAP_M = 0.008  # least distance between two objects' circles
+AWAY_M = np.array([0.0, 0.0, -3.0])  # where bodies wait that are not in the scene
+MAX_TRIALS = 400
+RANGE_M = 10.0
+CAMERAS = {"front": (-90.0, 45.0, 0.80), "left": (160.0, 42.0, 0.90), "right": (20.0, 48.0, 0.75)}
+CALIBRATION_DEG, CALIBRATION_M = 0.15, 0.001  # sigmas: errors of 0.07 to 0.31 degrees
+NUM_CLUTTER = 8
+TABLE, ROOM = (0.62, 0.55, 0.45), (0.8, 0.85, 0.9)
+CLUTTER_COLORS = (
+    "red",
+    "green",
+    "blue",
+    "yellow",
+    "white",
+    "grey",
+    "black",
+    "wood",
+    "purple",
+    "orange",
+    "cyan",
+    "pink",
+)
+
+
+@dataclass
+class Layout:
+    """Where everything stands.
+
+    Attributes:
+        poses: (4, 4) by (object, number 0 or 1).
+        clutter: (number, half sizes in m, color, place (3,), yaw).
+        light: direction (3,), and factors (3,) of brightness per color.
+    """
+
+    poses: dict[tuple[str, int], Array] = field(default_factory=dict)
+    clutter: list[tuple[int, Array, str, Array, float]] = field(default_factory=list)
+    light: tuple[Array, Array] = (np.array([-0.25, 0.2, -1.0]), np.ones(3))
+    hidden: bool = False
+
+
+class Room:
+    """One model with two of every object, clutter, and three cameras; rays are cast, so that no OpenGL is needed."""
+
+    def __init__(self, seed: int = 0, names: Sequence[str] = tuple(THINGS), *, reduce_by: int = 1) -> None:
+        spec = mujoco.MjSpec()
+        table = spec.worldbody.add_geom(name="table", type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.7, 0.7, 0.02])
+        table.pos, table.rgba = [0, 0, -0.02], [*TABLE, 1]
+        for name in names:
+            for number in (0, 1):
+                part = Part(spec.worldbody, f"{name} {number}", AWAY_M)
+                part.body.mocap = True
+                THINGS[name].build(part)
+        for number in range(NUM_CLUTTER):
+            part = Part(spec.worldbody, f"clutter {number}", AWAY_M)
+            part.body.mocap = True
+            (part.box((0.02,) * 3, "red") if number % 2 else part.cylinder(0.02, 0.02, "red"))
+        self._model = spec.compile()
+        self._data = mujoco.MjData(self._model)
+        rng = np.random.default_rng(seed)
+        self.cameras = tuple(_camera(name, *place, reduce_by) for name, place in CAMERAS.items())
+        self.calibrated = tuple(_miscalibrated(camera, rng) for camera in self.cameras)
+        self._size_px = (HEIGHT_PX // reduce_by, WIDTH_PX // reduce_by)
+
+    def place(self, layout: Layout) -> None:
+        """Move everything to where the layout says."""
+        self._data.mocap_pos[:] = AWAY_M
+        for (name, number), pose in layout.poses.items():
+            self._move(f"{name} {number}", pose[:3, 3], Rotation.from_matrix(pose[:3, :3]))
+        for number, half_m, color, place_m, yaw in layout.clutter:
+            body = self._model.body(f"clutter {number}")
+            geom = body.geomadr[0]
+            self._model.geom_size[geom] = half_m
+            self._model.geom_rbound[geom] = np.linalg.norm(half_m)
+            self._model.geom_aabb[geom, 3:] = half_m if number % 2 else half_m[[0, 0, 1]]
+            self._model.geom_rgba[geom, :3] = COLOURS[color]
+            self._move(f"clutter {number}", place_m, about_z(yaw))
+        mujoco.mj_forward(self._model, self._data)
+
+    def shoot(self, layout: Layout, number: int, of: tuple[str, int] | None = None) -> RgbdFrame:
+        """A perfect image of camera `number`, with its true calibration; mask 1 where the object `of` is."""
+        camera = self.cameras[number]
+        columns, rows = np.meshgrid(np.arange(self._size_px[1]), np.arange(self._size_px[0]))
+        x, y = (columns.ravel() - camera.cx_px) / camera.fx_px, (rows.ravel() - camera.cy_px) / camera.fy_px
+        rays = np.column_stack([x, y, np.ones_like(x)]) @ camera.camera_to_world[:3, :3].T
+        geoms, depth_m, normals = self._cast(camera.camera_to_world[:3, 3], rays)
+        rgb = self._shaded(layout, camera.camera_to_world[:3, 3] + rays * depth_m[:, None], geoms, normals)
+        hit = geoms >= 0
+        bodies = np.where(hit, self._model.geom_bodyid[geoms], 0)
+        mask = np.zeros(len(geoms), np.int32) if of is None else bodies == self._model.body("{} {}".format(*of)).id
+        depth = np.where(hit, depth_m, 0).astype(np.float32)
+        return RgbdFrame(
+            camera,
+            rgb.reshape(*self._size_px, 3),
+            depth.reshape(self._size_px),
+            mask.reshape(self._size_px).astype(np.int32),
+        )
+
+    def _cast(self, eye_m: Array, rays: Array) -> tuple[Array, Array, Array]:
+        count = len(rays)
+        geoms, depth_m, normals = np.full(count, -1, np.int32), np.zeros(count), np.zeros(3 * count)
+        mujoco.mj_multiRay(
+            self._model, self._data, eye_m.copy(), rays.ravel(), None, True, -1, geoms, depth_m, normals, count, RANGE_M
+        )
+        return geoms, depth_m, normals.reshape(-1, 3)
+
+    def _shaded(self, layout: Layout, points_m: Array, geoms: Array, normals: Array) -> Array:
+        direction, gain = layout.light
+        to_light = -direction / np.linalg.norm(direction)
+        light = (0.5 + 0.5 * np.clip(normals @ to_light, 0, None))[:, None] * gain
+        rgb = np.where(geoms[:, None] >= 0, self._model.geom_rgba[geoms, :3] * light, ROOM)
+        grain = 0.06 * np.sin(90 * points_m[:, :1] + 9 * np.sin(25 * points_m[:, 1:2]))  # the table's wood
+        rgb = np.where((geoms == 0)[:, None], rgb * (1 + grain), rgb)
+        return (rgb.clip(0, 1) * 255).astype(np.uint8)
+
+    def _move(self, body: str, place_m: Array, rotation: Rotation) -> None:
+        index = self._model.body(body).mocapid[0]
+        self._data.mocap_pos[index], self._data.mocap_quat[index] = place_m, quaternion_wxyz(rotation)
+
+    def frames(
+        self,
+        layout: Layout,
+        rng: np.random.Generator,
+        *,
+        noise: bool = True,
+        of: tuple[str, int] | None = None,
+        num: int = 3,
+    ) -> tuple[RgbdFrame, ...]:
+        """What the first `num` cameras give, calibrated with their errors unless without noise."""
+        self.place(layout)
+        shots = [self.shoot(layout, number, of) for number in range(num)]
+        if not noise:
+            return tuple(shots)
+        return tuple(replace(_as_d435(shot, rng), camera=self.calibrated[n]) for n, shot in enumerate(shots))
+
+
+def _camera(name: str, azimuth_deg: float, elevation_deg: float, far_m: float, reduce_by: int) -> Camera:
+    azimuth, elevation = np.radians([azimuth_deg, elevation_deg])
+    eye = far_m * np.array(
+        [np.cos(azimuth) * np.cos(elevation), np.sin(azimuth) * np.cos(elevation), np.sin(elevation)]
+    )
+    pose = camera_to_world(CameraPlacement(tuple(eye), (0, 0, 0), 43.6))
+    focal = FOCAL_PX / reduce_by
+    return Camera(name, focal, focal, (WIDTH_PX / reduce_by - 1) / 2, (HEIGHT_PX / reduce_by - 1) / 2, pose)
+
+
+def _miscalibrated(camera: Camera, rng: np.random.Generator) -> Camera:
+    pose = camera.camera_to_world.copy()
+    turn = Rotation.from_rotvec(np.radians(CALIBRATION_DEG) * rng.normal(0, 0.6, 3))
+    pose[:3, :3] = turn.as_matrix() @ pose[:3, :3]
+    pose[:3, 3] += rng.normal(0, CALIBRATION_M, 3)
+    return replace(camera, camera_to_world=pose)
+
+
+def _as_d435(frame: RgbdFrame, rng: np.random.Generator) -> RgbdFrame:
+    """With a D435's disparity noise (correlated, 1/32 px steps), fat edges, flying pixels, shadows and holes."""
+    depth = frame.depth_m
+    assert depth is not None
+    assert frame.rgb is not None
+    depth = np.where(depth > 0, depth, 5).astype(np.float32)
+    scale = FOCAL_PX * BASELINE_M
+
+    def white(sigma: float) -> Array:
+        return cv2.GaussianBlur(rng.standard_normal(depth.shape).astype(np.float32), (0, 0), sigma)
+
+    fat = cv2.erode(depth, np.ones((3, 3)))
+    z = np.where((depth - fat > 0.01) & (white(2) > 0), fat, depth)
+    error = white(1.5)
+    disparity = scale / z + 0.08 * error / error.std() + rng.normal(0, 0.02)
+    z = (scale / (np.round(disparity * 32) / 32)).astype(np.float32)
+    near, far = cv2.erode(z, np.ones((3, 3))), cv2.dilate(z, np.ones((3, 3)))
+    is_edge, dice = far - near > 0.015, rng.random(z.shape)
+    z = np.where(is_edge & (dice < 0.15), near + (far - near) * (dice / 0.15), z)
+    shadow = np.zeros(z.shape, bool)
+    step = np.diff(scale / depth, axis=1)
+    for row, column in np.argwhere(step > 0.5):
+        shadow[row, max(0, column + 1 - int(step[row, column])) : column + 1] = True
+    hole = shadow | (is_edge & (dice > 0.7)) | (white(3) * 10.6 > 3.2)
+    z = np.where(hole | (frame.depth_m == 0), 0, np.round(z * 1000) / 1000).astype(np.float32)
+    rgb = np.clip(frame.rgb + rng.normal(0, 3, frame.rgb.shape), 0, 255).astype(np.uint8)
+    return replace(frame, depth_m=z, rgb=rgb)
+
+
+def upright(x_m: float, y_m: float, yaw_rad: float) -> Array:
+    """(4, 4) of something that stands on the table."""
+    pose = np.eye(4)
+    pose[:3, :3], pose[:2, 3] = about_z(yaw_rad).as_matrix(), (x_m, y_m)
+    return pose
+
+
+def sample(
+    rng: np.random.Generator,
+    targets: Sequence[tuple[str, int]],
+    *,
+    num_clutter: int = 0,
+    light: bool = False,
+    hide: bool = False,
+) -> Layout:
+    """Objects and clutter at random places that do not overlap.
+
+    Args:
+        hide: put something before each target, as the camera `front` sees it.
+    """
+    for _ in range(50):
+        layout, taken = Layout(hidden=hide), list[tuple[Array, float]]()
+        try:
+            for name, number in sorted(targets, key=lambda item: -THINGS[item[0]].radius_m):
+                place = _free_place(rng, taken, THINGS[name].radius_m)
+                yaw = rng.uniform(-np.pi, np.pi) if name != "drawer" else rng.uniform(-0.5, 0.5)
+                layout.poses[name, number] = upright(*place, yaw)
+                if hide:
+                    layout.clutter.append(_before(rng, len(layout.clutter), place, THINGS[name].radius_m, taken))
+            while len(layout.clutter) < num_clutter + (len(targets) if hide else 0):
+                half_m = rng.uniform(0.015, 0.045, 3)
+                number = len(layout.clutter)
+                place = _free_place(rng, taken, float(np.hypot(*half_m[:2])) if number % 2 else half_m[0])
+                layout.clutter.append(_clutter(rng, number, half_m, place))
+        except LookupError:
+            continue
+        if light:
+            layout.light = _other_light(rng)
+        return layout
+    raise LookupError("no room")
+
+
+def _free_place(rng: np.random.Generator, taken: list[tuple[Array, float]], radius_m: float) -> Array:
+    for _ in range(MAX_TRIALS):
+        place = rng.uniform(-AREA_M, AREA_M)
+        if all(np.hypot(*(place - other)) > radius_m + radius + GAP_M for other, radius in taken):
+            taken.append((place, radius_m))
+            return place
+    raise LookupError
+
+
+def _clutter(
+    rng: np.random.Generator, number: int, half_m: Array, place: Array
+) -> tuple[int, Array, str, Array, float]:
+    height_m = half_m[2] if number % 2 else half_m[1]
+    color = str(rng.choice(CLUTTER_COLORS))
+    return number, half_m, color, np.array([*place, height_m]), float(rng.uniform(0, 6))
+
+
+def _before(
+    rng: np.random.Generator, number: int, place: Array, radius_m: float, taken: list[tuple[Array, float]]
+) -> tuple[int, Array, str, Array, float]:
+    """Something narrow on the way from the camera `front`, which stands at -y."""
+    half_m = rng.uniform((0.015, 0.015, 0.03), (0.03, 0.03, 0.07))
+    offset = np.array([rng.uniform(-0.6, 0.6) * radius_m, -(radius_m + half_m[:2].max() + rng.uniform(0.01, 0.03))])
+    if any(np.hypot(*(place + offset - other)) < half_m[0] + radius for other, radius in taken[:-1]):
+        raise LookupError
+    taken.append((place + offset, float(np.hypot(*half_m[:2]))))
+    return _clutter(rng, number, half_m, place + offset)
+
+
+def _other_light(rng: np.random.Generator) -> tuple[Array, Array]:
+    tint = rng.uniform(0.5, 1.2) * (1 + rng.uniform(-0.12, 0.12) * np.array([1, 0, -1]))
+    angle, tilt = rng.uniform(0, 2 * np.pi), rng.uniform(0.2, 1.0)
+    return np.array([np.cos(angle) * np.sin(tilt), np.sin(angle) * np.sin(tilt), -np.cos(tilt)]), tint

@@ -1,0 +1,147 @@
+"""robosuite as a world of the evaluation: `roboprompt eval --world benchmarks.robosuite.world`.
+
+Scripted experts (`expert`) demonstrate, or people whose recordings are read from a folder (`people`). Predicted actions
+are carried out by robosuite's own controller, in its own scenes and by its own criterion of success. It runs in an
+environment of its own, since robosuite needs another numpy and mujoco than the simulated Panda.
+"""
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from app.sim.outcomes import RecordedDemonstration, RolloutResult, SceneView
+from benchmarks.robosuite.people import PEOPLE, recorded_by_people
+from benchmarks.robosuite.scene import CLOSE, CONTROL_HZ, OPEN, TASKS, Floats, Scene, gripper_open
+from roboprompt_client.motion_limits import Pose
+from roboprompt_client.trajectory import EndEffectorAction, Trajectory
+
+ARRIVED_M, ARRIVED_RAD = 0.004, 0.03
+PASSED_M, PASSED_RAD = 0.015, 0.1  # where the gripper does not switch
+MOVE_STEPS, GRIP_STEPS, LAST_STEPS = 150, 12, 30
+EXPERT_SPEED = 0.4  # of the fastest, as people go
+
+
+@dataclass(frozen=True)
+class Robosuite:
+    """Four tasks of robosuite 1.5 with scripted demonstrations, and two with those of people.
+
+    Attributes:
+        recordings: the folder of people's recordings, from the variable ROBOSUITE_RECORDINGS; without it the tasks of
+            people are left out.
+    """
+
+    recordings: Path | None = field(default_factory=lambda: _folder())
+    first_test_seed: ClassVar[int] = 1000
+    python: ClassVar[Path | None] = Path(__file__).parent / ".venv" / "bin" / "python"
+
+    @property
+    def tasks(self) -> Mapping[str, Mapping[str, float]]:
+        people = PEOPLE if self.recordings is not None else {}
+        return {name: {} for name in (*TASKS, *people)}
+
+    def conditions(self) -> Mapping[str, Any]:
+        return {"world": "robosuite", "control_frequency_hz": CONTROL_HZ}
+
+    def recorded_at(self, frequency_hz: float) -> "Robosuite":
+        if frequency_hz != CONTROL_HZ:
+            raise ValueError(f"robosuite is controlled and recorded at {CONTROL_HZ:g} Hz")
+        return replace(self)
+
+    def view(self, task: str, seed: int, images: bool = False) -> SceneView:
+        return _view(task, seed, _scene(task, seed))
+
+    def demonstrate(self, task: str, seed: int, images: bool = False) -> RecordedDemonstration:
+        if task in PEOPLE:
+            assert self.recordings is not None
+            return recorded_by_people(self.recordings, task, seed)
+        return self.solve(task, seed)
+
+    def solve(self, task: str, seed: int) -> RecordedDemonstration:
+        from benchmarks.robosuite.expert import plan
+
+        scene = _scene(task, seed)
+        view, arm = _view(task, seed, scene), _Arm(scene, EXPERT_SPEED)
+        actions = plan(_simulated(task), scene)
+        for number, action in enumerate(actions, start=1):
+            arm.perform(action, is_last=number == len(actions))
+        failure = "" if scene.done else f"not solved after {scene.steps} steps"
+        trajectory = arm.trajectory()
+        return RecordedDemonstration(
+            view, trajectory, CONTROL_HZ, len(actions), scene.done, failure, (), tuple(actions)
+        )
+
+    def execute(self, scene: SceneView, actions: Sequence[EndEffectorAction]) -> RolloutResult:
+        """Straight from one pose to the next."""
+        under_way = _scene(scene.task, scene.seed)
+        arm = _Arm(under_way)
+        for number, action in enumerate(actions, start=1):
+            arm.perform(action, is_last=number == len(actions))
+        failure = "" if under_way.done else f"not solved after {under_way.steps} steps"
+        return RolloutResult(scene.task, scene.seed, len(actions), under_way.done, failure, ())
+
+
+def _folder() -> Path | None:
+    named = os.environ.get("ROBOSUITE_RECORDINGS")
+    return None if named is None else Path(named)
+
+
+WORLD = Robosuite()
+
+
+def _simulated(task: str) -> str:
+    """The task whose scenes those of a task of people are."""
+    return PEOPLE[task].simulated if task in PEOPLE else task
+
+
+def _scene(task: str, seed: int) -> Scene:
+    return Scene(_simulated(task), seed)
+
+
+def _view(task: str, seed: int, scene: Scene) -> SceneView:
+    hand = Pose(tuple(scene.hand_m.tolist()), tuple(scene.hand.as_quat().tolist()))
+    return SceneView(task, seed, scene.task.instruction, scene.objects(), (), {}, hand)
+
+
+class _Arm:
+    """The hand under way, and what a recorder sees of it."""
+
+    def __init__(self, scene: Scene, fastest: float = 1.0) -> None:
+        self._scene = scene
+        self._fastest = fastest
+        self._gripper = OPEN
+        self._rows: list[tuple[Floats, Floats, Floats, float]] = []
+        self._note()
+
+    def perform(self, action: EndEffectorAction, *, is_last: bool) -> None:
+        """Go straight to the action's pose, then open or close."""
+        command = OPEN if action.gripper_open else CLOSE
+        switches = command != self._gripper
+        target = Rotation.from_quat(action.quaternion_xyzw)
+        within = (ARRIVED_M, ARRIVED_RAD) if switches or is_last else (PASSED_M, PASSED_RAD)
+        for _ in range(MOVE_STEPS):
+            if all(np.less(self._scene.off(action.position_m, target), within)):
+                break
+            self._step(action.position_m, target)
+        self._gripper = command
+        for _ in range(LAST_STEPS if is_last else GRIP_STEPS if switches else 0):
+            self._step(action.position_m, target)
+
+    def trajectory(self) -> Trajectory:
+        """What was recorded; joints are not known to robots that are driven by poses alone, but here they are."""
+        velocities, places_m, turns, widths_m = (np.array(column) for column in zip(*self._rows, strict=True))
+        return Trajectory(velocities, places_m, turns, gripper_open(widths_m))
+
+    def _step(self, position_m: Floats, target: Rotation) -> None:
+        if not self._scene.ended:
+            self._scene.step(position_m, target, self._gripper, self._fastest)
+            self._note()
+
+    def _note(self) -> None:
+        scene = self._scene
+        row = scene.joint_velocities_rad_s, scene.hand_m, scene.hand.as_quat(), scene.width_m
+        self._rows.append(row)

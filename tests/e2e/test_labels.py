@@ -1,0 +1,176 @@
+"""An object is clicked on, learned and found, over HTTP."""
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from app.api.schemas.labels import LabelList, LabelOut, LearnedLabelsOut
+from benchmarks.object_scenes import Layout, Room, upright
+from roboprompt_client.camera import camera_json
+from roboprompt_client.encoding import request_parts
+from tests.e2e.vision import episode, seen
+
+PLACES = (((0.1, 0.0, 0.4), (-0.12, 0.08)), ((-0.05, -0.1, 1.4), (0.15, 0.1)), ((0.0, 0.1, -0.8), (0.15, -0.1)))
+ROOM = Room(names=("carton", "jar"))
+GIVEN = [{"name": "carton", "position": [0, 0, 0.05]}, {"name": "jar", "position": [0, 0, 0.05]}]
+NAMES = [{"name": "carton"}, {"name": "jar"}]
+
+
+def layout(carton, jar, second_jar=None):
+    poses = {} if carton is None else {("carton", 0): upright(*carton)}
+    poses |= {("jar", number): upright(*at, 0) for number, at in enumerate((jar, second_jar)) if at is not None}
+    return Layout(poses)
+
+
+def shots(where, seed=0):
+    return tuple(replace(frame, mask=None) for frame in ROOM.frames(where, np.random.default_rng(seed)))
+
+
+def click_on(views, place_m):
+    """Pixel of the camera `front` that shows a place."""
+    pixels, _ = views[0].camera.project([place_m])
+    return {"front": pixels[0].round().tolist()}
+
+
+@pytest.fixture(scope="module")
+def labelled(http):
+    """Three episodes with given poses; the carton is labelled in the stored ones, the jar in images of their own."""
+    for number, (carton, jar) in enumerate(PLACES):
+        views = shots(layout(carton, jar), number)
+        answer = http.post("/episodes", files=episode("shelf", views, objects=GIVEN))
+        assert answer.status_code == 201, answer.text
+        click = click_on(views, (*carton[:2], 0.09))
+        body = {"object": "carton", "episode_id": answer.json()["id"], "clicks": click}
+        label = http.post("/tasks/shelf/labels", json=body)
+        assert label.status_code == 201, label.text
+        LabelOut.model_validate_json(label.content)
+    cameras = [camera_json(frame.camera) for frame in views]
+    own = {"object": "jar", "cameras": cameras, "clicks": click_on(views, (*PLACES[-1][1], 0.1))}
+    assert http.post("/tasks/shelf/labels", files=request_parts(own, views)).status_code == 201
+    return http
+
+
+@pytest.fixture(scope="module")
+def learned(labelled):
+    answers = [
+        labelled.post("/tasks/shelf/labels/learn", json={"object": name, "symmetric": symmetric})
+        for name, symmetric in (("carton", "none"), ("jar", "yaw"))
+    ]
+    assert [answer.status_code for answer in answers] == [200, 200], [answer.text for answer in answers]
+    for answer in answers:
+        LearnedLabelsOut.model_validate_json(answer.content)
+    return [answer.json() for answer in answers]
+
+
+def ask(http, where, seed=9):
+    return http.post("/predict", files=seen("shelf", shots(where, seed), NAMES, dry_run=True))
+
+
+def test_one_click_labels_every_camera(labelled):
+    listed = labelled.get("/tasks/shelf/labels", params={"object": "carton"})
+    LabelList.model_validate_json(listed.content)
+    for label in listed.json()["labels"]:
+        assert [camera["name"] for camera in label["cameras"]] == ["front", "left", "right"]
+        assert min(camera["num_pixels"] for camera in label["cameras"]) > 1000
+
+
+def test_what_was_learned_says_which_views_it_has(labelled, learned):
+    carton, jar = learned
+    assert len(carton["model"]["views"]) == 3
+    assert min(carton["model"]["scores"]) > 0.8
+    assert carton["advice"] == ""
+    assert "three to rely on" in jar["advice"]
+    models = labelled.get("/tasks/shelf").json()["object_models"]
+    assert models == {"carton": carton["model"], "jar": jar["model"]}
+
+
+def test_the_objects_are_found_in_images_without_a_pose(labelled, learned):
+    poses = {}
+    for yaw in (0.0, 0.7):
+        answer = ask(labelled, layout((0.05, -0.02, yaw), (-0.1, -0.1)))
+        assert answer.status_code == 200, answer.text
+        poses[yaw], jar = answer.json()["objects"]
+        np.testing.assert_allclose(poses[yaw]["position"][:2], (0.05, -0.02), atol=0.006)
+        np.testing.assert_allclose(jar["position"][:2], (-0.1, -0.1), atol=0.006)
+        assert (jar["estimator"], jar["cameras"]) == ("registered", ["front", "left", "right"])
+    before, after = (Rotation.from_quat(item["quaternion_xyzw"]) for item in poses.values())
+    assert np.degrees((before.inv() * after).magnitude()) == pytest.approx(np.degrees(0.7), abs=3)
+
+
+def test_an_upload_needs_names_only(labelled, learned):
+    views = shots(layout((0.1, 0.1, 0.2), (-0.1, 0.0)), 5)
+    answer = labelled.post("/episodes", files=episode("shelf", views, objects=NAMES))
+    assert answer.status_code == 201, answer.text
+    assert {item["estimator"] for item in answer.json()["objects"]} == {"registered"}
+    labelled.delete(f"/episodes/{answer.json()['id']}")
+
+
+@pytest.mark.parametrize(
+    ("where", "field", "words"),
+    [
+        (layout(None, (-0.1, -0.1)), "objects[carton]", "at least"),
+        (layout((0.05, -0.02, 0.3), (-0.1, -0.1), (0.15, 0.12)), "objects[jar]", "two places look like it"),
+    ],
+)
+def test_an_absent_object_and_two_alike_are_refused(labelled, learned, where, field, words):
+    answer = ask(labelled, where)
+    assert answer.status_code == 422
+    (error,) = answer.json()["errors"]
+    assert error["field"] == field
+    assert words in error["message"]
+
+
+def test_masks_and_polygons_label_as_well(labelled):
+    carton, jar = PLACES[0]
+    frames = ROOM.frames(layout(carton, jar), np.random.default_rng(0), of=("jar", 0))
+    id_ = labelled.get("/episodes", params={"task": "shelf"}).json()["episodes"][-1]["id"]
+    png = cv2.imencode(".png", frames[1].mask.astype(np.uint8))[1].tobytes()
+    rows, columns = np.nonzero(frames[0].mask)
+    left, top, right, bottom = (float(item) for item in (columns.min(), rows.min(), columns.max(), rows.max()))
+    corners = [[left, top], [right, top], [right, bottom], [left, bottom]]
+    body = {"object": "jar", "episode_id": id_, "polygons": {"front": corners}, "yaw_deg": 10}
+    answer = labelled.post("/tasks/shelf/labels", files=request_parts(body, ()) | {"mask_left": ("m.png", png)})
+    assert answer.status_code == 201, answer.text
+    cameras = {item["name"]: item["num_pixels"] for item in answer.json()["cameras"]}
+    assert cameras["left"] == np.count_nonzero(frames[1].mask)
+    assert cameras["front"] >= np.count_nonzero(frames[0].mask)
+    assert labelled.delete(f"/tasks/shelf/labels/{answer.json()['id']}").status_code == 204
+    assert labelled.delete(f"/tasks/shelf/labels/{answer.json()['id']}").status_code == 404
+
+
+@pytest.mark.parametrize(
+    ("change", "field", "words"),
+    [
+        ({"clicks": {"front": [2, 400]}}, "clicks[front]", "no object stands out there"),
+        ({"clicks": {"front": [2000, 4]}}, "clicks[front]", "is [2000.0, 4.0]"),
+        ({"clicks": {"back": [5, 5]}}, "clicks[back]", "no camera"),
+        ({"polygons": {"front": [[0, 0], [5, 5]]}}, "polygons[front]", "2 corners"),
+        ({"object": "spoon", "clicks": {"front": [5, 5]}}, "object", "'spoon'"),
+        ({"object": "jar"}, "object", "in no mask"),
+    ],
+)
+def test_a_label_without_a_mask_is_refused_by_name(labelled, change, field, words):
+    id_ = labelled.get("/episodes", params={"task": "shelf"}).json()["episodes"][-1]["id"]
+    answer = labelled.post("/tasks/shelf/labels", json={"object": "carton", "episode_id": id_, **change})
+    assert answer.status_code == 422, answer.text
+    (error,) = answer.json()["errors"]
+    assert error["field"] == field
+    assert words in error["message"]
+
+
+def test_teaching_an_object_without_labels_is_refused(labelled):
+    answer = labelled.post("/tasks/shelf/labels/learn", json={"object": "spoon"})
+    assert answer.status_code == 422
+    assert "has no labels" in answer.text
+
+
+def test_a_template_that_is_not_stored_is_refused(http):
+    model = {"estimator": "registered", "template": "0" * 64}
+    http.put("/tasks/strange", json={"object_models": {"carton": model}})
+    views = shots(layout((0.05, 0, 0), None))
+    answer = http.post("/episodes", files=episode("strange", views, objects=[{"name": "carton"}]))
+    assert answer.status_code == 422
+    assert answer.json()["errors"][0]["field"] == "object_models[carton].template"

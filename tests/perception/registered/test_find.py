@@ -1,0 +1,168 @@
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from app.perception.base import ObjectQuery
+from app.perception.registered.estimator import RegisteredPoses
+from app.perception.registered.model import RegisteredModel
+from app.pipeline.errors import ObjectNotVisibleError, UncertainPoseError
+from app.pipeline.geometry import yaw_rad
+from benchmarks.object_scenes import Layout
+from benchmarks.object_shapes import THINGS
+from roboprompt_client.errors import InvalidInputError
+from tests.perception.registered.rooms import NAMES, PLACES, estimate, frames, layout, query, taught
+
+ALL = {"carton": (0.08, -0.05, 2.0), "jar": (-0.1, 0.1, 0.0), "brick": (-0.15, -0.1, 0.5), "mug": (0.12, 0.1, -2.0)}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_an_object_is_found_among_others_where_it_stands(name):
+    x_m, y_m, _ = ALL[name]
+    pose = estimate(name, layout(**ALL), seed=3)
+    assert (pose.estimator, set(pose.cameras)) == ("registered", {"front", "left", "right"})
+    assert pose.confidence > 0.8
+    symmetry_deg = THINGS[name].symmetry_deg
+    if symmetry_deg is not None:  # then its origin is on its axis
+        np.testing.assert_allclose(pose.position_m[:2], (x_m, y_m), atol=0.004)
+    turn_deg = np.degrees(yaw_rad(Rotation.from_quat(pose.quaternion_xyzw)))
+    if symmetry_deg == 0:
+        assert turn_deg == pytest.approx(0, abs=1e-6)
+    elif symmetry_deg is not None:
+        assert abs(turn_deg) <= symmetry_deg / 2
+
+
+@pytest.mark.parametrize("name", ["carton", "mug"])
+def test_a_pose_moves_and_turns_with_the_object(name):
+    def pose_at(x_m, y_m, yaw, seed):
+        return estimate(name, layout(**{name: (x_m, y_m, yaw)}), seed)
+
+    before, after = pose_at(0.0, 0.0, 0.2, 1), pose_at(0.1, -0.08, 1.3, 2)
+    turn = Rotation.from_quat(after.quaternion_xyzw) * Rotation.from_quat(before.quaternion_xyzw).inv()
+    assert np.degrees(yaw_rad(turn)) == pytest.approx(np.degrees(1.1), abs=4)
+    expected_m = turn.apply(before.position_m.copy()) + np.array([0.1, -0.08, 0])
+    np.testing.assert_allclose(after.position_m, expected_m, atol=0.005)
+
+
+def test_an_absent_object_is_refused_with_the_score_and_what_each_camera_sees():
+    others = {name: place for name, place in ALL.items() if name != "carton"}
+    with pytest.raises(ObjectNotVisibleError, match=r"scores 0\.\d\d of at least 0\.\d\d.*front \d+ %") as caught:
+        estimate("carton", layout(**others))
+    assert caught.value.name == "carton"
+
+
+def test_nothing_of_its_colors_is_refused_by_the_cameras_names():
+    with pytest.raises(ObjectNotVisibleError, match=r"front, left, right"):
+        estimate("jar", layout())
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("apart_m", [0.11, 0.25])
+def test_two_alike_are_noticed(name, apart_m):
+    two = {name: (-0.05, 0.02, 0.3), f"{name}_2": (-0.05 + apart_m, 0.02, 1.9)}
+    with pytest.raises(UncertainPoseError, match=r"two places look like it, \d+ cm apart"):
+        estimate(name, layout(**two))
+
+
+def test_two_alike_that_touch_are_noticed():
+    with pytest.raises(UncertainPoseError, match="two places"):
+        estimate("jar", layout(jar=(0.0, 0.0, 0), jar_2=(0.083, 0.0, 0)))
+
+
+def test_an_object_that_is_nearly_hidden_is_refused():
+    wall = (1, np.array([0.06, 0.008, 0.075]), "grey", np.array([0.0, -0.055, 0.075]), 0.0)
+    where = Layout(layout(jar=(0.0, 0.0, 0)).poses, [wall])
+    with pytest.raises((UncertainPoseError, ObjectNotVisibleError)) as caught:
+        estimate("jar", where, num=1)
+    assert caught.value.valid
+
+
+def test_one_camera_gives_a_round_object_only():
+    assert estimate("jar", layout(**ALL), num=1).cameras == ("front",)
+    with pytest.raises(UncertainPoseError, match="yaw is undecided") as caught:
+        estimate("carton", layout(**ALL), num=1)
+    assert "further camera" in caught.value.valid
+
+
+def test_one_camera_gives_no_yaw_where_it_may_be_unknown():
+    pose = estimate("carton", layout(**ALL), num=1, yaw_may_be_unknown=True)
+    assert pose.quaternion_xyzw is None
+    assert "front" in pose.reason
+    np.testing.assert_allclose(pose.position_m[:2], ALL["carton"][:2], atol=0.015)
+
+
+def test_a_lying_object_is_refused():
+    pose = np.eye(4)
+    pose[:3, :3] = Rotation.from_euler("x", 90, degrees=True).as_matrix()
+    pose[2, 3] = 0.032
+    with pytest.raises((UncertainPoseError, ObjectNotVisibleError), match=r"lie|scores"):
+        estimate("carton", Layout({("carton", 0): pose}))
+
+
+@pytest.mark.parametrize("gain", [0.6, 1.15])
+def test_another_brightness_changes_little(gain):
+    where = layout(**ALL)
+    where.light = (where.light[0], np.full(3, gain))
+    pose = estimate("jar", where)
+    np.testing.assert_allclose(pose.position_m[:2], ALL["jar"][:2], atol=0.005)
+
+
+def test_a_pose_that_is_less_certain_than_wanted_is_refused():
+    with pytest.raises(UncertainPoseError, match=r"confidence 0\.\d+ is below 1"):
+        estimate("carton", layout(**ALL), min_confidence=1.0)
+
+
+def test_several_objects_share_the_prepared_images():
+    queries = [query(name) for name in NAMES]
+    views = frames(layout(**ALL))
+    RegisteredPoses().estimate(queries, views)
+    begun = time.process_time()
+    poses = RegisteredPoses().estimate(queries, views)
+    assert [pose.name for pose in poses] == list(NAMES)
+    assert time.process_time() - begun < 4  # half a second on an idle core
+
+
+def test_images_twice_as_large_give_the_same_pose():
+    small = frames(layout(**ALL))
+    camera = small[0].camera
+    large = tuple(
+        replace(
+            frame,
+            camera=replace(
+                frame.camera,
+                fx_px=2 * camera.fx_px,
+                fy_px=2 * camera.fy_px,
+                cx_px=2 * camera.cx_px + 0.5,
+                cy_px=2 * camera.cy_px + 0.5,
+            ),
+            rgb=frame.rgb.repeat(2, 0).repeat(2, 1),
+            depth_m=frame.depth_m.repeat(2, 0).repeat(2, 1),
+            mask=None,
+        )
+        for frame in small
+    )
+    (one,), (other,) = (RegisteredPoses().estimate([query("jar")], views) for views in (small, large))
+    np.testing.assert_allclose(one.position_m, other.position_m, atol=0.002)
+
+
+def test_a_query_without_its_template_is_refused():
+    model = RegisteredModel("0" * 64)
+    with pytest.raises(InvalidInputError, match="not stored here") as caught:
+        RegisteredPoses().estimate([ObjectQuery("jar", model=model)], frames(layout(**ALL)))
+    assert caught.value.field == "object_models[jar].template"
+
+
+def test_no_table_is_refused():
+    view = frames(layout())[0]
+    tilted = view.camera.camera_to_world @ np.diag([1.0, -1.0, -1.0, 1.0])
+    tilted[:3, :3] = Rotation.from_euler("x", 45, degrees=True).as_matrix() @ tilted[:3, :3]
+    turned = replace(view, camera=replace(view.camera, camera_to_world=tilted))
+    with pytest.raises(InvalidInputError):
+        RegisteredPoses().estimate([query("jar")], [turned])
+
+
+def test_places_of_teaching_do_not_matter():
+    assert PLACES[0][:2] != ALL["jar"][:2]
+    assert abs(taught("jar").template.points_m[:, :2].mean(axis=0)).max() < 0.005

@@ -1,0 +1,68 @@
+"""Motions that pages play."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from app.services.task_settings import TaskSettings
+from app.sim.demonstrate import record_demonstration
+from app.sim.world import BASE_POSITION_M
+from app.web.play import HAND_M_S, MAX_MOMENTS, planned_motion, recorded_motion
+from roboprompt_client.arms.panda import HAND_M, READY_RAD, flange, skeleton
+from roboprompt_client.trajectory import Trajectory
+
+PANDA = TaskSettings(arm="panda", robot_base=BASE_POSITION_M)
+DOWN = [1.0, 0.0, 0.0, 0.0]
+
+
+def action(position, gripper_open=True):
+    return {"position": position, "quaternion_xyzw": DOWN, "gripper_open": gripper_open}
+
+
+def asked(*actions, **request):
+    return SimpleNamespace(actions=actions, request=request)
+
+
+def test_the_skeleton_ends_at_the_flange():
+    joints = np.array(READY_RAD)
+    assert skeleton(joints)[-1] == pytest.approx(flange(joints)[0][:3, 3])
+
+
+def test_the_recorded_arm_ends_where_the_recorded_hand_begins():
+    trajectory = record_demonstration("push_button", 0, images=False).trajectory
+    times_s = np.arange(len(trajectory)) / 20
+    motion = recorded_motion(trajectory, times_s, PANDA)
+    wrists = np.array(motion["arm"])[:, -1]
+    away_m = np.linalg.norm(wrists - np.array(motion["positions"]), axis=1)
+    assert away_m == pytest.approx(np.full(len(trajectory), HAND_M), abs=0.005)
+    assert recorded_motion(trajectory, times_s, TaskSettings())["arm"] is None
+
+
+def test_a_long_recording_is_thinned_and_keeps_its_ends():
+    number = 6000
+    line = np.linspace(0, 1, number)[:, None] * [1.0, 0, 0]
+    trajectory = Trajectory.from_poses(line, np.tile(DOWN, (number, 1)), np.ones(number, bool))
+    motion = recorded_motion(trajectory, np.arange(number) / 100, PANDA)
+    assert len(motion["times_s"]) == MAX_MOMENTS
+    assert (motion["times_s"][0], motion["times_s"][-1]) == (0, 59.99)
+    assert motion["arm"] is None
+
+
+def test_a_prediction_goes_straight_from_action_to_action():
+    place, beside = [0.1, 0.0, 0.9], [0.1, 0.2, 0.9]
+    motion = planned_motion(asked(action(place), action(beside), action(beside, gripper_open=False)), TaskSettings())
+    first_s, second_s, third_s = motion["marks_s"]
+    assert second_s - first_s == pytest.approx(0.2 / HAND_M_S, abs=0.01)
+    assert np.ptp(np.array(motion["positions"])[:, [0, 2]], axis=0).tolist() == [0, 0]
+    assert motion["open"][motion["times_s"].index(second_s)] is True
+    assert motion["open"][motion["times_s"].index(third_s)] is False
+
+
+def test_the_arm_is_shown_as_far_as_it_gets():
+    near, far = [0.2, 0.0, 0.9], [5.0, 0.0, 0.9]
+    whole = planned_motion(asked(action(near)), PANDA)
+    assert len(whole["arm"]) == len(whole["times_s"])
+    part = planned_motion(asked(action(near), action(far)), PANDA)
+    assert 0 < len(part["arm"]) < len(part["times_s"])
+    assert planned_motion(asked(), PANDA) is None

@@ -1,0 +1,62 @@
+"""A task's settings as a form."""
+
+import pytest
+from playwright.sync_api import expect
+
+from tests.web.conftest import PLACES_M, teach
+
+PANEL = {"keep_out": [{"min": [0.5, -0.1, 0.7], "max": [0.6, 0.1, 0.9]}]}
+
+
+@pytest.fixture
+def form(page, http):
+    taught = teach(http, "set by hand", PLACES_M[0])
+    page.goto("/ui/tasks/set%20by%20hand")
+    yield page
+    http.delete(f"/episodes/{taught['id']}")
+
+
+def settings_of(http):
+    document = http.get("/tasks/set by hand").json()
+    return {name: value for name, value in document.items() if name not in ("version", "updated_at")}
+
+
+def test_what_changes_is_told_and_drawn_then_applied_and_undone(form, http):
+    before = settings_of(http)
+    expect(form.get_by_role("button", name="Apply")).to_be_disabled()
+    form.get_by_role("button", name="Add a box").click()
+    form.get_by_label("from x y z, m").last.fill("0.5 -0.1 0.7")
+    form.get_by_label("to x y z, m").last.fill("0.6 0.1 0.9")
+    form.get_by_label("Arm").select_option("fr3")
+    form.get_by_label("What else people call cube").fill("block, brick")
+    expect(form.locator("#changes li")).to_have_count(3)
+    expect(form.locator("#space-view .keep-out")).to_have_count(1)
+    form.get_by_role("button", name="Apply").click()
+    expect(form.locator("#state")).to_have_text("Applied.")
+    settings = settings_of(http)
+    assert settings["motion_limits"]["keep_out"] == PANEL["keep_out"]
+    assert (settings["arm"], settings["aliases"]) == ("fr3", {"cube": ["block", "brick"]})
+    form.get_by_role("button", name="Undo").click()
+    form.wait_for_load_state()
+    expect(form.get_by_label("Arm")).to_have_value("")
+    assert settings_of(http) == before
+
+
+def test_a_setting_that_is_not_valid_is_told(form, http):
+    form.expected_refusals = [422]
+    form.get_by_label("Its base stands at").fill("1 2")
+    expect(form.locator("#changes")).to_contain_text("is “1 2”")
+    expect(form.get_by_role("button", name="Apply")).to_be_disabled()
+    form.get_by_label("Its base stands at").fill("0 0 0")
+    form.get_by_label("Where it comes from").select_option("a box of your own")
+    form.get_by_label("from x y z, m").first.fill("9 9 9")
+    form.get_by_role("button", name="Apply").click()
+    expect(form.get_by_role("alert")).to_contain_text("workspace")
+
+
+def test_it_can_be_read_by_everyone(form, check_accessibility):
+    form.emulate_media(color_scheme="dark")
+    form.set_viewport_size({"width": 360, "height": 800})
+    form.get_by_role("button", name="Add a box").click()
+    check_accessibility(form)
+    assert form.evaluate("document.documentElement.scrollWidth <= innerWidth")
