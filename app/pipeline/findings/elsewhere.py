@@ -25,42 +25,66 @@ def elsewhere_findings(
     """The demonstrations that the others overrule though they act elsewhere, in one finding.
 
     Where words say by its place which object is meant, and some act at another one, the place decides: what is
-    overruled may be right.
+    overruled may be right, and a likeness of scenes that parts the plans is no reason.
 
     Args:
         alike: that ask for the same.
         off_m: of each, how far it acts from where the others of its plan do; None where prompts leave it out.
         declared: whether the task says that there are several ways.
     """
-    left_out = None in off_m and alike[0].plan is not None
-    away_m = _away_m(alike) if left_out else [0.0] * len(alike)
-    elsewhere = [k for k, far_m in enumerate(off_m) if (away_m[k] if far_m is None else far_m) > BEYOND_NOISE_M]
+    by_place = not PLACE_WORDS.isdisjoint(alike[0].order.form.split())
+    compared = all(demonstration.actions and demonstration.objects for demonstration in alike)
+    left_out = compared and None in off_m and alike[0].plan is not None
+    distances_m = _distances_m(alike) if compared and (by_place or left_out) else []
+    away_m = _away_m(distances_m) if left_out else [0.0] * len(alike)
+    found = {k for k, far_m in enumerate(off_m) if (away_m[k] if far_m is None else far_m) > BEYOND_NOISE_M}
+    elsewhere = sorted(found.union(_at_other_objects(distances_m) if by_place and compared else ()))
     if not elsewhere:
         return
     listed = ", ".join(alike[k].id for k in elsewhere[:LISTED])
     more = f" and {len(elsewhere) - LISTED} more" if elsewhere[LISTED:] else ""
-    by_place = not PLACE_WORDS.isdisjoint(alike[0].order.form.split())
     message = (
-        f"Of {len(alike)} demonstrations of {alike[0].instruction!r} the answer does not follow {len(elsewhere)}, which"
-        f" act {100 * BEYOND_NOISE_M:.0f} cm or more from where the others do: {listed}{more}. Delete what was recorded"
-        " wrongly; where something else decides which object is meant, name the object in the instruction."
+        f"Of {len(alike)} demonstrations of {alike[0].instruction!r} {len(elsewhere)} act"
+        f" {100 * BEYOND_NOISE_M:.0f} cm or more from where the others do: {listed}{more}. The answer may not do what"
+        " they do. Delete what was recorded wrongly; where a place decides which object is meant, name the object in"
+        " the instruction."
     )
     value = 0.0 if declared else 1.0 if by_place else len(elsewhere) / len(alike)
     numbers = {"elsewhere": len(elsewhere), "demonstrations": len(alike)}
     yield ELSEWHERE.finding(message, "demonstrations", numbers, value=value)
 
 
-def _away_m(alike: Sequence[Demonstration]) -> Array:
-    """(N,) how much nearer to, or farther from, the object that most act at each acts than most do."""
+def _distances_m(alike: Sequence[Demonstration]) -> list[dict[str, float]]:
+    """Of each, by role how far from its objects the hand acts."""
     acted_m = [_acts_at_m(demonstration) for demonstration in alike]
-    distances_m = [
+    return [
         {_role(d, pose.name): float(np.linalg.norm(pose.position_m - at_m)) for pose in d.objects}
         for d, at_m in zip(alike, acted_m, strict=True)
     ]
-    usual = Counter(min(roles, key=roles.__getitem__) for roles in distances_m).most_common(1)[0][0]
-    from_usual_m = np.array([roles[usual] for roles in distances_m])
+
+
+def _usual_role(distances_m: Sequence[dict[str, float]]) -> str:
+    """The one that most act nearest to."""
+    return Counter(min(roles, key=roles.__getitem__) for roles in distances_m).most_common(1)[0][0]
+
+
+def _from(role: str, distances_m: dict[str, float]) -> float:
+    """The distance from an object; from the nearest where the instruction has that object in another role."""
+    return distances_m.get(role, min(distances_m.values()))
+
+
+def _away_m(distances_m: Sequence[dict[str, float]]) -> Array:
+    """(N,) how much nearer to, or farther from, the object that most act at each acts than most do."""
+    usual = _usual_role(distances_m)
+    from_usual_m = np.array([_from(usual, roles) for roles in distances_m])
     away: Array = np.abs(from_usual_m - np.median(from_usual_m))
     return away
+
+
+def _at_other_objects(distances_m: Sequence[dict[str, float]]) -> list[int]:
+    """Those that clearly act at another object than most."""
+    usual = _usual_role(distances_m)
+    return [k for k, roles in enumerate(distances_m) if _from(usual, roles) > min(roles.values()) + BEYOND_NOISE_M]
 
 
 def _acts_at_m(demonstration: Demonstration) -> Array:

@@ -168,3 +168,8 @@ def test_grasps_round_an_object_that_is_declared_round(round_objects):
     known = Taught(tuple(reached(offsets_m, random=random)), round_objects=round_objects)
     expected = "danger" if round_objects else "warning"
     assert dict(found(known))["scattered-demonstrations"] == expected
+
+
+def test_like_instructions_may_name_different_objects():
+    recordings = sides("press the left one beside the cube 1", 2) + sides("press the left one beside the cube 2", 3)
+    assert dict(found(taught(recordings)))["acts-elsewhere"] == "danger"
