@@ -4,18 +4,9 @@ import pytest
 
 from tests.attack.hostile_sequences import SEQUENCES, Attack, moves_wrongly
 
-# What still moves a robot wrongly with status 200 and no danger; a sequence that no longer does leaves this list.
-WRONG = {
-    "alias_in_the_plural": "an alias in the plural names another object",
-    "two_ways_of_three_recordings": "two of three are one way, and one is a rare plan",
-    "two_ways_those_of_one_named": "ids that a request names count as a person's choice",
-    "two_ways_with_a_switch_in_a_closed_loop": "a step of a closed loop has no finding about demonstrations",
-    "a_side_decides_which_of_two": "the larger half decides, and the other is left out without a word",
-    "a_side_decides_and_the_base_was_turned_round": "the larger half decides",
-    "keyframes_too_far_apart": "keyframes by the task's rule miss the grasp",
-    "presses_with_a_wide_tolerance": "keyframes by the task's rule miss the lowest point",
-    "declared_round_after_teaching": "rows that scatter by the radius of the declared symmetry are a warning",
-}
+# What still moves a robot wrongly with status 200 and no danger, with the reason; a sequence that no longer does leaves
+# this list.
+WRONG: dict[str, str] = {}
 
 
 def cases():

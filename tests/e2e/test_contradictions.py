@@ -47,13 +47,13 @@ def test_somebody_may_say_that_there_are_several_ways(http):
     assert severities(http, "half")["several-ways"] == "danger"
 
 
-def test_somebody_may_name_the_demonstrations_that_are_right(http):
+def test_naming_demonstrations_of_one_way_hides_no_other(http):
     ids = [episode["id"] for episode in http.get("/episodes?task=half&limit=20").json()["episodes"]]
     episodes = [http.get(f"/episodes/{id_}").json() for id_ in ids]
     right = [item["id"] for item in episodes if (item["objects"][0]["position"][0] + 1e-9) / 0.04 % 1 < 1e-3]
     assert len(right) == 5
-    assert "danger" not in severities(http, "half", episode_ids=right).values()
-    assert severities(http, "half", episode_ids=right[:2])["several-ways"] == "danger"
+    for named in (right, right[:2]):
+        assert severities(http, "half", episode_ids=named)["several-ways"] == "danger"
 
 
 def test_a_scene_is_held_against_all_demonstrations(http):

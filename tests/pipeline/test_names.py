@@ -2,7 +2,7 @@ import pytest
 
 from app.pipeline.errors import ObjectSetError
 from app.pipeline.names import alike, folded
-from app.pipeline.order.lexicon import check_aliases_of
+from app.pipeline.order.lexicon import check_aliases_of, checked_aliases
 from app.pipeline.order.words import tokens_of
 from app.pipeline.prompt import check_object_names
 from app.services.task_settings import TaskSettings
@@ -50,11 +50,23 @@ def test_words_keep_their_place_in_the_text():
     assert [text[token.start : token.end] for token in tokens_of(text)] == text.split()
 
 
-@pytest.mark.parametrize("alias", ["blue", "Blue", "cube", "blue_cube", "BLUE  cube"])
+@pytest.mark.parametrize("alias", ["blue", "Blue", "cube", "blue_cube", "BLUE  cube", "blue cubes", "Cubes"])
 def test_an_alias_is_no_word_of_another_objects_name(alias):
     with pytest.raises(InvalidInputError, match="is in the name of 'blue cube'") as caught:
         check_aliases_of({"red cube": [alias]}, ["red cube", "blue cube"])
     assert caught.value.field == "aliases[red cube]"
+
+
+def test_an_alias_is_no_singular_of_another_objects_name_in_the_plural():
+    with pytest.raises(InvalidInputError, match="is in the name of 'blue_cubes_left'"):
+        check_aliases_of({"red cube": ["blue cube"]}, ["red cube", "blue_cubes_left"])
+
+
+@pytest.mark.parametrize("words", [("mug", "mugs"), ("mugs", "mug"), ("box", "boxes"), ("berry", "berries")])
+def test_two_objects_do_not_share_an_alias_in_singular_and_plural(words):
+    with pytest.raises(InvalidInputError, match="stands for 'one' already"):
+        checked_aliases({"one": [words[0]], "two": [words[1]]})
+    assert checked_aliases({"one": list(words)}) == {"one": words}
 
 
 @pytest.mark.parametrize("alias", ["red", "dice", "blueberry", "the blue dice", "red one"])

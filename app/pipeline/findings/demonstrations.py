@@ -7,16 +7,16 @@ from functools import cached_property
 from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding
 from app.pipeline.findings.actions import ShownWays
+from app.pipeline.findings.elsewhere import elsewhere_findings
 from app.pipeline.findings.places import ShownScenes
-from app.pipeline.findings.rules import CONTRADICTING, SCATTERED, SEVERAL_WAYS
+from app.pipeline.findings.rules import CONTRADICTING, PATH_NOT_KEPT, SEVERAL_WAYS
+from app.pipeline.findings.scatter import scatter_findings
 from app.pipeline.order.order import Order
 from app.pipeline.plans import Group, by_plan, is_decided, shown_together, usual_ways
 from app.pipeline.plans.agreement import two_ways
 from app.pipeline.plans.by_scene import parting
-from app.pipeline.plans.rows import PlanRow, acting_rows, plan_rows
+from app.pipeline.plans.rows import WAY_SHARE, acting_rows, plan_rows
 from app.pipeline.plans.support import Support, asked_anchor
-
-SCATTER_M = 0.01  # what people and pose estimators do at their best
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,10 +26,17 @@ class Taught:
     Attributes:
         demonstrations: as they were recorded, also those of plans that prompts leave out.
         several_ways: whether somebody said that there are several ways of doing it.
+        missed_m: of each, how far its actions stay from where the recorded hand acts; empty where that is not known.
+        round_objects: whose yaw the task says means nothing, or little.
+        moves: whether objects may be anywhere between what was demonstrated, as at a later step of a closed loop: then
+            scenes and ways are not known.
     """
 
     demonstrations: tuple[Demonstration, ...]
     several_ways: bool = False
+    missed_m: tuple[float, ...] = ()
+    round_objects: frozenset[str] = frozenset()
+    moves: bool = False
 
     @cached_property
     def usual(self) -> tuple[Demonstration, ...]:
@@ -46,12 +53,12 @@ class Taught:
     @cached_property
     def scenes(self) -> ShownScenes:
         """Where their objects are."""
-        return ShownScenes(self.usual)
+        return ShownScenes(() if self.moves else self.usual)
 
     @cached_property
     def ways(self) -> ShownWays:
         """How near their hands come to objects."""
-        return ShownWays(self.usual)
+        return ShownWays(() if self.moves else self.usual)
 
     def findings(self, asked: Order) -> tuple[Finding, ...]:
         """What is doubtful about the demonstrations that ask for the same, or about all where none does."""
@@ -64,7 +71,7 @@ class Taught:
     def _of(self, asked: Order) -> "_Asked":
         form = asked.form if asked.form in self._alike else ""
         if (known := self._known.get((form, asked.objects))) is None:
-            findings = (*self._ways_findings(form), *scatter_findings(self.support, asked))
+            findings = (*self._of_forms(form), *scatter_findings(self.support, asked, self.round_objects))
             known = self._known[form, asked.objects] = _Asked(findings, _followed(self.support, asked))
         return known
 
@@ -80,9 +87,28 @@ class Taught:
             found.setdefault(demonstration.order.form, []).append(demonstration)
         return found
 
-    def _ways_findings(self, form: str) -> Iterator[Finding]:
-        for taught in sorted(self._alike) if not form else [form]:
-            yield from ways_findings(self._alike[taught], declared=self.several_ways)
+    @cached_property
+    def _shown_off_m(self) -> dict[int, float]:
+        """By `id`, how far each demonstration that prompts show acts from where the others of its plan do."""
+        return {
+            id(demonstration): max((float(rows[j].off_m[i]) for j in acting_rows(rows)), default=0.0)
+            for group, rows in self.support.plans
+            for i, demonstration in enumerate(group)
+        }
+
+    @cached_property
+    def _missed_m(self) -> dict[int, float]:
+        """By `id`, where it is known."""
+        return {id(item): far_m for item, far_m in zip(self.demonstrations, self.missed_m, strict=False)}
+
+    def _of_forms(self, asked: str) -> Iterator[Finding]:
+        """Of the form that is asked for; of each where it is none of them."""
+        for form in [asked] if asked else sorted(self._alike):
+            alike = self._alike[form]
+            off_m = [self._shown_off_m.get(id(item)) for item in alike]
+            yield from ways_findings(alike, declared=self.several_ways)
+            yield from elsewhere_findings(alike, off_m, declared=self.several_ways)
+            yield from path_findings([self._missed_m[id(item)] for item in alike if id(item) in self._missed_m])
 
 
 @dataclass(frozen=True)
@@ -150,39 +176,20 @@ def _gripper(demonstration: Demonstration) -> list[bool]:
     return [action.gripper_open for action in demonstration.actions]
 
 
-def scatter_findings(support: Support, asked: Order) -> Iterator[Finding]:
-    """Where the hand acts, demonstrations that scatter say that poses are noisy, or that they contradict each other.
+def path_findings(missed_m: Sequence[float]) -> Iterator[Finding]:
+    """Actions that go past where the recorded hands act, in more than a third of the recordings.
 
-    Prompts show the demonstrations' centre, so that what counts is how far that is likely to be off. Where more than a
-    third of them are far from it there is none, and the number of demonstrations makes up for nothing.
+    Args:
+        missed_m: of each recording.
     """
-    acting = [(shown[0].order, k, rows[k]) for shown, rows in support.alike(asked) for k in acting_rows(rows)]
-    if not acting:
+    if not missed_m:
         return
-    order, k, row = max(acting, key=lambda item: item[2].way_off_m)
-    if CONTRADICTING.severity(row.way_off_m) is not None:
+    often_m = sorted(missed_m)[-1 - int(WAY_SHARE * len(missed_m))]
+    if PATH_NOT_KEPT.severity(often_m) is not None:
+        number = sum(PATH_NOT_KEPT.severity(far_m) is not None for far_m in missed_m)
         message = (
-            f"More than a third of {len(row.off_m)} demonstrations are {100 * row.way_off_m:.1f} cm or more from where"
-            f" the others act (action {k + 1}, seen from {_seen_from(row, order, asked)}): no noise does that. They do"
-            " it in several ways, were recorded in another frame, or what they follow is not among the objects."
+            f"In {number} of {len(missed_m)} recordings no keyframe is where the hand grasps, releases or is lowest:"
+            f" the actions stay {100 * often_m:.1f} cm away from there. Set keyframes.rule to `auto` or `waypoints`,"
+            " and keyframes.tolerance_m to 0.01."
         )
-        yield CONTRADICTING.finding(message, f"actions[{k}]", _numbers(row), value=row.way_off_m)
-        return
-    scattered = [item for item in acting if item[2].scatter_m > SCATTER_M]
-    if scattered:
-        order, k, row = max(scattered, key=lambda item: item[2].centre_off_m)
-        message = (
-            f"{len(row.off_m)} demonstrations scatter by {100 * row.scatter_m:.1f} cm where the hand acts (action"
-            f" {k + 1}, seen from {_seen_from(row, order, asked)}), and their centre may be"
-            f" {100 * row.centre_off_m:.1f} cm off: poses are noisy, or what it follows is not among the objects."
-        )
-        yield SCATTERED.finding(message, f"actions[{k}]", _numbers(row), value=row.centre_off_m)
-
-
-def _seen_from(row: PlanRow, shown: Order, asked: Order) -> str:
-    anchor = asked_anchor(row.anchors[0], shown, asked)
-    return anchor.object_name or f"the {anchor.frame}"
-
-
-def _numbers(row: PlanRow) -> dict[str, float]:
-    return {"scatter_m": row.scatter_m, "way_off_m": row.way_off_m, "centre_off_m": row.centre_off_m}
+        yield PATH_NOT_KEPT.finding(message, "keyframes", {"missed_m": often_m}, value=often_m)

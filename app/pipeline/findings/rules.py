@@ -106,6 +106,15 @@ CONTRADICTING = Rule(
     "scattered-demonstrations", "of more than a third from the centre where the hand acts", "m", danger=BEYOND_NOISE_M
 )
 SEVERAL_WAYS = Rule("several-ways", "0 where the task says that there are several, else 1", info=0.0, danger=1.0)
+ELSEWHERE = Rule(
+    "acts-elsewhere",
+    "share of the demonstrations; 1 where words say by its place which object is meant",
+    info=0.0,
+    warning=0.01,
+    danger=0.21,
+)
+ON_A_CIRCLE = Rule("scattered-demonstrations", "from the centre, all at one distance from an object", "m", danger=0.03)
+PATH_NOT_KEPT = Rule("path-not-kept", "from where recorded hands act to the nearest action", "m", danger=0.03)
 
 STRAYING = Rule("straying-action", info=ALWAYS)
 PASSES_CLOSE = Rule("passes-close", "from an object's centre", "m", warning=0.08, danger=0.03, nearer=True)
@@ -139,6 +148,9 @@ RULES = (
     SCATTERED,
     CONTRADICTING,
     SEVERAL_WAYS,
+    ELSEWHERE,
+    ON_A_CIRCLE,
+    PATH_NOT_KEPT,
     STRAYING,
     PASSES_CLOSE,
     UNSUPPORTED,

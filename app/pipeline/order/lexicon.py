@@ -153,12 +153,14 @@ def checked_aliases(aliases: Mapping[str, Sequence[str]]) -> dict[str, tuple[str
     Raises:
         InvalidInputError: names the alias and the object that has it already.
     """
-    owners = {folded(name): name for name in aliases}
+    owners = {form: name for name in aliases for form in _singular_and_plurals(name)}
     for name, words in aliases.items():
         checked_name("aliases", name)
         for word in words:
             field = f"aliases[{name}]"
-            owner = owners.setdefault(folded(checked_name(field, word)), name)
+            forms = _singular_and_plurals(checked_name(field, word))
+            owner = next((owners[form] for form in forms if owners.get(form, name) != name), name)
+            owners |= dict.fromkeys(forms, owner)
             if owner != name:
                 raise InvalidInputError(field, f"{word!r} stands for {owner!r} already", "a word of one object only")
     return {name: tuple(words) for name, words in aliases.items()}
@@ -182,4 +184,18 @@ def check_aliases_of(aliases: Mapping[str, Sequence[str]], names: Sequence[str])
 
 
 def _contains(name: str, words: str) -> bool:
-    return f" {folded(words)} " in f" {folded(name)} "
+    """Whether the words stand in the name, each in the singular or in the plural."""
+    shown, said = folded(name).split(), folded(words).split()
+    starts = range(len(shown) - len(said) + 1)
+    return any(all(map(_is_one_word, shown[k : k + len(said)], said)) for k in starts)
+
+
+def _is_one_word(one: str, other: str) -> bool:
+    return one == other or one in plurals_of(other) or other in plurals_of(one)
+
+
+def _singular_and_plurals(words: str) -> tuple[str, ...]:
+    """The words as they are folded, and with the last one in the plural."""
+    said = folded(words)
+    before, space, last = said.rpartition(" ")
+    return (said, *(f"{before}{space}{plural}" for plural in plurals_of(last)))

@@ -9,7 +9,6 @@ from sqlalchemy import Connection
 from app.llm.base import ModelProfile
 from app.pipeline.findings import Finding
 from app.pipeline.findings.demonstrations import Taught
-from app.pipeline.findings.places import MIN_DEMONSTRATIONS
 from app.pipeline.plans import agreeing
 from app.pipeline.plans.choice import PlanChoice, PlanChooser
 from app.services.cache import Cache
@@ -25,6 +24,7 @@ from app.services.predict.select import (
     DemonstrationSelector,
     TaskState,
     read_demonstrations,
+    read_missed_m,
 )
 from app.services.task_settings import TaskSettings
 from app.store import tasks
@@ -48,8 +48,8 @@ class Known:
         objects: as they were observed, in the task's order.
         end_effector: where it is before the first action: as the robot tells, else where the last step sent it.
         prefixes: one for all samples, or one for each.
-        taught: all demonstrations of the task, which an answer is held against; empty for a closed loop, and where the
-            demonstrations are other tasks'.
+        taught: all demonstrations of the task, which an answer is held against; empty where the demonstrations are
+            other tasks'.
         plan_findings: which of the demonstrated plans the first shows, and why.
     """
 
@@ -83,7 +83,7 @@ class KnownReader:
         self._select = DemonstrationSelector()
         self._prefixes: Cache[PrefixKey, Prefix] = Cache(MAX_PREFIXES)
         self._demonstrations: Cache[tuple[*TaskState, tuple[str, ...]], Demonstrations] = Cache(MAX_READ)
-        self._all: Cache[tuple[*TaskState, bool, tuple[str, ...]], Taught] = Cache(MAX_TAUGHT)
+        self._all: Cache[tuple[*TaskState, bool, bool], Taught] = Cache(MAX_TAUGHT)
         self._plans: Cache[tuple[*TaskState, tuple[str, ...]], PlanChooser] = Cache(MAX_PLANS)
 
     def __call__(self, request: PredictRequest) -> Known:
@@ -111,7 +111,7 @@ class KnownReader:
                 profile = self.profile_of(previous.model if previous else request.options.model)
                 style = previous.style if previous else PromptStyle.of(request, settings, profile)
                 shown = self._shown(connection, request, task, settings, style, objects, previous)
-                taught = self._taught(connection, task, settings, style, request.options)
+                taught = self._taught(connection, task, settings, style, request.options.demonstrations_from)
         prefixes, findings = [prefix for prefix, _ in shown], shown[0][1]
         return Known(settings, previous, end_effector, objects, profile, style, prefixes, taught, findings)
 
@@ -126,7 +126,7 @@ class KnownReader:
             task = tasks.get(connection, task_name)
             settings = TaskSettings.model_validate(task.settings)
             style = PromptStyle.of(request, settings, self.profile_of(None))
-            self._taught(connection, task, settings, style, request.options)
+            self._taught(connection, task, settings, style, request.options.demonstrations_from)
             number = settings.num_demonstrations
             ids = self._select(connection, task, request.options.selection, number, request.options.seed, ())
             plans = self._plans_of(connection, task, settings, ids)
@@ -139,26 +139,32 @@ class KnownReader:
         task: TaskRecord,
         settings: TaskSettings,
         style: PromptStyle,
-        options: PredictOptions,
+        demonstrations_from: Sequence[str] | None,
     ) -> Taught:
-        """All demonstrations of the task, or those that the request names; of very many those that lie farthest apart.
+        """All demonstrations of the task, whichever the request names; of very many those that lie farthest apart.
 
-        A few that are named do not count: they would say nothing of the others. None for a closed loop, whose objects
-        move under way, and where the demonstrations are other tasks'.
+        Those that a program names may be of one way by chance: the service cannot know that a person chose them. None
+        where the demonstrations are other tasks'.
         """
-        if style.closed_loop or options.demonstrations_from is not None:
+        if demonstrations_from is not None:
             return Taught(())
-        named = options.episode_ids or ()
-        chosen = named if len(named) >= MIN_DEMONSTRATIONS else ()
 
         def make() -> Taught:
-            ids = chosen or self._select(connection, task, "diverse", MAX_HELD_AGAINST, 0, ())
+            ids = self._select(connection, task, "diverse", MAX_HELD_AGAINST, 0, ())
             recorded = self._read(connection, task, settings, ids).recorded
+            missed_m = read_missed_m(connection, task.name, recorded)
             if not style.from_start:
                 recorded = tuple(replace(demonstration, start=None) for demonstration in recorded)
-            return Taught(recorded, settings.ways == "several")
+            return Taught(
+                recorded,
+                settings.ways == "several",
+                missed_m,
+                frozenset(settings.yaw_symmetry_deg),
+                moves=style.closed_loop,
+            )
 
-        return self._all.get((task.name, task.created_at, task.version, style.from_start, chosen), make)
+        key = (task.name, task.created_at, task.version, style.from_start, style.closed_loop)
+        return self._all.get(key, make)
 
     def _read(
         self, connection: Connection, task: TaskRecord, settings: TaskSettings, ids: tuple[str, ...]

@@ -14,6 +14,7 @@ import numpy as np
 from sqlalchemy import Connection
 
 from app.pipeline.episode import Demonstration, frame_times_s
+from app.pipeline.findings.missed import missed_m
 from app.pipeline.keyframes import KeyframeRule
 from app.pipeline.plans import Recording, agreeing, aligned_by_plan, shown_together
 from app.services.cache import Cache
@@ -213,6 +214,14 @@ def demonstrations_of(
     if not all_of_them:
         recorded = shown_together(recorded)
     return Demonstrations(agreeing(recorded), recorded)
+
+
+def read_missed_m(connection: Connection, task: str, recorded: Sequence[Demonstration]) -> tuple[float, ...]:
+    """How far the actions of each of the task's demonstrations stay from where the recorded hand acts."""
+    ids = [demonstration.id for demonstration in recorded]
+    records = episodes.demonstrations_by_id(connection, task, ids)
+    found = zip(recorded, get_trajectories(connection, ids), records, strict=True)
+    return tuple(missed_m(t, frame_times_s(t, record.control_frequency_hz), d.actions) for d, t, record in found)
 
 
 def recordings_of(

@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.pipeline.findings.demonstrations import Taught
+from app.pipeline.findings.demonstrations import Taught, path_findings
+from app.pipeline.findings.missed import missed_m
 from app.pipeline.plans import agreeing, aligned_by_plan
-from tests.pipeline.plans.taught import picked, recording
+from tests.pipeline.plans.taught import picked, reached, recording
 from tests.pipeline.recordings import Motion
 from tests.pipeline.scenes import pose
 
@@ -92,3 +93,83 @@ def test_of_instructions_only_the_one_that_is_asked_is_doubted():
     assert found(known) == []
     assert Taught(()).findings(right[0].demonstration.order) == ()
     assert "danger" in [severity for _, severity in found(taught(wrong))]
+
+
+def sides(instruction, number_right, number=10):
+    """So many picks of the cube on the right, which is `cube 2`, and otherwise of `cube 1`."""
+    recordings = []
+    for seed in range(number):
+        item = presses(seed, int(seed < number_right))
+        shown = item.demonstration
+        names = ("cube 1", "cube 2")
+        objects = tuple(replace(seen, name=name) for seen, name in zip(shown.objects, names, strict=True))
+        recordings.append(replace(item, demonstration=replace(shown, instruction=instruction, objects=objects)))
+    return recordings
+
+
+@pytest.mark.parametrize(
+    ("instruction", "number_right", "severity"),
+    [
+        ("press the left one", 1, "danger"),  # the place decides, and one recording says so
+        ("press the nearest cube", 2, "danger"),
+        ("press it", 0, None),
+        ("press it", 1, "warning"),  # a slip among ten
+        ("press it", 2, "warning"),
+        ("press it", 3, "danger"),
+    ],
+)
+def test_demonstrations_that_the_answer_does_not_follow(instruction, number_right, severity):
+    known = taught(sides(instruction, number_right))
+    assert dict(found(known)).get("acts-elsewhere") == severity
+    if severity is not None:
+        finding = next(item for item in known.findings(known.demonstrations[0].order) if item.code == "acts-elsewhere")
+        assert finding.numbers["elsewhere"] == number_right
+
+
+def test_one_of_three_is_more_than_a_slip():
+    assert dict(found(taught(sides("press it", 1, number=3))))["acts-elsewhere"] == "danger"
+
+
+def test_a_side_in_an_objects_name_decides_by_the_name():
+    recordings = [presses(seed, int(seed < 2)) for seed in range(10)]
+    recordings = [
+        replace(r, demonstration=replace(r.demonstration, instruction="press the left knob")) for r in recordings
+    ]
+    assert dict(found(taught(recordings)))["acts-elsewhere"] == "warning"
+
+
+def test_a_declared_way_is_no_danger_where_a_place_decides():
+    assert dict(found(taught(sides("press the left one", 2), several_ways=True)))["acts-elsewhere"] == "info"
+
+
+def test_keyframes_that_miss_where_hands_act():
+    recordings = [presses(seed, 0) for seed in range(4)]
+    demonstrations = taught(recordings).demonstrations
+    last_only = [replace(demonstration, actions=demonstration.actions[-1:]) for demonstration in demonstrations]
+    for shown, severity in ((demonstrations, None), (last_only, "danger")):
+        missed = [missed_m(r.trajectory, r.times_s, d.actions) for r, d in zip(recordings, shown, strict=True)]
+        findings = {finding.code: finding.severity for finding in path_findings(missed)}
+        assert findings.get("path-not-kept") == severity
+
+
+def test_a_grasp_between_keyframes_is_missed():
+    item = picked(0)
+    (demonstration,) = aligned_by_plan([item])
+    assert missed_m(item.trajectory, item.times_s, demonstration.actions) < 0.01
+    opened = [action for action in demonstration.actions if action.gripper_open]
+    assert missed_m(item.trajectory, item.times_s, opened[:1]) == 1.0  # nothing closes
+
+
+@pytest.mark.parametrize("round_objects", [frozenset(), frozenset({"red cube"})])
+def test_grasps_round_an_object_that_is_declared_round(round_objects):
+    random = np.random.default_rng(0)
+    turns_rad = random.uniform(-1, 1, 10)
+    offsets_m = [(0.08 * np.cos(turn), 0.08 * np.sin(turn), 0.0) for turn in turns_rad]
+    known = Taught(tuple(reached(offsets_m, random=random)), round_objects=round_objects)
+    expected = "danger" if round_objects else "warning"
+    assert dict(found(known))["scattered-demonstrations"] == expected
+
+
+def test_like_instructions_may_name_different_objects():
+    recordings = sides("press the left one beside the cube 1", 2) + sides("press the left one beside the cube 2", 3)
+    assert dict(found(taught(recordings)))["acts-elsewhere"] == "danger"

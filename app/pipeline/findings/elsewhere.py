@@ -1,0 +1,101 @@
+"""Demonstrations that others overrule though they act elsewhere.
+
+Prompts leave out a rare plan, and move each row to where most demonstrations of its plan have it.
+"""
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from app.pipeline.episode import Demonstration
+from app.pipeline.findings import Finding
+from app.pipeline.findings.rules import ELSEWHERE
+from app.pipeline.order.vocabulary import COUNTED_FROM, FAR, NEAR, PLACE_ADJECTIVES
+from app.pipeline.plans.rows import BEYOND_NOISE_M
+from roboprompt_client.arrays import Array
+
+LISTED = 3  # ids that a sentence names
+PLACE_WORDS = frozenset({*COUNTED_FROM, *FAR, *NEAR, *PLACE_ADJECTIVES})  # that say which of several objects
+
+
+def elsewhere_findings(
+    alike: Sequence[Demonstration], off_m: Sequence[float | None], *, declared: bool
+) -> Iterator[Finding]:
+    """The demonstrations that the others overrule though they act elsewhere, in one finding.
+
+    Where words say by its place which object is meant, and some act at another one, the place decides: what is
+    overruled may be right, and a likeness of scenes that parts the plans is no reason.
+
+    Args:
+        alike: that ask for the same.
+        off_m: of each, how far it acts from where the others of its plan do; None where prompts leave it out.
+        declared: whether the task says that there are several ways.
+    """
+    by_place = not PLACE_WORDS.isdisjoint(alike[0].order.form.split())
+    compared = all(demonstration.actions and demonstration.objects for demonstration in alike)
+    left_out = compared and None in off_m and alike[0].plan is not None
+    distances_m = _distances_m(alike) if compared and (by_place or left_out) else []
+    away_m = _away_m(distances_m) if left_out else [0.0] * len(alike)
+    found = {k for k, far_m in enumerate(off_m) if (away_m[k] if far_m is None else far_m) > BEYOND_NOISE_M}
+    elsewhere = sorted(found.union(_at_other_objects(distances_m) if by_place and compared else ()))
+    if not elsewhere:
+        return
+    listed = ", ".join(alike[k].id for k in elsewhere[:LISTED])
+    more = f" and {len(elsewhere) - LISTED} more" if elsewhere[LISTED:] else ""
+    message = (
+        f"Of {len(alike)} demonstrations of {alike[0].instruction!r} {len(elsewhere)} act"
+        f" {100 * BEYOND_NOISE_M:.0f} cm or more from where the others do: {listed}{more}. The answer may not do what"
+        " they do. Delete what was recorded wrongly; where a place decides which object is meant, name the object in"
+        " the instruction."
+    )
+    value = 0.0 if declared else 1.0 if by_place else len(elsewhere) / len(alike)
+    numbers = {"elsewhere": len(elsewhere), "demonstrations": len(alike)}
+    yield ELSEWHERE.finding(message, "demonstrations", numbers, value=value)
+
+
+def _distances_m(alike: Sequence[Demonstration]) -> list[dict[str, float]]:
+    """Of each, by role how far from its objects the hand acts."""
+    acted_m = [_acts_at_m(demonstration) for demonstration in alike]
+    return [
+        {_role(d, pose.name): float(np.linalg.norm(pose.position_m - at_m)) for pose in d.objects}
+        for d, at_m in zip(alike, acted_m, strict=True)
+    ]
+
+
+def _usual_role(distances_m: Sequence[dict[str, float]]) -> str:
+    """The one that most act nearest to."""
+    return Counter(min(roles, key=roles.__getitem__) for roles in distances_m).most_common(1)[0][0]
+
+
+def _from(role: str, distances_m: dict[str, float]) -> float:
+    """The distance from an object; from the nearest where the instruction has that object in another role."""
+    return distances_m.get(role, min(distances_m.values()))
+
+
+def _away_m(distances_m: Sequence[dict[str, float]]) -> Array:
+    """(N,) how much nearer to, or farther from, the object that most act at each acts than most do."""
+    usual = _usual_role(distances_m)
+    from_usual_m = np.array([_from(usual, roles) for roles in distances_m])
+    away: Array = np.abs(from_usual_m - np.median(from_usual_m))
+    return away
+
+
+def _at_other_objects(distances_m: Sequence[dict[str, float]]) -> list[int]:
+    """Those that clearly act at another object than most."""
+    usual = _usual_role(distances_m)
+    return [k for k, roles in enumerate(distances_m) if _from(usual, roles) > min(roles.values()) + BEYOND_NOISE_M]
+
+
+def _acts_at_m(demonstration: Demonstration) -> Array:
+    """(3,) where the gripper first switches; without a switch where the hand is lowest."""
+    actions = demonstration.actions
+    switches = [k for k in range(1, len(actions)) if actions[k].gripper_open != actions[k - 1].gripper_open]
+    first = switches[0] if switches else int(np.argmin([action.position_m[2] for action in actions]))
+    return actions[first].position_m
+
+
+def _role(demonstration: Demonstration, name: str) -> str:
+    """The object's place in the instruction, or its name."""
+    mentioned = demonstration.order.objects
+    return f"<{mentioned.index(name)}>" if name in mentioned else name
