@@ -101,12 +101,13 @@ class ClosedLoopTemplate:
 
     Attributes:
         steps: as many as the longest demonstration has actions, and one for what follows its last.
+        rotated: of each step, the objects whose rotation all demonstrations have there.
     """
 
     steps: tuple[StepCodec, ...]
     system: str
     prefix: str
-    rotated: frozenset[str]
+    rotated: tuple[frozenset[str], ...]
 
     @classmethod
     def write(cls, fit: FitStep, demonstrations: Sequence[Demonstration], system: str) -> "ClosedLoopTemplate":
@@ -122,11 +123,12 @@ class ClosedLoopTemplate:
         by_step = [[step for step in steps if step is not None] for steps in zip_longest(*stepwise)]
         codecs = tuple(_step_codec(fit, shown, k) for k, shown in enumerate(by_step))
         texts = [codecs[k].demonstration_text(step) for steps in stepwise for k, step in enumerate(steps)]
-        return cls(codecs, system, "".join(texts), rotated_in_all(by_step[0]))
+        return cls(codecs, system, "".join(texts), tuple(map(rotated_in_all, by_step)))
 
     def at_step(self, step: int) -> PromptTemplate:
         """The template that asks for the action of a step, from 0."""
-        return PromptTemplate(self.steps[min(step, len(self.steps) - 1)], self.system, self.prefix, self.rotated)
+        place = min(step, len(self.steps) - 1)
+        return PromptTemplate(self.steps[place], self.system, self.prefix, self.rotated[place])
 
 
 def _step_codec(fit: FitStep, shown: Sequence[Demonstration], step: int) -> StepCodec:
