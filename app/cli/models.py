@@ -37,14 +37,15 @@ def add(
     release = known.release if known else None
     if release is None and (known or file is None or not OWN_NAME.fullmatch(name)):
         there = ", ".join(model for model, other in KNOWN.items() if other.release)
-        raise typer.BadParameter(f"{name!r} cannot be added (valid: {there}; or a name of letters, digits and .-_ with"
-                                 " --file)")  # fmt: skip
+        own = "with --file a name of letters, digits and .-_"
+        raise typer.BadParameter(f"{name!r} cannot be added (valid: {there}; {own})")
     with _said():
         if release is not None:
             typer.echo(f"{release.file}, {release.size_bytes / 1e6:,.0f} MB, {release.license}; {release.publisher}")
-        if not added_path(name, settings).is_file():
+        target = added_path(name, settings)
+        if release is None or not target.is_file():
             if file is not None:
-                add_weights.copy(file, added_path(name, settings), release)
+                add_weights.copy(file, target, release)
             elif release is not None:
                 _fetch(release, settings.cache_folder)
         path = find_weights(name, settings)()

@@ -17,6 +17,7 @@ from app.llm.llama.known_models import KNOWN, KnownModel, Release
 from app.llm.llama.weights import find_weights
 from app.llm.llm_settings import LlmSettings
 from app.llm.registry import ModelRegistry
+from roboprompt_client.client import LONGEST_S
 
 CONTENTS = (b"GGUF the first part, ", b"the second, ", b"and the last")
 WHOLE = b"".join(CONTENTS)
@@ -196,6 +197,9 @@ def test_a_file_gets_a_name_of_the_operators(tiny, tmp_path):
     added = offer(tiny, "mine-7b")
     assert (added.available, added.profile.style) == (True, "completion")
     assert "embedded/mine-7b  here" in command("list")
+    file.write_bytes(b"GGUF of a newer one")
+    command("add", "mine-7b", "--file", str(file))
+    assert find_weights("mine-7b", tiny)().read_bytes() == b"GGUF of a newer one"
     command("remove", "mine-7b")
     assert "'mine-7b' was not added here" in " ".join(command("remove", "mine-7b", status=2).split())
 
@@ -203,6 +207,10 @@ def test_a_file_gets_a_name_of_the_operators(tiny, tmp_path):
 @pytest.mark.parametrize("words", [["gemma-3-270m"], ["unknown"], ["../x", "--file", __file__]])
 def test_names_that_cannot_be_added(words):
     assert "cannot be added" in command("add", *words, status=2)
+
+
+def test_robots_wait_as_long_as_the_slowest_model_is_given():
+    assert max(model.timeout_s for model in KNOWN.values()) == LONGEST_S
 
 
 def test_a_file_that_is_no_gguf_is_refused(tiny):
