@@ -15,7 +15,7 @@ RGB_SIGMA = 3.0
 
 
 def as_a_camera_sees_it(frame: RgbdFrame, random: np.random.Generator) -> RgbdFrame:
-    """The frame with noise on colours (sigma 3 of 255) and depth.
+    """The frame with noise on colors (sigma 3 of 255) and depth.
 
     Depth errors have sigma 2 mm * z^2, are correlated over 1.5 px, pixels at edges fly, and depth comes in 1 mm steps.
     """

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from app.sim.scene import COLOURS, Part, about_z, quaternion_wxyz
+from app.sim.scene import COLORS, Part, about_z, quaternion_wxyz
 from app.sim.world import CameraPlacement, camera_to_world
 from benchmarks.object_shapes import THINGS
 from roboprompt_client.arrays import Array
@@ -90,7 +90,7 @@ class Room:
             self._model.geom_size[geom] = half_m
             self._model.geom_rbound[geom] = np.linalg.norm(half_m)
             self._model.geom_aabb[geom, 3:] = half_m if number % 2 else half_m[[0, 0, 1]]
-            self._model.geom_rgba[geom, :3] = COLOURS[color]
+            self._model.geom_rgba[geom, :3] = COLORS[color]
             self._move(f"clutter {number}", place_m, about_z(yaw))
         mujoco.mj_forward(self._model, self._data)
 

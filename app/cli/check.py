@@ -12,7 +12,7 @@ from rich.table import Table
 from roboprompt_client.client import DEFAULT_URL, RoboPromptClient
 from roboprompt_client.errors import ServiceProblemError, ServiceUnreachableError
 
-COLOURS = {"info": "cyan", "warning": "yellow", "danger": "red"}
+COLORS = {"info": "cyan", "warning": "yellow", "danger": "red"}
 SHOWN_CHARS = 8  # of an episode's id
 Document = Mapping[str, Any]
 
@@ -48,8 +48,8 @@ def show(answer: Document, console: Console) -> None:
     of_all = f"{number}" if checked == number else f"{checked} of {number}"
     console.print(f"[bold]{escape(answer['task'])}[/]: {of_all} demonstrations, keyframes by {answer['rule']}")
     for finding in answer["findings"]:
-        colour = COLOURS[finding["severity"]]
-        console.print(f"\n[{colour}]{finding['severity']}[/] [bold]{finding['code']}[/]", highlight=False)
+        color = COLORS[finding["severity"]]
+        console.print(f"\n[{color}]{finding['severity']}[/] [bold]{finding['code']}[/]", highlight=False)
         console.print(escape(finding["message"]), highlight=False)
     if not answer["findings"]:
         console.print("\n[green]Nothing is amiss: the demonstrations predict each other.[/]")

@@ -22,7 +22,7 @@ SHOT_S = 0.3  # of simulated time, between two pictures
 FRAME_MS, ROW_MS, LAST_MS = 90, 300, 4000
 SCENE_PX, TEXT_WIDTH_PX, MARGIN_PX = (480, 360), 500, 14
 FONT_PX, LINE_PX, LINE_CHARS = 13, 18, 68
-COLOURS = 96
+COLORS = 96
 BACKGROUND, TITLE, TEXT, DONE = "#181c22", "#8fb8ff", "#c3c9d1", "#7fd18b"
 
 
@@ -68,7 +68,7 @@ def make_moving_picture(task: str, seed: int, num_demonstrations: int, path: Pat
         ]
     durations_ms += [FRAME_MS] * (len(frames) - len(durations_ms) - 1) + [LAST_MS]
     # keeps the few pixels of colored text, unlike the default method
-    first, *rest = [frame.quantize(COLOURS, Image.Quantize.MAXCOVERAGE) for frame in frames]
+    first, *rest = [frame.quantize(COLORS, Image.Quantize.MAXCOVERAGE) for frame in frames]
     path.parent.mkdir(parents=True, exist_ok=True)
     first.save(path, save_all=True, append_images=rest, duration=durations_ms, loop=0, optimize=True)
     return judge(robot)
@@ -122,10 +122,10 @@ def draw_frame(image: RgbImage, asked: Asked, num_rows: int, num_done: int) -> I
     lines += [("and goes on:", TITLE)]
     lines += [(row, DONE if k < num_done else TEXT) for k, row in enumerate(asked.rows[:num_rows])]
     draw, font = ImageDraw.Draw(page), ImageFont.load_default(FONT_PX)
-    for k, (text, colour) in enumerate(lines):
-        draw.text((SCENE_PX[0] + MARGIN_PX, MARGIN_PX + k * LINE_PX), text, colour, font)
+    for k, (text, color) in enumerate(lines):
+        draw.text((SCENE_PX[0] + MARGIN_PX, MARGIN_PX + k * LINE_PX), text, color, font)
     return page
 
 
-def _wrapped(text: str, colour: str) -> list[tuple[str, str]]:
-    return [(line, colour) for line in wrap(text, LINE_CHARS)]
+def _wrapped(text: str, color: str) -> list[tuple[str, str]]:
+    return [(line, color) for line in wrap(text, LINE_CHARS)]

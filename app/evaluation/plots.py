@@ -118,12 +118,12 @@ def success_over(axis: Axis, evaluation: Evaluation) -> Figure:
     models = list(dict.fromkeys(method.options.get("model", "") for method in varied))
     if len(models) == 1 and len(evaluation.tasks) <= MAX_NAMED_TASKS:
         _draw_tasks(axes, axis, evaluation, varied)
-    for model, colour in zip(models, LIGHT.series, strict=False):
+    for model, color in zip(models, LIGHT.series, strict=False):
         of_model = [method for method in varied if method.options.get("model", "") == model]
-        _draw_mean(axes, axis, evaluation, of_model, colour, model or "mean")
-    for method, colour in zip(evaluation.methods, LIGHT.series[::-1], strict=False):
+        _draw_mean(axes, axis, evaluation, of_model, color, model or "mean")
+    for method, color in zip(evaluation.methods, LIGHT.series[::-1], strict=False):
         if axis.value(method) is None and (mean := mean_rate(evaluation, method)) is not None:
-            axes.axhline(100 * mean, color=colour, linestyle=(0, (5, 3)), label=method.label)
+            axes.axhline(100 * mean, color=color, linestyle=(0, (5, 3)), label=method.label)
     numbers = sorted({axis.value(method) or 0 for method in varied})
     axes.set_xticks(numbers, [f"{number:g}" for number in numbers])
     axes.set_ylim(*PERCENT_RANGE)
@@ -142,7 +142,7 @@ def _draw_tasks(axes: Axes, axis: Axis, evaluation: Evaluation, methods: Sequenc
 
 
 def _draw_mean(
-    axes: Axes, axis: Axis, evaluation: Evaluation, methods: Sequence[Method], colour: str, label: str
+    axes: Axes, axis: Axis, evaluation: Evaluation, methods: Sequence[Method], color: str, label: str
 ) -> None:
     """The interval is Wilson's of all trials taken together, about their rate."""
     points = []
@@ -154,4 +154,4 @@ def _draw_mean(
     if points:
         numbers, means, below, above = zip(*points, strict=True)
         errors = [below, above]
-        axes.errorbar(numbers, means, errors, color=colour, marker="o", linewidth=2, capsize=3, label=label)
+        axes.errorbar(numbers, means, errors, color=color, marker="o", linewidth=2, capsize=3, label=label)

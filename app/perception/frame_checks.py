@@ -35,16 +35,16 @@ def check_cameras(frames: Sequence[RgbdFrame]) -> None:
 
 
 def check_rgbd(frame: RgbdFrame) -> None:
-    """Refuse a frame without colours or without usable depth.
+    """Refuse a frame without colors or without usable depth.
 
     Raises:
         InvalidInputError: naming rgb_NAME, depth_NAME or the camera's depth_scale.
     """
     name = frame.camera.name
     if frame.rgb is None:
-        raise InvalidInputError(f"rgb_{name}", "is missing", "a colour image beside the depth image")
+        raise InvalidInputError(f"rgb_{name}", "is missing", "a color image beside the depth image")
     if frame.depth_m is None:
-        raise InvalidInputError(f"depth_{name}", "is missing", "a depth image beside the colour image")
+        raise InvalidInputError(f"depth_{name}", "is missing", "a depth image beside the color image")
     sample = frame.depth_m[::4, ::4]
     known = sample[sample > 0]
     if not len(known):

@@ -10,14 +10,14 @@ from collections.abc import Iterator
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 PNG_END = b"IEND\xaeB`\x82"
 MAX_CHUNKS = 100_000  # writers put 8 kB and more of an image into each
-# What pixels are made of, and the orientation. Others are left out: libpng unpacks texts and colour profiles, of which
+# What pixels are made of, and the orientation. Others are left out: libpng unpacks texts and color profiles, of which
 # 2 MB can become 2 GB.
 _OF_PIXELS = frozenset({b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND", b"eXIf"})
 _FRAME_BYTES = 12  # length and type before the data, checksum after it
-# libjpeg's own progressive script has 10 for colour and 18 for four components; others have fewer than 16.
+# libjpeg's own progressive script has 10 for color and 18 for four components; others have fewer than 16.
 # Each takes a third of the time of a whole baseline image, also where it is empty.
 MAX_SCANS = 18
-MAX_SEGMENTS = 1000  # a colour profile may fill 255
+MAX_SEGMENTS = 1000  # a color profile may fill 255
 JPEG_SIGNATURE = b"\xff\xd8\xff"
 JPEG_END = b"\xff\xd9"
 _START_OF_SCAN = b"\xff\xda"

@@ -21,7 +21,7 @@ from roboprompt_client.camera import RgbdFrame
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.trajectory import ObjectPose
 
-# Okabe and Ito, "Color Universal Design" (2008): the colour-blind distinguish them, too
+# Okabe and Ito, "Color Universal Design" (2008): the color-blind distinguish them, too
 PALETTE: tuple[Color, ...] = (
     (230, 159, 0),
     (86, 180, 233),
@@ -66,7 +66,7 @@ def _marker(marker: Marker) -> Array:
 
 
 def draw_overlay(frame: RgbdFrame, poses: Sequence[ObjectPose], queries: Sequence[ObjectQuery] = ()) -> RgbImage:
-    """A copy of the frame's colours, (H, W, 3), with `poses` drawn in.
+    """A copy of the frame's colors, (H, W, 3), with `poses` drawn in.
 
     A pose without rotation is a dot; an object outside of the view is only named, at the bottom.
 
@@ -74,10 +74,10 @@ def draw_overlay(frame: RgbdFrame, poses: Sequence[ObjectPose], queries: Sequenc
         queries: what was known of the objects, for their masks and outlines; by name.
 
     Raises:
-        InvalidInputError: if the frame has no colours.
+        InvalidInputError: if the frame has no colors.
     """
     if frame.rgb is None:
-        raise InvalidInputError(f"rgb_{frame.camera.name}", "is missing", "a camera with a colour image")
+        raise InvalidInputError(f"rgb_{frame.camera.name}", "is missing", "a camera with a color image")
     canvas = Canvas(frame.camera, frame.rgb.copy())
     known = {query.name: query for query in queries}
     styled = [(pose, known.get(pose.name), PALETTE[i % len(PALETTE)]) for i, pose in enumerate(poses)]

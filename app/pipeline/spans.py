@@ -1,4 +1,4 @@
-"""The parts of a prompt, to be shown in the paper's colours: object poses, actions, the instruction (figure 1)."""
+"""The parts of a prompt, to be shown in the paper's colors: object poses, actions, the instruction (figure 1)."""
 
 import re
 from collections.abc import Iterator

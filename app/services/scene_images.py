@@ -71,7 +71,7 @@ class DrawOverlay:
         """A PNG of the episode's first frame.
 
         Raises:
-            NotFoundError: if there is no such episode, or it has no colour image of that camera.
+            NotFoundError: if there is no such episode, or it has no color image of that camera.
         """
         with self._store.read() as connection:
             record = episodes.get(connection, episode_id)
@@ -83,7 +83,7 @@ class DrawOverlay:
         """A PNG of what the robot saw when it asked.
 
         Raises:
-            NotFoundError: if there is no such prediction, or no colour image of that camera came with it.
+            NotFoundError: if there is no such prediction, or no color image of that camera came with it.
         """
         with self._store.read() as connection:
             record = predictions.get(connection, prediction_id)

@@ -49,8 +49,8 @@ class RayCaster:
     def _shade(self, geoms: npt.NDArray[np.int32], normals: Array) -> RgbImage:
         light = AMBIENT + DIFFUSE * np.clip(normals @ TO_LIGHT, 0, None)
         lit = self._model.geom_rgba[geoms, :3] * light[:, None]
-        colours = np.where(geoms[:, None] >= 0, lit, SKY_RGB)
-        return (colours.clip(0, 1) * 255).astype(np.uint8).reshape(HEIGHT_PX, WIDTH_PX, 3)
+        colors = np.where(geoms[:, None] >= 0, lit, SKY_RGB)
+        return (colors.clip(0, 1) * 255).astype(np.uint8).reshape(HEIGHT_PX, WIDTH_PX, 3)
 
     def _cast(self, data: mujoco.MjData, camera: Camera) -> tuple[npt.NDArray[np.int32], Array, Array]:
         """Per pixel, row by row: the geom that it shows (-1: none), the depth in m and the surface's normal (N, 3)."""

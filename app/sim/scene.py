@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from app.sim.world import OBJECT_CONTACT
 from roboprompt_client.arrays import Array
 
-COLOURS = {
+COLORS = {
     "red": (0.85, 0.10, 0.10),
     "green": (0.10, 0.65, 0.15),
     "blue": (0.10, 0.22, 0.85),
@@ -68,26 +68,26 @@ class Part:
         if free:
             self.body.add_freejoint()
 
-    def box(self, half_sizes_m: Vector, colour: str, **shape: Unpack[Shape]) -> Self:
-        return self._geom(mujoco.mjtGeom.mjGEOM_BOX, half_sizes_m, colour, **shape)
+    def box(self, half_sizes_m: Vector, color: str, **shape: Unpack[Shape]) -> Self:
+        return self._geom(mujoco.mjtGeom.mjGEOM_BOX, half_sizes_m, color, **shape)
 
-    def cylinder(self, radius_m: float, half_height_m: float, colour: str, **shape: Unpack[Shape]) -> Self:
-        return self._geom(mujoco.mjtGeom.mjGEOM_CYLINDER, (radius_m, half_height_m, 0), colour, **shape)
+    def cylinder(self, radius_m: float, half_height_m: float, color: str, **shape: Unpack[Shape]) -> Self:
+        return self._geom(mujoco.mjtGeom.mjGEOM_CYLINDER, (radius_m, half_height_m, 0), color, **shape)
 
-    def capsule(self, radius_m: float, half_length_m: float, colour: str, **shape: Unpack[Shape]) -> Self:
+    def capsule(self, radius_m: float, half_length_m: float, color: str, **shape: Unpack[Shape]) -> Self:
         """Along z; `half_length_m` without the caps."""
-        return self._geom(mujoco.mjtGeom.mjGEOM_CAPSULE, (radius_m, half_length_m, 0), colour, **shape)
+        return self._geom(mujoco.mjtGeom.mjGEOM_CAPSULE, (radius_m, half_length_m, 0), color, **shape)
 
-    def sphere(self, radius_m: float, colour: str, **shape: Unpack[Shape]) -> Self:
-        return self._geom(mujoco.mjtGeom.mjGEOM_SPHERE, (radius_m, 0, 0), colour, **shape)
+    def sphere(self, radius_m: float, color: str, **shape: Unpack[Shape]) -> Self:
+        return self._geom(mujoco.mjtGeom.mjGEOM_SPHERE, (radius_m, 0, 0), color, **shape)
 
-    def mark(self, half_sizes_m: Vector, colour: str, **shape: Unpack[Shape]) -> Self:
+    def mark(self, half_sizes_m: Vector, color: str, **shape: Unpack[Shape]) -> Self:
         """A box that is seen but not felt, e.g. a colored place on the table."""
-        return self._geom(mujoco.mjtGeom.mjGEOM_BOX, half_sizes_m, colour, contact=NO_CONTACT, **shape)
+        return self._geom(mujoco.mjtGeom.mjGEOM_BOX, half_sizes_m, color, contact=NO_CONTACT, **shape)
 
     def wall(
         self,
-        colour: str,
+        color: str,
         *,
         bottom_m: float,
         top_m: float,
@@ -111,12 +111,12 @@ class Part:
         for facet in range(facets):
             turn = about_z(2 * np.pi * facet / facets)
             shape = Shape(at_m=turn.apply(middle_m), rotation=turn * lean, mass_kg=mass_kg / facets, friction=friction)
-            self.box(half_sizes_m, colour, **shape)
+            self.box(half_sizes_m, color, **shape)
         return self
 
     def case(
         self,
-        colour: str,
+        color: str,
         heights_m: Sequence[float],
         *,
         depth_m: float,
@@ -135,16 +135,16 @@ class Part:
         front = np.asarray(front_m)
         for height in heights_m:
             at_m = front + np.array([half_depth, 0, height - half_board])
-            self.box((half_depth, half_width_m, half_board), colour, at_m=at_m)
+            self.box((half_depth, half_width_m, half_board), color, at_m=at_m)
         for y_m in (-half_width_m, half_width_m):
-            self.box((half_depth, half_board, half_height), colour, at_m=front + np.array([half_depth, y_m, middle]))
-        return self.box((half_board, half_width_m, half_height), colour, at_m=front + np.array([depth_m, 0, middle]))
+            self.box((half_depth, half_board, half_height), color, at_m=front + np.array([half_depth, y_m, middle]))
+        return self.box((half_board, half_width_m, half_height), color, at_m=front + np.array([depth_m, 0, middle]))
 
     def _geom(
         self,
         kind: mujoco.mjtGeom,
         size: Vector,
-        colour: str,
+        color: str,
         *,
         at_m: npt.ArrayLike = (0.0, 0.0, 0.0),
         rotation: Rotation = NO_TURN,
@@ -158,7 +158,7 @@ class Part:
             size=size,
             pos=at_m,
             quat=quaternion_wxyz(rotation),
-            rgba=[*COLOURS[colour], 1],
+            rgba=[*COLORS[color], 1],
             mass=mass_kg,
             friction=[friction, TORSIONAL_FRICTION, ROLLING_FRICTION],
             solref=CONTACT_SOLREF,

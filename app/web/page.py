@@ -93,7 +93,7 @@ def serve_assets(app: FastAPI) -> None:
 
 
 def thumbnail(blobs: BlobStore, camera: CameraRecord) -> bytes | None:
-    """A JPEG of the camera's colour image; None if it has none.
+    """A JPEG of the camera's color image; None if it has none.
 
     Raises:
         CorruptDataError, StoreUnavailableError: if the image cannot be read.
@@ -108,7 +108,7 @@ def thumbnail(blobs: BlobStore, camera: CameraRecord) -> bytes | None:
 
 
 def pictured(cameras: tuple[CameraRecord, ...]) -> str | None:
-    """The name of the first camera with a colour image."""
+    """The name of the first camera with a color image."""
     return next((camera.name for camera in cameras if camera.rgb_digest is not None), None)
 
 

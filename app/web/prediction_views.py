@@ -55,7 +55,7 @@ class PredictionView:
 
     @property
     def prompt(self) -> tuple[Span, ...]:
-        """What the LLM read, in the paper's colours."""
+        """What the LLM read, in the paper's colors."""
         return self._spans(self.record.prompt_user)
 
     @property

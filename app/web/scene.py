@@ -1,6 +1,6 @@
 """A scene for `static/scene3d.js`: workspace, path, end-effector frames and objects; world frame, metres.
 
-Each object has a colour: where its name says one, that one, so that a blue cube is blue.
+Each object has a color: where its name says one, that one, so that a blue cube is blue.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -12,7 +12,7 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from app.perception.overlay import PALETTE
-from app.pipeline.order.vocabulary import COLOURS
+from app.pipeline.order.vocabulary import COLORS
 from app.services.setting_parts import WorkspaceSettings
 from app.store.values import JsonObject, ObjectRecord
 
@@ -25,8 +25,8 @@ _BASIC = {
 _OTHERS = tuple(f"#{red:02x}{green:02x}{blue:02x}" for red, green, blue in PALETTE)
 
 
-def object_colours(names: Iterable[str]) -> dict[str, str]:
-    """A colour as CSS writes it for each name; no two share one while there are enough."""
+def object_colors(names: Iterable[str]) -> dict[str, str]:
+    """A color as CSS writes it for each name; no two share one while there are enough."""
     wanted = list(dict.fromkeys(names))
     chosen: dict[str, str] = {}
     for name in wanted:
@@ -37,9 +37,9 @@ def object_colours(names: Iterable[str]) -> dict[str, str]:
 
 
 def _said(name: str) -> list[str]:
-    """The colours of the words of the name; a word that may mean several counts for each."""
+    """The colors of the words of the name; a word that may mean several counts for each."""
     words = name.casefold().replace("_", " ").split()
-    return [_BASIC[basic] for word in words for basic in sorted(COLOURS.get(word, ()))]
+    return [_BASIC[basic] for word in words for basic in sorted(COLORS.get(word, ()))]
 
 
 def frame(
@@ -65,7 +65,7 @@ def scene(
         shown: objects as demonstrations have them, drawn faintly.
     """
     objects, shown = tuple(objects), tuple(shown)
-    colors = object_colours(item.name for item in (*objects, *shown))
+    colors = object_colors(item.name for item in (*objects, *shown))
     points = [item["position"] for item in frames] if path_m is None else _thinned(path_m).tolist()
     return {
         "workspace": {"min": workspace.min, "max": workspace.max},

@@ -1,6 +1,6 @@
 """A small drawing of a scene from its poses, where no camera's picture of it was sent.
 
-The template `scene_picture.html` makes SVG of it. Objects are drawn as small boxes in their colours, seen as the 3D
+The template `scene_picture.html` makes SVG of it. Objects are drawn as small boxes in their colors, seen as the 3D
 view opens: from in front of the robot, on its right, from above.
 """
 
@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from app.store.records import EpisodeRecord, PredictionRecord
 from app.store.values import ObjectRecord
-from app.web.scene import object_colours
+from app.web.scene import object_colors
 from roboprompt_client.arrays import Array
 
 WIDTH, HEIGHT, MARGIN = 96.0, 72.0, 8.0  # units of the drawing
@@ -46,7 +46,7 @@ class ScenePicture:
     Attributes:
         ground: corners of a rectangle under the objects, as SVG writes points; so is `path`.
         keyframes: (x, y, whether the gripper is open) of each.
-        names: the objects with their colours.
+        names: the objects with their colors.
     """
 
     ground: str
@@ -69,7 +69,7 @@ def scene_picture(
     way = np.array([position for position, _ in keyframes]).reshape(-1, 3)
     ground = _ground(np.array([item.position_m for item in objects]))
     to_page = _Fit(np.vstack([ground, way]))
-    colors = object_colours(item.name for item in objects)
+    colors = object_colors(item.name for item in objects)
     ordered = sorted(objects, key=lambda item: float(np.dot(item.position_m, _TOWARDS)))
     faces = tuple(face for item in ordered for face in _box(item, colors[item.name], to_page))
     ends = [(*map(float, point), is_open) for point, (_, is_open) in zip(to_page(way), keyframes, strict=True)]

@@ -117,9 +117,9 @@ def zip64(size):
     return whole[:start] + directory + bytes(tail)
 
 
-def header_of(width, height, depth=8, colours=2, interlaced=0):
+def header_of(width, height, depth=8, colors=2, interlaced=0):
     """A PNG's first chunk."""
-    return png_chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, depth, colours, 0, 0, interlaced))
+    return png_chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, depth, colors, 0, 0, interlaced))
 
 
 def png_of(header, data=b"\0" * 1000, *chunks):
@@ -180,14 +180,14 @@ IMAGES = {
     "PNG of no columns": picture(png_of(header_of(0, HEIGHT))),
     "PNG of 16-bit palette": picture(png_of(header_of(WIDTH, HEIGHT, 16, 3))),
     "PNG of a palette that is not there": picture(png_of(header_of(WIDTH, HEIGHT, 8, 3))),
-    "PNG of an unknown kind of colours": picture(png_of(header_of(WIDTH, HEIGHT, 8, 7))),
+    "PNG of an unknown kind of colors": picture(png_of(header_of(WIDTH, HEIGHT, 8, 7))),
     "PNG interlaced in an unknown way": picture(png_of(header_of(WIDTH, HEIGHT, interlaced=9))),
     "PNG whose header comes last": picture(SIGNATURE + PNG[33:-12] + PNG[8:33] + END, field="images"),
     "PNG without pixels": picture(SIGNATURE + header_of(WIDTH, HEIGHT) + END),
     "PNG whose chunk claims 4 GB": picture(PNG[:33] + b"\xff\xff\xff\xffIDAT" + END),
     "PNG of another size than the other image": picture(png_of(header_of(1, 1), b"\0" * 4), "depth"),
     "PNG of 8 bits as depth": picture(PNG, "depth"),
-    "PNG in colours as a mask": picture(PNG, "mask"),
+    "PNG in colors as a mask": picture(PNG, "mask"),
     "PNG with an archive behind it": picture(PNG + GOOD),
     "JPEG with an archive behind it": picture(JPEG + GOOD),
     "TIFF": picture(b"II*\0\x08\0\0\0" + b"\0" * 64),

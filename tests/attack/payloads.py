@@ -72,7 +72,7 @@ def many_scans(width, height, number):
 
 
 def with_cameras(number, data, width, height):
-    """The document and the parts of a request with the same colour image from so many cameras."""
+    """The document and the parts of a request with the same color image from so many cameras."""
     names = [f"c{k}" for k in range(number)]
     listed = [camera(name, width, height) for name in names]
     return {**QUESTION, "cameras": listed}, {f"rgb_{name}": (name, data) for name in names}

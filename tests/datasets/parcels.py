@@ -29,7 +29,7 @@ def recorded(place_m, everything=True):
 
 
 def parcel(place_m=PLACES_M[0], task="pick", instruction="pick up the cube", everything=True):
-    """One episode with a colour and a depth image."""
+    """One episode with a color and a depth image."""
     rng = np.random.default_rng(1)
     images = {
         "rgb_front": png(rng.integers(0, 255, (48, 64, 3), np.uint8)),

@@ -143,7 +143,7 @@ def test_settings_that_do_not_fit_change_nothing(http):
         ({"keyframes": {"delta_rad_s": -1}}, "keyframes.delta_rad_s"),
         ({"pose_estimator": "crystal_ball"}, "pose_estimator"),
         ({"yaw_symmetry_deg": {"cube": 70}}, "yaw_symmetry_deg.cube"),
-        ({"colour": "red"}, "colour"),
+        ({"color": "red"}, "color"),
     ],
 )
 def test_bad_settings_are_refused(http, settings, field):

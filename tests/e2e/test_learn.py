@@ -34,7 +34,7 @@ def learned(http):
     return response.json()
 
 
-def test_sizes_and_colours_are_learned_from_masks(http, learned):
+def test_sizes_and_colors_are_learned_from_masks(http, learned):
     assert learned["refused"] == {}
     assert len(learned["episode_ids"]) == len(PLACES)
     for model in learned["object_models"].values():
@@ -62,7 +62,7 @@ def test_what_cannot_be_learned_is_told_and_the_rest_is_learned(http):
     label(http, "partly", objects, [(*solids, LIGHT_GREY) for solids in PLACES])
     answer = learn(http, "partly").json()
     assert list(answer["object_models"]) == list(MODELS)
-    assert "have a colour" in answer["refused"]["stone"]
+    assert "have a color" in answer["refused"]["stone"]
     estimators = {
         item["name"]: item["estimator"]
         for item in http.get("/episodes", params={"task": "partly"}).json()["episodes"][0]["objects"]

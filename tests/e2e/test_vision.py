@@ -153,9 +153,9 @@ BAD = {
         lambda: frames((SCENE[0],)),
         "object-not-visible",
         "objects[blue cube]",
-        "no pixel has its colour",
+        "no pixel has its color",
     ),
-    "two of one colour": (
+    "two of one color": (
         lambda: frames((*SCENE, cube("red", -0.12, -0.02, 0.1))),
         "uncertain-pose",
         "objects[red cube]",

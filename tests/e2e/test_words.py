@@ -27,7 +27,7 @@ def test_the_embedded_llm_moves_to_what_was_meant(client):
     assert [a.position_m.tolist() for a in meant.actions] == [a.position_m.tolist() for a in literal.actions]
     assert meant.actions[1].position_m[1] < 0
     assert meant.response["canonical_instruction"] == "push the blue button"
-    assert meant.response["grounding"] == [{"phrase": "the azure one", "object": "blue button", "by": "colour"}]
+    assert meant.response["grounding"] == [{"phrase": "the azure one", "object": "blue button", "by": "color"}]
     stored = client.get(f"/predictions/{meant.id}")
     described = ("canonical_instruction", "grounding")
     assert [stored[name] for name in described] == [meant.response[name] for name in described]

@@ -21,13 +21,13 @@ def trajectory(timestamps_s=None):
 
 
 def contrast(a, b):
-    """WCAG 2.2's contrast ratio of two colours '#rrggbb'."""
+    """WCAG 2.2's contrast ratio of two colors '#rrggbb'."""
     bright, dark = sorted(map(luminance, (a, b)), reverse=True)
     return (bright + 0.05) / (dark + 0.05)
 
 
-def luminance(colour):
-    srgb = np.array([int(colour[k : k + 2], 16) for k in (1, 3, 5)]) / 255
+def luminance(color):
+    srgb = np.array([int(color[k : k + 2], 16) for k in (1, 3, 5)]) / 255
     return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4) @ [0.2126, 0.7152, 0.0722]
 
 
@@ -58,8 +58,8 @@ def test_charts_are_legible(theme):
     for text in (theme.text, theme.muted, theme.threshold):
         assert contrast(text, theme.background) >= 4.5
     assert contrast(theme.curve, theme.background) >= 3
-    for colour in theme.series:
-        assert contrast(theme.text, colour) >= 3
+    for color in theme.series:
+        assert contrast(theme.text, color) >= 3
 
 
 @pytest.mark.parametrize("theme", THEMES, ids=lambda theme: theme.name)

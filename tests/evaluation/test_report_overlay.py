@@ -21,21 +21,21 @@ def changed(image):
     return columns.min(), rows.min(), columns.max(), rows.max()
 
 
-def near(image, pixel, colour, radius_px=3):
-    """Whether a pixel of about that colour lies near `pixel`."""
+def near(image, pixel, color, radius_px=3):
+    """Whether a pixel of about that color lies near `pixel`."""
     u, v = np.rint(pixel).astype(int)
     patch = image[v - radius_px : v + radius_px + 1, u - radius_px : u + radius_px + 1].astype(int)
-    return bool((np.abs(patch - colour).max(axis=2) < 40).any())
+    return bool((np.abs(patch - color).max(axis=2) < 40).any())
 
 
 def test_axes_are_drawn_where_they_project_to():
     image = draw_scene(GREY, CAMERA, [CUBE])
     rotation = Rotation.from_quat(CUBE.quaternion_xyzw)
-    for axis, colour in zip(np.eye(3), AXIS_COLORS, strict=True):
+    for axis, color in zip(np.eye(3), AXIS_COLORS, strict=True):
         along = CUBE.position_m + rotation.apply(axis) * AXIS_M * 0.9
-        assert near(image, CAMERA.project(along)[0], colour)
+        assert near(image, CAMERA.project(along)[0], color)
         beyond = CUBE.position_m - rotation.apply(axis) * AXIS_M
-        assert not near(image, CAMERA.project(beyond)[0], colour)
+        assert not near(image, CAMERA.project(beyond)[0], color)
 
 
 def test_the_image_itself_stays():
@@ -46,8 +46,8 @@ def test_the_image_itself_stays():
 
 def test_an_object_without_rotation_is_a_dot():
     dot = draw_scene(GREY, CAMERA, [ObjectPose("cube", CUBE.position_m)])
-    for colour in AXIS_COLORS:
-        assert (np.abs(dot.astype(int) - colour).max(axis=2) > 40).all()
+    for color in AXIS_COLORS:
+        assert (np.abs(dot.astype(int) - color).max(axis=2) > 40).all()
     left, top, _, bottom = changed(dot)
     u, v = CAMERA.project(CUBE.position_m)[0]
     assert left <= u <= left + 10

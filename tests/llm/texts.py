@@ -24,13 +24,13 @@ def object_frame_prompt(seed=0, query_seed=0, num_demonstrations=2, grammar=GRAM
 
 
 def _demonstration(rng):
-    colour = rng.choice(["red", "blue"])
-    return f"{_observation(rng, colour)} 1 {colour} cube w: +0 +0 +20 0 36 36 1\n"
+    color = rng.choice(["red", "blue"])
+    return f"{_observation(rng, color)} 1 {color} cube w: +0 +0 +20 0 36 36 1\n"
 
 
-def _observation(rng, colour):
+def _observation(rng, color):
     cubes = "; ".join(f"{name} cube {rng.randint(10, 90)} {rng.randint(10, 90)} 16" for name in ("red", "blue"))
-    return f"{cubes}; lift the {colour} cube >"
+    return f"{cubes}; lift the {color} cube >"
 
 
 def absolute_prompt(num_demonstrations=4):

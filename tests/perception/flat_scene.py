@@ -53,7 +53,7 @@ def marker_quad(dictionary, marker_id, size_m, marker_to_world):
 
 
 def render(view, quads, table_z_m=0.0):
-    """Colours and exact depth of a table and `quads`, the farther ones painted first."""
+    """Colors and exact depth of a table and `quads`, the farther ones painted first."""
     table_to_world = np.eye(4)
     table_to_world[2, 3] = table_z_m
     table = Quad(table_to_world, (8.0, 8.0), np.full((QUAD_TEXELS, QUAD_TEXELS), TABLE_GREY, np.uint8))
@@ -76,7 +76,7 @@ def render(view, quads, table_z_m=0.0):
 
 
 def noisy(frame, rng, sigma_m=0.002, grey_sigma=3.0):
-    """Spatially correlated depth noise of `sigma_m` z^2, flying pixels at edges, quantised to 1 mm; noisy colours."""
+    """Spatially correlated depth noise of `sigma_m` z^2, flying pixels at edges, quantised to 1 mm; noisy colors."""
     z = frame.depth_m
     smooth = cv2.GaussianBlur(rng.normal(0, 1, z.shape).astype(np.float32), (0, 0), 1.5)
     mean = cv2.blur(z, (3, 3))

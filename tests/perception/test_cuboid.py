@@ -102,12 +102,12 @@ def test_the_origin_may_be_off_the_middle_where_another_object_tells_the_yaws_ap
         np.testing.assert_allclose(Rotation.from_quat(pose.quaternion_xyzw).apply([1, 0, 0]), heading, atol=0.04)
 
 
-def test_two_of_one_colour_are_no_guess():
+def test_two_of_one_color_are_no_guess():
     pair = [cube("red", 0, -0.08), cube("red", 0, 0.08)]
     with pytest.raises(UncertainPoseError, match=r"camera front sees 2 that look like it, at \[") as caught:
         estimate([shoot(pair)], block=model())
     assert caught.value.field == "objects[block]"
-    other = Solid("red", (0, 0.12, 0.01), 0, (0.02, 0.02, 0.02))  # of the colour, but not of the size
+    other = Solid("red", (0, 0.12, 0.01), 0, (0.02, 0.02, 0.02))  # of the color, but not of the size
     (pose,) = estimate([shoot([pair[0], other])], block=model())
     assert errors(pose, pair[0], 90)[0] < 0.2
 
@@ -161,7 +161,7 @@ def test_one_camera_that_does_not_see_it_is_no_obstacle_but_all_are():
     empty = shoot([], LEFT)
     (pose,) = estimate([shoot([solid]), empty], block=model())
     assert pose.cameras == ("front",)
-    with pytest.raises(ObjectNotVisibleError, match="left: no pixel has its colour") as caught:
+    with pytest.raises(ObjectNotVisibleError, match="left: no pixel has its color") as caught:
         estimate([empty], block=model())
     assert caught.value.field == "objects[block]"
 

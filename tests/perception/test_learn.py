@@ -51,7 +51,7 @@ def models():
     return learn_models(scenes(cube_and_bar))
 
 
-def test_size_shape_and_colour_are_learned_from_masks_and_poses(models):
+def test_size_shape_and_color_are_learned_from_masks_and_poses(models):
     np.testing.assert_allclose(models["cube"].size_m, [0.05] * 3, atol=0.0015)
     np.testing.assert_allclose(models["bar"].size_m, BAR_M, atol=0.002)
     assert models["cube"].shape_symmetry_deg == 90  # nearly equal sides were made equal
@@ -136,8 +136,8 @@ def test_alike_without_a_rule_is_refused():
     assert caught.value.field == "object_models[one]"
 
 
-def test_an_object_without_a_colour_is_refused():
-    with pytest.raises(InvalidInputError, match="have a colour") as caught:
+def test_an_object_without_a_color_is_refused():
+    with pytest.raises(InvalidInputError, match="have a color") as caught:
         learn_models(scenes(lambda random: anywhere(random, box=cube("grey", 0, 0)), count=2))
     assert caught.value.field == "object_models[box]"
 

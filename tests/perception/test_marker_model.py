@@ -37,7 +37,7 @@ def test_a_model_from_few_words():
         ({"markers": [{"id": 1, "size_m": 0}]}, "markers[0].size_m", "0"),
         ({"markers": [{"id": 1, "size_m": "4 cm"}]}, "markers[0].size_m", "4 cm"),
         ({"markers": [{"id": 1, "size_m": float("nan")}]}, "markers[0].size_m", "nan"),
-        ({"markers": [{"id": 1, "size_m": 0.1, "colour": 1}]}, "markers[0].colour", "not a field"),
+        ({"markers": [{"id": 1, "size_m": 0.1, "color": 1}]}, "markers[0].color", "not a field"),
         ({"markers": [{"id": 1, "size_m": 0.1, "marker_to_object": [[1, 0, 0]]}]}, "markers[0].marker_to_object", "1"),
         ({"upright": "yes"}, "upright", "yes"),
         ({"min_confidence": 2}, "min_confidence", "2"),

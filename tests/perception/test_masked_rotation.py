@@ -29,7 +29,7 @@ def test_a_cubes_yaw_is_given_in_its_quarter_turn_and_its_position_stays(views):
     np.testing.assert_array_equal(pose.position_m, plain.position_m)
 
 
-def test_the_longer_side_is_the_x_axis_whatever_colour_it_has():
+def test_the_longer_side_is_the_x_axis_whatever_color_it_has():
     bar = Solid("grey", (0, 0, 0.02), -1.0, (0.09, 0.05, 0.04))
     assert yaw_deg(estimate([bar], MasksModel(True, 180))) == pytest.approx(np.degrees(-1.0), abs=3)
 

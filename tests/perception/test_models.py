@@ -26,7 +26,7 @@ def test_every_model_has_an_estimator_that_reads_it():
     assert set(MODELS) <= set(ESTIMATORS)
 
 
-def test_a_colour_can_be_a_name():
+def test_a_color_can_be_a_name():
     model = model_from_json("cube", CUBOID)
     assert model == CuboidModel((0.05, 0.05, 0.05), ColorModel((345.0, 14.0)))
 

@@ -32,7 +32,7 @@ def changed(image):
 
 
 def near(image, row, column, color, within=45):
-    """Whether some pixel around a place has nearly that colour."""
+    """Whether some pixel around a place has nearly that color."""
     patch = image[row - 2 : row + 3, column - 2 : column + 3].astype(int)
     return bool((np.abs(patch - np.array(color)).max(axis=2) <= within).any())
 
@@ -84,7 +84,7 @@ def test_masks_are_tinted():
     assert not changed(image)[200:220, 50:].any()
 
 
-def test_pixels_of_a_cuboids_colour_are_tinted():
+def test_pixels_of_a_cuboids_color_are_tinted():
     rgb = np.full((HEIGHT, WIDTH, 3), GREY, np.uint8)
     rgb[200:220, 10:40] = (220, 20, 20)
     query = ObjectQuery("cube", model=CuboidModel((0.05,) * 3, ColorModel((345, 15))))
@@ -122,7 +122,7 @@ def test_names_stay_inside_of_small_images():
     assert draw_overlay(small, [ObjectPose("a long name", np.zeros(3), UPRIGHT)] * 3).shape == (12, 16, 3)
 
 
-def test_colours_are_needed():
+def test_colors_are_needed():
     with pytest.raises(InvalidInputError) as caught:
         draw_overlay(RgbdFrame(frame().camera), [])
     assert caught.value.field == "rgb_top"

@@ -65,11 +65,11 @@ def test_small_differences_are_mentioned_and_large_ones_refused():
 
 
 def test_no_confident_sighting_is_refused_with_every_cameras_reason():
-    misses = [Miss("c", "no pixel has its colour")]
+    misses = [Miss("c", "no pixel has its color")]
     with pytest.raises(UncertainPoseError) as caught:
         fuse(sighting("a", confidence=0.3, reason="10 % visible"), *misses)
-    assert caught.value.message.endswith("a: confidence 0.30, 10 % visible; c: no pixel has its colour")
-    with pytest.raises(ObjectNotVisibleError, match="c: no pixel has its colour"):
+    assert caught.value.message.endswith("a: confidence 0.30, 10 % visible; c: no pixel has its color")
+    with pytest.raises(ObjectNotVisibleError, match="c: no pixel has its color"):
         fuse(*misses)
     with pytest.raises(UncertainPoseError, match="c: a round thing"):
         fuse(Miss("c", "a round thing", seen=True))

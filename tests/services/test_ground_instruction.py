@@ -147,7 +147,7 @@ def test_how_the_words_were_understood_is_recorded(services):
     assert record.instruction == "push the azure button"
     assert record.grounding == {
         "instruction": "push the blue button",
-        "phrases": [{"phrase": "the azure button", "object": "blue button", "by": "colour"}],
+        "phrases": [{"phrase": "the azure button", "object": "blue button", "by": "color"}],
         "unfamiliar": None,
     }
 

@@ -76,8 +76,8 @@ def test_renderers_agree(scene, camera):
     arm = [scene.model.body(f"link{i}").id for i in range(8)]
     assert difference_m[steady & ~np.isin(expected.mask, arm)].max() < 1e-3
     assert np.quantile(difference_m[steady], 0.99) < 1e-3
-    colours_differ = np.abs(expected.rgb.astype(int) - cast.rgb).mean()
-    assert colours_differ < 40
+    colors_differ = np.abs(expected.rgb.astype(int) - cast.rgb).mean()
+    assert colors_differ < 40
 
 
 @pytest.mark.parametrize("renderer_class", RENDERERS)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from app.store.values import ObjectRecord
-from app.web.scene import object_colours
+from app.web.scene import object_colors
 from app.web.scene_picture import HEIGHT, WIDTH, scene_picture
 
 
@@ -40,10 +40,10 @@ def test_nothing_is_drawn_of_nothing():
     assert scene_picture([]) is None
 
 
-def test_an_object_has_the_colour_that_its_name_says():
-    colors = object_colours(["cup", "red cube", "maroon_jar", "Blue cube", "teal block", "tray"])
-    assert colors["red cube"] == object_colours(["red"])["red"]
-    assert colors["Blue cube"] == object_colours(["blue"])["blue"]
-    assert colors["teal block"] == object_colours(["green"])["green"]
+def test_an_object_has_the_color_that_its_name_says():
+    colors = object_colors(["cup", "red cube", "maroon_jar", "Blue cube", "teal block", "tray"])
+    assert colors["red cube"] == object_colors(["red"])["red"]
+    assert colors["Blue cube"] == object_colors(["blue"])["blue"]
+    assert colors["teal block"] == object_colors(["green"])["green"]
     assert len(set(colors.values())) == 6
-    assert list(object_colours(f"thing {k}" for k in range(40))) == [f"thing {k}" for k in range(40)]
+    assert list(object_colors(f"thing {k}" for k in range(40))) == [f"thing {k}" for k in range(40)]

@@ -60,7 +60,7 @@ def _find(body: Body, limits: Limits) -> JsonObject:
     operation_id="get_episode_overlay",
     tags=["episodes"],
     response_class=Response,
-    responses=_RESPONSES | problems(_404="no such episode or camera, or no colour image"),
+    responses=_RESPONSES | problems(_404="no such episode or camera, or no color image"),
 )
 async def episode_overlay(request: Request, services: Wired, episode_id: str, camera: str) -> Response:
     """A camera's first image with the objects as they were found."""
@@ -73,7 +73,7 @@ async def episode_overlay(request: Request, services: Wired, episode_id: str, ca
     operation_id="get_prediction_overlay",
     tags=["predictions"],
     response_class=Response,
-    responses=_RESPONSES | problems(_404="no such prediction or camera, or no colour image"),
+    responses=_RESPONSES | problems(_404="no such prediction or camera, or no color image"),
 )
 async def prediction_overlay(request: Request, services: Wired, prediction_id: str, camera: str) -> Response:
     """What the robot saw when it asked, with the objects as they were found."""

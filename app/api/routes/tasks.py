@@ -203,7 +203,7 @@ async def check_task(services: Wired, name: str, model: Model = None) -> Respons
     ),
 )
 async def learn_object_models(services: Wired, name: str, body: Annotated[LearnBody, Body()] = _EVERYTHING) -> Response:
-    """Learn colours, sizes and shapes of the objects from stored episodes, and find the objects by them from now on.
+    """Learn colors, sizes and shapes of the objects from stored episodes, and find the objects by them from now on.
 
     Episodes with RGB-D images and masks, poses or both teach; afterwards uploads and requests need images and names
     only. Every stored episode is extracted again; if one cannot be, nothing changes.

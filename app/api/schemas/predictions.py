@@ -149,7 +149,7 @@ class GroundingOut(BaseModel):
 
     phrase: str
     object: str
-    by: Literal["name", "alias", "spelling", "colour", "relation", "taught", "llm"]
+    by: Literal["name", "alias", "spelling", "color", "relation", "taught", "llm"]
 
 
 class UnderstoodOut(BaseModel):

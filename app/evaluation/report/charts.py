@@ -115,13 +115,13 @@ def success_chart(results: Sequence[Result], theme: Theme) -> Figure:
 
 
 def _draw_method(
-    axes: Axes, method: str, results: Sequence[Result], heights: Sequence[float], colour: str, theme: Theme
+    axes: Axes, method: str, results: Sequence[Result], heights: Sequence[float], color: str, theme: Theme
 ) -> None:
     rates = [100 * result.score.rate.rate for result in results]
     bounds = [[100 * bound for bound in result.score.rate.interval] for result in results]
     below = [max(rate - low, 0) for rate, (low, _) in zip(rates, bounds, strict=True)]
     above = [max(high - rate, 0) for rate, (_, high) in zip(rates, bounds, strict=True)]
-    axes.barh(heights, rates, BAR_SHARE, color=colour, label=method)
+    axes.barh(heights, rates, BAR_SHARE, color=color, label=method)
     axes.errorbar(rates, heights, xerr=[below, above], fmt="|", color=theme.text, elinewidth=1.2, capsize=2.5)
     for result, height in zip(results, heights, strict=True):
         counts = f"{result.score.rate.successes}/{result.score.rate.trials}"

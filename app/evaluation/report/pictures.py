@@ -20,10 +20,10 @@ CAPTION_FONT_PX = 15
 GAP_PX = 4
 MAX_COLUMNS = 4
 BACKGROUND = (24, 28, 34)
-CAPTION_COLOUR = (240, 242, 245)
+CAPTION_COLOR = (240, 242, 245)
 FRAME_MS = 700
 LAST_FRAME_MS = 2000
-GIF_COLOURS = 128
+GIF_COLORS = 128
 JPEG_QUALITY = 85
 IMAGES = "images"
 
@@ -54,7 +54,7 @@ def film_grid(tiles: Sequence[RgbImage]) -> RgbImage:
 
 def write_gif(path: Path, tiles: Sequence[RgbImage]) -> None:
     """An endless animation that rests on its last picture."""
-    first, *rest = [Image.fromarray(tile).quantize(GIF_COLOURS) for tile in tiles]
+    first, *rest = [Image.fromarray(tile).quantize(GIF_COLORS) for tile in tiles]
     durations_ms = [FRAME_MS] * len(rest) + [LAST_FRAME_MS]
     first.save(path, save_all=True, append_images=rest, duration=durations_ms, loop=0)
 
@@ -66,7 +66,7 @@ def _captioned(image: RgbImage, text: str) -> RgbImage:
     canvas.paste(Image.fromarray(cv2.resize(image, (TILE_WIDTH_PX, tile_height), interpolation=cv2.INTER_AREA)))
     middle = (TILE_WIDTH_PX / 2, tile_height + CAPTION_HEIGHT_PX / 2)
     font = ImageFont.load_default(CAPTION_FONT_PX)
-    ImageDraw.Draw(canvas).text(middle, text, CAPTION_COLOUR, font, anchor="mm")
+    ImageDraw.Draw(canvas).text(middle, text, CAPTION_COLOR, font, anchor="mm")
     return np.asarray(canvas)
 
 

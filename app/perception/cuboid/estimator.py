@@ -1,4 +1,4 @@
-"""Upright boxes and cylinders of known size and colour, found in RGB-D images."""
+"""Upright boxes and cylinders of known size and color, found in RGB-D images."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -22,13 +22,13 @@ from roboprompt_client.arrays import Array
 from roboprompt_client.camera import RgbdFrame
 from roboprompt_client.trajectory import ObjectPose
 
-EXAMPLE = 'its size and colour, e.g. {"estimator": "cuboid", "size_m": [0.05, 0.05, 0.05], "color": "red"}'
+EXAMPLE = 'its size and color, e.g. {"estimator": "cuboid", "size_m": [0.05, 0.05, 0.05], "color": "red"}'
 NAME = "cuboid"
 FULL_TURN_RAD = 2 * np.pi
 
 
 class CuboidPoses:
-    """Colour mask, then a fit of the known shape to depth and outline, camera by camera.
+    """Color mask, then a fit of the known shape to depth and outline, camera by camera.
 
     Objects stand upright: their z axis is the world's. Yaws are canonical under the shape's symmetry.
     """
@@ -137,10 +137,10 @@ def _why_nothing(frame: RgbdFrame, mask: np.ndarray) -> str:
     assert frame.depth_m is not None
     count = int(np.count_nonzero(mask))
     if not count:
-        return "no pixel has its colour"
+        return "no pixel has its color"
     if not (frame.depth_m[mask > 0] > 0).any():
-        return f"the {count} pixels of its colour have no depth"
-    return f"{count} pixels have its colour, but none of their patches is large enough"
+        return f"the {count} pixels of its color have no depth"
+    return f"{count} pixels have its color, but none of their patches is large enough"
 
 
 def _at_origin(middle: ObjectPose, model: CuboidModel, away_from_m: Array | None) -> ObjectPose:

@@ -1,6 +1,6 @@
 """The upright box or cylinder that agrees best with an object's depth and outline in one camera.
 
-Depth says where its faces are, the outline in the colour image where its edges are; the outline has no depth noise and
+Depth says where its faces are, the outline in the color image where its edges are; the outline has no depth noise and
 settles the yaw. Iteratively reweighted least squares (Levenberg-Marquardt) from several yaws at once, with distances to
 many candidates at once.
 

@@ -88,7 +88,7 @@ def _only(name: str, certain: Sequence[Instance], found: Sequence[Instance]) -> 
         if len(confident := [s for s in seen if s.confidence >= 0.5 * seen[0].confidence]) > 1:
             places = " and ".join(_place(s.position_m) for s in confident)
             message = f"camera {camera} sees {len(confident)} that look like it, at {places}"
-            remedy = "one such object in view, a rank in its object model, or another colour"
+            remedy = "one such object in view, a rank in its object model, or another color"
             raise UncertainPoseError(name, message, remedy)
     if certain:
         return Instance(tuple(s for item in certain for s in item.sightings))

@@ -36,7 +36,7 @@ def judge(frame: RgbdFrame, piece: Piece, view: View, shape: Shape, fit: Fit) ->
     """Compare the piece's pixels with those that the fitted shape would have.
 
     Counted against it: pixels of the object outside of its outline; places inside the outline where the camera sees
-    through it or another colour on it; depths off its surface; little of it in sight; another yaw that fits as well.
+    through it or another color on it; depths off its surface; little of it in sight; another yaw that fits as well.
     Not counted: what stands before it.
     """
     covered, own, contradicting = _shares(frame, piece, shape, fit.candidate)
@@ -44,7 +44,7 @@ def judge(frame: RgbdFrame, piece: Piece, view: View, shape: Shape, fit: Fit) ->
     on_surface = float((np.abs(surface_distances_m(shape, fit.candidate[None], view.points_m)) < tolerance_m).mean())
     shares = {
         "of its pixels lie inside the outline of the fitted shape": own,
-        "of the fitted shape's visible area has its colour": 1 - contradicting,
+        "of the fitted shape's visible area has its color": 1 - contradicting,
         "of its depths lie on the fitted shape": on_surface,
         "of it is visible": covered,
     }

@@ -73,13 +73,13 @@ def learn_rank(
     }
     if not steady:
         message = f"up to {most} things look like it, and their order from no other object is the same in all episodes"
-        raise ObjectModelError(name, message, "colours of their own, or markers")
+        raise ObjectModelError(name, message, "colors of their own, or markers")
     anchor, number = next(iter(steady.items()))
     return replace(model, rank=Rank(number, anchor, most))
 
 
 def with_shared_looks(model: CuboidModel, models: Iterable[CuboidModel]) -> CuboidModel:
-    """The model with size and colour of the first of those that it is counted among: they are looked for once."""
+    """The model with size and color of the first of those that it is counted among: they are looked for once."""
     if model.rank is None:
         return model
     first = next(other for other in models if other.rank is not None and _alike(other, model))
@@ -114,7 +114,7 @@ def learn_models(scenes: Sequence[LabelledScene]) -> dict[str, CuboidModel]:
     Each model is tried on the scenes that it was learned from before it is returned.
 
     Raises:
-        InvalidInputError: naming the object and why no model of it can be learned: no colour that stands out, a shape
+        InvalidInputError: naming the object and why no model of it can be learned: no color that stands out, a shape
             that is neither box nor cylinder, several that look alike and no rule that tells them apart.
     """
     if not scenes:
@@ -140,7 +140,7 @@ def _learn(name: str, scenes: Sequence[LabelledScene]) -> CuboidModel:
     shape = min(SHAPES, key=lambda kind: sum(item.cost for item in measured[kind] if item is not None))
     items = [item for item in measured[shape] if item is not None]
     if not items:
-        raise ObjectModelError(name, "its pixels form no patch of one colour", "a larger view of it")
+        raise ObjectModelError(name, "its pixels form no patch of one color", "a larger view of it")
     return _model(name, color, shape, items, scenes)
 
 
@@ -155,7 +155,7 @@ def _model(
         return model
     away_from = learn_away_from(name, scenes)
     if away_from is None:
-        message = f"its origin is {100 * np.hypot(*origin_m[:2]):.1f} cm off the middle of what has its colour"
+        message = f"its origin is {100 * np.hypot(*origin_m[:2]):.1f} cm off the middle of what has its color"
         raise ObjectModelError(name, message, "poses in its middle, or markers on it")
     return replace(model, origin_m=_rounded(origin_m), away_from=away_from)
 
@@ -188,4 +188,4 @@ def _try_out(models: Mapping[str, CuboidModel], scenes: Sequence[LabelledScene])
             apart_m = float(np.linalg.norm(pose.position_m - query.position_m))
             if apart_m > SAME_M:
                 message = f"is found {100 * apart_m:.1f} cm from its position in episode {number}"
-                raise ObjectModelError(query.name, message, "another colour, or markers on it")
+                raise ObjectModelError(query.name, message, "another color, or markers on it")

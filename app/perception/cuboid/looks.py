@@ -1,4 +1,4 @@
-"""An object's colour, size and origin, measured in labelled views."""
+"""An object's color, size and origin, measured in labelled views."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -54,16 +54,16 @@ def _about(frame: RgbdFrame, position_m: npt.NDArray[np.float64]) -> Bools | Non
 
 
 def learn_color(name: str, seen: Sequence[tuple[RgbdFrame, Bools]]) -> ColorModel:
-    """The colour of most of the saturated pixels, with a margin for other light.
+    """The color of most of the saturated pixels, with a margin for other light.
 
     Raises:
-        ObjectModelError: if the object `name` has no colour that stands out.
+        ObjectModelError: if the object `name` has no color that stands out.
     """
     samples = np.concatenate([_samples(frame, pixels) for frame, pixels in seen])
     strong = samples[samples[:, 1] > MIN_SATURATION]
     if len(strong) < 0.2 * len(samples) or len(strong) < 10:
-        share = f"only {100 * len(strong) / len(samples):.0f} % of its pixels have a colour (saturation over 0.3)"
-        raise ObjectModelError(name, share, "a coloured object, markers on it, or masks")
+        share = f"only {100 * len(strong) / len(samples):.0f} % of its pixels have a color (saturation over 0.3)"
+        raise ObjectModelError(name, share, "a colored object, markers on it, or masks")
     counts, edges = np.histogram(strong[:, 0], np.arange(0, 360 + HUE_BIN_DEG, HUE_BIN_DEG))
     smooth = counts + np.roll(counts, 1) + np.roll(counts, -1)
     peak_deg = edges[np.argmax(smooth)] + HUE_BIN_DEG / 2
@@ -106,7 +106,7 @@ class Measured:
 
 
 def measure(frame: RgbdFrame, query: ObjectQuery, pixels: Bools, color: ColorModel, shape: Shape) -> Measured | None:
-    """Fit a shape of free size to the patch of the colour that shares most pixels with the labelled ones."""
+    """Fit a shape of free size to the patch of the color that shares most pixels with the labelled ones."""
     assert frame.rgb is not None
     piece = _piece_at(frame, pixels, color)
     if piece is None:

@@ -1,4 +1,4 @@
-"""Object models of the estimator `cuboid`: shape, size, colour, and which of several similar objects is meant."""
+"""Object models of the estimator `cuboid`: shape, size, color, and which of several similar objects is meant."""
 
 import math
 from collections.abc import Mapping
@@ -89,7 +89,7 @@ class Rank(Checked):
 
 @dataclass(frozen=True)
 class CuboidModel(ObjectModel):
-    """An upright box or cylinder of one colour.
+    """An upright box or cylinder of one color.
 
     Attributes:
         size_m: (3,) full lengths along the object's own axes, z up; a cylinder's first two are its diameter.

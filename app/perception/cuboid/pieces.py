@@ -1,4 +1,4 @@
-"""Which pixels have an object's colour, and the separate things that they show."""
+"""Which pixels have an object's color, and the separate things that they show."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -33,7 +33,7 @@ def to_hsv(rgb: npt.NDArray[np.uint8]) -> HsvImage:
 
 
 def color_mask(hsv: HsvImage, color: ColorModel) -> npt.NDArray[np.uint8]:
-    """(H, W), 255 where a pixel has the colour."""
+    """(H, W), 255 where a pixel has the color."""
     first, last = (round(hue * HUE_STEPS_PER_DEG) % 256 for hue in color.hue_deg)
     (low_s, high_s), (low_v, high_v) = ((round(255 * x) for x in pair) for pair in (color.saturation, color.value))
     spans = [(first, last)] if first <= last else [(first, 255), (0, last)]

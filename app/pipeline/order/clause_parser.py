@@ -215,7 +215,7 @@ class ClauseParser:
                 yield phrases, end
 
     def is_one_thing(self, phrases: Sequence[NounPhrase]) -> bool:
-        """Whether a list may describe a single object: "the red and green button" may have two colours."""
+        """Whether a list may describe a single object: "the red and green button" may have two colors."""
         first, last = phrases[0], phrases[-1]
         with_article = self.text(first.start) in vocabulary.DETERMINERS, self.text(last.start) in vocabulary.DETERMINERS
         nouns = first.with_noun, last.with_noun

@@ -8,7 +8,7 @@ from app.pipeline.order.space import Layout, Pick, extreme, farthest_from, neare
 from app.pipeline.order.vocabulary import ADJECTIVES, PLACE_ADJECTIVES, look_alike
 
 # How an object was found, the least certain last: that is what an answer says of a phrase that used several.
-MEANS = ("name", "alias", "taught", "spelling", "colour", "relation")
+MEANS = ("name", "alias", "taught", "spelling", "color", "relation")
 
 
 class Description(NamedTuple):
@@ -16,7 +16,7 @@ class Description(NamedTuple):
 
     Attributes:
         exact: the object whose whole name or alias was said.
-        words: of names and aliases; `kinds` nouns that may stand for one, `colours` colour words that no name has.
+        words: of names and aliases; `kinds` nouns that may stand for one, `colors` color words that no name has.
         picks: relations, in the order in which they were said.
         place: an ordinal that waits for a side to count from.
         reach: "near" or "far", which waits for what it is near to or far from.
@@ -27,7 +27,7 @@ class Description(NamedTuple):
     exact: str | None = None
     words: tuple[str, ...] = ()
     kinds: tuple[str, ...] = ()
-    colours: tuple[str, ...] = ()
+    colors: tuple[str, ...] = ()
     picks: tuple[Pick, ...] = ()
     place: int | None = None
     reach: str | None = None
@@ -37,9 +37,9 @@ class Description(NamedTuple):
 
     @property
     def says_something(self) -> bool:
-        """Whether it can stand for an object: colours and places only with a noun, for "the lemon" is no yellow cup."""
+        """Whether it can stand for an object: colors and places only with a noun, for "the lemon" is no yellow cup."""
         noun = bool(self.exact or self.words or self.kinds or self.generic)
-        return noun and not (self.colours and not self.has_noun)
+        return noun and not (self.colors and not self.has_noun)
 
     @property
     def has_noun(self) -> bool:
@@ -49,7 +49,7 @@ class Description(NamedTuple):
     @property
     def is_place_alone(self) -> bool:
         """Whether it is nothing but "left" or "top", which may as well say where to."""
-        return not self.has_noun and not self.colours and PLACE_ADJECTIVES.issuperset(self.words)
+        return not self.has_noun and not self.colors and PLACE_ADJECTIVES.issuperset(self.words)
 
     def by(self) -> str:
         """The least certain of the means."""
@@ -89,7 +89,7 @@ class Description(NamedTuple):
     def _named(self, lexicon: Lexicon) -> tuple[str, ...]:
         """Those that the words allow."""
         sets = [lexicon.objects_of[word] for word in self.words]
-        sets += [_of_colour(lexicon, colour) for colour in self.colours]
+        sets += [_of_color(lexicon, color) for color in self.colors]
         if self.exact:
             sets.append(frozenset({self.exact}))
         if self.words and (called_so := lexicon.with_noun(self.words[-1])):
@@ -112,9 +112,9 @@ class Description(NamedTuple):
         return _in_order(lexicon.names, kind) if len(kind) > 1 else lexicon.names
 
 
-def _of_colour(lexicon: Lexicon, colour: str) -> frozenset[str]:
+def _of_color(lexicon: Lexicon, color: str) -> frozenset[str]:
     names = lexicon.names
-    return frozenset(name for name in names if any(look_alike(colour, own) for own in lexicon.colours_of(name)))
+    return frozenset(name for name in names if any(look_alike(color, own) for own in lexicon.colors_of(name)))
 
 
 def _common(names: Sequence[str], sets: Iterable[frozenset[str]]) -> tuple[str, ...]:

@@ -83,9 +83,9 @@ class Lexicon:
         """The objects that are called so."""
         return frozenset(name for name, phrases in self.phrases.items() if any(noun_of(p) == noun for p in phrases))
 
-    def colours_of(self, name: str) -> set[str]:
-        """The colour words in an object's name and aliases."""
-        return {word for phrase in self.phrases[name] for word in phrase if word in vocabulary.COLOURS}
+    def colors_of(self, name: str) -> set[str]:
+        """The color words in an object's name and aliases."""
+        return {word for phrase in self.phrases[name] for word in phrase if word in vocabulary.COLORS}
 
     def _word(self, token: Token) -> Word:
         if (known := self._known(token.text)) is not None:
@@ -124,7 +124,7 @@ class Lexicon:
 
     @cached_property
     def _exact(self) -> frozenset[str]:
-        colors: Iterable[str] = (*vocabulary.COLOURS, *vocabulary.SHADES_OF)
+        colors: Iterable[str] = (*vocabulary.COLORS, *vocabulary.SHADES_OF)
         return (
             frozenset((*colors, *_NOUNS, *NUMBERS.values(), *verbs.PARTICLES))
             | FUNCTION_WORDS

@@ -7,7 +7,7 @@ from app.pipeline.order import verbs, vocabulary
 from app.pipeline.order.descriptions import MEANS, Description
 from app.pipeline.order.lexicon import Lexicon
 from app.pipeline.order.space import Layout, Pick, between, beyond, extreme, in_the_middle, next_to, on_side
-from app.pipeline.order.vocabulary import COLOURS, SHADES_OF
+from app.pipeline.order.vocabulary import COLORS, SHADES_OF
 from app.pipeline.order.words import Word
 
 MAX_STEPS = 4000  # of one parse; an instruction that needs more is too involved to be sure of
@@ -147,7 +147,7 @@ class NounPhrases:
             yield _Said(description._replace(words=(*description.words, word), means=means), at + 1)
         if text in loose:
             return
-        yield from self._coloured(at, description)
+        yield from self._colored(at, description)
         yield from self._placed(at, description)
         if text in vocabulary.GENERIC_NOUNS:
             yield _Said(description._replace(generic=True), at + 1)
@@ -164,14 +164,14 @@ class NounPhrases:
                     means = description.means | guessed | {by}
                     yield _Said(description._replace(exact=name, plural=plural, means=means), at + len(phrase))
 
-    def _coloured(self, at: int, description: Description) -> Iterator[_Said]:
+    def _colored(self, at: int, description: Description) -> Iterator[_Said]:
         text, after = self._text(at), self._text(at + 1)
-        by_colour = description._replace(means=description.means | {"colour"})
-        if text in COLOURS:
-            yield _Said(by_colour._replace(colours=(*description.colours, text)), at + 1)
-        elif text in SHADES_OF and after in COLOURS:
-            yield _Said(by_colour, at + 1)
-        elif text in vocabulary.COLOURED and self._text(at - 1) in COLOURS:
+        by_color = description._replace(means=description.means | {"color"})
+        if text in COLORS:
+            yield _Said(by_color._replace(colors=(*description.colors, text)), at + 1)
+        elif text in SHADES_OF and after in COLORS:
+            yield _Said(by_color, at + 1)
+        elif text in vocabulary.COLORED and self._text(at - 1) in COLORS:
             yield _Said(description, at + 1)
 
     def _placed(self, at: int, description: Description) -> Iterator[_Said]:

@@ -46,7 +46,7 @@ class Grounding:
     """What a phrase of an instruction was taken for.
 
     Attributes:
-        by: name, alias, spelling, colour, relation, taught (nothing named it, but what was taught does), or llm.
+        by: name, alias, spelling, color, relation, taught (nothing named it, but what was taught does), or llm.
     """
 
     phrase: str

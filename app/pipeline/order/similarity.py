@@ -1,6 +1,6 @@
 """How alike two tasks are by what is said of them: the words of their instructions and the names of their objects.
 
-Colours, numbers and the closed classes of English say which object is meant, not what is done with it: they do not
+Colors, numbers and the closed classes of English say which object is meant, not what is done with it: they do not
 count. The verb of a clause counts in its base form, and as any other of its family, so that to put is to place.
 """
 
@@ -14,7 +14,7 @@ from app.pipeline.order.vocabulary import FUNCTION_WORDS
 from app.pipeline.order.words import NUMBERS, tokens_of
 
 SIMILAR_TASKS = 3  # whose demonstrations are shown
-_LEFT_OUT = FUNCTION_WORDS | vocabulary.COLOURS.keys() | NUMBERS.keys()
+_LEFT_OUT = FUNCTION_WORDS | vocabulary.COLORS.keys() | NUMBERS.keys()
 
 
 @dataclass(frozen=True)

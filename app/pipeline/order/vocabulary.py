@@ -8,7 +8,7 @@ DETERMINERS = frozenset(["the", "a", "an", "that", "this", "your"])
 GENERIC_NOUNS = frozenset(["one", "thing", "object", "item"])
 # Nouns that may stand for each other where something else tells the objects apart.
 NOUN_KINDS = (frozenset({"cube", "block", "brick"}), frozenset({"cup", "mug"}), frozenset({"tap", "faucet"}))
-COLOURED = frozenset(["coloured", "colored", "colour", "color"])
+COLORED = frozenset(["coloured", "colored", "colour", "color"])
 
 # Politeness, wherever a clause has a place for it; addresses and lead-ins, where a clause begins.
 _POLITE = "please,kindly,thanks,thank you,thank you very much,many thanks,for me,if you please,if possible,if you can"
@@ -149,13 +149,13 @@ _SAME = {
     "purplish": "purple", "pinkish": "pink", "orangish": "orange", "brownish": "brown", "greyish": "grey",
     "grayish": "grey", "blackish": "black", "whitish": "white",
 }  # fmt: skip
-# What may stand before a colour word without naming another basic colour: "sky blue", "dark red".
+# What may stand before a color word without naming another basic color: "sky blue", "dark red".
 SHADES_OF = frozenset(
     {"light", "dark", "bright", "pale", "deep", "vivid", "intense", "sky", "royal", "baby", "blood", "racing", "bottle"}
     | {"pastel", "neon"}
 )
 
-COLOURS: dict[str, frozenset[str]] = {
+COLORS: dict[str, frozenset[str]] = {
     **{name: frozenset({name}) for name in BASIC},
     **{word: frozenset({name}) for name, words in _SHADES.items() for word in words.split()},
     **{word: frozenset(names.split()) for word, names in _BETWEEN.items()},
@@ -179,10 +179,10 @@ NEVER_LOOSE = DETERMINERS | GENERIC_NOUNS | {word for phrase in PREPOSITIONS for
 } | {"and", "or", "not", "it", "is"}  # fmt: skip
 FUNCTION_WORDS = (
     frozenset(word for table in _TABLES for phrase in table for word in phrase)
-    | {*DETERMINERS, *COLOURED, *ORDINALS, *NEAR, *FAR, *MARKS, *_ALONE}
+    | {*DETERMINERS, *COLORED, *ORDINALS, *NEAR, *FAR, *MARKS, *_ALONE}
 )  # fmt: skip
 
 
 def look_alike(one: str, other: str) -> bool:
-    """Whether two colour words may be said of one thing."""
-    return not COLOURS[one].isdisjoint(COLOURS[other])
+    """Whether two color words may be said of one thing."""
+    return not COLORS[one].isdisjoint(COLORS[other])

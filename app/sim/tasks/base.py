@@ -116,7 +116,7 @@ class SimTask(ABC):
     def add_cube(
         self,
         name: str,
-        colour: str,
+        color: str,
         centre_m: npt.ArrayLike,
         half_m: float,
         yaw_rad: float = 0.0,
@@ -126,7 +126,7 @@ class SimTask(ABC):
     ) -> None:
         """A cube that moves freely, upright, its center (3,) in the world frame; for use in `build`."""
         cube = self.add_part(name, centre_m, about_z(yaw_rad), free=True)
-        cube.box((half_m,) * 3, colour, mass_kg=mass_kg, friction=friction)
+        cube.box((half_m,) * 3, color, mass_kg=mass_kg, friction=friction)
 
     def object_poses(self) -> tuple[ObjectPose, ...]:
         """The true poses of the objects, in the world frame."""

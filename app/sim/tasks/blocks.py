@@ -36,11 +36,11 @@ class SlideBlock(SimTask):
         centre = np.array([*random.uniform((0.12, -0.15), (0.30, 0.15)), TABLE_TOP_M])
         yaw_rad = random.uniform(-np.pi, np.pi)
         self.add_cube("block", "red", centre + BLOCK_HALF_M * UP, BLOCK_HALF_M, yaw_rad, mass_kg=0.15)
-        for quarter, (name, colour) in enumerate(SQUARES.items()):
+        for quarter, (name, color) in enumerate(SQUARES.items()):
             turn = about_z(yaw_rad + quarter * np.pi / 2)
             at_m = centre + turn.apply([DISTANCE_M, 0, SQUARE_HALF_THICKNESS_M])
             square = self.add_part(name, at_m, turn)
-            square.mark((SQUARE_HALF_M, SQUARE_HALF_M, SQUARE_HALF_THICKNESS_M), colour)
+            square.mark((SQUARE_HALF_M, SQUARE_HALF_M, SQUARE_HALF_THICKNESS_M), color)
             stripe_m = [SQUARE_HALF_M - 0.006, 0, SQUARE_HALF_THICKNESS_M]
             square.mark((0.004, SQUARE_HALF_M, SQUARE_HALF_THICKNESS_M), "white", at_m=stripe_m)
 

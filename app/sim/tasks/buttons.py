@@ -12,7 +12,7 @@ from app.sim.tasks.base import SimTask
 from app.sim.world import TABLE_TOP_M
 from roboprompt_client.arrays import Array
 
-COLOURS = ("red", "yellow", "green", "blue")
+COLORS = ("red", "yellow", "green", "blue")
 BASE_RADIUS_M, BASE_HEIGHT_M = 0.036, 0.034
 CAP_RADIUS_M, CAP_HEIGHT_M = 0.026, 0.028  # of the part that stands out
 TRAVEL_M = 0.022
@@ -24,7 +24,7 @@ CLEARANCES_M = (0.07, 0.12)  # by way
 SPRING_N_M, PRELOAD_M = 150.0, 0.004
 MAX_PRESSES = 6  # paper, appendix "Real robots experiments"
 # Variation k asks for the k-th: first the single presses, then all pairs, ...
-SEQUENCES = tuple(chain.from_iterable(product(COLOURS, repeat=length) for length in range(1, MAX_PRESSES + 1)))
+SEQUENCES = tuple(chain.from_iterable(product(COLORS, repeat=length) for length in range(1, MAX_PRESSES + 1)))
 TEST_STREAM = 1  # keeps the draw of a test's sequence apart from that of the same seed's scene
 
 
@@ -34,8 +34,8 @@ class ButtonTask(SimTask):
     A button's pose is the center of its cap's top at rest. `events` are the colors pressed (by 6 mm), in order.
     """
 
-    object_names = tuple(f"{colour} button" for colour in COLOURS)
-    variations = len(COLOURS)
+    object_names = tuple(f"{color} button" for color in COLORS)
+    variations = len(COLORS)
     ways = len(CLEARANCES_M)
     yaw_symmetry_deg = dict.fromkeys(object_names, 0.0)
 
@@ -46,37 +46,37 @@ class ButtonTask(SimTask):
 
     def build(self, random: np.random.Generator) -> None:
         height_m = BASE_HEIGHT_M + CAP_HEIGHT_M
-        points = scatter(random, len(COLOURS), (0.03, -0.30), (0.38, 0.30), min_distance_m=0.13)
-        for colour, point in zip(COLOURS, points, strict=True):
-            button = self.add_part(f"{colour} button", [*point, TABLE_TOP_M + height_m])
+        points = scatter(random, len(COLORS), (0.03, -0.30), (0.38, 0.30), min_distance_m=0.13)
+        for color, point in zip(COLORS, points, strict=True):
+            button = self.add_part(f"{color} button", [*point, TABLE_TOP_M + height_m])
             base_centre_m = [0, 0, BASE_HEIGHT_M / 2 - height_m]
             button.cylinder(BASE_RADIUS_M, BASE_HEIGHT_M / 2, "grey", at_m=base_centre_m)
-            cap = self.add_part(f"{colour} cap", [0, 0, 0], parent=button)
-            cap.cylinder(CAP_RADIUS_M, CAP_HEIGHT_M / 2, colour, at_m=[0, 0, -CAP_HEIGHT_M / 2], mass_kg=0.02)
-            cap.slide(colour, (0, 0, -1), (0, TRAVEL_M), damping=2.0, spring_n_m=SPRING_N_M, spring_rest_m=-PRELOAD_M)
+            cap = self.add_part(f"{color} cap", [0, 0, 0], parent=button)
+            cap.cylinder(CAP_RADIUS_M, CAP_HEIGHT_M / 2, color, at_m=[0, 0, -CAP_HEIGHT_M / 2], mass_kg=0.02)
+            cap.slide(color, (0, 0, -1), (0, TRAVEL_M), damping=2.0, spring_n_m=SPRING_N_M, spring_rest_m=-PRELOAD_M)
 
     def after_reset(self) -> None:
-        self._joint_addresses = {colour: self.model.joint(colour).qposadr[0] for colour in COLOURS}
-        self._down = dict.fromkeys(COLOURS, False)
+        self._joint_addresses = {color: self.model.joint(color).qposadr[0] for color in COLORS}
+        self._down = dict.fromkeys(COLORS, False)
 
     def latch(self) -> None:
-        for colour, address in self._joint_addresses.items():
+        for color, address in self._joint_addresses.items():
             depth_m = self.data.qpos[address]
-            if depth_m > PRESSED_M and not self._down[colour]:
-                self._down[colour] = True
-                self.events.append(colour)
+            if depth_m > PRESSED_M and not self._down[color]:
+                self._down[color] = True
+                self.events.append(color)
             elif depth_m < RELEASED_M:
-                self._down[colour] = False
+                self._down[color] = False
 
     @property
     def instruction(self) -> str:
-        return ", then ".join(f"push the {colour} button" for colour in self.asked)
+        return ", then ".join(f"push the {color} button" for color in self.asked)
 
     def expert(self) -> list[Move]:
         moves: list[Move] = []
-        for previous, colour in zip((None, *self.asked), self.asked, strict=False):
-            press = self._press(self.position_m(f"{colour} button"))
-            moves += press[1:] if colour == previous else press  # the arm is above it already
+        for previous, color in zip((None, *self.asked), self.asked, strict=False):
+            press = self._press(self.position_m(f"{color} button"))
+            moves += press[1:] if color == previous else press  # the arm is above it already
         return moves
 
     def _press(self, top_m: Array) -> list[Move]:
@@ -91,7 +91,7 @@ class PushButton(ButtonTask):
 
     @property
     def asked(self) -> tuple[str, ...]:
-        return (COLOURS[self.variation],)
+        return (COLORS[self.variation],)
 
     def succeeded(self) -> bool:
         return set(self.events) == set(self.asked)
@@ -114,13 +114,13 @@ class PushMultipleButtons(ButtonTask):
     """
 
     name = "push_multiple_buttons"
-    test_only_variations = len(SEQUENCES) - len(COLOURS)
+    test_only_variations = len(SEQUENCES) - len(COLORS)
 
     @classmethod
     def test_variation(cls, seed: int) -> int:
         random = np.random.default_rng((TEST_STREAM, seed))
-        colours = random.choice(COLOURS, random.integers(1, MAX_PRESSES, endpoint=True))
-        return SEQUENCES.index(tuple(colours.tolist()))
+        colors = random.choice(COLORS, random.integers(1, MAX_PRESSES, endpoint=True))
+        return SEQUENCES.index(tuple(colors.tolist()))
 
     @property
     def asked(self) -> tuple[str, ...]:
@@ -169,7 +169,7 @@ class PressInOrder(ButtonTask):
     @property
     def instruction(self) -> str:
         word, named = (*self.SHOWN, *self.ASKED)[self.variation]
-        return "press " + f" {word} ".join(f"the {colour} button" for colour in named)
+        return "press " + f" {word} ".join(f"the {color} button" for color in named)
 
     def succeeded(self) -> bool:
         return self.events == list(self.asked)

@@ -22,10 +22,10 @@ class CubeTask(SimTask):
     half_m: ClassVar[float] = HALF_SIZE_M
     mass_kg: ClassVar[float] = 0.09
 
-    def add_cube_over(self, point_m: Array, name: str, colour: str, yaw_rad: float, storey: int = 0) -> None:
+    def add_cube_over(self, point_m: Array, name: str, color: str, yaw_rad: float, storey: int = 0) -> None:
         """A cube over a point (2,) of the table, on `storey` others; for use in `build`."""
         height_m = TABLE_TOP_M + (2 * storey + 1) * self.half_m
-        self.add_cube(name, colour, [*point_m, height_m], self.half_m, yaw_rad, mass_kg=self.mass_kg)
+        self.add_cube(name, color, [*point_m, height_m], self.half_m, yaw_rad, mass_kg=self.mass_kg)
 
     def on_table(self, cube: str) -> bool:
         """Whether a cube lies flat on the table."""

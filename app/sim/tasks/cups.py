@@ -14,7 +14,7 @@ CUP_RADIUS_M, CUP_WALL_M, CUP_HEIGHT_M, GRASP_HEIGHT_M = 0.033, 0.003, 0.080, 0.
 CUP_WALL_KG, FLOOR_KG, BAR_KG = 0.05, 0.02, 0.004
 BAR_HALF_M, BAR_HALF_WIDTH_M = 0.003, 0.004  # of the handle: across its opening, along it
 HOLE_M, HOLE_HALF_M = (0.0555, -0.024), (0.021, 0.022)  # the handle's opening, in x and z
-COLOURS = ("red", "blue", "green")
+COLORS = ("red", "blue", "green")
 CUPS_APART_M = 0.17  # handles that face each other do not touch
 # The holder: a pole with three spokes, the first towards -x
 SPOKE_ANGLES_RAD = np.pi + np.radians([0.0, 120.0, 240.0])
@@ -47,10 +47,10 @@ class PlaceCups(SimTask):
         turn = about_z(random.uniform(-np.pi, np.pi))
         _add_holder(self.add_part("cup holder", [*pole, TABLE_TOP_M + SPOKES_HEIGHT_M], turn))
         clear_of = [(pole, HOLDER_DISTANCE_M)]
-        spots = scatter(random, len(COLOURS), (0.00, -0.10), (0.34, 0.34), CUPS_APART_M, clear_of)
-        for colour, spot in zip(COLOURS, spots, strict=True):
+        spots = scatter(random, len(COLORS), (0.00, -0.10), (0.34, 0.34), CUPS_APART_M, clear_of)
+        for color, spot in zip(COLORS, spots, strict=True):
             turn = about_z(random.uniform(*CUP_YAW_RAD))
-            _add_cup(self.add_part(f"{colour} cup", [*spot, TABLE_TOP_M + GRASP_HEIGHT_M], turn, free=True), colour)
+            _add_cup(self.add_part(f"{color} cup", [*spot, TABLE_TOP_M + GRASP_HEIGHT_M], turn, free=True), color)
 
     def expert(self) -> list[Move]:
         """The fingers close across the handle's direction; the handle then slides onto the spoke from its tip."""
@@ -98,20 +98,20 @@ def _add_holder(holder: Part) -> None:
         holder.capsule(SPOKE_RADIUS_M, half_length, "wood", at_m=tip_m / 2, rotation=spoke)
 
 
-def _add_cup(cup: Part, colour: str) -> None:
+def _add_cup(cup: Part, color: str) -> None:
     bottom_m, top_m = CUP_WALL_M - GRASP_HEIGHT_M, CUP_HEIGHT_M - GRASP_HEIGHT_M
     radius_m, thickness_m = CUP_RADIUS_M, CUP_WALL_M
     cup.wall(
-        colour, bottom_m=bottom_m, top_m=top_m, bottom_radius_m=radius_m, thickness_m=thickness_m, mass_kg=CUP_WALL_KG
+        color, bottom_m=bottom_m, top_m=top_m, bottom_radius_m=radius_m, thickness_m=thickness_m, mass_kg=CUP_WALL_KG
     )
-    cup.cylinder(CUP_RADIUS_M, CUP_WALL_M / 2, colour, at_m=[0, 0, bottom_m - CUP_WALL_M / 2], mass_kg=FLOOR_KG)
+    cup.cylinder(CUP_RADIUS_M, CUP_WALL_M / 2, color, at_m=[0, 0, bottom_m - CUP_WALL_M / 2], mass_kg=FLOOR_KG)
     (hole_x, hole_z), (half_x, half_z), half_bar = HOLE_M, HOLE_HALF_M, BAR_HALF_M
     for z_m in (hole_z - half_z - half_bar, hole_z + half_z + half_bar):
         cup.box(
-            (half_x + half_bar, BAR_HALF_WIDTH_M, half_bar), colour, at_m=[hole_x + half_bar, 0, z_m], mass_kg=BAR_KG
+            (half_x + half_bar, BAR_HALF_WIDTH_M, half_bar), color, at_m=[hole_x + half_bar, 0, z_m], mass_kg=BAR_KG
         )
     outer_m = [hole_x + half_x + half_bar, 0, hole_z]
-    cup.box((half_bar, BAR_HALF_WIDTH_M, half_z), colour, at_m=outer_m, mass_kg=BAR_KG)
+    cup.box((half_bar, BAR_HALF_WIDTH_M, half_z), color, at_m=outer_m, mass_kg=BAR_KG)
 
 
 TARGET, OTHERS = "green cup", ("red cup", "blue cup")
@@ -144,12 +144,12 @@ class StackCups(SimTask):
     def build(self, random: np.random.Generator) -> None:
         points = scatter(random, len(self.object_names), (0.06, -0.25), (0.36, 0.25), min_distance_m=0.15)
         for name, point in zip(self.object_names, points, strict=True):
-            colour = name.split()[0]
+            color = name.split()[0]
             cup = self.add_part(name, [*point, TABLE_TOP_M + CONE_HEIGHT_M], free=True)
             bottom_at_m = [0, 0, BOTTOM_M / 2 - CONE_HEIGHT_M]
-            cup.cylinder(BOTTOM_RADIUS_M, BOTTOM_M / 2, colour, at_m=bottom_at_m, mass_kg=BOTTOM_KG)
+            cup.cylinder(BOTTOM_RADIUS_M, BOTTOM_M / 2, color, at_m=bottom_at_m, mass_kg=BOTTOM_KG)
             cup.wall(
-                colour,
+                color,
                 bottom_m=BOTTOM_M - CONE_HEIGHT_M,
                 top_m=0,
                 bottom_radius_m=BOTTOM_RADIUS_M,

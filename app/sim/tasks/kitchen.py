@@ -42,10 +42,10 @@ class MeatOffGrill(SimTask):
         turn = about_z(random.uniform(-GRILL_MAX_TURN_RAD, GRILL_MAX_TURN_RAD))
         centre = np.array([*random.uniform((0.14, -0.18), (0.28, -0.02)), TABLE_TOP_M + GRILL_HEIGHT_M])
         _add_grill(self.add_part("grill", centre, turn))
-        for name, (colour, y_m) in MEAT.items():
+        for name, (color, y_m) in MEAT.items():
             at = [random.uniform(-MAX_SHIFT_M, MAX_SHIFT_M), y_m, MEAT_HALF_HEIGHT_M]
             meat = self.add_part(name, centre + turn.apply(at), about_z(random.uniform(-np.pi, np.pi)), free=True)
-            _add_meat(meat, colour)
+            _add_meat(meat, color)
 
     def expert(self) -> list[Move]:
         beside = self.body_to_world("grill", [0, BESIDE_M, 0])
@@ -74,11 +74,11 @@ def _add_grill(grill: Part) -> None:
         grill.box((GRILL_HALF_DEPTH_M, BAR_RADIUS_M, BAR_RADIUS_M), "grey", at_m=[0, y_m, -BAR_RADIUS_M])
 
 
-def _add_meat(meat: Part, colour: str) -> None:
+def _add_meat(meat: Part, color: str) -> None:
     third_kg = MEAT_MASS_KG / 3
-    meat.box((MEAT_HALF_LENGTH_M, MEAT_HALF_WIDTH_M, MEAT_HALF_HEIGHT_M - SUNK_M), colour, mass_kg=third_kg)
+    meat.box((MEAT_HALF_LENGTH_M, MEAT_HALF_WIDTH_M, MEAT_HALF_HEIGHT_M - SUNK_M), color, mass_kg=third_kg)
     for x_m in (-MEAT_HALF_LENGTH_M, MEAT_HALF_LENGTH_M):
-        meat.cylinder(MEAT_HALF_WIDTH_M, MEAT_HALF_HEIGHT_M, colour, at_m=[x_m, 0, 0], mass_kg=third_kg)
+        meat.cylinder(MEAT_HALF_WIDTH_M, MEAT_HALF_HEIGHT_M, color, at_m=[x_m, 0, 0], mass_kg=third_kg)
 
 
 # The bottle, along z from the point of its neck where it is grasped
@@ -187,8 +187,8 @@ class TurnTap(SimTask):
         spout_m = [-SPOUT_REACH_M / 2, 0, SPOUT_HEIGHT_M]
         tap.capsule(SPOUT_RADIUS_M, SPOUT_REACH_M / 2, "grey", at_m=spout_m, rotation=forward)
         tap.cylinder(SPOUT_RADIUS_M, 0.012, "grey", at_m=[-SPOUT_REACH_M, 0, SPOUT_HEIGHT_M - 0.012])
-        for name, (y_m, colour) in HANDLES.items():
-            handle = self.add_part(name, [0, y_m, BAR_HEIGHT_M], parent=tap).box(BAR_HALF_M, colour)
+        for name, (y_m, color) in HANDLES.items():
+            handle = self.add_part(name, [0, y_m, BAR_HEIGHT_M], parent=tap).box(BAR_HALF_M, color)
             stem_m = BAR_HEIGHT_M - 2 * PIPE_HALF_M[2] - BAR_HALF_M[2]
             handle.cylinder(STEM_RADIUS_M, stem_m / 2, "grey", at_m=[0, 0, -BAR_HALF_M[2] - stem_m / 2])
             handle.hinge(name, (0, 0, 1), (-0.05, TAP_MAX_TURN_RAD), damping=0.02, dry_friction_nm=0.05)

@@ -48,8 +48,8 @@ class ClearKind(BlockTask):
         part = self.add_part("tray", [*tray, TABLE_TOP_M])
         part.cylinder(RADIUS_M, FLOOR_HALF_M, "wood", at_m=[0, 0, FLOOR_HALF_M])
         part.wall("wood", bottom_m=0.0, top_m=WALL_M, bottom_radius_m=RADIUS_M)
-        colour, number = self.asked
-        numbers = {kind: number if kind == colour else int(random.integers(1, 3)) for kind in KINDS}
+        color, number = self.asked
+        numbers = {kind: number if kind == color else int(random.integers(1, 3)) for kind in KINDS}
         self._on_table = {
             block: kind
             for kind, blocks in KINDS.items()

@@ -9,7 +9,7 @@ from app.sim.world import TABLE_TOP_M
 
 CLEARANCE_M = 0.10
 
-OTHER_COLOURS = ("blue", "purple", "green", "orange")
+OTHER_COLORS = ("blue", "purple", "green", "orange")
 JAR_HEIGHT_M, JAR_RADIUS_M, GLASS_M = 0.08, 0.034, 0.006
 # The lid is a disc with a plug beneath it; its origin is the disc's center
 LID_RADIUS_M, LID_HALF_HEIGHT_M = 0.033, 0.010
@@ -39,10 +39,10 @@ class CloseJar(SimTask):
         lid.cylinder(LID_RADIUS_M, LID_HALF_HEIGHT_M, "grey", mass_kg=0.05)
         plug_at_m = [0, 0, -LID_HALF_HEIGHT_M - PLUG_HALF_HEIGHT_M]
         lid.cylinder(PLUG_RADIUS_M, PLUG_HALF_HEIGHT_M, "grey", at_m=plug_at_m, mass_kg=0.02)
-        for colour, at in (("red", red_at), (random.choice(OTHER_COLOURS), other_at)):
-            jar = self.add_part(f"{colour} jar", [*at, TABLE_TOP_M + JAR_HEIGHT_M])
-            jar.wall(colour, bottom_m=-JAR_HEIGHT_M, top_m=0, bottom_radius_m=JAR_RADIUS_M, thickness_m=GLASS_M)
-            jar.cylinder(JAR_RADIUS_M, 0.004, colour, at_m=[0, 0, 0.004 - JAR_HEIGHT_M])
+        for color, at in (("red", red_at), (random.choice(OTHER_COLORS), other_at)):
+            jar = self.add_part(f"{color} jar", [*at, TABLE_TOP_M + JAR_HEIGHT_M])
+            jar.wall(color, bottom_m=-JAR_HEIGHT_M, top_m=0, bottom_radius_m=JAR_RADIUS_M, thickness_m=GLASS_M)
+            jar.cylinder(JAR_RADIUS_M, 0.004, color, at_m=[0, 0, 0.004 - JAR_HEIGHT_M])
 
     def expert(self) -> list[Move]:
         on_rim = self.position_m("red jar") + (LID_HALF_HEIGHT_M + RELEASE_M) * UP
@@ -94,10 +94,10 @@ class ScrewBulb(SimTask):
 
     def build(self, random: np.random.Generator) -> None:
         red_at, blue_at, lamp_at = scatter(random, 3, (0.06, -0.25), (0.36, 0.25), min_distance_m=0.15)
-        for colour, at in (("red", red_at), ("blue", blue_at)):
-            _add_holder(self.add_part(f"{colour} holder", [*at, TABLE_TOP_M]))
+        for color, at in (("red", red_at), ("blue", blue_at)):
+            _add_holder(self.add_part(f"{color} holder", [*at, TABLE_TOP_M]))
             height_m = TABLE_TOP_M + HOLDER_BASE_M + BULB_HEIGHT_M
-            _add_bulb(self.add_part(f"{colour} light bulb", [*at, height_m], free=True), colour)
+            _add_bulb(self.add_part(f"{color} light bulb", [*at, height_m], free=True), color)
         _add_lamp(self.add_part("lamp", [*lamp_at, TABLE_TOP_M + LAMP_BASE_M + SOCKET_M + FUNNEL_M]))
 
     def after_reset(self) -> None:
@@ -141,11 +141,11 @@ def _add_holder(holder: Part) -> None:
     )
 
 
-def _add_bulb(bulb: Part, colour: str) -> None:
+def _add_bulb(bulb: Part, color: str) -> None:
     thread_at_m = [0, 0, -GLASS_HALF_HEIGHT_M - THREAD_M / 2]
     bulb.cylinder(THREAD_RADIUS_M, THREAD_M / 2, "grey", at_m=thread_at_m, mass_kg=0.022)
-    bulb.cylinder(GLASS_RADIUS_M, GLASS_HALF_HEIGHT_M, colour, mass_kg=0.015)
-    bulb.sphere(GLASS_RADIUS_M, colour, at_m=[0, 0, GLASS_HALF_HEIGHT_M], mass_kg=0.01)
+    bulb.cylinder(GLASS_RADIUS_M, GLASS_HALF_HEIGHT_M, color, mass_kg=0.015)
+    bulb.sphere(GLASS_RADIUS_M, color, at_m=[0, 0, GLASS_HALF_HEIGHT_M], mass_kg=0.01)
 
 
 def _add_lamp(lamp: Part) -> None:

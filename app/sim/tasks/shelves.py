@@ -117,9 +117,9 @@ class PutInCupboard(ShelfTask):
         turn = about_z(random.uniform(*np.radians((-25.0, 65.0))))
         crackers = self.add_part("crackers", [*spot, TABLE_TOP_M + self.stored_half_m[2]], turn, free=True)
         crackers.box(self.stored_half_m, "red", mass_kg=0.12)
-        for (name, colour), spot in zip(self.cans.items(), others, strict=True):
+        for (name, color), spot in zip(self.cans.items(), others, strict=True):
             can = self.add_part(name, [*spot, TABLE_TOP_M + self.can_half_height_m], free=True)
-            can.cylinder(self.can_radius_m, self.can_half_height_m, colour, mass_kg=0.1)
+            can.cylinder(self.can_radius_m, self.can_half_height_m, color, mass_kg=0.1)
 
     def _add_boards(self, cupboard: Part) -> None:
         """The case and its stand."""

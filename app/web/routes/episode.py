@@ -53,7 +53,7 @@ class EpisodeText:
 
     Attributes:
         usual: whether a request that names no representation gets this one.
-        spans: coloured as in the paper; empty where there is an error.
+        spans: colored as in the paper; empty where there is an error.
         error: why it cannot be written so, in words.
     """
 

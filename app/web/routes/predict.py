@@ -202,7 +202,7 @@ def episode_image(services: Wired, episode_id: str, camera: str, kind: ImageKind
 
 @documents.post("/ui/predict/prompt")
 async def predict_prompt(request: Request, services: Wired) -> Response:
-    """The prompt that a request to `/predict` would put to its LLM, in colours, and the scene; no LLM is asked."""
+    """The prompt that a request to `/predict` would put to its LLM, in colors, and the scene; no LLM is asked."""
     present().require_demonstrations()
     body = await read_body(request)
     async with image_work(request).room(request, body, services.limits) as decode:

@@ -1,6 +1,6 @@
 // Joint speed over time, with the threshold, the gripper's state and the keyframes.
 
-import { CONFIG, colour, layout, plotly } from "./plot.js";
+import { CONFIG, color, layout, plotly } from "./plot.js";
 
 const HEADROOM = 1.12;
 const looksAtRest = ({ rule }) => !["uniform", "waypoints"].includes(rule);
@@ -22,7 +22,7 @@ export async function drawMotion(place, motion, preview, rule) {
     x: motion.times_s,
     y: speeds,
     mode: "lines",
-    line: { color: colour("curve"), width: 1.8 },
+    line: { color: color("curve"), width: 1.8 },
     hovertemplate: `%{x:.2f} s: %{y:.3f} ${unit}<extra></extra>`,
   };
   await Plotly.react(place, [curve], figure(motion, name, top, shapes, annotations(motion, preview, rule, top)), CONFIG);
@@ -36,7 +36,7 @@ function speedOf(motion, rule) {
 }
 
 function figure(motion, name, top, shapes, words) {
-  const grid = { gridcolor: colour("line"), zerolinecolor: colour("line"), color: colour("muted") };
+  const grid = { gridcolor: color("line"), zerolinecolor: color("line"), color: color("muted") };
   return layout({
     uirevision: "kept",
     showlegend: false,
@@ -51,7 +51,7 @@ function figure(motion, name, top, shapes, words) {
 
 const along = (y) => ({ type: "line", xref: "paper", x0: 0, x1: 1, yref: "y", y0: y, y1: y });
 
-const thresholdLine = (delta) => ({ ...along(delta), line: { color: colour("threshold"), width: 1.5, dash: "dash" } });
+const thresholdLine = (delta) => ({ ...along(delta), line: { color: color("threshold"), width: 1.5, dash: "dash" } });
 
 function gripperBand(stretches) {
   return stretches.map(([start, end, isOpen]) => ({
@@ -63,7 +63,7 @@ function gripperBand(stretches) {
     y0: 0,
     y1: 1,
     line: { width: 0 },
-    fillcolor: colour(isOpen ? "open" : "closed"),
+    fillcolor: color(isOpen ? "open" : "closed"),
     opacity: 0.45,
   }));
 }
@@ -71,13 +71,13 @@ function gripperBand(stretches) {
 function keyframeLines({ keyframes, dropped_s }) {
   const upright = (x, line) => ({ type: "line", xref: "x", x0: x, x1: x, yref: "paper", y0: 0, y1: 1, line });
   return [
-    ...dropped_s.map((x) => upright(x, { color: colour("bad"), width: 1, dash: "dot" })),
-    ...keyframes.map((item) => upright(item.time_s, { color: colour(item.new ? "good" : "text"), width: item.new ? 2 : 1.2 })),
+    ...dropped_s.map((x) => upright(x, { color: color("bad"), width: 1, dash: "dot" })),
+    ...keyframes.map((item) => upright(item.time_s, { color: color(item.new ? "good" : "text"), width: item.new ? 2 : 1.2 })),
   ];
 }
 
 function annotations(motion, { keyframes }, rule, top) {
-  const small = { showarrow: false, font: { size: 12, color: colour("text") } };
+  const small = { showarrow: false, font: { size: 12, color: color("text") } };
   const numbers = keyframes.map((item) => ({
     ...small,
     text: String(item.number),
@@ -86,7 +86,7 @@ function annotations(motion, { keyframes }, rule, top) {
     yref: "paper",
     y: 1.02,
     yanchor: "bottom",
-    font: { size: 12, color: colour(item.new ? "good" : "text") },
+    font: { size: 12, color: color(item.new ? "good" : "text") },
   }));
   const total = motion.times_s.at(-1) || 1;
   const words = motion.gripper
@@ -94,5 +94,5 @@ function annotations(motion, { keyframes }, rule, top) {
     .map(([start, end, isOpen]) => ({ ...small, text: isOpen ? "open" : "closed", x: (start + end) / 2, yref: "y2", y: 0.5 }));
   if (!motion.has_joints || !looksAtRest(rule) || rule.delta_rad_s > top) return [...numbers, ...words];
   const rest = { ...small, text: `at rest below ${rule.delta_rad_s}`, xref: "paper", x: 1, xanchor: "right", y: rule.delta_rad_s, yanchor: "bottom" };
-  return [...numbers, ...words, { ...rest, bgcolor: colour("card"), font: { size: 12, color: colour("threshold") } }];
+  return [...numbers, ...words, { ...rest, bgcolor: color("card"), font: { size: 12, color: color("threshold") } }];
 }

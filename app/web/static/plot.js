@@ -1,4 +1,4 @@
-// plotly.js, loaded when something is to be drawn, in the page's colours.
+// plotly.js, loaded when something is to be drawn, in the page's colors.
 
 let loading;
 
@@ -14,15 +14,15 @@ export function plotly() {
   return loading;
 }
 
-/** The value of a custom property of the style sheet: colour("curve"). */
-export const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
+/** The value of a custom property of the style sheet: color("curve"). */
+export const color = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
 
 /** What every figure has in common. */
 export function layout(more = {}) {
   return {
     paper_bgcolor: "rgba(0,0,0,0)",
     plot_bgcolor: "rgba(0,0,0,0)",
-    font: { color: colour("text"), family: "system-ui, sans-serif", size: 13 },
+    font: { color: color("text"), family: "system-ui, sans-serif", size: 13 },
     margin: { l: 56, r: 16, t: 24, b: 52 },
     ...more,
   };

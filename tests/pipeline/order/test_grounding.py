@@ -49,7 +49,7 @@ def test_the_canonical_instruction_is_worded_as_it_was_taught(names, instruction
         ("press the red one", "the red one", "red button", "name"),
         ("push the big one", "the big one", "red button", "alias"),
         ("push the bleu button", "the bleu button", "blue button", "spelling"),
-        ("push the crimson button", "the crimson button", "red button", "colour"),
+        ("push the crimson button", "the crimson button", "red button", "color"),
         ("push the button on the left", "the button on the left", "red button", "relation"),
     ],
 )

@@ -18,7 +18,7 @@ def test_verbs_of_a_family_are_one():
     assert similarity(STACK_CUBE, PUT_CUBE) == pytest.approx(2 / 4 + 1 / 3)
 
 
-def test_colours_say_which_object_and_not_what_is_done():
+def test_colors_say_which_object_and_not_what_is_done():
     assert similarity(PUSH_RED, PUSH_BLUE) == 2
     assert similarity(CLOSE_JAR, PUSH_RED) == 0
 

@@ -136,7 +136,7 @@ def test_a_scene_is_taken_from_an_episode(page, http):
 
 
 def scene(column):
-    """Colour, depth and mask of the camera of `tests.episodes` above a flat cube; its place."""
+    """Color, depth and mask of the camera of `tests.episodes` above a flat cube; its place."""
     depth_mm = np.full((48, 64), 300, np.uint16)
     mask = np.zeros((48, 64), np.uint16)
     mask[20:28, column : column + 8] = 7

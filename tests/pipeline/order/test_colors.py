@@ -1,4 +1,4 @@
-"""The list of colour words against what people called them: the xkcd colour survey, as matplotlib has it."""
+"""The list of color words against what people called them: the xkcd color survey, as matplotlib has it."""
 
 import math
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.colors import XKCD_COLORS, to_rgb
 
-from app.pipeline.order.vocabulary import BASIC, COLOURS, look_alike
+from app.pipeline.order.vocabulary import BASIC, COLORS, look_alike
 
 HUED = sorted(BASIC - {"black", "white", "grey", "brown"})
 # Björn Ottosson, "A perceptual color space for image processing" (2020)
@@ -14,7 +14,7 @@ TO_LMS = np.array([[0.41222, 0.53633, 0.05145], [0.21190, 0.68070, 0.10740], [0.
 TO_OKLAB = np.array([[0.21045, 0.79362, -0.00407], [1.97800, -2.42859, 0.45059], [0.02590, 0.78277, -0.80868]])
 SHADES = sorted(
     word
-    for word, names in COLOURS.items()
+    for word, names in COLORS.items()
     if word not in BASIC and len(names) == 1 and names <= set(HUED) and f"xkcd:{word}" in XKCD_COLORS
 )
 MAX_HUE_DEG = 45.0
@@ -32,8 +32,8 @@ def apart_deg(one, other):
 
 
 @pytest.mark.parametrize("word", SHADES)
-def test_a_shade_has_the_hue_of_its_basic_colour(word):
-    (basic,) = COLOURS[word]
+def test_a_shade_has_the_hue_of_its_basic_color(word):
+    (basic,) = COLORS[word]
     assert apart_deg(word, basic) < MAX_HUE_DEG
 
 
@@ -41,5 +41,5 @@ def test_most_of_the_list_is_held_against_the_survey():
     assert len(SHADES) > 40
 
 
-def test_no_basic_colour_stands_for_another():
+def test_no_basic_color_stands_for_another():
     assert [(one, other) for one in BASIC for other in BASIC if look_alike(one, other) and one != other] == []
