@@ -6,6 +6,7 @@ In MessagePack an array is the map ``{"__ndarray__": true, "data": bytes, "dtype
 
 import io
 import math
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -50,7 +51,8 @@ def array_from_npy(field: str, data: bytes, valid: str) -> npt.NDArray[np.generi
     except InvalidInputError:
         raise
     except Exception as error:  # on a hostile header numpy raises whatever Python's own parser does
-        raise InvalidInputError(field, f"is a damaged .npy array: {str(error)[:200]}", valid) from None
+        said = re.sub(r" at 0x[0-9a-f]+", "", str(error))[:200]  # without the addresses of Python's objects
+        raise InvalidInputError(field, f"is a damaged .npy array: {said}", valid) from None
     return array
 
 
