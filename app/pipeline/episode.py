@@ -44,7 +44,7 @@ class Episode:
             raise InvalidInputError("control_frequency_hz", f"is {self.control_frequency_hz:g}", valid)
         times_s = self.trajectory.timestamps_s
         if times_s is not None and len(times_s) > 1:
-            measured_hz = (len(times_s) - 1) / float(times_s[-1] - times_s[0])
+            measured_hz = round((len(times_s) - 1) / float(times_s[-1] - times_s[0]), 3)
             settle(self, control_frequency_hz=float(np.clip(measured_hz, MIN_FREQUENCY_HZ, MAX_FREQUENCY_HZ)))
 
 
