@@ -10,7 +10,6 @@ import franky_sim
 import mujoco
 from franky_sim.mujoco_simulator import MujocoSimulator
 
-
 PUSH_N = 8.0
 
 

@@ -156,6 +156,7 @@ class Arm:
             self._refuse_if_stopped()
             with self.driver.guided():
                 yield
+            self._refuse_if_stopped()
 
     def set_gripper(self, *, is_open: bool) -> None:
         """Open or close the gripper where the arm is, also while it is guided.
