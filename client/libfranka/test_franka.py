@@ -257,6 +257,6 @@ def test_nothing_else_moves_an_arm_that_is_guided(arm):
 
 
 def test_a_stop_ends_the_guidance(arm):
-    with pytest.raises(MotionError, match="preempted|was stopped"), arm.guided():
+    with pytest.raises(MotionError, match=r"preempted|was stopped"), arm.guided():
         arm.stop()
     assert_stopped(arm)
