@@ -43,7 +43,10 @@ def run_init(_: RoboPromptClient, arguments: Namespace) -> int:
     _write(path, cell)
     try:
         robot = open_robot(str(path))
-        measured = _measured(robot) if isinstance(robot, Arm) else {}
+        measured = {}
+        if isinstance(robot, Arm):
+            with robot:
+                measured = _measured(robot)
     except BaseException:
         path.unlink()
         raise
