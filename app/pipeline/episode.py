@@ -10,6 +10,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from app.pipeline.order.order import Order
 from roboprompt_client.arrays import Array, settle
@@ -116,7 +117,8 @@ def frame_times_s(trajectory: Trajectory, control_frequency_hz: float = CONTROL_
     return times_s
 
 
-def gripper_stretches(gripper_open: Sequence[bool]) -> list[tuple[int, int, bool]]:
-    """First frame, frame after the last, and state of each stretch in which the gripper stays open or closed."""
-    edges = [0, *(np.flatnonzero(np.diff(gripper_open)) + 1).tolist(), len(gripper_open)]
-    return [(first, end, bool(gripper_open[first])) for first, end in pairwise(edges)]
+def stretches(states: npt.ArrayLike) -> list[tuple[int, int, bool]]:
+    """First frame, frame after the last, and state of each stretch of frames in which a boolean state stays."""
+    frames = np.asarray(states, dtype=bool)
+    edges = [0, *(np.flatnonzero(np.diff(frames)) + 1).tolist(), len(frames)]
+    return [(first, end, bool(frames[first])) for first, end in pairwise(edges)]
