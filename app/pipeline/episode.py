@@ -26,7 +26,11 @@ MAX_ORDERS = 1024  # that are kept: demonstrations of one instruction share one
 
 @dataclass(frozen=True, eq=False)
 class Episode:
-    """A recorded trajectory with the instruction it carries out and the cameras' view of its first frame."""
+    """A recorded trajectory with the instruction it carries out and the cameras' view of its first frame.
+
+    Attributes:
+        control_frequency_hz: as measured, where the trajectory has timestamps.
+    """
 
     instruction: str
     trajectory: Trajectory
@@ -39,6 +43,10 @@ class Episode:
         if not MIN_FREQUENCY_HZ <= self.control_frequency_hz <= MAX_FREQUENCY_HZ:
             valid = f"a number in {MIN_FREQUENCY_HZ:g}..{MAX_FREQUENCY_HZ:g}"
             raise InvalidInputError("control_frequency_hz", f"is {self.control_frequency_hz:g}", valid)
+        times_s = self.trajectory.timestamps_s
+        if times_s is not None and len(times_s) > 1:
+            measured_hz = round((len(times_s) - 1) / float(times_s[-1] - times_s[0]), 3)
+            settle(self, control_frequency_hz=float(np.clip(measured_hz, MIN_FREQUENCY_HZ, MAX_FREQUENCY_HZ)))
 
 
 @dataclass(frozen=True, eq=False)

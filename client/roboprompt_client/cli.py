@@ -13,6 +13,7 @@ from roboprompt_client.arms.cell import open_robot
 from roboprompt_client.client import DEFAULT_URL, RoboPromptClient
 from roboprompt_client.danger import OnDanger
 from roboprompt_client.errors import InvalidInputError, RoboPromptError
+from roboprompt_client.init_command import run_init
 from roboprompt_client.loop import run_closed_loop, run_task, show_nothing
 from roboprompt_client.motion_limits import Box, MotionLimits, Pose
 from roboprompt_client.record_command import add_check, add_record
@@ -69,6 +70,8 @@ def _parser() -> ArgumentParser:
         help="where the arm is, meters and quaternion, world frame: needed where the task bounds steps",
     )
     _add_run(add("run", "observe the scene, ask for actions, and carry them out with an arm", _run))
+    init = add("init", "write a cell's file: asks, and lets the arm measure", run_init)
+    init.add_argument("file", type=Path, metavar="FILE", help="such as cell.json")
     add_record(add, ROBOT)
     add_check(add, ROBOT)
     return parser

@@ -3,7 +3,6 @@
 import sys
 from argparse import ArgumentParser, Namespace
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +11,11 @@ from roboprompt_client.arms.cell import open_robot
 from roboprompt_client.arrays import finite_array
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import InvalidInputError, MotionError, ServiceUnreachableError
-from roboprompt_client.recorder import RATE_HZ, HasState, Recorder
+from roboprompt_client.live_recording import record_live
+from roboprompt_client.recorder import RATE_HZ, HasState
 from roboprompt_client.robot import OBJECTS, Robot, observation_from_file
 from roboprompt_client.spool import JOURNAL, Sent, Spool
-from roboprompt_client.terminal import NO, ask, ask_yes
+from roboprompt_client.terminal import ask, ask_yes
 
 AddCommand = Callable[[str, str, Callable[[RoboPromptClient, Namespace], int]], ArgumentParser]
 MARKS = {True: "ok  ", False: "FAIL", None: "look"}
@@ -33,6 +33,9 @@ def add_record(add: AddCommand, robot_help: str) -> None:
     )
     record.add_argument("--spool", type=Path, default=Path("recordings"), help="folder (default: %(default)s)")
     record.add_argument("--rate-hz", type=float, default=RATE_HZ, help="at least 20 (default: %(default)g)")
+    record.add_argument(
+        "--guide", action="store_true", help="let the arm carry its own weight and yield to your hand (Franka)"
+    )
     record.add_argument("--send-only", action="store_true", help="upload what is waiting, and record nothing")
 
 
@@ -100,22 +103,22 @@ def _record_one(robot: Robot, spool: Spool, arguments: Namespace) -> None:
     seen = robot.observe() if arguments.objects is None else observation_from_file("--objects", arguments.objects)
     folder = spool.new(arguments.task, arguments.instruction, seen)
     arm: HasState = robot  # type: ignore[assignment]  # what has `state` can be recorded
-    recorder = Recorder(arm, folder / JOURNAL, arguments.rate_hz)
-    recorder.start()
     try:
-        ask("Recording. Enter to stop: ")
-        trajectory = recorder.stop()
+        trajectory = record_live(arm, folder / JOURNAL, arguments.rate_hz, guide=arguments.guide)
     except (MotionError, InvalidInputError) as error:
-        _print(f"{error}; what came before is in {folder}")
+        if (folder / JOURNAL).exists():
+            _print(f"{error}; what came before is in {folder}")
+        else:
+            spool.discard(folder)
+            _print(str(error))
         return
     except KeyboardInterrupt:
-        with suppress(MotionError, InvalidInputError):
-            recorder.stop()
         _print(f"kept in {folder}: `roboprompt-robot record --send-only` uploads it")
         raise
-    _print(f"{len(trajectory)} frames, {trajectory.num_joints} joints")
-    if (ask("Keep it? [Y/n] ") or "").lower() in NO:
+    if trajectory is None:
         spool.discard(folder)
+        return
+    _print(f"{len(trajectory)} frames, {trajectory.num_joints} joints")
 
 
 def _send_all(client: RoboPromptClient, spool: Spool) -> int:

@@ -2,8 +2,9 @@
 
 import importlib
 import math
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -94,6 +95,19 @@ class Driver(Protocol):
 
     def close(self) -> None:
         """Leave the arm."""
+        ...
+
+
+@runtime_checkable
+class Guidable(Protocol):
+    """A driver that lets a person move its arm by hand."""
+
+    def guided(self) -> AbstractContextManager[None]:
+        """While it lasts the arm carries its own weight and yields to the hand; afterwards it holds still.
+
+        Raises:
+            MotionError: if the arm refuses, or stopped meanwhile.
+        """
         ...
 
 
