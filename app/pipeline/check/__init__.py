@@ -11,13 +11,13 @@ from app.pipeline.plans import (
     Demonstration,
     PlanRow,
     Recording,
-    aligned_by_plan,
     by_plan,
+    demonstrated,
     plan_rows,
     shown_together,
 )
 
-__all__ = ["EpisodeCheck", "Off", "PlanCheck", "RowCheck", "TaskCheck", "check_demonstrations", "demonstrated"]
+__all__ = ["EpisodeCheck", "Off", "PlanCheck", "RowCheck", "TaskCheck", "check_demonstrations"]
 
 
 def check_demonstrations(recordings: Sequence[Recording]) -> TaskCheck:
@@ -34,13 +34,6 @@ def check_demonstrations(recordings: Sequence[Recording]) -> TaskCheck:
     rule = recordings[0].rule
     findings, unlike_ids = find_causes(plans, rule)
     return TaskCheck(rule.rule, plans, findings, unlike_ids)
-
-
-def demonstrated(recordings: Sequence[Recording]) -> tuple[Demonstration, ...]:
-    """The demonstrations as prompts write them, before rows are made to agree."""
-    if recordings[0].rule.aligned:
-        return aligned_by_plan(recordings)
-    return tuple(replace(recording.demonstration, start=None) for recording in recordings)
 
 
 def _plan_check(group: Sequence[Demonstration], of_id: Mapping[str, Recording], *, shown: bool) -> PlanCheck:

@@ -20,7 +20,6 @@ from app.pipeline.findings.rules import (
 )
 from app.pipeline.findings.scene import scene_findings, strangers
 from app.pipeline.order.order import Order
-from app.services.predict.prefix import Prefix
 from app.store.records import PredictionStatus
 
 LISTED = 3  # instructions that a sentence names
@@ -32,16 +31,17 @@ FAILURES: Mapping[PredictionStatus, tuple[Rule, str, str]] = {
 }
 
 
-def findings_before(prefix: Prefix, taught: Taught, seen: Query, order: Order) -> tuple[Finding, ...]:
+def findings_before(shown: Sequence[str], taught: Taught, seen: Query, order: Order) -> tuple[Finding, ...]:
     """What deserves a look before the LLM is asked, causes first.
 
     Args:
+        shown: the instructions of the demonstrations that the prompt shows.
         taught: all that the task was taught, however little of it the prompt shows.
         seen: what is asked of the objects as they were observed.
         order: the instruction as it is understood.
     """
     scene = scene_findings(seen, taught.scenes, taught.followed(order))
-    return (*_words(order, prefix), *taught.findings(order), *scene)
+    return (*_words(order, shown), *taught.findings(order), *scene)
 
 
 def failure_findings(status: PredictionStatus, error: str | None) -> tuple[Finding, ...]:
@@ -52,8 +52,8 @@ def failure_findings(status: PredictionStatus, error: str | None) -> tuple[Findi
     return (rule.finding(f"{what}: {error}. The robot got no actions.", where),)
 
 
-def _words(order: Order, prefix: Prefix) -> Iterator[Finding]:
-    taught = tuple(dict.fromkeys(prefix.instructions))
+def _words(order: Order, shown: Sequence[str]) -> Iterator[Finding]:
+    taught = tuple(dict.fromkeys(shown))
     if order.unfamiliar is not None:
         message = f"{order.unfamiliar}; it was passed on to the LLM."
         yield UNFAMILIAR_INSTRUCTION.finding(message, "instruction")

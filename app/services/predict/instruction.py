@@ -19,7 +19,6 @@ from app.pipeline.order.reading import read
 from app.pipeline.order.space import Layout
 from app.pipeline.order.taught import Taught
 from app.pipeline.prompt import Prompt
-from app.services.predict.closed_loop import PreviousStep
 from app.services.predict.request import PredictRequest
 from app.services.task_settings import TaskSettings
 from roboprompt_client.trajectory import ObjectPose
@@ -66,21 +65,17 @@ def ground_instruction(
     taught: Sequence[str],
     settings: TaskSettings,
     objects: Sequence[ObjectPose],
-    previous: PreviousStep | None,
 ) -> Order:
-    """The instruction as it is understood; a closed loop goes on with what its first step understood.
-
-    The objects move while a closed loop runs: "the leftmost cube" must stay the one that it was.
+    """The instruction as it is understood.
 
     Args:
+        instruction: the request's, checked.
         taught: the instructions of the demonstrations that the prompt shows.
         objects: as they were observed, in the task's order.
 
     Raises:
         UngroundedInstructionError, UnfamiliarInstructionError: if it is not clear.
     """
-    if previous is not None and previous.instruction == request.instruction:
-        return previous.grounded
     names, aliases = tuple(pose.name for pose in objects), tuple(sorted(settings.aliases.items()))
     known = _taught(names, aliases, tuple(dict.fromkeys(taught)))
     if request.meaning is not None:

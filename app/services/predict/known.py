@@ -2,41 +2,22 @@
 
 import random
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-
-from sqlalchemy import Connection
+from dataclasses import dataclass
 
 from app.llm.base import ModelProfile
 from app.pipeline.findings import Finding
 from app.pipeline.findings.demonstrations import Taught
-from app.pipeline.plans import agreeing
-from app.pipeline.plans.choice import PlanChoice, PlanChooser
-from app.services.cache import Cache
 from app.services.measures import timed
 from app.services.pose_servers import PoseServers
 from app.services.predict.closed_loop import PreviousStep, previous_step
 from app.services.predict.observe import look, observed
-from app.services.predict.prefix import Prefix, PrefixKey, PromptStyle, make_prefix
-from app.services.predict.request import PredictOptions, PredictRequest
-from app.services.predict.select import (
-    Demonstrations,
-    DemonstrationSelector,
-    TaskState,
-    read_demonstrations,
-    read_missed_m,
-)
+from app.services.predict.prefix import Prefix
+from app.services.predict.request import PredictOptions, PredictRequest, PromptStyle
+from app.services.predict.task_reading import Kept, TaskReading
 from app.services.task_settings import TaskSettings
-from app.store import tasks
-from app.store.records import TaskRecord
 from app.store.store import Store
 from roboprompt_client.motion_limits import Pose
 from roboprompt_client.trajectory import ObjectPose
-
-MAX_PREFIXES = 256  # that are kept
-MAX_READ = 16  # sets of demonstrations: what was read for one purpose is soon wanted for another
-MAX_TAUGHT = 128  # tasks whose demonstrations are kept
-MAX_PLANS = 128  # sets of demonstrations whose plans are kept
-MAX_HELD_AGAINST = 50  # demonstrations of a task
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,11 +59,7 @@ class KnownReader:
         self._store = store
         self.profile_of = profile_of
         self._pose_servers = pose_servers or PoseServers()
-        self._select = DemonstrationSelector()
-        self._prefixes: Cache[PrefixKey, Prefix] = Cache(MAX_PREFIXES)
-        self._demonstrations: Cache[tuple[*TaskState, tuple[str, ...]], Demonstrations] = Cache(MAX_READ)
-        self._all: Cache[tuple[*TaskState, bool, bool], Taught] = Cache(MAX_TAUGHT)
-        self._plans: Cache[tuple[*TaskState, tuple[str, ...]], PlanChooser] = Cache(MAX_PLANS)
+        self._kept = Kept()
 
     def __call__(self, request: PredictRequest) -> Known:
         """As the request asks; a closed loop goes on as it began.
@@ -97,20 +74,21 @@ class KnownReader:
         seen = look(self._store, self._pose_servers, request) if request.frames else None
         with self._store.read() as connection:
             with timed("read"):
-                task = tasks.get(connection, request.task)
-                settings = TaskSettings.model_validate(task.settings)
+                task = TaskReading(connection, request.task, self._kept)
                 previous = previous_step(connection, request)
+            settings = task.settings
             end_effector = request.end_effector or (previous.end_effector if previous else None)
             settings.limits_of_motion().require_start(end_effector)
             with timed("poses"):
-                blobs = self._store.blobs
-                objects = observed(request, task, settings, blobs) if seen is None else seen.objects_of(task)
+                if seen is None:
+                    objects = observed(request, task.record, settings, self._store.blobs)
+                else:
+                    objects = seen.objects_of(task.record)
             with timed("prompt"):
                 profile = self.profile_of(previous.model if previous else request.options.model)
                 style = previous.style if previous else PromptStyle.of(request, settings, profile)
-                shown = self._shown(connection, request, task, settings, style, objects, previous)
-                taught = self._taught(connection, task, settings, style)
-        prefixes, findings = [prefix for prefix, _ in shown], shown[0][1]
+                prefixes, findings = _shown(task, request, style, objects, previous)
+                taught = task.taught(style)
         return Known(settings, previous, end_effector, objects, profile, style, prefixes, taught, findings)
 
     def usual_prefixes(self, task_name: str) -> list[Prefix]:
@@ -121,126 +99,42 @@ class KnownReader:
         """
         request = PredictRequest(task_name, "", ())
         with self._store.read() as connection:
-            task = tasks.get(connection, task_name)
-            settings = TaskSettings.model_validate(task.settings)
-            style = PromptStyle.of(request, settings, self.profile_of(None))
-            self._taught(connection, task, settings, style)
-            number = settings.num_demonstrations
-            ids = self._select(connection, task, request.options.selection, number, request.options.seed, ())
-            plans = self._plans_of(connection, task, settings, ids)
-            choices = [None] if plans is None else plans.likely()
-            return [self._prefix(connection, task, settings, style, ids, choice) for choice in choices]
+            task = TaskReading(connection, task_name, self._kept)
+            style = PromptStyle.of(request, task.settings, self.profile_of(None))
+            task.taught(style)
+            ids = task.ids(request.options.selection, task.settings.num_demonstrations, request.options.seed, ())
+            plans = task.plans(ids)
+            return [task.prefix(style, ids, choice) for choice in ([None] if plans is None else plans.likely())]
 
-    def _taught(
-        self,
-        connection: Connection,
-        task: TaskRecord,
-        settings: TaskSettings,
-        style: PromptStyle,
-    ) -> Taught:
-        """All demonstrations of the task, whichever the request names; of very many those that lie farthest apart.
 
-        Those that a program names may be of one way by chance: the service cannot know that a person chose them.
-        """
+def _shown(
+    task: TaskReading,
+    request: PredictRequest,
+    style: PromptStyle,
+    objects: Sequence[ObjectPose],
+    previous: PreviousStep | None,
+) -> tuple[list[Prefix], tuple[Finding, ...]]:
+    """The demonstrations that the request names or its selection finds, once for each order of them.
 
-        def make() -> Taught:
-            ids = self._select(connection, task, "diverse", MAX_HELD_AGAINST, 0, ())
-            recorded = self._read(connection, task, settings, ids).recorded
-            missed_m = read_missed_m(connection, task.name, recorded, settings)
-            if not style.from_start:
-                recorded = tuple(replace(demonstration, start=None) for demonstration in recorded)
-            return Taught(
-                recorded,
-                settings.ways == "several",
-                missed_m,
-                frozenset(settings.yaw_symmetry_deg),
-                moves=style.closed_loop,
-            )
-
-        key = (task.name, task.created_at, task.version, style.from_start, style.closed_loop)
-        return self._all.get(key, make)
-
-    def _read(
-        self, connection: Connection, task: TaskRecord, settings: TaskSettings, ids: tuple[str, ...]
-    ) -> Demonstrations:
-        """The demonstrations of those ids; a prompt and what its answer is held against are often made of the same."""
-
-        def make() -> Demonstrations:
-            return read_demonstrations(connection, task.name, ids, settings, all_of_them=True)
-
-        return self._demonstrations.get((task.name, task.created_at, task.version, ids), make)
-
-    def _shown(
-        self,
-        connection: Connection,
-        request: PredictRequest,
-        task: TaskRecord,
-        settings: TaskSettings,
-        style: PromptStyle,
-        objects: Sequence[ObjectPose],
-        previous: PreviousStep | None,
-    ) -> list[tuple[Prefix, tuple[Finding, ...]]]:
-        """The demonstrations that the request names or its selection finds, once for each order of them.
-
-        Of several plans those that the scene calls for, and why, unless somebody chose the demonstrations.
-        """
-        options = request.options
-        number = options.num_demonstrations or settings.num_demonstrations
-        if previous is not None:
-            ids = previous.demonstration_ids
-        elif options.episode_ids is not None:
-            ids = options.episode_ids
-        else:
-            ids = self._select(connection, task, options.selection, number, options.seed, objects)
-        named = options.episode_ids is not None and previous is None
-        found = []
-        for order in _orders(ids, options):
-            by_scene = not (named or style.closed_loop)
-            plans = self._plans_of(connection, task, settings, order) if by_scene else None
-            choice = None if plans is None else plans(objects)
-            prefix = self._prefix(connection, task, settings, style, order, choice, all_of_them=named)
-            found.append((prefix, () if choice is None else choice.findings))
-        return found
-
-    def _plans_of(
-        self, connection: Connection, task: TaskRecord, settings: TaskSettings, ids: tuple[str, ...]
-    ) -> PlanChooser | None:
-        if not settings.keyframes.keyframe_rule().aligned:
-            return None
-        key = (task.name, task.created_at, task.version, ids)
-        return self._plans.get(key, lambda: PlanChooser(self._read(connection, task, settings, ids).recorded))
-
-    def _prefix(
-        self,
-        connection: Connection,
-        task: TaskRecord,
-        settings: TaskSettings,
-        style: PromptStyle,
-        ids: tuple[str, ...],
-        choice: PlanChoice | None,
-        *,
-        all_of_them: bool = False,
-    ) -> Prefix:
-        """The demonstrations of those ids, written down.
-
-        Args:
-            choice: those of them that the scene calls for.
-            all_of_them: also those of a rare plan.
-        """
-        shown_ids = () if choice is None else tuple(demonstration.id for demonstration in choice.shown)
-        key = PrefixKey(task.name, task.version, style, ids, all_of_them, shown_ids)
-
-        def make() -> Prefix:
-            if choice is not None:
-                return make_prefix(Demonstrations(agreeing(choice.shown), choice.shown), settings, style)
-            if style.closed_loop:
-                stepwise = read_demonstrations(connection, task.name, ids, settings, stepwise=True)
-                return make_prefix(stepwise, settings, style)
-            read = self._read(connection, task, settings, ids)
-            leaves_out = settings.keyframes.keyframe_rule().aligned and not all_of_them
-            return make_prefix(read.without_rare_plans() if leaves_out else read, settings, style)
-
-        return self._prefixes.get(key, make)
+    Of several plans those that the scene calls for, and why the first shows them, unless somebody chose the
+    demonstrations.
+    """
+    options = request.options
+    if previous is not None:
+        ids = previous.demonstration_ids
+    elif options.episode_ids is not None:
+        ids = options.episode_ids
+    else:
+        number = options.num_demonstrations or task.settings.num_demonstrations
+        ids = task.ids(options.selection, number, options.seed, objects)
+    named = options.episode_ids is not None and previous is None
+    orders = _orders(ids, options)
+    choosers = [None if named or style.closed_loop else task.plans(order) for order in orders]
+    choices = [None if plans is None else plans(objects) for plans in choosers]
+    prefixes = [
+        task.prefix(style, order, choice, all_of_them=named) for order, choice in zip(orders, choices, strict=True)
+    ]
+    return prefixes, () if choices[0] is None else choices[0].findings
 
 
 def _orders(ids: tuple[str, ...], options: PredictOptions) -> list[tuple[str, ...]]:

@@ -14,12 +14,14 @@ from app.pipeline.plans.support import PlacedPlan
 from app.pipeline.prompt import Prompt, PromptTemplate
 from app.services.limits import Limits
 from app.services.measures import timed
+from app.services.predict.closed_loop import PreviousStep
 from app.services.predict.findings import findings_before
 from app.services.predict.instruction import ground_instruction
 from app.services.predict.known import Known
-from app.services.predict.prefix import Prefix, PromptStyle
-from app.services.predict.request import PredictRequest
+from app.services.predict.prefix import Prefix
+from app.services.predict.request import PredictRequest, PromptStyle
 from app.services.task_settings import TaskSettings
+from app.store.errors import ConflictError
 from roboprompt_client.motion_limits import Pose
 from roboprompt_client.trajectory import EndEffectorAction
 
@@ -82,10 +84,10 @@ def write_question(request: PredictRequest, instruction: str, known: Known, limi
     """
     prefix, style, previous, observed = known.prefixes[0], known.style, known.previous, known.objects
     with timed("words"):
-        grounded = ground_instruction(request, instruction, prefix.instructions, known.settings, observed, previous)
+        grounded = understood(request, instruction, known)
     step = None if not style.closed_loop else 0 if previous is None else previous.step + 1
     template = prefix.at_step(step or 0)
-    so_far = "" if previous is None else previous.so_far(prefix)
+    so_far = "" if previous is None else _so_far(previous, prefix)
     limits.check_prompt(len(template.system) + len(template.prefix) + len(so_far))
     start = _start(known.end_effector) if style.from_start else None
     seen, objects, support = Query(grounded.text, observed, start=start), template.posed(observed), prefix.support
@@ -107,12 +109,39 @@ def write_question(request: PredictRequest, instruction: str, known: Known, limi
         step=step,
         prompt=template.ask(parts[0], request.options.max_actions, so_far),
         plans=plans,
-        findings=(*known.plan_findings, *findings_before(prefix, known.taught, seen, grounded)),
+        findings=(*known.plan_findings, *findings_before(prefix.instructions, known.taught, seen, grounded)),
     )
     if request.options.num_samples == 1:
         return question
     own = known.prefixes if len(known.prefixes) > 1 else [prefix] * request.options.num_samples
     return replace(question, samples=tuple(_sample(question, k, shown) for k, shown in enumerate(own)))
+
+
+def understood(request: PredictRequest, instruction: str, known: Known) -> Order:
+    """The instruction; a closed loop goes on with what its first step understood.
+
+    The objects move while a closed loop runs: "the leftmost cube" must stay the one that it was.
+
+    Raises:
+        as `ground_instruction`.
+    """
+    if known.previous is not None and known.previous.instruction == request.instruction:
+        return known.previous.grounded
+    return ground_instruction(request, instruction, known.prefixes[0].instructions, known.settings, known.objects)
+
+
+def _so_far(previous: PreviousStep, prefix: Prefix) -> str:
+    """What follows the demonstrations in a closed loop's prompt: every observation and action until now.
+
+    Raises:
+        ConflictError: if the demonstrations do not read as they did.
+    """
+    shown = prefix.template.prefix
+    if not previous.prompt_user.startswith(shown):
+        raise ConflictError("the demonstrations have changed since the last step: begin the closed loop again")
+    codec = prefix.at_step(previous.step).codec
+    reply = codec.reply_text(codec.rows(previous.reply_text, complete=True))
+    return f"{previous.prompt_user[len(shown) :]}{reply}{codec.separator}"
 
 
 def _start(end_effector: Pose | None) -> EndEffectorAction | None:

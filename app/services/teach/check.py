@@ -18,13 +18,12 @@ from app.pipeline.plans import Recording
 from app.services.cache import Cache
 from app.services.errors import NoDemonstrationsError
 from app.services.predict.ask import PredictActions
+from app.services.predict.demonstrations import recordings_of
 from app.services.predict.request import PredictOptions, PredictRequest
-from app.services.predict.select import recordings_of
 from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks
 from app.store.records import TaskRecord
 from app.store.store import Store
-from app.store.trajectories import get_trajectories
 from roboprompt_client.errors import InvalidInputError, UnsafeActionError
 from roboprompt_client.motion_limits import Pose
 
@@ -115,11 +114,10 @@ class CheckTask:
         settings = TaskSettings.model_validate(task.settings)
         with self._store.read() as connection:
             records = episodes.demonstrations(connection, task.name, MAX_CHECKED)
-            trajectories = get_trajectories(connection, [record.id for record in records])
+            recordings = recordings_of(connection, records, settings)
             num_episodes = episodes.number_of(connection, task.name)
         if not records:
             raise NoDemonstrationsError(task.name)
-        recordings = recordings_of(records, trajectories, settings)
         check = check_demonstrations(recordings)
         return _Read(settings, recordings, CheckedTask(task.name, num_episodes, check, check.findings))
 

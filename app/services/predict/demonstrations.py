@@ -1,0 +1,79 @@
+"""Stored episodes -> demonstrations, with the task's symmetries and plans whose rows agree."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from sqlalchemy import Connection
+
+from app.pipeline.episode import Demonstration
+from app.pipeline.findings.missed import missed_m
+from app.pipeline.plans import Recording, agreeing, demonstrated, shown_together
+from app.services.task_settings import TaskSettings
+from app.store import episodes
+from app.store.records import DemonstrationRecord
+from app.store.trajectories import get_trajectories
+
+
+@dataclass(frozen=True, eq=False)
+class Demonstrations:
+    """Some of a task's demonstrations.
+
+    Attributes:
+        shown: as a prompt shows them.
+        recorded: the same as they were recorded, before rows of one plan were made to agree.
+        missed_m: of each, how far its actions stay from where the recorded hand acts.
+    """
+
+    shown: tuple[Demonstration, ...]
+    recorded: tuple[Demonstration, ...]
+    missed_m: tuple[float, ...] = ()
+
+    @classmethod
+    def of(cls, recordings: Sequence[Recording]) -> "Demonstrations":
+        """The recordings' demonstrations."""
+        recorded = demonstrated(recordings)
+        shown = agreeing(recorded) if recordings and recordings[0].rule.aligned else recorded
+        missed = (missed_m(one.motion, item.actions) for one, item in zip(recordings, recorded, strict=True))
+        return cls(shown, recorded, tuple(missed))
+
+    def without_rare_plans(self) -> "Demonstrations":
+        """Those that a prompt shows where nobody named them."""
+        kept = {demonstration.id for demonstration in shown_together(self.recorded)}
+        shown, recorded = (tuple(item for item in items if item.id in kept) for items in (self.shown, self.recorded))
+        return Demonstrations(shown, recorded)
+
+
+def read_recordings(connection: Connection, task: str, ids: Sequence[str], settings: TaskSettings) -> list[Recording]:
+    """The recordings of the named episodes.
+
+    Raises:
+        NotFoundError: naming the first id that is no episode of this task.
+    """
+    return recordings_of(connection, episodes.demonstrations_by_id(connection, task, ids), settings)
+
+
+def read_stepwise(
+    connection: Connection, task: str, ids: Sequence[str], settings: TaskSettings
+) -> tuple[Demonstration, ...]:
+    """The same for a closed loop, each with its own keyframes: the objects were tracked to these."""
+    records = episodes.demonstrations_by_id(connection, task, ids)
+    return tuple(canonical_demonstration(record.demonstration(), settings) for record in records)
+
+
+def recordings_of(
+    connection: Connection, records: Sequence[DemonstrationRecord], settings: TaskSettings
+) -> list[Recording]:
+    """The demonstrations of records as they were found, each with the motion that it was made from."""
+    rule, recordings = settings.keyframes.keyframe_rule(), []
+    trajectories = get_trajectories(connection, [record.id for record in records])
+    for record, trajectory in zip(records, trajectories, strict=True):
+        motion = settings.motion_of(trajectory, record.control_frequency_hz)
+        demonstration = canonical_demonstration(record.demonstration(), settings)
+        recordings.append(Recording(replace(demonstration, start=trajectory.action_at(0)), motion, rule))
+    return recordings
+
+
+def canonical_demonstration(demonstration: Demonstration, settings: TaskSettings) -> Demonstration:
+    """The demonstration as prompts show it: symmetric objects at their canonical yaw."""
+    later = tuple(settings.canonical(objects) for objects in demonstration.later_objects)
+    return replace(demonstration, objects=settings.canonical(demonstration.objects), later_objects=later)
