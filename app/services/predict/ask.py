@@ -18,9 +18,9 @@ from app.llm.registry import ModelRegistry
 from app.pipeline.errors import InstructionError, ReplyParseError, UnsupportedActionError
 from app.services.limits import Limits
 from app.services.measures import note, timed, timings, timings_of_its_own
-from app.services.predict.checks import CurrentLimits, MotionCheck
 from app.services.predict.instruction import ask_meaning
 from app.services.predict.known import KnownReader
+from app.services.predict.motion_check import CurrentLimits, MotionCheck
 from app.services.predict.part_reply import PredictedAction
 from app.services.predict.question import Question, write_question
 from app.services.predict.record import Prediction, PredictionRecorder

@@ -1,7 +1,7 @@
 """A task's demonstrations, each predicted from the others before a robot moves; by an LLM where one is named."""
 
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass, replace
 
 import anyio
@@ -17,8 +17,8 @@ from app.pipeline.findings import Finding
 from app.pipeline.plans import Recording
 from app.services.cache import Cache
 from app.services.errors import NoDemonstrationsError
-from app.services.predict.ask import PredictActions
 from app.services.predict.demonstrations import recordings_of
+from app.services.predict.record import Prediction
 from app.services.predict.request import PredictOptions, PredictRequest
 from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks
@@ -32,6 +32,9 @@ MAX_ASKED = 10  # of them that an LLM is asked about, some seconds each
 ASKED_TIMEOUT_S = 120.0  # each; nobody's robot waits
 KEPT = 32  # checks of tasks that have not changed since
 REFUSALS = (ReplyParseError, UnsafeActionError, UnsupportedActionError, InvalidInputError)
+
+
+Predict = Callable[[PredictRequest], Awaitable[Prediction]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +74,7 @@ class CheckTask:
         predict: a way to predict that leaves no record: a check's predictions are no robot's.
     """
 
-    def __init__(self, store: Store, profile_of: Callable[[str | None], ModelProfile], predict: PredictActions) -> None:
+    def __init__(self, store: Store, profile_of: Callable[[str | None], ModelProfile], predict: Predict) -> None:
         self._store = store
         self._profile_of = profile_of
         self._predict = predict
