@@ -13,8 +13,8 @@ from app.pipeline.errors import UnfamiliarInstructionError, UngroundedInstructio
 from app.services.measures import timings_of_its_own
 from app.services.predict.closed_loop import PreviousStep
 from app.services.predict.known import Known
-from app.services.predict.question import understood
 from app.services.predict.request import PredictOptions, PredictRequest
+from app.services.predict.write import understood
 from app.services.teach.upload import Upload
 from app.store import predictions
 from roboprompt_client.errors import InvalidInputError

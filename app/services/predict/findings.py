@@ -4,10 +4,9 @@ With what a reply adds, this is the one list that answers, stored predictions, p
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
-from app.pipeline.episode import Query
 from app.pipeline.findings import Finding
-from app.pipeline.findings.demonstrations import Taught
 from app.pipeline.findings.rules import (
     MODEL_FAILED,
     NEW_INSTRUCTION,
@@ -20,6 +19,7 @@ from app.pipeline.findings.rules import (
 )
 from app.pipeline.findings.scene import scene_findings, strangers
 from app.pipeline.order.order import Order
+from app.services.predict.question import Question
 from app.store.records import PredictionStatus
 
 LISTED = 3  # instructions that a sentence names
@@ -31,17 +31,16 @@ FAILURES: Mapping[PredictionStatus, tuple[Rule, str, str]] = {
 }
 
 
-def findings_before(shown: Sequence[str], taught: Taught, seen: Query, order: Order) -> tuple[Finding, ...]:
-    """What deserves a look before the LLM is asked, causes first.
+def doubted(question: Question, plan_findings: Sequence[Finding]) -> Question:
+    """The question with what deserves a look before the LLM is asked, causes first.
 
     Args:
-        shown: the instructions of the demonstrations that the prompt shows.
-        taught: all that the task was taught, however little of it the prompt shows.
-        seen: what is asked of the objects as they were observed.
-        order: the instruction as it is understood.
+        plan_findings: why the prompt shows the plan that it shows.
     """
+    taught, order, seen = question.taught, question.grounded, question.seen
     scene = scene_findings(seen, taught.scenes, taught.followed(order))
-    return (*_words(order, shown), *taught.findings(order), *scene)
+    words = _words(order, question.prefix.instructions)
+    return replace(question, findings=(*plan_findings, *words, *taught.findings(order), *scene))
 
 
 def failure_findings(status: PredictionStatus, error: str | None) -> tuple[Finding, ...]:

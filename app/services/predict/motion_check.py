@@ -35,7 +35,7 @@ class CurrentLimits:
         def build() -> MotionLimits:
             return TaskSettings.model_validate(tasks.get(connection, task).settings).limits_of_motion()
 
-        return self._built.get((task, tasks.version(connection, task)), build)
+        return self._built.get_or_make((task, tasks.version(connection, task)), build)
 
     async def now(self, task: str) -> MotionLimits:
         """The same on a connection of its own, in a thread."""

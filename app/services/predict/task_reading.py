@@ -57,7 +57,9 @@ class TaskReading:
         self.record: TaskRecord = tasks.get(connection, name)
         self._connection, self._kept = connection, kept
         self._state: TaskState = (name, self.record.created_at, self.record.version)
-        self.settings = kept.settings.get(self._state, lambda: TaskSettings.model_validate(self.record.settings))
+        self.settings = kept.settings.get_or_make(
+            self._state, lambda: TaskSettings.model_validate(self.record.settings)
+        )
 
     def ids(self, selection: Selection, number: int, seed: int, objects: Sequence[ObjectPose]) -> Ids:
         """The ids of at most `number` episodes of the task.
@@ -71,13 +73,13 @@ class TaskReading:
             scenes = self._scenes
             return scenes.ids_at(nearest_last(scenes.positions_m, scenes.observed_m(objects), number))
         key = (self._state, selection, number, seed if selection == "random" else 0)
-        return self._kept.chosen.get(key, lambda: self._chosen(selection, number, seed))
+        return self._kept.chosen.get_or_make(key, lambda: self._chosen(selection, number, seed))
 
     def plans(self, ids: Ids) -> PlanChooser | None:
         """Chooses among the plans of these demonstrations; None where their rows are not aligned."""
         if not self.settings.keyframes.keyframe_rule().aligned:
             return None
-        return self._kept.plans.get((self._state, ids), lambda: PlanChooser(self._demonstrations(ids).recorded))
+        return self._kept.plans.get_or_make((self._state, ids), lambda: PlanChooser(self._demonstrations(ids).recorded))
 
     def prefix(
         self, style: PromptStyle, ids: Ids, choice: PlanChoice | None = None, *, all_of_them: bool = False
@@ -102,7 +104,7 @@ class TaskReading:
                     shown = shown.without_rare_plans()
             return make_prefix(shown.shown, shown.recorded, self.settings.workspace.workspace(), style)
 
-        return self._kept.prefixes.get((self._state, style, ids, all_of_them, shown_ids), make)
+        return self._kept.prefixes.get_or_make((self._state, style, ids, all_of_them, shown_ids), make)
 
     def taught(self, style: PromptStyle) -> Taught:
         """All demonstrations of the task, whichever a request names; of very many those that lie farthest apart.
@@ -118,13 +120,13 @@ class TaskReading:
             several, round_objects = self.settings.ways == "several", frozenset(self.settings.yaw_symmetry_deg)
             return Taught(recorded, several, read.missed_m, round_objects, moves=style.closed_loop)
 
-        return self._kept.taught.get((self._state, style.from_start, style.closed_loop), make)
+        return self._kept.taught.get_or_make((self._state, style.from_start, style.closed_loop), make)
 
     def _demonstrations(self, ids: Ids) -> Demonstrations:
         def make() -> Demonstrations:
             return Demonstrations.of(read_recordings(self._connection, self.record.name, ids, self.settings))
 
-        return self._kept.demonstrations.get((self._state, ids), make)
+        return self._kept.demonstrations.get_or_make((self._state, ids), make)
 
     def _chosen(self, selection: Selection, number: int, seed: int) -> Ids:
         name = self.record.name
@@ -138,4 +140,4 @@ class TaskReading:
 
     @property
     def _scenes(self) -> Scenes:
-        return self._kept.scenes.get(self._state, lambda: read_scenes(self._connection, self.record.name))
+        return self._kept.scenes.get_or_make(self._state, lambda: read_scenes(self._connection, self.record.name))

@@ -111,7 +111,7 @@ class CheckTask:
         with self._store.read() as connection:
             task = tasks.get(connection, name)
         with self._one_at_a_time:
-            return self._kept.get((name, task.version), lambda: self._made(task))
+            return self._kept.get_or_make((name, task.version), lambda: self._made(task))
 
     def _made(self, task: TaskRecord) -> _Read:
         settings = TaskSettings.model_validate(task.settings)
