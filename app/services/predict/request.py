@@ -41,8 +41,8 @@ class PredictOptions(BaseModel):
         Field(
             ge=1,
             le=16,
-            description="replies to ask for at once; the actions are the median of those with the most common number "
-            "of actions, who must be more than half",
+            description="replies to ask for at once; the actions are those of the reply that most others are like; "
+            "more than half must have the same number of actions",
         ),
         WHOLE,
     ] = 1
