@@ -63,9 +63,8 @@ class RealSense:
             taken_s = self._taken_s(color)
             if taken_s >= asked_s:
                 return self._picture(depth, color, taken_s)
-        raise CameraError(
-            f"its frames are {time.time() - taken_s:.1f} s old: its clock is off", "the camera plugged anew"
-        )
+        late_s = time.time() - taken_s
+        raise CameraError(f"its frames are {late_s:.1f} s old: its clock is off", "the camera plugged in anew")
 
     def close(self) -> None:
         for sensor in self._started:
