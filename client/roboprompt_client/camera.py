@@ -72,6 +72,14 @@ class Camera:
             pixels = in_camera[..., :2] / depth_m[..., None] * (self.fx_px, self.fy_px) + (self.cx_px, self.cy_px)
         return pixels, depth_m
 
+    def deproject(self, rows: npt.ArrayLike, columns: npt.ArrayLike, depth_m: npt.ArrayLike) -> Array:
+        """World points (N, 3) in meters of pixels at rows, columns (N,), whole or not, and depths (N,)."""
+        z = np.asarray(depth_m, np.float64)
+        x = (np.asarray(columns) - self.cx_px) * z / self.fx_px
+        y = (np.asarray(rows) - self.cy_px) * z / self.fy_px
+        points: Array = np.stack([x, y, z], axis=1) @ self.camera_to_world[:3, :3].T + self.camera_to_world[:3, 3]
+        return points
+
 
 def rigid_transform(field: str, value: npt.ArrayLike) -> Array:
     """A camera's pose (4, 4), in meters.

@@ -1,23 +1,24 @@
 """`roboprompt-robot record` and `roboprompt-robot check`: what happens at the arm before a prediction."""
 
 import sys
-from argparse import ArgumentParser, Namespace
-from collections.abc import Callable, Mapping
+from argparse import Namespace
+from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from roboprompt_client.arm_check import ArmCheck
+from roboprompt_client.arms.arm import Arm
 from roboprompt_client.arms.cell import open_robot
 from roboprompt_client.arrays import finite_array
 from roboprompt_client.client import RoboPromptClient
-from roboprompt_client.errors import InvalidInputError, MotionError, ServiceUnreachableError
+from roboprompt_client.errors import CameraError, InvalidInputError, MotionError, ServiceUnreachableError
+from roboprompt_client.look_command import AddCommand, add_find, find_in_pictures
 from roboprompt_client.recorder import RATE_HZ, HasState, Recorder
-from roboprompt_client.robot import OBJECTS, Robot, observation_from_file
+from roboprompt_client.robot import OBJECTS, Observation, Robot, observation_from_file
 from roboprompt_client.spool import JOURNAL, Sent, Spool
-from roboprompt_client.terminal import NO, ask, ask_yes
+from roboprompt_client.terminal import NO, Person, ask, ask_yes
 
-AddCommand = Callable[[str, str, Callable[[RoboPromptClient, Namespace], int]], ArgumentParser]
 MARKS = {True: "ok  ", False: "FAIL", None: "look"}
 
 
@@ -31,6 +32,7 @@ def add_record(add: AddCommand, robot_help: str) -> None:
     record.add_argument(
         "--objects", type=Path, metavar="FILE", help=f"what the robot sees, unless it says so, {OBJECTS}"
     )
+    add_find(record)
     record.add_argument("--spool", type=Path, default=Path("recordings"), help="folder (default: %(default)s)")
     record.add_argument("--rate-hz", type=float, default=RATE_HZ, help="at least 20 (default: %(default)g)")
     record.add_argument("--send-only", action="store_true", help="upload what is waiting, and record nothing")
@@ -74,6 +76,9 @@ def run_record(client: RoboPromptClient, arguments: Namespace) -> int:
         robot = open_robot(arguments.robot)
         if not hasattr(robot, "state"):
             raise InvalidInputError("--robot", "cannot be recorded", "a robot with state(), such as a cell's Arm")
+        find_in_pictures(robot, client, arguments.task, arguments.find)
+        if isinstance(robot, Arm):
+            robot.confirm_viewpoint = Person(robot).confirm_viewpoint
         while ask("Enter to record, q to end: ") not in ("q", None):
             _record_one(robot, spool, arguments)
             failed |= _send_all(client, spool)
@@ -97,7 +102,11 @@ def run_check(_: RoboPromptClient, arguments: Namespace) -> int:
 
 def _record_one(robot: Robot, spool: Spool, arguments: Namespace) -> None:
     """One demonstration; what is interrupted stays in the spool."""
-    seen = robot.observe() if arguments.objects is None else observation_from_file("--objects", arguments.objects)
+    try:
+        seen = _seen(robot, arguments.objects)
+    except CameraError as error:
+        _print(str(error))
+        return
     folder = spool.new(arguments.task, arguments.instruction, seen)
     arm: HasState = robot  # type: ignore[assignment]  # what has `state` can be recorded
     recorder = Recorder(arm, folder / JOURNAL, arguments.rate_hz)
@@ -116,6 +125,17 @@ def _record_one(robot: Robot, spool: Spool, arguments: Namespace) -> None:
     _print(f"{len(trajectory)} frames, {trajectory.num_joints} joints")
     if (ask("Keep it? [Y/n] ") or "").lower() in NO:
         spool.discard(folder)
+
+
+def _seen(robot: Robot, objects: Path | None) -> Observation:
+    """The scene at the start: poses of the file where there is one, and what the cell's cameras see."""
+    if objects is None:
+        return robot.observe()
+    given = observation_from_file("--objects", objects)
+    if not isinstance(robot, Arm) or robot.cameras is None:
+        return given
+    seen, known = robot.observe(), [item.name for item in given.objects]
+    return Observation(given.objects, seen.frames, [name for name in seen.to_find if name not in known])
 
 
 def _send_all(client: RoboPromptClient, spool: Spool) -> int:

@@ -128,7 +128,9 @@ class Arm:
         """
         frames = () if self.cameras is None else look_around(self, self.cameras)
         seen = Observation() if self._observe_scene is None else self._observe_scene()
-        return Observation(seen.objects, (*seen.frames, *frames), (*seen.to_find, *self.to_find), _pose(self.state()))
+        known = {item.name for item in seen.objects}
+        to_find = dict.fromkeys((*seen.to_find, *(name for name in self.to_find if name not in known)))
+        return Observation(seen.objects, (*seen.frames, *frames), to_find, _pose(self.state()))
 
     def preview(self, actions: Sequence[EndEffectorAction], limits: MotionLimits) -> tuple[Previewed, ...]:
         """What a plan asks of the arm from where it is; nothing moves.
