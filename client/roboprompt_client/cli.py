@@ -10,15 +10,16 @@ from pathlib import Path
 from typing import get_args
 
 from roboprompt_client.arms.arm import Arm
-from roboprompt_client.arms.cell import open_robot
+from roboprompt_client.arms.cell import closing_robot, open_robot
 from roboprompt_client.client import DEFAULT_URL, RoboPromptClient
 from roboprompt_client.danger import OnDanger
 from roboprompt_client.errors import InvalidInputError, RoboPromptError
+from roboprompt_client.init_command import run_init
 from roboprompt_client.look_command import add_find, add_look, find_in_pictures, seeing_arm
 from roboprompt_client.loop import run_closed_loop, run_task, show_nothing
 from roboprompt_client.motion_limits import Box, MotionLimits, Pose
 from roboprompt_client.record_command import add_check, add_record
-from roboprompt_client.robot import OBJECTS, Observation, observation_from_file
+from roboprompt_client.robot import OBJECTS, Observation, Robot, observation_from_file
 from roboprompt_client.terminal import Person
 from roboprompt_client.trajectory_npz import trajectory_from_npz
 
@@ -74,6 +75,8 @@ def _parser() -> ArgumentParser:
         help="where the arm is, meters and quaternion, world frame: needed where the task bounds steps",
     )
     _add_run(add("run", "observe the scene, ask for actions, and carry them out with an arm", _run))
+    init = add("init", "write a cell's file: asks, and lets the arm measure", run_init)
+    init.add_argument("file", type=Path, metavar="FILE", help="such as cell.json")
     add_record(add, ROBOT)
     add_check(add, ROBOT)
     add_look(add)
@@ -161,7 +164,12 @@ def _seen(client: RoboPromptClient, arguments: Namespace) -> Observation:
 
 def _run(client: RoboPromptClient, arguments: Namespace) -> int:
     client.ping()
-    robot, pinned = open_robot(arguments.robot), _pinned(arguments)
+    pinned = _pinned(arguments)
+    with closing_robot(open_robot(arguments.robot)) as robot:
+        return _run_with(client, robot, pinned, arguments)
+
+
+def _run_with(client: RoboPromptClient, robot: Robot, pinned: MotionLimits, arguments: Namespace) -> int:
     person = Person(robot)
     confirm, preview = (person.confirm, person.preview) if arguments.confirm else (None, show_nothing)
     find_in_pictures(robot, client, arguments.task, arguments.find)

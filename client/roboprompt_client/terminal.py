@@ -1,7 +1,10 @@
 """A person at the terminal, who sees the plan, is asked before each motion, and says afterwards whether it worked."""
 
+import os
+import select
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 
 import numpy as np
 
@@ -12,7 +15,18 @@ from roboprompt_client.motion_limits import MotionLimits, Pose
 from roboprompt_client.robot import Robot
 from roboprompt_client.trajectory import EndEffectorAction
 
+try:
+    import termios
+    import tty
+except ImportError:  # Windows
+    HAS_TERMIOS = False
+else:
+    HAS_TERMIOS = True
+
 YES, NO = ("y", "yes"), ("n", "no")
+MAX_KEYS = 64  # at a time
+END = "x"  # what a terminal that has gone is read as
+Pressed = Callable[[float], str]
 
 
 def ask(question: str) -> str | None:
@@ -26,6 +40,35 @@ def ask(question: str) -> str | None:
 def ask_yes(question: str) -> bool:
     """Whether a person types yes."""
     return (ask(question) or "").lower() in YES
+
+
+def has_keyboard() -> bool:
+    """Whether standard input is a terminal whose keys can be read one by one."""
+    return HAS_TERMIOS and sys.stdin.isatty()
+
+
+@contextmanager
+def keyboard() -> Iterator[Pressed]:
+    """A function that returns the keys pressed since its last call, and waits for the first at most some seconds.
+
+    Keys are unseen until the terminal is as it was before. Where there are no single keys it waits for a line.
+    """
+    if not has_keyboard():
+        yield lambda _wait_s: ask("") or "\n"
+        return
+    before = termios.tcgetattr(sys.stdin)
+    tty.setcbreak(sys.stdin, termios.TCSADRAIN)  # what was typed already counts
+    try:
+        yield _pressed
+    finally:
+        termios.tcsetattr(sys.stdin, termios.TCSADRAIN, before)
+
+
+def _pressed(wait_s: float) -> str:
+    ready, _, _ = select.select([sys.stdin], [], [], wait_s)
+    if not ready:
+        return ""
+    return os.read(sys.stdin.fileno(), MAX_KEYS).decode(errors="ignore") or END
 
 
 class Person:

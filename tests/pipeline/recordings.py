@@ -17,7 +17,7 @@ STEP_S = 1e-4
 
 
 @dataclass(frozen=True)
-class Motion:
+class ScriptedMotion:
     """A hand that passes places at times, and turns.
 
     Attributes:
@@ -105,12 +105,12 @@ class Motion:
 
 def flowing(stops_m, speed_m_s=0.15, **more):
     """Through the stops at one speed, without a rest."""
-    return Motion(_timed(stops_m, speed_m_s), **{"blend_s": 0.3, **more})
+    return ScriptedMotion(_timed(stops_m, speed_m_s), **{"blend_s": 0.3, **more})
 
 
 def resting(stops_m, speed_m_s=0.25, rest_s=0.4, **more):
     """From stop to stop with a rest at each, as scripts move."""
-    return Motion(_timed(stops_m, speed_m_s, rest_s), rest_s=rest_s, **more)
+    return ScriptedMotion(_timed(stops_m, speed_m_s, rest_s), rest_s=rest_s, **more)
 
 
 def _timed(stops_m, speed_m_s, rest_s=0.0):

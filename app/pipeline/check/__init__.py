@@ -46,7 +46,7 @@ def demonstrated(recordings: Sequence[Recording]) -> tuple[Demonstration, ...]:
 def _plan_check(group: Sequence[Demonstration], of_id: Mapping[str, Recording], *, shown: bool) -> PlanCheck:
     rows = plan_rows(group)
     errors = [left_out(row) if len(group) > 1 else [] for row in rows]
-    was_open = bool(of_id[group[0].id].phases[0].gripper_open)
+    was_open = bool(of_id[group[0].id].motion.phases[0].gripper_open)
     checks = []
     for k, (row, offs) in enumerate(zip(rows, errors, strict=True)):
         checks.append(_row_check(group, k, row, offs, switches=row.gripper_open != was_open))
@@ -71,7 +71,7 @@ def _row_check(group: Sequence[Demonstration], k: int, row: PlanRow, offs: list[
 def _episode_check(recording: Recording, demonstration: Demonstration, errors: Sequence[Off]) -> EpisodeCheck:
     manner = recording.manner
     if recording.rule.rule == "waypoints":  # which takes every recording for one that flows
-        manner = manner_of(recording.trajectory, recording.times_s, recording.rule.delta_rad_s)
+        manner = manner_of(recording.motion, recording.rule.delta_rad_s)
     actions = demonstration.actions
-    paths_m = paths_off_m(recording.trajectory, actions)
+    paths_m = paths_off_m(recording.motion.trajectory.positions_m, actions)
     return EpisodeCheck(demonstration.id, demonstration.instruction, actions, manner, tuple(errors), paths_m)

@@ -15,21 +15,22 @@ from app.pipeline.keyframes.path import off_line_m
 from app.pipeline.plans import PlanRow
 from app.pipeline.plans.rows import robust_centre
 from roboprompt_client.arrays import Array
-from roboprompt_client.trajectory import EndEffectorAction, Trajectory
+from roboprompt_client.trajectory import EndEffectorAction
 
 WRONG_M = 0.05  # rotation included; what a grasp hardly forgives
 
 
-def paths_off_m(trajectory: Trajectory, actions: Sequence[EndEffectorAction]) -> tuple[float, ...]:
+def paths_off_m(positions_m: Array, actions: Sequence[EndEffectorAction]) -> tuple[float, ...]:
     """The recorded positions' largest distance from straight motion to each action from the one before.
 
     Args:
-        actions: at frames of the trajectory, ascending; the first is come to from the first frame.
+        positions_m: (T, 3) as recorded.
+        actions: at frames of the recording, ascending; the first is come to from the first frame.
     """
     found, before = [], 0
     for action in actions:
-        frame = before + _nearest(trajectory.positions_m[before:], action)
-        found.append(off_line_m(trajectory.positions_m[before : frame + 1]))
+        frame = before + _nearest(positions_m[before:], action)
+        found.append(off_line_m(positions_m[before : frame + 1]))
         before = frame
     return tuple(found)
 

@@ -152,7 +152,7 @@ class KnownReader:
         def make() -> Taught:
             ids = self._select(connection, task, "diverse", MAX_HELD_AGAINST, 0, ())
             recorded = self._read(connection, task, settings, ids).recorded
-            missed_m = read_missed_m(connection, task.name, recorded)
+            missed_m = read_missed_m(connection, task.name, recorded, settings)
             if not style.from_start:
                 recorded = tuple(replace(demonstration, start=None) for demonstration in recorded)
             return Taught(

@@ -3,13 +3,14 @@
 import logging
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
 
 from roboprompt_client.arms.calibration import Calibration
-from roboprompt_client.arms.driver import ArmState, Driver, pose_matrix
+from roboprompt_client.arms.driver import ArmState, Driver, Guidable, pose_matrix
 from roboprompt_client.arms.geometry import Geometry, KnowsItsJoints
 from roboprompt_client.arms.preview import Previewed, preview_plan
 from roboprompt_client.arrays import Array
@@ -167,24 +168,39 @@ class Arm:
             MotionError: before any motion if the pose is out of reach or the arm was stopped; afterwards if it did not
                 arrive, with how far off, or if the gripper did not do as commanded. The arm is stopped.
         """
-        self._alone(self._execute, action)
+        with self._alone():
+            self._execute(action)
 
     def go_to(self, pose: Pose) -> None:
         """Move as `execute` does, and leave the gripper as it is; raises as `execute`."""
         position_m, quaternion_xyzw = np.array(pose.position_m), np.array(pose.quaternion_xyzw)
-        self._alone(self._move, EndEffectorAction(position_m, quaternion_xyzw, gripper_open=True))
+        with self._alone():
+            self._move(EndEffectorAction(position_m, quaternion_xyzw, gripper_open=True))
 
-    def _alone(self, motion: Callable[[EndEffectorAction], object], action: EndEffectorAction) -> None:
-        """Carry out a motion unless there is one; whatever goes wrong, the arm is stopped."""
-        if not self._moving.acquire(blocking=False):
-            raise MotionError("the arm is in a motion that another thread began")
-        try:
-            motion(action)
-        except BaseException:
-            self.stop()
-            raise
-        finally:
-            self._moving.release()
+    @contextmanager
+    def guided(self) -> Iterator[None]:
+        """While it lasts a person moves the arm by hand; it holds still afterwards.
+
+        Raises:
+            InvalidInputError: if the driver cannot let go of its arm.
+            MotionError: if the arm moves, was stopped, or refuses.
+        """
+        if not isinstance(self.driver, Guidable):
+            raise InvalidInputError("guide", f"{self.driver.name} cannot be guided by its driver", "its maker's button")
+        with self._alone():
+            self._refuse_if_stopped()
+            with self.driver.guided():
+                yield
+            self._refuse_if_stopped()
+
+    def set_gripper(self, *, is_open: bool) -> None:
+        """Open or close the gripper where the arm is, also while it is guided.
+
+        Raises:
+            MotionError: if the arm was stopped, or the gripper does not answer.
+        """
+        self._refuse_if_stopped()
+        self.driver.set_gripper(is_open=is_open)
 
     def stop(self) -> None:
         """Hold still, from any thread; what was moving raises MotionError, and nothing moves until `recover`."""
@@ -202,6 +218,19 @@ class Arm:
         """Let the arm move again, after a person has looked; acknowledges the arm's own errors, too."""
         self.driver.recover()
         self._stopped.clear()
+
+    @contextmanager
+    def _alone(self) -> Iterator[None]:
+        """One motion at a time; the arm is stopped where it goes wrong."""
+        if not self._moving.acquire(blocking=False):
+            raise MotionError("the arm is in a motion that another thread began")
+        try:
+            yield
+        except BaseException:
+            self.stop()
+            raise
+        finally:
+            self._moving.release()
 
     def _execute(self, action: EndEffectorAction) -> None:
         before_m = self._move(action).gripper_width_m

@@ -13,7 +13,8 @@ Cameras: `roboprompt_client.cameras.cell`.
 """
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -59,6 +60,16 @@ def open_robot(name: str) -> Robot:
         return open_cell(Path(name))
     robot: Robot = make_driver("arm", name, DRIVERS, {})
     return robot
+
+
+@contextmanager
+def closing_robot(robot: Robot) -> Iterator[Robot]:
+    """The robot, which is stopped and left in the end, its cameras too, where it is a cell's."""
+    try:
+        yield robot
+    finally:
+        if isinstance(robot, Arm):
+            robot.close()
 
 
 def open_cell(path: Path) -> Robot:

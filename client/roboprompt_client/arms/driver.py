@@ -1,8 +1,9 @@
 """What an arm's interface must offer: meters, radians, x y z w, all in the arm's base frame."""
 
 import math
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -92,6 +93,19 @@ class Driver(Protocol):
 
     def close(self) -> None:
         """Leave the arm."""
+        ...
+
+
+@runtime_checkable
+class Guidable(Protocol):
+    """A driver that lets a person move its arm by hand."""
+
+    def guided(self) -> AbstractContextManager[None]:
+        """While it lasts the arm carries its own weight and yields to the hand; afterwards it holds still.
+
+        Raises:
+            MotionError: if the arm refuses, or stopped meanwhile.
+        """
         ...
 
 

@@ -129,6 +129,18 @@ class Franka:
                 hand.grasp(0.0, GRIPPER_M_S, self._grasp_n, most_m, most_m)
         self._gripping = False
 
+    @contextmanager
+    def guided(self) -> Iterator[None]:
+        """Torques of zero beside the arm's own compensation of its weight, with soft walls before joint limits."""
+        with self._errors("guide"):
+            yielding = self._franky.SimpleTorqueMotion(signal_timeout=None, compensate_coriolis=True)
+            self._robot.move(yielding, asynchronous=True)
+        try:
+            yield
+        finally:
+            with self._errors("guide"):
+                self._robot.move(self._franky.TorqueStopMotion())
+
     def halt(self) -> None:
         """Pre-empts a motion of another thread; a gripper that is at rest holds what it has."""
         with self._errors("stop"):
