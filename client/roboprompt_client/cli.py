@@ -11,6 +11,7 @@ from typing import get_args
 
 from roboprompt_client.arms.arm import Arm
 from roboprompt_client.arms.cell import closing_robot, open_robot
+from roboprompt_client.calibrate_command import add_calibrate
 from roboprompt_client.client import DEFAULT_URL, RoboPromptClient
 from roboprompt_client.danger import OnDanger
 from roboprompt_client.errors import InvalidInputError, RoboPromptError
@@ -80,6 +81,7 @@ def _parser() -> ArgumentParser:
     add_record(add, ROBOT)
     add_check(add, ROBOT)
     add_look(add)
+    add_calibrate(add)
     return parser
 
 
