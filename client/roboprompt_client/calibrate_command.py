@@ -1,6 +1,5 @@
 """`roboprompt-robot calibrate`: where the cell's cameras are, from pictures of a ChArUco board at poses of the hand."""
 
-import json
 import sys
 import time
 from argparse import Namespace
@@ -12,7 +11,7 @@ import numpy as np
 
 from roboprompt_client import quaternions as rotations
 from roboprompt_client.arms.arm import Arm
-from roboprompt_client.arms.cell import read_cell
+from roboprompt_client.arms.cell import read_cell, write_cell
 from roboprompt_client.arrays import Array
 from roboprompt_client.cameras.picture import Intrinsics
 from roboprompt_client.cameras.rig import MountedCamera, check_rest
@@ -68,9 +67,7 @@ def run_calibrate(_: RoboPromptClient, arguments: Namespace) -> int:
             raise InvalidInputError("cameras", "none of this kind are in the cell's file", remedy)
         sightings, intrinsics = _sightings(arm, cameras, board, by_hand=arguments.by_hand)
     if not sightings:
-        raise InvalidInputError(
-            "cameras", "saw the board nowhere", "a pose of the hand at which they see the whole board"
-        )
+        raise InvalidInputError("cameras", "saw the board nowhere", "a pose at which they see the whole board")
     fitted = fit_cameras(sightings, intrinsics, carried=arguments.carried)
     _print(in_columns([COLUMNS, *(_row(name, item) for name, item in fitted.items())]))
     if not ask_yes(f"Write these poses into {path}? [y/N] "):
@@ -158,9 +155,7 @@ def _write(path: Path, fitted: "dict[str, FittedCamera]", field: str) -> None:
     for camera in cell["cameras"]:
         if camera["name"] in fitted:
             camera[field] = fitted[camera["name"]].mount.tolist()
-    begun = path.with_name(f"{path.name}.part")
-    begun.write_text(json.dumps(cell, indent=1) + "\n")
-    begun.replace(path)
+    write_cell(path, cell)
     _print(f"written to {path}; next: roboprompt-robot look --robot {path}")
 
 

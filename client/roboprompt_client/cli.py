@@ -23,6 +23,7 @@ from roboprompt_client.record_command import add_check, add_record
 from roboprompt_client.robot import OBJECTS, Observation, Robot, observation_from_file
 from roboprompt_client.terminal import Person
 from roboprompt_client.trajectory_npz import trajectory_from_npz
+from roboprompt_client.viewpoints_command import add_viewpoints
 
 DESCRIPTION = (
     "Teach a RoboPrompt service with recorded demonstrations, ask it for actions, and carry them out with an arm."
@@ -82,6 +83,7 @@ def _parser() -> ArgumentParser:
     add_check(add, ROBOT)
     add_look(add)
     add_calibrate(add)
+    add_viewpoints(add)
     return parser
 
 
