@@ -35,13 +35,16 @@ CONTAINING = frozenset({"open", "open up", "close", "shut"})  # "put the mug in 
 TOGETHER = frozenset({"stack", "stack up", "pile"})  # "stack A and B on C" does not say that B stands on C
 
 
-def read_steps(instruction: str, skills: Sequence[Skill], scene: Taught, layout: Layout | None) -> tuple[Step, ...]:
+def read_steps(
+    instruction: str, skills: Sequence[Skill], scene: Taught, layout: Layout | None, others: str = ""
+) -> tuple[Step, ...]:
     """The steps that the instruction asks for, in their order.
 
     Args:
         skills: the tasks that may be used; their objects are in the scene.
         scene: all objects of the scene, and everything that the skills were taught.
         layout: where the objects are, for relations; None: unknown.
+        others: what a refusal says of tasks that may not be used.
 
     Raises:
         UngroundedInstructionError, UnfamiliarInstructionError: if it is not clear; names the part that is not.
@@ -60,8 +63,8 @@ def read_steps(instruction: str, skills: Sequence[Skill], scene: Taught, layout:
         return found[0]
     error = reader.refusal(found, scene)
     taught = ((skill.task, skill.taught.instructions) for skill in skills)
-    error.valid = "; ".join(f"{task}: {', '.join(map(repr, texts[:MAX_LISTED]))}" for task, texts in taught)
-    raise error
+    valid = [f"{task}: {', '.join(map(repr, texts[:MAX_LISTED]))}" for task, texts in taught]
+    raise type(error)(FIELD, error.message, "; ".join([*valid, others] if others else valid))
 
 
 class _Reader:

@@ -43,12 +43,13 @@ def order_of(done: Sequence[Unit], units: Sequence[Unit]) -> Sequence[int]:
     ordered = [place for place, unit in enumerate(units) if unit.joined & ORDERING]
     if not ordered:
         return in_text
-    word = next(iter(units[ordered[0]].joined & ORDERING))
-    leads = ordered == [0] and len(units) > 1 and "," in units[1].joined
-    follows = ordered == [len(units) - 1] and units[-1].joined == {word}  # ", before" may belong to what comes next
-    if len(done) < len(units) or not (leads or follows):
+    joined = units[ordered[0]].joined
+    if len(units) == 1 or len(done) < len(units) or len(ordered) > 1 or len(joined) > 1:
+        return ()  # ", before" may belong to what comes next
+    leads = ordered == [0] and "," in units[1].joined
+    if not leads and ordered != [len(units) - 1]:
         return ()
-    if (word == "after") == leads:
+    if ("after" in joined) == leads:
         return in_text
     return in_text[::-1] if len(units) == 2 else ()
 
