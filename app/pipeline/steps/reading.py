@@ -21,6 +21,7 @@ from app.pipeline.steps.several import (
     IT,
     TIMES_WORDS,
     counted,
+    is_akin,
     is_placed_after_moving,
     order_of,
     picked_up_to_put,
@@ -133,7 +134,7 @@ class _Reader:
                     self._miss(place, unit, "does not say for certain what 'it' is")
                     return ()
                 clause = with_object(clause, meant)
-            if counted(clause)[1] > 1 and unit.joined == {"and"}:
+            if counted(clause)[1] > 1 and unit.joined == {"and"} and any(is_akin(clause, other) for other in found):
                 self._miss(place, unit, "does not say what is done so often: all that is said, or only this")
                 return ()
             found.append(clause)

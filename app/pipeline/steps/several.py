@@ -37,6 +37,12 @@ def counted(clause: ParsedClause) -> tuple[ParsedClause, int]:
     return clause, 1
 
 
+def is_akin(one: ParsedClause, other: ParsedClause) -> bool:
+    """Whether two clauses share verb or objects, so that "twice" behind the second may be said of both."""
+    shared = {phrase.name for phrase in one.phrases} & {phrase.name for phrase in other.phrases}
+    return one.verb == other.verb or bool(shared)
+
+
 def order_of(done: Sequence[Unit], units: Sequence[Unit]) -> Sequence[int]:
     """The order in which units are done; empty where "before" and "after" leave it open."""
     in_text = range(len(done))

@@ -68,6 +68,7 @@ def texts(steps):
         ("close the upper box after putting the red pear in it", [RED, CLOSE]),
         ("shake the tin three times, then press the left button", [SHAKE] * 3 + [LEFT]),
         ("press each of the buttons", [LEFT, RIGHT]),
+        ("shake the tin and press the left button twice", [SHAKE, LEFT, LEFT]),
         ("turn the knob left twice", ["turn the knob to the left twice"]),
         ("rinse the cloth, then wring it", ["rinse the cloth, then wring it"]),
         ("press the left button instead of the right one, then wipe the tin", [LEFT, "wipe the tin with the cloth"]),
