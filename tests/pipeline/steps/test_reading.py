@@ -9,7 +9,7 @@ from app.pipeline.order.reading import read
 from app.pipeline.order.space import Layout
 from app.pipeline.order.taught import Taught
 from app.pipeline.steps.reading import read_steps
-from app.pipeline.steps.skill import Skill, Step
+from app.pipeline.steps.skill import Scene, Skill, Step
 from app.services.predict.instruction import is_english
 
 TASKS = {
@@ -41,9 +41,8 @@ SKILLS = tuple(skill(task, names, texts) for task, (names, texts) in TASKS.items
 
 
 def plan(said, skills=SKILLS, names=NAMES, layout=None):
-    taught = tuple(text for each in skills for text in each.taught.instructions)
     aliases = shared_aliases([each.taught.aliases for each in skills], names)
-    return read_steps(said, skills, Taught(names, aliases, taught, is_english), layout)
+    return read_steps(said, Scene(names, aliases, skills, is_english), layout)
 
 
 def texts(steps):
@@ -162,6 +161,11 @@ def test_a_refusal_names_the_part_and_what_the_tasks_were_taught(said, why):
     with pytest.raises(InstructionError, match=why) as refused:
         plan(said)
     assert refused.value.valid.startswith("open: 'open the upper box', 'open the lower box'; close: ")
+
+
+def test_what_takes_too_many_steps_to_read_is_refused():
+    with pytest.raises(InstructionError, match="too involved"):
+        plan("press " + "the left button and " * 40)
 
 
 def test_of_two_tasks_the_one_with_the_very_words_is_meant_and_of_two_with_equal_words_none():
