@@ -104,7 +104,9 @@ class _Reader:
 
     def _of_units(self, units: Sequence[Unit]) -> Iterator[tuple[Step, ...]]:
         """The steps of one reading."""
-        done = wanted(without_excepted(units))
+        forbidden = {unit: self._choices(unit.clause) for unit in units if unit.mood == "not"}
+        left_out = {step for choices in forbidden.values() for steps in choices for step in steps}
+        done = wanted(without_excepted([unit for unit in units if not forbidden.get(unit)]))
         if any(counted(unit.clause)[1] > 1 for unit in units if unit.mood != "do"):
             return  # "press the red button, not the green one twice"
         order = order_of(done, units)
@@ -120,7 +122,8 @@ class _Reader:
                 return
         if clauses and not is_placed_after_moving([clauses[place] for place in order]):
             of_each = [choices[place] for place in order]
-            yield from (tuple(step for part in parts for step in part) for parts in product(*of_each))
+            every = (tuple(step for part in parts for step in part) for parts in product(*of_each))
+            yield from (steps for steps in every if left_out.isdisjoint(steps))
 
     def _resolved(self, units: Sequence[Unit]) -> tuple[ParsedClause, ...]:
         """The clauses with "it" replaced, in the order of the text; none where that is not certain."""
