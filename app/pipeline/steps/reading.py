@@ -171,13 +171,16 @@ class _Reader:
         if whole := self._whole(clause):
             return [(step,) for step in whole]
         once, times = counted(clause)
-        objects = clause.objects_in(DIRECT)
         if times > 1:  # "both twice" does not say in which order
             return [steps * times for steps in self._choices(once) if len(steps) == 1]
-        if len(objects) < 2 or clause.verb in TOGETHER:
+        several = [role for role, phrases in clause.roles if len(phrases) > 1]
+        to_both = several != [DIRECT] and clause.objects_in(DIRECT)  # one lid is not put on two pots
+        if len(several) != 1 or to_both or clause.verb in TOGETHER:
             return []
-        others = tuple(item for item in clause.roles if item[0] != DIRECT)
-        each = [replace(clause, roles=((DIRECT, (phrase,)), *others)) for phrase in objects]
+        each = [
+            replace(clause, roles=tuple((role, (phrase,) if role == several[0] else of) for role, of in clause.roles))
+            for phrase in clause.objects_in(several[0])
+        ]
         return list(product(*map(self._whole, each)))
 
     def _whole(self, clause: ParsedClause) -> list[Step]:

@@ -25,6 +25,7 @@ TASKS = {
     "wipe": (("tin", "cloth"), ("wipe the tin with the cloth",)),
     "rinse": (("cloth",), ("rinse the cloth, then wring it",)),
     "lift": (("green pear", "red pear"), ("lift the green pear", "lift the red pear")),
+    "water": (("can", "green pear", "red pear"), ("pour water from the can on the green pear",)),
     "knob": (("knob",), ("turn the knob to the left twice",)),
 }
 NAMES = tuple(dict.fromkeys(name for names, _ in TASKS.values() for name in names))
@@ -67,6 +68,8 @@ def texts(steps):
         ("close the upper box after putting the red pear in it", [RED, CLOSE]),
         ("shake the tin three times, then press the left button", [SHAKE] * 3 + [LEFT]),
         ("press each of the buttons", [LEFT, RIGHT]),
+        ("pour water from the can on both pears",
+         ["pour water from the can on the green pear", "pour water from the can on the red pear"]),
         ("put every pear except the red one in the upper box", [GREEN]),
         ("shake the tin, but do not close the tin", [SHAKE]),
         ("shake the tin and press the left button twice", [SHAKE, LEFT, LEFT]),
@@ -107,6 +110,7 @@ def test_it_names_the_task_of_each_step():
         "press both boxes",
         "press both",
         "press any button",
+        "put the green pear in both boxes",
         "press every button, but not the left one",
         "press all buttons except the left one and the right one",
         "open the upper box, but do not open the upper box",
