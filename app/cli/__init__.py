@@ -1,6 +1,6 @@
 """`roboprompt`: the service, its keys, models and backups; evaluation; data in and out; cameras."""
 
-from importlib.metadata import version
+import sys
 from typing import Annotated
 
 import typer
@@ -20,6 +20,8 @@ from app.cli import (
     record,
     serve,
 )
+from app.cli.extras import extra_with
+from roboprompt_client.version import VERSION
 
 application = typer.Typer(no_args_is_help=True, add_completion=False, help=__doc__, pretty_exceptions_enable=False)
 application.command("serve")(serve.serve)
@@ -44,7 +46,7 @@ application.command("export")(export_data.export_data)
 
 def _print_version(wanted: bool) -> None:
     if wanted:
-        typer.echo(f"roboprompt {version('roboprompt')}")
+        typer.echo(f"roboprompt {VERSION}")
         raise typer.Exit
 
 
@@ -58,5 +60,10 @@ def _options(
 
 
 def main() -> None:
-    """Run the command line."""
-    application()
+    """Run the command line; where a package of an extra is missing, it says which extra to install."""
+    try:
+        application()
+    except ModuleNotFoundError as error:
+        if (extra := extra_with(error.name or "")) is None:
+            raise
+        sys.exit(f"this needs {error.name}: pip install 'roboprompt[{extra}]'")
