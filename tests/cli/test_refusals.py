@@ -1,6 +1,7 @@
 """Wrong choices end a command before any work starts, in words that say what would be right."""
 
 import json
+import sqlite3
 import threading
 from http.server import BaseHTTPRequestHandler, HTTPServer
 
@@ -161,6 +162,17 @@ def test_the_robots_script_says_what_objects_it_wants(content, expected, monkeyp
     assert str(file) in errors
     assert expected in errors
     assert '[{"name": "cube", "position": [x, y, z]}]' in errors
+
+
+def test_serve_refuses_a_data_folder_of_an_unknown_version_in_a_sentence(tmp_path):
+    with sqlite3.connect(tmp_path / "roboprompt.db") as database:
+        database.execute("CREATE TABLE alembic_version (version_num TEXT)")
+        database.execute("INSERT INTO alembic_version VALUES ('9999')")
+    run = CliRunner().invoke(application, ["serve", "--data", str(tmp_path)])
+    assert run.exit_code == 1
+    assert run.output.startswith("database sqlite:///")
+    assert f"is at revision 9999, which RoboPrompt {VERSION} (revision 0001) does not know" in run.output
+    assert len(run.output.splitlines()) == 1
 
 
 def test_version():
