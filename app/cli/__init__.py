@@ -11,6 +11,7 @@ from app.cli import (
     calibrate,
     check,
     demo,
+    doctor,
     evaluate,
     export_data,
     import_data,
@@ -25,6 +26,7 @@ from roboprompt_client.version import VERSION
 
 application = typer.Typer(no_args_is_help=True, add_completion=False, help=__doc__, pretty_exceptions_enable=False)
 application.command("serve")(serve.serve)
+application.command("doctor")(doctor.doctor)
 application.add_typer(keys.application, name="keys")
 application.add_typer(models.application, name="models")
 application.command("audit")(audit.audit)

@@ -29,12 +29,21 @@ def migrate(database: Database) -> None:
         StoreUnavailableError: if it cannot be opened, locked or written.
     """
     config = alembic_config()
-    scripts = ScriptDirectory.from_config(config)
+    if is_newest(database):
+        return
+    with migration_transaction(database) as connection:
+        config.attributes["connection"] = connection
+        command.upgrade(config, "head")
+
+
+def is_newest(database: Database) -> bool:
+    """Whether the database has the newest schema; changes nothing. Raises as `migrate`."""
+    scripts = ScriptDirectory.from_config(alembic_config())
     with database.read() as connection:
         revisions = set(MigrationContext.configure(connection).get_current_heads())
         tables = set(inspect(connection).get_table_names()) - {"alembic_version"}
     if revisions == set(scripts.get_heads()):
-        return
+        return True
     this = f"RoboPrompt {VERSION} (revision {scripts.get_current_head()})"
     if unknown := revisions - {script.revision for script in scripts.walk_revisions()}:
         raise SchemaVersionError(
@@ -46,9 +55,7 @@ def migrate(database: Database) -> None:
             f"database {database.name} has tables ({', '.join(sorted(tables)[:3])}) and no revision: no version of "
             "RoboPrompt wrote it. Use another folder or database"
         )
-    with migration_transaction(database) as connection:
-        config.attributes["connection"] = connection
-        command.upgrade(config, "head")
+    return False
 
 
 @contextmanager
