@@ -12,6 +12,7 @@ from typing import get_args
 from roboprompt_client.arms.cell import open_robot
 from roboprompt_client.client import DEFAULT_URL, RoboPromptClient
 from roboprompt_client.danger import OnDanger
+from roboprompt_client.doctor import add_doctor
 from roboprompt_client.errors import InvalidInputError, RoboPromptError
 from roboprompt_client.init_command import run_init
 from roboprompt_client.loop import run_closed_loop, run_task, show_nothing
@@ -74,6 +75,7 @@ def _parser() -> ArgumentParser:
     init.add_argument("file", type=Path, metavar="FILE", help="such as cell.json")
     add_record(add, ROBOT)
     add_check(add, ROBOT)
+    add_doctor(add, ROBOT)
     return parser
 
 

@@ -131,7 +131,8 @@ class RoboPromptClient:
             idempotency_key: sent again with the same content it stores nothing twice.
 
         Raises:
-            ServiceProblemError, ServiceUnreachableError.
+            ServiceProblemError: if the service refuses.
+            ServiceUnreachableError: if it does not answer.
         """
         return self._http.document("POST", "/episodes", files=parts, headers={"Idempotency-Key": idempotency_key})
 
@@ -170,7 +171,8 @@ class RoboPromptClient:
         """The prompt that `predict` with the same options asks an LLM with; none is asked.
 
         Raises:
-            ServiceProblemError, ServiceUnreachableError.
+            ServiceProblemError: if the service refuses.
+            ServiceUnreachableError: if it does not answer.
         """
         return self._http.document(
             "POST", "/predict", **self._question(task, instruction, observation, None, {**options, "dry_run": True})
@@ -193,7 +195,7 @@ class RoboPromptClient:
             on_findings: called with what the service doubts beforehand, ahead of the first action.
 
         Raises:
-            as `predict`; also after actions were given, if the rest of the reply goes wrong or does not come.
+            RoboPromptError: as `predict`; also after actions were given, if the rest of the reply is missing.
             InvalidAnswerError: with `on_findings`, if the findings are not well formed.
         """
         asked = options if timeout_s is None else {"timeout_s": timeout_s, **options}
@@ -222,7 +224,7 @@ class RoboPromptClient:
 
         Raises:
             ServiceProblemError: if one of them is not found.
-            ServiceUnreachableError.
+            ServiceUnreachableError: if it does not answer.
         """
         objects = [{"name": name, "model": dict(model)} for name, model in object_models.items()]
         document = {"objects": objects, "cameras": [camera_json(frame.camera) for frame in frames]}
@@ -241,7 +243,8 @@ class RoboPromptClient:
             episodes: from at most so many, the task's first.
 
         Raises:
-            ServiceProblemError, ServiceUnreachableError.
+            ServiceProblemError: if the service refuses.
+            ServiceUnreachableError: if it does not answer.
         """
         asked = {"objects": None if objects is None else list(objects), "episodes": episodes}
         return self._http.document("POST", f"/tasks/{task}/object_models/learn", json=asked, timeout=LEARNING_TIMEOUT_S)
@@ -253,7 +256,8 @@ class RoboPromptClient:
             model: an LLM to ask as well, which takes it some seconds for each demonstration.
 
         Raises:
-            ServiceProblemError, ServiceUnreachableError.
+            ServiceProblemError: if the service refuses.
+            ServiceUnreachableError: if it does not answer.
         """
         asked = {} if model is None else {"model": model}
         return self._http.document("GET", f"/tasks/{task}/check", params=asked, timeout=CHECK_TIMEOUT_S)
