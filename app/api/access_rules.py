@@ -40,6 +40,7 @@ _RULES = tuple(
         ("POST", f"/tasks/{_NAME}/labels/learn", "upload"),
         ("DELETE", f"/tasks/{_NAME}/labels/{_NAME}", "upload"),
         ("POST", "/predict", "predict"),
+        ("POST", "/plans", "predict"),
         # the page's dry run
         ("POST", "/ui/predict/prompt", "predict"),
         ("POST", "/poses", "predict"),

@@ -1,13 +1,13 @@
 """The service as a robot sees it."""
 
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, TypeVar
 from uuid import uuid4
 
 import httpx
 
-from roboprompt_client.answers import PredictedActions, findings_in
+from roboprompt_client.answers import PlannedStep, PredictedActions, findings_in
 from roboprompt_client.camera import RgbdFrame, camera_json
 from roboprompt_client.connection import Connection, open_http
 from roboprompt_client.encoding import ImageFormat, Part, packed_request, request_parts, scene_json
@@ -15,7 +15,7 @@ from roboprompt_client.errors import ServiceProblemError, ServiceUnreachableErro
 from roboprompt_client.motion_guard import action_from_json
 from roboprompt_client.motion_limits import MotionLimits
 from roboprompt_client.robot import Observation
-from roboprompt_client.trajectory import EndEffectorAction, ObjectPose, Trajectory, object_from_json
+from roboprompt_client.trajectory import EndEffectorAction, ObjectPose, Trajectory, object_from_json, object_json
 from roboprompt_client.trajectory_npz import npz_from_trajectory
 
 OfKind = TypeVar("OfKind", bound="RoboPromptClient")
@@ -136,9 +136,23 @@ class RoboPromptClient:
         """
         return self._http.document("POST", "/episodes", files=parts, headers={"Idempotency-Key": idempotency_key})
 
+    def plan(self, instruction: str, objects: Iterable[ObjectPose | str]) -> tuple[PlannedStep, ...]:
+        """The steps of a sentence over tasks that were taught apart (`POST /plans`); `run_plan` carries them out.
+
+        Args:
+            objects: all of the scene, or their names; words of place need poses.
+
+        Raises:
+            ServiceProblemError: if a part of the sentence is not what one task does; names the part.
+            ServiceUnreachableError.
+        """
+        listed = [{"name": item} if isinstance(item, str) else object_json(item) for item in objects]
+        answer = self._http.document("POST", "/plans", json={"instruction": instruction, "objects": listed})
+        return tuple(PlannedStep(step["task"], step["instruction"]) for step in answer["steps"])
+
     def predict(
         self,
-        task: str,
+        task: str | None,
         instruction: str,
         observation: Observation,
         *,
@@ -149,6 +163,7 @@ class RoboPromptClient:
         """The actions for what the robot sees now.
 
         Args:
+            task: None: the one task of these objects that does what the instruction says; `response["task"]` names it.
             timeout_s: the service answers or gives up within it; None: within what the model needs, see `GET /models`.
             options: `model`, `representation`, `num_demonstrations` ..., see `POST /predict`.
 
@@ -163,7 +178,7 @@ class RoboPromptClient:
 
     def dry_run(
         self,
-        task: str,
+        task: str | None,
         instruction: str,
         observation: Observation,
         **options: Any,  # noqa: ANN401
@@ -278,7 +293,7 @@ class RoboPromptClient:
 
     def _question(
         self,
-        task: str,
+        task: str | None,
         instruction: str,
         observation: Observation,
         mask_ids: Mapping[str, Sequence[int]] | None,

@@ -83,7 +83,7 @@ def ground_instruction(
     if previous is not None and previous.instruction == request.instruction:
         return previous.grounded
     names, aliases = tuple(pose.name for pose in objects), tuple(sorted(settings.aliases.items()))
-    known = _taught(names, aliases, tuple(dict.fromkeys(taught)))
+    known = taught_of(names, aliases, tuple(dict.fromkeys(taught)))
     if request.meaning is not None:
         order = read(request.meaning, known)
         phrases = tuple(Grounding(instruction, phrase.object_name, "llm") for phrase in order.phrases)
@@ -95,9 +95,10 @@ def ground_instruction(
 
 
 @lru_cache(MAX_TASKS)
-def _taught(
+def taught_of(
     names: tuple[str, ...], aliases: tuple[tuple[str, tuple[str, ...]], ...], instructions: tuple[str, ...]
 ) -> Taught:
+    """What instructions about these objects are read against; kept, because robots ask again and again."""
     return Taught(names, dict(aliases), instructions, is_english)
 
 
