@@ -242,9 +242,7 @@ class RoboPromptClient:
             ServiceUnreachableError: if it does not answer.
         """
         objects = [{"name": name, "model": dict(model)} for name, model in object_models.items()]
-        document = {"objects": objects, "cameras": [camera_json(frame.camera) for frame in frames]}
-        answer = self._http.document("POST", "/poses", files=request_parts(document, frames, self._images))
-        return tuple(map(object_from_json, answer["poses"]))
+        return tuple(map(object_from_json, self.post("/poses", {"objects": objects}, frames)["poses"]))
 
     def learn_object_models(
         self, task: str, objects: Sequence[str] | None = None, episodes: int = 10
@@ -262,7 +260,7 @@ class RoboPromptClient:
             ServiceUnreachableError: if it does not answer.
         """
         asked = {"objects": None if objects is None else list(objects), "episodes": episodes}
-        return self._http.document("POST", f"/tasks/{task}/object_models/learn", json=asked, timeout=LEARNING_TIMEOUT_S)
+        return self.post(f"/tasks/{task}/object_models/learn", asked)
 
     def check(self, task: str, model: str | None = None) -> dict[str, Any]:
         """Predict each of a task's demonstrations from the others, see `GET /tasks/{name}/check`.
@@ -279,13 +277,18 @@ class RoboPromptClient:
 
     def record_outcome(self, prediction_id: str, success: bool, note: str | None = None) -> dict[str, Any]:
         """Tell the service how the robot fared with a prediction."""
-        return self._http.document(
-            "POST", f"/predictions/{prediction_id}/outcome", json={"success": success, "note": note}
-        )
+        return self.post(f"/predictions/{prediction_id}/outcome", {"success": success, "note": note})
 
     def get(self, path: str, **parameters: Any) -> dict[str, Any]:  # noqa: ANN401
         """Any document that the service offers, e.g. ``get("/episodes", task="open_drawer")``."""
         return self._http.document("GET", path, params=parameters)
+
+    def post(self, path: str, document: Mapping[str, Any], frames: Sequence[RgbdFrame] = ()) -> dict[str, Any]:
+        """Send any document; with frames their cameras and images go along."""
+        if not frames:
+            return self._http.document("POST", path, json=dict(document), timeout=LEARNING_TIMEOUT_S)
+        metadata = {**document, "cameras": [camera_json(frame.camera) for frame in frames]}
+        return self._http.document("POST", path, files=request_parts(metadata, frames, self._images))
 
     def get_bytes(self, path: str, **parameters: Any) -> bytes:  # noqa: ANN401
         """Any file that the service offers, e.g. ``get_bytes(f"/episodes/{id}/trajectory")``."""

@@ -6,10 +6,12 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
+import numpy as np
+
 from roboprompt_client.answers import Outcome, PlannedStep, PredictedActions
 from roboprompt_client.arms.arm import Arm
 from roboprompt_client.arms.preview import Previewed, table
-from roboprompt_client.motion_limits import MotionLimits
+from roboprompt_client.motion_limits import MotionLimits, Pose
 from roboprompt_client.robot import Robot
 from roboprompt_client.trajectory import EndEffectorAction
 
@@ -98,6 +100,16 @@ class Person:
         """Whether the person lets the plan begin."""
         _print("\n".join(f"{number}. {step.instruction} ({step.task})" for number, step in enumerate(steps, start=1)))
         return ask_yes("Are these the steps? [y/N] ")
+
+    def confirm_viewpoint(self, number: int, pose: Pose) -> bool:
+        """Whether the person lets the hand go to a viewpoint; what is wrong with the way is printed first."""
+        there = EndEffectorAction(np.array(pose.position_m), np.array(pose.quaternion_xyzw), gripper_open=True)
+        if isinstance(self._robot, Arm):
+            (previewed,) = self._robot.preview([there], MotionLimits(hand_radius_m=0.0))
+            if previewed.warning:
+                _print(f"! {previewed.warning}")
+        x_m, y_m, z_m = pose.position_m
+        return ask_yes(f"viewpoint {number}: the hand goes to {x_m:.3f} {y_m:.3f} {z_m:.3f} m. Go? [y/N] ")
 
     def outcome(self, predicted: PredictedActions) -> Outcome | None:
         """What the person says: `y` or `n`, with a note behind it; None where they answer nothing."""
