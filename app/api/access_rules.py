@@ -37,7 +37,9 @@ _RULES = tuple(
         # whoever can upload can teach
         ("POST", f"/tasks/{_NAME}/object_models/learn", "upload"),
         ("POST", f"/tasks/{_NAME}/labels", "upload"),
+        ("POST", f"/tasks/{_NAME}/labels/preview", "upload"),
         ("POST", f"/tasks/{_NAME}/labels/learn", "upload"),
+        ("POST", f"/tasks/{_NAME}/object_models/try", "upload"),
         ("DELETE", f"/tasks/{_NAME}/labels/{_NAME}", "upload"),
         ("POST", "/predict", "predict"),
         ("POST", "/plans", "predict"),
