@@ -121,8 +121,8 @@ lock:
 	$(COMPILE) pyproject.toml --extra server --extra postgres --extra s3 --extra otel --constraint requirements-dev.lock \
 		--output-file docker/server.lock
 	$(COMPILE) docker/build.in --constraint requirements-dev.lock --output-file docker/build.lock
-	$(COMPILE) benchmarks/metaworld/requirements.in --output-file benchmarks/metaworld/requirements.txt
-	$(COMPILE) benchmarks/robosuite/requirements.in --output-file benchmarks/robosuite/requirements.txt
+	$(COMPILE) client/pyproject.toml benchmarks/metaworld/requirements.in --output-file benchmarks/metaworld/requirements.txt
+	$(COMPILE) client/pyproject.toml benchmarks/robosuite/requirements.in --output-file benchmarks/robosuite/requirements.txt
 	$(COMPILE) client/libfranka/requirements.in --constraint requirements-dev.lock \
 		--output-file client/libfranka/requirements.txt
 	$(subst 3.11,3.10,$(COMPILE)) client/pyproject.toml client/tests.in --output-file client/tests.txt

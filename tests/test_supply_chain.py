@@ -54,6 +54,12 @@ def test_what_is_installed_beside_the_lock_changes_nothing_of_it():
     assert {name: tested.get(name, beside[name]) for name in beside} == beside
 
 
+@pytest.mark.parametrize("world", ["metaworld", "robosuite"])
+def test_another_world_s_environment_has_what_the_robot_s_side_needs(world):
+    needed = {re.split(r"[^\w.-]", requirement)[0] for requirement in CLIENT["dependencies"]}
+    assert needed <= set(versions(f"benchmarks/{world}/requirements.txt"))
+
+
 def test_every_pinned_package_has_a_hash():
     for path in ("docker/server.lock", "docker/build.lock"):
         for block in re.split(r"\n(?=\S)", (ROOT / path).read_text().strip()):
