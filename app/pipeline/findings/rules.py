@@ -115,6 +115,7 @@ ELSEWHERE = Rule(
 )
 ON_A_CIRCLE = Rule("scattered-demonstrations", "from the centre, all at one distance from an object", "m", danger=0.03)
 PATH_NOT_KEPT = Rule("path-not-kept", "from where recorded hands act to the nearest action", "m", danger=0.03)
+PATH_LEFT = Rule("path-not-kept", "from the recorded way where the hand does not rest", "m", warning=0.03, danger=0.05)
 
 STRAYING = Rule("straying-action", info=ALWAYS)
 PASSES_CLOSE = Rule("passes-close", "from an object's centre", "m", warning=0.08, danger=0.03, nearer=True)
@@ -151,6 +152,7 @@ RULES = (
     ELSEWHERE,
     ON_A_CIRCLE,
     PATH_NOT_KEPT,
+    PATH_LEFT,
     STRAYING,
     PASSES_CLOSE,
     UNSUPPORTED,

@@ -14,7 +14,7 @@ import numpy as np
 from sqlalchemy import Connection
 
 from app.pipeline.episode import Demonstration
-from app.pipeline.findings.missed import missed_m
+from app.pipeline.findings.missed import Kept, kept
 from app.pipeline.plans import Recording, agreeing, aligned_by_plan, shown_together
 from app.services.cache import Cache
 from app.services.predict.request import Selection
@@ -215,14 +215,17 @@ def demonstrations_of(
     return Demonstrations(agreeing(recorded), recorded)
 
 
-def read_missed_m(
+def read_kept(
     connection: Connection, task: str, recorded: Sequence[Demonstration], settings: TaskSettings
-) -> tuple[float, ...]:
-    """How far the actions of each of the task's demonstrations stay from where the recorded hand acts."""
+) -> tuple[Kept, ...]:
+    """How closely the actions of each of the task's demonstrations keep to its recording."""
     ids = [demonstration.id for demonstration in recorded]
     records = episodes.demonstrations_by_id(connection, task, ids)
+    delta_rad_s = settings.keyframes.keyframe_rule().delta_rad_s
     found = zip(recorded, get_trajectories(connection, ids), records, strict=True)
-    return tuple(missed_m(settings.motion_of(t, record.control_frequency_hz), d.actions) for d, t, record in found)
+    return tuple(
+        kept(settings.motion_of(t, record.control_frequency_hz), d.actions, delta_rad_s) for d, t, record in found
+    )
 
 
 def recordings_of(
