@@ -25,6 +25,7 @@ from app.services.teach.configure import MAX_AT_ONCE, ConfigureTask
 from app.services.teach.labels import LabelObjects, LearnFromLabels
 from app.services.teach.learn import LearnObjectModels
 from app.services.teach.reextract import RunJobs
+from app.services.teach.try_model import TryModel
 from app.services.teach.upload import UploadEpisode
 from app.store.store import Store
 
@@ -48,6 +49,7 @@ class Services:
     learn_object_models: LearnObjectModels
     label_objects: LabelObjects
     learn_from_labels: LearnFromLabels
+    try_model: TryModel
     draw_overlay: DrawOverlay
     predict_actions: PredictActions
     read_steps: ReadSteps
@@ -103,6 +105,7 @@ class Services:
             learn_object_models=LearnObjectModels(store, configure),
             label_objects=LabelObjects(store),
             learn_from_labels=LearnFromLabels(store, configure),
+            try_model=TryModel(store, pose_servers),
             draw_overlay=DrawOverlay(store),
             predict_actions=PredictActions(*parts, PredictionRecorder(store, metrics)),
             read_steps=ReadSteps(store),

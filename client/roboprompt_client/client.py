@@ -131,7 +131,8 @@ class RoboPromptClient:
             idempotency_key: sent again with the same content it stores nothing twice.
 
         Raises:
-            ServiceProblemError, ServiceUnreachableError.
+            ServiceProblemError: if the service refuses.
+            ServiceUnreachableError: if it does not answer.
         """
         return self._http.document("POST", "/episodes", files=parts, headers={"Idempotency-Key": idempotency_key})
 
@@ -185,7 +186,8 @@ class RoboPromptClient:
         """The prompt that `predict` with the same options asks an LLM with; none is asked.
 
         Raises:
-            ServiceProblemError, ServiceUnreachableError.
+            ServiceProblemError: if the service refuses.
+            ServiceUnreachableError: if it does not answer.
         """
         return self._http.document(
             "POST", "/predict", **self._question(task, instruction, observation, None, {**options, "dry_run": True})
@@ -208,7 +210,7 @@ class RoboPromptClient:
             on_findings: called with what the service doubts beforehand, ahead of the first action.
 
         Raises:
-            as `predict`; also after actions were given, if the rest of the reply goes wrong or does not come.
+            RoboPromptError: as `predict`; also after actions were given, if the rest of the reply is missing.
             InvalidAnswerError: with `on_findings`, if the findings are not well formed.
         """
         asked = options if timeout_s is None else {"timeout_s": timeout_s, **options}
@@ -237,12 +239,10 @@ class RoboPromptClient:
 
         Raises:
             ServiceProblemError: if one of them is not found.
-            ServiceUnreachableError.
+            ServiceUnreachableError: if it does not answer.
         """
         objects = [{"name": name, "model": dict(model)} for name, model in object_models.items()]
-        document = {"objects": objects, "cameras": [camera_json(frame.camera) for frame in frames]}
-        answer = self._http.document("POST", "/poses", files=request_parts(document, frames, self._images))
-        return tuple(map(object_from_json, answer["poses"]))
+        return tuple(map(object_from_json, self.post("/poses", {"objects": objects}, frames)["poses"]))
 
     def learn_object_models(
         self, task: str, objects: Sequence[str] | None = None, episodes: int = 10
@@ -256,10 +256,11 @@ class RoboPromptClient:
             episodes: from at most so many, the task's first.
 
         Raises:
-            ServiceProblemError, ServiceUnreachableError.
+            ServiceProblemError: if the service refuses.
+            ServiceUnreachableError: if it does not answer.
         """
         asked = {"objects": None if objects is None else list(objects), "episodes": episodes}
-        return self._http.document("POST", f"/tasks/{task}/object_models/learn", json=asked, timeout=LEARNING_TIMEOUT_S)
+        return self.post(f"/tasks/{task}/object_models/learn", asked)
 
     def check(self, task: str, model: str | None = None) -> dict[str, Any]:
         """Predict each of a task's demonstrations from the others, see `GET /tasks/{name}/check`.
@@ -268,20 +269,26 @@ class RoboPromptClient:
             model: an LLM to ask as well, which takes it some seconds for each demonstration.
 
         Raises:
-            ServiceProblemError, ServiceUnreachableError.
+            ServiceProblemError: if the service refuses.
+            ServiceUnreachableError: if it does not answer.
         """
         asked = {} if model is None else {"model": model}
         return self._http.document("GET", f"/tasks/{task}/check", params=asked, timeout=CHECK_TIMEOUT_S)
 
     def record_outcome(self, prediction_id: str, success: bool, note: str | None = None) -> dict[str, Any]:
         """Tell the service how the robot fared with a prediction."""
-        return self._http.document(
-            "POST", f"/predictions/{prediction_id}/outcome", json={"success": success, "note": note}
-        )
+        return self.post(f"/predictions/{prediction_id}/outcome", {"success": success, "note": note})
 
     def get(self, path: str, **parameters: Any) -> dict[str, Any]:  # noqa: ANN401
         """Any document that the service offers, e.g. ``get("/episodes", task="open_drawer")``."""
         return self._http.document("GET", path, params=parameters)
+
+    def post(self, path: str, document: Mapping[str, Any], frames: Sequence[RgbdFrame] = ()) -> dict[str, Any]:
+        """Send any document; with frames their cameras and images go along."""
+        if not frames:
+            return self._http.document("POST", path, json=dict(document), timeout=LEARNING_TIMEOUT_S)
+        metadata = {**document, "cameras": [camera_json(frame.camera) for frame in frames]}
+        return self._http.document("POST", path, files=request_parts(metadata, frames, self._images))
 
     def get_bytes(self, path: str, **parameters: Any) -> bytes:  # noqa: ANN401
         """Any file that the service offers, e.g. ``get_bytes(f"/episodes/{id}/trajectory")``."""

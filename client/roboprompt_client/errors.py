@@ -10,6 +10,7 @@
     ├── NotConfirmedError        a person did not allow an action
     ├── StepFailedError          a step of a plan was not done, so that the next ones were not begun
     ├── ObjectLostError          an object that an action refers to is out of sight
+    ├── CameraError              a camera gave no picture that can be used; names the camera
     └── DangerError              the service finds its own answer dangerous, and no person allowed it
 
 The server hangs its own branches under RoboPromptError.
@@ -114,6 +115,24 @@ class ObjectLostError(RoboPromptError):
     def __init__(self, object_name: str, reason: str) -> None:
         super().__init__(f"{object_name!r} is lost: {reason}")
         self.object_name = object_name
+
+
+class CameraError(RoboPromptError):
+    """A camera gave no picture that can be used.
+
+    Args:
+        message: what is wrong, with the value.
+        remedy: what would help.
+        camera: its name; empty where the driver raises it, which does not know it.
+    """
+
+    def __init__(self, message: str, remedy: str, camera: str = "") -> None:
+        super().__init__(f"camera {camera!r}: {message} (needed: {remedy})" if camera else f"{message} ({remedy})")
+        self.message, self.remedy, self.camera = message, remedy, camera
+
+    def of(self, camera: str) -> "CameraError":
+        """The same of the camera with this name."""
+        return CameraError(self.message, self.remedy, camera)
 
 
 class DangerError(RoboPromptError):

@@ -98,7 +98,14 @@ class EpisodeMetadata(RequestModel):
     instruction: Instruction
     objects: Annotated[list[ObjectIn], Field(min_length=1, max_length=64)]
     cameras: Annotated[list[CameraIn], Field(max_length=16)] = []
-    control_frequency_hz: Annotated[Number, Field(ge=MIN_FREQUENCY_HZ, le=MAX_FREQUENCY_HZ)] = 20.0
+    control_frequency_hz: Annotated[
+        Number,
+        Field(
+            ge=MIN_FREQUENCY_HZ,
+            le=MAX_FREQUENCY_HZ,
+            description="of a trajectory without timestamps; with them the measured rate is stored",
+        ),
+    ] = 20.0
     prediction_id: Annotated[
         str | None, Field(max_length=64, description="of the prediction of this task that the robot carried out here")
     ] = None

@@ -10,7 +10,7 @@ from app.pipeline.order.descriptions import MEANS
 from app.pipeline.order.frames import INSTRUMENT, Frame
 from app.pipeline.order.noun_phrases import NounPhrase, NounPhrases, TooInvolvedError
 from app.pipeline.order.order import Grounding, Order
-from app.pipeline.order.refusals import check_named, passed_on, refusal
+from app.pipeline.order.refusals import passed_on, refusal
 from app.pipeline.order.sentences import PICKING, Sentences
 from app.pipeline.order.space import Layout
 from app.pipeline.order.taught import Taught
@@ -43,21 +43,6 @@ def read(instruction: str, taught: Taught, layout: Layout | None = None, *, allo
         raise error
     text, named = passed_on(taught, phrases)
     return taught.order(text, _groundings(phrases, named), error.message)
-
-
-def read_untaught(instruction: str, taught: Taught, layout: Layout | None = None) -> Order:
-    """An instruction of which nothing was taught: its objects by their names, the rest as it stands.
-
-    What stands where objects do must be one of the scene; of several objects one must be named, since rows follow
-    them in the order of mention.
-
-    Raises:
-        UngroundedInstructionError: if not, or if it says what not to do.
-    """
-    phrases = NounPhrases(instruction, taught.lexicon, layout)
-    text, named = passed_on(taught, phrases)
-    check_named(taught, phrases, named)
-    return taught.order(text, _groundings(phrases, named))
 
 
 def _groundings(phrases: NounPhrases, named: Sequence[NounPhrase]) -> tuple[Grounding, ...]:

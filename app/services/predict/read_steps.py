@@ -25,7 +25,7 @@ from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.wording import checked_instruction
 
 MAX_SCENES = 16  # whose words are kept
-NEEDS_TASK = ("after", "demonstrations_from", "episode_ids")  # options that are about one task's episodes
+NEEDS_TASK = ("after", "episode_ids")  # options that are about one task's episodes
 
 
 @dataclass(frozen=True, eq=False)

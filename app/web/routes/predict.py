@@ -43,7 +43,6 @@ SETTINGS = (
     "selection",
     "seed",
     "episode_ids",
-    "demonstrations_from",
     "unfamiliar",
     "max_actions",
     "timeout_s",
