@@ -1,4 +1,4 @@
-# make setup | dev | demo | serve | test | robustness | check | audit | outdated | platforms | docs | dist | long | torture | attack | fuzz | soak | growth | bench | mutations | metaworld | robosuite | client | franka | format | openapi | lock
+# make setup | dev | demo | serve | test | robustness | check | audit | outdated | platforms | docs | dist | long | torture | attack | fuzz | soak | growth | bench | mutations | metaworld | robosuite | client | franka | realsense | format | openapi | lock
 PYTHON ?= python3
 # Modules are compiled when they are first imported: most never are, and all of them take a minute.
 NO_COMPILE := --no-compile
@@ -10,7 +10,7 @@ DEV_STAMP := .venv/.installed-dev
 unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: setup dev demo serve test pytest robustness check audit outdated platforms docs dist long torture attack fuzz soak growth bench \
-	metaworld robosuite client franka mutations style types lint format openapi lock clean
+	metaworld robosuite client franka realsense mutations style types lint format openapi lock clean
 
 setup: $(STAMP)
 
@@ -132,10 +132,11 @@ lock:
 	$(COMPILE) pyproject.toml --extra postgres --extra s3 --extra otel --constraint requirements-dev.lock \
 		--output-file docker/server.lock
 	$(COMPILE) docker/build.in --constraint requirements-dev.lock --output-file docker/build.lock
-	$(COMPILE) benchmarks/metaworld/requirements.in --output-file benchmarks/metaworld/requirements.txt
-	$(COMPILE) benchmarks/robosuite/requirements.in --output-file benchmarks/robosuite/requirements.txt
+	$(COMPILE) client/pyproject.toml benchmarks/metaworld/requirements.in --output-file benchmarks/metaworld/requirements.txt
+	$(COMPILE) client/pyproject.toml benchmarks/robosuite/requirements.in --output-file benchmarks/robosuite/requirements.txt
 	$(COMPILE) client/libfranka/requirements.in --constraint requirements-dev.lock \
 		--output-file client/libfranka/requirements.txt
+	$(COMPILE) client/realsense/requirements.in --output-file client/realsense/requirements.txt
 	$(subst 3.11,3.10,$(COMPILE)) client/pyproject.toml client/tests.in --output-file client/tests.txt
 
 bench: dev
@@ -191,6 +192,16 @@ $(FRANKA_STAMP): client/libfranka/requirements.txt $(DEV_STAMP)
 
 franka: $(FRANKA_STAMP)
 	cd client && ../$(BIN)/python -m pytest libfranka
+
+# A RealSense camera on librealsense's own software device; on Debian it needs libusb-1.0-0.
+REALSENSE_STAMP := .venv/.installed-realsense
+
+$(REALSENSE_STAMP): client/realsense/requirements.txt $(DEV_STAMP)
+	@$(BIN)/python -m pip install --quiet $(NO_COMPILE) --require-hashes --requirement client/realsense/requirements.txt
+	@touch $(REALSENSE_STAMP)
+
+realsense: $(REALSENSE_STAMP)
+	cd client && ../$(BIN)/python -m pytest realsense
 
 clean:
 	rm -rf .venv client/.venv benchmarks/metaworld/.venv benchmarks/robosuite/.venv .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache

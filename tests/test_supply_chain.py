@@ -5,6 +5,7 @@ import json
 import re
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,7 @@ from cyclonedx.validation.json import JsonStrictValidator
 from roboprompt_client.version import VERSION
 
 ROOT = Path(__file__).parents[1]
+CLIENT = tomllib.loads((ROOT / "client/pyproject.toml").read_text())["project"]
 PINNED = re.compile(r"^([\w.-]+)(?:\[[^\]]*\])?==([^\s;\\]+)", re.MULTILINE)
 
 
@@ -34,7 +36,7 @@ def test_pip_takes_nothing_without_its_hash(path):
 
 def test_there_is_something_to_look_at():
     found = [command for path in ("docker/Dockerfile", "Makefile") for command in commands(path)]
-    assert sum("--require-hashes" in command for command in found) == 8
+    assert sum("--require-hashes" in command for command in found) == 9
 
 
 def versions(path):
@@ -52,6 +54,12 @@ def test_what_is_installed_beside_the_lock_changes_nothing_of_it():
     tested, beside = versions("requirements-dev.lock"), versions("client/libfranka/requirements.txt")
     assert {"mujoco", "numpy"} <= set(beside) & set(tested)
     assert {name: tested.get(name, beside[name]) for name in beside} == beside
+
+
+@pytest.mark.parametrize("world", ["metaworld", "robosuite"])
+def test_another_world_s_environment_has_what_the_robot_s_side_needs(world):
+    needed = {re.split(r"[^\w.-]", requirement)[0] for requirement in CLIENT["dependencies"]}
+    assert needed <= set(versions(f"benchmarks/{world}/requirements.txt"))
 
 
 def test_every_pinned_package_has_a_hash():

@@ -37,9 +37,12 @@ _RULES = tuple(
         # whoever can upload can teach
         ("POST", f"/tasks/{_NAME}/object_models/learn", "upload"),
         ("POST", f"/tasks/{_NAME}/labels", "upload"),
+        ("POST", f"/tasks/{_NAME}/labels/preview", "upload"),
         ("POST", f"/tasks/{_NAME}/labels/learn", "upload"),
+        ("POST", f"/tasks/{_NAME}/object_models/try", "upload"),
         ("DELETE", f"/tasks/{_NAME}/labels/{_NAME}", "upload"),
         ("POST", "/predict", "predict"),
+        ("POST", "/plans", "predict"),
         # the page's dry run
         ("POST", "/ui/predict/prompt", "predict"),
         ("POST", "/poses", "predict"),

@@ -8,7 +8,8 @@ from roboprompt_client.arm_check import ArmCheck, CheckResult
 from roboprompt_client.arms.cell import open_robot
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import RoboPromptError
-from roboprompt_client.record_command import AddCommand, print_results
+from roboprompt_client.look_command import AddCommand
+from roboprompt_client.record_command import print_results
 from roboprompt_client.version import VERSION
 
 # The modules that each extra of roboprompt-client brings.
