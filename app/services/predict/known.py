@@ -24,7 +24,7 @@ from app.services.predict.select import (
     DemonstrationSelector,
     TaskState,
     read_demonstrations,
-    read_missed_m,
+    read_hands,
 )
 from app.services.task_settings import TaskSettings
 from app.store import tasks
@@ -152,13 +152,13 @@ class KnownReader:
         def make() -> Taught:
             ids = self._select(connection, task, "diverse", MAX_HELD_AGAINST, 0, ())
             recorded = self._read(connection, task, settings, ids).recorded
-            missed_m = read_missed_m(connection, task.name, recorded)
+            hands = read_hands(connection, task.name, recorded, settings)
             if not style.from_start:
                 recorded = tuple(replace(demonstration, start=None) for demonstration in recorded)
             return Taught(
                 recorded,
                 settings.ways == "several",
-                missed_m,
+                hands,
                 frozenset(settings.yaw_symmetry_deg),
                 moves=style.closed_loop,
             )

@@ -14,7 +14,7 @@ import numpy as np
 from sqlalchemy import Connection
 
 from app.pipeline.episode import Demonstration, frame_times_s
-from app.pipeline.findings.missed import missed_m
+from app.pipeline.findings.hand import RecordedHand
 from app.pipeline.keyframes import KeyframeRule
 from app.pipeline.plans import Recording, agreeing, aligned_by_plan, shown_together
 from app.services.cache import Cache
@@ -216,22 +216,24 @@ def demonstrations_of(
     return Demonstrations(agreeing(recorded), recorded)
 
 
-def read_missed_m(connection: Connection, task: str, recorded: Sequence[Demonstration]) -> tuple[float, ...]:
-    """How far the actions of each of the task's demonstrations stay from where the recorded hand acts."""
+def read_hands(
+    connection: Connection, task: str, recorded: Sequence[Demonstration], settings: TaskSettings
+) -> tuple[RecordedHand, ...]:
+    """What the hand did in the recording of each of the task's demonstrations."""
     ids = [demonstration.id for demonstration in recorded]
     records = episodes.demonstrations_by_id(connection, task, ids)
-    found = zip(recorded, get_trajectories(connection, ids), records, strict=True)
-    return tuple(missed_m(t, frame_times_s(t, record.control_frequency_hz), d.actions) for d, t, record in found)
+    found = recordings_of(records, get_trajectories(connection, ids), settings)
+    return tuple(RecordedHand.of(r.trajectory, r.times_s, d) for r, d in zip(found, recorded, strict=True))
 
 
 def recordings_of(
     records: Sequence[DemonstrationRecord], trajectories: Sequence[Trajectory], settings: TaskSettings
 ) -> list[Recording]:
     """The demonstrations of records as they were found, each with the trajectory that it was made from."""
-    rule = settings.keyframes.keyframe_rule()
+    rule, open_above_m = settings.keyframes.keyframe_rule(), settings.gripper_open_above_m
     return [
-        _recording(canonical_demonstration(record.demonstration(), settings), trajectory, record, rule)
-        for record, trajectory in zip(records, trajectories, strict=True)
+        _recording(canonical_demonstration(record.demonstration(), settings), moved, record, rule)
+        for record, moved in zip(records, (t.with_gripper_open_above(open_above_m) for t in trajectories), strict=True)
     ]
 
 

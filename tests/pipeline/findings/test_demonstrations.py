@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from app.pipeline.findings.demonstrations import Taught, path_findings
-from app.pipeline.findings.missed import missed_m
+from app.pipeline.findings.hand import RecordedHand
 from app.pipeline.plans import agreeing, aligned_by_plan
 from tests.pipeline.plans.taught import picked, reached, recording
 from tests.pipeline.recordings import Motion
@@ -147,7 +147,7 @@ def test_keyframes_that_miss_where_hands_act():
     demonstrations = taught(recordings).demonstrations
     last_only = [replace(demonstration, actions=demonstration.actions[-1:]) for demonstration in demonstrations]
     for shown, severity in ((demonstrations, None), (last_only, "danger")):
-        missed = [missed_m(r.trajectory, r.times_s, d.actions) for r, d in zip(recordings, shown, strict=True)]
+        missed = [RecordedHand.of(r.trajectory, r.times_s, d).missed_m for r, d in zip(recordings, shown, strict=True)]
         findings = {finding.code: finding.severity for finding in path_findings(missed)}
         assert findings.get("path-not-kept") == severity
 
@@ -155,9 +155,9 @@ def test_keyframes_that_miss_where_hands_act():
 def test_a_grasp_between_keyframes_is_missed():
     item = picked(0)
     (demonstration,) = aligned_by_plan([item])
-    assert missed_m(item.trajectory, item.times_s, demonstration.actions) < 0.01
-    opened = [action for action in demonstration.actions if action.gripper_open]
-    assert missed_m(item.trajectory, item.times_s, opened[:1]) == 1.0  # nothing closes
+    assert RecordedHand.of(item.trajectory, item.times_s, demonstration).missed_m < 0.01
+    opened = replace(demonstration, actions=tuple(a for a in demonstration.actions if a.gripper_open)[:1])
+    assert RecordedHand.of(item.trajectory, item.times_s, opened).missed_m == 1.0  # nothing closes
 
 
 @pytest.mark.parametrize("round_objects", [frozenset(), frozenset({"red cube"})])
