@@ -10,8 +10,9 @@ from app.pipeline.findings.actions import ShownWays
 from app.pipeline.findings.elsewhere import elsewhere_findings
 from app.pipeline.findings.hand import RecordedHand
 from app.pipeline.findings.implausible import hand_findings
+from app.pipeline.findings.missed import Kept
 from app.pipeline.findings.places import ShownScenes
-from app.pipeline.findings.rules import CONTRADICTING, PATH_NOT_KEPT, SEVERAL_WAYS
+from app.pipeline.findings.rules import CONTRADICTING, PATH_LEFT, PATH_NOT_KEPT, SEVERAL_WAYS
 from app.pipeline.findings.scatter import scatter_findings
 from app.pipeline.findings.turns import turning_findings
 from app.pipeline.order.order import Order
@@ -113,7 +114,7 @@ class Taught:
             yield from ways_findings(alike, declared=self.several_ways)
             yield from elsewhere_findings(alike, off_m, declared=self.several_ways)
             hands = [self._hands[id(item)] for item in alike if id(item) in self._hands]
-            yield from path_findings([hand.missed_m for hand in hands])
+            yield from path_findings([hand.kept for hand in hands])
             yield from hand_findings(alike, hands)
 
 
@@ -182,20 +183,27 @@ def _gripper(demonstration: Demonstration) -> list[bool]:
     return [action.gripper_open for action in demonstration.actions]
 
 
-def path_findings(missed_m: Sequence[float]) -> Iterator[Finding]:
-    """Actions that go past where the recorded hands act, in more than a third of the recordings.
+def path_findings(paths: Sequence[Kept]) -> Iterator[Finding]:
+    """Actions that go past where the recorded hands act, or leave their way, in more than a third of the recordings.
 
-    Args:
-        missed_m: of each recording.
+    A thing that is not lifted is dragged, and may tear others along.
     """
-    if not missed_m:
+    if not paths:
         return
-    often_m = sorted(missed_m)[-1 - int(WAY_SHARE * len(missed_m))]
-    if PATH_NOT_KEPT.severity(often_m) is not None:
-        number = sum(PATH_NOT_KEPT.severity(far_m) is not None for far_m in missed_m)
+    rare = int(WAY_SHARE * len(paths))
+    missed_m, left_m = (sorted(off_m)[-1 - rare] for off_m in zip(*paths, strict=True))
+    remedy = "Set keyframes.rule to `auto` or `waypoints`, and keyframes.tolerance_m to 0.01."
+    if PATH_NOT_KEPT.severity(missed_m) is not None:
+        number = sum(PATH_NOT_KEPT.severity(path.missed_m) is not None for path in paths)
         message = (
-            f"In {number} of {len(missed_m)} recordings no keyframe is where the hand grasps, releases or is lowest:"
-            f" the actions stay {100 * often_m:.1f} cm away from there. Set keyframes.rule to `auto` or `waypoints`,"
-            " and keyframes.tolerance_m to 0.01."
+            f"In {number} of {len(paths)} recordings no keyframe is where the hand grasps, releases or is lowest:"
+            f" the actions stay {100 * missed_m:.1f} cm away from there. {remedy}"
         )
-        yield PATH_NOT_KEPT.finding(message, "keyframes", {"missed_m": often_m}, value=often_m)
+        yield PATH_NOT_KEPT.finding(message, "keyframes", {"missed_m": missed_m}, value=missed_m)
+    elif PATH_LEFT.severity(left_m) is not None:
+        number = sum(PATH_LEFT.severity(path.left_m) is not None for path in paths)
+        message = (
+            f"In {number} of {len(paths)} recordings the hand leaves the way from action to action, by"
+            f" {100 * left_m:.1f} cm: a lift, or a way round something, may be lost. {remedy}"
+        )
+        yield PATH_LEFT.finding(message, "keyframes", {"left_m": left_m}, value=left_m)

@@ -1,20 +1,19 @@
 """What the recorded hand did, as far as doubts need more of a recording than its keyframes."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from app.pipeline.episode import Demonstration
-from app.pipeline.findings.actions import distances_m
-from app.pipeline.keyframes.waypoints import Switch, at_start, gripper_switches, hand_speeds_m_s
+from app.pipeline.findings.missed import Kept
+from app.pipeline.keyframes import Motion
+from app.pipeline.keyframes.motion import Switch
 from app.pipeline.representation.anchors import M_PER_RAD
 from roboprompt_client import quaternions
 from roboprompt_client.arrays import Array
-from roboprompt_client.trajectory import EndEffectorAction, Trajectory
+from roboprompt_client.trajectory import Trajectory
 
-NEVER_M = 1.0  # from a switch that no action makes
 HELD_M = 0.10  # an object as near to the first pose of the hand may be in it
 
 
@@ -41,7 +40,7 @@ class RecordedHand:
     """The hand of one recording.
 
     Attributes:
-        missed_m: how far the actions stay from where it acts, see `missed_m`.
+        kept: how closely the actions keep to it.
         starts_open: whether the fingers are open until the first act.
         acts: the switches of the gripper, without fingers that come to their place before the hand moves.
         start_m, end_m: (3,) where it is at first and at last.
@@ -50,7 +49,7 @@ class RecordedHand:
         may_hold: whether an object is so near to its first pose that it may be held from the start.
     """
 
-    missed_m: float
+    kept: Kept
     starts_open: bool
     acts: tuple[Act, ...]
     start_m: Array
@@ -60,24 +59,19 @@ class RecordedHand:
     may_hold: bool
 
     @classmethod
-    def of(cls, trajectory: Trajectory, times_s: Array, shown: Demonstration) -> "RecordedHand":
-        """What the demonstration's recording has.
-
-        Args:
-            times_s: (T,) of the frames.
-        """
-        switches = gripper_switches(trajectory, times_s)
-        acting = [switch for switch in switches if not at_start(switch, trajectory)]
+    def of(cls, motion: Motion, shown: Demonstration, kept: Kept) -> "RecordedHand":
+        """What the demonstration's recording has."""
+        trajectory, acting = motion.trajectory, motion.acting_switches
         away_m = _away_m(trajectory.positions_m, shown)
         ends = [*(switch.frame for switch in acting[1:]), len(trajectory) - 1]
         starts_open = not acting[0].opens if acting else bool(trajectory.gripper_open[-1])
         return cls(
-            missed_m(trajectory, acting, shown.actions),
+            kept,
             starts_open,
             tuple(_act(trajectory, s, end, shown, away_m) for s, end in zip(acting, ends, strict=False)),
             trajectory.positions_m[0],
             trajectory.positions_m[-1],
-            float(hand_speeds_m_s(trajectory, times_s)[-1]),
+            float(motion.hand_speeds_m_s[-1]),
             float(away_m.min()),
             bool(away_m[0].min() < HELD_M),
         )
@@ -102,25 +96,3 @@ def _act(trajectory: Trajectory, switch: Switch, end: int, shown: Demonstration,
         float(away_m[frame : end + 1, place].min()),
         float(np.linalg.norm(way_m)) + M_PER_RAD * turn_rad,
     )
-
-
-def missed_m(trajectory: Trajectory, acting: Sequence[Switch], actions: Sequence[EndEffectorAction]) -> float:
-    """How far the actions stay from the place where the recorded hand acts; of several places, the farthest.
-
-    The hand acts where the gripper switches, at the nearest action with the gripper as it is then. Where it never does,
-    the hand acts at the lowest place of its way, which the straight way from action to action may pass.
-
-    Args:
-        acting: the switches in which the hand acts.
-        actions: at least one.
-    """
-    if not acting:
-        lowest_m = trajectory.positions_m[int(trajectory.positions_m[:, 2].argmin())]
-        way_m = np.array([trajectory.positions_m[0], *(action.position_m for action in actions)])
-        return float(distances_m(way_m, lowest_m).min())
-    return max(_nearest_m(trajectory.positions_m[s.frame], s.opens, actions) for s in acting)
-
-
-def _nearest_m(place_m: Array, is_open: bool, actions: Sequence[EndEffectorAction]) -> float:
-    found_m = [float(np.linalg.norm(a.position_m - place_m)) for a in actions if a.gripper_open == is_open]
-    return min(found_m, default=NEVER_M)

@@ -13,9 +13,9 @@ from typing import Literal
 import numpy as np
 from sqlalchemy import Connection
 
-from app.pipeline.episode import Demonstration, frame_times_s
+from app.pipeline.episode import Demonstration
 from app.pipeline.findings.hand import RecordedHand
-from app.pipeline.keyframes import KeyframeRule
+from app.pipeline.findings.missed import kept
 from app.pipeline.plans import Recording, agreeing, aligned_by_plan, shown_together
 from app.services.cache import Cache
 from app.services.predict.request import Selection
@@ -222,19 +222,23 @@ def read_hands(
     """What the hand did in the recording of each of the task's demonstrations."""
     ids = [demonstration.id for demonstration in recorded]
     records = episodes.demonstrations_by_id(connection, task, ids)
-    found = recordings_of(records, get_trajectories(connection, ids), settings)
-    return tuple(RecordedHand.of(r.trajectory, r.times_s, d) for r, d in zip(found, recorded, strict=True))
+    delta_rad_s, hands = settings.keyframes.keyframe_rule().delta_rad_s, []
+    for shown, trajectory, record in zip(recorded, get_trajectories(connection, ids), records, strict=True):
+        motion = settings.motion_of(trajectory, record.control_frequency_hz)
+        hands.append(RecordedHand.of(motion, shown, kept(motion, shown.actions, delta_rad_s)))
+    return tuple(hands)
 
 
 def recordings_of(
     records: Sequence[DemonstrationRecord], trajectories: Sequence[Trajectory], settings: TaskSettings
 ) -> list[Recording]:
     """The demonstrations of records as they were found, each with the trajectory that it was made from."""
-    rule, open_above_m = settings.keyframes.keyframe_rule(), settings.gripper_open_above_m
-    return [
-        _recording(canonical_demonstration(record.demonstration(), settings), moved, record, rule)
-        for record, moved in zip(records, (t.with_gripper_open_above(open_above_m) for t in trajectories), strict=True)
-    ]
+    rule, recordings = settings.keyframes.keyframe_rule(), []
+    for record, trajectory in zip(records, trajectories, strict=True):
+        motion = settings.motion_of(trajectory, record.control_frequency_hz)
+        demonstration = canonical_demonstration(record.demonstration(), settings)
+        recordings.append(Recording(replace(demonstration, start=trajectory.action_at(0)), motion, rule))
+    return recordings
 
 
 def _unaligned(records: Sequence[DemonstrationRecord], settings: TaskSettings) -> Demonstrations:
@@ -246,10 +250,3 @@ def canonical_demonstration(demonstration: Demonstration, settings: TaskSettings
     """The demonstration as prompts show it: symmetric objects at their canonical yaw."""
     later = tuple(settings.canonical(objects) for objects in demonstration.later_objects)
     return replace(demonstration, objects=settings.canonical(demonstration.objects), later_objects=later)
-
-
-def _recording(
-    demonstration: Demonstration, trajectory: Trajectory, record: DemonstrationRecord, rule: KeyframeRule
-) -> Recording:
-    started = replace(demonstration, start=trajectory.action_at(0))
-    return Recording(started, trajectory, frame_times_s(trajectory, record.control_frequency_hz), rule)
