@@ -14,11 +14,13 @@ from roboprompt_client.arms.cell import closing_robot, open_robot
 from roboprompt_client.calibrate_command import add_calibrate
 from roboprompt_client.client import DEFAULT_URL, RoboPromptClient
 from roboprompt_client.danger import OnDanger
+from roboprompt_client.doctor import add_doctor
 from roboprompt_client.errors import InvalidInputError, RoboPromptError
 from roboprompt_client.init_command import run_init
 from roboprompt_client.look_command import add_find, add_look, find_in_pictures, seeing_arm
 from roboprompt_client.loop import run_closed_loop, run_task, show_nothing
 from roboprompt_client.motion_limits import Box, MotionLimits, Pose
+from roboprompt_client.plans import run_plan
 from roboprompt_client.record_command import add_check, add_record
 from roboprompt_client.robot import OBJECTS, Observation, Robot, observation_from_file
 from roboprompt_client.terminal import Person
@@ -81,6 +83,7 @@ def _parser() -> ArgumentParser:
     init.add_argument("file", type=Path, metavar="FILE", help="such as cell.json")
     add_record(add, ROBOT)
     add_check(add, ROBOT)
+    add_doctor(add, ROBOT)
     add_look(add)
     add_calibrate(add)
     add_viewpoints(add)
@@ -91,8 +94,9 @@ def _add_url(parser: ArgumentParser, default: str) -> None:
     parser.add_argument("--url", default=default, help=f"where the service listens (default: {DEFAULT_URL})")
 
 
-def _add_task(parser: ArgumentParser) -> None:
-    parser.add_argument("--task", required=True, help="the task's name at the service")
+def _add_task(parser: ArgumentParser, *, required: bool = True) -> None:
+    found = "" if required else "; left out: the tasks that the instruction asks for, step by step"
+    parser.add_argument("--task", required=required, help=f"the task's name at the service{found}")
     parser.add_argument("--instruction", required=True, help="what the robot is to do, in words")
 
 
@@ -102,7 +106,7 @@ def _add_objects(parser: _ActionsContainer, *, required: bool = False) -> None:
 
 
 def _add_run(run: ArgumentParser) -> None:
-    _add_task(run)
+    _add_task(run, required=False)
     add_find(run)
     run.add_argument("--robot", required=True, metavar="ROBOT", help=ROBOT)
     run.add_argument("--confirm", action="store_true", help="show the plan, and ask before each motion")
@@ -184,22 +188,26 @@ def _run_with(client: RoboPromptClient, robot: Robot, pinned: MotionLimits, argu
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     danger = arguments.on_danger
     if arguments.closed_loop:
+        if arguments.task is None:
+            raise InvalidInputError("--task", "is left out beside --closed-loop", "the name of the task")
         steps = list(run_closed_loop(*what, pinned=pinned, confirm=confirm, on_danger=danger, preview=preview))
         if (outcome := person.outcome(steps[-1])) is not None:
             for step in steps:
                 client.record_outcome(step.id, *outcome)
         return _print_json({"steps": [step.response for step in steps]})
-    predicted = run_task(
-        *what,
-        pinned=pinned,
-        confirm=confirm,
-        preview=preview,
-        stream=arguments.stream,
-        look_again=arguments.look_again,
-        on_danger=danger,
-        on_outcome=person.outcome,
-    )
-    return _print_json(predicted.response)
+    how = {
+        "pinned": pinned,
+        "confirm": confirm,
+        "preview": preview,
+        "stream": arguments.stream,
+        "look_again": arguments.look_again,
+        "on_danger": danger,
+    }
+    if arguments.task is not None:
+        return _print_json(run_task(*what, on_outcome=person.outcome, **how).response)
+    confirm_steps, on_outcome = (person.confirm_steps, person.outcome) if arguments.confirm else (None, None)
+    steps = run_plan(client, robot, arguments.instruction, confirm_steps=confirm_steps, on_outcome=on_outcome, **how)
+    return _print_json({"steps": [step.response for step in steps]})
 
 
 def _print_json(document: object) -> int:

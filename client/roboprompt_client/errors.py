@@ -8,6 +8,7 @@
     ├── InvalidAnswerError       the service answered something that it never may; names the member
     ├── MotionError              the robot could not carry out an action
     ├── NotConfirmedError        a person did not allow an action
+    ├── StepFailedError          a step of a plan was not done, so that the next ones were not begun
     ├── ObjectLostError          an object that an action refers to is out of sight
     ├── CameraError              a camera gave no picture that can be used; names the camera
     └── DangerError              the service finds its own answer dangerous, and no person allowed it
@@ -136,6 +137,10 @@ class CameraError(RoboPromptError):
 
 class DangerError(RoboPromptError):
     """The service says of its own prediction that it is probably wrong, and no person allowed it; nothing was moved."""
+
+
+class StepFailedError(RoboPromptError):
+    """A step of a plan was not done, or nobody knows whether it was; the steps after it were not begun."""
 
 
 class MotionError(RoboPromptError):

@@ -2,11 +2,11 @@
 
 import sys
 from argparse import Namespace
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from roboprompt_client.arm_check import ArmCheck
+from roboprompt_client.arm_check import ArmCheck, CheckResult
 from roboprompt_client.arms.arm import Arm
 from roboprompt_client.arms.cell import closing_robot, open_robot
 from roboprompt_client.arrays import finite_array
@@ -104,7 +104,11 @@ def run_check(_: RoboPromptClient, arguments: Namespace) -> int:
     def confirm(question: str) -> bool:
         return ask_yes(f"{question} [y/N] ")
 
-    results = ArmCheck(robot, moves=arguments.move, confirm=confirm, touched_m=arguments.touch).run()
+    return print_results(ArmCheck(robot, moves=arguments.move, confirm=confirm, touched_m=arguments.touch).run())
+
+
+def print_results(results: Sequence[CheckResult]) -> int:
+    """A line for each; 1 where something failed."""
     for result in results:
         _print(f"{MARKS[result.passed]}  {result.name}: {result.detail}")
     return int(any(result.passed is False for result in results))
