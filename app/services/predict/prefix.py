@@ -57,6 +57,7 @@ class PrefixKey:
         all_of_them: also demonstrations of a rare plan.
         other_tasks: whose demonstrations it has instead of the task's own, with their versions.
         shown_ids: of the demonstrations whose plan the scene calls for; empty where no scene is asked.
+        absent: objects of the task that the scene does not have.
     """
 
     task: str
@@ -66,6 +67,7 @@ class PrefixKey:
     all_of_them: bool = False
     other_tasks: tuple[tuple[str, int], ...] = ()
     shown_ids: tuple[str, ...] = ()
+    absent: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
