@@ -26,7 +26,7 @@ def test_every_setting_is_documented_and_nothing_else():
 
 
 def test_example_files_are_the_documented_examples():
-    for name in ("EPISODE", "TASK", "PREDICT", "OUTCOME"):
+    for name in ("EPISODE", "TASK", "PREDICT", "PLAN", "OUTCOME"):
         kept = json.loads((ROOT / f"docs/examples/{name.lower()}.json").read_text())
         assert kept == json.loads(json.dumps(getattr(examples, name)))
 
@@ -35,6 +35,7 @@ def test_no_package_registry_in_the_repository():
     locks = (
         "client/tests.txt",
         "client/libfranka/requirements.txt",
+        "client/realsense/requirements.txt",
         "requirements.lock",
         "requirements-dev.lock",
         "docker/server.lock",

@@ -12,7 +12,6 @@ from app.pipeline.findings.rules import (
     MODEL_FAILED,
     NEW_INSTRUCTION,
     NEW_ROLE,
-    OTHER_TASKS,
     UNFAMILIAR_INSTRUCTION,
     UNPARSABLE,
     UNSAFE,
@@ -42,7 +41,7 @@ def findings_before(prefix: Prefix, taught: Taught, seen: Query, order: Order) -
         order: the instruction as it is understood.
     """
     scene = scene_findings(seen, taught.scenes, taught.followed(order), taught.needed)
-    return (*_other_tasks(prefix), *_words(order, prefix), *taught.findings(order), *scene)
+    return (*_words(order, prefix), *taught.findings(order), *scene)
 
 
 def failure_findings(status: PredictionStatus, error: str | None) -> tuple[Finding, ...]:
@@ -51,16 +50,6 @@ def failure_findings(status: PredictionStatus, error: str | None) -> tuple[Findi
         return ()
     rule, where, what = FAILURES[status]
     return (rule.finding(f"{what}: {error}. The robot got no actions.", where),)
-
-
-def _other_tasks(prefix: Prefix) -> Iterator[Finding]:
-    if others := prefix.other_tasks:
-        listed = ", ".join(f"{name} ({number})" for name, number in others)
-        message = (
-            f"Nobody has shown this task: the prompt has demonstrations of {listed}, with objects of their own. No"
-            " demonstrated plan holds the actions, only the bounds of motion do."
-        )
-        yield OTHER_TASKS.finding(message)
 
 
 def _words(order: Order, prefix: Prefix) -> Iterator[Finding]:

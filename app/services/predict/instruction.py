@@ -16,7 +16,7 @@ import numpy as np
 from app.llm.base import CompletionRequest, LanguageModel, LanguageModelError, complete
 from app.pipeline.errors import UngroundedInstructionError
 from app.pipeline.order.order import Grounding, Order
-from app.pipeline.order.reading import read, read_untaught
+from app.pipeline.order.reading import read
 from app.pipeline.order.space import Layout
 from app.pipeline.order.taught import Taught
 from app.pipeline.prompt import Prompt
@@ -75,8 +75,7 @@ def ground_instruction(
     The objects move while a closed loop runs: "the leftmost cube" must stay the one that it was.
 
     Args:
-        taught: the instructions of the demonstrations that the prompt shows; empty where these are of other tasks:
-            then only the objects are understood.
+        taught: the instructions of the demonstrations that the prompt shows.
 
     Raises:
         UngroundedInstructionError, UnfamiliarInstructionError: if it is not clear, or may mean an object that is not
@@ -105,21 +104,20 @@ def _grounded(
     """The instruction as it is understood where there are these objects."""
     names = tuple(pose.name for pose in objects)
     aliases = tuple(sorted((name, said) for name, said in settings.aliases.items() if name in names))
-    known = _taught(names, aliases, tuple(dict.fromkeys(taught)))
+    known = taught_of(names, aliases, tuple(dict.fromkeys(taught)))
     if request.meaning is not None:
         order = read(request.meaning, known)
         phrases = tuple(Grounding(instruction, phrase.object_name, "llm") for phrase in order.phrases)
         return replace(order, phrases=phrases)
     layout = Layout({pose.name: pose.position_m for pose in objects}, np.array(settings.robot_base))
-    if request.options.demonstrations_from is not None:
-        return read_untaught(instruction, known, layout)
     return read(instruction, known, layout, allow_unfamiliar=request.options.unfamiliar == "allow")
 
 
 @lru_cache(MAX_TASKS)
-def _taught(
+def taught_of(
     names: tuple[str, ...], aliases: tuple[tuple[str, tuple[str, ...]], ...], instructions: tuple[str, ...]
 ) -> Taught:
+    """What instructions about these objects are read against; kept, because robots ask again and again."""
     return Taught(names, dict(aliases), instructions, is_english)
 
 

@@ -16,16 +16,15 @@ from app.services.cache import Cache
 from app.services.measures import timed
 from app.services.pose_servers import PoseServers
 from app.services.predict.closed_loop import PreviousStep, previous_step
-from app.services.predict.lent import LendingTask, lending_tasks, read_lent
 from app.services.predict.observe import Scene, look, observed
-from app.services.predict.prefix import Prefix, PrefixKey, PromptStyle, make_lent_prefix, make_prefix
+from app.services.predict.prefix import Prefix, PrefixKey, PromptStyle, make_prefix
 from app.services.predict.request import PredictOptions, PredictRequest
 from app.services.predict.select import (
     Demonstrations,
     DemonstrationSelector,
     TaskState,
     read_demonstrations,
-    read_kept,
+    read_hands,
 )
 from app.services.task_settings import TaskSettings
 from app.store import tasks
@@ -48,8 +47,7 @@ class Known:
         scene: as it was observed.
         end_effector: where it is before the first action: as the robot tells, else where the last step sent it.
         prefixes: one for all samples, or one for each.
-        taught: all demonstrations of the task, which an answer is held against; empty where the demonstrations are
-            other tasks'.
+        taught: all demonstrations of the task, which an answer is held against.
         plan_findings: which of the demonstrated plans the first shows, and why.
     """
 
@@ -111,12 +109,12 @@ class KnownReader:
             with timed("prompt"):
                 profile = self.profile_of(previous.model if previous else request.options.model)
                 style = previous.style if previous else PromptStyle.of(request, settings, profile)
-                taught = self._taught(connection, task, settings, style, request.options.demonstrations_from)
-                ids, lending = self._ids(connection, request, task, settings, scene, previous)
+                taught = self._taught(connection, task, settings, style)
+                ids = self._ids(connection, request, task, settings, scene, previous)
                 if scene.absent:
                     taught = self._without_absent(connection, task, settings, scene, taught, ids)
                 named = request.options.episode_ids is not None and previous is None
-                asked = _Asked(task, settings, style, lending, scene.absent, all_of_them=named)
+                asked = _Asked(task, settings, style, scene.absent, all_of_them=named)
                 shown = [self._shown(connection, asked, order, scene) for order in _orders(ids, request.options)]
         prefixes, findings = [prefix for prefix, _ in shown], shown[0][1]
         return Known(settings, previous, end_effector, scene, profile, style, prefixes, taught, findings)
@@ -132,7 +130,7 @@ class KnownReader:
             task = tasks.get(connection, task_name)
             settings = TaskSettings.model_validate(task.settings)
             style = PromptStyle.of(request, settings, self.profile_of(None))
-            self._taught(connection, task, settings, style, request.options.demonstrations_from)
+            self._taught(connection, task, settings, style)
             number = settings.num_demonstrations
             ids = self._select(connection, task, request.options.selection, number, request.options.seed, ())
             plans = self._plans_of(connection, task, settings, ids)
@@ -146,26 +144,22 @@ class KnownReader:
         task: TaskRecord,
         settings: TaskSettings,
         style: PromptStyle,
-        demonstrations_from: Sequence[str] | None,
     ) -> Taught:
         """All demonstrations of the task, whichever the request names; of very many those that lie farthest apart.
 
-        Those that a program names may be of one way by chance: the service cannot know that a person chose them. None
-        where the demonstrations are other tasks'.
+        Those that a program names may be of one way by chance: the service cannot know that a person chose them.
         """
-        if demonstrations_from is not None:
-            return Taught(())
 
         def make() -> Taught:
             ids = self._select(connection, task, "diverse", MAX_HELD_AGAINST, 0, ())
             recorded = self._read(connection, task, settings, ids).recorded
-            paths = read_kept(connection, task.name, recorded, settings)
+            hands = read_hands(connection, task.name, recorded, settings)
             if not style.from_start:
                 recorded = tuple(replace(demonstration, start=None) for demonstration in recorded)
             return Taught(
                 recorded,
                 settings.ways == "several",
-                paths,
+                hands,
                 frozenset(settings.yaw_symmetry_deg),
                 moves=style.closed_loop,
             )
@@ -213,24 +207,21 @@ class KnownReader:
         settings: TaskSettings,
         scene: Scene,
         previous: PreviousStep | None,
-    ) -> tuple[tuple[str, ...], tuple[LendingTask, ...]]:
-        """The demonstrations that the request names or its selection finds, and the other tasks whose they are."""
+    ) -> tuple[str, ...]:
+        """The demonstrations that the request names or its selection finds."""
         options = request.options
-        number = options.num_demonstrations or settings.num_demonstrations
         if previous is not None:
-            return previous.demonstration_ids, ()
-        if options.demonstrations_from is not None:
-            lending = lending_tasks(connection, request, task, number, self._select)
-            return tuple(id_ for other in lending for id_ in other.ids), lending
+            return previous.demonstration_ids
         if options.episode_ids is not None:
-            return options.episode_ids, ()
-        return self._select(connection, task, options.selection, number, options.seed, scene.objects), ()
+            return options.episode_ids
+        number = options.num_demonstrations or settings.num_demonstrations
+        return self._select(connection, task, options.selection, number, options.seed, scene.objects)
 
     def _shown(
         self, connection: Connection, asked: "_Asked", ids: tuple[str, ...], scene: Scene
     ) -> tuple[Prefix, tuple[Finding, ...]]:
         """Of several plans those that the scene calls for, and why, unless somebody chose the demonstrations."""
-        by_scene = not (asked.all_of_them or asked.lending or asked.style.closed_loop)
+        by_scene = not (asked.all_of_them or asked.style.closed_loop)
         plans = self._plans_of(connection, asked.task, asked.settings, ids) if by_scene else None
         choice = None if plans is None else plans(scene.objects)
         return self._prefix(connection, asked, ids, choice), () if choice is None else choice.findings
@@ -252,13 +243,10 @@ class KnownReader:
             choice: those of them that the scene calls for.
         """
         task, settings, style = asked.task, asked.settings, asked.style
-        versions = tuple((other.record.name, other.record.version) for other in asked.lending)
         shown_ids = () if choice is None else tuple(demonstration.id for demonstration in choice.shown)
-        key = PrefixKey(task.name, task.version, style, ids, asked.all_of_them, versions, shown_ids, asked.absent)
+        key = PrefixKey(task.name, task.version, style, ids, asked.all_of_them, shown_ids, asked.absent)
 
         def make() -> Prefix:
-            if asked.lending:
-                return make_lent_prefix(read_lent(connection, asked.lending, task, settings), ids, settings, style)
             if choice is not None:
                 found = Demonstrations(agreeing(choice.shown), choice.shown)
             elif style.closed_loop:
@@ -277,7 +265,6 @@ class _Asked:
     """How prompts of a request are written, whatever they show.
 
     Attributes:
-        lending: the tasks whose demonstrations they show, where that is not `task`.
         absent: objects of the task that the scene does not have.
         all_of_them: also demonstrations of a rare plan.
     """
@@ -285,7 +272,6 @@ class _Asked:
     task: TaskRecord
     settings: TaskSettings
     style: PromptStyle
-    lending: tuple[LendingTask, ...] = ()
     absent: tuple[str, ...] = ()
     all_of_them: bool = False
 

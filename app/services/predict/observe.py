@@ -1,6 +1,5 @@
 """What a request observed: its objects' poses in the task's order, given or found in images."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 from app.perception.registry import estimate_poses
@@ -71,17 +70,13 @@ def observed(request: PredictRequest, task: TaskRecord, settings: TaskSettings, 
     """The observed objects' poses, symmetric objects at their canonical yaw. Objects of the task may be absent.
 
     Raises:
-        NoDemonstrationsError: if the task has no demonstrations, and the request asks for no other task's.
+        NoDemonstrationsError: if the task has no demonstrations.
         ObjectSetError: if names are given twice or are spelt otherwise; as `estimate_poses` and `check_scene_units`.
     """
-    sent = [query.name for query in request.objects]
-    names: Sequence[str] | None = task.object_names
+    sent, names = [query.name for query in request.objects], task.object_names
     if names is None:
-        if request.options.demonstrations_from is None:
-            raise NoDemonstrationsError(task.name)
-        names = list(dict.fromkeys(sent))
-    lent = request.options.demonstrations_from is not None
-    check_object_names(sent, names, needed=None if lent else ())
+        raise NoDemonstrationsError(task.name)
+    check_object_names(sent, names, needed=())
     queries = with_templates(settings.with_models(request.objects), blobs)
     poses = estimate_poses(settings.pose_estimator, queries, request.frames, given_first=True)
     check_scene_units([pose for pose in poses if pose.name in names], settings.workspace.workspace())
