@@ -13,7 +13,7 @@ from roboprompt_client.camera import RgbdFrame
 from roboprompt_client.errors import InvalidInputError
 
 NEAREST_M, FARTHEST_M = 0.05, 20.0  # the middle depth of a robot's workspace lies between
-STRIDE_PX = 16
+GRID_ROWS = 30  # of pixels that are looked at
 NUM_TRIALS = 60
 # Standard deviation of a stereo camera's depth (Intel D400) at 1 m; it grows with the square of the distance
 DEPTH_SIGMA_AT_1_M = 0.002
@@ -65,12 +65,13 @@ def check_level(frame: RgbdFrame) -> None:
         InvalidInputError: naming the camera's camera_to_world and the tilt.
     """
     assert frame.depth_m is not None
-    depth_m = frame.depth_m[::STRIDE_PX, ::STRIDE_PX]
+    stride_px = max(1, frame.depth_m.shape[0] // GRID_ROWS)
+    depth_m = frame.depth_m[::stride_px, ::stride_px]
     rows, columns = np.nonzero(depth_m > 0)
     if len(rows) < NUM_TRIALS:
         return
     depths_m = depth_m[rows, columns]
-    points_m = pixels_to_world(frame.camera, rows * STRIDE_PX, columns * STRIDE_PX, depths_m)
+    points_m = pixels_to_world(frame.camera, rows * stride_px, columns * stride_px, depths_m)
     normal, share = _largest_plane(points_m, FLAT_M * np.maximum(depths_m.astype(np.float64), 1.0) ** 2)
     tilt_deg = float(np.degrees(np.arccos(np.clip(abs(normal[2]), 0, 1))))
     if share > ENOUGH_SHARE and MAX_TILT_DEG < tilt_deg < STEEP_DEG:

@@ -7,7 +7,14 @@ import numpy as np
 
 from app.perception.registered.cloud import Index
 from app.perception.registered.poses import Poses, joined
-from app.perception.registered.registration import ALL_FREE, MAX_RISE_M, TURN_ABOUT_Z, fallen_starts, registered, upright_starts
+from app.perception.registered.registration import (
+    ALL_FREE,
+    MAX_RISE_M,
+    TURN_ABOUT_Z,
+    fallen_starts,
+    registered,
+    upright_starts,
+)
 from app.perception.registered.scene import LitScene
 from app.perception.registered.score import score
 from app.perception.registered.template import Template

@@ -65,7 +65,7 @@ def test_nothing_is_taught_where_no_view_fits_another():
 def test_a_mask_of_half_the_table_is_no_object():
     spread = frames(layout(carton=(-0.3, 0.1, 0.0), jar=(0.3, 0.1, 0.0)))
     everything = LabelledView(tuple(replace(frame, mask=np.ones_like(frame.mask)) for frame in spread))
-    with pytest.raises(ObjectModelError, match=r"span \d+ cm, at most 50"):
+    with pytest.raises(ObjectModelError, match=r"span \d+ cm, at most 70"):
         learn("carton", [everything], None)
 
 
