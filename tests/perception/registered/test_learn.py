@@ -79,6 +79,11 @@ def test_what_is_not_round_is_not_taught_as_round():
         learn("brick", [view("brick", 0)], 0.0)
 
 
+def test_what_looks_otherwise_when_turned_is_not_taught_as_symmetric():
+    with pytest.raises(ObjectModelError, match=r"turned by 180 degrees it looks otherwise|differs from itself"):
+        learn("mug", [view("mug", 0)], 180.0)
+
+
 def test_what_looks_the_same_all_around_needs_a_symmetry():
     with pytest.raises(ObjectModelError, match="same at every yaw") as caught:
         learn("jar", [view("jar", 0)], None)
