@@ -26,7 +26,7 @@ def test_every_setting_is_documented_and_nothing_else():
 
 
 def test_example_files_are_the_documented_examples():
-    for name in ("EPISODE", "TASK", "PREDICT", "OUTCOME"):
+    for name in ("EPISODE", "TASK", "PREDICT", "PLAN", "OUTCOME"):
         kept = json.loads((ROOT / f"docs/examples/{name.lower()}.json").read_text())
         assert kept == json.loads(json.dumps(getattr(examples, name)))
 
@@ -35,6 +35,7 @@ def test_no_package_registry_in_the_repository():
     locks = (
         "client/tests.txt",
         "client/libfranka/requirements.txt",
+        "client/realsense/requirements.txt",
         "requirements.lock",
         "requirements-dev.lock",
         "docker/server.lock",
@@ -129,6 +130,13 @@ def test_every_relative_link_leads_to_a_file_and_a_heading(page):
         if anchor:
             headings = re.findall(r"^#+ (.+)$", file.read_text(), re.MULTILINE)
             assert anchor in map(_slug, headings), target
+
+
+def test_the_site_leads_to_every_page():
+    """Results are reached from their list."""
+    listed = (ROOT / "properdocs.yml").read_text()
+    pages = {page.relative_to(ROOT / "docs").as_posix() for page in (ROOT / "docs").rglob("*.md")}
+    assert not {page for page in pages if not page.startswith("results/") and f": {page}\n" not in listed}
 
 
 def _files():

@@ -19,7 +19,7 @@ MULTIPART, JSON, MSGPACK, FORM = (
 )
 # What robots send with images. In JSON an upload has its trajectory inline, too: 13,000 frames, 11 minutes at 20 Hz.
 UPLOAD = "/episodes"
-WITH_IMAGES = (UPLOAD, "/predict", "/poses", "/labels", "/ui/predict/prompt")
+WITH_IMAGES = (UPLOAD, "/predict", "/poses", "/labels", "/labels/preview", "/ui/predict/prompt")
 MAX_UPLOAD_VALUES = 250_000
 
 

@@ -15,6 +15,7 @@ from app.services.predict.ask import PredictActions
 from app.services.predict.instruction import is_english
 from app.services.predict.known import KnownReader
 from app.services.predict.motion_check import CurrentLimits
+from app.services.predict.read_steps import ReadSteps
 from app.services.predict.record import PredictionRecorder
 from app.services.predict.repeat import RepeatedPredictions
 from app.services.predict.warm import PrefixWarmer
@@ -24,6 +25,7 @@ from app.services.teach.configure import MAX_AT_ONCE, ConfigureTask
 from app.services.teach.labels import LabelObjects, LearnFromLabels
 from app.services.teach.learn import LearnObjectModels
 from app.services.teach.reextract import RunJobs
+from app.services.teach.try_model import TryModel
 from app.services.teach.upload import UploadEpisode
 from app.store.store import Store
 
@@ -47,8 +49,10 @@ class Services:
     learn_object_models: LearnObjectModels
     label_objects: LabelObjects
     learn_from_labels: LearnFromLabels
+    try_model: TryModel
     draw_overlay: DrawOverlay
     predict_actions: PredictActions
+    read_steps: ReadSteps
     check_task: CheckTask
     prefix_warmer: PrefixWarmer
     metrics: Metrics
@@ -101,8 +105,10 @@ class Services:
             learn_object_models=LearnObjectModels(store, configure),
             label_objects=LabelObjects(store),
             learn_from_labels=LearnFromLabels(store, configure),
+            try_model=TryModel(store, pose_servers),
             draw_overlay=DrawOverlay(store),
             predict_actions=PredictActions(*parts, PredictionRecorder(store, metrics)),
+            read_steps=ReadSteps(store),
             check_task=CheckTask(store, profile_of, PredictActions(*parts, None)),
             prefix_warmer=warmer,
             metrics=metrics,

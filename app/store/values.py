@@ -145,6 +145,11 @@ class CameraRecord:
         """The camera's."""
         return str(self.calibration["name"])
 
+    @property
+    def has_rgbd(self) -> bool:
+        """Whether it has a color image and a depth image."""
+        return self.rgb_digest is not None and self.depth_digest is not None
+
     def digest(self, kind: ImageKind) -> str | None:
         """Where its image of that kind is stored, if it has one."""
         return {"rgb": self.rgb_digest, "depth": self.depth_digest, "mask": self.mask_digest}[kind]

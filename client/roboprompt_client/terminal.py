@@ -6,10 +6,10 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
-from roboprompt_client.answers import Outcome, PredictedActions
+from roboprompt_client.answers import Outcome, PlannedStep, PredictedActions
 from roboprompt_client.arms.arm import Arm
 from roboprompt_client.arms.preview import Previewed, table
-from roboprompt_client.motion_limits import MotionLimits
+from roboprompt_client.motion_limits import MotionLimits, Pose
 from roboprompt_client.robot import Robot
 from roboprompt_client.trajectory import EndEffectorAction
 
@@ -94,8 +94,21 @@ class Person:
         x_m, y_m, z_m = action.position_m
         return ask_yes(f"action {index + 1}: to {x_m:.3f} {y_m:.3f} {z_m:.3f} m, gripper {gripper}. Go? [y/N] ")
 
+    def confirm_steps(self, steps: Sequence[PlannedStep]) -> bool:
+        """Whether the person lets the plan begin."""
+        _print("\n".join(f"{number}. {step.instruction} ({step.task})" for number, step in enumerate(steps, start=1)))
+        return ask_yes("Are these the steps? [y/N] ")
+
+    def confirm_viewpoint(self, number: int, pose: Pose) -> bool:
+        """Whether the person lets the hand go to a viewpoint; what is wrong with the way is printed first."""
+        if isinstance(self._robot, Arm) and (problem := self._robot.problem_with(pose)):
+            _print(f"! {problem}")
+        x_m, y_m, z_m = pose.position_m
+        return ask_yes(f"viewpoint {number}: the hand goes to {x_m:.3f} {y_m:.3f} {z_m:.3f} m. Go? [y/N] ")
+
     def outcome(self, predicted: PredictedActions) -> Outcome | None:
         """What the person says: `y` or `n`, with a note behind it; None where they answer nothing."""
+        self._shown.clear()  # the next plan counts its actions anew
         while answer := ask("Did it work? [y, n, or n and why; Enter: not recorded] "):
             word, _, note = answer.partition(" ")
             if word.lower().rstrip(",:") in (*YES, *NO):

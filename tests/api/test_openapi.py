@@ -11,12 +11,12 @@ OPERATIONS = {
     "upload_episode", "list_episodes", "get_episode", "delete_episode", "get_trajectory", "get_image",
     "list_tasks", "get_task", "configure_task", "predict", "list_predictions", "get_prediction", "record_outcome",
     "list_models", "healthz", "readyz", "metrics", "find_poses", "learn_object_models", "check_task",
-    "label_object", "list_labels", "delete_label", "learn_from_labels",
+    "label_object", "preview_label", "list_labels", "delete_label", "learn_from_labels", "try_object_model",
     "get_episode_overlay",
     "get_prediction_overlay",
     "get_metadata", "get_task_stats", "get_upload",
     "get_job", "list_jobs",
-    "delete_prediction", "delete_task",
+    "delete_prediction", "delete_task", "plan",
 }  # fmt: skip
 
 

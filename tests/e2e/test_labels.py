@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from app.api.schemas.labels import LabelList, LabelOut, LearnedLabelsOut
+from app.api.schemas.labels import LabelList, LabelOut, LabelPreviewOut, LearnedLabelsOut
+from app.api.schemas.poses import TriedModelOut
 from benchmarks.object_scenes import Layout, Room, upright
 from roboprompt_client.camera import camera_json
 from roboprompt_client.encoding import request_parts
@@ -75,6 +76,74 @@ def test_one_click_labels_every_camera(labelled):
     for label in listed.json()["labels"]:
         assert [camera["name"] for camera in label["cameras"]] == ["front", "left", "right"]
         assert min(camera["num_pixels"] for camera in label["cameras"]) > 1000
+
+
+def test_a_preview_shows_the_masks_and_stores_nothing(labelled):
+    carton, jar = PLACES[0]
+    views = shots(layout(carton, jar))
+    id_ = labelled.get("/episodes", params={"task": "shelf"}).json()["episodes"][-1]["id"]
+    on, off = click_on(views, (*carton[:2], 0.09))["front"], click_on(views, (*jar, 0.1))["front"]
+    arrow = [on, click_on(views, (carton[0] + 0.1, carton[1], 0.11))["front"]]
+    before = labelled.get("/tasks/shelf/labels").json()
+    marks = {"clicks": {"front": [on, off]}, "arrows": {"front": arrow}}
+    pixels = {}
+    for name, more in (("both", {}), ("one", {"clicks_off": {"front": [off]}, "clicks": {"front": on}})):
+        body = {"object": "carton", "episode_id": id_, **marks, **more}
+        answer = labelled.post("/tasks/shelf/labels/preview", json=body)
+        assert answer.status_code == 200, answer.text
+        shown = LabelPreviewOut.model_validate_json(answer.content)
+        assert [camera.name for camera in shown.cameras] == ["front", "left", "right"]
+        assert all(camera.outlines for camera in shown.cameras)
+        assert abs(shown.yaw_deg) < 15
+        pixels[name] = [camera.num_pixels for camera in shown.cameras]
+    assert all(both > 1.2 * one > 0 for both, one in zip(pixels["both"], pixels["one"], strict=True))
+    cameras = [camera_json(frame.camera) for frame in views]
+    own = {"object": "jar", "cameras": cameras, "clicks": {"front": off}}
+    answer = labelled.post("/tasks/shelf/labels/preview", files=request_parts(own, views))
+    assert answer.status_code == 200, answer.text
+    assert labelled.get("/tasks/shelf/labels").json() == before
+
+
+def test_a_dry_run_changes_nothing_and_its_model_can_be_tried(labelled):
+    before = labelled.get("/tasks/shelf").json()
+    body = {"object": "carton", "dry_run": True}
+    answer = labelled.post("/tasks/shelf/labels/learn", json=body)
+    assert answer.status_code == 200, answer.text
+    model = answer.json()["model"]
+    ids = [item["id"] for item in labelled.get("/episodes", params={"task": "shelf"}).json()["episodes"]]
+    tried = labelled.post(
+        "/tasks/shelf/object_models/try", json={"object": "carton", "model": model, "episode_ids": ids}
+    )
+    assert tried.status_code == 200, tried.text
+    found = TriedModelOut.model_validate_json(tried.content).episodes
+    assert [item.episode_id for item in found] == ids
+    for item, (carton, _) in zip(found, PLACES[::-1], strict=True):
+        np.testing.assert_allclose(item.pose.position[:2], carton[:2], atol=0.006)
+    other = {"estimator": "cuboid", "size_m": [0.05, 0.05, 0.05], "color": "cyan"}
+    tried = labelled.post(
+        "/tasks/shelf/object_models/try", json={"object": "carton", "model": other, "episode_ids": ids[:1]}
+    )
+    assert tried.json()["episodes"][0]["pose"] is None
+    assert "has its color" in tried.json()["episodes"][0]["refusal"]["message"]
+    assert labelled.get("/tasks/shelf").json() == before
+
+
+@pytest.mark.parametrize(
+    ("change", "status", "field"),
+    [
+        ({"model": {"estimator": "nose"}}, 422, "model.estimator"),
+        ({"model": {"estimator": "registered", "template": "0" * 64}}, 422, "object_models[carton].template"),
+        ({"episode_ids": ["none"]}, 404, None),
+        ({"episode_ids": []}, 422, "episode_ids"),
+    ],
+)
+def test_a_model_that_cannot_be_tried_is_refused_by_name(labelled, change, status, field):
+    id_ = labelled.get("/episodes", params={"task": "shelf"}).json()["episodes"][0]["id"]
+    model = {"estimator": "cuboid", "size_m": [0.05, 0.05, 0.05], "color": "red"}
+    body = {"object": "carton", "model": model, "episode_ids": [id_], **change}
+    answer = labelled.post("/tasks/shelf/object_models/try", json=body)
+    assert answer.status_code == status, answer.text
+    assert field is None or answer.json()["errors"][0]["field"] == field
 
 
 def test_what_was_learned_says_which_views_it_has(labelled, learned):
@@ -147,6 +216,13 @@ def test_masks_and_polygons_label_as_well(labelled):
         ({"clicks": {"front": [2, 400]}}, "clicks[front]", "no object stands out there"),
         ({"clicks": {"front": [2000, 4]}}, "clicks[front]", "is [2000.0, 4.0]"),
         ({"clicks": {"back": [5, 5]}}, "clicks[back]", "no camera"),
+        ({"boxes": {"front": [2, 2, 9, 9]}}, "boxes[front]", "nothing stands"),
+        ({"boxes": {"back": [2, 2, 9, 9]}}, "boxes[back]", "no camera"),
+        (
+            {"polygons": {"front": [[0, 0], [9, 0], [9, 9]]}, "yaw_deg": 1, "arrows": {"front": [[1, 1], [2, 2]]}},
+            "arrows",
+            "once",
+        ),
         ({"polygons": {"front": [[0, 0], [5, 5]]}}, "polygons[front]", "2 corners"),
         ({"object": "spoon", "clicks": {"front": [5, 5]}}, "object", "'spoon'"),
         ({"object": "jar"}, "object", "in no mask"),

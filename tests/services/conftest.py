@@ -57,4 +57,4 @@ def unavailable():
 def written(services, profile, request):
     """The question to a model of that profile."""
     known = KnownReader(services.store, lambda name: profile)(request)
-    return doubted(write_question(request, request.instruction, known, Limits()), known.plan_findings)
+    return doubted(write_question(request, request.instruction, known, Limits()), known.findings)

@@ -12,11 +12,12 @@ from app.api.decoding import UniqueKeysRoute
 from app.api.image_work import decode_frames, image_work, split_images
 from app.api.openapi import body_of
 from app.api.routes import Wired, problems
-from app.api.schemas.labels import LabelBody, LabelList, LabelOut, LearnedLabelsOut, LearnLabelsBody
+from app.api.schemas.labels import LabelBody, LabelList, LabelOut, LabelPreviewOut, LearnedLabelsOut, LearnLabelsBody
 from app.perception.frame_checks import check_rgbd
 from app.perception.images import decode_mask
+from app.perception.registered.marks import Marks, outlines
 from app.services.limits import Limits
-from app.services.teach.labels import LabelDraft
+from app.services.teach.label_masks import LabelDraft
 from app.store import labels
 from app.store.labels import LabelRecord
 from app.store.values import JsonObject
@@ -27,6 +28,13 @@ FEW_VIEWS = 3  # with fewer, advice asks for more
 router = APIRouter(tags=["labels"])
 learn_router = APIRouter(tags=["labels"], route_class=UniqueKeysRoute)
 PATH = "/tasks/{name}/labels"
+_REFUSED = problems(
+    _400="the body cannot be read",
+    _404="no such task or episode",
+    _413="the body is too large",
+    _415="neither multipart nor JSON",
+    _422="a value is not valid, or no mask follows from it",
+)
 
 
 @router.post(
@@ -35,13 +43,7 @@ PATH = "/tasks/{name}/labels"
     operation_id="label_object",
     response_model=LabelOut,
     openapi_extra=body_of(LabelBody, LabelBody),
-    responses=problems(
-        _400="the body cannot be read",
-        _404="no such task or episode",
-        _413="the body is too large",
-        _415="neither multipart nor JSON",
-        _422="a value is not valid, or no mask follows from it",
-    ),
+    responses=_REFUSED,
 )
 async def label_object(request: Request, services: Wired, name: str) -> Response:
     """Say where an object is in the images of an episode, or in images that are sent with it.
@@ -54,6 +56,26 @@ async def label_object(request: Request, services: Wired, name: str) -> Response
         draft = await decode(_draft, name, body, services.limits)
         record = await run_in_threadpool(services.label_objects, draft)
     return JSONResponse(label_document(record), 201)
+
+
+@router.post(
+    PATH + "/preview",
+    operation_id="preview_label",
+    response_model=LabelPreviewOut,
+    openapi_extra=body_of(LabelBody, LabelBody),
+    responses=_REFUSED,
+)
+async def preview_label(request: Request, services: Wired, name: str) -> Response:
+    """What a label would say: the object's mask in every camera. Nothing is stored."""
+    body = await read_body(request)
+    async with image_work(request).room(request, body, services.limits) as decode:
+        draft = await decode(_draft, name, body, services.limits)
+        preview = await run_in_threadpool(services.label_objects.preview, draft)
+    cameras = [
+        {"name": camera, "num_pixels": int(mask.sum()), "outlines": outlines(mask)}
+        for camera, mask in preview.masks.items()
+    ]
+    return JSONResponse({"cameras": cameras, "yaw_deg": preview.yaw_deg})
 
 
 @router.get(PATH, operation_id="list_labels", response_model=LabelList, responses=problems(_404="no such task"))
@@ -97,9 +119,14 @@ def learn_from_labels(services: Wired, name: str, body: Annotated[LearnLabelsBod
     Every stored episode is extracted again; if one cannot be, nothing changes. `left_out` of the model says which views
     did not fit, and why.
     """
-    model = services.learn_from_labels(name, body.object, body.symmetric, yaw_may_be_unknown=body.yaw_may_be_unknown)
-    services.prefix_warmer.changed(name)
-    advice = "" if len(model["views"]) >= FEW_VIEWS else f"{len(model['views'])} views: enough to try, three to rely on"
+    model = services.learn_from_labels(
+        name, body.object, body.symmetric, yaw_may_be_unknown=body.yaw_may_be_unknown, dry_run=body.dry_run
+    )
+    if not body.dry_run:
+        services.prefix_warmer.changed(name)
+    number = len(model["views"])
+    views = "1 view" if number == 1 else f"{number} views"
+    advice = "" if number >= FEW_VIEWS else f"{views}: enough to try, three to rely on"
     return JSONResponse({"object": body.object, "model": model, "advice": advice})
 
 
@@ -146,7 +173,8 @@ def _draft(task: str, body: RequestBody, limits: Limits) -> LabelDraft:
         masks,
         asked.mask_ids,
         asked.polygons,
-        asked.clicks,
+        Marks(asked.clicks, asked.clicks_off, asked.boxes),
+        asked.arrows,
         asked.yaw_deg,
     )
 

@@ -5,23 +5,26 @@ from functools import partial
 from typing import Annotated
 
 import anyio.to_thread
-from fastapi import APIRouter, Body, Query, Response
+from fastapi import APIRouter, Body, Query, Request, Response
 from fastapi.openapi.models import Example
 from fastapi.responses import JSONResponse
 
 from app.api.decoding import UniqueKeysRoute
 from app.api.documents import job_document, stats_document, task_document
+from app.api.image_work import image_work
 from app.api.routes import Wired, problems
 from app.api.schemas import examples
-from app.api.schemas.poses import LearnBody, LearnedOut
+from app.api.schemas.poses import LearnBody, LearnedOut, TriedModelOut, TryModelBody
 from app.api.schemas.predictions import TaskCheckOut
 from app.api.schemas.responses import JobOut, TaskList, TaskOut, TaskStatsOut
+from app.perception.poses_wire import poses_document
 from app.pipeline.check.left_out import ReplyCheck
 from app.pipeline.check.report import EpisodeCheck, Off, PlanCheck, RowCheck
 from app.services.container import Services
 from app.services.predict.evidence import task_stats
 from app.services.task_settings import TaskSettings
 from app.services.teach.check import CheckedTask
+from app.services.teach.try_model import Tried
 from app.store import episodes, erasure, tasks
 from app.store.records import JobRecord, TaskRecord
 from app.store.values import JsonObject
@@ -217,6 +220,30 @@ async def learn_object_models(services: Wired, name: str, body: Annotated[LearnB
         "episode_ids": list(learned.episode_ids),
     }
     return JSONResponse(document)
+
+
+@router.post(
+    "/tasks/{name}/object_models/try",
+    operation_id="try_object_model",
+    response_model=TriedModelOut,
+    responses=problems(_404="no such task or episode", _422="the model is not valid"),
+)
+async def try_object_model(
+    request: Request, services: Wired, name: str, body: Annotated[TryModelBody, Body()]
+) -> Response:
+    """Say where an object model finds its object in the images of stored episodes; nothing changes."""
+    run = image_work(request).run
+    tried = await run(request, services.try_model, name, body.object, body.model, body.episode_ids)
+    return JSONResponse({"episodes": [_tried_document(item) for item in tried]})
+
+
+def _tried_document(tried: Tried) -> JsonObject:
+    refusal = tried.refusal
+    return {
+        "episode_id": tried.episode_id,
+        "pose": None if tried.pose is None else poses_document([tried.pose])["poses"][0],
+        "refusal": None if refusal is None else {"message": refusal.message, "valid": refusal.valid},
+    }
 
 
 def _document(services: Services, record: TaskRecord) -> dict[str, object]:

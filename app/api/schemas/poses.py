@@ -18,6 +18,16 @@ class LearnBody(RequestModel):
     episodes: Annotated[int, Field(ge=1, le=100, description="at most so many, the task's first"), WHOLE] = 10
 
 
+class TryModelBody(RequestModel):
+    """An object model, and the episodes in whose images it is to find the object."""
+
+    object: Name
+    model: Annotated[dict[str, Any], AsObjectModel()]
+    episode_ids: Annotated[
+        list[Annotated[str, Field(max_length=64)]], Field(min_length=1, max_length=10, description="of the task")
+    ]
+
+
 class PoseQuestionIn(RequestModel):
     """An object to be found: what is known of it, or its ids in the mask images."""
 
@@ -57,6 +67,27 @@ class PoseOut(BaseModel):
     confidence: float
     reason: str
     cameras: list[str]
+
+
+class RefusalOut(BaseModel):
+    """Why an object is not found."""
+
+    message: str
+    valid: Annotated[str | None, Field(description="what would help")]
+
+
+class TriedEpisodeOut(BaseModel):
+    """What a model makes of an episode; both null where the episode has no images with color and depth."""
+
+    episode_id: str
+    pose: PoseOut | None
+    refusal: RefusalOut | None
+
+
+class TriedModelOut(BaseModel):
+    """Where a model finds its object, by episode in their order."""
+
+    episodes: list[TriedEpisodeOut]
 
 
 class PosesOut(BaseModel):

@@ -1,87 +1,80 @@
-"""One click on an object -> its mask in every camera.
+"""Marks on an object -> its mask in every camera.
 
-The mask grows in depth over the table plane: everything that is connected above it. Where that becomes too large, since
-things touch, it grows in color, too.
+A click grows in depth over the table plane: everything that is connected above it. Where that becomes too large, since
+things touch, it grows in color, too. A click on something else takes away what is nearer to it than to the object's
+clicks, along the surface; a box bounds what a mask may hold.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
 from app.perception.registered.candidates import parts_of
 from app.perception.registered.cloud import VOXEL_M, Index
+from app.perception.registered.marks import Marks, Mask, clicked_points, in_the_middle, inside
 from app.perception.registered.scene import ABOVE_TABLE_M, Scene, to_lab
 from app.pipeline.geometry import pixels_to_world
 from roboprompt_client.arrays import Array
 from roboprompt_client.camera import RgbdFrame
 from roboprompt_client.errors import InvalidInputError
 
-NEAR_CLICK_M = 0.015  # from the clicked pixel to a point above the table
-SEARCH_PX = 4  # around the click for a pixel with depth
 MAX_SPAN_M = 0.35  # of an object
 ALIKE_LAB = 30.0  # from the clicked color
-HELP = "another pixel of it; or a polygon around it"
-Mask = npt.NDArray[np.bool_]
+NEIGHBORS_M = 0.012  # between points that a way along the surface may connect
+# What a change of color, and of the surface's direction, adds to the length of a way.
+M_PER_LAB, M_PER_TURN = 0.002, 0.02
 
 
-def masks_from_clicks(frames: Sequence[RgbdFrame], clicks: Mapping[str, tuple[float, float]]) -> dict[str, Mask]:
-    """By camera the mask (H, W) of what was clicked on.
+def masks_from_marks(scene: Scene, frames: Sequence[RgbdFrame], marks: Marks) -> dict[str, Mask]:
+    """By camera the mask (H, W) of what was marked.
 
     Args:
-        clicks: (x, y) pixels by camera, each on the object; one is enough.
+        scene: of the frames.
 
     Raises:
-        InvalidInputError: naming the camera, if a click is not on something above the table, or images are unusable.
+        InvalidInputError: naming the camera, if a mark is on nothing that stands above the table.
     """
-    scene = Scene.of(frames)
     by_name = {frame.camera.name: frame for frame in frames}
-    clicked = [_clicked(scene, by_name[name], click) for name, click in clicks.items()]
-    index = _grown(scene, np.unique(np.concatenate(clicked)), next(iter(clicks)))
-    tree = cKDTree(scene.points_m[index])
-    return {name: _mask(scene, tree, frame) for name, frame in by_name.items()}
+    behind = [inside(scene, by_name[name], box) for name, box in marks.boxes.items()]
+    among = np.flatnonzero(np.all(behind, axis=0)) if behind else np.arange(len(scene.points_m))
+    clicked = clicked_points(scene, by_name, marks.clicks, "clicks")
+    if not clicked and len(among):
+        clicked = [in_the_middle(scene, by_name[name], box, among) for name, box in marks.boxes.items()]
+    off = clicked_points(scene, by_name, marks.clicks_off, "clicks_off")
+    own = _grown(scene, among, clicked, off)
+    _check(scene, own, next(f"{what}[{name}]" for what in ("clicks", "boxes") for name in getattr(marks, what)))
+    is_own = np.zeros(len(scene.points_m), bool)
+    is_own[own] = True
+    tree = cKDTree(scene.points_m)
+    return {name: _mask(scene, tree, is_own, frame) for name, frame in by_name.items()}
 
 
-def _clicked(scene: Scene, frame: RgbdFrame, click: tuple[float, float]) -> Index:
-    """Index of the points next to the clicked one."""
-    assert frame.depth_m is not None
-    name, (x, y) = frame.camera.name, click
-    height, width = frame.depth_m.shape
-    if not (0 <= x < width and 0 <= y < height):
-        raise InvalidInputError(f"clicks[{name}]", f"is {[x, y]}", f"a pixel of the image, {width} x {height}")
-    top, left = max(round(y) - SEARCH_PX, 0), max(round(x) - SEARCH_PX, 0)
-    rows, columns = np.nonzero(frame.depth_m[top : round(y) + SEARCH_PX + 1, left : round(x) + SEARCH_PX + 1])
-    if not len(rows):
-        raise InvalidInputError(f"clicks[{name}]", f"is {[x, y]}, where {name} knows no depth", HELP)
-    rows, columns = rows + top, columns + left
-    nearest = int(np.hypot(rows - y, columns - x).argmin())
-    place_m = pixels_to_world(
-        frame.camera, rows[[nearest]], columns[[nearest]], frame.depth_m[rows[[nearest]], columns[[nearest]]]
-    )
-    near = np.flatnonzero(np.linalg.norm(scene.points_m - place_m, axis=1) < NEAR_CLICK_M)
-    if not len(near):
-        above_cm = 100 * float(scene.table.height_m(place_m)[0])
-        message = (
-            f"is {[x, y]}, where {name} sees a point {above_cm:.1f} cm above the table: no object stands out there"
-        )
-        raise InvalidInputError(f"clicks[{name}]", message, HELP)
-    return near
+def _check(scene: Scene, own: Index, where: str) -> None:
+    if not len(own):
+        raise InvalidInputError(where, "leaves nothing of the object", "clicks inside the boxes, and off it elsewhere")
+    span_m = _span_m(scene.points_m[own])
+    if span_m > MAX_SPAN_M:
+        message = f"grows to {100 * span_m:.0f} cm, at most {100 * MAX_SPAN_M:.0f}: it touches something alike"
+        raise InvalidInputError(where, message, "a click on what it touches, to take that away; or a box around it")
 
 
-def _grown(scene: Scene, seeds: Index, camera: str) -> Index:
-    """What is connected with the points `seeds`."""
-    index = _connected(scene.points_m, np.arange(len(scene.points_m)), seeds)
-    if _span_m(scene.points_m[index]) <= MAX_SPAN_M:
+def _grown(scene: Scene, among: Index, clicked: Sequence[Index], off: Sequence[Index]) -> Index:
+    """What is connected with what was clicked on, without what belongs to the clicks `off`."""
+    parts = [_grown_from(scene, among, seeds, by_color=not off) for seeds in clicked]
+    own = np.unique(np.concatenate([among[:0], *parts]))
+    return own[_is_nearer(scene, own, np.concatenate(clicked), np.concatenate(off))] if off else own
+
+
+def _grown_from(scene: Scene, among: Index, seeds: Index, *, by_color: bool) -> Index:
+    index = _connected(scene.points_m, among, seeds)
+    if not by_color or _span_m(scene.points_m[index]) <= MAX_SPAN_M:
         return index
     lab = to_lab(scene.rgb)
     alike = np.linalg.norm(lab - np.median(lab[seeds], axis=0), axis=1) < ALIKE_LAB
-    index = _connected(scene.points_m, np.flatnonzero(alike), seeds)
-    span_m = _span_m(scene.points_m[index])
-    if span_m > MAX_SPAN_M:
-        message = f"grows to {100 * span_m:.0f} cm, at most {100 * MAX_SPAN_M:.0f}: it touches something alike"
-        raise InvalidInputError(f"clicks[{camera}]", message, "a polygon around it")
-    return index
+    return _connected(scene.points_m, among[alike[among]], seeds)
 
 
 def _connected(points_m: Array, among: Index, seeds: Index) -> Index:
@@ -90,14 +83,31 @@ def _connected(points_m: Array, among: Index, seeds: Index) -> Index:
 
 
 def _span_m(points_m: Array) -> float:
-    return float(np.ptp(points_m, axis=0).max()) if len(points_m) else np.inf
+    return float(np.ptp(points_m, axis=0).max()) if len(points_m) else 0.0
 
 
-def _mask(scene: Scene, tree: cKDTree, frame: RgbdFrame) -> Mask:
-    """The pixels of a camera whose points are the object's."""
+def _is_nearer(scene: Scene, index: Index, on: Index, off: Index) -> Mask:
+    """(len(index),) which points are nearer to the points `on` than to `off`, along the surface."""
+    points_m, lab, normals = scene.points_m[index], to_lab(scene.rgb[index]), scene.normals[index]
+    one, other = cKDTree(points_m).query_pairs(NEIGHBORS_M, output_type="ndarray").T
+    way_m = np.linalg.norm(points_m[one] - points_m[other], axis=1)
+    way_m += M_PER_LAB * np.linalg.norm(lab[one] - lab[other], axis=1)
+    way_m += M_PER_TURN * (1 - np.einsum("ni,ni->n", normals[one], normals[other]))
+    graph = coo_array((way_m, (one, other)), shape=(len(index), len(index)))
+    seeds = [np.flatnonzero(np.isin(index, those)) for those in (np.setdiff1d(on, off), off)]
+    ours_m, theirs_m = (
+        dijkstra(graph, directed=False, indices=those, min_only=True) if len(those) else np.full(len(index), np.inf)
+        for those in seeds
+    )
+    nearer: Mask = np.isfinite(ours_m) & (ours_m < theirs_m)
+    return nearer
+
+
+def _mask(scene: Scene, tree: cKDTree, is_own: Mask, frame: RgbdFrame) -> Mask:
+    """The pixels of a camera whose nearest points are the object's."""
     assert frame.depth_m is not None
     mask: Mask = np.zeros(frame.depth_m.shape, bool)
-    pixels, depth_m = frame.camera.project(tree.data)
+    pixels, depth_m = frame.camera.project(scene.points_m[is_own])
     before = depth_m > 0
     if not before.any():
         return mask
@@ -106,7 +116,8 @@ def _mask(scene: Scene, tree: cKDTree, frame: RgbdFrame) -> Mask:
     rows, columns = np.nonzero(frame.depth_m[top:bottom, left:right])
     rows, columns = rows + top, columns + left
     points_m = pixels_to_world(frame.camera, rows, columns, frame.depth_m[rows, columns])
-    distance_m, _ = tree.query(points_m, distance_upper_bound=2 * VOXEL_M)
+    distance_m, nearest = tree.query(points_m, distance_upper_bound=2 * VOXEL_M)
     own = np.isfinite(distance_m) & (scene.table.height_m(points_m) > ABOVE_TABLE_M[0])
+    own[own] = is_own[nearest[own]]
     mask[rows[own], columns[own]] = True
     return mask

@@ -11,7 +11,7 @@ from app.perception.registered.hypotheses import COARSE_M, FINAL_M, hypotheses
 from app.perception.registered.poses import Poses, about_z
 from app.perception.registered.registration import registered
 from app.perception.registered.scene import LitScene
-from app.perception.registered.template import Template
+from app.perception.registered.template import STANDS_WITHIN_M, Template
 from app.perception.registered.view import View
 from roboprompt_client.arrays import Array
 
@@ -49,7 +49,8 @@ def completed(name: str, template: Template) -> Template:
 def centered(template: Template) -> Template:
     """The template with its origin at half its height; in its middle, unless it has an axis."""
     middle_m = (template.points_m.min(axis=0) + template.points_m.max(axis=0)) / 2
-    middle_m[2] = (template.bottom_m + template.points_m[:, 2].max()) / 2
+    if template.above_table_m < STANDS_WITHIN_M:
+        middle_m[2] = (template.bottom_m + template.points_m[:, 2].max()) / 2
     if template.yaw_symmetry_deg is not None:
         middle_m[:2] = 0.0
     return moved(template, middle_m)
@@ -69,6 +70,12 @@ def looks_alike_all_around(template: Template, lit: LitScene, index: Index) -> b
     yaws = np.sort([np.degrees(np.arctan2(item.rotation[1, 0], item.rotation[0, 0])) for item in alike])
     gaps = np.diff(yaws, append=yaws[0] + 360)
     return len(yaws) >= ALL_AROUND and bool(gaps.max() < MAX_GAP_DEG)
+
+
+def looks_alike_turned(template: Template, lit: LitScene, index: Index, yaw_deg: float, turn_deg: float) -> bool:
+    """Whether the view from which a template was learned, there at a yaw, fits it turned by so much as well."""
+    own, turned = (hypotheses(template, lit, index, np.array([yaw]))[0] for yaw in (yaw_deg, yaw_deg + turn_deg))
+    return not own.beats(turned)
 
 
 def _moved(view: View, origin_m: Array) -> View:

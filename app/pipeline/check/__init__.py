@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from app.pipeline.check.causes import find_causes
-from app.pipeline.check.left_out import left_out, median_off, paths_off_m, variation
+from app.pipeline.check.left_out import left_out, median_off, variation
 from app.pipeline.check.report import EpisodeCheck, Off, PlanCheck, RowCheck, TaskCheck
 from app.pipeline.keyframes import manner_of
 from app.pipeline.plans import (
@@ -16,6 +16,7 @@ from app.pipeline.plans import (
     plan_rows,
     shown_together,
 )
+from app.pipeline.plans.path_left import path_left_m, paths_left_m
 
 __all__ = ["EpisodeCheck", "Off", "PlanCheck", "RowCheck", "TaskCheck", "check_demonstrations"]
 
@@ -65,6 +66,7 @@ def _episode_check(recording: Recording, demonstration: Demonstration, errors: S
     manner = recording.manner
     if recording.rule.rule == "waypoints":  # which takes every recording for one that flows
         manner = manner_of(recording.motion, recording.rule.delta_rad_s)
-    actions = demonstration.actions
-    paths_m = paths_off_m(recording.motion.trajectory.positions_m, actions)
-    return EpisodeCheck(demonstration.id, demonstration.instruction, actions, manner, tuple(errors), paths_m)
+    actions, motion = demonstration.actions, recording.motion
+    path_m = max(paths_left_m(motion, actions), default=0.0)
+    left_m = path_left_m(motion, manner, actions)
+    return EpisodeCheck(demonstration.id, demonstration.instruction, actions, manner, tuple(errors), path_m, left_m)

@@ -1,16 +1,21 @@
 """What is doubtful about demonstrations of what is asked: they contradict each other, or scatter where it matters."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding
 from app.pipeline.findings.actions import ShownWays
-from app.pipeline.findings.elsewhere import elsewhere_findings
+from app.pipeline.findings.arrangement import FEWEST, rigid_pairs
+from app.pipeline.findings.elsewhere import PLACE_WORDS, elsewhere_findings
+from app.pipeline.findings.hand import RecordedHand
+from app.pipeline.findings.implausible import hand_findings
+from app.pipeline.findings.missed import Kept
 from app.pipeline.findings.places import ShownScenes
-from app.pipeline.findings.rules import CONTRADICTING, PATH_NOT_KEPT, SEVERAL_WAYS
+from app.pipeline.findings.rules import CONTRADICTING, PATH_LEFT, PATH_NOT_KEPT, SEVERAL_WAYS
 from app.pipeline.findings.scatter import scatter_findings
+from app.pipeline.findings.turns import turning_findings
 from app.pipeline.order.order import Order
 from app.pipeline.plans import Group, by_plan, is_decided, shown_together, usual_ways
 from app.pipeline.plans.agreement import two_ways
@@ -26,7 +31,7 @@ class Taught:
     Attributes:
         demonstrations: as they were recorded, also those of plans that prompts leave out.
         several_ways: whether somebody said that there are several ways of doing it.
-        missed_m: of each, how far its actions stay from where the recorded hand acts; empty where that is not known.
+        hands: of each, what its recording has; empty where that is not known.
         round_objects: whose yaw the task says means nothing, or little.
         moves: whether objects may be anywhere between what was demonstrated, as at a later step of a closed loop: then
             scenes and ways are not known.
@@ -34,7 +39,7 @@ class Taught:
 
     demonstrations: tuple[Demonstration, ...]
     several_ways: bool = False
-    missed_m: tuple[float, ...] = ()
+    hands: tuple[RecordedHand, ...] = ()
     round_objects: frozenset[str] = frozenset()
     moves: bool = False
 
@@ -44,6 +49,46 @@ class Taught:
         shown = {item.id for item in shown_together(self.demonstrations)}
         shown |= {item.id for group in self._alike.values() if parting(group) is not None for item in group}
         return tuple(item for item in self.demonstrations if item.id in shown)
+
+    @cached_property
+    def needed(self) -> frozenset[str]:
+        """The names of the objects that a scene must have; other objects may be missing, new or more.
+
+        All where more cannot be known: of few demonstrations, where words decide by place, and where nothing known
+        decides between ways.
+        """
+        words = {word for form in self._alike for word in form.split()}
+        undecided = any(
+            len(usual_ways(alike)) > 1 if (parted := parting(alike)) is None else parted.quantity.axis is None
+            for alike in self._alike.values()
+        )
+        if len(self.demonstrations) < FEWEST or undecided or not PLACE_WORDS.isdisjoint(words):
+            return frozenset(pose.name for item in self.demonstrations for pose in item.objects)
+        return self.decisive
+
+    @cached_property
+    def decisive(self) -> frozenset[str]:
+        """What rows follow, words name or parts plans; and what stood to one of these as one thing."""
+        found = {anchor.object_name for _, rows in self.support.plans for row in rows for anchor in row.anchors}
+        found |= {name for item in self.demonstrations for name in item.order.objects}
+        for alike in self._alike.values():
+            if (parted := parting(alike)) is not None:
+                found |= {parted.quantity.object_name, parted.quantity.seen_from}
+        pairs = [{pair.one, pair.other} for pair in rigid_pairs(self.usual)]
+        return frozenset(found.union(*(pair for pair in pairs if pair & found)) - {""})
+
+    def of_objects(self, names: Collection[str]) -> "Taught":
+        """The same of scenes with these of the objects; the last is kept."""
+        key = frozenset(names)
+        if (found := self._restricted.get(key)) is None:
+            found = replace(self, demonstrations=tuple(item.only(key) for item in self.demonstrations))
+            self._restricted.clear()
+            self._restricted[key] = found
+        return found
+
+    @cached_property
+    def _restricted(self) -> dict[frozenset[str], "Taught"]:
+        return {}
 
     @cached_property
     def support(self) -> Support:
@@ -71,7 +116,8 @@ class Taught:
     def _of(self, asked: Order) -> "_Asked":
         form = asked.form if asked.form in self._alike else ""
         if (known := self._known.get((form, asked.objects))) is None:
-            findings = (*self._of_forms(form), *scatter_findings(self.support, asked, self.round_objects))
+            scattered = scatter_findings(self.support, asked, self.round_objects)
+            findings = (*self._of_forms(form), *scattered, *turning_findings(self.support, asked))
             known = self._known[form, asked.objects] = _Asked(findings, _followed(self.support, asked))
         return known
 
@@ -97,9 +143,9 @@ class Taught:
         }
 
     @cached_property
-    def _missed_m(self) -> dict[int, float]:
+    def _hands(self) -> dict[int, RecordedHand]:
         """By `id`, where it is known."""
-        return {id(item): far_m for item, far_m in zip(self.demonstrations, self.missed_m, strict=False)}
+        return {id(item): hand for item, hand in zip(self.demonstrations, self.hands, strict=False)}
 
     def _of_forms(self, asked: str) -> Iterator[Finding]:
         """Of the form that is asked for; of each where it is none of them."""
@@ -108,7 +154,9 @@ class Taught:
             off_m = [self._shown_off_m.get(id(item)) for item in alike]
             yield from ways_findings(alike, declared=self.several_ways)
             yield from elsewhere_findings(alike, off_m, declared=self.several_ways)
-            yield from path_findings([self._missed_m[id(item)] for item in alike if id(item) in self._missed_m])
+            hands = [self._hands[id(item)] for item in alike if id(item) in self._hands]
+            yield from path_findings([hand.kept for hand in hands])
+            yield from hand_findings(alike, hands)
 
 
 @dataclass(frozen=True)
@@ -176,20 +224,27 @@ def _gripper(demonstration: Demonstration) -> list[bool]:
     return [action.gripper_open for action in demonstration.actions]
 
 
-def path_findings(missed_m: Sequence[float]) -> Iterator[Finding]:
-    """Actions that go past where the recorded hands act, in more than a third of the recordings.
+def path_findings(paths: Sequence[Kept]) -> Iterator[Finding]:
+    """Actions that go past where the recorded hands act, or leave their way, in more than a third of the recordings.
 
-    Args:
-        missed_m: of each recording.
+    A thing that is not lifted is dragged, and may tear others along.
     """
-    if not missed_m:
+    if not paths:
         return
-    often_m = sorted(missed_m)[-1 - int(WAY_SHARE * len(missed_m))]
-    if PATH_NOT_KEPT.severity(often_m) is not None:
-        number = sum(PATH_NOT_KEPT.severity(far_m) is not None for far_m in missed_m)
+    rare = int(WAY_SHARE * len(paths))
+    missed_m, left_m = (sorted(off_m)[-1 - rare] for off_m in zip(*paths, strict=True))
+    remedy = "Set keyframes.rule to `auto` or `waypoints`, and keyframes.tolerance_m to 0.01."
+    if PATH_NOT_KEPT.severity(missed_m) is not None:
+        number = sum(PATH_NOT_KEPT.severity(path.missed_m) is not None for path in paths)
         message = (
-            f"In {number} of {len(missed_m)} recordings no keyframe is where the hand grasps, releases or is lowest:"
-            f" the actions stay {100 * often_m:.1f} cm away from there. Set keyframes.rule to `auto` or `waypoints`,"
-            " and keyframes.tolerance_m to 0.01."
+            f"In {number} of {len(paths)} recordings no keyframe is where the hand grasps, releases or is lowest:"
+            f" the actions stay {100 * missed_m:.1f} cm away from there. {remedy}"
         )
-        yield PATH_NOT_KEPT.finding(message, "keyframes", {"missed_m": often_m}, value=often_m)
+        yield PATH_NOT_KEPT.finding(message, "keyframes", {"missed_m": missed_m}, value=missed_m)
+    elif PATH_LEFT.severity(left_m) is not None:
+        number = sum(PATH_LEFT.severity(path.left_m) is not None for path in paths)
+        message = (
+            f"In {number} of {len(paths)} recordings the hand leaves the way from action to action, by"
+            f" {100 * left_m:.1f} cm: a lift, or a way round something, may be lost. {remedy}"
+        )
+        yield PATH_LEFT.finding(message, "keyframes", {"left_m": left_m}, value=left_m)

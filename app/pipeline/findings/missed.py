@@ -1,15 +1,34 @@
-"""Whether actions go where the recorded hand acts: a keyframe rule that looks elsewhere passes by a grasp."""
+"""Whether actions go where the recorded hand acts, and by its way: a keyframe rule may pass by a grasp or a lift."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from app.pipeline.findings.actions import distances_m
-from app.pipeline.keyframes import Motion
+from app.pipeline.keyframes import Motion, manner_of
+from app.pipeline.plans.path_left import path_left_m
 from roboprompt_client.arrays import Array
 from roboprompt_client.trajectory import EndEffectorAction
 
 NEVER_M = 1.0  # from a switch that no action makes
+
+
+class Kept(NamedTuple):
+    """How far actions are from a recording.
+
+    Attributes:
+        missed_m: from where the hand acts.
+        left_m: the way through them, from the recorded one, where that matters.
+    """
+
+    missed_m: float
+    left_m: float
+
+
+def kept(motion: Motion, actions: Sequence[EndEffectorAction], delta_rad_s: float) -> Kept:
+    """How closely at least one action keeps to a recording; an arm slower than `delta_rad_s` rests."""
+    return Kept(missed_m(motion, actions), path_left_m(motion, manner_of(motion, delta_rad_s), actions))
 
 
 def missed_m(motion: Motion, actions: Sequence[EndEffectorAction]) -> float:

@@ -142,7 +142,10 @@ def _check_hand_order(quaternions: Array) -> None:
 
 
 def _check_approaches(motion: Motion) -> None:
-    """Refuse a hand that would move the way it points before each grasp and release if w came first."""
+    """Refuse a hand that would move the way it points before each grasp and release if w came first.
+
+    A hand that points down as it is read may move across before it closes, to push. None grasps pointing up.
+    """
     positions_m, frames = motion.trajectory.positions_m, [switch.frame for switch in motion.switches]
     ways = [(frame, way_m) for frame in frames if (way_m := _approach(positions_m[: frame + 1])) is not None]
     if not ways:
@@ -150,7 +153,9 @@ def _check_approaches(motion: Motion) -> None:
     quaternions = motion.trajectory.quaternions_xyzw[[frame for frame, _ in ways]]
     directions = np.array([way_m for _, way_m in ways])
     as_read, as_meant = (_off_way_deg(q, directions) for q in (quaternions, np.roll(quaternions, -1, axis=1)))
-    if as_read.min() > ACROSS_DEG and as_meant.max() < ALONG_DEG:
+    may_be_right = _off_axis_deg(quaternions, -1.0).max() < OFF_UPRIGHT_DEG
+    points_up = _off_axis_deg(np.roll(quaternions, -1, axis=1), 1.0).min() < ACROSS_DEG
+    if not (may_be_right or points_up) and as_read.min() > ACROSS_DEG and as_meant.max() < ALONG_DEG:
         message = "are a hand that moves the way it points before it grasps only if w comes first"
         raise InvalidInputError("trajectory.end_effector_quaternions_xyzw", message, "order x y z w")
 

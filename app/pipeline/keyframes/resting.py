@@ -20,6 +20,7 @@ STRAIGHT = 1.5  # tolerances
 MAX_BENT = 0.25  # the share of grasps and releases that may be come to otherwise
 BENT = 0.15  # of its length: a way in joint space that bends more is no single motion
 WIDE, WINDING = 3.0, 0.3  # in tolerances, and of its length in joint space: a way that bends more has a corner
+LIFTED = 0.1  # the latter of a way on which something is carried: arms carry in lines, or at their joints' pace
 MISSED_CORNERS = 0.5  # the share of corners that may be passed without a rest; one always may
 CORNER_DEG = 60.0
 ARM_M, STEP_M = 0.03, 0.005  # a corner is recognised by the ways of this length before and after it
@@ -30,12 +31,14 @@ class _Way(NamedTuple):
     """The motion from one keyframe to the next.
 
     Attributes:
-        to_switch: whether the gripper switches where it ends.
+        to_switch: whether the gripper switches when it ends.
+        from_grasp: whether the hand has closed where it begins.
     """
 
     first: int
     last: int
     to_switch: bool
+    from_grasp: bool
 
 
 def manner_of(motion: Motion, delta_rad_s: float = SIMULATION_DELTA_RAD_S) -> Manner:
@@ -52,7 +55,7 @@ def manner_of(motion: Motion, delta_rad_s: float = SIMULATION_DELTA_RAD_S) -> Ma
     started = int(np.argmin(rests))
     switches_s = motion.times_s[[switch.frame for switch in motion.acting_switches]]
     ways = [
-        _Way(first, last, bool((np.abs(motion.times_s[last] - switches_s) <= NEARBY_S).any()))
+        _Way(first, last, bool((np.abs(motion.times_s[last] - switches_s) <= NEARBY_S).any()), _grasped(motion, first))
         for first, last in pairwise([0, *merged(motion, delta_rad_s)])
     ]
     on_the_way = sum(
@@ -66,10 +69,18 @@ def manner_of(motion: Motion, delta_rad_s: float = SIMULATION_DELTA_RAD_S) -> Ma
         and all(rests[np.abs(motion.times_s - switch_s) <= NEARBY_S].any() for switch_s in switches_s)
         # A person passes the pose above a thing without a rest, so that the way to the grasp has a corner.
         and sum(way.to_switch and _bends(motion, way, STRAIGHT, BENT) for way in ways) <= MAX_BENT * len(switches_s)
-        and not any(_bends(motion, way, WIDE, WINDING) for way in ways)
+        and not any(_bends(motion, way, WIDE, LIFTED if way.from_grasp else WINDING) for way in ways)
         and _few_missed_corners(motion, rests)
     )
     return "rests" if at_keyframes else "flows"
+
+
+def _grasped(motion: Motion, frame: int) -> bool:
+    """Whether the hand closes where it is at a frame, staying there."""
+    positions_m = motion.trajectory.positions_m
+    stretches = [sorted((frame, switch.frame)) for switch in motion.acting_switches if not switch.opens]
+    ways_m = [positions_m[first : last + 1] - positions_m[frame] for first, last in stretches]
+    return any(float(np.linalg.norm(way_m, axis=1).max()) <= TOLERANCE_M for way_m in ways_m)
 
 
 def _bends(motion: Motion, way: _Way, most: float, most_in_joints: float) -> bool:

@@ -10,7 +10,6 @@ from collections import Counter, defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -20,15 +19,15 @@ from app.pipeline.keyframes import Keyframe, KeyframeRule, Manner, Motion, find_
 from app.pipeline.keyframes.path import HandPath, best_waypoints
 from app.pipeline.keyframes.rule import MAX_KEYFRAMES
 from app.pipeline.keyframes.waypoints import at_frames, at_tips, waypoints
+from app.pipeline.plans.path_left import leave_path, path_left_m
 from app.pipeline.plans.rows import PlanRow, plan_rows
 from app.pipeline.representation.anchors import M_PER_RAD, anchor_frame, tilted_objects
 from roboprompt_client.arrays import Array
+from roboprompt_client.trajectory import EndEffectorAction
 
 PATH_KEPT_SHARE = 0.8  # the share of demonstrations whose paths need no more keyframes than a phase gets
 GRASPED_M = 0.08  # a hand that closes within this of an object grasps it,
 CLEARLY = 2.0  # if all others are so many times as far
-LEFT_M = 0.03  # farther than this from the recorded path a hand may hit what the demonstration went around
-OFTEN_SHARE = 1 / 3  # of the recordings of a plan
 ROUNDS = 2  # of choosing keyframes where the other demonstrations have them
 TOGETHER_WEIGHT = 0.3  # the weight of rows lying together, beside that of paths being kept, in squared tolerances
 MAX_DISTANCE = 3.0  # in tolerances: what is farther from the others does not count more
@@ -91,13 +90,9 @@ class Recording:
         """As many keyframes in each phase as its path needs, whether it rests or not."""
         return self._counts_of(self._waypoints)
 
-    def leaves_path(self, numbers: Sequence[int]) -> bool:
-        """Whether so many keyframes in each phase leave its path by more than `LEFT_M`."""
-        return any(
-            path.deviations[before, here] * self.rule.tolerance_m > LEFT_M
-            for path, number in zip(self.paths, numbers, strict=True)
-            for before, here in pairwise([0, *best_waypoints(path.deviations, number)])
-        )
+    def left_m(self, actions: Sequence[EndEffectorAction]) -> float:
+        """How far the way through these actions leaves its path where that matters."""
+        return path_left_m(self.motion, self.manner, actions)
 
     @property
     def signature(self) -> tuple[bool, ...]:
@@ -162,12 +157,25 @@ def _same_order(one: Sequence[int | None], other: Sequence[int | None]) -> bool:
 
 
 def _of_one_signature(members: Sequence[Recording]) -> list[Demonstration]:
+    """With the keyframes of the recordings' rule; where these lose their paths, with as many as the paths need."""
     resting = 2 * sum(member.manner == "rests" for member in members) > len(members)
     numbers = _numbers([member.counts for member in members], most_frequent=resting)
-    if resting and _loses_path(members, numbers):
-        resting, numbers = False, _numbers([member.counts_on_path for member in members], most_frequent=False)
+    found = _with_numbers(members, numbers, as_found=resting)
+    on_path = _numbers([member.counts_on_path for member in members], most_frequent=False)
+    left_m = [member.left_m(item.actions) for member, item in zip(members, found, strict=True)]
+    if on_path == numbers or not leave_path(left_m):
+        return found
+    return _with_numbers(members, on_path, as_found=False)
+
+
+def _with_numbers(members: Sequence[Recording], numbers: tuple[int, ...], *, as_found: bool) -> list[Demonstration]:
+    """With so many keyframes in each phase.
+
+    Args:
+        as_found: whether recordings that rest at so many keep their own.
+    """
     own = [
-        resting and member.manner == "rests" and member.counts == numbers and len(member.keyframes) == sum(numbers)
+        as_found and member.manner == "rests" and member.counts == numbers and len(member.keyframes) == sum(numbers)
         for member in members
     ]
     chosen = [
@@ -182,15 +190,6 @@ def _of_one_signature(members: Sequence[Recording]) -> list[Demonstration]:
             for place, (member, keeps, item) in enumerate(zip(members, own, chosen, strict=True))
         ]
     return [member.with_keyframes(item) for member, item in zip(members, chosen, strict=True)]
-
-
-def _loses_path(members: Sequence[Recording], numbers: Sequence[int]) -> bool:
-    """Whether the keyframes of recordings that rest are too few for those among them that do not.
-
-    Then the rests of the others do not stand for their paths either: some happen to pass the same corner slowly.
-    """
-    moving = [member for member in members if member.manner != "rests"]
-    return sum(member.leaves_path(numbers) for member in moving) > OFTEN_SHARE * len(members)
 
 
 def _numbers(counts: Sequence[tuple[int, ...]], *, most_frequent: bool) -> tuple[int, ...]:

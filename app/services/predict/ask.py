@@ -100,7 +100,7 @@ class PredictActions:
         instruction = checked_instruction("instruction", request.instruction)
         known = self._known(request)
         question = write_question(request, instruction, known, self._limits)
-        return doubted(question, known.plan_findings)
+        return doubted(question, known.findings)
 
     async def _meaning(self, request: PredictRequest, error: InstructionError) -> str | None:
         """The instruction that an unclear one stands for, if the request's model finds it."""

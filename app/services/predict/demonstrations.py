@@ -1,13 +1,15 @@
 """Stored episodes -> demonstrations, with the task's symmetries and plans whose rows agree."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 from sqlalchemy import Connection
 
 from app.pipeline.episode import Demonstration
-from app.pipeline.findings.missed import missed_m
+from app.pipeline.findings.hand import RecordedHand
+from app.pipeline.findings.missed import kept
 from app.pipeline.plans import Recording, agreeing, demonstrated, shown_together
+from app.services.predict.select import in_all
 from app.services.task_settings import TaskSettings
 from app.store import episodes
 from app.store.records import DemonstrationRecord
@@ -21,26 +23,36 @@ class Demonstrations:
     Attributes:
         shown: as a prompt shows them.
         recorded: the same as they were recorded, before rows of one plan were made to agree.
-        missed_m: of each, how far its actions stay from where the recorded hand acts.
     """
 
     shown: tuple[Demonstration, ...]
     recorded: tuple[Demonstration, ...]
-    missed_m: tuple[float, ...] = ()
 
     @classmethod
     def of(cls, recordings: Sequence[Recording]) -> "Demonstrations":
         """The recordings' demonstrations."""
         recorded = demonstrated(recordings)
-        shown = agreeing(recorded) if recordings and recordings[0].rule.aligned else recorded
-        missed = (missed_m(one.motion, item.actions) for one, item in zip(recordings, recorded, strict=True))
-        return cls(shown, recorded, tuple(missed))
+        return cls(agreeing(recorded) if recordings and recordings[0].rule.aligned else recorded, recorded)
+
+    def only(self, names: Collection[str]) -> "Demonstrations":
+        """The same with these of their objects."""
+        shown, recorded = (tuple(item.only(names) for item in items) for items in (self.shown, self.recorded))
+        return Demonstrations(shown, recorded)
 
     def without_rare_plans(self) -> "Demonstrations":
         """Those that a prompt shows where nobody named them."""
         kept = {demonstration.id for demonstration in shown_together(self.recorded)}
         shown, recorded = (tuple(item for item in items if item.id in kept) for items in (self.shown, self.recorded))
         return Demonstrations(shown, recorded)
+
+
+def hands_of(recordings: Sequence[Recording], shown: Sequence[Demonstration]) -> tuple[RecordedHand, ...]:
+    """What the hand did in each recording; `shown` are their demonstrations as prompts have them."""
+    hands = []
+    for recording, demonstration in zip(recordings, shown, strict=True):
+        kept_to = kept(recording.motion, demonstration.actions, recording.rule.delta_rad_s)
+        hands.append(RecordedHand.of(recording.motion, demonstration, kept_to))
+    return tuple(hands)
 
 
 def read_recordings(connection: Connection, task: str, ids: Sequence[str], settings: TaskSettings) -> list[Recording]:
@@ -56,8 +68,7 @@ def read_stepwise(
     connection: Connection, task: str, ids: Sequence[str], settings: TaskSettings
 ) -> tuple[Demonstration, ...]:
     """The same for a closed loop, each with its own keyframes: the objects were tracked to these."""
-    records = episodes.demonstrations_by_id(connection, task, ids)
-    return tuple(canonical_demonstration(record.demonstration(), settings) for record in records)
+    return tuple(_demonstrations(episodes.demonstrations_by_id(connection, task, ids), settings))
 
 
 def recordings_of(
@@ -66,11 +77,18 @@ def recordings_of(
     """The demonstrations of records as they were found, each with the motion that it was made from."""
     rule, recordings = settings.keyframes.keyframe_rule(), []
     trajectories = get_trajectories(connection, [record.id for record in records])
-    for record, trajectory in zip(records, trajectories, strict=True):
+    found = _demonstrations(records, settings)
+    for demonstration, record, trajectory in zip(found, records, trajectories, strict=True):
         motion = settings.motion_of(trajectory, record.control_frequency_hz)
-        demonstration = canonical_demonstration(record.demonstration(), settings)
         recordings.append(Recording(replace(demonstration, start=trajectory.action_at(0)), motion, rule))
     return recordings
+
+
+def _demonstrations(records: Sequence[DemonstrationRecord], settings: TaskSettings) -> list[Demonstration]:
+    """As they were found, with the objects that all have: what only some have does not matter to the task."""
+    found = [canonical_demonstration(record.demonstration(), settings) for record in records]
+    names = in_all([[pose.name for pose in demonstration.objects] for demonstration in found])
+    return [demonstration.only(names) for demonstration in found]
 
 
 def canonical_demonstration(demonstration: Demonstration, settings: TaskSettings) -> Demonstration:

@@ -31,16 +31,16 @@ FAILURES: Mapping[PredictionStatus, tuple[Rule, str, str]] = {
 }
 
 
-def doubted(question: Question, plan_findings: Sequence[Finding]) -> Question:
+def doubted(question: Question, known: Sequence[Finding]) -> Question:
     """The question with what deserves a look before the LLM is asked, causes first.
 
     Args:
-        plan_findings: why the prompt shows the plan that it shows.
+        known: what was found before it was written.
     """
     taught, order, seen = question.taught, question.grounded, question.seen
-    scene = scene_findings(seen, taught.scenes, taught.followed(order))
+    scene = scene_findings(seen, taught.scenes, taught.followed(order), taught.needed)
     words = _words(order, question.prefix.instructions)
-    return replace(question, findings=(*plan_findings, *words, *taught.findings(order), *scene))
+    return replace(question, findings=(*known, *words, *taught.findings(order), *scene))
 
 
 def failure_findings(status: PredictionStatus, error: str | None) -> tuple[Finding, ...]:

@@ -14,11 +14,13 @@ from importlib.resources import files
 import numpy as np
 
 from app.llm.base import CompletionRequest, LanguageModel, LanguageModelError, complete
+from app.pipeline.errors import UngroundedInstructionError
 from app.pipeline.order.order import Grounding, Order
 from app.pipeline.order.reading import read
 from app.pipeline.order.space import Layout
 from app.pipeline.order.taught import Taught
 from app.pipeline.prompt import Prompt
+from app.services.predict.observe import Scene
 from app.services.predict.request import PredictRequest
 from app.services.task_settings import TaskSettings
 from roboprompt_client.trajectory import ObjectPose
@@ -64,20 +66,40 @@ def ground_instruction(
     instruction: str,
     taught: Sequence[str],
     settings: TaskSettings,
-    objects: Sequence[ObjectPose],
+    scene: Scene,
 ) -> Order:
     """The instruction as it is understood.
 
     Args:
         instruction: the request's, checked.
         taught: the instructions of the demonstrations that the prompt shows.
-        objects: as they were observed, in the task's order.
 
     Raises:
-        UngroundedInstructionError, UnfamiliarInstructionError: if it is not clear.
+        UngroundedInstructionError, UnfamiliarInstructionError: if it is not clear, or may mean an object that is not
+            the task's.
     """
-    names, aliases = tuple(pose.name for pose in objects), tuple(sorted(settings.aliases.items()))
-    known = _taught(names, aliases, tuple(dict.fromkeys(taught)))
+    order = _grounded(request, instruction, taught, settings, scene.objects)
+    if scene.bystanders:
+        everything = (*scene.objects, *scene.bystanders)
+        with_others = _grounded(request, instruction, taught, settings, everything)
+        if with_others.objects != order.objects:
+            meant = ", ".join(name for name in with_others.objects if name not in order.objects)
+            message = f"may mean {meant}, which demonstrations do not have"
+            raise UngroundedInstructionError("instruction", message, ", ".join(pose.name for pose in scene.objects))
+    return order
+
+
+def _grounded(
+    request: PredictRequest,
+    instruction: str,
+    taught: Sequence[str],
+    settings: TaskSettings,
+    objects: Sequence[ObjectPose],
+) -> Order:
+    """The instruction as it is understood where there are these objects."""
+    names = tuple(pose.name for pose in objects)
+    aliases = tuple(sorted((name, said) for name, said in settings.aliases.items() if name in names))
+    known = taught_of(names, aliases, tuple(dict.fromkeys(taught)))
     if request.meaning is not None:
         order = read(request.meaning, known)
         phrases = tuple(Grounding(instruction, phrase.object_name, "llm") for phrase in order.phrases)
@@ -87,9 +109,10 @@ def ground_instruction(
 
 
 @lru_cache(MAX_TASKS)
-def _taught(
+def taught_of(
     names: tuple[str, ...], aliases: tuple[tuple[str, tuple[str, ...]], ...], instructions: tuple[str, ...]
 ) -> Taught:
+    """What instructions about these objects are read against; kept, because robots ask again and again."""
     return Taught(names, dict(aliases), instructions, is_english)
 
 

@@ -7,17 +7,17 @@ from dataclasses import dataclass
 from app.llm.base import ModelProfile
 from app.pipeline.findings import Finding
 from app.pipeline.findings.demonstrations import Taught
+from app.pipeline.findings.scene import other_objects
 from app.services.measures import timed
 from app.services.pose_servers import PoseServers
 from app.services.predict.closed_loop import PreviousStep, previous_step
-from app.services.predict.observe import look, observed
+from app.services.predict.observe import Scene, look, observed
 from app.services.predict.prefix import Prefix
 from app.services.predict.request import PredictOptions, PredictRequest, PromptStyle
 from app.services.predict.task_reading import Kept, TaskReading
 from app.services.task_settings import TaskSettings
 from app.store.store import Store
 from roboprompt_client.motion_limits import Pose
-from roboprompt_client.trajectory import ObjectPose
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,22 +25,22 @@ class Known:
     """What is known of a request before its question is written.
 
     Attributes:
-        objects: as they were observed, in the task's order.
+        scene: as it was observed.
         end_effector: where it is before the first action: as the robot tells, else where the last step sent it.
         prefixes: one for all samples, or one for each.
         taught: all demonstrations of the task, which an answer is held against.
-        plan_findings: which of the demonstrated plans the first shows, and why.
+        findings: which of the demonstrated plans the first shows, and why; which objects are others than demonstrated.
     """
 
     settings: TaskSettings
     previous: PreviousStep | None
     end_effector: Pose | None
-    objects: tuple[ObjectPose, ...]
+    scene: Scene
     profile: ModelProfile
     style: PromptStyle
     prefixes: Sequence[Prefix]
     taught: Taught
-    plan_findings: tuple[Finding, ...] = ()
+    findings: tuple[Finding, ...] = ()
 
 
 class KnownReader:
@@ -81,15 +81,18 @@ class KnownReader:
             settings.limits_of_motion().require_start(end_effector)
             with timed("poses"):
                 if seen is None:
-                    objects = observed(request, task.record, settings, self._store.blobs)
+                    scene = observed(request, task.record, settings, self._store.blobs)
                 else:
-                    objects = seen.objects_of(task.record)
+                    scene = seen.scene_of(task.record)
             with timed("prompt"):
                 profile = self.profile_of(previous.model if previous else request.options.model)
                 style = previous.style if previous else PromptStyle.of(request, settings, profile)
-                prefixes, findings = _shown(task, request, style, objects, previous)
-                taught = task.taught(style)
-        return Known(settings, previous, end_effector, objects, profile, style, prefixes, taught, findings)
+                taught, ids = task.taught(style), _ids(task, request, scene, previous)
+                if scene.absent:
+                    taught = task.taught_of([pose.name for pose in scene.objects], taught, ids)
+                prefixes, findings = _shown(task, request, style, scene, ids)
+        others = other_objects(scene.absent, [pose.name for pose in scene.bystanders])
+        return Known(settings, previous, end_effector, scene, profile, style, prefixes, taught, (*findings, *others))
 
     def usual_prefixes(self, task_name: str) -> list[Prefix]:
         """What requests that name nothing but the task show in scenes of its usual plans, the most usual first.
@@ -107,32 +110,31 @@ class KnownReader:
             return [task.prefix(style, ids, choice) for choice in ([None] if plans is None else plans.likely())]
 
 
-def _shown(
-    task: TaskReading,
-    request: PredictRequest,
-    style: PromptStyle,
-    objects: Sequence[ObjectPose],
-    previous: PreviousStep | None,
-) -> tuple[list[Prefix], tuple[Finding, ...]]:
-    """The demonstrations that the request names or its selection finds, once for each order of them.
-
-    Of several plans those that the scene calls for, and why the first shows them, unless somebody chose the
-    demonstrations.
-    """
+def _ids(task: TaskReading, request: PredictRequest, scene: Scene, previous: PreviousStep | None) -> tuple[str, ...]:
+    """The demonstrations that the request names or its selection finds."""
     options = request.options
     if previous is not None:
-        ids = previous.demonstration_ids
-    elif options.episode_ids is not None:
-        ids = options.episode_ids
-    else:
-        number = options.num_demonstrations or task.settings.num_demonstrations
-        ids = task.ids(options.selection, number, options.seed, objects)
-    named = options.episode_ids is not None and previous is None
-    orders = _orders(ids, options)
+        return previous.demonstration_ids
+    if options.episode_ids is not None:
+        return options.episode_ids
+    number = options.num_demonstrations or task.settings.num_demonstrations
+    return task.ids(options.selection, number, options.seed, scene.objects)
+
+
+def _shown(
+    task: TaskReading, request: PredictRequest, style: PromptStyle, scene: Scene, ids: tuple[str, ...]
+) -> tuple[list[Prefix], tuple[Finding, ...]]:
+    """The demonstrations of those ids, once for each order of them, and why the first shows the plans that it shows.
+
+    Of several plans those that the scene calls for, unless somebody chose the demonstrations.
+    """
+    named = request.options.episode_ids is not None and request.options.after is None
+    orders = _orders(ids, request.options)
     choosers = [None if named or style.closed_loop else task.plans(order) for order in orders]
-    choices = [None if plans is None else plans(objects) for plans in choosers]
+    choices = [None if plans is None else plans(scene.objects) for plans in choosers]
     prefixes = [
-        task.prefix(style, order, choice, all_of_them=named) for order, choice in zip(orders, choices, strict=True)
+        task.prefix(style, order, choice, scene.absent, all_of_them=named)
+        for order, choice in zip(orders, choices, strict=True)
     ]
     return prefixes, () if choices[0] is None else choices[0].findings
 

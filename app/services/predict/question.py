@@ -14,6 +14,7 @@ from app.services.predict.prefix import Prefix
 from app.services.predict.request import PredictRequest, PromptStyle
 from app.services.task_settings import TaskSettings
 from roboprompt_client.motion_limits import Pose
+from roboprompt_client.trajectory import ObjectPose
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +26,8 @@ class Question:
         settings: of the task.
         profile: of the model that is asked.
         grounded: the instruction as it is understood.
-        seen: the same of the objects as they were found, in the task's order.
+        seen: the same of the task's objects as they were found, in the task's order.
+        bystanders: other objects, which the hand must not hit.
         parts: what is asked for one after the other, of the objects as the prompt has them: with rotations where
             demonstrations have them.
         end_effector: where it is before the first action: as the robot tells, else where the last step sent it.
@@ -46,6 +48,7 @@ class Question:
     style: PromptStyle
     grounded: Order
     seen: Query
+    bystanders: tuple[ObjectPose, ...]
     parts: tuple[Query, ...]
     end_effector: Pose | None
     prefix: Prefix

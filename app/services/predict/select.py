@@ -58,10 +58,11 @@ class Scenes:
     names: tuple[str, ...]
     positions_m: Array
 
-    def observed_m(self, objects: Sequence[ObjectPose]) -> Array:
-        """(K, 3) the positions of observed objects in the order of `names`."""
+    def with_objects(self, objects: Sequence[ObjectPose]) -> tuple[Array, Array]:
+        """(N, K, 3) the positions of those objects that were observed, and (K, 3) as they were observed."""
         by_name = {pose.name: pose.position_m for pose in objects}
-        return np.array([by_name[name] for name in self.names])
+        places = [place for place, name in enumerate(self.names) if name in by_name]
+        return self.positions_m[:, places], np.array([by_name[self.names[place]] for place in places])
 
     def ids_at(self, indices: Iterable[int]) -> tuple[str, ...]:
         """The episodes' ids."""
@@ -69,9 +70,14 @@ class Scenes:
 
 
 def read_scenes(connection: Connection, task: str) -> Scenes:
-    """The scenes of the task's episodes."""
+    """The scenes of the task's episodes, with the objects that all have."""
     stored = episodes.scenes(connection, task)
-    names = tuple(item.name for item in stored[0].objects) if stored else ()
+    names = in_all([[item.name for item in scene.objects] for scene in stored])
     places_m = [{item.name: item.position_m for item in scene.objects} for scene in stored]
     positions_m = np.array([[place[name] for name in names] for place in places_m]).reshape(-1, len(names), 3)
     return Scenes(tuple(scene.id for scene in stored), names, positions_m)
+
+
+def in_all(names: Sequence[Sequence[str]]) -> tuple[str, ...]:
+    """Those of the first scene's names that all scenes have."""
+    return tuple(name for name in names[0] if all(name in others for others in names)) if names else ()

@@ -9,10 +9,11 @@ from typing import Literal
 from sqlalchemy import Connection
 
 from app.pipeline.findings.demonstrations import Taught
-from app.pipeline.plans import agreeing
+from app.pipeline.plans import Recording, agreeing
 from app.pipeline.plans.choice import PlanChoice, PlanChooser
+from app.pipeline.prompt import check_object_names
 from app.services.cache import Cache
-from app.services.predict.demonstrations import Demonstrations, read_recordings, read_stepwise
+from app.services.predict.demonstrations import Demonstrations, hands_of, read_recordings, read_stepwise
 from app.services.predict.prefix import Prefix, make_prefix
 from app.services.predict.request import PromptStyle, Selection
 from app.services.predict.select import Scenes, most_diverse, nearest_last, read_scenes
@@ -26,6 +27,8 @@ MAX_HELD_AGAINST = 50  # demonstrations of a task
 # Name, when it was made and version: one that was deleted and made again counts its versions from the beginning.
 TaskState = tuple[str, datetime, int]
 Ids = tuple[str, ...]
+# What a prefix depends on: nothing else may change its bytes.
+PrefixKey = tuple[TaskState, PromptStyle, Ids, bool, Ids, Ids]
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,11 +38,11 @@ class Kept:
     settings: Cache[TaskState, TaskSettings] = field(default_factory=lambda: Cache(128))
     scenes: Cache[TaskState, Scenes] = field(default_factory=lambda: Cache(64))  # 10,000 of three objects take 1 MB
     chosen: Cache[tuple[TaskState, Selection, int, int], Ids] = field(default_factory=lambda: Cache(1024))
-    # What was read for one purpose is soon wanted for another.
     demonstrations: Cache[tuple[TaskState, Ids], Demonstrations] = field(default_factory=lambda: Cache(16))
     taught: Cache[tuple[TaskState, bool, bool], Taught] = field(default_factory=lambda: Cache(128))
+    needed: Cache[tuple[TaskState, Ids], frozenset[str]] = field(default_factory=lambda: Cache(128))
     plans: Cache[tuple[TaskState, Ids], PlanChooser] = field(default_factory=lambda: Cache(128))
-    prefixes: Cache[tuple[TaskState, PromptStyle, Ids, bool, Ids], Prefix] = field(default_factory=lambda: Cache(256))
+    prefixes: Cache[PrefixKey, Prefix] = field(default_factory=lambda: Cache(256))
 
 
 class TaskReading:
@@ -71,7 +74,7 @@ class TaskReading:
         """
         if selection == "nearest":
             scenes = self._scenes
-            return scenes.ids_at(nearest_last(scenes.positions_m, scenes.observed_m(objects), number))
+            return scenes.ids_at(nearest_last(*scenes.with_objects(objects), number))
         key = (self._state, selection, number, seed if selection == "random" else 0)
         return self._kept.chosen.get_or_make(key, lambda: self._chosen(selection, number, seed))
 
@@ -82,12 +85,19 @@ class TaskReading:
         return self._kept.plans.get_or_make((self._state, ids), lambda: PlanChooser(self._demonstrations(ids).recorded))
 
     def prefix(
-        self, style: PromptStyle, ids: Ids, choice: PlanChoice | None = None, *, all_of_them: bool = False
+        self,
+        style: PromptStyle,
+        ids: Ids,
+        choice: PlanChoice | None = None,
+        absent: Ids = (),
+        *,
+        all_of_them: bool = False,
     ) -> Prefix:
         """The demonstrations of those ids, written down.
 
         Args:
             choice: those of them that the scene calls for.
+            absent: objects of the task that the scene does not have.
             all_of_them: also those of a rare plan.
         """
         shown_ids = () if choice is None else tuple(demonstration.id for demonstration in choice.shown)
@@ -102,9 +112,10 @@ class TaskReading:
                 shown = self._demonstrations(ids)
                 if self.settings.keyframes.keyframe_rule().aligned and not all_of_them:
                     shown = shown.without_rare_plans()
+            shown = shown.only(set(self._object_names).difference(absent))
             return make_prefix(shown.shown, shown.recorded, self.settings.workspace.workspace(), style)
 
-        return self._kept.prefixes.get_or_make((self._state, style, ids, all_of_them, shown_ids), make)
+        return self._kept.prefixes.get_or_make((self._state, style, ids, all_of_them, shown_ids, absent), make)
 
     def taught(self, style: PromptStyle) -> Taught:
         """All demonstrations of the task, whichever a request names; of very many those that lie farthest apart.
@@ -113,20 +124,46 @@ class TaskReading:
         """
 
         def make() -> Taught:
-            read = self._demonstrations(self.ids("diverse", MAX_HELD_AGAINST, 0, ()))
-            recorded = read.recorded
+            ids = self.ids("diverse", MAX_HELD_AGAINST, 0, ())
+            recordings = self._recordings(ids)
+            recorded = self._kept.demonstrations.get_or_make((self._state, ids), lambda: self._of(recordings)).recorded
+            hands = hands_of(recordings, recorded)
             if not style.from_start:
                 recorded = tuple(replace(demonstration, start=None) for demonstration in recorded)
             several, round_objects = self.settings.ways == "several", frozenset(self.settings.yaw_symmetry_deg)
-            return Taught(recorded, several, read.missed_m, round_objects, moves=style.closed_loop)
+            return Taught(recorded, several, hands, round_objects, moves=style.closed_loop)
 
         return self._kept.taught.get_or_make((self._state, style.from_start, style.closed_loop), make)
 
-    def _demonstrations(self, ids: Ids) -> Demonstrations:
-        def make() -> Demonstrations:
-            return Demonstrations.of(read_recordings(self._connection, self.record.name, ids, self.settings))
+    def taught_of(self, present: Sequence[str], taught: Taught, ids: Ids) -> Taught:
+        """What is taught of scenes that have only these of the task's objects.
 
-        return self._kept.demonstrations.get_or_make((self._state, ids), make)
+        Args:
+            ids: of the demonstrations that the prompt shows.
+
+        Raises:
+            ObjectSetError: if another may matter to all that is taught, or to the demonstrations of those ids.
+        """
+
+        def needed() -> frozenset[str]:
+            return taught.needed | Taught(self._demonstrations(ids).recorded).needed
+
+        check_object_names(present, self._object_names, self._kept.needed.get_or_make((self._state, ids), needed))
+        return taught.of_objects(present)
+
+    @property
+    def _object_names(self) -> Ids:
+        return self.record.object_names or ()
+
+    def _demonstrations(self, ids: Ids) -> Demonstrations:
+        """Of those ids; a prompt and what its answer is held against are often made of the same."""
+        return self._kept.demonstrations.get_or_make((self._state, ids), lambda: self._of(self._recordings(ids)))
+
+    def _recordings(self, ids: Ids) -> list[Recording]:
+        return read_recordings(self._connection, self.record.name, ids, self.settings)
+
+    def _of(self, recordings: Sequence[Recording]) -> Demonstrations:
+        return Demonstrations.of(recordings).only(self._object_names)
 
     def _chosen(self, selection: Selection, number: int, seed: int) -> Ids:
         name = self.record.name

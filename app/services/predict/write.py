@@ -1,11 +1,13 @@
 """What is known of a request -> the question that is put to an LLM."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from app.pipeline.episode import Query
 from app.pipeline.order.order import Order
+from app.pipeline.plans.support import PlacedPlan
 from app.services.limits import Limits
 from app.services.measures import timed
 from app.services.predict.closed_loop import PreviousStep
@@ -13,8 +15,9 @@ from app.services.predict.instruction import ground_instruction
 from app.services.predict.known import Known
 from app.services.predict.prefix import Prefix
 from app.services.predict.question import Question
-from app.services.predict.request import PredictRequest
+from app.services.predict.request import MAX_ACTIONS_ASKED, PredictRequest
 from app.store.errors import ConflictError
+from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.motion_limits import Pose
 from roboprompt_client.trajectory import EndEffectorAction
 
@@ -30,9 +33,10 @@ def write_question(request: PredictRequest, instruction: str, known: Known, limi
     Raises:
         UngroundedInstructionError, UnfamiliarInstructionError: if the instruction is not clear.
         ConflictError: if a closed loop's demonstrations have changed since its last step.
-        InvalidInputError: if the prompt is too long, or an object lacks a rotation that demonstrations have.
+        InvalidInputError: if the prompt is too long, an object lacks a rotation that demonstrations have, or the parts
+            of the instruction take more actions than the request allows.
     """
-    prefix, style, previous, observed = known.prefixes[0], known.style, known.previous, known.objects
+    prefix, style, previous, observed = known.prefixes[0], known.style, known.previous, known.scene.objects
     with timed("words"):
         grounded = understood(request, instruction, known)
     step = None if not style.closed_loop else 0 if previous is None else previous.step + 1
@@ -43,6 +47,7 @@ def write_question(request: PredictRequest, instruction: str, known: Known, limi
     seen, objects, support = Query(grounded.text, observed, start=start), template.posed(observed), prefix.support
     parts = tuple(Query(part, objects, start=start) for part in template.codec.questions(grounded))
     plans = {} if support is None else {part.instruction: support.placed(part) for part in parts}
+    _check_number([plans.get(part.instruction) for part in parts], request.options.max_actions)
     question = Question(
         request=request.without_frames(),
         settings=known.settings,
@@ -50,6 +55,7 @@ def write_question(request: PredictRequest, instruction: str, known: Known, limi
         style=style,
         grounded=grounded,
         seen=seen,
+        bystanders=known.scene.bystanders,
         parts=parts,
         end_effector=known.end_effector,
         prefix=prefix,
@@ -76,7 +82,7 @@ def understood(request: PredictRequest, instruction: str, known: Known) -> Order
     """
     if known.previous is not None and known.previous.instruction == request.instruction:
         return known.previous.grounded
-    return ground_instruction(request, instruction, known.prefixes[0].instructions, known.settings, known.objects)
+    return ground_instruction(request, instruction, known.prefixes[0].instructions, known.settings, known.scene)
 
 
 def _so_far(previous: PreviousStep, prefix: Prefix) -> str:
@@ -91,6 +97,14 @@ def _so_far(previous: PreviousStep, prefix: Prefix) -> str:
     codec = prefix.at_step(previous.step).codec
     reply = codec.reply_text(codec.rows(previous.reply_text, complete=True))
     return f"{previous.prompt_user[len(shown) :]}{reply}{codec.separator}"
+
+
+def _check_number(placed: Sequence[tuple[PlacedPlan, ...] | None], most: int) -> None:
+    """Refuse several parts whose shortest plans have more actions than `most`, before an LLM writes them in vain."""
+    fewest = sum(min(map(len, plans), default=1) if plans else 1 for plans in placed)
+    if len(placed) > 1 and fewest > most:
+        message = f"is {most}, but the {len(placed)} parts of the instruction take {fewest} actions or more"
+        raise InvalidInputError("max_actions", message, f"{fewest} or more, at most {MAX_ACTIONS_ASKED}")
 
 
 def _start(end_effector: Pose | None) -> EndEffectorAction | None:

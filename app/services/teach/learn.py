@@ -62,7 +62,8 @@ class LearnObjectModels:
             message = f"none of the task {name!r} has RGB-D images with labels of {', '.join(wanted)}"
             raise InvalidInputError("episodes", message, "rgb_NAME, depth_NAME, and mask_ids or a position per object")
         chosen = records[:max_episodes]
-        learned, refused = _learned([self._scene(record, wanted) for record in chosen], wanted)
+        symmetries = task.settings.get("yaw_symmetry_deg", {})
+        learned, refused = _learned([self._scene(record, wanted) for record in chosen], wanted, symmetries)
         if learned:
             kept = task.settings.get("object_models", {})
             self._configure_task(name, {"object_models": {**kept, **learned}})
@@ -88,18 +89,18 @@ def _wanted(task: TaskRecord, objects: Sequence[str] | None) -> tuple[str, ...]:
 def _labelled(record: EpisodeRecord, wanted: Sequence[str]) -> bool:
     """Whether the episode shows what it has and says where the wanted objects are."""
     given = {item["name"]: item for item in record.given_objects}
-    has_images = any(camera.rgb_digest is not None and camera.depth_digest is not None for camera in record.cameras)
+    has_images = any(camera.has_rgbd for camera in record.cameras)
     return has_images and all(given[name]["mask_ids"] or given[name]["position_m"] is not None for name in wanted)
 
 
 def _learned(
-    scenes: Sequence[LabelledScene], wanted: Sequence[str]
+    scenes: Sequence[LabelledScene], wanted: Sequence[str], yaw_symmetry_deg: Mapping[str, float]
 ) -> tuple[dict[str, dict[str, Any]], dict[str, InvalidInputError]]:
     """Models of the objects that can be learned without those that cannot, and why these cannot."""
     refused: dict[str, InvalidInputError] = {}
     while names := [name for name in wanted if name not in refused]:
         try:
-            models = learn_models([_only(scene, names) for scene in scenes])
+            models = learn_models([_only(scene, names) for scene in scenes], yaw_symmetry_deg)
         except ObjectModelError as error:
             refused[error.name] = error
         else:

@@ -5,8 +5,9 @@ from fastapi.responses import RedirectResponse
 from starlette.exceptions import HTTPException
 from starlette.responses import Response
 
+from app.api.access_rules import GUIDE
 from app.web.page import PageRoute, serve_assets
-from app.web.routes import episode, live, predict, predictions, tasks
+from app.web.routes import episode, live, objects, predict, predictions, tasks
 
 HOME = "/ui/tasks"
 _entrances = APIRouter(route_class=PageRoute)
@@ -16,7 +17,7 @@ _elsewhere = APIRouter(route_class=PageRoute)
 def install_pages(app: FastAPI) -> None:
     """Let `app` serve the pages; they are no part of the API that its OpenAPI document describes."""
     serve_assets(app)
-    subjects = (tasks, episode, predict, predictions, live)
+    subjects = (tasks, episode, objects, predict, predictions, live)
     routers = [router for subject in subjects for router in (subject.router, subject.documents)]
     for router in (_entrances, *routers, _elsewhere):
         app.include_router(router, include_in_schema=False)
@@ -28,6 +29,12 @@ def install_pages(app: FastAPI) -> None:
 def enter() -> RedirectResponse:
     """To the first page."""
     return RedirectResponse(HOME)
+
+
+@_elsewhere.get(f"{GUIDE}{{path:path}}")
+def guide_that_is_not_built(path: str) -> Response:
+    """The answer where a checkout has no built documentation; a wheel has it."""
+    raise HTTPException(404, "the documentation is not built here: make docs")
 
 
 @_elsewhere.get("/ui/{path:path}")

@@ -78,7 +78,9 @@ def task_page(request: Request, services: Wired, name: str) -> Response:
     """The task's settings as a form."""
     with services.store.read() as connection:
         task = tasks.get(connection, name)
-        newest = next(iter(episodes.list_page(connection, name, 1).items), None)
+        newer = episodes.list_page(connection, name, PAGE_SIZE).items
+    newest = next(iter(newer), None)
+    pictured = next((record for record in newer if any(camera.has_rgbd for camera in record.cameras)), None)
     settings = TaskSettings.model_validate(task.settings)
     workspace = settings.workspace
     own = {"min": workspace.min, "max": workspace.max}
@@ -92,6 +94,7 @@ def task_page(request: Request, services: Wired, name: str) -> Response:
         task=task,
         settings=settings,
         newest=newest,
+        pictured=pictured,
         stored=stored,
         scene=scene(workspace, () if newest is None else newest.objects, ()),
     )

@@ -10,10 +10,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from roboprompt_client.arms.calibration import Calibration
-from roboprompt_client.arms.driver import ArmState, Driver, Guidable
+from roboprompt_client.arms.driver import ArmState, Driver, Guidable, pose_matrix
 from roboprompt_client.arms.geometry import Geometry, KnowsItsJoints
 from roboprompt_client.arms.preview import Previewed, preview_plan
-from roboprompt_client.errors import InvalidInputError, MotionError
+from roboprompt_client.arrays import Array
+from roboprompt_client.cameras.rig import Rig
+from roboprompt_client.cameras.viewpoints import ConfirmViewpoint, look_around
+from roboprompt_client.errors import InvalidInputError, MotionError, UnsafeActionError
 from roboprompt_client.motion_guard import MotionGuard
 from roboprompt_client.motion_limits import MotionLimits, Pose
 from roboprompt_client.robot import Observation
@@ -47,6 +50,12 @@ class Arm:
         open_width_m: what the fingers measure when they are open; None: as wide as they were ever measured.
         geometry: of its joints, for the preview; None: the driver's own, if it has one.
         reach_m: how far from its base the hand gets, for the preview of an arm whose joints are not known.
+        cameras: whose pictures `observe` takes; None: none.
+        viewpoints: to which the hand goes for the pictures of cameras that it carries.
+
+    Attributes:
+        to_find: the names of objects that the service is to find in the pictures, as `Observation` has them.
+        confirm_viewpoint: asked before the hand goes to a viewpoint, with its number from 1; None: nothing is asked.
     """
 
     def __init__(
@@ -60,8 +69,13 @@ class Arm:
         open_width_m: float | None = None,
         geometry: Geometry | None = None,
         reach_m: float | None = None,
+        cameras: Rig | None = None,
+        viewpoints: Sequence[Pose] = (),
     ) -> None:
         self.driver = driver
+        self.cameras, self.viewpoints = cameras, tuple(viewpoints)
+        self.to_find: tuple[str, ...] = ()
+        self.confirm_viewpoint: ConfirmViewpoint | None = None
         self._calibration = calibration or Calibration.none()
         self._observe_scene = observe_scene
         self._limits = limits or MotionLimits(hand_radius_m=0.0)
@@ -84,6 +98,13 @@ class Arm:
         """Stop, and leave the arm."""
         self.stop()
         self.driver.close()
+        if self.cameras is not None:
+            self.cameras.close()
+
+    def hand_to_world(self) -> Array:
+        """The hand's pose (4, 4) in the world now."""
+        state = self.state()
+        return pose_matrix(state.position_m, state.quaternion_xyzw)
 
     def state(self) -> ArmState:
         """The arm as it is now, in the world frame; safe to call from another thread."""
@@ -99,10 +120,12 @@ class Arm:
         )
 
     def observe(self) -> Observation:
+        """The scene as it is now; the hand goes to the viewpoints first. Raises as `look_around`."""
+        frames = () if self.cameras is None else look_around(self, self.cameras)
         seen = Observation() if self._observe_scene is None else self._observe_scene()
-        state = self.state()
-        hand = Pose(tuple(state.position_m.tolist()), tuple(state.quaternion_xyzw.tolist()))
-        return Observation(seen.objects, seen.frames, seen.to_find, hand)
+        known = {item.name for item in seen.objects}
+        to_find = dict.fromkeys((*seen.to_find, *(name for name in self.to_find if name not in known)))
+        return Observation(seen.objects, (*seen.frames, *frames), to_find, _pose(self.state()))
 
     def preview(self, actions: Sequence[EndEffectorAction], limits: MotionLimits) -> tuple[Previewed, ...]:
         """What a plan asks of the arm from where it is; nothing moves.
@@ -137,10 +160,25 @@ class Arm:
         Raises:
             UnsafeActionError: if the action is beyond the cell's limits; nothing moved.
             MotionError: before any motion if the pose is out of reach or the arm was stopped; afterwards if it did not
-                arrive, with how far off, or if the gripper did not do as commanded. The arm is stopped.
+                arrive, or if the gripper did not do as commanded. The arm is stopped.
         """
         with self._alone():
             self._execute(action)
+
+    def go_to(self, pose: Pose) -> None:
+        """Move as `execute` does, and leave the gripper as it is; raises as `execute`."""
+        with self._alone():
+            self._move(_at(pose))
+
+    def problem_with(self, pose: Pose) -> str:
+        """Why the hand cannot go to a pose; empty: nothing is known."""
+        there = _at(pose)
+        try:
+            MotionGuard(self._limits, before=_pose(self.state())).check(there)
+            self.driver.check(*self._calibration.to_base(there.position_m, there.quaternion_xyzw))
+        except (UnsafeActionError, MotionError) as error:
+            return str(error)
+        return self.preview([there], MotionLimits(hand_radius_m=0.0))[0].warning
 
     @contextmanager
     def guided(self) -> Iterator[None]:
@@ -198,6 +236,13 @@ class Arm:
             self._moving.release()
 
     def _execute(self, action: EndEffectorAction) -> None:
+        before_m = self._move(action).gripper_width_m
+        self.driver.set_gripper(is_open=action.gripper_open)
+        self._refuse_if_stopped()
+        self._check_gripper(before_m, is_open=action.gripper_open)
+
+    def _move(self, action: EndEffectorAction) -> ArmState:
+        """Go to the action's pose; returns the arm as it was before."""
         self._refuse_if_stopped()
         before = self.state()
         MotionGuard(self._limits, before=_pose(before)).check(action)
@@ -210,9 +255,7 @@ class Arm:
         self._wait()
         self._check_arrival(action)
         self._refuse_if_stopped()
-        self.driver.set_gripper(is_open=action.gripper_open)
-        self._refuse_if_stopped()
-        self._check_gripper(before.gripper_width_m, is_open=action.gripper_open)
+        return before
 
     def _refuse_if_stopped(self) -> None:
         if self._stopped.is_set():
@@ -241,6 +284,10 @@ class Arm:
             raise MotionError(f"the gripper was to open, but measures {1000 * width_m:.1f} of {1000 * open_m:.1f} mm")
         if not is_open and width_m > open_m - near_m:
             raise MotionError(f"the gripper was to close, but still measures {1000 * width_m:.1f} mm")
+
+
+def _at(pose: Pose) -> EndEffectorAction:
+    return EndEffectorAction(np.array(pose.position_m), np.array(pose.quaternion_xyzw), gripper_open=True)
 
 
 def _pose(state: ArmState) -> Pose:

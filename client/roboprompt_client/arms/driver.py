@@ -1,15 +1,13 @@
 """What an arm's interface must offer: meters, radians, x y z w, all in the arm's base frame."""
 
-import importlib
 import math
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from typing import Any, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from roboprompt_client.arrays import Array
-from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.quaternions import angle_between_rad, to_matrix
 
 
@@ -109,18 +107,6 @@ class Guidable(Protocol):
             MotionError: if the arm refuses, or stopped meanwhile.
         """
         ...
-
-
-def import_extra(module: str, package: str, extra: str) -> Any:  # noqa: ANN401
-    """A module of a maker's package, which is an extra.
-
-    Raises:
-        InvalidInputError: if it is not installed.
-    """
-    try:
-        return importlib.import_module(module)
-    except ImportError as error:
-        raise InvalidInputError(extra, f"{package} is not installed", f"roboprompt-client[{extra}]") from error
 
 
 def pose_matrix(position_m: Array, quaternion_xyzw: Array) -> Array:

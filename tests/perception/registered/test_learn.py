@@ -5,9 +5,11 @@ import pytest
 
 from app.perception.models import model_from_json
 from app.perception.object_model import ObjectModelError
-from app.perception.registered.click import masks_from_clicks
+from app.perception.registered.click import masks_from_marks
 from app.perception.registered.learn import LabelledView, learn
+from app.perception.registered.marks import Marks, outlines, yaw_of_arrow_deg
 from app.perception.registered.model import RegisteredModel
+from app.perception.registered.scene import Scene
 from app.perception.registered.template import Template
 from roboprompt_client.errors import InvalidInputError
 from tests.perception.registered.rooms import frames, layout, taught, view
@@ -65,7 +67,7 @@ def test_nothing_is_taught_where_no_view_fits_another():
 def test_a_mask_of_half_the_table_is_no_object():
     spread = frames(layout(carton=(-0.3, 0.1, 0.0), jar=(0.3, 0.1, 0.0)))
     everything = LabelledView(tuple(replace(frame, mask=np.ones_like(frame.mask)) for frame in spread))
-    with pytest.raises(ObjectModelError, match=r"span \d+ cm, at most 50"):
+    with pytest.raises(ObjectModelError, match=r"span \d+ cm, at most 70"):
         learn("carton", [everything], None)
 
 
@@ -77,6 +79,11 @@ def test_nothing_is_taught_without_a_mask():
 def test_what_is_not_round_is_not_taught_as_round():
     with pytest.raises(ObjectModelError, match="is not round"):
         learn("brick", [view("brick", 0)], 0.0)
+
+
+def test_what_looks_otherwise_when_turned_is_not_taught_as_symmetric():
+    with pytest.raises(ObjectModelError, match=r"turned by 180 degrees it looks otherwise|differs from itself"):
+        learn("mug", [view("mug", 0)], 180.0)
 
 
 def test_what_looks_the_same_all_around_needs_a_symmetry():
@@ -123,19 +130,92 @@ def test_a_wrong_model_is_refused_by_the_field(change, field):
     assert caught.value.field == f"object_models[jar].{field}"
 
 
+def masks_of(views, marks):
+    return masks_from_marks(Scene.of(views), views, marks)
+
+
+def assert_holds_the_object(masks, views):
+    for frame in views:
+        mine, true = masks[frame.camera.name], (frame.mask > 0) & (frame.depth_m > 0)
+        assert np.count_nonzero(mine & true) > 0.8 * np.count_nonzero(true)
+        assert np.count_nonzero(mine & ~(frame.mask > 0)) < 0.06 * np.count_nonzero(true)
+
+
+def pixel_of(frame, place_m):
+    return tuple(frame.camera.project(place_m)[0].tolist())
+
+
+def box_around(mask):
+    rows, columns = np.nonzero(mask)
+    return tuple(float(edge) for edge in (columns.min(), rows.min(), columns.max(), rows.max()))
+
+
+def touching():
+    """A carton that a jar touches, the carton's masks, and a pixel of each in the first camera."""
+    views = frames(layout(carton=(0, 0, 0), jar=(0.062, 0, 0)), of=("carton", 0))
+    return views, pixel_of(views[0], (-0.02, -0.02, 0.06)), pixel_of(views[0], (0.06, -0.03, 0.05))
+
+
+def test_a_click_on_what_it_touches_takes_that_away():
+    views, on, off = touching()
+    both = masks_of(views, Marks({"front": [on]}))
+    assert np.count_nonzero(both["front"]) > 2 * np.count_nonzero(views[0].mask)
+    assert_holds_the_object(masks_of(views, Marks({"front": [on]}, {"front": [off]})), views)
+
+
+def test_two_clicks_hold_two_parts_and_a_box_bounds_the_mask():
+    views, _, _ = touching()
+    assert_holds_the_object(masks_of(views, Marks(boxes={"front": box_around(views[0].mask)})), views)
+    apart = frames(layout(carton=(0, 0, 0), jar=(0.12, 0, 0)), of=("carton", 0))
+    pixels = [pixel_of(apart[0], (x_m, -0.03, 0.05)) for x_m in (0, 0.12)]
+    one, other, both = (masks_of(apart, Marks({"front": clicks})) for clicks in ([pixels[0]], [pixels[1]], pixels))
+    for name, mask in both.items():
+        np.testing.assert_array_equal(mask, one[name] | other[name])
+
+
 @pytest.mark.parametrize("name", ["carton", "mug", "jar"])
 def test_a_click_in_one_camera_gives_the_masks_of_all(name):
     places = {"carton": (0.08, -0.05, 2.0), "jar": (-0.1, 0.1, 0.0), "mug": (0.12, 0.12, -2.0)}
     views = frames(layout(**places), of=(name, 0))
     rows, columns = np.nonzero(views[0].mask)
     click = (float(columns[len(columns) // 2]), float(rows[len(rows) // 2]))
-    masks = masks_from_clicks(views, {"front": click})
-    for frame in views:
-        mine, true = masks[frame.camera.name], (frame.mask > 0) & (frame.depth_m > 0)
-        assert np.count_nonzero(mine & true) > 0.8 * np.count_nonzero(true)
-        assert np.count_nonzero(mine & ~(frame.mask > 0)) < 0.05 * np.count_nonzero(true)
+    assert_holds_the_object(masks_of(views, Marks({"front": [click]})), views)
 
 
 def test_a_click_on_the_table_is_refused_with_the_height():
     with pytest.raises(InvalidInputError, match=r"-?\d\.\d cm above the table"):
-        masks_from_clicks(frames(layout(jar=(0, 0, 0))), {"front": (40.0, 440.0)})
+        masks_of(frames(layout(jar=(0, 0, 0))), Marks({"front": [(40.0, 440.0)]}))
+
+
+@pytest.mark.parametrize(
+    ("marks", "words"),
+    [
+        (Marks(boxes={"front": (2.0, 2.0, 9.0, 9.0)}), "nothing stands on the table"),
+        (Marks({"front": [(700.0, 9.0)]}), "a pixel of the image"),
+        (Marks({"front": [(362.0, 230.0)]}, boxes={"front": (303.0, 159.0, 312.0, 256.0)}), "leaves nothing"),
+    ],
+)
+def test_marks_that_hold_nothing_are_refused(marks, words):
+    with pytest.raises(InvalidInputError, match=words) as caught:
+        masks_of(touching()[0], marks)
+    assert caught.value.field.startswith(("boxes[front]", "clicks["))
+
+
+@pytest.mark.parametrize("yaw_deg", [-120.0, 10.0, 95.0])
+def test_an_arrow_on_an_object_says_its_yaw(yaw_deg):
+    views, _, _ = touching()
+    top_m, yaw = np.array([0.0, 0.0, 0.11]), np.radians(yaw_deg)
+    ahead_m = top_m + 0.08 * np.array([np.cos(yaw), np.sin(yaw), 0])
+    tail, head = (pixel_of(views[0], place_m) for place_m in (top_m, ahead_m))
+    assert abs((yaw_of_arrow_deg(views[0], tail, head) - yaw_deg + 180) % 360 - 180) < 8
+    with pytest.raises(InvalidInputError, match="no such arrow"):
+        yaw_of_arrow_deg(views[0], tail, tail)
+
+
+def test_outlines_go_around_parts_and_holes():
+    mask = np.zeros((40, 40), bool)
+    mask[5:30, 5:30] = True
+    mask[12:20, 12:20] = False
+    outer, hole = sorted(outlines(mask), key=lambda corners: -np.ptp(corners, axis=0).max())
+    assert {tuple(corner) for corner in outer} == {(5, 5), (5, 29), (29, 29), (29, 5)}
+    assert np.ptp(hole, axis=0).tolist() == [9, 9]

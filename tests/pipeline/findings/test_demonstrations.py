@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from app.pipeline.findings.demonstrations import Taught, path_findings
-from app.pipeline.findings.missed import missed_m
+from app.pipeline.findings.missed import Kept, kept, missed_m
 from app.pipeline.keyframes import Motion
 from app.pipeline.plans import agreeing, aligned_by_plan
 from tests.pipeline.plans.taught import picked, reached, recording
@@ -149,9 +149,16 @@ def test_keyframes_that_miss_where_hands_act():
     demonstrations = taught(recordings).demonstrations
     last_only = [replace(demonstration, actions=demonstration.actions[-1:]) for demonstration in demonstrations]
     for shown, severity in ((demonstrations, None), (last_only, "danger")):
-        missed = [missed_m(r.motion, d.actions) for r, d in zip(recordings, shown, strict=True)]
-        findings = {finding.code: finding.severity for finding in path_findings(missed)}
+        paths = [kept(r.motion, d.actions, 0.1) for r, d in zip(recordings, shown, strict=True)]
+        findings = {finding.code: finding.severity for finding in path_findings(paths)}
         assert findings.get("path-not-kept") == severity
+
+
+@pytest.mark.parametrize(("left_m", "severity"), [(0.029, None), (0.03, "warning"), (0.05, "danger")])
+def test_a_lift_that_most_recordings_lose_is_a_finding(left_m, severity):
+    for number, expected in ((4, severity), (3, None)):
+        paths = [Kept(0.0, left_m)] * number + [Kept(0.0, 0.0)] * (10 - number)
+        assert [finding.severity for finding in path_findings(paths)] == ([expected] if expected else [])
 
 
 def test_a_grasp_between_keyframes_is_missed():

@@ -74,6 +74,19 @@ def test_a_hand_that_approaches_along_its_axis_only_if_w_came_first():
     assert caught.value.field == "trajectory.end_effector_quaternions_xyzw"
 
 
+@pytest.mark.parametrize(
+    ("turn", "way_m"),
+    [([1.0, 0, 0, 0], [0, 0, 0.2]), ([0.7071068, 0.7071068, 0, 0], [0, -0.2, 0])],
+    ids=["up, before it closes", "across, to push"],
+)
+def test_a_hand_that_points_down_may_move_elsewhere_before_it_closes(turn, way_m):
+    """Meta-World's drawers are closed so."""
+    steps = np.linspace(0, 1, 40)[:, None]
+    positions_m = np.array([0.5, 0.1, 0.2]) + np.concatenate([steps * way_m, np.tile(way_m, (10, 1))])
+    closes = np.r_[np.ones(42), np.zeros(8)]
+    checked(Trajectory.from_poses(positions_m, np.tile(turn, (50, 1)), closes, np.arange(50) / 20))
+
+
 def test_an_object_that_the_hand_never_comes_near_is_in_another_frame():
     (finding,) = unit_findings(recording(), [cube(-0.3)])
     assert (finding.code, finding.severity, finding.where) == ("far-from-objects", "warning", "objects[cube].position")

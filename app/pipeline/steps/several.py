@@ -1,0 +1,104 @@
+"""What a sentence says of several clauses together: in which order, how often, of which objects but for some."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import combinations, pairwise
+
+from app.pipeline.order.clause_parser import DIRECT, ParsedClause, without
+from app.pipeline.order.noun_phrases import NounPhrase
+from app.pipeline.order.sentences import PICKING, Unit
+from app.pipeline.order.verbs import DESTINATIONS
+from app.pipeline.order.vocabulary import ORDERING
+from app.pipeline.order.words import NUMBERS
+
+IT = "taught"  # by which an "it" is found, see `NounPhrase.by`
+TIMES: dict[tuple[str, ...], int] = {
+    ("twice",): 2,
+    ("thrice",): 3,
+    **{(number, "times"): int(number) for number in NUMBERS.values()},
+}
+TIMES_WORDS = frozenset(word for words in TIMES for word in words)
+
+
+def with_object(clause: ParsedClause, meant: NounPhrase) -> ParsedClause:
+    """The clause with an object instead of "it"."""
+    it = meant._replace(by=IT)
+    roles = tuple(
+        (role, tuple(it if phrase.name is None else phrase for phrase in phrases)) for role, phrases in clause.roles
+    )
+    return replace(clause, roles=roles)
+
+
+def counted(clause: ParsedClause) -> tuple[ParsedClause, int]:
+    """The clause without how often it is to be done, and that."""
+    for words, times in TIMES.items():
+        if clause.fixed[-len(words) :] == words:
+            return replace(clause, fixed=clause.fixed[: -len(words)]), times
+    return clause, 1
+
+
+def is_akin(one: ParsedClause, other: ParsedClause) -> bool:
+    """Whether two clauses share verb or objects, so that "twice" behind the second may be said of both."""
+    shared = {phrase.name for phrase in one.phrases} & {phrase.name for phrase in other.phrases}
+    return one.verb == other.verb or bool(shared)
+
+
+def order_of(done: Sequence[Unit], units: Sequence[Unit]) -> Sequence[int]:
+    """The order in which units are done; empty where "before" and "after" leave it open."""
+    in_text = range(len(done))
+    ordered = [place for place, unit in enumerate(units) if unit.joined & ORDERING]
+    if not ordered:
+        return in_text
+    joined = units[ordered[0]].joined
+    if len(units) == 1 or len(done) < len(units) or len(ordered) > 1 or len(joined) > 1:
+        return ()  # ", before" may belong to what comes next
+    leads = ordered == [0] and units[1].joined == {","}
+    if not leads and ordered != [len(units) - 1]:
+        return ()
+    if ("after" in joined) == leads:
+        return in_text
+    return in_text[::-1] if len(units) == 2 else ()
+
+
+def without_excepted(units: Sequence[Unit]) -> tuple[Unit, ...]:
+    """The units, of "all mugs except the red one" the other mugs; none where what is excepted is none of a group."""
+    kept: list[Unit] = []
+    for unit in units:
+        if unit.mood != "except":
+            kept.append(unit)
+            continue
+        left = without(kept[-1].clause.objects_in(DIRECT) if kept else (), unit.clause.objects_in(DIRECT))
+        if not left or unit.own_verb or len(unit.clause.roles) != 1:
+            return ()
+        others = tuple(item for item in kept[-1].clause.roles if item[0] != DIRECT)
+        clause = replace(kept[-1].clause, roles=((DIRECT, left), *others))
+        kept[-1] = replace(kept[-1], clause=clause)
+    return tuple(kept)
+
+
+def is_unclear_what_is_forbidden(units: Sequence[Unit]) -> bool:
+    """Whether more may be meant: "do not press it, then open it" may forbid both, "not twice" may want it once."""
+    counts = any(counted(unit.clause)[1] > 1 for unit in units if unit.mood != "do")
+    return counts or any(one.mood == "not" and next_.joined & {"and", "then"} for one, next_ in pairwise(units))
+
+
+def picked_up_to_put(units: Sequence[Unit], clauses: Sequence[ParsedClause]) -> Iterator[int]:
+    """The places of the clauses that may be no step of their own.
+
+    Demonstrations begin with an empty gripper: "pick up X and put it on Y" is "put X on Y", unless to pick it up is a
+    task of its own. Then it may be meant as well, and is refused.
+    """
+    for place, (clause, after) in enumerate(zip(clauses, units[1:], strict=False)):
+        puts_it = any(phrase.name is None for phrase in after.clause.objects_in(DIRECT)) and len(after.clause.roles) > 1
+        says_no_more = [role for role, _ in clause.roles] == [DIRECT] and not clause.fixed_phrases
+        if clause.verb in PICKING and says_no_more and puts_it:
+            yield place
+
+
+def is_placed_after_moving(clauses: Sequence[ParsedClause]) -> bool:
+    """Whether an object is told by its place after something was moved: only where objects are now is known."""
+    return any(
+        any(phrase.by == "relation" for phrase in later.phrases)
+        and (earlier.verb in PICKING or any(role in DESTINATIONS or role == "off" for role, _ in earlier.roles))
+        for earlier, later in combinations(clauses, 2)
+    )
