@@ -75,6 +75,13 @@ NEW_ROLE = Rule(
 OTHER_TASKS = Rule("other-tasks-demonstrations", danger=ALWAYS, source="docs/results/unseen.md: 1 of 38 scenes solved")
 
 UNCERTAIN_POSE = Rule("uncertain-pose", "1 below a confidence of 0.7, else 0", info=0.0, warning=1.0)
+OTHER_SOURCE = Rule(
+    "poses-of-another-source",
+    "0 where a pose was given for found ones and nothing compares them, else 1",
+    warning=0.0,
+    danger=1.0,
+    source="docs/guide/poses.md",
+)
 ONE_PLACE = Rule("objects-in-one-place", danger=ALWAYS)
 TILTED = Rule("object-tilted", "beyond every demonstration", "degrees", danger=20.0)
 HEIGHT = Rule("object-at-another-height", "above or below every demonstration", "m", warning=0.011, danger=0.018)
@@ -130,6 +137,7 @@ RULES = (
     NEW_ROLE,
     OTHER_TASKS,
     UNCERTAIN_POSE,
+    OTHER_SOURCE,
     ONE_PLACE,
     TILTED,
     HEIGHT,

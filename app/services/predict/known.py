@@ -12,6 +12,7 @@ from app.pipeline.findings.demonstrations import Taught
 from app.pipeline.plans import agreeing
 from app.pipeline.plans.choice import PlanChoice, PlanChooser
 from app.services.cache import Cache
+from app.services.errors import NoDemonstrationsError
 from app.services.measures import timed
 from app.services.pose_servers import PoseServers
 from app.services.predict.closed_loop import PreviousStep, previous_step
@@ -23,13 +24,15 @@ from app.services.predict.select import (
     Demonstrations,
     DemonstrationSelector,
     TaskState,
+    read_compared,
     read_demonstrations,
     read_missed_m,
 )
 from app.services.task_settings import TaskSettings
-from app.store import tasks
+from app.store import episodes, tasks
 from app.store.records import TaskRecord
 from app.store.store import Store
+from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.motion_limits import Pose
 from roboprompt_client.trajectory import ObjectPose
 
@@ -161,6 +164,7 @@ class KnownReader:
                 missed_m,
                 frozenset(settings.yaw_symmetry_deg),
                 moves=style.closed_loop,
+                compared=read_compared(connection, task.name, ids, settings),
             )
 
         key = (task.name, task.created_at, task.version, style.from_start, style.closed_loop)
@@ -199,9 +203,12 @@ class KnownReader:
             ids = tuple(id_ for other in lending for id_ in other.ids)
         elif options.episode_ids is not None:
             ids = options.episode_ids
+            _refuse_left_out(connection, ids)
         else:
             ids = self._select(connection, task, options.selection, number, options.seed, objects)
         named = options.episode_ids is not None and previous is None
+        if not ids:
+            raise NoDemonstrationsError(task.name)
         found = []
         for order in _orders(ids, options):
             by_scene = not (named or lending or style.closed_loop)
@@ -255,6 +262,19 @@ class KnownReader:
             return make_prefix(read.without_rare_plans() if leaves_out else read, settings, style)
 
         return self._prefixes.get(key, make)
+
+
+def _refuse_left_out(connection: Connection, ids: Sequence[str]) -> None:
+    """Refuse episodes that no prompt is to show.
+
+    Raises:
+        InvalidInputError: naming the first.
+    """
+    left_out = episodes.left_out_of(connection, ids)
+    for number, id_ in enumerate(ids):
+        if id_ in left_out:
+            remedy = f'others, or PATCH /episodes/{id_} with {{"left_out": false}}'
+            raise InvalidInputError(f"episode_ids[{number}]", f"{id_} is left out of prompts", remedy)
 
 
 def _orders(ids: tuple[str, ...], options: PredictOptions) -> list[tuple[str, ...]]:

@@ -13,8 +13,10 @@ from typing import Literal
 import numpy as np
 from sqlalchemy import Connection
 
+from app.perception.base import ObjectQuery
 from app.pipeline.episode import Demonstration, frame_times_s
 from app.pipeline.findings.missed import missed_m
+from app.pipeline.findings.sources import Compared
 from app.pipeline.keyframes import KeyframeRule
 from app.pipeline.plans import Recording, agreeing, aligned_by_plan, shown_together
 from app.services.cache import Cache
@@ -214,6 +216,19 @@ def demonstrations_of(
     if not all_of_them:
         recorded = shown_together(recorded)
     return Demonstrations(agreeing(recorded), recorded)
+
+
+def read_compared(
+    connection: Connection, task: str, ids: Sequence[str], settings: TaskSettings
+) -> tuple[Compared, ...]:
+    """The poses of the episodes' objects that came with images in which the objects were then found."""
+    return tuple(
+        pair
+        for record in episodes.by_ids(connection, task, ids).values()
+        for pair in settings.compared(
+            map(ObjectQuery.from_json, record.given_objects), [item.pose() for item in record.objects]
+        )
+    )
 
 
 def read_missed_m(connection: Connection, task: str, recorded: Sequence[Demonstration]) -> tuple[float, ...]:
