@@ -1,4 +1,4 @@
-# make setup | dev | demo | serve | test | robustness | check | audit | wheels | sbom | long | torture | attack | fuzz | soak | growth | bench | mutations | metaworld | robosuite | client | franka | format | openapi | lock
+# make setup | dev | demo | serve | test | robustness | check | audit | outdated | platforms | docs | dist | long | torture | attack | fuzz | soak | growth | bench | mutations | metaworld | robosuite | client | franka | realsense | format | openapi | lock
 PYTHON ?= python3
 # Modules are compiled when they are first imported: most never are, and all of them take a minute.
 NO_COMPILE := --no-compile
@@ -9,8 +9,8 @@ DEV_STAMP := .venv/.installed-dev
 # Some machines forbid it: then each of the many processes that tests start compiles the whole app, half a second each.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: setup dev demo serve test pytest robustness check audit wheels sbom long torture attack fuzz soak growth bench \
-	metaworld robosuite client franka mutations style types lint format openapi lock clean
+.PHONY: setup dev demo serve test pytest robustness check audit outdated platforms docs dist long torture attack fuzz soak growth bench \
+	metaworld robosuite client franka realsense mutations style types lint format openapi lock clean
 
 setup: $(STAMP)
 
@@ -51,7 +51,7 @@ test: dev
 	@$(MAKE) --no-print-directory --jobs 2 style types pytest
 
 # What takes long and fails seldom: hostile requests and files, trouble and crashes, container and supply chain checks.
-ROBUSTNESS := tests/attack tests/reliability tests/test_docker.py tests/test_no_pickles.py tests/test_supply_chain.py
+ROBUSTNESS := tests/attack tests/reliability tests/test_docker.py tests/test_no_pickles.py tests/test_supply_chain.py tests/test_wheels.py
 PYTEST := $(BIN)/python -m pytest --numprocesses 3 --dist loadfile --no-loadscope-reorder
 
 # Collected once beforehand where nothing is compiled yet: each of the processes would compile it all.
@@ -59,7 +59,7 @@ pytest: dev
 	@test -d tests/__pycache__ || $(BIN)/python -m pytest --collect-only --quiet > /dev/null
 	$(PYTEST) $(ROBUSTNESS:%=--ignore=%)
 
-robustness: dev
+robustness: dev docs
 	$(PYTEST) $(ROBUSTNESS)
 
 # Whether the tests notice mistakes: benchmarks/mutations.toml
@@ -71,14 +71,24 @@ audit: dev
 	$(BIN)/python .ci/audit
 
 # Whether every pin of the lock has a wheel, by platform and Python version; minutes.
-wheels: dev
-	$(BIN)/python .ci/wheels
+platforms: dev
+	$(BIN)/python .ci/platforms
 
-# What the container image consists of, and from what the wheel was built: docs/supply-chain.md.
-sbom: dev
-	$(BIN)/python .ci/sbom
+# Which pins of the locks have a newer version; changes nothing.
+outdated: dev
+	$(BIN)/python .ci/outdated
 
-check: test robustness audit wheels
+# The site that the service has at /docs/guide; fails where a link leads nowhere. The same commit gives the same bytes.
+COMMIT_TIME = $(shell git log -1 --format=%ct 2> /dev/null || echo 315532800)
+
+docs: dev
+	@SOURCE_DATE_EPOCH=$(COMMIT_TIME) $(BIN)/properdocs build --strict --quiet
+
+# Both wheels, what they consist of, and from what they were built: docs/supply-chain.md.
+dist: dev docs
+	$(BIN)/python .ci/dist
+
+check: test robustness audit platforms
 
 # Half an hour; what mounts file systems needs root.
 torture: dev
@@ -110,21 +120,23 @@ openapi: setup
 	$(BIN)/python -c "import json; from app.asgi import app; print(json.dumps(app.openapi(), indent=2, sort_keys=True))" \
 		> openapi/openapi.json
 
-# Versions and hashes only: the lock names no package registry, and not our own package in client/.
+# Versions and hashes only: the lock names no package registry, and not our own package in client/. Pins stay where they are
+# unless UPGRADE=--upgrade says otherwise.
 COMPILE := $(BIN)/uv pip compile --universal --python-version 3.11 --generate-hashes --no-annotate --no-header \
-	--no-emit-index-url --no-emit-package roboprompt-client --quiet
-LOCK := $(COMPILE) pyproject.toml --extra server --extra sim --extra datasets --extra editable
+	--no-emit-index-url --no-emit-package roboprompt-client --quiet $(UPGRADE)
+LOCK := $(COMPILE) pyproject.toml --extra sim --extra datasets --group editable
 
 lock:
-	$(LOCK) --extra dev --output-file requirements-dev.lock
+	$(LOCK) --group dev --output-file requirements-dev.lock
 	$(LOCK) --constraint requirements-dev.lock --output-file requirements.lock
-	$(COMPILE) pyproject.toml --extra server --extra postgres --extra s3 --extra otel --constraint requirements-dev.lock \
+	$(COMPILE) pyproject.toml --extra postgres --extra s3 --extra otel --constraint requirements-dev.lock \
 		--output-file docker/server.lock
 	$(COMPILE) docker/build.in --constraint requirements-dev.lock --output-file docker/build.lock
-	$(COMPILE) benchmarks/metaworld/requirements.in --output-file benchmarks/metaworld/requirements.txt
-	$(COMPILE) benchmarks/robosuite/requirements.in --output-file benchmarks/robosuite/requirements.txt
+	$(COMPILE) client/pyproject.toml benchmarks/metaworld/requirements.in --output-file benchmarks/metaworld/requirements.txt
+	$(COMPILE) client/pyproject.toml benchmarks/robosuite/requirements.in --output-file benchmarks/robosuite/requirements.txt
 	$(COMPILE) client/libfranka/requirements.in --constraint requirements-dev.lock \
 		--output-file client/libfranka/requirements.txt
+	$(COMPILE) client/realsense/requirements.in --output-file client/realsense/requirements.txt
 	$(subst 3.11,3.10,$(COMPILE)) client/pyproject.toml client/tests.in --output-file client/tests.txt
 
 bench: dev
@@ -180,6 +192,16 @@ $(FRANKA_STAMP): client/libfranka/requirements.txt $(DEV_STAMP)
 
 franka: $(FRANKA_STAMP)
 	cd client && ../$(BIN)/python -m pytest libfranka
+
+# A RealSense camera on librealsense's own software device; on Debian it needs libusb-1.0-0.
+REALSENSE_STAMP := .venv/.installed-realsense
+
+$(REALSENSE_STAMP): client/realsense/requirements.txt $(DEV_STAMP)
+	@$(BIN)/python -m pip install --quiet $(NO_COMPILE) --require-hashes --requirement client/realsense/requirements.txt
+	@touch $(REALSENSE_STAMP)
+
+realsense: $(REALSENSE_STAMP)
+	cd client && ../$(BIN)/python -m pytest realsense
 
 clean:
 	rm -rf .venv client/.venv benchmarks/metaworld/.venv benchmarks/robosuite/.venv .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache

@@ -5,7 +5,6 @@ import contextlib
 import logging
 from collections.abc import AsyncIterator
 from datetime import timedelta
-from importlib.metadata import version
 from typing import TYPE_CHECKING
 
 from fastapi import FastAPI
@@ -25,6 +24,7 @@ from app.store.store import SWEEP_GRACE, Store
 from app.web.routes import install_pages
 from roboprompt_client.connection import is_loopback
 from roboprompt_client.errors import RoboPromptError
+from roboprompt_client.version import VERSION
 
 DEFAULT_RATE_PER_S = 20.0
 JOB_POLL_S = 1.0
@@ -159,7 +159,7 @@ def build_app(settings: Settings) -> FastAPI:
     hide_keys_in_access_log()
     access = access_for(settings)
     tracing = _tracing(settings.otel_endpoint)
-    app = create_app(lambda: _traced(tracing, settings), version("roboprompt"), body_limits_of(settings), access)
+    app = create_app(lambda: _traced(tracing, settings), VERSION, body_limits_of(settings), access)
     install_pages(app)
     if tracing:
         tracing.install(app)

@@ -35,6 +35,7 @@ def test_no_package_registry_in_the_repository():
     locks = (
         "client/tests.txt",
         "client/libfranka/requirements.txt",
+        "client/realsense/requirements.txt",
         "requirements.lock",
         "requirements-dev.lock",
         "docker/server.lock",

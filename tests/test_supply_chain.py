@@ -12,6 +12,8 @@ import pytest
 from cyclonedx.schema import SchemaVersion
 from cyclonedx.validation.json import JsonStrictValidator
 
+from roboprompt_client.version import VERSION
+
 ROOT = Path(__file__).parents[1]
 CLIENT = tomllib.loads((ROOT / "client/pyproject.toml").read_text())["project"]
 PINNED = re.compile(r"^([\w.-]+)(?:\[[^\]]*\])?==([^\s;\\]+)", re.MULTILINE)
@@ -28,13 +30,13 @@ def test_pip_takes_nothing_without_its_hash(path):
     """Or it takes our own wheels or folder alone."""
     for command in commands(path):
         if re.search(r"\bpip\b.* install\b", command):
-            ours = "--no-deps" in command and re.search(r"( \.| \./client| dist/roboprompt\*\.whl)$", command)
+            ours = "--no-deps" in command and re.search(r"( \.| \./client| /dist/roboprompt\*\.whl)$", command)
             assert "--require-hashes" in command or ours, command
 
 
 def test_there_is_something_to_look_at():
     found = [command for path in ("docker/Dockerfile", "Makefile") for command in commands(path)]
-    assert sum("--require-hashes" in command for command in found) == 8
+    assert sum("--require-hashes" in command for command in found) == 9
 
 
 def versions(path):
@@ -54,6 +56,12 @@ def test_what_is_installed_beside_the_lock_changes_nothing_of_it():
     assert {name: tested.get(name, beside[name]) for name in beside} == beside
 
 
+@pytest.mark.parametrize("world", ["metaworld", "robosuite"])
+def test_another_world_s_environment_has_what_the_robot_s_side_needs(world):
+    needed = {re.split(r"[^\w.-]", requirement)[0] for requirement in CLIENT["dependencies"]}
+    assert needed <= set(versions(f"benchmarks/{world}/requirements.txt"))
+
+
 def test_every_pinned_package_has_a_hash():
     for path in ("docker/server.lock", "docker/build.lock"):
         for block in re.split(r"\n(?=\S)", (ROOT / path).read_text().strip()):
@@ -68,7 +76,7 @@ def test_the_base_image_is_an_argument():
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
     folder = tmp_path_factory.mktemp("dist")
-    subprocess.run([sys.executable, ROOT / ".ci/sbom", "--to", folder], check=True, capture_output=True)
+    subprocess.run([sys.executable, ROOT / ".ci/dist", "--to", folder], check=True, capture_output=True)
     return folder
 
 
@@ -77,7 +85,7 @@ def test_the_bill_lists_what_the_image_installs(made):
     assert JsonStrictValidator(SchemaVersion.V1_6).validate_str(text) is None
     bill = json.loads(text)
     installed = {item["name"]: item["version"] for item in bill["components"]}
-    assert installed.pop("roboprompt-client") == CLIENT["version"]
+    assert installed.pop("roboprompt-client") == VERSION
     assert installed == versions("docker/server.lock")
     assert all(item["hashes"] for item in bill["components"])
 

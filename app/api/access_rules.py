@@ -11,13 +11,14 @@ from http.cookies import CookieError, SimpleCookie
 
 SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
 # Opening one takes dozens of requests for scripts and pictures, so that they do not count against the rate limit.
-PAGES = "/ui/"
+GUIDE = "/docs/guide/"
+PAGES = ("/ui/", GUIDE)
 READY = "/readyz"
 HEALTH = frozenset({"/healthz", READY})
 LOGIN, LOGOUT = "/ui/login", "/ui/logout"
 # They hold no data: the way in, and what the pages are drawn with.
-OPEN = HEALTH | {LOGIN, LOGOUT, "/favicon.ico"}
-OPEN_BELOW = ("/ui/static/", "/ui/vendor/", "/static-offline-docs/")
+OPEN = HEALTH | {LOGIN, LOGOUT, "/favicon.ico", GUIDE.rstrip("/")}
+OPEN_BELOW = ("/ui/static/", "/ui/vendor/", "/static-offline-docs/", GUIDE)
 _NAME = r"[^/]+"
 _RULES = tuple(
     (method, re.compile(path), frozenset(scopes))
@@ -43,6 +44,7 @@ _RULES = tuple(
         ("POST", f"/tasks/{_NAME}/object_models/try", "upload"),
         ("DELETE", f"/tasks/{_NAME}/labels/{_NAME}", "upload"),
         ("POST", "/predict", "predict"),
+        ("POST", "/plans", "predict"),
         # the page's dry run
         ("POST", "/ui/predict/prompt", "predict"),
         ("POST", "/poses", "predict"),

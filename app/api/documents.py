@@ -139,6 +139,7 @@ def job_document(record: JobRecord) -> JsonObject:
 def _asked(question: Question, prompt: Prompt) -> JsonObject:
     """What a prediction and a dry run have in common."""
     return {
+        "task": question.request.task,
         **_understood(question.grounded),
         "objects": [ObjectRecord.of(pose).to_json() for pose in question.seen.objects],
         "model": question.profile.name,

@@ -9,6 +9,7 @@ from uuid import uuid4
 from fastapi import FastAPI
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from app.api.access_rules import GUIDE
 from app.services.measures import request_fields
 
 logger = logging.getLogger(__name__)
@@ -17,10 +18,10 @@ _PLAIN_ID = re.compile(rb"[\w.-]{1,64}")
 METHODS = frozenset(HTTPMethod)
 _CSP = b"content-security-policy"
 _NOTHING = b"default-src 'none'; frame-ancestors 'none'"
-# Swagger UI's page starts by an inline script, and sets styles.
+# The pages of Swagger UI and of the guide start by an inline script, and set styles.
 _DOCUMENTATION = (
     b"default-src 'none'; script-src 'self' 'unsafe-inline'; style-src 'self' 'unsafe-inline'; img-src 'self' data:; "
-    b"connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    b"font-src 'self'; connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
 _HEADERS = (
     (b"x-content-type-options", b"nosniff"),
@@ -77,7 +78,7 @@ class OuterMiddleware:
 def _completed(headers: list[tuple[bytes, bytes]], scope: Scope) -> list[tuple[bytes, bytes]]:
     """`headers` (lower-case names, as ASGI has them) with the security headers that they lack."""
     present = {name for name, _ in headers}
-    policy = (_CSP, _DOCUMENTATION if scope["path"].endswith("/docs") else _NOTHING)
+    policy = (_CSP, _DOCUMENTATION if scope["path"].endswith("/docs") or GUIDE in scope["path"] else _NOTHING)
     return [*headers, *(item for item in (*_HEADERS, policy) if item[0] not in present)]
 
 

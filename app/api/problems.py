@@ -196,7 +196,7 @@ def _own_entries(error: RoboPromptError) -> list[dict[str, Any]]:
         case UnknownModelError():
             return [_entry("model", str(error))]
         case ForbiddenTaskError():
-            return [_entry(error.field, str(error), ", ".join(error.allowed))]
+            return [_entry("task", str(error), ", ".join(error.allowed))]
         case UnsafeReplyError():
             return [_entry(error.action.field, error.action.message, error.action.bound)]
         case UnsupportedReplyError():

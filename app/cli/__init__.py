@@ -1,6 +1,6 @@
 """`roboprompt`: the service, its keys, models and backups; evaluation; data in and out; cameras."""
 
-from importlib.metadata import version
+import sys
 from typing import Annotated
 
 import typer
@@ -11,6 +11,7 @@ from app.cli import (
     calibrate,
     check,
     demo,
+    doctor,
     evaluate,
     export_data,
     import_data,
@@ -20,9 +21,12 @@ from app.cli import (
     record,
     serve,
 )
+from app.cli.extras import extra_with
+from roboprompt_client.version import VERSION
 
 application = typer.Typer(no_args_is_help=True, add_completion=False, help=__doc__, pretty_exceptions_enable=False)
 application.command("serve")(serve.serve)
+application.command("doctor")(doctor.doctor)
 application.add_typer(keys.application, name="keys")
 application.add_typer(models.application, name="models")
 application.command("audit")(audit.audit)
@@ -44,7 +48,7 @@ application.command("export")(export_data.export_data)
 
 def _print_version(wanted: bool) -> None:
     if wanted:
-        typer.echo(f"roboprompt {version('roboprompt')}")
+        typer.echo(f"roboprompt {VERSION}")
         raise typer.Exit
 
 
@@ -58,5 +62,10 @@ def _options(
 
 
 def main() -> None:
-    """Run the command line."""
-    application()
+    """Run the command line; where a package of an extra is missing, it says which extra to install."""
+    try:
+        application()
+    except ModuleNotFoundError as error:
+        if (extra := extra_with(error.name or "")) is None:
+            raise
+        sys.exit(f"this needs {error.name}: pip install 'roboprompt[{extra}]'")

@@ -84,7 +84,7 @@ def demo(
 def _to_type(*arguments: str) -> str:
     """The command as any shell takes it: `roboprompt` alone is found only where its environment is active."""
     program = shutil.which(sys.argv[0])
-    started = [sys.executable, "-m", "app.cli"] if program is None else [str(Path(program).absolute())]
+    started = [sys.executable, "-P", "-m", "app.cli"] if program is None else [str(Path(program).absolute())]
     return shlex.join([*started, *arguments])
 
 

@@ -12,7 +12,7 @@ import typer
 
 SWEEP_NAMES = (
     "main, formats, keyframes, demonstrations, selection, system_prompts, noise, poses, experts, loop, models,"
-    " unseen, moving, outside, composition, paper"
+    " moving, outside, composition, paper"
 )
 METHOD_NAMES = "default, nearest, regression, replay, expert, voxposer, voxposer-oracle"
 TABLE_NAMES = "I, II, III, IV, 3a, 3b, 3c, 4a, 4b, 4c"

@@ -141,7 +141,6 @@ def _plan(asked: EvaluateOptions) -> Plan:
         world,
         predictions_at_once=asked.at_once,
         first_test_seed=world.first_test_seed if asked.seed is None else asked.seed,
-        lending=sweep.lending,
         settings=_settings(asked),
     )
 

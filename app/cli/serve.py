@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from app.cli.shared import EnvFile, check_port, settings_of
+from app.cli.shared import EnvFile, check_port, refusals_said, settings_of
 
 if TYPE_CHECKING:
     from app.settings import Settings
@@ -30,13 +30,15 @@ def serve(
     import uvicorn
 
     from app.api.bounded_protocol import BoundedProtocol
-    from app.bootstrap import build_app
+    from app.bootstrap import build_app, open_store
     from app.logs import log_as_json
 
     given = {"data": data, "host": host, "auth": "off" if no_auth else None}
     settings = settings_of(None, env_file).model_copy(
         update={name: value for name, value in given.items() if value is not None}
     )
+    with refusals_said():  # in a sentence and once, before any worker starts
+        open_store(settings).close()
     application = build_app(settings) if workers == 1 else _for_workers(settings)
     logging: dict[str, Any] = {"log_level": "info"}
     if settings.log_format == "json":
@@ -59,13 +61,7 @@ def serve(
 
 
 def _for_workers(settings: "Settings") -> str:
-    """The import name of the application that each worker builds from the environment.
-
-    The database is migrated here, so that a failure is reported once, before any worker starts.
-    """
-    from app.bootstrap import open_store
-
-    open_store(settings).close()
+    """The import name of the application that each worker builds from the environment."""
     for name in ("data", "host", "auth"):
         os.environ[f"ROBOPROMPT_{name.upper()}"] = str(getattr(settings, name))
     os.environ.setdefault("ROBOPROMPT_EMBEDDED_SHARED_FOLDER", str(settings.data / "llm"))

@@ -4,7 +4,7 @@ Each refusal names the option and what would be valid.
 """
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Annotated, TypeVar
 
@@ -102,19 +102,22 @@ def settings_of(data: Path | None, env_file: Path | None) -> Settings:
 
 
 @contextmanager
+def refusals_said() -> Iterator[None]:
+    """What is refused inside is said in a sentence, and the exit status is 1."""
+    try:
+        yield
+    except (RoboPromptError, OSError) as error:
+        typer.echo(str(error), err=True)
+        raise typer.Exit(1) from None
+
+
+@contextmanager
 def opened_store(data: Path | None, env_file: Path | None) -> Iterator[Store]:
     """The store; what it refuses is said in a sentence, and the exit status is 1."""
     from app.bootstrap import open_store
 
-    try:
-        store = open_store(settings_of(data, env_file))
-        try:
-            yield store
-        finally:
-            store.close()
-    except RoboPromptError as error:
-        typer.echo(str(error), err=True)
-        raise typer.Exit(1) from None
+    with refusals_said(), closing(open_store(settings_of(data, env_file))) as store:
+        yield store
 
 
 def counted(items: Iterable[T], total: int, doing: str, console: Console) -> Iterator[T]:

@@ -44,7 +44,6 @@ class Method:
         shift_m: how far the free objects are moved between answer and first action; for the `robot loop`.
         look_again: whether the robot then looks again (`roboprompt_client.look_again`).
         lead_s: where objects move by themselves, how far ahead the robot then aims (`roboprompt_client.leading`).
-        unseen: whether the task is taught nothing, and prompts show the most similar ones of the other tasks.
     """
 
     label: str
@@ -58,14 +57,8 @@ class Method:
     shift_m: float = 0.0
     look_again: bool = False
     lead_s: float = 0.0
-    unseen: bool = False
 
     def __post_init__(self) -> None:
-        if self.unseen and (self.taught_noise or self.poses == "vision" or self.source != "service"):
-            why = "demonstrations of other tasks have given poses without noise, and one answer is asked for"
-            raise InvalidInputError(
-                f"methods[{self.label}].unseen", f"is true, but {why}", "noise_on 'test', poses given"
-            )
         if self.poses == "vision" and (self.noise or self.source != "service"):
             why = "noise is added to given poses" if self.noise else f"{self.source} takes given poses"
             raise InvalidInputError(f"methods[{self.label}].poses", f"is 'vision', but {why}", "given")

@@ -26,7 +26,6 @@ class Plan:
         images: whether demonstrations are uploaded with their images; recording takes a few times longer.
         predictions_at_once: requests that the service is asked at a time.
         first_test_seed: unseen scenes are drawn from this seed on.
-        lending: tasks that are taught beside those that are tested, for methods that show other tasks' demonstrations.
         settings: of every task at the service, unless a method says otherwise.
     """
 
@@ -39,7 +38,6 @@ class Plan:
     images: bool = False
     predictions_at_once: int = 1
     first_test_seed: int = PANDA.first_test_seed
-    lending: tuple[str, ...] = ()
     settings: Mapping[str, Any] = field(default_factory=dict)
 
     @property
@@ -47,11 +45,6 @@ class Plan:
         """Demonstrations to record a task: as many as the method that needs most."""
         shown: list[int] = [method.options.get("num_demonstrations", 0) for method in self.methods]
         return max(self.demonstrations, *shown, *(method.stored for method in self.methods))
-
-    @property
-    def taught(self) -> tuple[str, ...]:
-        """Every task that is taught."""
-        return tuple(dict.fromkeys([*self.tasks, *self.lending]))
 
     @property
     def asks_default_model(self) -> bool:
@@ -81,8 +74,6 @@ class Plan:
         }
         if self.first_test_seed < self.world.first_test_seed:  # their number decides what is left to demonstrate
             taught["episodes"] = self.episodes
-        if method.unseen:  # which of them lend their demonstrations depends on all
-            taught["lending"] = sorted(self.taught)
         return digest_of(method, taught)
 
     def outcome(self, ledger: Ledger, planned: PlannedTrial) -> Trial | Crash | None:

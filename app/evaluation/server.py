@@ -86,7 +86,7 @@ def free_port() -> int:
 
 def _leashed(command: Sequence[str], environment: Mapping[str, str], log: TextIO) -> subprocess.Popen[bytes]:
     return subprocess.Popen(
-        [sys.executable, "-m", "app.evaluation.leash", *command],
+        [sys.executable, "-P", "-m", "app.evaluation.leash", *command],  # -P: no `app` of the current folder
         stdin=subprocess.PIPE,
         stdout=log,
         stderr=subprocess.STDOUT,

@@ -17,7 +17,6 @@ KAT = {"representation": "action_tokens", "prompt_format": "kat"}
 # A yardstick shows what its actions are worth; checked against the demonstrations, most of them would be refused.
 REGRESSION = Method("regression, no LLM", {"model": "regression", "unsupported": "allow"})
 COPY = Method("nearest demonstration's rows, no LLM", {"model": "nearest"})
-UNSEEN = Method("similar tasks", unseen=True)
 NEAREST = Method("nearest demonstration", source="nearest demonstration")
 OWN_KEYFRAMES = Method("own keyframes", source="own keyframes")
 REPLAY = Method("expert replay", source="expert replay")
@@ -106,7 +105,6 @@ class Sweep:
         models: compared beside those that are asked for; empty where models are not what is compared.
         asked: how they are asked; its label is each model's name.
         tasks: which are evaluated unless others are asked for; none: all of the world.
-        lending: which are taught in any case, see `app.evaluation.plan`.
     """
 
     about: str
@@ -114,7 +112,6 @@ class Sweep:
     models: tuple[str, ...] = ()
     asked: Method = BY_NAME
     tasks: tuple[str, ...] = tuple(TASKS)
-    lending: tuple[str, ...] = ()
 
     def with_models(self, given: Sequence[str]) -> tuple[Method, ...]:
         """The methods with the models that are asked for, if any."""
@@ -187,17 +184,6 @@ SWEEPS: Mapping[str, Sweep] = {
         (Method("open loop"), Method("closed loop", source="closed loop")),
     ),
     "models": Sweep("the embedded LLMs and any given", models=EMBEDDED),
-    "unseen": Sweep(
-        "each task untaught, the prompt with demonstrations of the three most similar of the other tasks; beside it the"
-        " copy of the nearest of its own",
-        (
-            UNSEEN,
-            replace(COPY, label=f"{UNSEEN.label}, nearest, no LLM", unseen=True),
-            replace(REGRESSION, label=f"{UNSEEN.label}, regression, no LLM", unseen=True),
-            COPY,
-        ),
-        lending=tuple(TASKS),
-    ),
     "moving": Sweep(
         "a cube that moves at 2, 5 or 10 cm/s (in turn with the scenes) and was demonstrated at rest: as answered,"
         " looking again, and aiming where two looks say that it will be",

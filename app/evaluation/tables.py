@@ -178,7 +178,6 @@ def _asked(result: Result, method: Method) -> str:
     special = {
         where: method.noise,
         "objects moved by m": method.shift_m,
-        "demonstrations of": "similar tasks" if method.unseen else "",
         "looks again": method.look_again,
         "leads by s": method.lead_s if method.look_again else 0,
     }

@@ -108,7 +108,7 @@ def suffix_of(method: Method, methods: Sequence[Method]) -> str:
 
 
 def _variant(method: Method) -> str:
-    taught = [method.settings, method.taught_noise, method.source == "closed loop", method.poses, method.unseen]
+    taught = [method.settings, method.taught_noise, method.source == "closed loop", method.poses]
     return json.dumps(taught, sort_keys=True)
 
 
@@ -157,7 +157,7 @@ def upload(
     settings: Mapping[str, Any],
     labelled: Sequence[RecordedDemonstration] = (),
 ) -> Lesson:
-    """Set the task `name` up as `method` wants it, and upload the demonstrations in their order, unless it is unseen.
+    """Set the task `name` up as `method` wants it, and upload the demonstrations in their order.
 
     Args:
         settings: of the task.
@@ -170,8 +170,7 @@ def upload(
     if method.poses == "vision":
         settings = {**settings, "object_models": learned_models(client, name, labelled)}
     client.configure_task(name, **settings)
-    shown = () if method.unseen else recorded
-    taught = tuple(TaughtEpisode(item, _upload(client, name, item, method)) for item in shown)
+    taught = tuple(TaughtEpisode(item, _upload(client, name, item, method)) for item in recorded)
     return Lesson(name, settings["num_demonstrations"], taught)
 
 

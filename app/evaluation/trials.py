@@ -22,9 +22,7 @@ from app.evaluation.robot_loops import USELESS_REPLY, run_loop
 from app.evaluation.teach import UNSEEN, Lesson, images_only
 from app.evaluation.world import World, timed
 from app.executors import Executor, call
-from app.llm.baselines import YARDSTICKS
 from app.pipeline.geometry import canonical_pose
-from app.pipeline.order.similarity import Described, most_similar
 from app.pipeline.workspace import Workspace
 from app.sim.outcomes import RolloutResult, SceneView
 from roboprompt_client.client import RoboPromptClient
@@ -56,7 +54,6 @@ class TrialRunner:
     Attributes:
         asking: held while the LLM is asked, so that it is not asked for more at once than it should be.
         models: for methods that ask an LLM without the service; None where no method does.
-        lending: by task what each was taught, for tasks that are taught nothing.
     """
 
     client: RoboPromptClient
@@ -64,7 +61,6 @@ class TrialRunner:
     world: World = PANDA
     asking: threading.Semaphore = field(default_factory=threading.Semaphore)
     models: Models | None = None
-    lending: Mapping[str, Lesson] = field(default_factory=dict)
 
     def run(self, planned: PlannedTrial, lesson: Lesson) -> Trial:
         """Run a trial.
@@ -78,14 +74,6 @@ class TrialRunner:
         """
         return SOURCES[planned.method.source](self, planned, lesson, self.look(planned))
 
-    def options(self, planned: PlannedTrial, scene: SceneView) -> dict[str, Any]:
-        """What the method asks for; of an unseen task the demonstrations of the most similar other tasks."""
-        if not planned.method.unseen:
-            return dict(planned.method.options)
-        others = [(task, _described(lesson.taught[-1].recorded.scene)) for task, lesson in self.lending.items()]
-        similar = most_similar(_described(scene), [item for item in others if item[0] != planned.task])
-        return {**planned.method.options, "demonstrations_from": [self.lending[task].name for task in similar]}
-
     def look(self, planned: PlannedTrial) -> SceneView:
         """The scene of the trial, without pictures."""
         return call(self.executor, self.world.view, planned.task, planned.seed)
@@ -98,7 +86,7 @@ class TrialRunner:
 
 def _ask_service(runner: TrialRunner, planned: PlannedTrial, lesson: Lesson, scene: SceneView) -> Trial:
     trial = Trial(*planned.key, scene)
-    seen, options = _seen(runner, planned, scene), runner.options(planned, scene)
+    seen, options = _seen(runner, planned, scene), planned.method.options
     with runner.asking:
         started = time.perf_counter()
         try:
@@ -106,7 +94,7 @@ def _ask_service(runner: TrialRunner, planned: PlannedTrial, lesson: Lesson, sce
         except ServiceProblemError as error:
             seconds, problem = time.perf_counter() - started, error.problem.get("type")
             unseen = planned.method.poses == "vision" and problem in UNSEEN
-            if problem not in USELESS_REPLY | REFUSED and not unseen and not _has_no_answer(planned.method, problem):
+            if problem not in USELESS_REPLY | REFUSED and not unseen:
                 raise
             answer = _without_actions(runner.client, error) if problem in USELESS_REPLY else None
             return replace(trial, answer=answer, error=str(error), predict_s=seconds, refused=problem in REFUSED)
@@ -114,16 +102,6 @@ def _ask_service(runner: TrialRunner, planned: PlannedTrial, lesson: Lesson, sce
     trial = runner.execute(trial, predicted.actions)
     runner.client.record_outcome(predicted.id, trial.succeeded, trial.failure or None)
     return trial
-
-
-def _has_no_answer(method: Method, problem: str | None) -> bool:
-    """Whether a yardstick found no demonstration like the question among those of other tasks."""
-    # Where a yardstick has no answer, that is no failure of a service.
-    return method.unseen and method.options.get("model") in YARDSTICKS and problem == "/problems/model-error"
-
-
-def _described(scene: SceneView) -> Described:
-    return Described(scene.instruction, tuple(pose.name for pose in scene.objects))
 
 
 def _seen(runner: TrialRunner, planned: PlannedTrial, scene: SceneView) -> Observation:

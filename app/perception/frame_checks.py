@@ -7,18 +7,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from app.pipeline.geometry import pixels_to_world
-from roboprompt_client.arrays import Array
 from roboprompt_client.camera import RgbdFrame
 from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.flat_surface import find_flat_surface
 
 NEAREST_M, FARTHEST_M = 0.05, 20.0  # the middle depth of a robot's workspace lies between
-STRIDE_PX = 16
-NUM_TRIALS = 60
-# Standard deviation of a stereo camera's depth (Intel D400) at 1 m; it grows with the square of the distance
-DEPTH_SIGMA_AT_1_M = 0.002
-FLAT_M = 3 * DEPTH_SIGMA_AT_1_M  # points nearer to a plane than this, at 1 m, belong to it
-ENOUGH_SHARE = 0.25  # of the points, for a plane to count as table or floor
 MAX_TILT_DEG, STEEP_DEG = 5.0, 40.0  # beyond the latter it is a wall or a ramp, not a table
 
 
@@ -59,37 +52,23 @@ def check_rgbd(frame: RgbdFrame) -> None:
 
 
 def check_level(frame: RgbdFrame) -> None:
-    """Refuse a frame whose largest flat surface is nearly level, but not level; where there is none, nothing is known.
+    """Refuse a frame whose largest flat surface is nearly level, but not level, or above the camera that looks at it.
+
+    Where there is no flat surface, nothing is known.
 
     Raises:
         InvalidInputError: naming the camera's camera_to_world and the tilt.
     """
-    assert frame.depth_m is not None
-    depth_m = frame.depth_m[::STRIDE_PX, ::STRIDE_PX]
-    rows, columns = np.nonzero(depth_m > 0)
-    if len(rows) < NUM_TRIALS:
+    surface = find_flat_surface(frame)
+    if surface is None or surface.tilt_deg >= STEEP_DEG:
         return
-    depths_m = depth_m[rows, columns]
-    points_m = pixels_to_world(frame.camera, rows * STRIDE_PX, columns * STRIDE_PX, depths_m)
-    normal, share = _largest_plane(points_m, FLAT_M * np.maximum(depths_m.astype(np.float64), 1.0) ** 2)
-    tilt_deg = float(np.degrees(np.arccos(np.clip(abs(normal[2]), 0, 1))))
-    if share > ENOUGH_SHARE and MAX_TILT_DEG < tilt_deg < STEEP_DEG:
-        name = frame.camera.name
-        message = f"would tilt the largest flat surface that {name} sees by {tilt_deg:.0f} degrees"
+    name = frame.camera.name
+    field = f"cameras[{name}].camera_to_world"
+    if surface.is_above_the_camera:
+        above_m = float(surface.middle_m[2] - surface.sees_m[2])
+        message = f"would put the largest flat surface that {name} sees {above_m:.2f} m above it: OpenGL's axes?"
+        raise InvalidInputError(field, message, "OpenCV axes: x right, y down, z forward (OpenGL has y up, z back)")
+    if surface.tilt_deg > MAX_TILT_DEG:
+        message = f"would tilt the largest flat surface that {name} sees by {surface.tilt_deg:.0f} degrees"
         remedy = "the pose of the camera that took the image, in a world whose z axis is vertical; images not swapped"
-        raise InvalidInputError(f"cameras[{name}].camera_to_world", message, remedy)
-
-
-def _largest_plane(points_m: Array, tolerance_m: Array) -> tuple[Array, float]:
-    """Unit normal (3,) of the plane near most points, and their share."""
-    triples = np.random.default_rng(0).integers(len(points_m), size=(NUM_TRIALS, 3))
-    corners = points_m[triples]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
-    offsets_m = np.abs(points_m @ normals.T - (corners[:, 0] * normals).sum(axis=1))
-    near = offsets_m < tolerance_m[:, None]
-    chosen = near[:, int(near.sum(axis=0).argmax())]
-    inliers = points_m[chosen]
-    _, _, axes = np.linalg.svd(inliers - inliers.mean(axis=0), full_matrices=False)
-    normal: Array = axes[2]
-    return normal, float(chosen.mean())
+        raise InvalidInputError(field, message, remedy)

@@ -10,6 +10,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from app.pipeline.order.order import Order
 from roboprompt_client.arrays import Array, settle
@@ -25,7 +26,11 @@ MAX_ORDERS = 1024  # that are kept: demonstrations of one instruction share one
 
 @dataclass(frozen=True, eq=False)
 class Episode:
-    """A recorded trajectory with the instruction it carries out and the cameras' view of its first frame."""
+    """A recorded trajectory with the instruction it carries out and the cameras' view of its first frame.
+
+    Attributes:
+        control_frequency_hz: as measured, where the trajectory has timestamps.
+    """
 
     instruction: str
     trajectory: Trajectory
@@ -38,6 +43,10 @@ class Episode:
         if not MIN_FREQUENCY_HZ <= self.control_frequency_hz <= MAX_FREQUENCY_HZ:
             valid = f"a number in {MIN_FREQUENCY_HZ:g}..{MAX_FREQUENCY_HZ:g}"
             raise InvalidInputError("control_frequency_hz", f"is {self.control_frequency_hz:g}", valid)
+        times_s = self.trajectory.timestamps_s
+        if times_s is not None and len(times_s) > 1:
+            measured_hz = round((len(times_s) - 1) / float(times_s[-1] - times_s[0]), 3)
+            settle(self, control_frequency_hz=float(np.clip(measured_hz, MIN_FREQUENCY_HZ, MAX_FREQUENCY_HZ)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +117,8 @@ def frame_times_s(trajectory: Trajectory, control_frequency_hz: float = CONTROL_
     return times_s
 
 
-def gripper_stretches(gripper_open: Sequence[bool]) -> list[tuple[int, int, bool]]:
-    """First frame, frame after the last, and state of each stretch in which the gripper stays open or closed."""
-    edges = [0, *(np.flatnonzero(np.diff(gripper_open)) + 1).tolist(), len(gripper_open)]
-    return [(first, end, bool(gripper_open[first])) for first, end in pairwise(edges)]
+def stretches(states: npt.ArrayLike) -> list[tuple[int, int, bool]]:
+    """First frame, frame after the last, and state of each stretch of frames in which a boolean state stays."""
+    frames = np.asarray(states, dtype=bool)
+    edges = [0, *(np.flatnonzero(np.diff(frames)) + 1).tolist(), len(frames)]
+    return [(first, end, bool(frames[first])) for first, end in pairwise(edges)]

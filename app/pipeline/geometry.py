@@ -28,10 +28,7 @@ def backproject(frame: RgbdFrame, pixels: np.ndarray) -> Array:
 
 def pixels_to_world(camera: Camera, rows: np.ndarray, columns: np.ndarray, depth_m: np.ndarray) -> Array:
     """World points (N, 3) in metres of pixels at rows, columns (N,), whole or not, and depths (N,)."""
-    z = depth_m.astype(np.float64)
-    x = (columns - camera.cx_px) * z / camera.fx_px
-    y = (rows - camera.cy_px) * z / camera.fy_px
-    return transform_points(camera.camera_to_world, np.stack([x, y, z], axis=1))
+    return camera.deproject(rows, columns, depth_m)
 
 
 def transform_points(source_to_target: Array, points: Array) -> Array:

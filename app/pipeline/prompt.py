@@ -72,26 +72,20 @@ class PromptTemplate:
 
     Attributes:
         codec: fitted to the demonstrations; reads the replies as well.
-        rotated: objects whose rotation every demonstration has; None where demonstrations have other objects.
+        rotated: objects whose rotation every demonstration has.
     """
 
     codec: Codec
     system: str
     prefix: str
-    rotated: frozenset[str] | None
+    rotated: frozenset[str]
 
     @classmethod
-    def write(
-        cls, codec: Codec, demonstrations: Sequence[Demonstration], system: str, *, of_other_tasks: bool = False
-    ) -> "PromptTemplate":
-        """The demonstrations that the codec needs in their order, each as observation, actions and separator.
-
-        Args:
-            of_other_tasks: the demonstrations have other objects than queries.
-        """
+    def write(cls, codec: Codec, demonstrations: Sequence[Demonstration], system: str) -> "PromptTemplate":
+        """The demonstrations that the codec needs in their order, each as observation, actions and separator."""
         needed = codec.needed()
         prefix = "".join(codec.demonstration_text(item) for item in demonstrations if item in needed)
-        return cls(codec, system, prefix, None if of_other_tasks else rotated_in_all(demonstrations))
+        return cls(codec, system, prefix, rotated_in_all(demonstrations))
 
     def posed(self, objects: Sequence[ObjectPose]) -> tuple[ObjectPose, ...]:
         """The observed objects with rotations just where the demonstrations have them, so that both read alike.
@@ -99,8 +93,6 @@ class PromptTemplate:
         Raises:
             InvalidInputError: if an object lacks a rotation that every demonstration has.
         """
-        if self.rotated is None:
-            return tuple(objects)
         for pose in objects:
             if pose.quaternion_xyzw is None and pose.name in self.rotated:
                 message = "is missing, but every demonstration has it"

@@ -15,6 +15,7 @@ from app.services.predict.ask import PredictActions
 from app.services.predict.checks import CurrentLimits
 from app.services.predict.instruction import is_english
 from app.services.predict.known import KnownReader
+from app.services.predict.read_steps import ReadSteps
 from app.services.predict.record import PredictionRecorder
 from app.services.predict.repeat import RepeatedPredictions
 from app.services.predict.warm import PrefixWarmer
@@ -51,6 +52,7 @@ class Services:
     try_model: TryModel
     draw_overlay: DrawOverlay
     predict_actions: PredictActions
+    read_steps: ReadSteps
     check_task: CheckTask
     prefix_warmer: PrefixWarmer
     metrics: Metrics
@@ -106,6 +108,7 @@ class Services:
             try_model=TryModel(store, pose_servers),
             draw_overlay=DrawOverlay(store),
             predict_actions=PredictActions(*parts, PredictionRecorder(store, metrics)),
+            read_steps=ReadSteps(store),
             check_task=CheckTask(store, profile_of, PredictActions(*parts, None)),
             prefix_warmer=warmer,
             metrics=metrics,

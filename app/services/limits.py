@@ -37,7 +37,7 @@ class Limits:
     allowed_models: tuple[str, ...] = ()
     model_files: bool = True
 
-    def check_scene(self, task: str, instruction: str, objects: Sequence[str], cameras: Sequence[str]) -> None:
+    def check_scene(self, task: str | None, instruction: str, objects: Sequence[str], cameras: Sequence[str]) -> None:
         """Refuse a scene that is too large.
 
         Args:
@@ -46,7 +46,7 @@ class Limits:
         Raises:
             InvalidInputError: naming what is too long or too many.
         """
-        self.check_names("task", [task])
+        self.check_names("task", [] if task is None else [task])
         _check("instruction", len(instruction), self.max_instruction_chars, "characters")
         self.check_views(objects, cameras)
 

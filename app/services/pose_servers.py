@@ -15,6 +15,8 @@ from app.perception.object_model import ObjectModel, ObjectModelError
 from app.perception.poses_wire import PoseQuestion
 from app.perception.registry import estimate_poses
 from app.pipeline.prompt import check_object_names
+from app.services.templates import with_templates
+from app.store.blobs import BlobStore
 from roboprompt_client.camera import RgbdFrame
 from roboprompt_client.connection import is_loopback
 from roboprompt_client.errors import InvalidInputError
@@ -64,8 +66,13 @@ def _port(url: httpx.URL) -> int | None:
     return url.port or {"http": 80, "https": 443}.get(url.scheme)
 
 
-def find_poses(questions: Sequence[PoseQuestion], frames: Sequence[RgbdFrame]) -> tuple[ObjectPose, ...]:
+def find_poses(
+    questions: Sequence[PoseQuestion], frames: Sequence[RgbdFrame], blobs: BlobStore
+) -> tuple[ObjectPose, ...]:
     """One pose per question, in their order; objects without a model are found by their masks.
+
+    Args:
+        blobs: where the templates of registered objects are.
 
     Raises:
         as PoseEstimator.estimate; InvalidInputError for a model that is not valid, or is for a further server.
@@ -73,7 +80,7 @@ def find_poses(questions: Sequence[PoseQuestion], frames: Sequence[RgbdFrame]) -
     names = [question.name for question in questions]
     check_object_names(names, list(dict.fromkeys(names)))
     queries = [ObjectQuery(item.name, mask_ids=item.mask_ids, model=_model(item)) for item in questions]
-    return estimate_poses("masks", queries, frames)
+    return estimate_poses("masks", with_templates(queries, blobs), frames)
 
 
 def _model(question: PoseQuestion) -> ObjectModel | None:
@@ -85,5 +92,5 @@ def _model(question: PoseQuestion) -> ObjectModel | None:
     model = model_from_json(question.name, question.model, where)
     if isinstance(model, RemoteModel):
         # a server that asked on could be sent round in circles
-        raise InvalidInputError(f"{where}.estimator", "is 'remote'", "cuboid, markers, masks")
+        raise InvalidInputError(f"{where}.estimator", "is 'remote'", "cuboid, markers, masks, registered")
     return model

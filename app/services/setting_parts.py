@@ -7,7 +7,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_valida
 
 from app.perception.strict import Metres, Number
 from app.pipeline.keyframes import SIMULATION_DELTA_RAD_S, KeyframeRule, Rule
-from app.pipeline.keyframes.rule import TOLERANCE_DEG, TOLERANCE_M
+from app.pipeline.keyframes.path import TOLERANCE_DEG, TOLERANCE_M
 from app.pipeline.workspace import RLBENCH_MAX_M, RLBENCH_MIN_M, Workspace
 from roboprompt_client.arrays import MAX_M, Array
 from roboprompt_client.motion_limits import HAND_RADIUS_M, Box, MotionLimits

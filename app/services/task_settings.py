@@ -23,6 +23,7 @@ from app.perception.registry import pose_estimator
 from app.perception.strict import WHOLE, Number
 from app.pipeline.findings.sources import GIVEN, Compared
 from app.pipeline.geometry import canonical_pose
+from app.pipeline.keyframes import Motion
 from app.pipeline.names import alike
 from app.pipeline.order.lexicon import check_aliases_of, checked_aliases
 from app.pipeline.prompt import MAX_SYSTEM_PROMPT_CHARS
@@ -172,6 +173,14 @@ class TaskSettings(BaseModel):
             for item in (self, other)
         )
         return mine != others
+
+    def motion_of(self, trajectory: Trajectory, control_frequency_hz: float) -> Motion:
+        """The motion of a recording, its gripper open where the task says so.
+
+        Args:
+            control_frequency_hz: of a trajectory without timestamps.
+        """
+        return Motion.of(trajectory.with_gripper_open_above(self.gripper_open_above_m), control_frequency_hz)
 
     def with_joints_of(self, trajectory: Trajectory) -> "TaskSettings":
         """The settings, with the number of joints once an episode shows it.

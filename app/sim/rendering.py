@@ -38,7 +38,10 @@ class RayCaster:
         return self._shade(geoms, normals)
 
     def rgbd(self, data: mujoco.MjData, camera_name: str) -> RgbdFrame:
-        camera = calibrated(camera_name)
+        return self.frame(data, calibrated(camera_name))
+
+    def frame(self, data: mujoco.MjData, camera: Camera) -> RgbdFrame:
+        """As `rgbd`, of any camera of 640x480 pixels."""
         geoms, depth_m, normals = self._cast(data, camera)
         hit = geoms >= 0
         mask = np.where(hit, self._model.geom_bodyid[geoms], 0).astype(np.int32)

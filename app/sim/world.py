@@ -36,12 +36,13 @@ class CameraPlacement:
     vertical_fov_deg: float
 
 
-# `front` looks at the robot from the front left; `left_shoulder` over the arm from behind, like RLBench's camera
+# `front` looks at the robot from the front left; the others over the arm from behind, like RLBench's cameras
 CAMERAS = {
     "front": CameraPlacement((0.75, 1.10, 1.45), (0.02, -0.08, 0.95), 45.0),
     "left_shoulder": CameraPlacement((-0.45, 0.75, 1.55), (0.17, -0.06, 0.83), 42.0),
+    "right_shoulder": CameraPlacement((-0.45, -0.75, 1.55), (0.17, 0.06, 0.83), 42.0),
 }
-CAMERA_NAMES = tuple(CAMERAS)
+CAMERA_NAMES = tuple(CAMERAS)[:2]  # that take pictures unless more are asked for
 
 
 def add_cameras(spec: mujoco.MjSpec) -> None:

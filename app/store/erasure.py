@@ -42,8 +42,6 @@ def erase_predictions(connection: Connection, ids: Sequence[str]) -> int:
 def erase_task(connection: Connection, name: str) -> None:
     """Delete the task with its episodes, predictions, outcomes, labels, jobs, and the answers to repeats.
 
-    Also the predictions of other tasks to whose prompts it lent its demonstrations, which stand there.
-
     Raises:
         NotFoundError: if there is none of that name.
     """
@@ -56,7 +54,6 @@ def erase_task(connection: Connection, name: str) -> None:
     connection.execute(delete(_JOBS).where(_JOBS.c.task == name))
     uploaded = _KEYS.c.response["task"].as_string() == name
     connection.execute(delete(_KEYS).where(_KEYS.c.scope == UPLOAD, uploaded))
-    erase_predictions(connection, _borrowers(connection, name))
     ids = select(_PREDICTIONS.c.id).where(_PREDICTIONS.c.task == name)
     connection.execute(delete(_KEYS).where(_KEYS.c.scope == PREDICT, _KEYS.c.response["id"].as_string().in_(ids)))
     held = {
@@ -65,14 +62,6 @@ def erase_task(connection: Connection, name: str) -> None:
     }
     connection.execute(delete(_TASKS).where(_TASKS.c.name == name))
     audit.record(connection, "task.deleted", name, held)
-
-
-def _borrowers(connection: Connection, task: str) -> list[str]:
-    """The ids of other tasks' predictions whose prompts show episodes of this one."""
-    own = set(connection.scalars(select(_EPISODES.c.id).where(_EPISODES.c.task == task)))
-    lent = _PREDICTIONS.c.request["demonstrations_from"].as_string().is_not(None)
-    query = select(_PREDICTIONS.c.id, _PREDICTIONS.c.demonstration_ids).where(lent, _PREDICTIONS.c.task != task)
-    return [id_ for id_, shown in connection.execute(query) if not own.isdisjoint(shown)]
 
 
 def predictions_before(connection: Connection, moment: datetime, limit: int) -> tuple[str, ...]:

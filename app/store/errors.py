@@ -49,18 +49,16 @@ class ForbiddenTaskError(ForbiddenError):
     Args:
         task: the one that was asked for.
         allowed: those that the key is for.
-        field: of the request, where the task is named.
     """
 
-    def __init__(self, task: str, allowed: Sequence[str], field: str = "task") -> None:
+    def __init__(self, task: str, allowed: Sequence[str]) -> None:
         super().__init__(f"the key is not for the task {task!r}, only for {', '.join(map(repr, allowed))}")
         self.task = task
         self.allowed = tuple(allowed)
-        self.field = field
 
-    def __reduce__(self) -> tuple[type["ForbiddenTaskError"], tuple[str, tuple[str, ...], str]]:
+    def __reduce__(self) -> tuple[type["ForbiddenTaskError"], tuple[str, tuple[str, ...]]]:
         """See `InvalidInputError`."""
-        return type(self), (self.task, self.allowed, self.field)
+        return type(self), (self.task, self.allowed)
 
 
 class StoreUnavailableError(StoreError):

@@ -8,11 +8,12 @@ from alembic import command
 from alembic.config import Config
 from alembic.migration import MigrationContext
 from alembic.script import ScriptDirectory
-from sqlalchemy import Connection
+from sqlalchemy import Connection, inspect
 
 from app.store import sqlite
 from app.store.database import Database, begin_write
 from app.store.errors import SchemaVersionError
+from roboprompt_client.version import VERSION
 
 
 def alembic_config() -> Config:
@@ -24,23 +25,37 @@ def migrate(database: Database) -> None:
     """Upgrade the database to the newest revision; all steps or none. Safe when several processes start at once.
 
     Raises:
-        SchemaVersionError: if the database is at a revision that this code does not know.
+        SchemaVersionError: if the database is at a revision that this code does not know, or is another program's.
         StoreUnavailableError: if it cannot be opened, locked or written.
     """
     config = alembic_config()
-    scripts = ScriptDirectory.from_config(config)
-    with database.read() as connection:
-        revisions = set(MigrationContext.configure(connection).get_current_heads())
-    if revisions == set(scripts.get_heads()):
+    if is_newest(database):
         return
-    if unknown := revisions - {script.revision for script in scripts.walk_revisions()}:
-        raise SchemaVersionError(
-            f"database {database.name} is at revision {', '.join(sorted(unknown))}, which this code "
-            f"({scripts.get_current_head()}) does not know: install the version that wrote it, or use another folder"
-        )
     with migration_transaction(database) as connection:
         config.attributes["connection"] = connection
         command.upgrade(config, "head")
+
+
+def is_newest(database: Database) -> bool:
+    """Whether the database has the newest schema; changes nothing. Raises as `migrate`."""
+    scripts = ScriptDirectory.from_config(alembic_config())
+    with database.read() as connection:
+        revisions = set(MigrationContext.configure(connection).get_current_heads())
+        tables = set(inspect(connection).get_table_names()) - {"alembic_version"}
+    if revisions == set(scripts.get_heads()):
+        return True
+    this = f"RoboPrompt {VERSION} (revision {scripts.get_current_head()})"
+    if unknown := revisions - {script.revision for script in scripts.walk_revisions()}:
+        raise SchemaVersionError(
+            f"database {database.name} is at revision {', '.join(sorted(unknown))}, which {this} does not know: a "
+            "newer version wrote it, or one before 1.0. Install that version, or use another folder"
+        )
+    if tables and not revisions:
+        raise SchemaVersionError(
+            f"database {database.name} has tables ({', '.join(sorted(tables)[:3])}) and no revision: no version of "
+            "RoboPrompt wrote it. Use another folder or database"
+        )
+    return False
 
 
 @contextmanager

@@ -79,14 +79,12 @@ def configuration_counts(connection: Connection, task: str) -> tuple[Configurati
     """How the task's predictions ended, by model, style and choice of demonstrations."""
     request = _PREDICTIONS.c.request
     # What a request leaves out is the default, as it was asked; named episodes are no selection.
-    named, selected, lent = (request[name].as_string() for name in ("episode_ids", "selection", "demonstrations_from"))
+    named, selected = (request[name].as_string() for name in ("episode_ids", "selection"))
     configuration = {
         "model": _PREDICTIONS.c.model,
         "representation": _PREDICTIONS.c.representation,
         "prompt_format": _PREDICTIONS.c.prompt_format,
-        "selection": case(
-            (lent.is_not(None), "other tasks"), (named.is_(None), func.coalesce(selected, "first")), else_=None
-        ),
+        "selection": case((named.is_(None), func.coalesce(selected, "first")), else_=None),
         "num_demonstrations": func.json_array_length(_PREDICTIONS.c.demonstration_ids),
         "num_samples": func.coalesce(func.json_array_length(_PREDICTIONS.c.samples), 1),
     }
@@ -111,6 +109,4 @@ def _record(row: Row[Any]) -> PredictionRecord:
         "objects": tuple(map(ObjectRecord.from_json, row.objects)),
         "cameras": tuple(map(CameraRecord.from_json, row.cameras or ())),
     }
-    lent = row.request.get("demonstrations_from")
-    hidden = {} if lent is None or present().has_lent(lent, row.key_id) else {"prompt_system": "", "prompt_user": ""}
-    return PredictionRecord(**{**row._mapping, **decoded, **hidden})
+    return PredictionRecord(**{**row._mapping, **decoded})

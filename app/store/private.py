@@ -47,7 +47,7 @@ def private_folder(path: Path) -> None:
         path.mkdir(mode=FOLDER_MODE, parents=True, exist_ok=True)
         mode = stat.S_IMODE(path.stat().st_mode)
         if mode & OTHERS:
-            _require_ours(path, mode)
+            require_ours(path, mode)
             _tighten(path)
             logger.warning(
                 "data directory %s was open to others (mode %03o): it is closed to them from here on", path, mode
@@ -56,8 +56,12 @@ def private_folder(path: Path) -> None:
         raise StoreUnavailableError(f"data directory: {error}") from error
 
 
-def _require_ours(path: Path, mode: int) -> None:
-    """Refuse a folder whose mode is not ours to change."""
+def require_ours(path: Path, mode: int) -> None:
+    """Refuse a folder whose mode is not ours to change.
+
+    Raises:
+        StoreUnavailableError.
+    """
     opened = f"data directory {path} is open to others (mode {mode:03o})"
     owner = path.stat().st_uid
     if owner != os.geteuid() and os.geteuid() != 0:

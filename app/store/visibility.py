@@ -50,17 +50,6 @@ class Visibility:
         """Whether a prediction of that task, asked for by that key, is seen."""
         return self.has_task(task) and (self.others or key_id == self.key_id)
 
-    def has_lent(self, names: object, key_id: str | None) -> bool:
-        """Whether the demonstrations of other tasks in a prompt are seen: by a key for all these tasks, or that asked.
-
-        Args:
-            names: as the request has them; where the service chose, a key for some tasks sees its own prompts only.
-            key_id: whose prediction it is.
-        """
-        if self.tasks is None or key_id == self.key_id:
-            return True
-        return isinstance(names, list) and all(map(self.has_task, names))
-
     def require_own(self, key_id: str | None) -> None:
         """Refuse to record the outcome of what another key asked for.
 

@@ -3,17 +3,13 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
-from app.pipeline.episode import CONTROL_FREQUENCY_HZ
-from app.pipeline.keyframes import find_keyframes
+from app.pipeline.keyframes import Motion, find_keyframes
 from app.pipeline.workspace import DiscreteAction, discretize_actions
 from app.services.setting_parts import KeyframeSettings
 from app.services.task_settings import TaskSettings
 from app.store.values import JsonObject
 from app.web.scene import frame
-from roboprompt_client.arrays import Array
-from roboprompt_client.trajectory import EndEffectorAction, Trajectory
+from roboprompt_client.trajectory import EndEffectorAction
 
 MAX_SHOWN = 300  # a rule may take every frame of a long episode, more than a browser can draw
 
@@ -76,19 +72,15 @@ class Preview:
         return {"keyframes": shown, "dropped_s": [time_s for _, time_s in self.dropped], "frames": frames}
 
 
-def preview(
-    trajectory: Trajectory, times_s: Array, rule: KeyframeSettings, stored: Sequence[int], settings: TaskSettings
-) -> Preview:
-    """What `rule` finds in the trajectory.
+def preview(motion: Motion, rule: KeyframeSettings, stored: Sequence[int], settings: TaskSettings) -> Preview:
+    """What `rule` finds in the recording.
 
     Args:
-        times_s: (T,) of its frames.
         stored: the indices of the stored keyframes.
     """
-    hz = 1 / float(np.median(np.diff(times_s))) if len(times_s) > 1 else CONTROL_FREQUENCY_HZ
-    found = find_keyframes(trajectory, rule.keyframe_rule(), hz)
+    found, times_s = find_keyframes(motion, rule.keyframe_rule()), motion.times_s
     workspace = settings.workspace.workspace()
-    actions = [trajectory.action_at(index, gripper_open=gripper_open) for index, gripper_open in found]
+    actions = [motion.trajectory.action_at(index, gripper_open=gripper_open) for index, gripper_open in found]
     keyframes = tuple(
         PreviewedKeyframe(number, index, float(times_s[index]), action, discrete, index not in stored)
         for number, ((index, _), action, discrete) in enumerate(

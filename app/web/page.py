@@ -23,7 +23,7 @@ from starlette.responses import Response
 from starlette.staticfiles import StaticFiles
 from starlette.types import Scope
 
-from app.api.access_rules import COOKIE
+from app.api.access_rules import COOKIE, GUIDE
 from app.api.problems import problem_of
 from app.perception.images import decode_rgb
 from app.store.blobs import BlobStore
@@ -33,6 +33,7 @@ from app.web.texts import FILTERS, interval_text
 from roboprompt_client.errors import RoboPromptError
 
 FOLDER = Path(__file__).parent / "static"
+SITE = Path(__file__).parent / "site"  # built by `make docs`, and part of the wheel
 FOREVER = "public, max-age=31536000, immutable"  # an address changes with its content
 PLOTLY_ADDRESS = f"/ui/vendor/plotly-{version('plotly')}.min.js"
 WIDTH_PX = 192  # twice what lists show, for dense screens
@@ -60,6 +61,7 @@ NAVIGATION = (
     ("Predictions", "/ui/predictions"),
     ("Now", "/ui/live"),
     ("API", "/ui/api"),
+    ("Guide", GUIDE),
 )
 
 
@@ -82,7 +84,9 @@ class _Immutable(StaticFiles):
 
 
 def serve_assets(app: FastAPI) -> None:
-    """Let `app` serve them under `/ui`."""
+    """Let `app` serve them under `/ui`, and the documentation at `/docs/guide`."""
+    if SITE.is_dir():
+        app.mount(GUIDE.rstrip("/"), StaticFiles(directory=SITE, html=True), name="guide")
     app.mount(STATIC_ADDRESS, _Immutable(directory=FOLDER), name="ui-static")
     plotly = str(files("plotly") / "package_data" / "plotly.min.js")
 

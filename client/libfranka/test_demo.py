@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 
-from app.pipeline.keyframes import merged
+from app.pipeline.keyframes import Motion, merged
 from app.sim.libfranka.demonstrate import record_demonstration, rollout
 from app.sim.libfranka.served import ServedScene
 from roboprompt_client import EndEffectorAction
@@ -27,7 +27,7 @@ def test_the_driver_presses_the_button(recorded):
 
 def test_what_the_driver_reports_has_the_expert_s_poses_as_keyframes(recorded):
     trajectory, actions = recorded.trajectory, recorded.expert_actions
-    found = [trajectory.action_at(index) for index in merged(trajectory)]
+    found = [trajectory.action_at(index) for index in merged(Motion.of(trajectory))]
     assert len(found) == len(actions)
     for keyframe, action in zip(found, actions, strict=True):
         np.testing.assert_allclose(keyframe.position_m, action.position_m, atol=SLOW_M)

@@ -233,3 +233,30 @@ def test_an_object_that_moves_before_contact_is_followed(simulated):
         run_task(service, arm, "t", "go", limits=FREE, look_again=True)
         off_m = arm.state().position_m - at.position_m
         np.testing.assert_allclose(off_m, [0.03, -0.02, 0.0], atol=NEAR_M)
+
+
+def test_a_guided_arm_yields_and_holds_still_afterwards(simulated, arm):
+    before_m = arm.state().position_m
+    with arm.guided():
+        arm.set_gripper(is_open=False)
+        sunk_m = np.linalg.norm(arm.state().position_m - before_m)
+        simulated.tell("push")
+        time.sleep(0.5)
+        simulated.tell("release")
+        pushed_m = arm.state().position_m - before_m
+    assert sunk_m < 0.005
+    assert pushed_m[1] > 0.02
+    assert arm.state().gripper_width_m == pytest.approx(0.0, abs=0.004)
+    assert_stands_still(arm)
+    arm.execute(to(arm))
+
+
+def test_nothing_else_moves_an_arm_that_is_guided(arm):
+    with pytest.raises(MotionError, match="another thread"), arm.guided():
+        arm.execute(to(arm))
+
+
+def test_a_stop_ends_the_guidance(arm):
+    with pytest.raises(MotionError, match=r"preempted|was stopped"), arm.guided():
+        arm.stop()
+    assert_stopped(arm)

@@ -6,7 +6,7 @@
 Needs numpy, httpx and httpx-sse. Meters, radians, seconds; poses in the world frame; quaternions x y z w.
 """
 
-from roboprompt_client.answers import Outcome, PredictedActions
+from roboprompt_client.answers import Outcome, PlannedStep, PredictedActions
 from roboprompt_client.camera import Camera, RgbdFrame
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import (
@@ -19,11 +19,13 @@ from roboprompt_client.errors import (
     RoboPromptError,
     ServiceProblemError,
     ServiceUnreachableError,
+    StepFailedError,
     UnsafeActionError,
 )
 from roboprompt_client.leading import Leading
 from roboprompt_client.loop import run_closed_loop, run_task
 from roboprompt_client.motion_limits import Box, MotionLimits, Pose
+from roboprompt_client.plans import run_plan
 from roboprompt_client.recorder import Recorder
 from roboprompt_client.robot import Observation, Robot
 from roboprompt_client.trajectory import EndEffectorAction, ObjectPose, Trajectory
@@ -43,6 +45,7 @@ __all__ = [
     "ObjectPose",
     "Observation",
     "Outcome",
+    "PlannedStep",
     "Pose",
     "PredictedActions",
     "Recorder",
@@ -52,8 +55,10 @@ __all__ = [
     "Robot",
     "ServiceProblemError",
     "ServiceUnreachableError",
+    "StepFailedError",
     "Trajectory",
     "UnsafeActionError",
     "run_closed_loop",
+    "run_plan",
     "run_task",
 ]

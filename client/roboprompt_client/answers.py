@@ -12,6 +12,13 @@ from roboprompt_client.trajectory import EndEffectorAction, ObjectPose, object_f
 SEVERITIES = ("info", "warning", "danger")
 
 
+class PlannedStep(NamedTuple):
+    """What a task is to do, in its own words."""
+
+    task: str
+    instruction: str
+
+
 class Outcome(NamedTuple):
     """How the robot fared with a prediction: whether the task was done, and in words why not."""
 

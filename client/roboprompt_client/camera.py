@@ -18,6 +18,7 @@ ROTATION_MATRIX_TOLERANCE = 1e-3
 MAX_PX = 1e6  # of a focal length or an optical centre
 MIN_FOCAL_PX = 0.1
 MIN_DEPTH_SCALE_M, MAX_DEPTH_SCALE_M = 1e-7, 1.0  # per unit of a 16-bit image
+MAX_AWAY_M = 50.0  # of a camera from the world's origin; in millimeters even a camera on a tripod is farther
 OPTICAL_CENTRE_TOLERANCE = 0.25  # of the image's size: no lens is that far off-center, other image sizes are
 
 
@@ -51,11 +52,7 @@ class Camera:
         if not MIN_DEPTH_SCALE_M <= self.depth_scale <= MAX_DEPTH_SCALE_M:
             remedy = f"metres per unit of a depth image, {MIN_DEPTH_SCALE_M:g} to {MAX_DEPTH_SCALE_M:g}"
             raise InvalidInputError(f"{where}.depth_scale", f"is {self.depth_scale}", remedy)
-        transform = positions_array(f"{where}.camera_to_world", self.camera_to_world, (4, 4))
-        if not _is_rigid(transform):
-            remedy = "a rigid transform: rotation matrix, translation in metres, last row 0 0 0 1"
-            raise InvalidInputError(f"{where}.camera_to_world", "is not a rigid transform", remedy)
-        settle(self, camera_to_world=transform)
+        settle(self, camera_to_world=rigid_transform(f"{where}.camera_to_world", self.camera_to_world))
 
     def project(self, points_world_m: npt.ArrayLike) -> tuple[Array, Array]:
         """Where points of the world appear in the image.
@@ -74,6 +71,30 @@ class Camera:
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             pixels = in_camera[..., :2] / depth_m[..., None] * (self.fx_px, self.fy_px) + (self.cx_px, self.cy_px)
         return pixels, depth_m
+
+    def deproject(self, rows: npt.ArrayLike, columns: npt.ArrayLike, depth_m: npt.ArrayLike) -> Array:
+        """World points (N, 3) in meters of pixels at rows, columns (N,), whole or not, and depths (N,)."""
+        z = np.asarray(depth_m, np.float64)
+        x = (np.asarray(columns) - self.cx_px) * z / self.fx_px
+        y = (np.asarray(rows) - self.cy_px) * z / self.fy_px
+        points: Array = np.stack([x, y, z], axis=1) @ self.camera_to_world[:3, :3].T + self.camera_to_world[:3, 3]
+        return points
+
+
+def rigid_transform(field: str, value: npt.ArrayLike) -> Array:
+    """A camera's pose (4, 4), in meters.
+
+    Raises:
+        InvalidInputError: naming `field`, for anything else, and for a camera so far away that the unit is another.
+    """
+    transform = positions_array(field, value, (4, 4))
+    if not _is_rigid(transform):
+        remedy = "a rigid transform: rotation matrix, translation in metres, last row 0 0 0 1"
+        raise InvalidInputError(field, "is not a rigid transform", remedy)
+    if (away_m := float(np.linalg.norm(transform[:3, 3]))) > MAX_AWAY_M:
+        message = f"puts the camera {away_m:.0f} m away: probably millimeters"
+        raise InvalidInputError(field, message, f"meters, at most {MAX_AWAY_M:g}")
+    return transform
 
 
 def _is_rigid(transform: Array) -> bool:

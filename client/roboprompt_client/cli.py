@@ -4,19 +4,24 @@ import argparse
 import json
 import signal
 import sys
-from argparse import ArgumentParser, Namespace
+from argparse import ArgumentParser, Namespace, _ActionsContainer
 from collections.abc import Callable
 from pathlib import Path
 from typing import get_args
 
-from roboprompt_client.arms.cell import open_robot
+from roboprompt_client.arms.arm import Arm
+from roboprompt_client.arms.cell import closing_robot, open_robot
 from roboprompt_client.client import DEFAULT_URL, RoboPromptClient
 from roboprompt_client.danger import OnDanger
+from roboprompt_client.doctor import add_doctor
 from roboprompt_client.errors import InvalidInputError, RoboPromptError
+from roboprompt_client.init_command import run_init
+from roboprompt_client.look_command import add_find, add_look, find_in_pictures, seeing_arm
 from roboprompt_client.loop import run_closed_loop, run_task, show_nothing
 from roboprompt_client.motion_limits import Box, MotionLimits, Pose
+from roboprompt_client.plans import run_plan
 from roboprompt_client.record_command import add_check, add_record
-from roboprompt_client.robot import OBJECTS, Observation, observation_from_file
+from roboprompt_client.robot import OBJECTS, Observation, Robot, observation_from_file
 from roboprompt_client.terminal import Person
 from roboprompt_client.trajectory_npz import trajectory_from_npz
 
@@ -54,12 +59,15 @@ def _parser() -> ArgumentParser:
 
     upload = add("upload", "store a recorded episode as a demonstration, and print what was extracted from it", _upload)
     _add_task(upload)
-    _add_objects(upload)
+    _add_objects(upload, required=True)
     upload.add_argument("trajectory", type=Path, help=".npz with end_effector_positions, gripper_open ...")
 
     predict = add("predict", "print the actions for a scene; nothing moves", _predict)
     _add_task(predict)
-    _add_objects(predict)
+    seen = predict.add_mutually_exclusive_group(required=True)
+    _add_objects(seen)
+    seen.add_argument("--robot", metavar="CELL", help="a cell's JSON file with cameras: what they see now")
+    add_find(predict)
     predict.add_argument("--model", help="the LLM to ask (default: the service's)")
     predict.add_argument(
         "--end-effector",
@@ -69,8 +77,12 @@ def _parser() -> ArgumentParser:
         help="where the arm is, meters and quaternion, world frame: needed where the task bounds steps",
     )
     _add_run(add("run", "observe the scene, ask for actions, and carry them out with an arm", _run))
+    init = add("init", "write a cell's file: asks, and lets the arm measure", run_init)
+    init.add_argument("file", type=Path, metavar="FILE", help="such as cell.json")
     add_record(add, ROBOT)
     add_check(add, ROBOT)
+    add_doctor(add, ROBOT)
+    add_look(add)
     return parser
 
 
@@ -78,17 +90,20 @@ def _add_url(parser: ArgumentParser, default: str) -> None:
     parser.add_argument("--url", default=default, help=f"where the service listens (default: {DEFAULT_URL})")
 
 
-def _add_task(parser: ArgumentParser) -> None:
-    parser.add_argument("--task", required=True, help="the task's name at the service")
+def _add_task(parser: ArgumentParser, *, required: bool = True) -> None:
+    found = "" if required else "; left out: the tasks that the instruction asks for, step by step"
+    parser.add_argument("--task", required=required, help=f"the task's name at the service{found}")
     parser.add_argument("--instruction", required=True, help="what the robot is to do, in words")
 
 
-def _add_objects(parser: ArgumentParser) -> None:
-    parser.add_argument("--objects", required=True, type=Path, metavar="FILE", help=f"what the robot sees, {OBJECTS}")
+def _add_objects(parser: _ActionsContainer, *, required: bool = False) -> None:
+    what = f"what the robot sees, {OBJECTS}"
+    parser.add_argument("--objects", required=required, type=Path, metavar="FILE", help=what)
 
 
 def _add_run(run: ArgumentParser) -> None:
-    _add_task(run)
+    _add_task(run, required=False)
+    add_find(run)
     run.add_argument("--robot", required=True, metavar="ROBOT", help=ROBOT)
     run.add_argument("--confirm", action="store_true", help="show the plan, and ask before each motion")
     run.add_argument(
@@ -132,8 +147,8 @@ def _upload(client: RoboPromptClient, arguments: Namespace) -> int:
 
 def _predict(client: RoboPromptClient, arguments: Namespace) -> int:
     options = {} if arguments.model is None else {"model": arguments.model}
-    scene = _scene(arguments)
     client.ping()
+    scene = _scene(arguments) if arguments.robot is None else _seen(client, arguments)
     return _print_json(client.predict(arguments.task, arguments.instruction, scene, **options).response)
 
 
@@ -144,32 +159,51 @@ def _scene(arguments: Namespace) -> Observation:
     return Observation(seen.objects, end_effector=Pose(tuple(arm[:3]), tuple(arm[3:])))
 
 
+def _seen(client: RoboPromptClient, arguments: Namespace) -> Observation:
+    """What the cameras of a cell see now."""
+    with seeing_arm(arguments.robot) as arm:
+        find_in_pictures(arm, client, arguments.task, arguments.find)
+        return arm.observe()
+
+
 def _run(client: RoboPromptClient, arguments: Namespace) -> int:
     client.ping()
-    robot, pinned = open_robot(arguments.robot), _pinned(arguments)
+    pinned = _pinned(arguments)
+    with closing_robot(open_robot(arguments.robot)) as robot:
+        return _run_with(client, robot, pinned, arguments)
+
+
+def _run_with(client: RoboPromptClient, robot: Robot, pinned: MotionLimits, arguments: Namespace) -> int:
     person = Person(robot)
     confirm, preview = (person.confirm, person.preview) if arguments.confirm else (None, show_nothing)
+    find_in_pictures(robot, client, arguments.task, arguments.find)
+    if isinstance(robot, Arm) and arguments.confirm:
+        robot.confirm_viewpoint = person.confirm_viewpoint
     what = (client, robot, arguments.task, arguments.instruction)
     # A termination leaves through `run_task`, which stops the arm.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     danger = arguments.on_danger
     if arguments.closed_loop:
+        if arguments.task is None:
+            raise InvalidInputError("--task", "is left out beside --closed-loop", "the name of the task")
         steps = list(run_closed_loop(*what, pinned=pinned, confirm=confirm, on_danger=danger, preview=preview))
         if (outcome := person.outcome(steps[-1])) is not None:
             for step in steps:
                 client.record_outcome(step.id, *outcome)
         return _print_json({"steps": [step.response for step in steps]})
-    predicted = run_task(
-        *what,
-        pinned=pinned,
-        confirm=confirm,
-        preview=preview,
-        stream=arguments.stream,
-        look_again=arguments.look_again,
-        on_danger=danger,
-        on_outcome=person.outcome,
-    )
-    return _print_json(predicted.response)
+    how = {
+        "pinned": pinned,
+        "confirm": confirm,
+        "preview": preview,
+        "stream": arguments.stream,
+        "look_again": arguments.look_again,
+        "on_danger": danger,
+    }
+    if arguments.task is not None:
+        return _print_json(run_task(*what, on_outcome=person.outcome, **how).response)
+    confirm_steps, on_outcome = (person.confirm_steps, person.outcome) if arguments.confirm else (None, None)
+    steps = run_plan(client, robot, arguments.instruction, confirm_steps=confirm_steps, on_outcome=on_outcome, **how)
+    return _print_json({"steps": [step.response for step in steps]})
 
 
 def _print_json(document: object) -> int:

@@ -1,13 +1,13 @@
 """The service as a robot sees it."""
 
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, TypeVar
 from uuid import uuid4
 
 import httpx
 
-from roboprompt_client.answers import PredictedActions, findings_in
+from roboprompt_client.answers import PlannedStep, PredictedActions, findings_in
 from roboprompt_client.camera import RgbdFrame, camera_json
 from roboprompt_client.connection import Connection, open_http
 from roboprompt_client.encoding import ImageFormat, Part, packed_request, request_parts, scene_json
@@ -15,7 +15,7 @@ from roboprompt_client.errors import ServiceProblemError, ServiceUnreachableErro
 from roboprompt_client.motion_guard import action_from_json
 from roboprompt_client.motion_limits import MotionLimits
 from roboprompt_client.robot import Observation
-from roboprompt_client.trajectory import EndEffectorAction, ObjectPose, Trajectory, object_from_json
+from roboprompt_client.trajectory import EndEffectorAction, ObjectPose, Trajectory, object_from_json, object_json
 from roboprompt_client.trajectory_npz import npz_from_trajectory
 
 OfKind = TypeVar("OfKind", bound="RoboPromptClient")
@@ -131,13 +131,28 @@ class RoboPromptClient:
             idempotency_key: sent again with the same content it stores nothing twice.
 
         Raises:
-            ServiceProblemError, ServiceUnreachableError.
+            ServiceProblemError: if the service refuses.
+            ServiceUnreachableError: if it does not answer.
         """
         return self._http.document("POST", "/episodes", files=parts, headers={"Idempotency-Key": idempotency_key})
 
+    def plan(self, instruction: str, objects: Iterable[ObjectPose | str]) -> tuple[PlannedStep, ...]:
+        """The steps of a sentence over tasks that were taught apart (`POST /plans`); `run_plan` carries them out.
+
+        Args:
+            objects: all of the scene, or their names; words of place need poses.
+
+        Raises:
+            ServiceProblemError: if a part of the sentence is not what one task does; names the part.
+            ServiceUnreachableError.
+        """
+        listed = [{"name": item} if isinstance(item, str) else object_json(item) for item in objects]
+        answer = self._http.document("POST", "/plans", json={"instruction": instruction, "objects": listed})
+        return tuple(PlannedStep(step["task"], step["instruction"]) for step in answer["steps"])
+
     def predict(
         self,
-        task: str,
+        task: str | None,
         instruction: str,
         observation: Observation,
         *,
@@ -148,6 +163,7 @@ class RoboPromptClient:
         """The actions for what the robot sees now.
 
         Args:
+            task: None: the one task of these objects that does what the instruction says; `response["task"]` names it.
             timeout_s: the service answers or gives up within it; None: within what the model needs, see `GET /models`.
             options: `model`, `representation`, `num_demonstrations` ..., see `POST /predict`.
 
@@ -162,7 +178,7 @@ class RoboPromptClient:
 
     def dry_run(
         self,
-        task: str,
+        task: str | None,
         instruction: str,
         observation: Observation,
         **options: Any,  # noqa: ANN401
@@ -170,7 +186,8 @@ class RoboPromptClient:
         """The prompt that `predict` with the same options asks an LLM with; none is asked.
 
         Raises:
-            ServiceProblemError, ServiceUnreachableError.
+            ServiceProblemError: if the service refuses.
+            ServiceUnreachableError: if it does not answer.
         """
         return self._http.document(
             "POST", "/predict", **self._question(task, instruction, observation, None, {**options, "dry_run": True})
@@ -193,7 +210,7 @@ class RoboPromptClient:
             on_findings: called with what the service doubts beforehand, ahead of the first action.
 
         Raises:
-            as `predict`; also after actions were given, if the rest of the reply goes wrong or does not come.
+            RoboPromptError: as `predict`; also after actions were given, if the rest of the reply is missing.
             InvalidAnswerError: with `on_findings`, if the findings are not well formed.
         """
         asked = options if timeout_s is None else {"timeout_s": timeout_s, **options}
@@ -222,12 +239,10 @@ class RoboPromptClient:
 
         Raises:
             ServiceProblemError: if one of them is not found.
-            ServiceUnreachableError.
+            ServiceUnreachableError: if it does not answer.
         """
         objects = [{"name": name, "model": dict(model)} for name, model in object_models.items()]
-        document = {"objects": objects, "cameras": [camera_json(frame.camera) for frame in frames]}
-        answer = self._http.document("POST", "/poses", files=request_parts(document, frames, self._images))
-        return tuple(map(object_from_json, answer["poses"]))
+        return tuple(map(object_from_json, self.post("/poses", {"objects": objects}, frames)["poses"]))
 
     def learn_object_models(
         self, task: str, objects: Sequence[str] | None = None, episodes: int = 10
@@ -241,10 +256,11 @@ class RoboPromptClient:
             episodes: from at most so many, the task's first.
 
         Raises:
-            ServiceProblemError, ServiceUnreachableError.
+            ServiceProblemError: if the service refuses.
+            ServiceUnreachableError: if it does not answer.
         """
         asked = {"objects": None if objects is None else list(objects), "episodes": episodes}
-        return self._http.document("POST", f"/tasks/{task}/object_models/learn", json=asked, timeout=LEARNING_TIMEOUT_S)
+        return self.post(f"/tasks/{task}/object_models/learn", asked)
 
     def check(self, task: str, model: str | None = None) -> dict[str, Any]:
         """Predict each of a task's demonstrations from the others, see `GET /tasks/{name}/check`.
@@ -253,7 +269,8 @@ class RoboPromptClient:
             model: an LLM to ask as well, which takes it some seconds for each demonstration.
 
         Raises:
-            ServiceProblemError, ServiceUnreachableError.
+            ServiceProblemError: if the service refuses.
+            ServiceUnreachableError: if it does not answer.
         """
         asked = {} if model is None else {"model": model}
         return self._http.document("GET", f"/tasks/{task}/check", params=asked, timeout=CHECK_TIMEOUT_S)
@@ -276,13 +293,18 @@ class RoboPromptClient:
 
     def record_outcome(self, prediction_id: str, success: bool, note: str | None = None) -> dict[str, Any]:
         """Tell the service how the robot fared with a prediction."""
-        return self._http.document(
-            "POST", f"/predictions/{prediction_id}/outcome", json={"success": success, "note": note}
-        )
+        return self.post(f"/predictions/{prediction_id}/outcome", {"success": success, "note": note})
 
     def get(self, path: str, **parameters: Any) -> dict[str, Any]:  # noqa: ANN401
         """Any document that the service offers, e.g. ``get("/episodes", task="open_drawer")``."""
         return self._http.document("GET", path, params=parameters)
+
+    def post(self, path: str, document: Mapping[str, Any], frames: Sequence[RgbdFrame] = ()) -> dict[str, Any]:
+        """Send any document; with frames their cameras and images go along."""
+        if not frames:
+            return self._http.document("POST", path, json=dict(document), timeout=LEARNING_TIMEOUT_S)
+        metadata = {**document, "cameras": [camera_json(frame.camera) for frame in frames]}
+        return self._http.document("POST", path, files=request_parts(metadata, frames, self._images))
 
     def get_bytes(self, path: str, **parameters: Any) -> bytes:  # noqa: ANN401
         """Any file that the service offers, e.g. ``get_bytes(f"/episodes/{id}/trajectory")``."""
@@ -290,7 +312,7 @@ class RoboPromptClient:
 
     def _question(
         self,
-        task: str,
+        task: str | None,
         instruction: str,
         observation: Observation,
         mask_ids: Mapping[str, Sequence[int]] | None,

@@ -8,7 +8,9 @@
     ├── InvalidAnswerError       the service answered something that it never may; names the member
     ├── MotionError              the robot could not carry out an action
     ├── NotConfirmedError        a person did not allow an action
+    ├── StepFailedError          a step of a plan was not done, so that the next ones were not begun
     ├── ObjectLostError          an object that an action refers to is out of sight
+    ├── CameraError              a camera gave no picture that can be used; names the camera
     └── DangerError              the service finds its own answer dangerous, and no person allowed it
 
 The server hangs its own branches under RoboPromptError.
@@ -115,8 +117,30 @@ class ObjectLostError(RoboPromptError):
         self.object_name = object_name
 
 
+class CameraError(RoboPromptError):
+    """A camera gave no picture that can be used.
+
+    Args:
+        message: what is wrong, with the value.
+        remedy: what would help.
+        camera: its name; empty where the driver raises it, which does not know it.
+    """
+
+    def __init__(self, message: str, remedy: str, camera: str = "") -> None:
+        super().__init__(f"camera {camera!r}: {message} (needed: {remedy})" if camera else f"{message} ({remedy})")
+        self.message, self.remedy, self.camera = message, remedy, camera
+
+    def of(self, camera: str) -> "CameraError":
+        """The same of the camera with this name."""
+        return CameraError(self.message, self.remedy, camera)
+
+
 class DangerError(RoboPromptError):
     """The service says of its own prediction that it is probably wrong, and no person allowed it; nothing was moved."""
+
+
+class StepFailedError(RoboPromptError):
+    """A step of a plan was not done, or nobody knows whether it was; the steps after it were not begun."""
 
 
 class MotionError(RoboPromptError):

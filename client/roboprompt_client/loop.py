@@ -117,16 +117,17 @@ def run_closed_loop(
 ) -> Iterator[PredictedActions]:
     """Observe, ask for one action, carry it out, and again, until the LLM says that it is done.
 
+    What is not listed is as for `run_task`, at each step.
+
     Args:
         max_steps: after so many the run ends, done or not.
-        limits, pinned, confirm, on_danger, preview, options: as for `run_task`, at each step.
 
     Yields:
         the answer to each step, before its findings are looked at and its action is carried out; the last has no action
         unless `max_steps` ended the run.
 
     Raises:
-        as `run_task`; the robot is stopped before.
+        RoboPromptError: as `run_task`; the robot is stopped before.
     """
     asked = {**options, "closed_loop": True}
     guard: MotionGuard | None = None

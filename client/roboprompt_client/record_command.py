@@ -1,23 +1,24 @@
 """`roboprompt-robot record` and `roboprompt-robot check`: what happens at the arm before a prediction."""
 
 import sys
-from argparse import ArgumentParser, Namespace
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from argparse import Namespace
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from roboprompt_client.arm_check import ArmCheck
-from roboprompt_client.arms.cell import open_robot
+from roboprompt_client.arm_check import ArmCheck, CheckResult
+from roboprompt_client.arms.arm import Arm
+from roboprompt_client.arms.cell import closing_robot, open_robot
 from roboprompt_client.arrays import finite_array
 from roboprompt_client.client import RoboPromptClient
-from roboprompt_client.errors import InvalidInputError, MotionError, ServiceUnreachableError
-from roboprompt_client.recorder import RATE_HZ, HasState, Recorder
-from roboprompt_client.robot import OBJECTS, Robot, observation_from_file
+from roboprompt_client.errors import CameraError, InvalidInputError, MotionError, ServiceUnreachableError
+from roboprompt_client.live_recording import record_live
+from roboprompt_client.look_command import AddCommand, add_find, find_in_pictures
+from roboprompt_client.recorder import RATE_HZ, HasState
+from roboprompt_client.robot import OBJECTS, Observation, Robot, observation_from_file
 from roboprompt_client.spool import JOURNAL, Sent, Spool
-from roboprompt_client.terminal import NO, ask, ask_yes
+from roboprompt_client.terminal import Person, ask, ask_yes
 
-AddCommand = Callable[[str, str, Callable[[RoboPromptClient, Namespace], int]], ArgumentParser]
 MARKS = {True: "ok  ", False: "FAIL", None: "look"}
 
 
@@ -31,8 +32,12 @@ def add_record(add: AddCommand, robot_help: str) -> None:
     record.add_argument(
         "--objects", type=Path, metavar="FILE", help=f"what the robot sees, unless it says so, {OBJECTS}"
     )
+    add_find(record)
     record.add_argument("--spool", type=Path, default=Path("recordings"), help="folder (default: %(default)s)")
     record.add_argument("--rate-hz", type=float, default=RATE_HZ, help="at least 20 (default: %(default)g)")
+    record.add_argument(
+        "--guide", action="store_true", help="let the arm carry its own weight and yield to your hand (Franka)"
+    )
     record.add_argument("--send-only", action="store_true", help="upload what is waiting, and record nothing")
 
 
@@ -71,13 +76,23 @@ def run_record(client: RoboPromptClient, arguments: Namespace) -> int:
                 raise InvalidInputError(f"--{name}", "is missing", "needed unless --send-only")
         if arguments.objects is not None:
             observation_from_file("--objects", arguments.objects)  # what is wrong with it is said before the recording
-        robot = open_robot(arguments.robot)
-        if not hasattr(robot, "state"):
-            raise InvalidInputError("--robot", "cannot be recorded", "a robot with state(), such as a cell's Arm")
-        while ask("Enter to record, q to end: ") not in ("q", None):
-            _record_one(robot, spool, arguments)
-            failed |= _send_all(client, spool)
+        with closing_robot(open_robot(arguments.robot)) as robot:
+            failed = _record_all(client, robot, spool, arguments)
     return failed | _send_all(client, spool)
+
+
+def _record_all(client: RoboPromptClient, robot: Robot, spool: Spool, arguments: Namespace) -> int:
+    """Recordings until the person ends; 1 where the service refused one or did not answer."""
+    if not hasattr(robot, "state"):
+        raise InvalidInputError("--robot", "cannot be recorded", "a robot with state(), such as a cell's Arm")
+    find_in_pictures(robot, client, arguments.task, arguments.find)
+    if isinstance(robot, Arm):
+        robot.confirm_viewpoint = Person(robot).confirm_viewpoint
+    failed = 0
+    while ask("Enter to record, q to end: ") not in ("q", None):
+        _record_one(robot, spool, arguments)
+        failed |= _send_all(client, spool)
+    return failed
 
 
 def run_check(_: RoboPromptClient, arguments: Namespace) -> int:
@@ -89,7 +104,11 @@ def run_check(_: RoboPromptClient, arguments: Namespace) -> int:
     def confirm(question: str) -> bool:
         return ask_yes(f"{question} [y/N] ")
 
-    results = ArmCheck(robot, moves=arguments.move, confirm=confirm, touched_m=arguments.touch).run()
+    return print_results(ArmCheck(robot, moves=arguments.move, confirm=confirm, touched_m=arguments.touch).run())
+
+
+def print_results(results: Sequence[CheckResult]) -> int:
+    """A line for each; 1 where something failed."""
     for result in results:
         _print(f"{MARKS[result.passed]}  {result.name}: {result.detail}")
     return int(any(result.passed is False for result in results))
@@ -97,25 +116,40 @@ def run_check(_: RoboPromptClient, arguments: Namespace) -> int:
 
 def _record_one(robot: Robot, spool: Spool, arguments: Namespace) -> None:
     """One demonstration; what is interrupted stays in the spool."""
-    seen = robot.observe() if arguments.objects is None else observation_from_file("--objects", arguments.objects)
+    try:
+        seen = _seen(robot, arguments.objects)
+    except CameraError as error:
+        _print(str(error))
+        return
     folder = spool.new(arguments.task, arguments.instruction, seen)
     arm: HasState = robot  # type: ignore[assignment]  # what has `state` can be recorded
-    recorder = Recorder(arm, folder / JOURNAL, arguments.rate_hz)
-    recorder.start()
     try:
-        ask("Recording. Enter to stop: ")
-        trajectory = recorder.stop()
+        trajectory = record_live(arm, folder / JOURNAL, arguments.rate_hz, guide=arguments.guide)
     except (MotionError, InvalidInputError) as error:
-        _print(f"{error}; what came before is in {folder}")
+        if (folder / JOURNAL).exists():
+            _print(f"{error}; what came before is in {folder}")
+        else:
+            spool.discard(folder)
+            _print(str(error))
         return
     except KeyboardInterrupt:
-        with suppress(MotionError, InvalidInputError):
-            recorder.stop()
         _print(f"kept in {folder}: `roboprompt-robot record --send-only` uploads it")
         raise
-    _print(f"{len(trajectory)} frames, {trajectory.num_joints} joints")
-    if (ask("Keep it? [Y/n] ") or "").lower() in NO:
+    if trajectory is None:
         spool.discard(folder)
+        return
+    _print(f"{len(trajectory)} frames, {trajectory.num_joints} joints")
+
+
+def _seen(robot: Robot, objects: Path | None) -> Observation:
+    """The scene at the start: poses of the file where there is one, and what the cell's cameras see."""
+    if objects is None:
+        return robot.observe()
+    given = observation_from_file("--objects", objects)
+    if not isinstance(robot, Arm) or robot.cameras is None:
+        return given
+    seen, known = robot.observe(), [item.name for item in given.objects]
+    return Observation(given.objects, seen.frames, [name for name in seen.to_find if name not in known])
 
 
 def _send_all(client: RoboPromptClient, spool: Spool) -> int:

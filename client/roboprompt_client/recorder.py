@@ -4,6 +4,8 @@ import json
 import os
 import threading
 import time
+from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
 from typing import BinaryIO, Protocol
 
@@ -20,6 +22,20 @@ MIN_RATE_HZ = 20.0
 FLUSH_S = 1.0
 OPEN_ABOVE_M = 0.01  # of fingers that stay where they are in the whole recording
 _FIXED_COLUMNS = 10  # time, position, quaternion, width, open
+
+
+@dataclass(frozen=True)
+class Progress:
+    """What a recording has so far: its frames, how long it takes, and the arm as it was seen last."""
+
+    frames: int
+    elapsed_s: float
+    state: ArmState
+
+    @property
+    def rate_hz(self) -> float:
+        """As it was sampled, not as it was asked for."""
+        return (self.frames - 1) / self.elapsed_s if self.elapsed_s else 0.0
 
 
 class HasState(Protocol):
@@ -53,12 +69,25 @@ class Recorder:
             raise InvalidInputError("journal", f"{journal} exists", "a file of its own for each recording")
         self._arm, self._journal, self._period_s = arm, journal, 1 / rate_hz
         self._ended = threading.Event()
+        self._progress: Progress | None = None
         self._error: Exception | None = None
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
 
     def start(self) -> None:
         """Begin to sample."""
         self._thread.start()
+
+    @property
+    def progress(self) -> Progress | None:
+        """None before the first sample.
+
+        Raises:
+            MotionError: if the arm stopped answering.
+            InvalidInputError: if the journal cannot be written.
+        """
+        if self._error is not None:
+            raise self._error
+        return self._progress
 
     def stop(self) -> Trajectory:
         """End, and what was recorded.
@@ -87,7 +116,8 @@ class Recorder:
         with create_private(self._journal) as file:
             file.write(json.dumps({"joints": joints}).encode() + b"\n")
             flushed_s = due_s = seen_s = began_s
-            while True:  # at least once, however soon it ends
+            for frames in count(1):  # at least once, however soon it ends
+                self._progress = Progress(frames, seen_s - began_s, state)
                 file.write(_row(seen_s - began_s, state, joints).tobytes())
                 if seen_s - flushed_s > FLUSH_S:
                     file.flush()

@@ -1,16 +1,32 @@
 """A person at the terminal, who sees the plan, is asked before each motion, and says afterwards whether it worked."""
 
+import os
+import select
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 
-from roboprompt_client.answers import Outcome, PredictedActions
+import numpy as np
+
+from roboprompt_client.answers import Outcome, PlannedStep, PredictedActions
 from roboprompt_client.arms.arm import Arm
 from roboprompt_client.arms.preview import Previewed, table
-from roboprompt_client.motion_limits import MotionLimits
+from roboprompt_client.motion_limits import MotionLimits, Pose
 from roboprompt_client.robot import Robot
 from roboprompt_client.trajectory import EndEffectorAction
 
+try:
+    import termios
+    import tty
+except ImportError:  # Windows
+    HAS_TERMIOS = False
+else:
+    HAS_TERMIOS = True
+
 YES, NO = ("y", "yes"), ("n", "no")
+MAX_KEYS = 64  # at a time
+END = "x"  # what a terminal that has gone is read as
+Pressed = Callable[[float], str]
 
 
 def ask(question: str) -> str | None:
@@ -24,6 +40,35 @@ def ask(question: str) -> str | None:
 def ask_yes(question: str) -> bool:
     """Whether a person types yes."""
     return (ask(question) or "").lower() in YES
+
+
+def has_keyboard() -> bool:
+    """Whether standard input is a terminal whose keys can be read one by one."""
+    return HAS_TERMIOS and sys.stdin.isatty()
+
+
+@contextmanager
+def keyboard() -> Iterator[Pressed]:
+    """A function that returns the keys pressed since its last call, and waits for the first at most some seconds.
+
+    Keys are unseen until the terminal is as it was before. Where there are no single keys it waits for a line.
+    """
+    if not has_keyboard():
+        yield lambda _wait_s: ask("") or "\n"
+        return
+    before = termios.tcgetattr(sys.stdin)
+    tty.setcbreak(sys.stdin, termios.TCSADRAIN)  # what was typed already counts
+    try:
+        yield _pressed
+    finally:
+        termios.tcsetattr(sys.stdin, termios.TCSADRAIN, before)
+
+
+def _pressed(wait_s: float) -> str:
+    ready, _, _ = select.select([sys.stdin], [], [], wait_s)
+    if not ready:
+        return ""
+    return os.read(sys.stdin.fileno(), MAX_KEYS).decode(errors="ignore") or END
 
 
 class Person:
@@ -51,8 +96,24 @@ class Person:
         x_m, y_m, z_m = action.position_m
         return ask_yes(f"action {index + 1}: to {x_m:.3f} {y_m:.3f} {z_m:.3f} m, gripper {gripper}. Go? [y/N] ")
 
+    def confirm_steps(self, steps: Sequence[PlannedStep]) -> bool:
+        """Whether the person lets the plan begin."""
+        _print("\n".join(f"{number}. {step.instruction} ({step.task})" for number, step in enumerate(steps, start=1)))
+        return ask_yes("Are these the steps? [y/N] ")
+
+    def confirm_viewpoint(self, number: int, pose: Pose) -> bool:
+        """Whether the person lets the hand go to a viewpoint; what is wrong with the way is printed first."""
+        there = EndEffectorAction(np.array(pose.position_m), np.array(pose.quaternion_xyzw), gripper_open=True)
+        if isinstance(self._robot, Arm):
+            (previewed,) = self._robot.preview([there], MotionLimits(hand_radius_m=0.0))
+            if previewed.warning:
+                _print(f"! {previewed.warning}")
+        x_m, y_m, z_m = pose.position_m
+        return ask_yes(f"viewpoint {number}: the hand goes to {x_m:.3f} {y_m:.3f} {z_m:.3f} m. Go? [y/N] ")
+
     def outcome(self, predicted: PredictedActions) -> Outcome | None:
         """What the person says: `y` or `n`, with a note behind it; None where they answer nothing."""
+        self._shown.clear()  # the next plan counts its actions anew
         while answer := ask("Did it work? [y, n, or n and why; Enter: not recorded] "):
             word, _, note = answer.partition(" ")
             if word.lower().rstrip(",:") in (*YES, *NO):

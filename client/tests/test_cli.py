@@ -11,7 +11,7 @@ from roboprompt_client.client import RoboPromptClient
 
 ACTION = {"position": [0.1, 0.2, 0.9], "quaternion_xyzw": [1, 0, 0, 0], "gripper_open": True}
 BOUNDS = {"keep_out": [], "max_step_m": None, "max_step_rotation_deg": None}
-LIMITS = {"workspace": {"min": [-1, -1, 0], "max": [1, 1, 2]}, "motion_limits": BOUNDS}
+LIMITS = {"object_names": ["cube"], "workspace": {"min": [-1, -1, 0], "max": [1, 1, 2]}, "motion_limits": BOUNDS}
 MY_CELL = """
 from roboprompt_client import Observation, ObjectPose
 
@@ -42,6 +42,9 @@ class Service:
             return httpx.Response(200, json={"checks": {}})
         if path == "/tasks/pick":
             return httpx.Response(200, json=LIMITS)
+        if path == "/plans":
+            steps = [{"task": "pick", "instruction": "pick up the cube"}] * 2
+            return httpx.Response(200, json={"steps": steps})
         if path == "/predict":
             after = json.loads(request.read()).get("after")
             document = {"id": "p2" if after else "p1", "actions": [] if after else [ACTION], "findings": []}
@@ -133,6 +136,34 @@ def test_an_outcome_that_cannot_be_recorded_is_logged(service, monkeypatch, capl
     service.down = True
     assert run(monkeypatch, *RUN, answers=["y"])[0] == 0
     assert "the outcome was not recorded: POST http://robots/predictions/p1/outcome: refused" in caplog.text
+
+
+PLAN = ("run", "--robot", "my_cell:make", "--instruction", "pick up the cube twice")
+
+
+def test_without_a_task_the_steps_of_the_instruction_are_carried_out(service, monkeypatch, capsys):
+    assert run(monkeypatch, *PLAN) == (0, [])
+    assert [step["id"] for step in json.loads(capsys.readouterr().out)["steps"]] == ["p1", "p1"]
+
+
+@pytest.mark.parametrize(
+    ("answers", "status", "outcomes"),
+    [
+        (["y", "y", "y", "y", "y"], 0, [True, True]),
+        (["n"], 1, []),
+        (["y", "n"], 1, []),
+        (["y", "y", "n"], 1, [False]),
+        (["y", "y", ""], 1, []),
+    ],
+)
+def test_a_person_is_asked_about_the_plan_each_action_and_each_outcome(service, monkeypatch, answers, status, outcomes):
+    assert run(monkeypatch, *PLAN, "--confirm", answers=answers)[0] == status
+    assert [document["success"] for _, document in service.outcomes] == outcomes
+
+
+def test_a_closed_loop_needs_a_task(service, monkeypatch, capsys):
+    assert run(monkeypatch, *PLAN, "--closed-loop")[0] == 1
+    assert "--task: is left out beside --closed-loop" in capsys.readouterr().err
 
 
 def test_a_run_that_was_stopped_asks_for_no_outcome(service, monkeypatch):

@@ -1,6 +1,9 @@
 """What a person does at the arm: record, send, check."""
 
 import json
+import os
+import pty
+import threading
 from types import SimpleNamespace
 
 import httpx
@@ -14,6 +17,7 @@ from roboprompt_client.arms.arm import Arm
 from roboprompt_client.arms.cell import open_cell, open_robot
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.live_recording import record_live
 from roboprompt_client.motion_limits import MotionLimits
 from roboprompt_client.robot import Observation
 from roboprompt_client.trajectory import EndEffectorAction
@@ -66,7 +70,7 @@ def run(monkeypatch, tmp_path, *more):
 
 def test_record_keep_and_upload(answers, monkeypatch, tmp_path, capsys):
     typed, _ = answers
-    typed += ["", "", "y", "q"]
+    typed += ["", "", "q"]
     assert run(monkeypatch, tmp_path) == 0
     said = capsys.readouterr().out
     assert "7 joints" in said
@@ -76,15 +80,46 @@ def test_record_keep_and_upload(answers, monkeypatch, tmp_path, capsys):
 
 def test_record_and_throw_away(answers, monkeypatch, tmp_path):
     typed, _ = answers
-    typed += ["", "", "n", "q"]
+    typed += ["", "x", "q"]
     assert run(monkeypatch, tmp_path) == 0
+    assert list((tmp_path / "spool").iterdir()) == []
+
+
+@pytest.fixture
+def keys(monkeypatch):
+    """Types at a terminal of its own."""
+    person, terminal = pty.openpty()
+    with os.fdopen(terminal) as stdin:
+        monkeypatch.setattr("sys.stdin", stdin)
+        yield lambda typed: os.write(person, typed.encode())
+    os.close(person)
+
+
+def test_keys_move_the_gripper_while_it_records(keys, monkeypatch, tmp_path, capsys):
+    body = Body()
+    arm = Arm(open_xarm(body, monkeypatch))
+    threading.Timer(0.4, keys, ["c"]).start()
+    threading.Timer(0.8, keys, ["o"]).start()
+    threading.Timer(1.2, keys, ["\n"]).start()
+    trajectory = record_live(arm, tmp_path / "journal", 50.0, guide=False)
+    assert trajectory.gripper_open[0]
+    assert not trajectory.gripper_open.all()
+    assert trajectory.gripper_open[-1]
+    assert " Hz  hand +" in capsys.readouterr().err
+
+
+def test_an_arm_that_cannot_be_guided_is_not_recorded(answers, monkeypatch, tmp_path, capsys):
+    typed, _ = answers
+    typed += ["", "q"]
+    assert run(monkeypatch, tmp_path, "--guide") == 0
+    assert "cannot be guided by its driver" in capsys.readouterr().out
     assert list((tmp_path / "spool").iterdir()) == []
 
 
 def test_a_refused_recording_ends_with_1(answers, monkeypatch, tmp_path, capsys):
     typed, state = answers
     state["refuses"] = True
-    typed += ["", "", "y", "q"]
+    typed += ["", "", "q"]
     assert run(monkeypatch, tmp_path) == 1
     assert "refused: cube: no such object" in capsys.readouterr().out
 

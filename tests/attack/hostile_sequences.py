@@ -662,15 +662,6 @@ for _name, _format in (("absolute", "paper"), ("absolute", "authors"), ("action_
 
 
 @sequence
-def demonstrations_of_another_task(a):
-    """Nothing was taught here; another task's demonstrations are shown."""
-    other = f"{a.task}o"
-    a.teach_picks(task=other)
-    a.teach("place the jar", {"jar": (0.3, 0.0, TABLE_M)}, press((0.3, 0.0, TABLE_M)))
-    return a.ask("place the jar", {"jar": (0.3, 0.1, TABLE_M)}, demonstrations_from=[other]), None
-
-
-@sequence
 def tasks_that_differ_in_case(a):
     """A task in capitals is asked that was never taught."""
     a.teach_picks()

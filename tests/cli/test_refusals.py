@@ -1,9 +1,9 @@
 """Wrong choices end a command before any work starts, in words that say what would be right."""
 
 import json
+import sqlite3
 import threading
 from http.server import BaseHTTPRequestHandler, HTTPServer
-from importlib.metadata import version
 
 import pytest
 import typer
@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 from app.cli import application
 from app.evaluation.server import free_port
 from roboprompt_client import cli as script
+from roboprompt_client.version import VERSION
 
 
 def said(run):
@@ -163,9 +164,20 @@ def test_the_robots_script_says_what_objects_it_wants(content, expected, monkeyp
     assert '[{"name": "cube", "position": [x, y, z]}]' in errors
 
 
+def test_serve_refuses_a_data_folder_of_an_unknown_version_in_a_sentence(tmp_path):
+    with sqlite3.connect(tmp_path / "roboprompt.db") as database:
+        database.execute("CREATE TABLE alembic_version (version_num TEXT)")
+        database.execute("INSERT INTO alembic_version VALUES ('9999')")
+    run = CliRunner().invoke(application, ["serve", "--data", str(tmp_path)])
+    assert run.exit_code == 1
+    assert run.output.startswith("database sqlite:///")
+    assert f"is at revision 9999, which RoboPrompt {VERSION} (revision 0001) does not know" in run.output
+    assert len(run.output.splitlines()) == 1
+
+
 def test_version():
     run = CliRunner().invoke(application, ["--version"])
-    assert (run.exit_code, run.output) == (0, f"roboprompt {version('roboprompt')}\n")
+    assert (run.exit_code, run.output) == (0, f"roboprompt {VERSION}\n")
 
 
 def test_one_name_for_the_address():

@@ -9,7 +9,7 @@ from app.datasets.bounds import DamagedError, MissingPackageError
 from app.datasets.formats import open_dataset
 from app.datasets.options import ImportOptions, KnownObjects
 from app.datasets.parcel import ObjectEntry
-from app.pipeline.keyframes import merged
+from app.pipeline.keyframes import Motion, merged
 from roboprompt_client.trajectory_npz import trajectory_from_npz
 from tests.datasets.parcels import PLACES_M
 from tests.episodes import pick_trajectory
@@ -94,7 +94,7 @@ def test_topics_are_told_by_their_types(tmp_path):
         np.testing.assert_array_equal(trajectory.joint_velocities_rad_s, expected.joint_velocities_rad_s)
         np.testing.assert_array_equal(trajectory.positions_m, expected.positions_m)
         np.testing.assert_array_equal(trajectory.gripper_open, expected.gripper_open)
-        assert merged(trajectory) == merged(expected)
+        assert merged(Motion.of(trajectory)) == merged(Motion.of(expected))
         assert parcel.metadata["control_frequency_hz"] == pytest.approx(RATE_HZ)
 
 

@@ -10,7 +10,7 @@ from app.datasets.parcel import ObjectEntry
 from app.datasets.rlbench.low_dim import load_demo
 from app.perception.images import ImageBytes, decode_frame
 from app.pipeline.geometry import backproject
-from app.pipeline.keyframes import KeyframeRule, find_keyframes
+from app.pipeline.keyframes import KeyframeRule, Motion, find_keyframes
 from roboprompt_client.camera import camera_from_json
 from roboprompt_client.trajectory_npz import trajectory_from_npz
 from tests.datasets import peract_folder as peract
@@ -50,7 +50,9 @@ def test_keyframes_are_those_of_the_recording(folder, tmp_path):
     (parcel,) = read(tmp_path)
     recorded, imported = pick_trajectory(peract.DRAWER_M), trajectory_from_npz(parcel.files["trajectory"])
     for rule in ("merged", "authors", "uniform"):
-        assert find_keyframes(imported, KeyframeRule(rule)) == find_keyframes(recorded, KeyframeRule(rule))
+        assert find_keyframes(Motion.of(imported), KeyframeRule(rule)) == find_keyframes(
+            Motion.of(recorded), KeyframeRule(rule)
+        )
     np.testing.assert_array_equal(imported.positions_m, recorded.positions_m)
     np.testing.assert_array_equal(imported.gripper_open, recorded.gripper_open)
 

@@ -9,7 +9,7 @@ from app.datasets.bounds import DamagedError, DatasetError, MissingPackageError
 from app.datasets.formats import open_dataset
 from app.datasets.options import ImportOptions
 from app.perception.images import decode_rgb
-from app.pipeline.keyframes import merged
+from app.pipeline.keyframes import Motion, merged
 from roboprompt_client.trajectory_npz import trajectory_from_npz
 from tests.datasets.parcels import PLACES_M
 from tests.episodes import camera, pick_trajectory
@@ -55,7 +55,7 @@ def test_robosuites_names_need_no_mapping(path):
     assert parcel.metadata["objects"] == [can]
     assert parcel.notes == ("calibration of obs/agentview_image: images are left out",)
     trajectory = trajectory_from_npz(parcel.files["trajectory"])
-    assert merged(trajectory) == merged(pick_trajectory(PLACES_M[1]))
+    assert merged(Motion.of(trajectory)) == merged(Motion.of(pick_trajectory(PLACES_M[1])))
     np.testing.assert_array_equal(trajectory.gripper_open, pick_trajectory(PLACES_M[1]).gripper_open)
 
 

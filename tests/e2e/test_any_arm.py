@@ -79,10 +79,14 @@ def test_a_hand_without_known_joints_goes_by_its_path(http, url):
 
 
 def test_the_width_above_which_fingers_are_open_is_the_task_s(http, url):
-    first = next(teach(http, "fingers", [recording(place_m, 6) for place_m in PLACES_M]))
+    first, *_ = teach(http, "fingers", [recording(place_m, 6) for place_m in PLACES_M])
     assert [frame["gripper_open"] for frame in first["keyframes"]] == [True, False, False]
     assert http.put("/tasks/fingers", json={"gripper_open_above_m": 0.02}).status_code == 200
     frames = http.get(f"/episodes/{first['id']}").json()["keyframes"]
     assert all(frame["gripper_open"] for frame in frames)
-    with RoboPromptClient(url) as client, pytest.raises(ServiceProblemError, match="gripper_open_above_m"):
-        client.configure_task("fingers", gripper_open_above_m=80)
+    cube = Observation((ObjectPose("cube", np.array([0.17, 0.08, 0.78])),))
+    with RoboPromptClient(url) as client:
+        predicted = client.predict("fingers", INSTRUCTION, cube, model="regression")
+        assert all(action.gripper_open for action in predicted.actions)
+        with pytest.raises(ServiceProblemError, match="gripper_open_above_m"):
+            client.configure_task("fingers", gripper_open_above_m=80)

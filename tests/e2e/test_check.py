@@ -30,7 +30,7 @@ def tidy(client):
 
 def upload(client, task, item):
     seen = Observation(item.demonstration.objects)
-    return client.upload(task, item.demonstration.instruction, item.trajectory, seen)["id"]
+    return client.upload(task, item.demonstration.instruction, item.motion.trajectory, seen)["id"]
 
 
 def test_the_odd_one_is_named(client, http, tidy):

@@ -104,3 +104,11 @@ def test_the_script_needs_nothing_of_the_server():
     names = "NAMES = {'fastapi', 'pydantic', 'sqlalchemy', 'uvicorn', 'mujoco', 'typer', 'scipy', 'app'}; "
     done = subprocess.run([sys.executable, "-c", names + code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_the_example_teaches_presses_and_records_the_outcome(client, url):
+    command = [sys.executable, "-m", "roboprompt_client.example", "--url", url]
+    ended = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
+    assert "\npressed; more at http" in ended.stdout
+    prediction = client.get(f"/predictions/{ended.stdout.rsplit('/', 1)[1].strip()}")
+    assert prediction["outcome"]["success"] is True

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 from app.cli import application
 from app.datasets.archive import write_archive
 from app.evaluation.server import free_port
-from app.pipeline.keyframes import merged
+from app.pipeline.keyframes import Motion, merged
 from roboprompt_client.trajectory_npz import trajectory_from_npz
 from tests.datasets import peract_folder as peract
 from tests.datasets.parcels import parcels
@@ -44,7 +44,7 @@ def test_rlbench_folder(url, http, folder):
     assert (summary["imported"], summary["already_there"], summary["damaged"]) == (3, 0, [])
     episodes = http.get("/episodes", params={"task": "rlbench"}).json()["episodes"][::-1]
     for episode, place_m in zip(episodes, PLACES_M, strict=True):
-        assert [item["index"] for item in episode["keyframes"]] == list(merged(pick_trajectory(place_m)))
+        assert [item["index"] for item in episode["keyframes"]] == list(merged(Motion.of(pick_trajectory(place_m))))
         np.testing.assert_allclose(episode["objects"][0]["position"], peract.DRAWER_M, atol=0.01)
         assert episode["objects"][0]["estimator"] == "masks"
         assert episode["objects"][0]["cameras"] == sorted(peract.CAMERAS)
@@ -67,7 +67,7 @@ def test_dry_run_tells_and_stores_nothing(http, folder):
     nowhere = f"http://127.0.0.1:{free_port()}"
     command = ("import", folder, "--dry-run", "--url", nowhere, "--task", "dry")
     summary = run(*command, "--objects", folder / "objects.json")
-    expected = sum(len(merged(pick_trajectory(place_m))) for place_m in PLACES_M)
+    expected = sum(len(merged(Motion.of(pick_trajectory(place_m)))) for place_m in PLACES_M)
     assert (summary["imported"], summary["keyframes"], summary["tasks"]) == (3, expected, {"dry": 3})
     refused = run(*command, code=1)["refused"]
     assert len(refused) == 3

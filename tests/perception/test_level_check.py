@@ -32,6 +32,16 @@ def test_a_tilted_one_is_refused_with_its_tilt(degrees, refused):
     assert caught.value.field == "cameras[front].camera_to_world"
 
 
+@pytest.mark.parametrize("view", [FRONT, LEFT])
+def test_opengl_s_axes_are_refused_as_such(view):
+    """Turned half about x, the table is level again, but above the camera."""
+    frame = shoot([cube("red", 0, 0)], view)
+    opengl = replace(view, camera_to_world=view.camera_to_world @ np.diag([1.0, -1.0, -1.0, 1.0]))
+    with pytest.raises(InvalidInputError, match=r"m above it: OpenGL's axes\?") as caught:
+        check_level(replace(frame, camera=opengl))
+    assert caught.value.field == f"cameras[{view.name}].camera_to_world"
+
+
 def test_without_depth_to_judge_by_nothing_is_said():
     frame = shoot([], noise=False)
     random = np.random.default_rng(0)

@@ -17,7 +17,7 @@ STEP_S = 1e-4
 
 
 @dataclass(frozen=True)
-class Motion:
+class ScriptedMotion:
     """A hand that passes places at times, and turns.
 
     Attributes:
@@ -105,12 +105,12 @@ class Motion:
 
 def flowing(stops_m, speed_m_s=0.15, **more):
     """Through the stops at one speed, without a rest."""
-    return Motion(_timed(stops_m, speed_m_s), **{"blend_s": 0.3, **more})
+    return ScriptedMotion(_timed(stops_m, speed_m_s), **{"blend_s": 0.3, **more})
 
 
 def resting(stops_m, speed_m_s=0.25, rest_s=0.4, **more):
     """From stop to stop with a rest at each, as scripts move."""
-    return Motion(_timed(stops_m, speed_m_s, rest_s), rest_s=rest_s, **more)
+    return ScriptedMotion(_timed(stops_m, speed_m_s, rest_s), rest_s=rest_s, **more)
 
 
 def _timed(stops_m, speed_m_s, rest_s=0.0):
@@ -138,3 +138,30 @@ def pick_and_place(pick_m, place_m, move=flowing, above_m=0.12, start_m=(0.1, 0.
     rest_s = motion.rest_s
     switches = tuple(arrival_s(motion, at_m) + rest_s / 2 for at_m in (pick_m, place_m))
     return replace(motion, switches=switches)
+
+
+def servoed(stops_m, switches, hz, speed_m_s, gain_per_s, near_m, rest_s):
+    """A hand that a controller drives from stop to stop, as scripts in simulators do: it is seldom at rest.
+
+    Args:
+        switches: places among the stops at which the gripper switches.
+        near_m: of a stop, where the next one becomes the goal.
+        rest_s: of the hand where the gripper switches.
+    """
+    step_s = 0.002
+    at_m, speed, is_open, rows = np.array(stops_m[0], dtype=float), np.zeros(3), True, []
+    for place, stop_m in enumerate(stops_m[1:], start=1):
+        left_s = rest_s if place in switches else 0.0
+        while left_s > 0 or np.linalg.norm(stop_m - at_m) >= near_m:
+            wanted = gain_per_s * (stop_m - at_m)
+            wanted *= min(1.0, speed_m_s / max(np.linalg.norm(wanted), 1e-9))
+            change = wanted - speed
+            speed = speed + change * min(1.0, 3.0 * step_s / max(np.linalg.norm(change), 1e-9))
+            at_m = at_m + speed * step_s
+            if np.linalg.norm(stop_m - at_m) < near_m:
+                left_s -= step_s
+            rows.append((*at_m, *(RAD_S_PER_M_S * speed), is_open != (place in switches and left_s < 0.7 * rest_s)))
+        is_open = is_open != (place in switches)
+    rows = np.array(rows)[:: round(1 / hz / step_s)]
+    speeds = np.concatenate([rows[:, 3:6], np.zeros((len(rows), 4))], axis=1)
+    return Trajectory(speeds, rows[:, :3], np.tile(DOWN.as_quat(), (len(rows), 1)), rows[:, 6] > 0)

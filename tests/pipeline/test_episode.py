@@ -205,3 +205,9 @@ def test_poses_and_actions_are_checked(make, field):
 def test_a_rotated_pose_is_accepted():
     assert ObjectPose("cup", np.ones(3), rotated(10, 20, 30).as_quat()).estimator == "given"
     assert RgbdFrame(Camera("front", 1, 1, 0, 0, np.eye(4))).rgb is None
+
+
+@pytest.mark.parametrize(("timestamps_s", "frequency_hz"), [(np.arange(T) / 50, 50.0), (None, 20.0)])
+def test_the_rate_is_that_of_the_timestamps(timestamps_s, frequency_hz):
+    recorded = Trajectory(**{**VALID, "timestamps_s": timestamps_s})
+    assert Episode("press", recorded).control_frequency_hz == frequency_hz

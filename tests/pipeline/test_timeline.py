@@ -1,6 +1,6 @@
 import numpy as np
 
-from app.pipeline.episode import frame_times_s, gripper_stretches
+from app.pipeline.episode import frame_times_s, stretches
 from roboprompt_client.trajectory import Trajectory
 
 
@@ -15,5 +15,4 @@ def test_times_come_from_timestamps_or_from_the_frequency():
 
 
 def test_the_gripper_s_stretches_cover_the_trajectory():
-    stretches = gripper_stretches(trajectory().gripper_open.tolist())
-    assert stretches == [(0, 3, True), (3, 5, False), (5, 6, True)]
+    assert stretches(trajectory().gripper_open) == [(0, 3, True), (3, 5, False), (5, 6, True)]

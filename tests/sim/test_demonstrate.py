@@ -3,7 +3,7 @@ import pickle
 import numpy as np
 import pytest
 
-from app.pipeline.keyframes import merged
+from app.pipeline.keyframes import Motion, merged
 from app.sim.demonstrate import record_demonstration, rollout, view_scene
 from app.sim.moves import tool_down
 from roboprompt_client.errors import InvalidInputError
@@ -69,4 +69,4 @@ def test_an_unknown_task_is_refused_with_those_there_are(call):
 
 def expert_actions(task_name, seed):
     trajectory = record_demonstration(task_name, seed, images=False).trajectory
-    return [trajectory.action_at(frame) for frame in merged(trajectory)]
+    return [trajectory.action_at(frame) for frame in merged(Motion.of(trajectory))]

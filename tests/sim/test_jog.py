@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from app.pipeline.keyframes import KeyframeRule, find_keyframes
+from app.pipeline.keyframes import KeyframeRule, Motion, find_keyframes
 from app.sim.jog import DONE, GIVE_UP, GRIPPER, JoggedPanda, drive
 from app.sim.sampler import TrajectorySampler
 from app.sim.tasks import make_task
@@ -52,7 +52,9 @@ def test_a_button_is_pushed_by_hand(arm):
     assert drive(arm, towards(arm, goals), begin, lambda: None)
     assert arm.task.succeeded()
     trajectory = recorders[0].trajectory("measured")
-    places_m = [trajectory.positions_m[keyframe.frame] for keyframe in find_keyframes(trajectory, KeyframeRule())]
+    places_m = [
+        trajectory.positions_m[keyframe.frame] for keyframe in find_keyframes(Motion.of(trajectory), KeyframeRule())
+    ]
     assert 3 <= len(places_m) <= 8
     assert min(float(np.linalg.norm(place_m - goals[1])) for place_m in places_m) < 0.01
 

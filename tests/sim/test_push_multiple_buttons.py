@@ -1,6 +1,6 @@
 """Sequences of presses are asked for in tests only, and their order counts."""
 
-from app.pipeline.keyframes import merged
+from app.pipeline.keyframes import Motion, merged
 from app.sim.demonstrate import record_demonstration, rollout
 from app.sim.tasks import make_task
 from app.sim.tasks.buttons import MAX_PRESSES, SEQUENCES, PushMultipleButtons
@@ -36,7 +36,7 @@ def test_the_longest_sequence_succeeds():
     longest = SEQUENCES.index(("red", "yellow", "green", "blue", "red", "red"))
     demonstration = record_demonstration(NAME, 1, variation=longest, images=False)
     assert demonstration.succeeded, demonstration.failure
-    assert len(merged(demonstration.trajectory)) == demonstration.num_expert_poses
+    assert len(merged(Motion.of(demonstration.trajectory))) == demonstration.num_expert_poses
 
 
 def test_the_order_and_the_number_of_presses_count():

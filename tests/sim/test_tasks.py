@@ -5,7 +5,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from app.pipeline.keyframes import merged
+from app.pipeline.keyframes import Motion, merged
 from app.pipeline.workspace import Workspace, discretize_action, undiscretize_action
 from app.sim.demonstrate import record_demonstration, rollout, view_scene
 from app.sim.robot import SimulatedPanda
@@ -130,7 +130,7 @@ def test_the_front_camera_sees_every_object(name, seed):
 def test_the_expert_and_its_binned_keyframes_succeed(name, seed):
     demonstration = record_demonstration(name, seed, images=False)
     assert demonstration.succeeded, demonstration.failure
-    keyframes = merged(demonstration.trajectory)
+    keyframes = merged(Motion.of(demonstration.trajectory))
     assert len(keyframes) == demonstration.num_expert_poses
     assert 3 <= len(keyframes) <= (MAX_KEYFRAMES if name in TASKS else MAX_OF_COMPOSITIONS)
     binned = [discretize_action(demonstration.trajectory.action_at(frame), WORKSPACE) for frame in keyframes]
@@ -143,4 +143,4 @@ def test_the_expert_and_its_binned_keyframes_succeed(name, seed):
 def test_keyframes_are_the_experts_poses_at_other_rates(name, frequency_hz):
     demonstration = record_demonstration(name, 1, frequency_hz, images=False)
     assert demonstration.succeeded, demonstration.failure
-    assert len(merged(demonstration.trajectory)) == demonstration.num_expert_poses
+    assert len(merged(Motion.of(demonstration.trajectory))) == demonstration.num_expert_poses

@@ -67,21 +67,6 @@ def test_a_task_goes_with_all_that_it_holds(store: Store) -> None:
         assert idempotency.answered(connection, idempotency.PREDICT, f"ask {OTHER}") is not None
 
 
-def test_prompts_that_a_task_lent_its_demonstrations_to_go_with_it(store: Store) -> None:
-    lending, staying = (upload(store, episode_draft(task=task)) for task in (TASK, "lent too"))
-    asked = [
-        predict(store, prediction_draft(OTHER, demonstration_ids=(episode.id,), request={"demonstrations_from": lent}))
-        for episode, lent in ((lending, "similar"), (lending, [TASK]), (staying, ["lent too"]))
-    ]
-    plain = predict(store, prediction_draft(OTHER, demonstration_ids=(lending.id,)))
-    remember(store, idempotency.PREDICT, "ask", {"id": asked[0].id, "prompt": {"user": "what was lent"}})
-    with store.write() as connection:
-        erasure.erase_task(connection, TASK)
-    with store.read() as connection:
-        assert {item.id for item in predictions.list_page(connection).items} == {asked[2].id, plain.id}
-        assert idempotency.answered(connection, idempotency.PREDICT, "ask") is None
-
-
 def test_what_was_under_way_for_a_deleted_task_is_refused(store: Store) -> None:
     fill(store, TASK)
     with store.read() as connection:

@@ -119,7 +119,7 @@ def test_a_filled_database_is_upgraded_by_the_next_revision_and_back(
     with store.read() as connection:
         assert episodes.get(connection, episode.id) == episode
         assert predictions.get(connection, prediction.id) == prediction
-    with pytest.raises(SchemaVersionError, match="at revision 0002, which this code"):
+    with pytest.raises(SchemaVersionError, match="at revision 0002, which RoboPrompt"):
         migrate(either)
     with migration_transaction(either) as connection:
         config = Config(next_release / "alembic.ini")
@@ -146,8 +146,16 @@ def test_database_of_newer_code_is_refused(either: Database) -> None:
     migrate(either)
     with either.write() as connection:
         connection.execute(text("UPDATE alembic_version SET version_num = '9999'"))
-    with pytest.raises(SchemaVersionError, match=r"at revision 9999, which this code"):
+    with pytest.raises(SchemaVersionError, match=r"at revision 9999, which RoboPrompt"):
         migrate(either)
+
+
+def test_database_of_another_program_is_refused(either: Database) -> None:
+    with either.write() as connection:
+        connection.execute(text("CREATE TABLE tasks (title TEXT)"))
+    with pytest.raises(SchemaVersionError, match=r"has tables \(tasks\) and no revision"):
+        migrate(either)
+    assert tables_in(either) == {"tasks"}
 
 
 def test_migration_that_fails_leaves_nothing(either: Database) -> None:

@@ -1,7 +1,5 @@
 """What belongs to which key, and what to none, in each query."""
 
-from dataclasses import replace
-
 import pytest
 from sqlalchemy import text
 
@@ -53,31 +51,6 @@ def test_predictions_belong_to_who_asked(store: Store) -> None:
             assert predictions.list_page(connection).items == ()
             with pytest.raises(ForbiddenTaskError, match=f"not for the task '{TASK}', only for 'other'"):
                 predictions.list_page(connection, TASK)
-
-
-@pytest.mark.parametrize(
-    ("lent", "visibility", "shown"),
-    [
-        (None, Visibility("k", (TASK,)), True),
-        (["push"], Visibility(), True),
-        (["push"], Visibility("k"), True),
-        (["push"], Visibility("k", (TASK, "push")), True),
-        (["push"], Visibility("k", (TASK,)), False),
-        (["push"], Visibility("robot", (TASK,)), True),
-        ("similar", Visibility("k", (TASK, "push")), False),
-        ("similar", Visibility("robot", (TASK, "push")), True),
-    ],
-)
-def test_what_other_tasks_lent_is_seen_by_keys_for_them(
-    store: Store, lent: object, visibility: Visibility, shown: bool
-) -> None:
-    request = {} if lent is None else {"demonstrations_from": lent}
-    with seeing(ROBOT):
-        asked = predict(store, replace(prediction_draft(), request=request))
-    with seeing(visibility), store.read() as connection:
-        for seen in (predictions.get(connection, asked.id), *predictions.list_page(connection).items):
-            assert bool(seen.prompt_user) == bool(seen.prompt_system) == shown
-            assert seen.reply_text
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,7 @@ from app.api.schemas.poses import PosesBody, PosesOut
 from app.perception.poses_wire import PoseQuestion, poses_document
 from app.services.limits import Limits
 from app.services.pose_servers import find_poses
+from app.store.blobs import BlobStore
 from app.store.values import JsonObject
 
 router = APIRouter()
@@ -44,15 +45,15 @@ async def poses(request: Request, services: Wired) -> Response:
     """
     body = await read_body(request)
     async with image_work(request).room(request, body, services.limits) as decode:
-        return JSONResponse(await decode(_find, body, services.limits))
+        return JSONResponse(await decode(_find, body, services.limits, services.store.blobs))
 
 
-def _find(body: Body, limits: Limits) -> JsonObject:
+def _find(body: Body, limits: Limits, blobs: BlobStore) -> JsonObject:
     asked = PosesBody.model_validate(body.document)
     limits.check_views([item.name for item in asked.objects], [item.name for item in asked.cameras])
     frames = decode_frames(asked.cameras, split_images(asked.cameras, body.parts), limits.max_image_pixels)
     questions = [PoseQuestion(item.name, item.mask_ids, item.model) for item in asked.objects]
-    return poses_document(find_poses(questions, frames))
+    return poses_document(find_poses(questions, frames, blobs))
 
 
 @router.get(

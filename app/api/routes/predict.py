@@ -6,6 +6,7 @@ from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable
 from contextlib import AsyncExitStack, aclosing
 from functools import partial
 
+import anyio.to_thread
 from fastapi import APIRouter, Request, Response
 from fastapi.responses import JSONResponse
 from fastapi.sse import EventSourceResponse, format_sse_event
@@ -19,6 +20,7 @@ from app.api.routes import IdempotencyKey, Wired, problems
 from app.api.schemas.predictions import DryRunOut, PredictionOut, UnderstoodOut
 from app.api.schemas.requests import PredictBody
 from app.llm.base import TextDelta
+from app.services.container import Services
 from app.services.limits import Limits
 from app.services.predict.part_reply import PredictedAction
 from app.services.predict.question import Question
@@ -66,7 +68,7 @@ async def predict(request: Request, services: Wired, idempotency_key: Idempotenc
 
     The instruction is taken in the words of the demonstrations: `canonical_instruction` is what the LLM reads, and
     `grounding` tells for each phrase which object it was taken for. An instruction that stands for no object, for
-    several, or asks for what no demonstration shows is refused.
+    several, or asks for what no demonstration shows is refused. Without `task` it must be what exactly one task does.
 
     With `Accept: text/event-stream` a first event `findings` says what is doubtful, and an event `grounding` how the
     instruction was understood; then each action comes as an event `action` as soon as its row is complete, then `done`
@@ -81,7 +83,7 @@ async def predict(request: Request, services: Wired, idempotency_key: Idempotenc
         if idempotency_key is not None:
             await turn.enter_async_context(services.repeated_predictions.alone(idempotency_key))
         async with image_work(request).room(request, body, services.limits) as decode:
-            query, asked = await questioned(decode, body, services.limits)
+            query, asked = await questioned(decode, body, services)
             if asked.dry_run:
                 present().require_demonstrations()
             if idempotency_key is not None and not asked.dry_run:
@@ -111,9 +113,16 @@ def _wants_events(accept: str) -> bool:
     return False
 
 
-async def questioned(decode: Decode, body: Body, limits: Limits) -> tuple[PredictRequest, PredictBody]:
-    """What is asked; images are decoded in a thread, for which a small JSON body does not repay the change."""
-    return await decode(read_question, body, limits) if body.parts else read_question(body, limits)
+async def questioned(decode: Decode, body: Body, services: Services) -> tuple[PredictRequest, PredictBody]:
+    """What is asked, and of which task.
+
+    Images are decoded in a thread, for which a small JSON body does not repay the change.
+    """
+    limits = services.limits
+    query, asked = await decode(read_question, body, limits) if body.parts else read_question(body, limits)
+    if asked.task is None:
+        query = await anyio.to_thread.run_sync(services.read_steps.with_task, query)
+    return query, asked
 
 
 _Keep = Callable[[JsonObject], Awaitable[JsonObject]]
@@ -185,7 +194,7 @@ def read_question(body: Body, limits: Limits) -> tuple[PredictRequest, PredictBo
     limits.check_scene(asked.task, asked.instruction, names, cameras)
     images = split_images(asked.cameras, body.parts)
     query = PredictRequest(
-        task=asked.task,
+        task=asked.task or "",
         instruction=asked.instruction,
         objects=tuple(item.query() for item in asked.objects),
         frames=decode_frames(asked.cameras, images, limits.max_image_pixels),

@@ -50,6 +50,8 @@ PREDICT: dict[str, Any] = {
     "objects": [{"name": "red button", "position": [0.25, -0.10, 0.80], "quaternion_xyzw": [0.0, 0.0, 0.0, 1.0]}],
 }
 
+PLAN: dict[str, Any] = {"instruction": "press the red button twice", "objects": PREDICT["objects"]}
+
 OUTCOME: dict[str, Any] = {"success": True, "note": "pressed at the first try"}
 
 TASK: dict[str, Any] = {"num_demonstrations": 10, "yaw_symmetry_deg": {"red button": 0}}

@@ -170,10 +170,24 @@ ShownPrompt = Annotated[
 ]
 
 
+class StepOut(BaseModel):
+    """What `POST /predict` is to be asked for next."""
+
+    task: str
+    instruction: Annotated[str, Field(description="in the words of the task")]
+
+
+class PlanOut(BaseModel):
+    """The steps of a sentence, in the order in which they are done."""
+
+    steps: list[StepOut]
+
+
 class PredictionOut(UnderstoodOut):
     """Actions for the robot, and where they come from."""
 
     id: str
+    task: str
     actions: list[ActionOut]
     objects: Annotated[list[ObservedObjectOut], Field(description="as they were observed, in the task's order")]
     model: str
@@ -194,6 +208,7 @@ class DryRunOut(UnderstoodOut):
     """The prompt as an LLM would read it."""
 
     id: None = None
+    task: str
     objects: list[ObservedObjectOut]
     model: str
     representation: str

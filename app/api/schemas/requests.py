@@ -100,7 +100,14 @@ class EpisodeMetadata(RequestModel):
     instruction: Instruction
     objects: Annotated[list[ObjectIn], Field(min_length=1, max_length=64)]
     cameras: Annotated[list[CameraIn], Field(max_length=16)] = []
-    control_frequency_hz: Annotated[Number, Field(ge=MIN_FREQUENCY_HZ, le=MAX_FREQUENCY_HZ)] = 20.0
+    control_frequency_hz: Annotated[
+        Number,
+        Field(
+            ge=MIN_FREQUENCY_HZ,
+            le=MAX_FREQUENCY_HZ,
+            description="of a trajectory without timestamps; with them the measured rate is stored",
+        ),
+    ] = 20.0
     prediction_id: Annotated[
         str | None, Field(max_length=64, description="of the prediction of this task that the robot carried out here")
     ] = None
@@ -180,7 +187,13 @@ class PredictBody(PredictOptions, RequestModel):
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False, json_schema_extra={"examples": [examples.PREDICT]})
 
-    task: Name
+    task: Annotated[
+        Name | None,
+        Field(
+            description="left out: the one task of exactly these objects that does what the instruction says; the "
+            "answer names it. Refused where none does, or several do"
+        ),
+    ] = None
     instruction: Instruction
     objects: Annotated[list[ObjectIn], Field(min_length=1, max_length=64)]
     cameras: Annotated[list[CameraIn], Field(max_length=16)] = []
@@ -192,6 +205,18 @@ class PredictBody(PredictOptions, RequestModel):
         ),
     ] = None
     dry_run: Annotated[Truth, Field(description="answer with the prompt, ask no LLM")] = False
+
+
+class PlanBody(RequestModel):
+    """What a person asks for, of tasks that were taught apart, and what is there."""
+
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, json_schema_extra={"examples": [examples.PLAN]})
+
+    instruction: Instruction
+    objects: Annotated[
+        list[ObjectIn],
+        Field(min_length=1, max_length=64, description="all of the scene; words of place need positions"),
+    ]
 
 
 class OutcomeBody(RequestModel):

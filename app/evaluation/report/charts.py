@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from app.evaluation.scores import Result
-from app.pipeline.episode import frame_times_s, gripper_stretches
+from app.pipeline.episode import frame_times_s, stretches
 from app.pipeline.keyframes import SIMULATION_DELTA_RAD_S
 from roboprompt_client.arrays import Array
 from roboprompt_client.trajectory import Trajectory
@@ -183,7 +183,7 @@ def _draw_gripper(axes: Axes, times_s: Array, gripper_open: Sequence[bool], them
     style_axes(axes, theme)
     axes.spines["left"].set_visible(False)
     ends = np.append(times_s, times_s[-1])
-    for first, end, is_open in gripper_stretches(gripper_open):
+    for first, end, is_open in stretches(gripper_open):
         start_s, end_s = float(ends[first]), float(ends[end])
         axes.axvspan(start_s, end_s, color=theme.series[2] if is_open else theme.muted, alpha=0.35, linewidth=0)
         if end_s - start_s > MIN_TEXT_SHARE * times_s[-1]:

@@ -11,11 +11,11 @@ from typing import Self
 import cv2
 import numpy as np
 
-from app.perception.frame_checks import DEPTH_SIGMA_AT_1_M
 from app.perception.markers.view import MarkerView
 from app.pipeline.geometry import inverse
 from roboprompt_client.arrays import Array
 from roboprompt_client.camera import Camera
+from roboprompt_client.flat_surface import DEPTH_SIGMA_AT_1_M
 
 DEPTH_PATCH_PX = 25  # neighbouring pixels err alike: so many count as one measurement
 OUTLIER_SIGMAS = 4.0

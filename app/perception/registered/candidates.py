@@ -9,38 +9,67 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from app.perception.registered.cloud import VOXEL_M, Index
+from app.perception.registered.registration import MAX_RISE_M
 from app.perception.registered.scene import LitScene
+from app.perception.registered.score import Bools
 from app.perception.registered.template import Template
 from roboprompt_client.arrays import Array
 
-GAP_M = 0.008  # between two parts
+GAPS_M = (0.008, 0.016, 0.032, 0.064)  # between two parts
 NEIGHBOR_CELLS = 1.75  # from a cell to the 26 around it
-LIKE_LAB = 26.0  # a color of the object, in Lab units
+CONNECTED_SHARE = 0.9  # of an object's points that are one part
+LIKE_LAB, SAME_LAB = 26.0, 12.0  # from a color of the object in another light, or in the same; Lab units
+ALIKE_SHARE = 0.8  # a part of which less has the same colors is looked at without the rest: the object may touch that
 FEWEST_POINTS, MIN_SHARE = 15, 0.04  # of the template's points
 MAX_CANDIDATES = 8  # the largest
 TOO_WIDE, MAX_PIECES = 1.2, 4  # times an object's width: several that touch
 
 
 def candidates(template: Template, lit: LitScene, without: Index | None = None) -> Sequence[Index]:
-    """Indices of the scene's points in each part, the largest part first.
+    """Indices of the scene's points in each part, the largest part first; then in pieces of parts that are too large.
 
     Args:
         without: points that something else explains.
     """
-    distance, _ = template.palette.query(lit.lab, distance_upper_bound=LIKE_LAB)
-    is_like = np.isfinite(distance)
+    off_lab, _ = template.palette.query(lit.lab, distance_upper_bound=LIKE_LAB)
+    is_like = np.isfinite(off_lab) & _at_its_height(template, lit)
     if without is not None:
         is_like[without] = False
-    like = np.flatnonzero(is_like)
-    if len(like) < FEWEST_POINTS:
-        return []
-    part = parts_of(lit.scene.points_m[like])
-    sizes = np.bincount(part)
+    like, gap_m, points_m = np.flatnonzero(is_like), _gap_m(template), lit.scene.points_m
+    parts = _parts(template, points_m, like, gap_m)
+    pieces = [piece for whole in parts for piece in _pieces(template, points_m, whole)]
+    for whole in parts:
+        alike = whole[off_lab[whole] < SAME_LAB]
+        if len(alike) < ALIKE_SHARE * len(whole):
+            pieces += _parts(template, points_m, alike, gap_m)
+    return [*parts, *pieces]
+
+
+def _parts(template: Template, points_m: Array, index: Index, gap_m: float) -> Sequence[Index]:
+    """The connected parts of the points `index` that are large enough, the largest first."""
     enough = max(FEWEST_POINTS, MIN_SHARE * len(template))
-    order = [number for number in np.argsort(-sizes) if sizes[number] >= enough]
-    parts = [like[part == number] for number in order[:MAX_CANDIDATES]]
-    pieces = [piece for whole in parts for piece in _pieces(template, lit.scene.points_m, whole)]
-    return [*parts, *(piece for piece in pieces if len(piece) >= enough)]
+    if len(index) < enough:
+        return []
+    part = parts_of(points_m[index], gap_m)
+    sizes = np.bincount(part)
+    largest = [number for number in np.argsort(-sizes)[:MAX_CANDIDATES] if sizes[number] >= enough]
+    return [index[part == number] for number in largest]
+
+
+def _at_its_height(template: Template, lit: LitScene) -> Bools:
+    """(N,) which points are as high above the table as some of the object may be."""
+    low_m, high_m = template.points_m[:, 2].min(), template.points_m[:, 2].max()
+    height_m = lit.scene.table.height_m(lit.scene.points_m) + template.bottom_m
+    within: Bools = (height_m > low_m - MAX_RISE_M) & (height_m < high_m + MAX_RISE_M)
+    return within
+
+
+def _gap_m(template: Template) -> float:
+    """Across which the template is one part: a rack of two rails is found as a whole."""
+    for gap_m in GAPS_M[:-1]:
+        if np.bincount(parts_of(template.points_m, gap_m)).max() >= CONNECTED_SHARE * len(template):
+            return gap_m if gap_m == GAPS_M[0] else 2 * gap_m  # cells begin elsewhere in the scene
+    return GAPS_M[-1]
 
 
 def _pieces(template: Template, points_m: Array, part: Index) -> Sequence[Index]:
@@ -52,12 +81,12 @@ def _pieces(template: Template, points_m: Array, part: Index) -> Sequence[Index]
     if count < 2:
         return []
     _, piece = kmeans2(points_m[part, :2], count, minit="++", rng=np.random.default_rng(0))
-    return [part[piece == number] for number in range(count)]
+    return [part[piece == number] for number in range(count) if (piece == number).sum() >= FEWEST_POINTS]
 
 
-def parts_of(points_m: Array) -> Index:
+def parts_of(points_m: Array, gap_m: float = GAPS_M[0]) -> Index:
     """(N,) which connected part each point belongs to."""
-    cells, cell = np.unique(np.floor(points_m / GAP_M).astype(np.int64), axis=0, return_inverse=True)
+    cells, cell = np.unique(np.floor(points_m / gap_m).astype(np.int64), axis=0, return_inverse=True)
     pairs = cKDTree(cells).query_pairs(NEIGHBOR_CELLS, output_type="ndarray")
     graph = coo_array((np.ones(len(pairs), bool), pairs.T), shape=(len(cells), len(cells)))
     part: Index = connected_components(graph, directed=False)[1].astype(np.intp)[cell.ravel()]

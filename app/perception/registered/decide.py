@@ -20,6 +20,7 @@ USUAL_SCORE, SLACK = 0.97, 0.08  # of a template of one view; how far below its 
 SAME_YAW_DEG, SAME_PLACE_M = 14.0, 0.02
 EXPLAINED_M = 0.015  # points nearer than this to the object in its pose are its own
 RIVAL_SCORE, RIVAL_MARGIN, RIVAL_SUPPORT = 0.55, 0.25, 0.12
+OVERLAP_MARGIN = 0.06  # of the score, where the rival would stand within the found object: no second one can
 LIES_SCORE, LIES_BETTER = 0.6, 0.1  # lying; and by how much better than upright
 SEEN_SHARE = 0.12  # of the side that faces a camera: with less, the camera does not see it
 HELP_SEE = "a view in which more of it is seen, or a further camera"
@@ -64,7 +65,7 @@ def find(name: str, template: Template, lit: LitScene) -> Found:
     shares = shares_seen(template, lit, best.pose)
     _check(name, template, lit, best, shares, parts)
     rivals = [place[0] for place in places[1:]] + _leftover(template, lit, best)
-    _check_alone(name, best, rivals)
+    _check_alone(name, template, best, rivals)
     turned = yaw_rivals(template, places[0])
     spread_m = max((float(np.linalg.norm(rival.origin_m - best.origin_m)) for rival in turned), default=0.0)
     return Found(best.pose.matrix(0), best.value, best.support, shares, len(turned), spread_m)
@@ -78,7 +79,9 @@ def yaw_rivals(template: Template, place: Sequence[Hypothesis]) -> list[Hypothes
     return [
         other
         for other in place[1:]
-        if angle_deg(best.rotation, other.rotation, symmetry_deg) > SAME_YAW_DEG and not best.beats(other)
+        if angle_deg(best.rotation, other.rotation, symmetry_deg) > SAME_YAW_DEG
+        and other.support > RIVAL_SUPPORT
+        and not best.beats(other)
     ]
 
 
@@ -112,11 +115,12 @@ def _check(
         raise UncertainPoseError(name, f"{message}, at least {100 * MIN_SUPPORT:.0f} % is needed", HELP_SEE)
 
 
-def _check_alone(name: str, best: Hypothesis, rivals: Sequence[Hypothesis]) -> None:
+def _check_alone(name: str, template: Template, best: Hypothesis, rivals: Sequence[Hypothesis]) -> None:
     """Refuse if another place might be the object as well."""
     for rival in rivals:
         apart_m = float(np.linalg.norm(rival.origin_m - best.origin_m))
-        is_good = rival.value > max(RIVAL_SCORE, best.value - RIVAL_MARGIN) and rival.support > RIVAL_SUPPORT
+        margin = OVERLAP_MARGIN if apart_m < template.narrowest_m else RIVAL_MARGIN
+        is_good = rival.value > max(RIVAL_SCORE, best.value - margin) and rival.support > RIVAL_SUPPORT
         if apart_m > SAME_PLACE_M and is_good:
             places = " and ".join(_place(item) for item in (best, rival))
             message = f"two places look like it, {100 * apart_m:.0f} cm apart: {places}"

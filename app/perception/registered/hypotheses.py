@@ -7,7 +7,14 @@ import numpy as np
 
 from app.perception.registered.cloud import Index
 from app.perception.registered.poses import Poses, joined
-from app.perception.registered.registration import ALL_FREE, TURN_ABOUT_Z, fallen_starts, registered, upright_starts
+from app.perception.registered.registration import (
+    ALL_FREE,
+    MAX_RISE_M,
+    TURN_ABOUT_Z,
+    fallen_starts,
+    registered,
+    upright_starts,
+)
 from app.perception.registered.scene import LitScene
 from app.perception.registered.score import score
 from app.perception.registered.template import Template
@@ -74,6 +81,8 @@ def hypotheses(
     few, many = index[:FEW], index[:MANY]
     points_m = lit.scene.points_m
     poses = registered(template, poses, points_m[few], COARSE_M, free=free)
+    if not fallen:
+        poses = _at_height(template, lit, poses)
     coarse = score(template, lit, few, poses, MANY)
     best = int(coarse.value.argmax())
     if coarse.value[best] < HOPELESS:
@@ -84,6 +93,8 @@ def hypotheses(
     if template.yaw_symmetry_deg != 0:
         poses = _best_nearby(template, lit, index[:SOME], poses)
     poses = registered(template, poses, points_m[many], FINAL_M, lab=lit.lab[many], free=free)
+    if not fallen:
+        poses = _at_height(template, lit, poses)
     final = score(template, lit, index[:MOST], poses, MOST)
     order = np.argsort(-final.value)
     return [Hypothesis(poses[[n]], float(final.value[n]), float(final.support[n]), final.evidence[n]) for n in order]
@@ -96,6 +107,14 @@ def _starts(template: Template, lit: LitScene, index: Index, yaws_deg: Array | N
     if yaws_deg is None:
         return upright_starts(template, lit.scene, points_m)
     return upright_starts(template, lit.scene, points_m, yaws_deg)
+
+
+def _at_height(template: Template, lit: LitScene, poses: Poses) -> Poses:
+    """The poses no higher or lower above the table than the object was taught, within what cloths and errors make."""
+    plane = lit.scene.table.plane
+    taught_m = poses.origins_m[:, :2] @ plane[:2] + plane[2] - template.bottom_m
+    height_m = np.clip(poses.origins_m[:, 2], taught_m - MAX_RISE_M, taught_m + MAX_RISE_M)
+    return Poses(poses.rotations, np.column_stack([poses.origins_m[:, :2], height_m]))
 
 
 def _best_nearby(template: Template, lit: LitScene, index: Index, poses: Poses) -> Poses:

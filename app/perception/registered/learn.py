@@ -23,7 +23,6 @@ from roboprompt_client.camera import RgbdFrame
 FEWEST_POINTS = 40
 FREE_MARGIN_M = 0.06  # around the object, within which its views say what is free
 MAX_SPAN_M = 0.5
-STANDS_WITHIN_M = 0.03  # above the table: its lowest point
 ARROW_ERROR_DEG = np.array([-10.0, -3, 3, 10])  # of arrows that people draw
 MAX_ROOTS = 2  # views that are tried as the first
 HELP_LABEL = "a mask that holds all of it and nothing else, in every camera that sees it"
@@ -117,10 +116,7 @@ def _problem(scene: Scene, index: Index) -> str:
             f"its masks hold {len(index)} points above the table with known depth, at least {FEWEST_POINTS} are needed"
         )
     span_m = float(np.ptp(scene.points_m[index], axis=0).max())
-    if span_m > MAX_SPAN_M:
-        return f"its masks span {100 * span_m:.0f} cm, at most {100 * MAX_SPAN_M:.0f}"
-    lowest_m = float(np.percentile(scene.table.height_m(scene.points_m[index]), 2))
-    return f"its lowest point is {100 * lowest_m:.0f} cm above the table" if lowest_m > STANDS_WITHIN_M else ""
+    return f"its masks span {100 * span_m:.0f} cm, at most {100 * MAX_SPAN_M:.0f}" if span_m > MAX_SPAN_M else ""
 
 
 def _grown(name: str, seen: Mapping[int, _Seen], root: int, symmetry_deg: float | None) -> Learned:

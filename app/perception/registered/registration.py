@@ -11,6 +11,7 @@ from app.perception.registered.scene import Scene
 from app.perception.registered.template import LAB_AS_M, Template
 from roboprompt_client.arrays import Array
 
+MAX_RISE_M = 0.025  # from the taught height above the table: a cloth, a calibration's error
 START_YAWS_DEG = np.arange(0, 360, 15.0)
 MAX_TURN_RAD = 0.2  # a step
 POINT_TO_POINT, POINT_TO_POINT_COLORED = 0.02, 0.06  # its weight beside point to plane: holds what could slide

@@ -20,6 +20,7 @@ BEHIND_M = 0.013  # farther than a point by this much: the point is seen through
 SAME_LAB = 24.0  # of one color, in Lab units
 OTHER_COLOR = -0.7  # the evidence of another color in the right place
 ALONG_SURFACE = 0.3  # how much an offset along the surface counts beside one across it
+BESIDE_M = 0.05  # a point that is farther from the template belongs to something else
 UNSEEN = 0.3  # how much a point of the scene counts against a pose that leaves it unexplained
 FACING = 0.2  # least cosine between a surface's normal and the ray to a camera that sees it
 Floats = npt.NDArray[np.float64]
@@ -96,7 +97,7 @@ def _in_image(template: Template, chosen: Index, lit: LitScene, number: int, pos
 
 
 def _in_template(template: Template, points_m: Array, lab: Array, poses: Poses) -> tuple[Floats, Bools]:
-    """(S, P) what the template says of the scene's points, and whether it does not know of anything there."""
+    """(S, P) what the template says of the scene's points, and whether it does not know of anything close by."""
     places_m = poses.to_template(points_m)
     partners = template.closest(places_m)
     offsets_m = places_m - template.points_m[partners]
@@ -110,7 +111,7 @@ def _in_template(template: Template, points_m: Array, lab: Array, poses: Poses) 
         is_free |= seen.nearest_m > seen.point_m + BEHIND_M
     hue = np.linalg.norm(lab - template.lab[partners], axis=2) / SAME_LAB
     evidence = np.where(is_near, _agreement(off_m / NEAR_M, hue), np.where(is_free, -1.0, 0.0))
-    return evidence, ~is_near & ~is_free
+    return evidence, ~is_near & ~is_free & (distance_m < BESIDE_M)
 
 
 def _agreement(off: Array, hue: Array) -> Floats:

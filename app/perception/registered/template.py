@@ -25,6 +25,7 @@ MARGIN_M = 0.03  # around the points, within which the nearest one is known
 DEPTH_UNIT_M = 1e-4  # of depths in the file: up to 6.5 m
 COLOR_CELL = 12.0  # Lab units: finer differences are one color of the object
 RARE_SHARE = 0.01  # of the points: fewer of one color are noise
+STANDS_WITHIN_M = 0.03  # above the table: the lowest point of what stands on it
 LAB_AS_M = 0.0006  # m that a Lab unit counts where place and color are compared together
 
 
@@ -36,7 +37,7 @@ class Template:
         points_m, normals, rgb: (N, 3) in the template's frame; colors 0..255.
         free_views: depth images whose "world" is the template's frame.
         table_rgb: (3,) of the table in the views.
-        bottom_m: z of the table on which it stood.
+        bottom_m: z of the table below it.
         scores: with which the further views were merged: what to expect of a right pose.
         yaw_symmetry_deg: the turn about z that leaves it unchanged: 0 any, None none.
     """
@@ -57,6 +58,11 @@ class Template:
     def __len__(self) -> int:
         return len(self.points_m)
 
+    @property
+    def above_table_m(self) -> float:
+        """How high its lowest point is: more than `STANDS_WITHIN_M` where it lies on something, or is a part of it."""
+        return float(np.percentile(self.points_m[:, 2], 2)) - self.bottom_m
+
     @cached_property
     def lab(self) -> Array:
         """(N, 3)."""
@@ -66,6 +72,12 @@ class Template:
     def width_m(self) -> float:
         """The longest level distance between two of its points, about."""
         return 2 * float(np.linalg.norm(self.points_m[:, :2] - self.points_m[:, :2].mean(axis=0), axis=1).max())
+
+    @cached_property
+    def narrowest_m(self) -> float:
+        """The least level distance between two parallel lines that hold its points, about."""
+        headings = np.radians(np.arange(0, 180, 15))
+        return float(np.ptp(self.points_m[:, :2] @ np.array([np.cos(headings), np.sin(headings)]), axis=0).min())
 
     @cached_property
     def palette(self) -> cKDTree:

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from app.pipeline.check.causes import find_causes
-from app.pipeline.check.left_out import left_out, median_off, paths_off_m, variation
+from app.pipeline.check.left_out import left_out, median_off, variation
 from app.pipeline.check.report import EpisodeCheck, Off, PlanCheck, RowCheck, TaskCheck
 from app.pipeline.keyframes import manner_of
 from app.pipeline.plans import (
@@ -16,6 +16,7 @@ from app.pipeline.plans import (
     plan_rows,
     shown_together,
 )
+from app.pipeline.plans.path_left import path_left_m, paths_left_m
 
 __all__ = ["EpisodeCheck", "Off", "PlanCheck", "RowCheck", "TaskCheck", "check_demonstrations", "demonstrated"]
 
@@ -46,7 +47,7 @@ def demonstrated(recordings: Sequence[Recording]) -> tuple[Demonstration, ...]:
 def _plan_check(group: Sequence[Demonstration], of_id: Mapping[str, Recording], *, shown: bool) -> PlanCheck:
     rows = plan_rows(group)
     errors = [left_out(row) if len(group) > 1 else [] for row in rows]
-    was_open = bool(of_id[group[0].id].phases[0].gripper_open)
+    was_open = bool(of_id[group[0].id].motion.phases[0].gripper_open)
     checks = []
     for k, (row, offs) in enumerate(zip(rows, errors, strict=True)):
         checks.append(_row_check(group, k, row, offs, switches=row.gripper_open != was_open))
@@ -71,7 +72,8 @@ def _row_check(group: Sequence[Demonstration], k: int, row: PlanRow, offs: list[
 def _episode_check(recording: Recording, demonstration: Demonstration, errors: Sequence[Off]) -> EpisodeCheck:
     manner = recording.manner
     if recording.rule.rule == "waypoints":  # which takes every recording for one that flows
-        manner = manner_of(recording.trajectory, recording.times_s, recording.rule.delta_rad_s)
-    actions = demonstration.actions
-    paths_m = paths_off_m(recording.trajectory, actions)
-    return EpisodeCheck(demonstration.id, demonstration.instruction, actions, manner, tuple(errors), paths_m)
+        manner = manner_of(recording.motion, recording.rule.delta_rad_s)
+    actions, motion = demonstration.actions, recording.motion
+    path_m = max(paths_left_m(motion, actions), default=0.0)
+    left_m = path_left_m(motion, manner, actions)
+    return EpisodeCheck(demonstration.id, demonstration.instruction, actions, manner, tuple(errors), path_m, left_m)

@@ -1,7 +1,4 @@
-"""Each demonstration predicted without itself: its rows from the others' rows, or its actions by a language model.
-
-The way through its keyframes is compared with the way that was recorded.
-"""
+"""Each demonstration predicted without itself: its rows from the others' rows, or its actions by a language model."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,32 +8,12 @@ from scipy.spatial.transform import Rotation
 
 from app.pipeline.check.report import EpisodeCheck, Off
 from app.pipeline.findings import Finding, Severity
-from app.pipeline.keyframes.path import off_line_m
 from app.pipeline.plans import PlanRow
 from app.pipeline.plans.rows import robust_centre
 from roboprompt_client.arrays import Array
-from roboprompt_client.trajectory import EndEffectorAction, Trajectory
+from roboprompt_client.trajectory import EndEffectorAction
 
 WRONG_M = 0.05  # rotation included; what a grasp hardly forgives
-
-
-def paths_off_m(trajectory: Trajectory, actions: Sequence[EndEffectorAction]) -> tuple[float, ...]:
-    """The recorded positions' largest distance from straight motion to each action from the one before.
-
-    Args:
-        actions: at frames of the trajectory, ascending; the first is come to from the first frame.
-    """
-    found, before = [], 0
-    for action in actions:
-        frame = before + _nearest(trajectory.positions_m[before:], action)
-        found.append(off_line_m(trajectory.positions_m[before : frame + 1]))
-        before = frame
-    return tuple(found)
-
-
-def _nearest(positions_m: Array, action: EndEffectorAction) -> int:
-    """The first frame at the action's place."""
-    return int(np.argmin(np.linalg.norm(positions_m - action.position_m, axis=1)))
 
 
 def left_out(row: PlanRow) -> list[Off]:

@@ -55,7 +55,8 @@ class EpisodeCheck:
         actions: as prompts write them, before rows are made to agree.
         manner: how the recording moves.
         errors: of each row; empty without others.
-        paths_m: how far the recorded hand is at most from straight motion to each row from the one before.
+        path_m: how far the recorded hand is at most from straight motion between the keyframes.
+        path_left_m: the same where it matters.
     """
 
     id: str
@@ -63,12 +64,8 @@ class EpisodeCheck:
     actions: tuple[EndEffectorAction, ...]
     manner: Manner
     errors: tuple[Off, ...]
-    paths_m: tuple[float, ...]
-
-    @property
-    def path_m(self) -> float:
-        """How far the recorded hand is at most from straight motion between the keyframes."""
-        return max(self.paths_m, default=0.0)
+    path_m: float
+    path_left_m: float
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,11 +7,10 @@ import numpy as np
 from app.pipeline.check.report import EpisodeCheck, PlanCheck
 from app.pipeline.findings import Finding
 from app.pipeline.keyframes import KeyframeRule
+from app.pipeline.plans.path_left import LEFT_M, leave_path
 from roboprompt_client.motion_limits import MAX_ACTIONS
 
-LEFT_M = 0.03  # farther than this from the recorded path a hand may hit what the demonstration went around
 MISSED_M = 0.02  # twice what the rules that follow a path allow
-OFTEN_SHARE = 1 / 3  # of a plan's recordings
 MANY_ROWS = 20
 RULES_OF_RESTS = ("merged", "authors")
 
@@ -20,7 +19,7 @@ def missed_path(plans: Sequence[PlanCheck], rule: KeyframeRule) -> list[Finding]
     """A rule that looks for rests, in recordings that have none where the hand turns."""
     if rule.rule not in RULES_OF_RESTS:
         return []
-    left_m = [_left_m(plan, episode) for plan in plans for episode in plan.episodes]
+    left_m = [episode.path_left_m for plan in plans for episode in plan.episodes]
     missed_m = [left for left in left_m if left > MISSED_M]
     if 2 * len(missed_m) <= len(left_m):
         return []
@@ -37,37 +36,20 @@ def missed_path(plans: Sequence[PlanCheck], rule: KeyframeRule) -> list[Finding]
 
 def path_left(plan: PlanCheck, number: int, rule: KeyframeRule) -> list[Finding]:
     """Keyframes between which the recorded hand did not go straight."""
-    left_m = {episode.id: _left_m(plan, episode) for episode in plan.episodes}
-    left = {id_: far_m for id_, far_m in left_m.items() if far_m > LEFT_M}
-    if not plan.shown or len(left) <= OFTEN_SHARE * len(left_m):
+    left_m = {episode.id: episode.path_left_m for episode in plan.episodes}
+    if not plan.shown or not leave_path(list(left_m.values())):
         return []
-    worst = max(left, key=left.__getitem__)
+    worst = max(left_m, key=left_m.__getitem__)
+    number_left = sum(far_m > LEFT_M for far_m in left_m.values())
     remedy = "take the rule `waypoints`"
     if rule.rule == "waypoints" or (rule.rule == "auto" and _moving(plan.episodes)):
         remedy = f"lower keyframes.tolerance_m (it is {rule.tolerance_m:g})"
     message = (
-        f"In {len(left)} of {len(left_m)} recordings the way between keyframes leaves the recorded one by more than"
-        f" {100 * LEFT_M:.0f} cm where the hand does not rest, in {worst} by {100 * left[worst]:.1f} cm: {remedy}."
+        f"In {number_left} of {len(left_m)} recordings the way between keyframes leaves the recorded one by more than"
+        f" {100 * LEFT_M:.0f} cm where the hand does not rest, in {worst} by {100 * left_m[worst]:.1f} cm: {remedy}."
     )
-    numbers = {"path_cm": round(100 * left[worst], 2), "recordings": len(left)}
+    numbers = {"path_cm": round(100 * left_m[worst], 2), "recordings": number_left}
     return [Finding("path-not-kept", "warning", message, f"plans[{number}]", numbers)]
-
-
-def _left_m(plan: PlanCheck, episode: EpisodeCheck) -> float:
-    """How far the keyframes' way leaves the recorded one where that matters.
-
-    An arm that rests at its keyframes may go from one to the next as it likes; but who chooses poses chooses one just
-    before a grasp or a release, unless the way there is straight.
-    """
-    if episode.manner != "rests":
-        return episode.path_m
-    return max((far_m for k, far_m in enumerate(episode.paths_m) if _comes_at_once(plan, k)), default=0.0)
-
-
-def _comes_at_once(plan: PlanCheck, k: int) -> bool:
-    """Whether the gripper switches in row `k` and did so in the row before, or grasps in the first row of all."""
-    switches = [row.switches for row in plan.rows]
-    return switches[k] and (switches[k - 1] if k > 0 else any(switches[1:]))
 
 
 def many_rows(plan: PlanCheck, number: int) -> list[Finding]:

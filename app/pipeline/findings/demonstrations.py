@@ -8,8 +8,9 @@ from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding
 from app.pipeline.findings.actions import ShownWays
 from app.pipeline.findings.elsewhere import elsewhere_findings
+from app.pipeline.findings.missed import Kept
 from app.pipeline.findings.places import ShownScenes
-from app.pipeline.findings.rules import CONTRADICTING, PATH_NOT_KEPT, SEVERAL_WAYS
+from app.pipeline.findings.rules import CONTRADICTING, PATH_LEFT, PATH_NOT_KEPT, SEVERAL_WAYS
 from app.pipeline.findings.scatter import scatter_findings
 from app.pipeline.findings.sources import Compared
 from app.pipeline.order.order import Order
@@ -27,7 +28,7 @@ class Taught:
     Attributes:
         demonstrations: as they were recorded, also those of plans that prompts leave out.
         several_ways: whether somebody said that there are several ways of doing it.
-        missed_m: of each, how far its actions stay from where the recorded hand acts; empty where that is not known.
+        paths: of each, how closely its actions keep to the recording; empty where that is not known.
         round_objects: whose yaw the task says means nothing, or little.
         moves: whether objects may be anywhere between what was demonstrated, as at a later step of a closed loop: then
             scenes and ways are not known.
@@ -36,7 +37,7 @@ class Taught:
 
     demonstrations: tuple[Demonstration, ...]
     several_ways: bool = False
-    missed_m: tuple[float, ...] = ()
+    paths: tuple[Kept, ...] = ()
     round_objects: frozenset[str] = frozenset()
     moves: bool = False
     compared: tuple[Compared, ...] = ()
@@ -100,9 +101,9 @@ class Taught:
         }
 
     @cached_property
-    def _missed_m(self) -> dict[int, float]:
+    def _paths(self) -> dict[int, Kept]:
         """By `id`, where it is known."""
-        return {id(item): far_m for item, far_m in zip(self.demonstrations, self.missed_m, strict=False)}
+        return {id(item): path for item, path in zip(self.demonstrations, self.paths, strict=False)}
 
     def _of_forms(self, asked: str) -> Iterator[Finding]:
         """Of the form that is asked for; of each where it is none of them."""
@@ -111,7 +112,7 @@ class Taught:
             off_m = [self._shown_off_m.get(id(item)) for item in alike]
             yield from ways_findings(alike, declared=self.several_ways)
             yield from elsewhere_findings(alike, off_m, declared=self.several_ways)
-            yield from path_findings([self._missed_m[id(item)] for item in alike if id(item) in self._missed_m])
+            yield from path_findings([self._paths[id(item)] for item in alike if id(item) in self._paths])
 
 
 @dataclass(frozen=True)
@@ -179,20 +180,27 @@ def _gripper(demonstration: Demonstration) -> list[bool]:
     return [action.gripper_open for action in demonstration.actions]
 
 
-def path_findings(missed_m: Sequence[float]) -> Iterator[Finding]:
-    """Actions that go past where the recorded hands act, in more than a third of the recordings.
+def path_findings(paths: Sequence[Kept]) -> Iterator[Finding]:
+    """Actions that go past where the recorded hands act, or leave their way, in more than a third of the recordings.
 
-    Args:
-        missed_m: of each recording.
+    A thing that is not lifted is dragged, and may tear others along.
     """
-    if not missed_m:
+    if not paths:
         return
-    often_m = sorted(missed_m)[-1 - int(WAY_SHARE * len(missed_m))]
-    if PATH_NOT_KEPT.severity(often_m) is not None:
-        number = sum(PATH_NOT_KEPT.severity(far_m) is not None for far_m in missed_m)
+    rare = int(WAY_SHARE * len(paths))
+    missed_m, left_m = (sorted(off_m)[-1 - rare] for off_m in zip(*paths, strict=True))
+    remedy = "Set keyframes.rule to `auto` or `waypoints`, and keyframes.tolerance_m to 0.01."
+    if PATH_NOT_KEPT.severity(missed_m) is not None:
+        number = sum(PATH_NOT_KEPT.severity(path.missed_m) is not None for path in paths)
         message = (
-            f"In {number} of {len(missed_m)} recordings no keyframe is where the hand grasps, releases or is lowest:"
-            f" the actions stay {100 * often_m:.1f} cm away from there. Set keyframes.rule to `auto` or `waypoints`,"
-            " and keyframes.tolerance_m to 0.01."
+            f"In {number} of {len(paths)} recordings no keyframe is where the hand grasps, releases or is lowest:"
+            f" the actions stay {100 * missed_m:.1f} cm away from there. {remedy}"
         )
-        yield PATH_NOT_KEPT.finding(message, "keyframes", {"missed_m": often_m}, value=often_m)
+        yield PATH_NOT_KEPT.finding(message, "keyframes", {"missed_m": missed_m}, value=missed_m)
+    elif PATH_LEFT.severity(left_m) is not None:
+        number = sum(PATH_LEFT.severity(path.left_m) is not None for path in paths)
+        message = (
+            f"In {number} of {len(paths)} recordings the hand leaves the way from action to action, by"
+            f" {100 * left_m:.1f} cm: a lift, or a way round something, may be lost. {remedy}"
+        )
+        yield PATH_LEFT.finding(message, "keyframes", {"left_m": left_m}, value=left_m)

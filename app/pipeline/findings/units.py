@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from app.pipeline.findings import Finding
-from app.pipeline.keyframes.waypoints import gripper_switches, hand_speeds_m_s
+from app.pipeline.keyframes import Motion
 from app.pipeline.workspace import Workspace
 from roboprompt_client.arrays import Array
 from roboprompt_client.camera import Camera
@@ -32,23 +32,21 @@ FEW_FRAMES = 5
 UNITS_PER_M = {"millimetres": 1000.0, "centimetres": 100.0}
 
 
-def check_recording_units(
-    trajectory: Trajectory, objects: Sequence[ObjectPose], times_s: Array, cameras: Sequence[Camera] = ()
-) -> None:
+def check_recording_units(motion: Motion, objects: Sequence[ObjectPose], cameras: Sequence[Camera] = ()) -> None:
     """Refuse a recording whose numbers are not metres, radians and quaternions xyzw.
 
     Args:
         objects: those whose poses came with the recording.
-        times_s: (T,) of the frames.
         cameras: that saw its first frame.
 
     Raises:
         InvalidInputError: naming the field and what the numbers probably are.
     """
-    _check_positions(trajectory, objects)
-    _check_cameras(trajectory, cameras)
-    _check_joints(trajectory, times_s)
-    _check_quaternion_order(trajectory, objects, times_s)
+    _check_positions(motion.trajectory.positions_m, objects, cameras)
+    _check_joints(motion)
+    _check_objects_order(objects)
+    _check_approaches(motion)
+    _check_hand_order(motion.trajectory.quaternions_xyzw)
 
 
 def unit_findings(trajectory: Trajectory, objects: Sequence[ObjectPose]) -> Iterator[Finding]:
@@ -88,8 +86,7 @@ def check_scene_units(objects: Sequence[ObjectPose], workspace: Workspace) -> No
     _check_objects_order(objects)
 
 
-def _check_positions(trajectory: Trajectory, objects: Sequence[ObjectPose]) -> None:
-    positions_m = trajectory.positions_m
+def _check_positions(positions_m: Array, objects: Sequence[ObjectPose], cameras: Sequence[Camera]) -> None:
     extent_m = float(np.ptp(positions_m, axis=0).max())
     if extent_m > MAX_MOTION_M:
         message = f"spans {extent_m:.4g} along an axis, which is likely in {_likely(extent_m)}"
@@ -99,11 +96,8 @@ def _check_positions(trajectory: Trajectory, objects: Sequence[ObjectPose]) -> N
         if away_m > MAX_AWAY_M:
             message = f"is {away_m:.4g} from the nearest place of the hand: likely {_likely(away_m)}, or another frame"
             raise InvalidInputError(f"objects[{pose.name}].position", message, "metres, world frame as the hand's")
-
-
-def _check_cameras(trajectory: Trajectory, cameras: Sequence[Camera]) -> None:
     for camera in cameras:
-        away_m = float(np.linalg.norm(trajectory.positions_m - camera.camera_to_world[:3, 3], axis=1).min())
+        away_m = float(np.linalg.norm(positions_m - camera.camera_to_world[:3, 3], axis=1).min())
         if away_m > MAX_CAMERA_M:
             message = f"puts the camera {away_m:.4g} from the hand: likely {_likely(away_m)}"
             raise InvalidInputError(f"cameras[{camera.name}].camera_to_world", message, "a translation in metres")
@@ -113,37 +107,33 @@ def _likely(extent: float) -> str:
     return "millimetres" if extent > 100 * MAX_MOTION_M / 3 else "centimetres or millimetres"
 
 
-def _check_joints(trajectory: Trajectory, times_s: Array) -> None:
-    angles_rad = trajectory.joint_positions_rad
+def _check_joints(motion: Motion) -> None:
+    angles_rad, speeds_rad_s = motion.trajectory.joint_positions_rad, motion.joint_speeds_rad_s
     if angles_rad is not None and (most := float(np.abs(angles_rad).max())) > MAX_JOINT_RAD:
         raise InvalidInputError("trajectory.joint_positions", f"reaches {most:.4g}: likely degrees", "radians")
-    speeds_rad_s = np.linalg.norm(trajectory.joint_velocities_rad_s, axis=1)
     fastest = float(speeds_rad_s.max())
     moving = speeds_rad_s > fastest / 10
-    hand = hand_speeds_m_s(trajectory, times_s)
+    hand = motion.hand_speeds_m_s
     idle = float(np.median(hand[moving] / speeds_rad_s[moving])) < MIN_HAND_M_PER_RAD if fastest > 0 else False
-    if fastest > MAX_JOINT_RAD_S or (fastest > FAST_JOINT_RAD_S and idle) or _beyond_positions(trajectory, times_s):
+    if fastest > MAX_JOINT_RAD_S or (fastest > FAST_JOINT_RAD_S and idle) or _beyond_positions(motion):
         message = f"reaches {fastest:.4g} (norm over the joints): likely degrees per second"
         raise InvalidInputError("trajectory.joint_velocities", message, "rad/s")
 
 
-def _beyond_positions(trajectory: Trajectory, times_s: Array) -> bool:
+def _beyond_positions(motion: Motion) -> bool:
     """Whether joint velocities are many times what the joint positions show."""
-    if trajectory.joint_positions_rad is None or len(trajectory) < FEW_FRAMES:
+    angles_rad = motion.trajectory.joint_positions_rad
+    if angles_rad is None or len(motion) < FEW_FRAMES:
         return False
-    shown_rad_s = np.linalg.norm(np.gradient(trajectory.joint_positions_rad, times_s, axis=0), axis=1)
+    shown_rad_s = np.linalg.norm(np.gradient(angles_rad, motion.times_s, axis=0), axis=1)
     moving = shown_rad_s > MIN_JOINT_RAD_S
     if not moving.any():
         return False
-    said_rad_s = np.linalg.norm(trajectory.joint_velocities_rad_s[moving], axis=1)
-    return bool(np.median(said_rad_s / shown_rad_s[moving]) > MAX_RATE_RATIO)
+    return bool(np.median(motion.joint_speeds_rad_s[moving] / shown_rad_s[moving]) > MAX_RATE_RATIO)
 
 
-def _check_quaternion_order(trajectory: Trajectory, objects: Sequence[ObjectPose], times_s: Array) -> None:
-    """What would be so if w came first: a hand that points down or moves the way it points, objects that stand."""
-    _check_objects_order(objects)
-    _check_approaches(trajectory, times_s)
-    quaternions = trajectory.quaternions_xyzw
+def _check_hand_order(quaternions: Array) -> None:
+    """Refuse a hand that would point straight down if w came first."""
     as_read, as_meant = _off_axis_deg(quaternions, -1.0), _off_axis_deg(np.roll(quaternions, -1, axis=1), -1.0)
     turns = np.abs(quaternions @ quaternions[0]).min() < np.cos(np.radians(DOWN_DEG / 2))
     if turns and as_meant.max() < DOWN_DEG and as_read.max() > OFF_UPRIGHT_DEG:
@@ -151,15 +141,21 @@ def _check_quaternion_order(trajectory: Trajectory, objects: Sequence[ObjectPose
         raise InvalidInputError("trajectory.end_effector_quaternions_xyzw", message, "order x y z w")
 
 
-def _check_approaches(trajectory: Trajectory, times_s: Array) -> None:
-    frames = [switch.frame for switch in gripper_switches(trajectory, times_s)]
-    ways = [(frame, way_m) for frame in frames if (way_m := _approach(trajectory.positions_m[: frame + 1])) is not None]
+def _check_approaches(motion: Motion) -> None:
+    """Refuse a hand that would move the way it points before each grasp and release if w came first.
+
+    A hand that points down as it is read may move across before it closes, to push. None grasps pointing up.
+    """
+    positions_m, frames = motion.trajectory.positions_m, [switch.frame for switch in motion.switches]
+    ways = [(frame, way_m) for frame in frames if (way_m := _approach(positions_m[: frame + 1])) is not None]
     if not ways:
         return
-    quaternions = trajectory.quaternions_xyzw[[frame for frame, _ in ways]]
+    quaternions = motion.trajectory.quaternions_xyzw[[frame for frame, _ in ways]]
     directions = np.array([way_m for _, way_m in ways])
     as_read, as_meant = (_off_way_deg(q, directions) for q in (quaternions, np.roll(quaternions, -1, axis=1)))
-    if as_read.min() > ACROSS_DEG and as_meant.max() < ALONG_DEG:
+    may_be_right = _off_axis_deg(quaternions, -1.0).max() < OFF_UPRIGHT_DEG
+    points_up = _off_axis_deg(np.roll(quaternions, -1, axis=1), 1.0).min() < ACROSS_DEG
+    if not (may_be_right or points_up) and as_read.min() > ACROSS_DEG and as_meant.max() < ALONG_DEG:
         message = "are a hand that moves the way it points before it grasps only if w comes first"
         raise InvalidInputError("trajectory.end_effector_quaternions_xyzw", message, "order x y z w")
 
@@ -183,6 +179,7 @@ def _off_way_deg(quaternions_xyzw: Array, ways_m: Array) -> Array:
 
 
 def _check_objects_order(objects: Sequence[ObjectPose]) -> None:
+    """Refuse objects that would stand upright if w came first."""
     turned = [pose for pose in objects if pose.quaternion_xyzw is not None]
     if not turned:
         return

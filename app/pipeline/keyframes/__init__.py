@@ -1,6 +1,6 @@
 """Which frames of a trajectory matter: the robot rests, or the gripper opens or closes (paper, section III-B)."""
 
-from app.pipeline.episode import CONTROL_FREQUENCY_HZ, frame_times_s
+from app.pipeline.keyframes.motion import Motion
 from app.pipeline.keyframes.resting import Manner, manner_of
 from app.pipeline.keyframes.rule import (
     RULES,
@@ -14,7 +14,6 @@ from app.pipeline.keyframes.rule import (
 )
 from app.pipeline.keyframes.waypoints import waypoints
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.trajectory import Trajectory
 
 __all__ = [
     "RULES",
@@ -22,6 +21,7 @@ __all__ = [
     "Keyframe",
     "KeyframeRule",
     "Manner",
+    "Motion",
     "Rule",
     "authors",
     "find_keyframes",
@@ -35,34 +35,28 @@ NEED_JOINTS = ("merged", "authors")
 WAVER = 1.5  # a hand that hesitates strays further from its way than one that flows
 
 
-def find_keyframes(
-    trajectory: Trajectory, rule: KeyframeRule, control_frequency_hz: float = CONTROL_FREQUENCY_HZ
-) -> tuple[Keyframe, ...]:
+def find_keyframes(motion: Motion, rule: KeyframeRule) -> tuple[Keyframe, ...]:
     """The keyframes, ascending. Frame 0 is never one: the initial pose is always the same.
-
-    Args:
-        control_frequency_hz: of the recording, for a trajectory without timestamps.
 
     Raises:
         InvalidInputError: if the rule goes by joint velocities and there are none.
     """
-    if trajectory.num_joints == 0 and rule.rule in NEED_JOINTS:
+    if motion.trajectory.num_joints == 0 and rule.rule in NEED_JOINTS:
         message = f"is missing, by which the rule {rule.rule} finds rests"
         raise InvalidInputError(
             "trajectory.joint_velocities", message, "the rule auto, waypoints or uniform, or (T, J)"
         )
-    times_s = frame_times_s(trajectory, control_frequency_hz)
     chosen, waver = rule.rule, 1.0
     if chosen == "auto":
-        manner = manner_of(trajectory, times_s, rule.delta_rad_s)
+        manner = manner_of(motion, rule.delta_rad_s)
         chosen = "merged" if manner == "rests" else "waypoints"
         waver = WAVER if manner == "hesitates" else 1.0
     if chosen == "waypoints":
-        return waypoints(trajectory, times_s, waver * rule.tolerance_m, waver * rule.tolerance_deg)
+        return waypoints(motion, waver * rule.tolerance_m, waver * rule.tolerance_deg)
     if chosen == "merged":
-        frames = merged(trajectory, rule.delta_rad_s)
+        frames = merged(motion, rule.delta_rad_s)
     elif chosen == "authors":
-        frames = authors(trajectory, rule.delta_rad_s)
+        frames = authors(motion, rule.delta_rad_s)
     else:
-        frames = uniform(trajectory, rule.interval)
-    return tuple(Keyframe(frame, bool(trajectory.gripper_open[frame])) for frame in frames)
+        frames = uniform(motion, rule.interval)
+    return tuple(Keyframe(frame, bool(motion.trajectory.gripper_open[frame])) for frame in frames)

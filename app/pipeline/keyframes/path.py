@@ -6,6 +6,7 @@ within a tolerance of straight motion between them.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +15,8 @@ from scipy.spatial.transform import Rotation
 from roboprompt_client.arrays import Array
 from roboprompt_client.trajectory import Trajectory
 
+TOLERANCE_M = 0.01
+TOLERANCE_DEG = 15.0
 SPACING = 0.25  # of the poses that stand for a path, in tolerances
 MAX_POSES = 160  # that stand for a path; a longer one has wider spacing
 MAX_DEVIATION = 6.0  # deviations beyond count alike
@@ -52,6 +55,7 @@ class HandPath:
             spacing *= 1.5
         return cls(kept + first, positions[kept], vectors[kept])
 
+    @cached_property
     def deviations(self) -> Array:
         """(N, N): how far the poses between i and j are from straight motion from i to j; 0 for j <= i + 1."""
         number = len(self.frames)
@@ -67,7 +71,7 @@ class HandPath:
                     break
         return found
 
-    @property
+    @cached_property
     def bend(self) -> float:
         """How far the whole path is from straight motion from its first pose to its last."""
         last = len(self.frames) - 1

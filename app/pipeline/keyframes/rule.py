@@ -3,21 +3,19 @@
 These are the rules of the paper (section III-B), of its authors' code and of its ablation.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from app.pipeline.episode import stretches
+from app.pipeline.keyframes.motion import Motion
+from app.pipeline.keyframes.path import TOLERANCE_DEG, TOLERANCE_M
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.trajectory import Trajectory
 
 Rule = Literal["auto", "waypoints", "merged", "authors", "uniform"]
 RULES: tuple[Rule, ...] = ("auto", "waypoints", "merged", "authors", "uniform")
 SIMULATION_DELTA_RAD_S = 0.1  # paper, section IV-A; 0.01 on a real robot
-TOLERANCE_M = 0.01
-TOLERANCE_DEG = 15.0
 MAX_KEYFRAMES = 25  # paper, section IV-B: the steps that an episode may take
 FINAL_FRAME_MARGIN = 3  # frames before the last within which a keyframe stands for it
 STOP_COOLDOWN = 4  # the authors' code (after PerAct): frames after a stop in which no other counts
@@ -66,35 +64,34 @@ class KeyframeRule:
         return self.rule in ("auto", "waypoints")
 
 
-def merged(trajectory: Trajectory, delta_rad_s: float = SIMULATION_DELTA_RAD_S) -> tuple[int, ...]:
+def merged(motion: Motion, delta_rad_s: float = SIMULATION_DELTA_RAD_S) -> tuple[int, ...]:
     """The paper's equation, each maximal run of frames with ||S_t|| < delta merged into one keyframe.
 
     A run's keyframe is its last gripper change, or its last frame where the gripper does not change. A gripper change
     outside every run is a keyframe of its own; so is the final frame, unless a keyframe lies within 3 frames of it.
     """
-    rests = resting_frames(trajectory, delta_rad_s)
-    changes = gripper_changes(trajectory)
+    rests, changes = motion.joint_speeds_rad_s < delta_rad_s, motion.gripper_changes
     found = {frame for frame in changes if not rests[frame]}
-    for first, last in runs(rests):
-        if first > 0:
-            found.add(max((k for k in changes if first <= k <= last), default=last))
-    final = len(trajectory) - 1
+    for first, end, resting in stretches(rests):
+        if resting and first > 0:
+            found.add(max((k for k in changes if first <= k < end), default=end - 1))
+    final = len(motion) - 1
     if final > 0 and not any(final - frame <= FINAL_FRAME_MARGIN for frame in found):
         found.add(final)
     return tuple(sorted(found))
 
 
-def authors(trajectory: Trajectory, delta_rad_s: float = SIMULATION_DELTA_RAD_S) -> tuple[int, ...]:
+def authors(motion: Motion, delta_rad_s: float = SIMULATION_DELTA_RAD_S) -> tuple[int, ...]:
     """What the authors' published code does, without its wrap-around of frames before the first.
 
     It fires again every 5 frames of a dwell; kept for comparison and for RLBench's recordings.
     """
-    is_open = trajectory.gripper_open
-    rests = np.abs(trajectory.joint_velocities_rad_s).max(axis=1) <= delta_rad_s
-    last = len(trajectory) - 1
+    is_open = motion.trajectory.gripper_open
+    rests = np.abs(motion.trajectory.joint_velocities_rad_s).max(axis=1) <= delta_rad_s
+    last = len(motion) - 1
     found: list[int] = []
     cooldown = 0
-    for i in range(len(trajectory)):
+    for i in range(len(motion)):
         steady = i <= last - 2 and is_open[i] == is_open[i + 1] == is_open[max(i - 1, 0)] == is_open[max(i - 2, 0)]
         stopped = bool(cooldown <= 0 and steady and rests[i])
         cooldown = STOP_COOLDOWN if stopped else cooldown - 1
@@ -105,26 +102,7 @@ def authors(trajectory: Trajectory, delta_rad_s: float = SIMULATION_DELTA_RAD_S)
     return tuple(found)
 
 
-def uniform(trajectory: Trajectory, interval: int) -> tuple[int, ...]:
+def uniform(motion: Motion, interval: int) -> tuple[int, ...]:
     """Every `interval`-th frame and the last one (the paper's ablation, section IV-D)."""
-    last = len(trajectory) - 1
+    last = len(motion) - 1
     return tuple(sorted({*range(interval, last + 1, interval), last} - {0}))
-
-
-def resting_frames(trajectory: Trajectory, delta_rad_s: float) -> npt.NDArray[np.bool_]:
-    """(T,) whether ||S_t|| < delta: the paper's test."""
-    rests: npt.NDArray[np.bool_] = np.linalg.norm(trajectory.joint_velocities_rad_s, axis=1) < delta_rad_s
-    return rests
-
-
-def gripper_changes(trajectory: Trajectory) -> list[int]:
-    """Frames whose gripper state differs from the frame before."""
-    changes: list[int] = (np.flatnonzero(np.diff(trajectory.gripper_open)) + 1).tolist()
-    return changes
-
-
-def runs(hits: npt.NDArray[np.bool_]) -> Iterator[tuple[int, int]]:
-    """First and last index of each maximal run of true values."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], hits, [False]))))
-    for first, end in edges.reshape(-1, 2).tolist():
-        yield first, end - 1

@@ -60,10 +60,14 @@ class ClauseParser:
     Args:
         fixed: words that a clause may have besides verb and objects; None: any (for taught instructions).
         taught_verbs: verbs of taught instructions that no table has.
+        of_steps: as of `Sentences`.
     """
 
-    def __init__(self, phrases: NounPhrases, fixed: frozenset[str] | None, taught_verbs: frozenset[str]) -> None:
+    def __init__(
+        self, phrases: NounPhrases, fixed: frozenset[str] | None, taught_verbs: frozenset[str], *, of_steps: bool
+    ) -> None:
         self._words = phrases.words
+        self._of_steps = of_steps
         self._texts = [word.text for word in phrases.words]
         self._phrases = phrases
         self._fixed = fixed
@@ -90,7 +94,8 @@ class ClauseParser:
 
     def forbids(self, at: int) -> bool:
         """Whether what follows is what is not meant."""
-        return any(self.end(at, table) is not None for table in (vocabulary.RATHER, vocabulary.NOT))
+        excepted = (vocabulary.EXCEPT,) if self._of_steps else ()
+        return any(self.end(at, table) is not None for table in (vocabulary.RATHER, vocabulary.NOT, *excepted))
 
     def at_end(self, at: int) -> bool:
         """Whether nothing follows."""
@@ -106,6 +111,9 @@ class ClauseParser:
                 at = end
             elif text in ("and", "but", ",", ".", ";") or (text == "?" and self._is_all_asked(at + 1)):
                 sorts.add(text if text in ("and", "but", ",") else "stop")
+                at += 1
+            elif self._of_steps and text in vocabulary.ORDERING:
+                sorts.add(text)
                 at += 1
             else:
                 break
@@ -207,12 +215,29 @@ class ClauseParser:
 
     def _objects(self, at: int, forbidden: bool) -> Iterator[tuple[tuple[NounPhrase, ...], int]]:
         """One object or several: "the red, the blue and the green button"."""
+        if self._of_steps and not forbidden and self.text(at) in vocabulary.QUANTIFIERS:
+            yield from self._each(at)
         both = self.text(at) == "both"
         for phrases, end in self._listed(at + both, forbidden):
             singular = all(not phrase.plural for phrase in phrases[:-1])
             right_number = singular and (len(phrases) > 1 or not phrases[-1].plural) and not self.is_one_thing(phrases)
             if (right_number or forbidden) and (not both or len(phrases) == 2):
                 yield phrases, end
+
+    def _each(self, at: int) -> Iterator[tuple[tuple[NounPhrase, ...], int]]:
+        """Every object that a noun and colors are true of: "all red mugs", "both tubes", "each of the tubes"."""
+        quantifier, start, of = self.text(at), at + 1, False
+        while self.text(start) in ("of", "the"):
+            start, of = start + 1, True
+        self._phrases.at(start)
+        for end, names in sorted(
+            (each.end, each.candidates) for each in self._phrases.unmatched if each.start == start
+        ):
+            words = self._words[start:end]
+            right_number = words[-1].plural == (quantifier in ("all", "both") or of)
+            described = all(word.text not in vocabulary.FUNCTION_WORDS for word in words)
+            if right_number and described and (len(names) == 2 or (len(names) > 2 and quantifier != "both")):
+                yield tuple(NounPhrase(at, end, name, "name", plural=True) for name in names), end
 
     def is_one_thing(self, phrases: Sequence[NounPhrase]) -> bool:
         """Whether a list may describe a single object: "the red and green button" may have two colors."""

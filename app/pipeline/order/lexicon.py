@@ -183,6 +183,22 @@ def check_aliases_of(aliases: Mapping[str, Sequence[str]], names: Sequence[str])
                 raise InvalidInputError(field, f"{word!r} is in the name of {other!r}", "words that no other name has")
 
 
+def shared_aliases(of_tasks: Sequence[Mapping[str, Sequence[str]]], names: Sequence[str]) -> dict[str, tuple[str, ...]]:
+    """What several tasks call their objects, without words by which another object of the scene is called as well.
+
+    Args:
+        of_tasks: the aliases of each task.
+        names: the objects of the scene.
+    """
+    words = {name: tuple(dict.fromkeys(word for of in of_tasks for word in of.get(name, ()))) for name in names}
+
+    def is_own(name: str, word: str) -> bool:
+        others = (called for other in names if other != name for called in (other, *words[other]))
+        return not any(_contains(called, word) for called in others)
+
+    return {name: tuple(word for word in words[name] if is_own(name, word)) for name in names}
+
+
 def _contains(name: str, words: str) -> bool:
     """Whether the words stand in the name, each in the singular or in the plural."""
     shown, said = folded(name).split(), folded(words).split()

@@ -10,7 +10,7 @@ from app.pipeline.order.descriptions import MEANS
 from app.pipeline.order.frames import INSTRUMENT, Frame
 from app.pipeline.order.noun_phrases import NounPhrase, NounPhrases, TooInvolvedError
 from app.pipeline.order.order import Grounding, Order
-from app.pipeline.order.refusals import check_named, passed_on, refusal
+from app.pipeline.order.refusals import passed_on, refusal
 from app.pipeline.order.sentences import PICKING, Sentences
 from app.pipeline.order.space import Layout
 from app.pipeline.order.taught import Taught
@@ -45,21 +45,6 @@ def read(instruction: str, taught: Taught, layout: Layout | None = None, *, allo
     return taught.order(text, _groundings(phrases, named), error.message)
 
 
-def read_untaught(instruction: str, taught: Taught, layout: Layout | None = None) -> Order:
-    """An instruction of which nothing was taught: its objects by their names, the rest as it stands.
-
-    What stands where objects do must be one of the scene; of several objects one must be named, since rows follow
-    them in the order of mention.
-
-    Raises:
-        UngroundedInstructionError: if not, or if it says what not to do.
-    """
-    phrases = NounPhrases(instruction, taught.lexicon, layout)
-    text, named = passed_on(taught, phrases)
-    check_named(taught, phrases, named)
-    return taught.order(text, _groundings(phrases, named))
-
-
 def _groundings(phrases: NounPhrases, named: Sequence[NounPhrase]) -> tuple[Grounding, ...]:
     """What each phrase was taken for."""
     return tuple(
@@ -67,9 +52,9 @@ def _groundings(phrases: NounPhrases, named: Sequence[NounPhrase]) -> tuple[Grou
     )
 
 
-@dataclass(frozen=True)
-class _Filled:
-    """A clause as a frame has it."""
+@dataclass(frozen=True, eq=False)
+class Filled:
+    """A clause as a frame has it: by the objects of the frame those of the clause."""
 
     frame: Frame
     objects: Mapping[str, str]
@@ -114,7 +99,7 @@ def _uncertainty(order: Order) -> tuple[int, int]:
     return max((MEANS.index(each.by) for each in order.phrases), default=0), -len(order.phrases)
 
 
-def _plans(taught: Taught, reading: Sequence[ParsedClause]) -> Iterator[tuple[_Filled, ...]]:
+def _plans(taught: Taught, reading: Sequence[ParsedClause]) -> Iterator[tuple[Filled, ...]]:
     """The reading in frames that were taught one after the other, or each on its own."""
     per_clause = [_choices(taught, clause) for clause in reading]
     for choice in islice(product(*per_clause), MAX_READINGS):
@@ -125,7 +110,7 @@ def _plans(taught: Taught, reading: Sequence[ParsedClause]) -> Iterator[tuple[_F
             yield plan
 
 
-def _choices(taught: Taught, clause: ParsedClause) -> list[tuple[_Filled, ...]]:
+def _choices(taught: Taught, clause: ParsedClause) -> list[tuple[Filled, ...]]:
     """The frames of a clause, one for each thing that it may ask for; "red and blue" is asked one by one."""
     if whole := _best(taught, clause):
         return [(filled,) for filled in whole]
@@ -136,23 +121,28 @@ def _choices(taught: Taught, clause: ParsedClause) -> list[tuple[_Filled, ...]]:
     return list(product(*parts)) if all(parts) else []
 
 
-def _best(taught: Taught, clause: ParsedClause) -> list[_Filled]:
+def _best(taught: Taught, clause: ParsedClause) -> list[Filled]:
     """The clause as frames have it: with its own verb, if that was taught, and as many of its words as possible."""
     every = [
-        _Filled(frame, objects, clause)
+        Filled(frame, objects, clause)
         for frame in taught.frames
         if (objects := frame.filled(clause, taught.names)) is not None
     ]
-    every = [filled for filled in every if filled.has_instrument] or every
-    every = [filled for filled in every if filled.has_verb] or every
-    every = [filled for filled in every if filled.has_words] or every
-    by_signature: dict[object, _Filled] = {}
+    every = closest(every)
+    by_signature: dict[object, Filled] = {}
     for filled in sorted(every, key=lambda filled: not filled.is_as_taught):
         by_signature.setdefault(filled.frame.signature, filled)
     return list(by_signature.values())
 
 
-def _canonical(taught: Taught, plan: Sequence[_Filled]) -> str | None:
+def closest(every: list[Filled]) -> list[Filled]:
+    """Those with the clause's own instrument, verb and words, where some have them."""
+    every = [filled for filled in every if filled.has_instrument] or every
+    every = [filled for filled in every if filled.has_verb] or every
+    return [filled for filled in every if filled.has_words] or every
+
+
+def _canonical(taught: Taught, plan: Sequence[Filled]) -> str | None:
     texts = [filled.frame.text_for(filled.objects, taught.names) for filled in plan]
     known = [text for text in texts if text is not None]
     if len(known) < len(texts):
@@ -160,7 +150,7 @@ def _canonical(taught: Taught, plan: Sequence[_Filled]) -> str | None:
     return _JOINT.join([*(text.rstrip(". ") for text in known[:-1]), known[-1]])
 
 
-def _wants_moved(plan: Sequence[_Filled]) -> bool:
+def _wants_moved(plan: Sequence[Filled]) -> bool:
     """Whether an object is asked for again after it was taken elsewhere: only where it was seen is known.
 
     To pick it up twice is as it was said.

@@ -13,7 +13,6 @@ from app.pipeline.order.words import Word
 
 FIELD = "instruction"
 MAX_LISTED = 12  # instructions that a refusal repeats
-_THINGS = vocabulary.GENERIC_NOUNS.union(*vocabulary.NOUN_KINDS)  # nouns that are known though no object has them
 
 
 def refusal(taught: Taught, phrases: NounPhrases, meanings: Sequence[str]) -> InstructionError:
@@ -59,25 +58,6 @@ def passed_on(taught: Taught, phrases: NounPhrases) -> tuple[str, Sequence[NounP
     if clause_of(text, taught.names).objects != tuple(dict.fromkeys(phrase.name for phrase in found)):
         raise UngroundedInstructionError(FIELD, f"{instruction!r} names its objects in an unclear way", valid)
     return text, found
-
-
-def check_named(taught: Taught, phrases: NounPhrases, found: Sequence[NounPhrase]) -> None:
-    """Refuse an untaught instruction that names a thing which no object is, or none of several objects.
-
-    Args:
-        found: where it names objects.
-
-    Raises:
-        UngroundedInstructionError.
-    """
-    valid, words = _valid(taught), phrases.words
-    inside = {place for phrase in found for place in range(phrase.start, phrase.end)}
-    for place, word in enumerate(words):
-        is_verb = word.text in verbs.FIRST_WORDS and (place == 0 or words[place - 1].text not in DETERMINERS)
-        if word.text in _THINGS and place not in inside and not is_verb:
-            raise _ungrounded(phrases, Unmatched(place, place + 1, ()), valid)
-    if not found and len(taught.names) > 1:
-        raise UngroundedInstructionError(FIELD, f"{phrases.instruction!r} names no object of the scene", valid)
 
 
 def _forbids(words: Sequence[Word]) -> bool:

@@ -14,17 +14,29 @@ from app.pipeline.order.noun_phrases import NounPhrases
 from app.pipeline.order.verbs import common_families
 from app.pipeline.order.words import PhraseTable
 
-Mood = Literal["do", "not", "skip", "rather"]
+Mood = Literal["do", "not", "skip", "rather", "except"]
 PICKING = frozenset(
     {"pick", "pick up", "grasp", "grab", "grip", "take", "lift", "lift up", "get", "take hold of", "grab hold of"}
 )
 
 
 @dataclass(frozen=True)
-class _Unit:
+class Unit:
+    """A clause of a text, and how it is meant.
+
+    Attributes:
+        clause: with the verb of the one before where it has none of its own.
+        mood: whether it says what to do, or what not.
+        joined: by which sorts of words it is joined to the unit before, see `ClauseParser.separator`.
+        start, end: its words.
+    """
+
     clause: ParsedClause
     mood: Mood
     own_verb: bool
+    joined: frozenset[str]
+    start: int
+    end: int
 
 
 class Sentences:
@@ -33,12 +45,29 @@ class Sentences:
     Args:
         fixed: words that a clause may have besides verb and objects; None: any (for taught instructions).
         taught_verbs: verbs of taught instructions that no table has.
+        of_steps: whether it may ask for several steps by "before", "after", "all", "both", "each" and "except".
     """
 
-    def __init__(self, phrases: NounPhrases, fixed: frozenset[str] | None, taught_verbs: frozenset[str]) -> None:
+    def __init__(
+        self,
+        phrases: NounPhrases,
+        fixed: frozenset[str] | None,
+        taught_verbs: frozenset[str],
+        *,
+        of_steps: bool = False,
+    ) -> None:
         self._words = phrases.words
         self._phrases = phrases
-        self._clauses = ClauseParser(phrases, fixed, taught_verbs)
+        self._of_steps = of_steps
+        self._clauses = ClauseParser(phrases, fixed, taught_verbs, of_steps=of_steps)
+
+    def units(self) -> Iterator[tuple[Unit, ...]]:
+        """The clauses of the whole text, in every way in which it is an order.
+
+        Raises:
+            TooInvolvedError: if that takes too many steps.
+        """
+        return filter(self._is_order, self._units(0, (), frozenset()))
 
     def readings(self) -> Iterator[tuple[tuple[ParsedClause, ...], ...]]:
         """The things to do, in their order, in every way that the whole text can be read.
@@ -48,16 +77,11 @@ class Sentences:
         Raises:
             TooInvolvedError: if that takes too many steps.
         """
-        for units in self._units(0, (), frozenset()):
-            if not self._is_order(units):
-                continue
-            done = tuple(unit.clause for unit in units if unit.mood == "do")
-            forbidden = [unit.clause for unit in units if unit.mood != "do"]
-            says_what = len(units) == 1 or all(unit.clause.roles for unit in units)
-            if done and says_what and all(_is_other(one, done) for one in forbidden):
-                yield _without_pronouns(done)
+        for units in self.units():
+            if done := wanted(units):
+                yield _without_pronouns(tuple(unit.clause for unit in done))
 
-    def _is_order(self, units: Sequence[_Unit]) -> bool:
+    def _is_order(self, units: Sequence[Unit]) -> bool:
         """Whether the text asks to do something: "the red button?" and "it" alone do not."""
         if any(unit.own_verb for unit in units):
             return True
@@ -65,41 +89,46 @@ class Sentences:
         named = all(phrase.name for phrase in phrases) and any(phrase.with_noun for phrase in phrases)
         return (len(units) > 1 or named) and all(word.text != "?" for word in self._words)
 
-    def _units(self, at: int, units: tuple[_Unit, ...], joined: frozenset[str]) -> Iterator[tuple[_Unit, ...]]:
+    def _units(self, at: int, units: tuple[Unit, ...], joined: frozenset[str]) -> Iterator[tuple[Unit, ...]]:
         """The text from here on.
 
         Args:
             joined: by what the unit that begins here is joined to the one before.
         """
         self._phrases.count_step()
-        start = self._clauses.skip(at, vocabulary.FILLERS, vocabulary.LEADS, *self._leads_after(units))
+        start = self._clauses.skip(at, vocabulary.FILLERS, vocabulary.LEADS, *self._leads_after(units, joined))
+        if self._of_steps and not units and not joined and self._clauses.text(start) in vocabulary.ORDERING:
+            yield from self._units(start + 1, units, frozenset({self._clauses.text(start)}))
         if units and all(self._clauses.text(k) in ".?," for k in range(start, len(self._words))):
             yield units
             return
         forbidding: tuple[tuple[Mood, PhraseTable], ...] = (
             ("not", vocabulary.NOT), ("skip", vocabulary.SKIP), ("rather", vocabulary.RATHER),
+            *((("except", vocabulary.EXCEPT),) if self._of_steps else ()),
         )  # fmt: skip
         for mood, table in forbidding:
             if (end := self._clauses.end(start, table)) is not None:
                 for clause, after in self._clauses.at(end, forbidden=True):
-                    yield from self._after(after, (*units, _unit(clause, units, mood)))
+                    yield from self._after(after, (*units, _unit(clause, units, mood, joined, start, after)))
         for begin in {at, start}:
             for clause, after in self._clauses.at(begin, forbidden=False):
                 if _may_follow(clause, units, joined) and not self._goes_on(clause, units):
-                    yield from self._after(after, (*units, _unit(clause, units, "do")))
+                    yield from self._after(after, (*units, _unit(clause, units, "do", joined, begin, after)))
 
-    def _goes_on(self, clause: ParsedClause, units: Sequence[_Unit]) -> bool:
+    def _goes_on(self, clause: ParsedClause, units: Sequence[Unit]) -> bool:
         """Whether a clause without a verb may describe the object before it further."""
         before = units[-1].clause.phrases if units else ()
         return clause.verb is None and bool(before) and self._clauses.is_one_thing((before[-1], *clause.phrases[:1]))
 
-    def _leads_after(self, units: tuple[_Unit, ...]) -> tuple[PhraseTable, ...]:
+    def _leads_after(self, units: tuple[Unit, ...], joined: frozenset[str]) -> tuple[PhraseTable, ...]:
         """A later "first" would change the order, and an "instead" after what was wanted takes that back."""
+        if joined & vocabulary.ORDERING:
+            return (vocabulary.YOU,)
         if not units:
             return (vocabulary.FIRST, vocabulary.INSTEAD)
         return () if any(unit.mood == "do" for unit in units) else (vocabulary.INSTEAD,)
 
-    def _after(self, at: int, units: tuple[_Unit, ...]) -> Iterator[tuple[_Unit, ...]]:
+    def _after(self, at: int, units: tuple[Unit, ...]) -> Iterator[tuple[Unit, ...]]:
         """What follows a unit: the end, a separator, or what is not meant."""
         if (
             len(units) == 1
@@ -114,6 +143,15 @@ class Sentences:
                 yield units
         elif end > at or units[-1].mood == "rather" or self._clauses.forbids(at):
             yield from self._units(end, units, joined)
+
+
+def wanted(units: Sequence[Unit]) -> tuple[Unit, ...]:
+    """The units that say what to do; none where the text is no clear order, see `_is_other`."""
+    done = tuple(unit for unit in units if unit.mood == "do")
+    clauses = [unit.clause for unit in done]
+    says_what = len(units) == 1 or all(unit.clause.roles for unit in units)
+    is_clear = says_what and all(_is_other(unit.clause, clauses) for unit in units if unit.mood != "do")
+    return done if is_clear else ()
 
 
 def _is_other(forbidden: ParsedClause, wanted: Sequence[ParsedClause]) -> bool:
@@ -139,13 +177,16 @@ def _contradict(forbidden: ParsedClause, wanted: ParsedClause) -> bool:
     return all({p.name for p in phrases} & names.get(role, set()) for role, phrases in forbidden.roles)
 
 
-def _unit(clause: ParsedClause, units: Sequence[_Unit], mood: Mood) -> _Unit:
+def _unit(
+    clause: ParsedClause, units: Sequence[Unit], mood: Mood, joined: frozenset[str], start: int, end: int
+) -> Unit:
     """A unit that has the verb of the one before where it has none of its own."""
     before = next((unit.clause.verb for unit in reversed(units) if unit.clause.verb), None)
-    return _Unit(clause if clause.verb else replace(clause, verb=before), mood, clause.verb is not None)
+    with_verb = clause if clause.verb else replace(clause, verb=before)
+    return Unit(with_verb, mood, clause.verb is not None, joined, start, end)
 
 
-def _may_follow(clause: ParsedClause, units: Sequence[_Unit], joined: frozenset[str]) -> bool:
+def _may_follow(clause: ParsedClause, units: Sequence[Unit], joined: frozenset[str]) -> bool:
     """Whether a clause goes on with what is wanted.
 
     "Do not push the red one and the blue one" wants nothing, and "push the red one, the blue one" is perhaps a
@@ -156,8 +197,8 @@ def _may_follow(clause: ParsedClause, units: Sequence[_Unit], joined: frozenset[
         return True
     if before.mood in ("do", "rather"):
         fronted = before.mood == "rather" and len(units) == 1
-        return clause.verb is not None or fronted or bool(joined & {"and", "then"})
-    if before.mood == "skip":
+        return clause.verb is not None or fronted or bool(joined & {"and", "then", *vocabulary.ORDERING})
+    if before.mood in ("skip", "except"):
         return clause.verb is not None
     if "but" in joined or clause.verb:
         return not joined.isdisjoint({"but", ",", "stop"})

@@ -25,7 +25,10 @@ FIRST = _phrases("first,firstly,first of all,to begin with,start by,begin by,sta
 THEN = _phrases("then,after that,afterwards,afterward,next,finally,lastly,at last,after this,thereafter,subsequently")
 NOT = _phrases("do not,never,not,you must not,you should not,please do not")
 PASSIVE = _phrases("should be,must be,has to be,have to be,needs to be,need to be,is to be,are to be,shall be")
-BEFORE_GERUND = frozenset({"mind", "by", "with", "of", "than", "to"})  # "would you mind pushing", "instead of pushing"
+ORDERING = frozenset({"before", "after"})
+YOU = _phrases("you")
+EXCEPT = _phrases("except,except for")
+BEFORE_GERUND = ORDERING | {"mind", "by", "with", "of", "than", "to"}  # "would you mind pushing", "instead of pushing"
 SKIP = _phrases("ignore,forget,forget about,skip,leave out")
 RATHER = _phrases("instead of,rather than,in place of,as opposed to")
 
@@ -99,6 +102,7 @@ BEING = _phrases(
     "sitting,positioned,situated,that is located,that is placed,that is standing,that is lying,which is located"
 )
 EXACTLY = _phrases("directly,immediately,just,right")
+QUANTIFIERS = frozenset({"all", "both", "each", "every"})
 BESIDE = _phrases("next to,beside,near,close to,adjacent to,alongside")
 SIDES = _phrases("side,end,edge,hand side,hand edge")
 SIDES_OF: dict[Phrase, str] = {

@@ -10,26 +10,24 @@ from collections import Counter, defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration
-from app.pipeline.keyframes import Keyframe, KeyframeRule, Manner, find_keyframes, manner_of
+from app.pipeline.keyframes import Keyframe, KeyframeRule, Manner, Motion, find_keyframes, manner_of
 from app.pipeline.keyframes.path import HandPath, best_waypoints
 from app.pipeline.keyframes.rule import MAX_KEYFRAMES
-from app.pipeline.keyframes.waypoints import Phase, at_frames, at_tips, phases, waypoints
+from app.pipeline.keyframes.waypoints import at_frames, at_tips, waypoints
+from app.pipeline.plans.path_left import leave_path, path_left_m
 from app.pipeline.plans.rows import PlanRow, plan_rows
 from app.pipeline.representation.anchors import M_PER_RAD, anchor_frame, tilted_objects
 from roboprompt_client.arrays import Array
-from roboprompt_client.trajectory import Trajectory
+from roboprompt_client.trajectory import EndEffectorAction
 
 PATH_KEPT_SHARE = 0.8  # the share of demonstrations whose paths need no more keyframes than a phase gets
 GRASPED_M = 0.08  # a hand that closes within this of an object grasps it,
 CLEARLY = 2.0  # if all others are so many times as far
-LEFT_M = 0.03  # farther than this from the recorded path a hand may hit what the demonstration went around
-OFTEN_SHARE = 1 / 3  # of the recordings of a plan
 ROUNDS = 2  # of choosing keyframes where the other demonstrations have them
 TOGETHER_WEIGHT = 0.3  # the weight of rows lying together, beside that of paths being kept, in squared tolerances
 MAX_DISTANCE = 3.0  # in tolerances: what is farther from the others does not count more
@@ -37,15 +35,10 @@ MAX_DISTANCE = 3.0  # in tolerances: what is farther from the others does not co
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """A demonstration with the trajectory that it was made from.
-
-    Attributes:
-        times_s: (T,) of the trajectory's frames.
-    """
+    """A demonstration with the motion that it was made from."""
 
     demonstration: Demonstration
-    trajectory: Trajectory
-    times_s: Array
+    motion: Motion
     rule: KeyframeRule
 
     @cached_property
@@ -53,41 +46,38 @@ class Recording:
         """How the recording moves."""
         if self.rule.rule == "waypoints":
             return "flows"
-        return manner_of(self.trajectory, self.times_s, self.rule.delta_rad_s)
+        return manner_of(self.motion, self.rule.delta_rad_s)
 
     @cached_property
     def keyframes(self) -> tuple[Keyframe, ...]:
         """Its own, whatever the others have; by waypoints where the rule skips one of several switches in a rest."""
-        period_s = float(np.median(np.diff(self.times_s))) if len(self.times_s) > 1 else 1.0
-        found = find_keyframes(self.trajectory, self.rule, 1 / period_s)
-        if len(self._counts_of(found)) == len(self.phases):
+        found = find_keyframes(self.motion, self.rule)
+        if len(self._counts_of(found)) == len(self.motion.phases):
             return found
-        return waypoints(self.trajectory, self.times_s, self.rule.tolerance_m, self.rule.tolerance_deg)
+        return self._waypoints
 
     @cached_property
-    def phases(self) -> tuple[Phase, ...]:
-        """Cut at its gripper switches."""
-        return phases(self.trajectory, self.times_s)
+    def _waypoints(self) -> tuple[Keyframe, ...]:
+        return waypoints(self.motion, self.rule.tolerance_m, self.rule.tolerance_deg)
 
     @cached_property
-    def paths(self) -> tuple[tuple[HandPath, Array], ...]:
-        """Of each phase the path and its deviations from straight motion."""
-        scale = (self.rule.tolerance_m, self.rule.tolerance_deg)
-        paths = [HandPath.between(self.trajectory, phase.first, phase.last, *scale) for phase in self.phases]
-        return tuple((path, path.deviations()) for path in paths)
+    def paths(self) -> tuple[HandPath, ...]:
+        """Of each phase."""
+        tolerances = (self.rule.tolerance_m, self.rule.tolerance_deg)
+        return tuple(self.motion.path(phase.first, phase.last, *tolerances) for phase in self.motion.phases)
 
     @property
     def counts(self) -> tuple[int, ...]:
         """Its own keyframes in each phase: the last of a phase is where the gripper switches."""
         by_switches = self._counts_of(self.keyframes)
-        if len(by_switches) == len(self.phases):
+        if len(by_switches) == len(self.motion.phases):
             return by_switches
         # Keyframes that show other switches than there are are counted by time.
         frames = [keyframe.frame for keyframe in self.keyframes]
-        return tuple(max(1, sum(phase.first < frame <= phase.last for frame in frames)) for phase in self.phases)
+        return tuple(max(1, sum(phase.first < frame <= phase.last for frame in frames)) for phase in self.motion.phases)
 
     def _counts_of(self, keyframes: Sequence[Keyframe]) -> tuple[int, ...]:
-        counts, state = [0], bool(self.phases[0].gripper_open)
+        counts, state = [0], bool(self.motion.phases[0].gripper_open)
         for keyframe in keyframes:
             counts[-1] += 1
             if keyframe.gripper_open != state:
@@ -98,21 +88,16 @@ class Recording:
     @cached_property
     def counts_on_path(self) -> tuple[int, ...]:
         """As many keyframes in each phase as its path needs, whether it rests or not."""
-        return self._counts_of(waypoints(self.trajectory, self.times_s, self.rule.tolerance_m, self.rule.tolerance_deg))
+        return self._counts_of(self._waypoints)
 
-    def leaves_path(self, numbers: Sequence[int]) -> bool:
-        """Whether so many keyframes in each phase leave its path by more than `LEFT_M`."""
-        kept = [[0, *best_waypoints(off, number)] for (_, off), number in zip(self.paths, numbers, strict=True)]
-        return any(
-            off[before, here] * self.rule.tolerance_m > LEFT_M
-            for (_, off), places in zip(self.paths, kept, strict=True)
-            for before, here in pairwise(places)
-        )
+    def left_m(self, actions: Sequence[EndEffectorAction]) -> float:
+        """How far the way through these actions leaves its path where that matters."""
+        return path_left_m(self.motion, self.manner, actions)
 
     @property
     def signature(self) -> tuple[bool, ...]:
         """What the gripper does, in order."""
-        return (self.phases[0].gripper_open, *(phase.ends_open for phase in self.phases))
+        return (self.motion.phases[0].gripper_open, *(phase.ends_open for phase in self.motion.phases))
 
     @cached_property
     def grasped(self) -> tuple[int | None, ...]:
@@ -120,11 +105,11 @@ class Recording:
 
         Where objects stand is known before the first action: one that was moved is found by no later grasp.
         """
-        objects = self.demonstration.ordered_objects
-        grasps = [phase.last for phase in self.phases if phase.gripper_open and not phase.ends_open]
+        objects, positions_m = self.demonstration.ordered_objects, self.motion.trajectory.positions_m
+        grasps = [phase.last for phase in self.motion.phases if phase.gripper_open and not phase.ends_open]
         found: list[int | None] = []
         for frame in grasps if objects else ():
-            off_m = [float(np.linalg.norm(pose.position_m - self.trajectory.positions_m[frame])) for pose in objects]
+            off_m = [float(np.linalg.norm(pose.position_m - positions_m[frame])) for pose in objects]
             nearest, *others = sorted(range(len(objects)), key=off_m.__getitem__)
             clear = off_m[nearest] <= GRASPED_M and all(off_m[k] >= CLEARLY * off_m[nearest] for k in others)
             found.append(nearest if clear and nearest not in found else None)
@@ -132,7 +117,7 @@ class Recording:
 
     def with_keyframes(self, keyframes: Sequence[Keyframe]) -> Demonstration:
         """The demonstration with the actions of these keyframes."""
-        actions = tuple(self.trajectory.action_at(k.frame, gripper_open=k.gripper_open) for k in keyframes)
+        actions = tuple(self.motion.trajectory.action_at(k.frame, gripper_open=k.gripper_open) for k in keyframes)
         return replace(self.demonstration, actions=actions, later_objects=())
 
 
@@ -172,12 +157,25 @@ def _same_order(one: Sequence[int | None], other: Sequence[int | None]) -> bool:
 
 
 def _of_one_signature(members: Sequence[Recording]) -> list[Demonstration]:
+    """With the keyframes of the recordings' rule; where these lose their paths, with as many as the paths need."""
     resting = 2 * sum(member.manner == "rests" for member in members) > len(members)
     numbers = _numbers([member.counts for member in members], most_frequent=resting)
-    if resting and _loses_path(members, numbers):
-        resting, numbers = False, _numbers([member.counts_on_path for member in members], most_frequent=False)
+    found = _with_numbers(members, numbers, as_found=resting)
+    on_path = _numbers([member.counts_on_path for member in members], most_frequent=False)
+    left_m = [member.left_m(item.actions) for member, item in zip(members, found, strict=True)]
+    if on_path == numbers or not leave_path(left_m):
+        return found
+    return _with_numbers(members, on_path, as_found=False)
+
+
+def _with_numbers(members: Sequence[Recording], numbers: tuple[int, ...], *, as_found: bool) -> list[Demonstration]:
+    """With so many keyframes in each phase.
+
+    Args:
+        as_found: whether recordings that rest at so many keep their own.
+    """
     own = [
-        resting and member.manner == "rests" and member.counts == numbers and len(member.keyframes) == sum(numbers)
+        as_found and member.manner == "rests" and member.counts == numbers and len(member.keyframes) == sum(numbers)
         for member in members
     ]
     chosen = [
@@ -192,15 +190,6 @@ def _of_one_signature(members: Sequence[Recording]) -> list[Demonstration]:
             for place, (member, keeps, item) in enumerate(zip(members, own, chosen, strict=True))
         ]
     return [member.with_keyframes(item) for member, item in zip(members, chosen, strict=True)]
-
-
-def _loses_path(members: Sequence[Recording], numbers: Sequence[int]) -> bool:
-    """Whether the keyframes of recordings that rest are too few for those among them that do not.
-
-    Then the rests of the others do not stand for their paths either: some happen to pass the same corner slowly.
-    """
-    moving = [member for member in members if member.manner != "rests"]
-    return sum(member.leaves_path(numbers) for member in moving) > OFTEN_SHARE * len(members)
 
 
 def _numbers(counts: Sequence[tuple[int, ...]], *, most_frequent: bool) -> tuple[int, ...]:
@@ -223,7 +212,7 @@ def _chosen(
             alone decides.
     """
     found: list[Keyframe] = []
-    for phase, (path, deviations), number in zip(recording.phases, recording.paths, numbers, strict=True):
+    for phase, path, number in zip(recording.motion.phases, recording.paths, numbers, strict=True):
         costs = None
         if others is not None:
             rows, place = others
@@ -231,10 +220,10 @@ def _chosen(
                 [_distances(recording, path, row, place) for row in rows[len(found) : len(found) + number]]
             )
             costs = TOGETHER_WEIGHT * np.minimum(costs, MAX_DISTANCE) ** 2
-        frames = [int(path.frames[k]) for k in best_waypoints(deviations, number, costs)]
+        frames = [int(path.frames[k]) for k in best_waypoints(path.deviations, number, costs)]
         if others is None:
-            frames = at_tips(recording.trajectory, phase.first, frames, recording.rule.tolerance_m)
-        found += at_frames(recording.trajectory, phase, frames)
+            frames = at_tips(recording.motion.trajectory.positions_m, phase.first, frames, recording.rule.tolerance_m)
+        found += at_frames(phase, frames)
     return found
 
 
@@ -242,8 +231,9 @@ def _distances(recording: Recording, path: HandPath, row: PlanRow, place: int) -
     """(N,) how far each pose of the path is from where the other demonstrations have the row, in tolerances."""
     demonstration = recording.demonstration
     origin_m, axes = anchor_frame(row.anchors[place], demonstration, tilted_objects([demonstration]))
-    offsets_m = axes.inv().apply(recording.trajectory.positions_m[path.frames] - origin_m)
-    rotations = axes.inv() * Rotation.from_quat(recording.trajectory.quaternions_xyzw[path.frames])
+    trajectory = recording.motion.trajectory
+    offsets_m = axes.inv().apply(trajectory.positions_m[path.frames] - origin_m)
+    rotations = axes.inv() * Rotation.from_quat(trajectory.quaternions_xyzw[path.frames])
     off_m = np.linalg.norm(offsets_m - row.centre_m, axis=1)
     off_m += M_PER_RAD * (row.mean_rotation.inv() * rotations).magnitude()
     distances: Array = off_m / recording.rule.tolerance_m

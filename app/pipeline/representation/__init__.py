@@ -7,7 +7,6 @@ from app.pipeline.representation.absolute import AbsoluteCodec
 from app.pipeline.representation.action_tokens import ActionTokensCodec, KatCodec
 from app.pipeline.representation.base import Codec
 from app.pipeline.representation.object_frame import ObjectFrameCodec
-from app.pipeline.representation.other_tasks import OtherTasksCodec
 from app.pipeline.workspace import Workspace
 from roboprompt_client.errors import InvalidInputError
 
@@ -43,20 +42,6 @@ def fit_codec(
     if prompt_format == KAT_FORMAT:
         codec = KatCodec
     return codec(workspace, tuple(demonstrations), with_instruction)
-
-
-def fit_other_tasks(
-    representation: str, prompt_format: str, tasks: Sequence[Sequence[Demonstration]], workspace: Workspace
-) -> Codec:
-    """As `fit_codec`, for the demonstrations of several tasks, none of them the one that is asked for.
-
-    Rows relative to objects are fitted task by task; of the others only the number of rows depends on demonstrations.
-    """
-    everything = [demonstration for shown in tasks for demonstration in shown]
-    if representation == "object_frame" and everything:
-        check_style(representation, prompt_format)
-        return OtherTasksCodec.fit(tasks, workspace, prompt_format == "paper")
-    return fit_codec(representation, prompt_format, everything, workspace)
 
 
 def check_style(representation: str, prompt_format: str) -> None:

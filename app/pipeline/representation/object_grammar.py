@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from app.pipeline.episode import Demonstration, Query, in_order
+from app.pipeline.episode import Demonstration, in_order
 from app.pipeline.order.order import Order
 from app.pipeline.representation.anchors import OBJECT_FRAMES
 from app.pipeline.representation.base import row_count_bounds
@@ -111,18 +111,8 @@ def plans_grammar(plans: Sequence[Plan], first_row: int, most: int) -> str:
     return f'root ::= " " ({" | ".join(names)}) "\\n"\n{rules}'
 
 
-def any_rows_grammar(
-    demonstrations: Sequence[Demonstration],
-    asked: Order,
-    first_row: int,
-    most: int,
-    scenes: Sequence[Query] = (),
-) -> str:
-    """The grammar of replies of well-formed rows, as many as the order's clauses have in the demonstrations.
-
-    Args:
-        scenes: with the objects that rows may follow; none: those of the demonstrations.
-    """
+def any_rows_grammar(demonstrations: Sequence[Demonstration], asked: Order, first_row: int, most: int) -> str:
+    """The grammar of replies of well-formed rows, as many as the order's clauses have in the demonstrations."""
     fewest, most = row_count_bounds(demonstrations, asked, most)
     rows = [
         f'"{number} " a ": " {"b" if number == first_row else "s"}' for number in range(first_row, first_row + most)
@@ -130,12 +120,12 @@ def any_rows_grammar(
     optional = ""
     for row in reversed(rows[fewest:]):
         optional = f' ("; " {row}{optional})?'
-    anchors = " | ".join(f'"{anchor}"' for anchor in _anchors(scenes or demonstrations, asked))
+    anchors = " | ".join(f'"{anchor}"' for anchor in _anchors(demonstrations, asked))
     required = ' "; " '.join(rows[:fewest])
     return f'root ::= " " {required}{optional} "\\n"\na ::= {anchors}\n{_GRAMMAR_TAIL}'
 
 
-def _anchors(scenes: Sequence[Query], asked: Order) -> list[str]:
+def _anchors(scenes: Sequence[Demonstration], asked: Order) -> list[str]:
     """Every letter and frame that the scenes' objects allow."""
     rotated = {pose.name for scene in scenes for pose in scene.objects if pose.quaternion_xyzw is not None}
     ordered = enumerate(in_order(scenes[0].objects, asked))

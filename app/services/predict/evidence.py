@@ -88,7 +88,6 @@ def _start(geometry: PandaGeometry, base: Calibration, hand: Mapping[str, Any] |
 def configuration(record: PredictionRecord) -> dict[str, Any]:
     """The settings that a prediction was made with, as a request names them."""
     asked = (
-        "demonstrations_from",
         "selection",
         "seed",
         "max_actions",

@@ -12,7 +12,6 @@ from app.pipeline.findings.rules import (
     MODEL_FAILED,
     NEW_INSTRUCTION,
     NEW_ROLE,
-    OTHER_TASKS,
     UNFAMILIAR_INSTRUCTION,
     UNPARSABLE,
     UNSAFE,
@@ -46,7 +45,7 @@ def findings_before(prefix: Prefix, taught: Taught, seen: Query, order: Order) -
     followed = taught.followed(order)
     scene = scene_findings(seen, taught.scenes, followed)
     sources = source_findings(_that_matter(seen, followed), taught.demonstrations, taught.compared)
-    return (*_other_tasks(prefix), *_words(order, prefix), *sources, *taught.findings(order), *scene)
+    return (*_words(order, prefix), *sources, *taught.findings(order), *scene)
 
 
 def _that_matter(seen: Query, followed: frozenset[str]) -> tuple[ObjectPose, ...]:
@@ -60,16 +59,6 @@ def failure_findings(status: PredictionStatus, error: str | None) -> tuple[Findi
         return ()
     rule, where, what = FAILURES[status]
     return (rule.finding(f"{what}: {error}. The robot got no actions.", where),)
-
-
-def _other_tasks(prefix: Prefix) -> Iterator[Finding]:
-    if others := prefix.other_tasks:
-        listed = ", ".join(f"{name} ({number})" for name, number in others)
-        message = (
-            f"Nobody has shown this task: the prompt has demonstrations of {listed}, with objects of their own. No"
-            " demonstrated plan holds the actions, only the bounds of motion do."
-        )
-        yield OTHER_TASKS.finding(message)
 
 
 def _words(order: Order, prefix: Prefix) -> Iterator[Finding]:

@@ -15,7 +15,7 @@ import numpy as np
 
 from app.llm.base import CompletionRequest, LanguageModel, LanguageModelError, complete
 from app.pipeline.order.order import Grounding, Order
-from app.pipeline.order.reading import read, read_untaught
+from app.pipeline.order.reading import read
 from app.pipeline.order.space import Layout
 from app.pipeline.order.taught import Taught
 from app.pipeline.prompt import Prompt
@@ -73,8 +73,7 @@ def ground_instruction(
     The objects move while a closed loop runs: "the leftmost cube" must stay the one that it was.
 
     Args:
-        taught: the instructions of the demonstrations that the prompt shows; empty where these are of other tasks:
-            then only the objects are understood.
+        taught: the instructions of the demonstrations that the prompt shows.
         objects: as they were observed, in the task's order.
 
     Raises:
@@ -83,21 +82,20 @@ def ground_instruction(
     if previous is not None and previous.instruction == request.instruction:
         return previous.grounded
     names, aliases = tuple(pose.name for pose in objects), tuple(sorted(settings.aliases.items()))
-    known = _taught(names, aliases, tuple(dict.fromkeys(taught)))
+    known = taught_of(names, aliases, tuple(dict.fromkeys(taught)))
     if request.meaning is not None:
         order = read(request.meaning, known)
         phrases = tuple(Grounding(instruction, phrase.object_name, "llm") for phrase in order.phrases)
         return replace(order, phrases=phrases)
     layout = Layout({pose.name: pose.position_m for pose in objects}, np.array(settings.robot_base))
-    if request.options.demonstrations_from is not None:
-        return read_untaught(instruction, known, layout)
     return read(instruction, known, layout, allow_unfamiliar=request.options.unfamiliar == "allow")
 
 
 @lru_cache(MAX_TASKS)
-def _taught(
+def taught_of(
     names: tuple[str, ...], aliases: tuple[tuple[str, tuple[str, ...]], ...], instructions: tuple[str, ...]
 ) -> Taught:
+    """What instructions about these objects are read against; kept, because robots ask again and again."""
     return Taught(names, dict(aliases), instructions, is_english)
 
 

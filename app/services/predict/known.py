@@ -16,9 +16,8 @@ from app.services.errors import NoDemonstrationsError
 from app.services.measures import timed
 from app.services.pose_servers import PoseServers
 from app.services.predict.closed_loop import PreviousStep, previous_step
-from app.services.predict.lent import LendingTask, lending_tasks, read_lent
 from app.services.predict.observe import look, observed
-from app.services.predict.prefix import Prefix, PrefixKey, PromptStyle, make_lent_prefix, make_prefix
+from app.services.predict.prefix import Prefix, PrefixKey, PromptStyle, make_prefix
 from app.services.predict.request import PredictOptions, PredictRequest
 from app.services.predict.select import (
     Demonstrations,
@@ -26,7 +25,7 @@ from app.services.predict.select import (
     TaskState,
     read_compared,
     read_demonstrations,
-    read_missed_m,
+    read_kept,
 )
 from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks
@@ -51,8 +50,7 @@ class Known:
         objects: as they were observed, in the task's order.
         end_effector: where it is before the first action: as the robot tells, else where the last step sent it.
         prefixes: one for all samples, or one for each.
-        taught: all demonstrations of the task, which an answer is held against; empty where the demonstrations are
-            other tasks'.
+        taught: all demonstrations of the task, which an answer is held against.
         plan_findings: which of the demonstrated plans the first shows, and why.
     """
 
@@ -114,7 +112,7 @@ class KnownReader:
                 profile = self.profile_of(previous.model if previous else request.options.model)
                 style = previous.style if previous else PromptStyle.of(request, settings, profile)
                 shown = self._shown(connection, request, task, settings, style, objects, previous)
-                taught = self._taught(connection, task, settings, style, request.options.demonstrations_from)
+                taught = self._taught(connection, task, settings, style)
         prefixes, findings = [prefix for prefix, _ in shown], shown[0][1]
         return Known(settings, previous, end_effector, objects, profile, style, prefixes, taught, findings)
 
@@ -129,12 +127,12 @@ class KnownReader:
             task = tasks.get(connection, task_name)
             settings = TaskSettings.model_validate(task.settings)
             style = PromptStyle.of(request, settings, self.profile_of(None))
-            self._taught(connection, task, settings, style, request.options.demonstrations_from)
+            self._taught(connection, task, settings, style)
             number = settings.num_demonstrations
             ids = self._select(connection, task, request.options.selection, number, request.options.seed, ())
             plans = self._plans_of(connection, task, settings, ids)
             choices = [None] if plans is None else plans.likely()
-            return [self._prefix(connection, task, settings, style, ids, (), choice) for choice in choices]
+            return [self._prefix(connection, task, settings, style, ids, choice) for choice in choices]
 
     def _taught(
         self,
@@ -142,26 +140,22 @@ class KnownReader:
         task: TaskRecord,
         settings: TaskSettings,
         style: PromptStyle,
-        demonstrations_from: Sequence[str] | None,
     ) -> Taught:
         """All demonstrations of the task, whichever the request names; of very many those that lie farthest apart.
 
-        Those that a program names may be of one way by chance: the service cannot know that a person chose them. None
-        where the demonstrations are other tasks'.
+        Those that a program names may be of one way by chance: the service cannot know that a person chose them.
         """
-        if demonstrations_from is not None:
-            return Taught(())
 
         def make() -> Taught:
             ids = self._select(connection, task, "diverse", MAX_HELD_AGAINST, 0, ())
             recorded = self._read(connection, task, settings, ids).recorded
-            missed_m = read_missed_m(connection, task.name, recorded)
+            paths = read_kept(connection, task.name, recorded, settings)
             if not style.from_start:
                 recorded = tuple(replace(demonstration, start=None) for demonstration in recorded)
             return Taught(
                 recorded,
                 settings.ways == "several",
-                missed_m,
+                paths,
                 frozenset(settings.yaw_symmetry_deg),
                 moves=style.closed_loop,
                 compared=read_compared(connection, task.name, ids, settings),
@@ -194,13 +188,10 @@ class KnownReader:
 
         Of several plans those that the scene calls for, and why, unless somebody chose the demonstrations.
         """
-        options, lending = request.options, tuple[LendingTask, ...]()
+        options = request.options
         number = options.num_demonstrations or settings.num_demonstrations
         if previous is not None:
             ids = previous.demonstration_ids
-        elif options.demonstrations_from is not None:
-            lending = lending_tasks(connection, request, task, number, self._select)
-            ids = tuple(id_ for other in lending for id_ in other.ids)
         elif options.episode_ids is not None:
             ids = options.episode_ids
             _refuse_left_out(connection, ids)
@@ -211,10 +202,10 @@ class KnownReader:
             raise NoDemonstrationsError(task.name)
         found = []
         for order in _orders(ids, options):
-            by_scene = not (named or lending or style.closed_loop)
+            by_scene = not (named or style.closed_loop)
             plans = self._plans_of(connection, task, settings, order) if by_scene else None
             choice = None if plans is None else plans(objects)
-            prefix = self._prefix(connection, task, settings, style, order, lending, choice, all_of_them=named)
+            prefix = self._prefix(connection, task, settings, style, order, choice, all_of_them=named)
             found.append((prefix, () if choice is None else choice.findings))
         return found
 
@@ -233,7 +224,6 @@ class KnownReader:
         settings: TaskSettings,
         style: PromptStyle,
         ids: tuple[str, ...],
-        lending: Sequence[LendingTask],
         choice: PlanChoice | None,
         *,
         all_of_them: bool = False,
@@ -241,17 +231,13 @@ class KnownReader:
         """The demonstrations of those ids, written down.
 
         Args:
-            lending: the tasks whose they are, where that is not `task`.
             choice: those of them that the scene calls for.
             all_of_them: also those of a rare plan.
         """
-        versions = tuple((other.record.name, other.record.version) for other in lending)
         shown_ids = () if choice is None else tuple(demonstration.id for demonstration in choice.shown)
-        key = PrefixKey(task.name, task.version, style, ids, all_of_them, versions, shown_ids)
+        key = PrefixKey(task.name, task.version, style, ids, all_of_them, shown_ids)
 
         def make() -> Prefix:
-            if lending:
-                return make_lent_prefix(read_lent(connection, lending, task, settings), ids, settings, style)
             if choice is not None:
                 return make_prefix(Demonstrations(agreeing(choice.shown), choice.shown), settings, style)
             if style.closed_loop:

@@ -1,6 +1,5 @@
 """What a request observed: its objects' poses in the task's order, given or found in images."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 from app.perception.registry import estimate_poses
@@ -58,18 +57,15 @@ def observed(
     """The observed objects' poses in the task's order, symmetric objects at their canonical yaw.
 
     Raises:
-        NoDemonstrationsError: if the task has no demonstrations, and the request asks for no other task's.
+        NoDemonstrationsError: if the task has no demonstrations.
         ObjectSetError: if the request has other objects; as `estimate_poses` and `check_scene_units`.
     """
     sent = [query.name for query in request.objects]
-    names: Sequence[str] | None = task.object_names
-    if names is None:
-        if request.options.demonstrations_from is None:
-            raise NoDemonstrationsError(task.name)
-        names = list(dict.fromkeys(sent))
-    check_object_names(sent, names)
+    if task.object_names is None:
+        raise NoDemonstrationsError(task.name)
+    check_object_names(sent, task.object_names)
     queries = with_templates(settings.with_models(request.objects), blobs)
     poses = estimate_poses(settings.pose_estimator, queries, request.frames, given_first=True)
     check_scene_units(poses, settings.workspace.workspace())
     by_name = {pose.name: pose for pose in poses}
-    return settings.canonical(tuple(by_name[name] for name in names))
+    return settings.canonical(tuple(by_name[name] for name in task.object_names))

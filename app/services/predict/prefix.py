@@ -1,7 +1,7 @@
 """What an LLM reads before the query, made once for each version of a task and style of prompt: the demonstrations."""
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -11,7 +11,7 @@ from app.pipeline.episode import Demonstration
 from app.pipeline.plans import by_plan
 from app.pipeline.plans.support import Support
 from app.pipeline.prompt import PromptTemplate, system_prompt_text
-from app.pipeline.representation import KAT_FORMAT, fit_codec, fit_other_tasks
+from app.pipeline.representation import KAT_FORMAT, fit_codec
 from app.pipeline.representation.base import Codec
 from app.pipeline.workspace import Workspace
 from app.services.predict.request import PredictRequest
@@ -55,7 +55,6 @@ class PrefixKey:
 
     Attributes:
         all_of_them: also demonstrations of a rare plan.
-        other_tasks: whose demonstrations it has instead of the task's own, with their versions.
         shown_ids: of the demonstrations whose plan the scene calls for; empty where no scene is asked.
     """
 
@@ -64,7 +63,6 @@ class PrefixKey:
     style: PromptStyle
     demonstration_ids: tuple[str, ...]
     all_of_them: bool = False
-    other_tasks: tuple[tuple[str, int], ...] = ()
     shown_ids: tuple[str, ...] = ()
 
 
@@ -75,17 +73,14 @@ class Prefix:
     Attributes:
         template: writes the query after them; of a closed loop, for every step.
         demonstration_ids: in the order in which they are shown.
-        support: what the demonstrations support; None for the steps of a closed loop, and where they are of other
-            tasks than the one that is asked for.
-        instructions: of the demonstrations, where they are of that task.
-        other_tasks: where they are of others, these with the numbers of demonstrations.
+        support: what the demonstrations support; None for the steps of a closed loop.
+        instructions: of the demonstrations.
     """
 
     template: PromptTemplate | ClosedLoopTemplate
     demonstration_ids: tuple[str, ...]
     support: Support | None = None
     instructions: tuple[str, ...] = ()
-    other_tasks: tuple[tuple[str, int], ...] = ()
 
     @cached_property
     def cache_key(self) -> str:
@@ -112,24 +107,6 @@ def make_prefix(demonstrations: Demonstrations, settings: TaskSettings, style: P
         None if style.closed_loop else Support.of(by_plan(recorded)),
         tuple(item.instruction for item in shown),
     )
-
-
-def make_lent_prefix(
-    lent: Mapping[str, Sequence[Demonstration]], ids: Sequence[str], settings: TaskSettings, style: PromptStyle
-) -> Prefix:
-    """The same of other tasks' demonstrations, which nothing is held to.
-
-    Args:
-        lent: by task what a prompt shows of it.
-        ids: in the order in which they are shown.
-        settings: of the task that is asked for.
-    """
-    groups = [[item if style.from_start else replace(item, start=None) for item in group] for group in lent.values()]
-    codec = fit_other_tasks(style.representation, style.prompt_format, groups, settings.workspace.workspace())
-    shown = sorted((item for group in groups for item in group), key=lambda item: ids.index(item.id))
-    template = PromptTemplate.write(codec, shown, system_prompt_text(style.system_prompt), of_other_tasks=True)
-    numbers = tuple((name, len(group)) for name, group in lent.items())
-    return Prefix(template, tuple(item.id for item in shown), other_tasks=numbers)
 
 
 def _template(

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field
 
 from app.llm.base import ModelProfile
 from app.perception.base import ObjectQuery
@@ -15,32 +15,10 @@ from app.store.values import JsonObject
 from roboprompt_client.camera import Camera, RgbdFrame
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.motion_limits import MAX_ACTIONS, Pose
-from roboprompt_client.wording import checked_name
 
 Selection = Literal["first", "recent", "random", "nearest", "diverse"]
 SAMPLES_TEMPERATURE = 0.5
-MAX_OTHER_TASKS = 8
-SIMILAR: Literal["similar"] = "similar"
 Doubtful = Literal["refuse", "allow"]
-
-
-def _names_or_similar(value: object) -> object:
-    """One error for whatever is neither, in place of one for each."""
-    if value is None or value == SIMILAR:
-        return value
-    if not isinstance(value, list | tuple) or not 1 <= len(value) <= MAX_OTHER_TASKS:
-        raise InvalidInputError("demonstrations_from", f"is {value!r:.80}", OTHER_TASKS_RULE)
-    for k, name in enumerate(value):
-        field = f"demonstrations_from[{k}]"
-        if not isinstance(name, str) or name in value[:k]:
-            why = "stands there twice" if isinstance(name, str) else "is no name"
-            raise InvalidInputError(field, f"{name!r:.80} {why}", OTHER_TASKS_RULE)
-        checked_name(field, name)
-    return value
-
-
-OTHER_TASKS_RULE = f'1 to {MAX_OTHER_TASKS} different names of other tasks, or "{SIMILAR}"'
-OtherTaskNames = Annotated[tuple[str, ...], Field(min_length=1, max_length=MAX_OTHER_TASKS)]
 
 
 class PredictOptions(BaseModel):
@@ -76,15 +54,6 @@ class PredictOptions(BaseModel):
     episode_ids: Annotated[
         tuple[str, ...] | None,
         Field(min_length=1, max_length=100, description="exactly these demonstrations, in this order"),
-    ] = None
-    demonstrations_from: Annotated[
-        Literal["similar"] | OtherTaskNames | None,
-        BeforeValidator(_names_or_similar),
-        Field(
-            description="for a task that nobody showed: the prompt has demonstrations of these tasks instead, the last "
-            "one's last; similar: of up to three whose newest instruction and objects share most words with the "
-            "request. Nothing holds the actions to what was demonstrated: the answer has a finding of severity danger"
-        ),
     ] = None
     model: Annotated[str | None, Field(max_length=200, description="a name from GET /models")] = None
     representation: Representation | None = None
@@ -129,28 +98,6 @@ class PredictOptions(BaseModel):
             return self.temperature
         return 0.0 if self.num_samples == 1 or self.permute_demonstrations else SAMPLES_TEMPERATURE
 
-    def check_other_tasks(self, task: str) -> None:
-        """Refuse what does not go with demonstrations of other tasks than `task`.
-
-        Raises:
-            InvalidInputError.
-        """
-        if self.demonstrations_from is None:
-            return
-        without = "no demonstrations_from"
-        if self.demonstrations_from != SIMILAR and task in self.demonstrations_from:
-            place = self.demonstrations_from.index(task)
-            message = f"{task!r} is the task that is asked for"
-            raise InvalidInputError(f"demonstrations_from[{place}]", message, f"other tasks; {without} for its own")
-        if self.episode_ids is not None:
-            raise InvalidInputError("episode_ids", "is given together with demonstrations_from", "one of the two")
-        if self.closed_loop or self.after is not None:
-            field = "closed_loop" if self.closed_loop else "after"
-            raise InvalidInputError(field, "does not go with demonstrations of other tasks", without)
-        if self.selection == "nearest":
-            message = "is 'nearest', but other tasks have other objects"
-            raise InvalidInputError("selection", message, "first, recent, random or diverse")
-
 
 @dataclass(frozen=True)
 class PredictRequest:
@@ -181,7 +128,6 @@ class PredictRequest:
         options = self.options
         if options.num_samples > 1 and (options.closed_loop or options.after is not None):
             raise InvalidInputError("num_samples", f"is {options.num_samples} in a closed loop", "1")
-        options.check_other_tasks(self.task)
 
     def without_frames(self) -> "PredictRequest":
         """The same with the cameras, but without what was decoded: it would fill the memory while the LLM is asked."""

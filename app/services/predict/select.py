@@ -14,10 +14,9 @@ import numpy as np
 from sqlalchemy import Connection
 
 from app.perception.base import ObjectQuery
-from app.pipeline.episode import Demonstration, frame_times_s
-from app.pipeline.findings.missed import missed_m
+from app.pipeline.episode import Demonstration
+from app.pipeline.findings.missed import Kept, kept
 from app.pipeline.findings.sources import Compared
-from app.pipeline.keyframes import KeyframeRule
 from app.pipeline.plans import Recording, agreeing, aligned_by_plan, shown_together
 from app.services.cache import Cache
 from app.services.predict.request import Selection
@@ -231,23 +230,29 @@ def read_compared(
     )
 
 
-def read_missed_m(connection: Connection, task: str, recorded: Sequence[Demonstration]) -> tuple[float, ...]:
-    """How far the actions of each of the task's demonstrations stay from where the recorded hand acts."""
+def read_kept(
+    connection: Connection, task: str, recorded: Sequence[Demonstration], settings: TaskSettings
+) -> tuple[Kept, ...]:
+    """How closely the actions of each of the task's demonstrations keep to its recording."""
     ids = [demonstration.id for demonstration in recorded]
     records = episodes.demonstrations_by_id(connection, task, ids)
+    delta_rad_s = settings.keyframes.keyframe_rule().delta_rad_s
     found = zip(recorded, get_trajectories(connection, ids), records, strict=True)
-    return tuple(missed_m(t, frame_times_s(t, record.control_frequency_hz), d.actions) for d, t, record in found)
+    return tuple(
+        kept(settings.motion_of(t, record.control_frequency_hz), d.actions, delta_rad_s) for d, t, record in found
+    )
 
 
 def recordings_of(
     records: Sequence[DemonstrationRecord], trajectories: Sequence[Trajectory], settings: TaskSettings
 ) -> list[Recording]:
     """The demonstrations of records as they were found, each with the trajectory that it was made from."""
-    rule = settings.keyframes.keyframe_rule()
-    return [
-        _recording(canonical_demonstration(record.demonstration(), settings), trajectory, record, rule)
-        for record, trajectory in zip(records, trajectories, strict=True)
-    ]
+    rule, recordings = settings.keyframes.keyframe_rule(), []
+    for record, trajectory in zip(records, trajectories, strict=True):
+        motion = settings.motion_of(trajectory, record.control_frequency_hz)
+        demonstration = canonical_demonstration(record.demonstration(), settings)
+        recordings.append(Recording(replace(demonstration, start=trajectory.action_at(0)), motion, rule))
+    return recordings
 
 
 def _unaligned(records: Sequence[DemonstrationRecord], settings: TaskSettings) -> Demonstrations:
@@ -259,10 +264,3 @@ def canonical_demonstration(demonstration: Demonstration, settings: TaskSettings
     """The demonstration as prompts show it: symmetric objects at their canonical yaw."""
     later = tuple(settings.canonical(objects) for objects in demonstration.later_objects)
     return replace(demonstration, objects=settings.canonical(demonstration.objects), later_objects=later)
-
-
-def _recording(
-    demonstration: Demonstration, trajectory: Trajectory, record: DemonstrationRecord, rule: KeyframeRule
-) -> Recording:
-    started = replace(demonstration, start=trajectory.action_at(0))
-    return Recording(started, trajectory, frame_times_s(trajectory, record.control_frequency_hz), rule)

@@ -156,7 +156,7 @@ def _request(task: str, model: str, recording: Recording, others: Sequence[str])
         )
         for pose in demonstration.objects
     )
-    start = recording.trajectory.action_at(0)
+    start = recording.motion.trajectory.action_at(0)
     end_effector = Pose(tuple(start.position_m.tolist()), tuple(start.quaternion_xyzw.tolist()))
     # an action unlike the demonstrations is measured instead of refused
     return PredictRequest(

@@ -5,11 +5,10 @@ from dataclasses import dataclass
 
 from app.perception.base import ObjectQuery
 from app.perception.registry import estimate_poses
-from app.pipeline.episode import frame_times_s
 from app.pipeline.findings import Finding
 from app.pipeline.findings.recording import compared_findings, recording_findings
 from app.pipeline.findings.units import unit_findings
-from app.pipeline.keyframes import find_keyframes
+from app.pipeline.keyframes import Motion, find_keyframes
 from app.services.scene_images import read_frame
 from app.services.task_settings import TaskSettings
 from app.services.templates import with_templates
@@ -20,7 +19,7 @@ from app.store.trajectories import get_trajectory
 from app.store.values import KeyframeRecord, ObjectRecord
 from roboprompt_client.camera import RgbdFrame
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.trajectory import ObjectPose, Trajectory
+from roboprompt_client.trajectory import ObjectPose
 
 
 @dataclass(frozen=True)
@@ -37,29 +36,28 @@ class Extracted:
 
 
 def extract(
-    trajectory: Trajectory,
+    motion: Motion,
     objects: Sequence[ObjectQuery],
     frames: Sequence[RgbdFrame],
     settings: TaskSettings,
     names: Sequence[str],
-    control_frequency_hz: float,
     blobs: BlobStore,
 ) -> Extracted:
     """Find the keyframes and estimate the objects' poses.
 
     Args:
+        motion: as the settings read it.
         objects: as sent, which is also the order of the objects that the trajectory tracks.
         names: of the objects, in the task's order.
-        control_frequency_hz: of the recording, for a trajectory without timestamps.
         blobs: where templates of the objects are.
 
     Raises:
         InvalidInputError: if there is no keyframe, an object cannot be found, or a model is of none of them.
     """
-    trajectory = trajectory.with_gripper_open_above(settings.gripper_open_above_m)
-    found = find_keyframes(trajectory, settings.keyframes.keyframe_rule(), control_frequency_hz)
+    rule, trajectory = settings.keyframes.keyframe_rule(), motion.trajectory
+    found = find_keyframes(motion, rule)
     if not found:
-        message = f"no keyframe in {len(trajectory)} frames by rule {settings.keyframes.rule!r}"
+        message = f"no keyframe in {len(trajectory)} frames by rule {rule.rule!r}"
         raise InvalidInputError("trajectory", message, "an episode in which the robot moves and then rests")
     settings.check_models(names)
     queries = with_templates(settings.with_models(objects), blobs)
@@ -74,10 +72,8 @@ def extract(
         )
         for frame, gripper_open in found
     )
-    times_s = frame_times_s(trajectory, control_frequency_hz)
-    doubts = recording_findings(trajectory, times_s, found, settings.keyframes.keyframe_rule())
-    compared = settings.compared(objects, poses)
-    findings = (*unit_findings(trajectory, poses), *compared_findings(compared), *doubts)
+    compared = compared_findings(settings.compared(objects, poses))
+    findings = (*unit_findings(trajectory, poses), *compared, *recording_findings(motion, found, rule))
     return Extracted(keyframes, tuple(ObjectRecord.of(pose) for pose in _ordered(poses, names)), findings)
 
 
@@ -93,12 +89,12 @@ def extract_again(store: Store, record: EpisodeRecord, settings: TaskSettings) -
         CorruptDataError: if what is stored of it is damaged.
     """
     with store.read() as connection:
-        trajectory = get_trajectory(connection, record.id)
+        motion = settings.motion_of(get_trajectory(connection, record.id), record.control_frequency_hz)
     try:
         names = [item.name for item in record.objects]
         queries = tuple(map(ObjectQuery.from_json, record.given_objects))
         frames = [read_frame(store.blobs, item) for item in record.cameras]
-        extracted = extract(trajectory, queries, frames, settings, names, record.control_frequency_hz, store.blobs)
+        extracted = extract(motion, queries, frames, settings, names, store.blobs)
     except InvalidInputError as error:
         raise InvalidInputError(f"episode {record.id}: {error.field}", error.message, error.valid) from error
     return Extraction(record.id, extracted.keyframes, extracted.objects)

@@ -11,7 +11,7 @@ from sqlalchemy import Connection
 
 from app.perception.base import ObjectQuery
 from app.perception.images import ImageBytes
-from app.pipeline.episode import Episode, frame_times_s
+from app.pipeline.episode import Episode
 from app.pipeline.findings.recording import check_moves
 from app.pipeline.findings.units import check_recording_units
 from app.pipeline.prompt import check_object_names
@@ -146,16 +146,10 @@ class UploadEpisode:
             names = list(task.object_names)
             check_object_names(sent, names)
         episode = upload.episode
-        _check_recording(upload)
-        return extract(
-            episode.trajectory,
-            upload.objects,
-            episode.frames,
-            settings,
-            names,
-            episode.control_frequency_hz,
-            self._store.blobs,
-        )
+        motion = settings.motion_of(episode.trajectory, episode.control_frequency_hz)
+        check_moves(motion)
+        check_recording_units(motion, _given(upload.objects), [frame.camera for frame in episode.frames])
+        return extract(motion, upload.objects, episode.frames, settings, names, self._store.blobs)
 
     def _commit(self, attempt: _Attempt) -> JsonObject | None:
         """The answer, or None if the task changed in what matters since it was read, or was deleted."""
@@ -184,25 +178,17 @@ class UploadEpisode:
         return answer
 
 
-def _check_recording(upload: Upload) -> None:
-    """Refuse a recording in which nothing happens, or whose numbers are in other units.
-
-    Raises:
-        InvalidInputError: naming the field and the likely cause.
-    """
-    trajectory = upload.episode.trajectory
-    check_moves(trajectory)
-    given = tuple(
+def _given(objects: Sequence[ObjectQuery]) -> tuple[ObjectPose, ...]:
+    """Those whose poses came with the recording."""
+    return tuple(
         ObjectPose(
             query.name,
             np.array(query.position_m),
             None if query.quaternion_xyzw is None else np.array(query.quaternion_xyzw),
         )
-        for query in upload.objects
+        for query in objects
         if query.position_m is not None
     )
-    cameras = [frame.camera for frame in upload.episode.frames]
-    check_recording_units(trajectory, given, frame_times_s(trajectory, upload.episode.control_frequency_hz), cameras)
 
 
 def _what_is_extracted(

@@ -5,6 +5,7 @@ from fastapi.responses import RedirectResponse
 from starlette.exceptions import HTTPException
 from starlette.responses import Response
 
+from app.api.access_rules import GUIDE
 from app.web.page import PageRoute, serve_assets
 from app.web.routes import episode, live, objects, predict, predictions, tasks
 
@@ -28,6 +29,12 @@ def install_pages(app: FastAPI) -> None:
 def enter() -> RedirectResponse:
     """To the first page."""
     return RedirectResponse(HOME)
+
+
+@_elsewhere.get(f"{GUIDE}{{path:path}}")
+def guide_that_is_not_built(path: str) -> Response:
+    """The answer where a checkout has no built documentation; a wheel has it."""
+    raise HTTPException(404, "the documentation is not built here: make docs")
 
 
 @_elsewhere.get("/ui/{path:path}")

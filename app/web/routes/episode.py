@@ -16,8 +16,8 @@ from starlette.responses import Response
 from app.api.documents import episode_document
 from app.api.routes import Wired
 from app.llm.base import LanguageModelError
-from app.pipeline.episode import Demonstration, frame_times_s, gripper_stretches
-from app.pipeline.keyframes import Rule
+from app.pipeline.episode import Demonstration, stretches
+from app.pipeline.keyframes import Motion, Rule
 from app.pipeline.representation import KAT_FORMAT, REPRESENTATIONS, fit_codec
 from app.pipeline.spans import Span, prompt_spans
 from app.services.container import Services
@@ -92,29 +92,23 @@ def episode_texts(
 
 @dataclass(frozen=True, eq=False)
 class _Recording:
-    """An episode with its task and trajectory."""
+    """An episode with its task and motion, the gripper as the task's settings read it."""
 
     record: EpisodeRecord
     task: TaskRecord
-    trajectory: Trajectory
-
-    @property
-    def settings(self) -> TaskSettings:
-        return TaskSettings.model_validate(self.task.settings)
-
-    @property
-    def times_s(self) -> Array:
-        return frame_times_s(self.trajectory, self.record.control_frequency_hz)
+    settings: TaskSettings
+    motion: Motion
 
     def preview(self, rule: KeyframeSettings) -> Preview:
-        stored = [item.index for item in self.record.keyframes]
-        return preview(self.trajectory, self.times_s, rule, stored, self.settings)
+        return preview(self.motion, rule, [item.index for item in self.record.keyframes], self.settings)
 
 
 def _recording(services: Services, episode_id: str) -> _Recording:
     with services.store.read() as connection:
         record = episodes.get(connection, episode_id)
-        return _Recording(record, tasks.get(connection, record.task), get_trajectory(connection, episode_id))
+        task, trajectory = tasks.get(connection, record.task), get_trajectory(connection, episode_id)
+    settings = TaskSettings.model_validate(task.settings)
+    return _Recording(record, task, settings, settings.motion_of(trajectory, record.control_frequency_hz))
 
 
 @router.get("/ui/episodes/{episode_id}")
@@ -146,7 +140,7 @@ def episode_page(
         episode=recording.record,
         document=episode_document(recording.record, recording.settings),
         settings=recording.settings,
-        duration_s=float(recording.times_s[-1]),
+        duration_s=float(recording.motion.times_s[-1]),
         preview=shown,
         rules=ABOUT_RULES,
         num_episodes=num_episodes,
@@ -162,18 +156,18 @@ def episode_page(
 def episode_motion(services: Wired, episode_id: str) -> Response:
     """Speeds and gripper over time, and the scene without keyframes."""
     recording = _recording(services, episode_id)
-    times_s, velocities = recording.times_s, recording.trajectory.joint_velocities_rad_s
-    stretches = gripper_stretches(recording.trajectory.gripper_open.tolist())
+    times_s, trajectory = recording.motion.times_s, recording.motion.trajectory
+    by_gripper = stretches(trajectory.gripper_open)
     ends_s = np.append(times_s, times_s[-1])
     document: JsonObject = {
-        "has_joints": recording.trajectory.num_joints > 0,
+        "has_joints": trajectory.num_joints > 0,
         "times_s": times_s.round(4).tolist(),
-        "hand_m_s": _hand_m_s(recording.trajectory, times_s).round(5).tolist(),
-        "speed_rad_s": np.linalg.norm(velocities, axis=1).round(5).tolist(),
-        "fastest_joint_rad_s": np.abs(velocities).max(axis=1, initial=0.0).round(5).tolist(),
-        "gripper": [[float(ends_s[first]), float(ends_s[end]), is_open] for first, end, is_open in stretches],
-        "scene": scene(recording.settings.workspace, recording.record.objects, (), recording.trajectory.positions_m),
-        "play": recorded_motion(recording.trajectory, times_s, recording.settings),
+        "hand_m_s": _hand_m_s(trajectory, times_s).round(5).tolist(),
+        "speed_rad_s": recording.motion.joint_speeds_rad_s.round(5).tolist(),
+        "fastest_joint_rad_s": np.abs(trajectory.joint_velocities_rad_s).max(axis=1, initial=0.0).round(5).tolist(),
+        "gripper": [[float(ends_s[first]), float(ends_s[end]), is_open] for first, end, is_open in by_gripper],
+        "scene": scene(recording.settings.workspace, recording.record.objects, (), trajectory.positions_m),
+        "play": recorded_motion(trajectory, times_s, recording.settings),
     }
     return JSONResponse(document, headers=HEADERS)
 

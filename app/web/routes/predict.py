@@ -43,7 +43,6 @@ SETTINGS = (
     "selection",
     "seed",
     "episode_ids",
-    "demonstrations_from",
     "unfamiliar",
     "max_actions",
     "timeout_s",
@@ -206,7 +205,7 @@ async def predict_prompt(request: Request, services: Wired) -> Response:
     present().require_demonstrations()
     body = await read_body(request)
     async with image_work(request).room(request, body, services.limits) as decode:
-        query, _ = await questioned(decode, body, services.limits)
+        query, _ = await questioned(decode, body, services)
         question = await services.predict_actions.prepare(query, ask_meaning=False)
         del query
     return await run_in_threadpool(_prompt_part, request, services, question)

@@ -119,8 +119,6 @@ function documentOf(form) {
   for (const name of NUMBERS) if (form.elements[name].value) found[name] = form.elements[name].valueAsNumber;
   const ids = words(form.elements.episode_ids.value);
   if (ids.length) found.episode_ids = ids;
-  const others = form.elements.demonstrations_from.value.split(",").map((name) => name.trim()).filter(Boolean);
-  if (others.length) found.demonstrations_from = others.join() === "similar" ? "similar" : others;
   const arm = form.elements.end_effector.value.trim();
   if (arm) {
     const values = numbers(arm, "end_effector", 7);

@@ -3,15 +3,19 @@
 import logging
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
 
 from roboprompt_client.arms.calibration import Calibration
-from roboprompt_client.arms.driver import ArmState, Driver
+from roboprompt_client.arms.driver import ArmState, Driver, Guidable, pose_matrix
 from roboprompt_client.arms.geometry import Geometry, KnowsItsJoints
 from roboprompt_client.arms.preview import Previewed, preview_plan
+from roboprompt_client.arrays import Array
+from roboprompt_client.cameras.rig import Rig
+from roboprompt_client.cameras.viewpoints import ConfirmViewpoint, look_around
 from roboprompt_client.errors import InvalidInputError, MotionError
 from roboprompt_client.motion_guard import MotionGuard
 from roboprompt_client.motion_limits import MotionLimits, Pose
@@ -46,6 +50,12 @@ class Arm:
         open_width_m: what the fingers measure when they are open; None: as wide as they were ever measured.
         geometry: of its joints, for the preview; None: the driver's own, if it has one.
         reach_m: how far from its base the hand gets, for the preview of an arm whose joints are not known.
+        cameras: whose pictures `observe` takes; None: none.
+        viewpoints: to which the hand goes for pictures of cameras that it carries; none: they look from where it is.
+
+    Attributes:
+        to_find: the names of objects that the service is to find in the pictures, as `Observation` has them.
+        confirm_viewpoint: asked before the hand goes to a viewpoint, with its number from 1; None: nothing is asked.
     """
 
     def __init__(
@@ -59,8 +69,13 @@ class Arm:
         open_width_m: float | None = None,
         geometry: Geometry | None = None,
         reach_m: float | None = None,
+        cameras: Rig | None = None,
+        viewpoints: Sequence[Pose] = (),
     ) -> None:
         self.driver = driver
+        self.cameras, self.viewpoints = cameras, tuple(viewpoints)
+        self.to_find: tuple[str, ...] = ()
+        self.confirm_viewpoint: ConfirmViewpoint | None = None
         self._calibration = calibration or Calibration.none()
         self._observe_scene = observe_scene
         self._limits = limits or MotionLimits(hand_radius_m=0.0)
@@ -83,6 +98,13 @@ class Arm:
         """Stop, and leave the arm."""
         self.stop()
         self.driver.close()
+        if self.cameras is not None:
+            self.cameras.close()
+
+    def hand_to_world(self) -> Array:
+        """The hand's pose (4, 4) in the world now."""
+        state = self.state()
+        return pose_matrix(state.position_m, state.quaternion_xyzw)
 
     def state(self) -> ArmState:
         """The arm as it is now, in the world frame; safe to call from another thread."""
@@ -98,10 +120,18 @@ class Arm:
         )
 
     def observe(self) -> Observation:
+        """The scene as it is now; the hand goes to the viewpoints first, where there are any.
+
+        Raises:
+            CameraError: naming the camera whose picture cannot be used.
+            NotConfirmedError: if a person did not let the hand go to a viewpoint.
+            MotionError, UnsafeActionError: as `execute`.
+        """
+        frames = () if self.cameras is None else look_around(self, self.cameras)
         seen = Observation() if self._observe_scene is None else self._observe_scene()
-        state = self.state()
-        hand = Pose(tuple(state.position_m.tolist()), tuple(state.quaternion_xyzw.tolist()))
-        return Observation(seen.objects, seen.frames, seen.to_find, hand)
+        known = {item.name for item in seen.objects}
+        to_find = dict.fromkeys((*seen.to_find, *(name for name in self.to_find if name not in known)))
+        return Observation(seen.objects, (*seen.frames, *frames), to_find, _pose(self.state()))
 
     def preview(self, actions: Sequence[EndEffectorAction], limits: MotionLimits) -> tuple[Previewed, ...]:
         """What a plan asks of the arm from where it is; nothing moves.
@@ -138,15 +168,39 @@ class Arm:
             MotionError: before any motion if the pose is out of reach or the arm was stopped; afterwards if it did not
                 arrive, with how far off, or if the gripper did not do as commanded. The arm is stopped.
         """
-        if not self._moving.acquire(blocking=False):
-            raise MotionError("the arm is in a motion that another thread began")
-        try:
+        with self._alone():
             self._execute(action)
-        except BaseException:
-            self.stop()
-            raise
-        finally:
-            self._moving.release()
+
+    def go_to(self, pose: Pose) -> None:
+        """Move as `execute` does, and leave the gripper as it is; raises as `execute`."""
+        position_m, quaternion_xyzw = np.array(pose.position_m), np.array(pose.quaternion_xyzw)
+        with self._alone():
+            self._move(EndEffectorAction(position_m, quaternion_xyzw, gripper_open=True))
+
+    @contextmanager
+    def guided(self) -> Iterator[None]:
+        """While it lasts a person moves the arm by hand; it holds still afterwards.
+
+        Raises:
+            InvalidInputError: if the driver cannot let go of its arm.
+            MotionError: if the arm moves, was stopped, or refuses.
+        """
+        if not isinstance(self.driver, Guidable):
+            raise InvalidInputError("guide", f"{self.driver.name} cannot be guided by its driver", "its maker's button")
+        with self._alone():
+            self._refuse_if_stopped()
+            with self.driver.guided():
+                yield
+            self._refuse_if_stopped()
+
+    def set_gripper(self, *, is_open: bool) -> None:
+        """Open or close the gripper where the arm is, also while it is guided.
+
+        Raises:
+            MotionError: if the arm was stopped, or the gripper does not answer.
+        """
+        self._refuse_if_stopped()
+        self.driver.set_gripper(is_open=is_open)
 
     def stop(self) -> None:
         """Hold still, from any thread; what was moving raises MotionError, and nothing moves until `recover`."""
@@ -165,7 +219,27 @@ class Arm:
         self.driver.recover()
         self._stopped.clear()
 
+    @contextmanager
+    def _alone(self) -> Iterator[None]:
+        """One motion at a time; the arm is stopped where it goes wrong."""
+        if not self._moving.acquire(blocking=False):
+            raise MotionError("the arm is in a motion that another thread began")
+        try:
+            yield
+        except BaseException:
+            self.stop()
+            raise
+        finally:
+            self._moving.release()
+
     def _execute(self, action: EndEffectorAction) -> None:
+        before_m = self._move(action).gripper_width_m
+        self.driver.set_gripper(is_open=action.gripper_open)
+        self._refuse_if_stopped()
+        self._check_gripper(before_m, is_open=action.gripper_open)
+
+    def _move(self, action: EndEffectorAction) -> ArmState:
+        """Go to the action's pose; returns the arm as it was before."""
         self._refuse_if_stopped()
         before = self.state()
         MotionGuard(self._limits, before=_pose(before)).check(action)
@@ -178,9 +252,7 @@ class Arm:
         self._wait()
         self._check_arrival(action)
         self._refuse_if_stopped()
-        self.driver.set_gripper(is_open=action.gripper_open)
-        self._refuse_if_stopped()
-        self._check_gripper(before.gripper_width_m, is_open=action.gripper_open)
+        return before
 
     def _refuse_if_stopped(self) -> None:
         if self._stopped.is_set():

@@ -4,14 +4,17 @@
      "base_to_world": {"position": [0, 0, 0.6], "quaternion_xyzw": [0, 0, 0, 1]},
      "limits": {"workspace": {"min": [0.2, -0.4, 0.6], "max": [0.7, 0.4, 1.2]}},
      "objects": "objects.json", "tolerance": {"position_m": 0.005}, "open_width_m": 0.08,
-     "reach_m": 0.85, "urdf": {"file": "arm.urdf", "frame": "tool0"}}
+     "reach_m": 0.85, "urdf": {"file": "arm.urdf", "frame": "tool0"},
+     "cameras": [{"name": "front", "driver": "realsense", "camera_to_world": [[...], ...]}],
+     "viewpoints": [{"position": [0.4, 0, 1.1], "quaternion_xyzw": [1, 0, 0, 0]}]}
 
 Only `arm` is needed. `arm` may also be MODULE:FACTORY, a callable that returns a Robot or a driver for `Arm`.
+Cameras: `roboprompt_client.cameras.cell`.
 """
 
-import importlib
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -19,7 +22,9 @@ from typing import Any
 from roboprompt_client.arms.arm import Arm, Tolerance
 from roboprompt_client.arms.calibration import Calibration
 from roboprompt_client.arms.urdf import UrdfGeometry
+from roboprompt_client.cameras.cell import rig_from_json, viewpoints_from_json
 from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.extras import make_driver
 from roboprompt_client.motion_limits import MotionLimits, checked_bound
 from roboprompt_client.robot import Observation, Robot, observation_from_file
 
@@ -29,7 +34,19 @@ DRIVERS = {
     "xarm": "roboprompt_client.arms.xarm:XArm",
     "lerobot": "roboprompt_client.arms.lerobot:LeRobotArm",
 }
-CELL_FIELDS = ("arm", "options", "base_to_world", "limits", "objects", "tolerance", "open_width_m", "reach_m", "urdf")
+CELL_FIELDS = (
+    "arm",
+    "options",
+    "base_to_world",
+    "limits",
+    "objects",
+    "tolerance",
+    "open_width_m",
+    "reach_m",
+    "urdf",
+    "cameras",
+    "viewpoints",
+)
 
 
 def open_robot(name: str) -> Robot:
@@ -41,26 +58,32 @@ def open_robot(name: str) -> Robot:
     """
     if ":" not in name or Path(name).exists():
         return open_cell(Path(name))
-    robot: Robot = _made(name, {})
+    robot: Robot = make_driver("arm", name, DRIVERS, {})
     return robot
+
+
+@contextmanager
+def closing_robot(robot: Robot) -> Iterator[Robot]:
+    """The robot, which is stopped and left in the end, its cameras too, where it is a cell's."""
+    try:
+        yield robot
+    finally:
+        if isinstance(robot, Arm):
+            robot.close()
 
 
 def open_cell(path: Path) -> Robot:
     """The robot of a cell's file; raises as `open_robot`."""
-    try:
-        cell = json.loads(path.read_text())
-    except (OSError, ValueError) as error:
-        raise InvalidInputError("robot", f"{path}: {error}", "MODULE:FACTORY, or a cell's JSON file") from error
-    if not isinstance(cell, Mapping) or not isinstance(cell.get("arm"), str):
-        raise InvalidInputError("arm", "is missing", ", ".join(DRIVERS))
-    if unknown := [name for name in cell if name not in CELL_FIELDS]:
-        raise InvalidInputError(unknown[0], "is not known", ", ".join(CELL_FIELDS))
+    cell = read_cell(path)
     tolerance = _tolerance(cell.get("tolerance", {}))
     limits = MotionLimits.from_file(cell["limits"]) if "limits" in cell else None
     calibration = Calibration.from_json(cell) if "base_to_world" in cell else None
-    named: str = cell["arm"]
-    made: Any = _made(DRIVERS.get(named, named), cell.get("options", {}))
+    viewpoints = viewpoints_from_json(cell.get("viewpoints", []))
+    made: Any = make_driver("arm", cell["arm"], DRIVERS, cell.get("options", {}))
     if not hasattr(made, "halt"):
+        if "cameras" in cell:
+            remedy = "a factory that returns a driver for Arm; the observe() of a Robot takes its pictures itself"
+            raise InvalidInputError("cameras", "are given, but `arm` returns a Robot", remedy)
         robot: Robot = made
         return robot
     observe_scene = _scene_of(path.parent / cell["objects"]) if "objects" in cell else None
@@ -73,20 +96,22 @@ def open_cell(path: Path) -> Robot:
         open_width_m=cell.get("open_width_m"),
         geometry=_geometry(path.parent, cell["urdf"]) if "urdf" in cell else None,
         reach_m=checked_bound("reach_m", cell["reach_m"]) if "reach_m" in cell else None,
+        cameras=rig_from_json(cell["cameras"], path.parent) if "cameras" in cell else None,
+        viewpoints=viewpoints,
     )
 
 
-def _made(name: str, options: Mapping[str, Any]) -> Any:  # noqa: ANN401
-    module, _, factory = name.partition(":")
+def read_cell(path: Path) -> dict[str, Any]:
+    """A cell's file as a document; raises InvalidInputError if it is none, or has fields that are not known."""
     try:
-        make = getattr(importlib.import_module(module), factory)
-    except (ImportError, AttributeError, ValueError) as error:
-        valid = f"MODULE:FACTORY, or {', '.join(DRIVERS)}"
-        raise InvalidInputError("arm", f"{name!r:.80} cannot be imported: {error}", valid) from error
-    try:
-        return make(**options)
-    except TypeError as error:
-        raise InvalidInputError("options", f"do not fit {name}: {error}") from error
+        cell = json.loads(path.read_text())
+    except (OSError, ValueError) as error:
+        raise InvalidInputError("robot", f"{path}: {error}", "MODULE:FACTORY, or a cell's JSON file") from error
+    if not isinstance(cell, dict) or not isinstance(cell.get("arm"), str):
+        raise InvalidInputError("arm", "is missing", ", ".join(DRIVERS))
+    if unknown := [name for name in cell if name not in CELL_FIELDS]:
+        raise InvalidInputError(unknown[0], "is not known", ", ".join(CELL_FIELDS))
+    return cell
 
 
 def _tolerance(document: object) -> Tolerance:

@@ -1,14 +1,13 @@
 """What an arm's interface must offer: meters, radians, x y z w, all in the arm's base frame."""
 
-import importlib
 import math
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from roboprompt_client.arrays import Array
-from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.quaternions import angle_between_rad, to_matrix
 
 
@@ -97,16 +96,17 @@ class Driver(Protocol):
         ...
 
 
-def import_extra(module: str, package: str, extra: str) -> Any:  # noqa: ANN401
-    """A module of a maker's package, which is an extra.
+@runtime_checkable
+class Guidable(Protocol):
+    """A driver that lets a person move its arm by hand."""
 
-    Raises:
-        InvalidInputError: if it is not installed.
-    """
-    try:
-        return importlib.import_module(module)
-    except ImportError as error:
-        raise InvalidInputError(extra, f"{package} is not installed", f"roboprompt-client[{extra}]") from error
+    def guided(self) -> AbstractContextManager[None]:
+        """While it lasts the arm carries its own weight and yields to the hand; afterwards it holds still.
+
+        Raises:
+            MotionError: if the arm refuses, or stopped meanwhile.
+        """
+        ...
 
 
 def pose_matrix(position_m: Array, quaternion_xyzw: Array) -> Array:

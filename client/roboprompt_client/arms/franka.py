@@ -13,10 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from roboprompt_client.arms.driver import ArmState, import_extra
+from roboprompt_client.arms.driver import ArmState
 from roboprompt_client.arms.panda import LIMITS_RAD, PandaGeometry
 from roboprompt_client.arrays import Array
 from roboprompt_client.errors import InvalidInputError, MotionError
+from roboprompt_client.extras import import_extra
 
 DYNAMICS = 0.05
 GRIPPER_M_S, GRASP_N = 0.05, 20.0
@@ -127,6 +128,18 @@ class Franka:
                 # Whatever it closes on, or nothing, is right: the width afterwards is what counts.
                 hand.grasp(0.0, GRIPPER_M_S, self._grasp_n, most_m, most_m)
         self._gripping = False
+
+    @contextmanager
+    def guided(self) -> Iterator[None]:
+        """Torques of zero beside the arm's own compensation of its weight, with soft walls before joint limits."""
+        with self._errors("guide"):
+            yielding = self._franky.SimpleTorqueMotion(signal_timeout=None, compensate_coriolis=True)
+            self._robot.move(yielding, asynchronous=True)
+        try:
+            yield
+        finally:
+            with self._errors("guide"):
+                self._robot.move(self._franky.TorqueStopMotion())
 
     def halt(self) -> None:
         """Pre-empts a motion of another thread; a gripper that is at rest holds what it has."""

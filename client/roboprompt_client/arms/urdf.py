@@ -4,10 +4,11 @@ from pathlib import Path
 
 import numpy as np
 
-from roboprompt_client.arms.driver import import_extra, pose_matrix
+from roboprompt_client.arms.driver import pose_matrix
 from roboprompt_client.arms.geometry import Nearest, follow_line, nearest_limit
 from roboprompt_client.arrays import Array
 from roboprompt_client.errors import InvalidInputError, MotionError
+from roboprompt_client.extras import import_extra
 
 
 class UrdfGeometry:

@@ -6,9 +6,10 @@ from typing import Any
 import numpy as np
 
 from roboprompt_client import quaternions as rotations
-from roboprompt_client.arms.driver import ArmState, import_extra
+from roboprompt_client.arms.driver import ArmState
 from roboprompt_client.arrays import Array
 from roboprompt_client.errors import MotionError
+from roboprompt_client.extras import import_extra
 
 SPEED_MM_S, ACCELERATION_MM_S2 = 100.0, 500.0
 MM = 1000.0

@@ -7,8 +7,8 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.episode import Demonstration, frame_times_s
-from app.pipeline.keyframes import KeyframeRule, find_keyframes
+from app.pipeline.episode import Demonstration
+from app.pipeline.keyframes import KeyframeRule, Motion, find_keyframes
 from app.pipeline.plans import Recording
 from roboprompt_client.trajectory import ObjectPose, Trajectory
 
@@ -50,10 +50,11 @@ def recording(id_, rng, rule, *, flows, way_m, noise_m, without, instruction):
         for name, place_m in (("cube", cube_m), ("plate", plate_m), ("lamp", rng.uniform(-0.3, 0.3, 3)))
         if name not in without
     )
-    found = find_keyframes(trajectory, rule, HZ)
+    recorded = Motion.of(trajectory, HZ)
+    found = find_keyframes(recorded, rule)
     actions = tuple(trajectory.action_at(frame, gripper_open=is_open) for frame, is_open in found)
     demonstration = Demonstration(instruction, objects, actions, id_, start=trajectory.action_at(0))
-    return Recording(demonstration, trajectory, frame_times_s(trajectory, HZ), rule)
+    return Recording(demonstration, recorded, rule)
 
 
 def steps(cube_m, plate_m, way_m):
@@ -98,20 +99,24 @@ def slipped(item):
 
 def released(item, *places):
     """The same with the gripper open for a moment, at so many frames after it closed."""
-    is_open = item.trajectory.gripper_open.copy()
+    is_open = item.motion.trajectory.gripper_open.copy()
     closed = int(np.flatnonzero(~is_open)[0])
     for place in places:
         is_open[closed + place : closed + place + 6] = True
-    return replace(item, trajectory=replace(item.trajectory, gripper_open=is_open))
+    return with_trajectory(item, gripper_open=is_open)
 
 
 def shifted(item, by_m):
     """The same scene with a hand that is elsewhere all the time."""
-    positions_m = item.trajectory.positions_m + np.array(by_m)
-    return replace(item, trajectory=replace(item.trajectory, positions_m=positions_m))
+    positions_m = item.motion.trajectory.positions_m + np.array(by_m)
+    return with_trajectory(item, positions_m=positions_m)
 
 
 def moved_as(item, other):
     """The scene of one recording with the motion of another."""
     demonstration = replace(item.demonstration, start=other.demonstration.start)
-    return replace(item, demonstration=demonstration, trajectory=other.trajectory, times_s=other.times_s)
+    return replace(item, demonstration=demonstration, motion=other.motion)
+
+
+def with_trajectory(item, **changes):
+    return replace(item, motion=Motion.of(replace(item.motion.trajectory, **changes), HZ))

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from app.pipeline.findings.demonstrations import Taught, path_findings
-from app.pipeline.findings.missed import missed_m
+from app.pipeline.findings.missed import Kept, kept, missed_m
+from app.pipeline.keyframes import Motion
 from app.pipeline.plans import agreeing, aligned_by_plan
 from tests.pipeline.plans.taught import picked, reached, recording
-from tests.pipeline.recordings import Motion
+from tests.pipeline.recordings import ScriptedMotion
 from tests.pipeline.scenes import pose
 
 PRESS = "press the button"
@@ -24,7 +25,7 @@ def presses(seed, side):
     above_m, pressed_m = (objects[side].position_m + np.array([0, 0, height_m]) for height_m in (0.1, 0.02))
     places_m = [(0.1, 0.0, 1.1), above_m, pressed_m, above_m]
     knots = tuple((2.0 * k + rest_s, place_m) for k, place_m in enumerate(places_m) for rest_s in (0.0, 0.5))
-    return recording(Motion(knots, starts_open=False, rest_s=0.5), objects, instruction=PRESS)
+    return recording(ScriptedMotion(knots, starts_open=False, rest_s=0.5), objects, instruction=PRESS)
 
 
 def taught(recordings, **how):
@@ -52,10 +53,11 @@ def test_five_that_press_left_and_five_that_press_right_are_a_danger_and_no_mean
 
 def moved(item, move_m=(0, 0, 0), mirror=False, invert=False):
     """The recording with its hand in another frame, or its gripper told the wrong way round."""
-    trajectory = item.trajectory
+    trajectory = item.motion.trajectory
     positions_m = trajectory.positions_m * ([1, -1, 1] if mirror else [1, 1, 1]) + np.array(move_m)
     gripper = ~trajectory.gripper_open if invert else trajectory.gripper_open
-    return replace(item, trajectory=replace(trajectory, positions_m=positions_m, gripper_open=gripper))
+    changed = replace(trajectory, positions_m=positions_m, gripper_open=gripper)
+    return replace(item, motion=Motion(changed, item.motion.times_s))
 
 
 FAULTS = {
@@ -147,17 +149,24 @@ def test_keyframes_that_miss_where_hands_act():
     demonstrations = taught(recordings).demonstrations
     last_only = [replace(demonstration, actions=demonstration.actions[-1:]) for demonstration in demonstrations]
     for shown, severity in ((demonstrations, None), (last_only, "danger")):
-        missed = [missed_m(r.trajectory, r.times_s, d.actions) for r, d in zip(recordings, shown, strict=True)]
-        findings = {finding.code: finding.severity for finding in path_findings(missed)}
+        paths = [kept(r.motion, d.actions, 0.1) for r, d in zip(recordings, shown, strict=True)]
+        findings = {finding.code: finding.severity for finding in path_findings(paths)}
         assert findings.get("path-not-kept") == severity
+
+
+@pytest.mark.parametrize(("left_m", "severity"), [(0.029, None), (0.03, "warning"), (0.05, "danger")])
+def test_a_lift_that_most_recordings_lose_is_a_finding(left_m, severity):
+    for number, expected in ((4, severity), (3, None)):
+        paths = [Kept(0.0, left_m)] * number + [Kept(0.0, 0.0)] * (10 - number)
+        assert [finding.severity for finding in path_findings(paths)] == ([expected] if expected else [])
 
 
 def test_a_grasp_between_keyframes_is_missed():
     item = picked(0)
     (demonstration,) = aligned_by_plan([item])
-    assert missed_m(item.trajectory, item.times_s, demonstration.actions) < 0.01
+    assert missed_m(item.motion, demonstration.actions) < 0.01
     opened = [action for action in demonstration.actions if action.gripper_open]
-    assert missed_m(item.trajectory, item.times_s, opened[:1]) == 1.0  # nothing closes
+    assert missed_m(item.motion, opened[:1]) == 1.0  # nothing closes
 
 
 @pytest.mark.parametrize("round_objects", [frozenset(), frozenset({"red cube"})])

@@ -7,6 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from app.pipeline.findings.units import check_recording_units, unit_findings
+from app.pipeline.keyframes import Motion
 from roboprompt_client.camera import Camera
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.trajectory import ObjectPose, Trajectory
@@ -34,6 +35,10 @@ def cube(x_m=0.5):
     return ObjectPose("cube", np.array([x_m, 0.1, 0.02]))
 
 
+def checked(trajectory, cameras=(), rate_hz=RATE_HZ):
+    check_recording_units(Motion.of(trajectory, rate_hz), [cube()], cameras)
+
+
 def camera(away_m):
     transform = np.eye(4)
     transform[:3, 3] = away_m
@@ -41,7 +46,7 @@ def camera(away_m):
 
 
 def test_a_right_recording_passes():
-    check_recording_units(recording(), [cube()], TIMES_S, [camera(1.2)])
+    checked(recording(), [camera(1.2)])
     assert not list(unit_findings(recording(), [cube()]))
 
 
@@ -55,18 +60,31 @@ def test_joint_velocities_in_degrees_contradict_the_joints_or_the_hand(slow, pos
         joint_positions_rad=right.joint_positions_rad * slow if positions else None,
     )
     with pytest.raises(InvalidInputError, match="likely degrees per second") as caught:
-        check_recording_units(wrong, [cube()], TIMES_S / slow)
+        checked(wrong, rate_hz=RATE_HZ * slow)
     assert caught.value.field == "trajectory.joint_velocities"
 
 
 def test_a_hand_that_approaches_along_its_axis_only_if_w_came_first():
     turned = Rotation.from_euler("z", 90, degrees=True) * Rotation.from_quat([1, 0, 0, 0])
     right = recording(turn=turned)
-    check_recording_units(right, [cube()], TIMES_S)
+    checked(right)
     wrong = replace(right, quaternions_xyzw=np.roll(right.quaternions_xyzw, 1, axis=1))
     with pytest.raises(InvalidInputError, match="only if w comes first") as caught:
-        check_recording_units(wrong, [cube()], TIMES_S)
+        checked(wrong)
     assert caught.value.field == "trajectory.end_effector_quaternions_xyzw"
+
+
+@pytest.mark.parametrize(
+    ("turn", "way_m"),
+    [([1.0, 0, 0, 0], [0, 0, 0.2]), ([0.7071068, 0.7071068, 0, 0], [0, -0.2, 0])],
+    ids=["up, before it closes", "across, to push"],
+)
+def test_a_hand_that_points_down_may_move_elsewhere_before_it_closes(turn, way_m):
+    """Meta-World's drawers are closed so."""
+    steps = np.linspace(0, 1, 40)[:, None]
+    positions_m = np.array([0.5, 0.1, 0.2]) + np.concatenate([steps * way_m, np.tile(way_m, (10, 1))])
+    closes = np.r_[np.ones(42), np.zeros(8)]
+    checked(Trajectory.from_poses(positions_m, np.tile(turn, (50, 1)), closes, np.arange(50) / 20))
 
 
 def test_an_object_that_the_hand_never_comes_near_is_in_another_frame():
@@ -78,7 +96,7 @@ def test_an_object_that_the_hand_never_comes_near_is_in_another_frame():
 
 def test_a_camera_placed_in_millimetres_is_refused():
     with pytest.raises(InvalidInputError, match="likely millimetres") as caught:
-        check_recording_units(recording(), [cube()], TIMES_S, [camera(1200.0)])
+        checked(recording(), [camera(1200.0)])
     assert caught.value.field == "cameras[front].camera_to_world"
 
 

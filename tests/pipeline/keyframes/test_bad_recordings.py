@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from app.pipeline.episode import frame_times_s
 from app.pipeline.findings.recording import recording_findings
-from app.pipeline.keyframes import RULES, KeyframeRule, find_keyframes, manner_of, waypoints
+from app.pipeline.keyframes import RULES, KeyframeRule, Motion, find_keyframes, manner_of, waypoints
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.trajectory import Trajectory
 
@@ -26,27 +25,27 @@ def recording(positions_m, gripper_open=None, timestamps_s=None):
 
 @pytest.mark.parametrize("rule", RULES)
 def test_a_single_frame_has_no_keyframe(rule):
-    assert find_keyframes(recording([(0, 0, 1)]), KeyframeRule(rule)) == ()
+    assert find_keyframes(Motion.of(recording([(0, 0, 1)])), KeyframeRule(rule)) == ()
 
 
 @pytest.mark.parametrize("rule", ["auto", "waypoints", "merged"])
 @pytest.mark.parametrize("number", [2, 3])
 def test_of_a_few_frames_the_last_is_one(rule, number):
-    found = find_keyframes(recording([(0.1 * k, 0, 1) for k in range(number)]), KeyframeRule(rule))
+    found = find_keyframes(Motion.of(recording([(0.1 * k, 0, 1) for k in range(number)])), KeyframeRule(rule))
     assert [keyframe.frame for keyframe in found] == [number - 1]
 
 
 @pytest.mark.parametrize("rule", ["auto", "waypoints", "merged"])
 def test_without_motion_only_the_last_frame_is_one(rule):
     still = recording([(0.1, 0.2, 1.0)] * 50)
-    assert [keyframe.frame for keyframe in find_keyframes(still, KeyframeRule(rule))] == [49]
+    assert [keyframe.frame for keyframe in find_keyframes(Motion.of(still), KeyframeRule(rule))] == [49]
 
 
 @pytest.mark.parametrize("is_open", [True, False])
 def test_one_gripper_state_stays(is_open):
     recorded = WAY.at(20)
     one = recording(recorded.positions_m, [is_open] * len(recorded))
-    found = find_keyframes(one, KeyframeRule("auto"))
+    found = find_keyframes(Motion.of(one), KeyframeRule("auto"))
     assert [keyframe.gripper_open for keyframe in found] == [is_open] * 2
 
 
@@ -55,7 +54,7 @@ def test_a_jump_is_kept_to_the_frame():
     recorded = WAY.at(20)
     positions_m = recorded.positions_m.copy()
     positions_m[20:, 2] += 0.2
-    found = [frame for frame, _ in waypoints(recording(positions_m), frame_times_s(recorded))]
+    found = [frame for frame, _ in waypoints(Motion.of(recording(positions_m)))]
     assert {19, 20} <= set(found)
     assert found[-1] == len(positions_m) - 1
 
@@ -65,7 +64,7 @@ def test_a_single_outlier_is_followed():
     recorded = WAY.at(20)
     positions_m = recorded.positions_m.copy()
     positions_m[20, 2] += 0.2
-    assert 20 in [frame for frame, _ in waypoints(recording(positions_m), frame_times_s(recorded))]
+    assert 20 in [frame for frame, _ in waypoints(Motion.of(recording(positions_m)))]
 
 
 @pytest.mark.parametrize("wrong", [[0.0, 0.1, 0.1, 0.2], [0.0, 0.2, 0.1, 0.3], [0.0, np.nan, 0.2, 0.3]])
@@ -77,18 +76,16 @@ def test_timestamps_that_do_not_increase_are_refused(wrong):
 
 def test_timestamps_may_begin_anywhere():
     recorded = WAY.at(20)
-    times_s = frame_times_s(recorded)
-    later = recording(recorded.positions_m, timestamps_s=times_s + 1.7e9)
-    assert find_keyframes(later, KeyframeRule("auto")) == find_keyframes(
-        recording(recorded.positions_m, timestamps_s=times_s), KeyframeRule("auto")
-    )
+    times_s = np.arange(len(recorded)) / 20
+    now, later = (Motion.of(recording(recorded.positions_m, timestamps_s=times_s + at_s)) for at_s in (0, 1.7e9))
+    assert find_keyframes(later, KeyframeRule("auto")) == find_keyframes(now, KeyframeRule("auto"))
 
 
 def test_a_gripper_that_never_settles_has_one_switch_at_most():
     """It flickers with every frame of 20 Hz: half a cycle is shorter than fingers take."""
     recorded = WAY.at(20)
     flickering = recording(recorded.positions_m, np.arange(len(recorded)) % 2 == 0)
-    found = waypoints(flickering, frame_times_s(recorded))
+    found = waypoints(Motion.of(flickering))
     assert len({keyframe.gripper_open for keyframe in found}) <= 2
     assert len(found) <= 3
 
@@ -97,9 +94,8 @@ def test_a_gripper_that_never_settles_has_one_switch_at_most():
 def test_noise_alone_is_no_reason_for_an_error(seed):
     random = np.random.default_rng(seed)
     number = int(random.integers(2, 60))
-    noise = recording(random.normal(0, 0.3, (number, 3)), random.integers(0, 2, number))
-    times_s = frame_times_s(noise)
-    assert manner_of(noise, times_s) in ("rests", "hesitates", "flows")
+    noise = Motion.of(recording(random.normal(0, 0.3, (number, 3)), random.integers(0, 2, number)))
+    assert manner_of(noise) in ("rests", "hesitates", "flows")
     found = find_keyframes(noise, KeyframeRule("auto"))
     assert all(0 < keyframe.frame < number for keyframe in found)
 
@@ -107,6 +103,6 @@ def test_noise_alone_is_no_reason_for_an_error(seed):
 @pytest.mark.parametrize(("rate_hz", "coarse"), [(2, True), (20, False)])
 def test_few_frames_for_so_fast_a_motion_are_reported(rate_hz, coarse):
     recorded = WAY.at(rate_hz)
-    times_s = np.arange(len(recorded)) / rate_hz
-    found = recording_findings(recorded, times_s, find_keyframes(recorded, KeyframeRule("auto")), KeyframeRule("auto"))
+    motion, rule = Motion.of(recorded, rate_hz), KeyframeRule("auto")
+    found = recording_findings(motion, find_keyframes(motion, rule), rule)
     assert ("coarse-recording" in [finding.code for finding in found]) is coarse

@@ -5,12 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.pipeline.episode import frame_times_s
-from app.pipeline.keyframes import RULES, KeyframeRule, find_keyframes, manner_of, merged, waypoints
-from app.pipeline.keyframes.rule import TOLERANCE_DEG, TOLERANCE_M
+from app.pipeline.keyframes import RULES, KeyframeRule, Motion, find_keyframes, manner_of, merged, waypoints
+from app.pipeline.keyframes.path import TOLERANCE_DEG, TOLERANCE_M
 from roboprompt_client.trajectory import Trajectory
 
-from ..recordings import Motion, flowing, pick_and_place, resting
+from ..recordings import ScriptedMotion, flowing, pick_and_place, resting
 from .test_published import trajectory
 
 PICK_M, PLACE_M = (0.3, 0.1, 0.8), (0.0, -0.2, 0.82)
@@ -21,7 +20,7 @@ FRAMES = st.lists(st.tuples(st.sampled_from("m."), st.sampled_from("01")), min_s
 @given(frames=FRAMES, interval=st.integers(1, 80))
 def test_keyframes_ascend_within_range_and_never_begin_at_the_first_frame(rule, frames, interval):
     recorded = trajectory([motion for motion, _ in frames], "".join(gripper for _, gripper in frames))
-    found = find_keyframes(recorded, KeyframeRule(rule, interval=interval))
+    found = find_keyframes(Motion.of(recorded), KeyframeRule(rule, interval=interval))
     numbers = [keyframe.frame for keyframe in found]
     assert numbers == sorted(set(numbers))
     assert all(0 < frame < len(frames) for frame in numbers)
@@ -30,7 +29,7 @@ def test_keyframes_ascend_within_range_and_never_begin_at_the_first_frame(rule, 
 
 
 def frames_of(recorded, rule):
-    return tuple(keyframe.frame for keyframe in find_keyframes(recorded, rule))
+    return tuple(keyframe.frame for keyframe in find_keyframes(Motion.of(recorded), rule))
 
 
 def test_the_rule_chooses():
@@ -44,7 +43,7 @@ def test_the_rule_chooses():
 @pytest.mark.parametrize("rule", ["merged", "authors", "uniform"])
 def test_published_rules_take_the_gripper_as_it_is_recorded(rule):
     recorded = trajectory("mmm..mmm...mmmm", "111110000000111")
-    for frame, gripper_open in find_keyframes(recorded, KeyframeRule(rule)):
+    for frame, gripper_open in find_keyframes(Motion.of(recorded), KeyframeRule(rule)):
         assert gripper_open == recorded.gripper_open[frame]
 
 
@@ -54,21 +53,21 @@ def test_a_recording_that_rests_at_its_corners_gives_what_merged_finds(seed, hz)
     random = np.random.default_rng(seed)
     ends_m = random.uniform([-0.2, -0.3, 0.78], [0.4, 0.3, 0.84], (2, 3))
     recorded = pick_and_place(*ends_m, move=resting).at(hz)
-    assert manner_of(recorded, frame_times_s(recorded)) == "rests"
+    assert manner_of(Motion.of(recorded)) == "rests"
     found = frames_of(recorded, KeyframeRule("auto"))
-    assert found == merged(recorded)
+    assert found == merged(Motion.of(recorded))
     assert len(found) == 6
 
 
 def by_waypoints(recorded, wavering=1.0):
-    return waypoints(recorded, frame_times_s(recorded), wavering * TOLERANCE_M, wavering * TOLERANCE_DEG)
+    return waypoints(Motion.of(recorded), wavering * TOLERANCE_M, wavering * TOLERANCE_DEG)
 
 
 @pytest.mark.parametrize("hz", [10, 20, 60])
 def test_a_hand_that_flows_is_followed(hz):
     recorded = pick_and_place(PICK_M, PLACE_M, move=flowing).at(hz)
-    assert manner_of(recorded, frame_times_s(recorded)) == "flows"
-    assert find_keyframes(recorded, KeyframeRule("auto")) == by_waypoints(recorded)
+    assert manner_of(Motion.of(recorded)) == "flows"
+    assert find_keyframes(Motion.of(recorded), KeyframeRule("auto")) == by_waypoints(recorded)
 
 
 @pytest.mark.parametrize("hz", [10, 20, 60])
@@ -76,11 +75,13 @@ def test_a_pose_that_is_passed_between_two_rests_is_found(hz):
     """A sweep: the hand rests where it grasps the broom and at the end, and turns behind the dirt without a rest."""
     above_m, grasp_m, behind_m, end_m = (0.2, 0.1, 1.0), (0.2, 0.1, 0.85), (0.1, -0.1, 0.85), (0.4, -0.15, 0.85)
     knots = ((0, above_m), (0.4, above_m), (1.4, grasp_m), (2.0, grasp_m), (3.2, behind_m), (5.0, end_m), (5.6, end_m))
-    recorded = Motion(knots, switches=(1.7,), blend_s=0.2).at(hz)
-    assert manner_of(recorded, frame_times_s(recorded)) == "flows"
-    places_m = recorded.positions_m[[keyframe.frame for keyframe in find_keyframes(recorded, KeyframeRule("auto"))]]
+    recorded = ScriptedMotion(knots, switches=(1.7,), blend_s=0.2).at(hz)
+    assert manner_of(Motion.of(recorded)) == "flows"
+    places_m = recorded.positions_m[
+        [keyframe.frame for keyframe in find_keyframes(Motion.of(recorded), KeyframeRule("auto"))]
+    ]
     assert np.linalg.norm(places_m - behind_m, axis=1).min() < 0.02
-    assert np.linalg.norm(recorded.positions_m[list(merged(recorded))] - behind_m, axis=1).min() > 0.1
+    assert np.linalg.norm(recorded.positions_m[list(merged(Motion.of(recorded)))] - behind_m, axis=1).min() > 0.1
 
 
 def hesitating(seed, rest_s):
@@ -98,10 +99,10 @@ def hesitating(seed, rest_s):
 @pytest.mark.parametrize("seed", range(3))
 def test_a_hand_that_hesitates_is_followed_less_closely(seed, rest_s):
     recorded = hesitating(seed, rest_s).at(20)
-    assert manner_of(recorded, frame_times_s(recorded)) == "hesitates"
-    found = find_keyframes(recorded, KeyframeRule("auto"))
+    assert manner_of(Motion.of(recorded)) == "hesitates"
+    found = find_keyframes(Motion.of(recorded), KeyframeRule("auto"))
     assert found == by_waypoints(recorded, 1.5)
-    assert len(found) < len(merged(recorded))
+    assert len(found) < len(merged(Motion.of(recorded)))
 
 
 def test_the_control_frequency_stands_in_for_timestamps():
@@ -111,7 +112,7 @@ def test_the_control_frequency_stands_in_for_timestamps():
     is_open[15:17] = False
     recorded = Trajectory(motion.joint_velocities_rad_s, motion.positions_m, motion.quaternions_xyzw, is_open)
     grippers = {
-        hz: [gripper_open for _, gripper_open in find_keyframes(recorded, KeyframeRule("waypoints"), hz)]
+        hz: [gripper_open for _, gripper_open in find_keyframes(Motion.of(recorded, hz), KeyframeRule("waypoints"))]
         for hz in (10, 50)
     }
     assert grippers == {10: [False, True, True], 50: [True]}

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from app.pipeline.keyframes import authors, merged, uniform
+from app.pipeline.keyframes import Motion, authors, merged, uniform
 from roboprompt_client.trajectory import Trajectory
 
 SPEEDS_RAD_S = {"m": 0.5, ".": 0.0}
@@ -48,7 +48,7 @@ def trajectory(motion, gripper=None, velocities=None):
     ],
 )
 def test_merged(motion, gripper, expected):
-    assert merged(trajectory(motion, gripper)) == expected
+    assert merged(Motion.of(trajectory(motion, gripper))) == expected
 
 
 @pytest.mark.parametrize(
@@ -83,7 +83,7 @@ def test_merged(motion, gripper, expected):
     ],
 )
 def test_authors(motion, gripper, expected):
-    assert authors(trajectory(motion, gripper)) == expected
+    assert authors(Motion.of(trajectory(motion, gripper))) == expected
 
 
 @pytest.mark.parametrize(
@@ -91,17 +91,17 @@ def test_authors(motion, gripper, expected):
     [(11, 5, (5, 10)), (13, 5, (5, 10, 12)), (4, 1, (1, 2, 3)), (3, 40, (2,)), (1, 5, ())],
 )
 def test_uniform(length, interval, expected):
-    assert uniform(trajectory("m" * length), interval) == expected
+    assert uniform(Motion.of(trajectory("m" * length)), interval) == expected
 
 
 def test_merged_takes_the_norm_strictly_below_delta_authors_each_joint_inclusively():
     at_delta = np.full((10, 7), 0.5)
     at_delta[4] = [0.1, 0, 0, 0, 0, 0, 0]
-    assert merged(trajectory("m" * 10, velocities=at_delta), 0.1) == (9,)
-    assert authors(trajectory("m" * 10, velocities=at_delta), 0.1) == (4, 9)
+    assert merged(Motion.of(trajectory("m" * 10, velocities=at_delta)), 0.1) == (9,)
+    assert authors(Motion.of(trajectory("m" * 10, velocities=at_delta)), 0.1) == (4, 9)
     spread = np.full((10, 7), 0.5)
     spread[4] = -0.05  # a norm of 0.13
-    assert merged(trajectory("m" * 10, velocities=spread), 0.1) == (9,)
-    assert merged(trajectory("m" * 10, velocities=spread), 0.14) == (4, 9)
-    assert authors(trajectory("m" * 10, velocities=spread), 0.1) == (4, 9)
-    assert authors(trajectory("m" * 10, velocities=spread), 0.04) == (9,)
+    assert merged(Motion.of(trajectory("m" * 10, velocities=spread)), 0.1) == (9,)
+    assert merged(Motion.of(trajectory("m" * 10, velocities=spread)), 0.14) == (4, 9)
+    assert authors(Motion.of(trajectory("m" * 10, velocities=spread)), 0.1) == (4, 9)
+    assert authors(Motion.of(trajectory("m" * 10, velocities=spread)), 0.04) == (9,)

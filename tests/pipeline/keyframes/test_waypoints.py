@@ -9,11 +9,11 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import frame_times_s
-from app.pipeline.keyframes import waypoints
-from app.pipeline.keyframes.rule import MAX_KEYFRAMES, TOLERANCE_M
-from app.pipeline.keyframes.waypoints import phases
+from app.pipeline.keyframes import Motion, waypoints
+from app.pipeline.keyframes.path import TOLERANCE_M
+from app.pipeline.keyframes.rule import MAX_KEYFRAMES
 
-from ..recordings import DOWN, Motion, arrival_s, flowing, pick_and_place, resting
+from ..recordings import DOWN, ScriptedMotion, arrival_s, flowing, pick_and_place, resting
 
 HOME_M = (0.1, 0.0, 1.1)
 PICK_M, PLACE_M = (0.3, 0.1, 0.8), (0.0, -0.2, 0.82)
@@ -25,7 +25,7 @@ def found(trajectory, **tolerances):
     times_s = frame_times_s(trajectory)
     return [
         (float(times_s[frame]), trajectory.positions_m[frame], gripper_open)
-        for frame, gripper_open in waypoints(trajectory, times_s, **tolerances)
+        for frame, gripper_open in waypoints(Motion.of(trajectory), **tolerances)
     ]
 
 
@@ -64,9 +64,9 @@ def off_the_way_m(positions_m):
 def test_the_path_is_kept_within_the_tolerance(seed, tolerance_m):
     random = np.random.default_rng(seed)
     smooth = CubicSpline(np.arange(5), random.uniform(-0.2, 0.2, (5, 3)))
-    motion = Motion(tuple((t, tuple(smooth(t))) for t in np.linspace(0, 4, 81)))
+    motion = ScriptedMotion(tuple((t, tuple(smooth(t))) for t in np.linspace(0, 4, 81)))
     recorded = motion.at(30)
-    keyframes = waypoints(recorded, frame_times_s(recorded), tolerance_m=tolerance_m)
+    keyframes = waypoints(Motion.of(recorded), tolerance_m=tolerance_m)
     assert 1 <= len(keyframes) <= MAX_KEYFRAMES
     frames = [0, *(keyframe.frame for keyframe in keyframes)]
     strayed_m = [off_the_way_m(recorded.positions_m[a : b + 1]) for a, b in pairwise(frames)]
@@ -79,7 +79,7 @@ def test_every_switch_that_lasts_is_a_keyframe(gaps_s, hz):
     """Of a hand that goes on at one speed, so that no place is better for a switch than where it was recorded."""
     times_s = tuple(0.5 + np.cumsum(gaps_s))
     end_s = times_s[-1] + 1.0
-    recorded = Motion(((0, (0, 0, 1.0)), (end_s, (0.2 * end_s, 0, 1.0))), blend_s=1e-6, switches=times_s).at(hz)
+    recorded = ScriptedMotion(((0, (0, 0, 1.0)), (end_s, (0.2 * end_s, 0, 1.0))), blend_s=1e-6, switches=times_s).at(hz)
     keyframes = found(recorded)
     assert [gripper_open for _, _, gripper_open in keyframes] == [k % 2 == 1 for k in range(len(times_s))] + [
         len(times_s) % 2 == 0
@@ -121,11 +121,11 @@ def test_where_the_hand_turns_back_is_a_keyframe(hz):
 
 
 def test_turning_in_place_is_kept():
-    there_and_back = Motion(
+    there_and_back = ScriptedMotion(
         ((0, HOME_M), (1, PICK_M), (4, PICK_M), (5, HOME_M)), turns=((1.2, 0.0), (2.4, 90.0), (3.8, 0.0))
     )
     recorded = there_and_back.at(20)
-    keyframes = waypoints(recorded, frame_times_s(recorded))
+    keyframes = waypoints(Motion.of(recorded))
     turns_deg = [
         np.degrees((DOWN.inv() * Rotation.from_quat(recorded.quaternions_xyzw[frame])).magnitude())
         for frame, _ in keyframes
@@ -175,13 +175,13 @@ def test_fingers_that_come_open_while_the_hand_sets_off_are_no_switch(moved_m):
         (3.0, (0.3, 0, 0.8)),
         (4.0, (0.3, 0, 1.0)),
     )
-    recorded = Motion(knots, switches=(0.3, 2.5), starts_open=False).at(20)
-    assert [phase.ends_open for phase in phases(recorded, frame_times_s(recorded))] == [False, False]
+    recorded = ScriptedMotion(knots, switches=(0.3, 2.5), starts_open=False).at(20)
+    assert [phase.ends_open for phase in Motion.of(recorded).phases] == [False, False]
 
 
 def test_a_gripper_that_opens_at_the_start_only_to_close_there_grasps():
     knots = ((0.0, PICK_M), (1.5, PICK_M), (3.0, HOME_M))
-    recorded = Motion(knots, switches=(0.3, 1.0), starts_open=False).at(20)
+    recorded = ScriptedMotion(knots, switches=(0.3, 1.0), starts_open=False).at(20)
     keyframes = found(recorded)
     assert [gripper_open for _, _, gripper_open in keyframes] == [True, False, False]
     np.testing.assert_allclose([at_m for _, at_m, _ in keyframes], [PICK_M, PICK_M, HOME_M], atol=1e-9)

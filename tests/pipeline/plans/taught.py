@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from app.pipeline.episode import Demonstration, frame_times_s
-from app.pipeline.keyframes import KeyframeRule
+from app.pipeline.episode import Demonstration
+from app.pipeline.keyframes import KeyframeRule, Motion
 from app.pipeline.plans import Recording
 
 from ..recordings import flowing, pick_and_place
@@ -19,7 +19,7 @@ def recording(motion, objects, hz=20, instruction=INSTRUCTION, rule="auto"):
     """The motion as a demonstration's recording."""
     trajectory = motion.at(hz)
     shown = Demonstration(instruction, tuple(objects), (), start=trajectory.action_at(0))
-    return Recording(shown, trajectory, frame_times_s(trajectory), KeyframeRule(rule))
+    return Recording(shown, Motion.of(trajectory), KeyframeRule(rule))
 
 
 def scene(random):

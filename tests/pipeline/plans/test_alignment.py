@@ -27,7 +27,7 @@ def test_demonstrations_of_one_plan_get_equally_many_rows(first_seed):
             (grasp, demonstration.objects[0].position_m),
             (release, demonstration.objects[1].position_m),
         ):
-            nearest_m = np.linalg.norm(item.trajectory.positions_m - place_m, axis=1).min()
+            nearest_m = np.linalg.norm(item.motion.trajectory.positions_m - place_m, axis=1).min()
             assert np.linalg.norm(demonstration.actions[k].position_m - place_m) < nearest_m + 0.005
 
 
@@ -46,7 +46,7 @@ def test_recordings_that_rest_keep_their_own_keyframes():
         assert item.manner == "rests"
         frames = [keyframe.frame for keyframe in item.keyframes]
         np.testing.assert_array_equal(
-            [action.position_m for action in demonstration.actions], item.trajectory.positions_m[frames]
+            [action.position_m for action in demonstration.actions], item.motion.trajectory.positions_m[frames]
         )
 
 
@@ -87,7 +87,7 @@ def test_a_single_demonstration_has_its_own_keyframes():
     (only,) = aligned_by_plan([item])
     np.testing.assert_array_equal(
         [action.position_m for action in only.actions],
-        item.trajectory.positions_m[[keyframe.frame for keyframe in item.keyframes]],
+        item.motion.trajectory.positions_m[[keyframe.frame for keyframe in item.keyframes]],
     )
 
 

@@ -1,0 +1,1 @@
+"""One sentence about what several tasks do, as their steps."""

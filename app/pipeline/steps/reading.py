@@ -1,0 +1,184 @@
+"""A sentence about what several tasks do -> steps, each in the words of the one task that does it, or a refusal.
+
+Every word must find its place, as in the instruction of one task, and every step must be one that its task was taught
+with objects of these kinds. A sentence that can be read in two ways is refused.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import product
+
+from app.pipeline.errors import InstructionError, UnfamiliarInstructionError, UngroundedInstructionError
+from app.pipeline.order.clause_parser import DIRECT, ParsedClause
+from app.pipeline.order.noun_phrases import NounPhrase, NounPhrases, TooInvolvedError
+from app.pipeline.order.order import clause_of
+from app.pipeline.order.reading import closest
+from app.pipeline.order.refusals import FIELD, refusal
+from app.pipeline.order.sentences import Sentences, Unit, wanted
+from app.pipeline.order.space import Layout
+from app.pipeline.order.taught import Taught
+from app.pipeline.steps.several import (
+    IT,
+    TIMES_WORDS,
+    counted,
+    is_akin,
+    is_placed_after_moving,
+    order_of,
+    picked_up_to_put,
+    with_object,
+    without_excepted,
+)
+from app.pipeline.steps.skill import Skill, Step
+
+MAX_STEPS = 24  # that one sentence asks for
+MAX_LISTED = 3  # instructions of a task, and meanings of a sentence, that a refusal repeats
+CONTAINING = frozenset({"open", "open up", "close", "shut"})  # "put the mug in the drawer and close it": the drawer
+TOGETHER = frozenset({"stack", "stack up", "pile"})  # "stack A and B on C" does not say that B stands on C
+
+
+def read_steps(
+    instruction: str, skills: Sequence[Skill], scene: Taught, layout: Layout | None, others: str = ""
+) -> tuple[Step, ...]:
+    """The steps that the instruction asks for, in their order.
+
+    Args:
+        skills: the tasks that may be used; their objects are in the scene.
+        scene: all objects of the scene, and everything that the skills were taught.
+        layout: where the objects are, for relations; None: unknown.
+        others: what a refusal says of tasks that may not be used.
+
+    Raises:
+        UngroundedInstructionError, UnfamiliarInstructionError: if it is not clear; names the part that is not.
+    """
+    said = instruction.strip().rstrip(".").lower()
+    found: list[tuple[Step, ...]] = [
+        (Step(skill.task, text),)
+        for skill in skills
+        for text in skill.wholes
+        if text.strip().rstrip(".").lower() == said
+        and clause_of(text, skill.taught.names).objects == clause_of(text, scene.names).objects
+    ]
+    reader = _Reader(skills, NounPhrases(instruction, scene.lexicon, layout))
+    found = found or reader.read()
+    if len(found) == 1 and len(found[0]) <= MAX_STEPS:
+        return found[0]
+    error = reader.refusal(found, scene)
+    taught = ((skill.task, skill.taught.instructions) for skill in skills)
+    valid = [f"{task}: {', '.join(map(repr, texts[:MAX_LISTED]))}" for task, texts in taught]
+    raise type(error)(FIELD, error.message, "; ".join([*valid, others] if others else valid))
+
+
+class _Reader:
+    """Reads one sentence."""
+
+    def __init__(self, skills: Sequence[Skill], phrases: NounPhrases) -> None:
+        self._skills = skills
+        self._phrases = phrases
+        self._known: dict[ParsedClause, list[tuple[Step, ...]]] = {}
+        # How many parts are understood before the one that is not, and why that is not.
+        self._missed = (-1, "")
+
+    def read(self) -> list[tuple[Step, ...]]:
+        """Every different sequence of steps that may be meant."""
+        fixed = frozenset(word for skill in self._skills for word in skill.taught.fixed_words)
+        verbs = frozenset(verb for skill in self._skills for verb in skill.taught.verbs)
+        sentences = Sentences(self._phrases, fixed | TIMES_WORDS, verbs, of_steps=True)
+        try:
+            return list(dict.fromkeys(steps for units in sentences.units() for steps in self._of_units(units)))
+        except TooInvolvedError:
+            return []
+
+    def refusal(self, found: Sequence[tuple[Step, ...]], scene: Taught) -> InstructionError:
+        """Why there is no plan."""
+        if found:
+            meanings = ["; ".join(f"{text!r} ({task})" for task, text in steps) for steps in found[:MAX_LISTED]]
+            message = f"{self._phrases.instruction!r} may mean {' or '.join(meanings)}"
+            return UngroundedInstructionError(FIELD, message if len(found) > 1 else f"asks for over {MAX_STEPS} steps")
+        if self._missed[1]:
+            return UnfamiliarInstructionError(FIELD, self._missed[1])
+        return refusal(scene, self._phrases, [])
+
+    def _miss(self, place: int, unit: Unit, why: str) -> None:
+        words = self._phrases.words
+        part = self._phrases.instruction[words[unit.start].token.start : words[unit.end - 1].token.end]
+        self._missed = max(self._missed, (place, f"the part {part!r} {why}"), key=lambda missed: missed[0])
+
+    def _of_units(self, units: Sequence[Unit]) -> Iterator[tuple[Step, ...]]:
+        """The steps of one reading."""
+        done = wanted(without_excepted(units))
+        if any(counted(unit.clause)[1] > 1 for unit in units if unit.mood != "do"):
+            return  # "press the red button, not the green one twice"
+        order = order_of(done, units)
+        if done and not order:
+            self._miss(len(done), units[-1], 'leaves open what comes first: say "then"')
+        clauses = self._resolved(done) if order else ()
+        choices = [self._choices(clause) for clause in clauses]
+        for place in picked_up_to_put(done, clauses):
+            choices[place] = [*choices[place], ()]
+        for place, (unit, choice) in enumerate(zip(done, choices, strict=False)):
+            if not choice:
+                self._miss(place, unit, "is nothing that a task was taught to do with these objects")
+                return
+        if clauses and not is_placed_after_moving([clauses[place] for place in order]):
+            of_each = [choices[place] for place in order]
+            yield from (tuple(step for part in parts for step in part) for parts in product(*of_each))
+
+    def _resolved(self, units: Sequence[Unit]) -> tuple[ParsedClause, ...]:
+        """The clauses with "it" replaced, in the order of the text; none where that is not certain."""
+        found: list[ParsedClause] = []
+        for place, unit in enumerate(units):
+            clause = unit.clause
+            if any(phrase.name is None for phrase in clause.phrases):
+                meant = self._antecedent(clause, found[-1]) if found else None
+                if meant is None:
+                    self._miss(place, unit, "does not say for certain what 'it' is")
+                    return ()
+                clause = with_object(clause, meant)
+            if counted(clause)[1] > 1 and unit.joined == {"and"} and any(is_akin(clause, other) for other in found):
+                self._miss(place, unit, "does not say what is done so often: all that is said, or only this")
+                return ()
+            found.append(clause)
+        return tuple(found)
+
+    def _antecedent(self, clause: ParsedClause, before: ParsedClause) -> NounPhrase | None:
+        """What "it" stands for: the one object of the clause before, or what "it" was there in the same role.
+
+        Of a thing and the place that it was put in, the place is opened and closed if the thing cannot be.
+        """
+        own = {phrase.name for phrase in clause.phrases}
+        pronouns = [role for role, phrases in clause.roles for phrase in phrases if phrase.name is None]
+        if len(pronouns) != 1:
+            return None
+        found = {role: phrases[0] for role, phrases in before.roles if len(phrases) == 1 and phrases[0].name not in own}
+        if len(found) > 1 and clause.verb in CONTAINING and pronouns == [DIRECT]:
+            found = {role: phrase for role, phrase in found.items() if self._choices(with_object(clause, phrase))}
+            found = {} if DIRECT in found else found
+        elif (same := found.get(pronouns[0])) is not None and same.by == IT:
+            found = {pronouns[0]: same}
+        return next(iter(found.values())) if len(found) == 1 else None
+
+    def _choices(self, clause: ParsedClause) -> list[tuple[Step, ...]]:
+        """What a clause may ask for: several where tasks or words leave it open, nothing where no task does it."""
+        if clause not in self._known:
+            self._known[clause] = self._chosen(clause)
+        return self._known[clause]
+
+    def _chosen(self, clause: ParsedClause) -> list[tuple[Step, ...]]:
+        if clause.verb is None and len(clause.roles) < 2:
+            return []  # "the red button" does not say what to do
+        if whole := self._whole(clause):
+            return [(step,) for step in whole]
+        once, times = counted(clause)
+        objects = clause.objects_in(DIRECT)
+        if times > 1:  # "both twice" does not say in which order
+            return [steps * times for steps in self._choices(once) if len(steps) == 1]
+        if len(objects) < 2 or clause.verb in TOGETHER:
+            return []
+        others = tuple(item for item in clause.roles if item[0] != DIRECT)
+        each = [replace(clause, roles=((DIRECT, (phrase,)), *others)) for phrase in objects]
+        return list(product(*map(self._whole, each)))
+
+    def _whole(self, clause: ParsedClause) -> list[Step]:
+        """The single steps that do what a clause asks for; words as taught count more than others of their family."""
+        every = {filled: step for skill in self._skills for filled, step in skill.steps(clause)}
+        return list(dict.fromkeys(every[filled] for filled in closest(list(every))))

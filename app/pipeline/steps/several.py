@@ -1,0 +1,101 @@
+"""What a sentence says of several clauses together: in which order, how often, of which objects but for some."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import combinations
+
+from app.pipeline.order.clause_parser import DIRECT, ParsedClause
+from app.pipeline.order.noun_phrases import NounPhrase
+from app.pipeline.order.sentences import PICKING, Unit
+from app.pipeline.order.verbs import DESTINATIONS
+from app.pipeline.order.vocabulary import ORDERING
+from app.pipeline.order.words import NUMBERS
+
+IT = "taught"  # by which an "it" is found, see `NounPhrase.by`
+TIMES: dict[tuple[str, ...], int] = {
+    ("twice",): 2,
+    ("thrice",): 3,
+    **{(number, "times"): int(number) for number in NUMBERS.values()},
+}
+TIMES_WORDS = frozenset(word for words in TIMES for word in words)
+
+
+def with_object(clause: ParsedClause, meant: NounPhrase) -> ParsedClause:
+    """The clause with an object instead of "it"."""
+    it = meant._replace(by=IT)
+    roles = tuple(
+        (role, tuple(it if phrase.name is None else phrase for phrase in phrases)) for role, phrases in clause.roles
+    )
+    return replace(clause, roles=roles)
+
+
+def counted(clause: ParsedClause) -> tuple[ParsedClause, int]:
+    """The clause without how often it is to be done, and that."""
+    for words, times in TIMES.items():
+        if clause.fixed[-len(words) :] == words:
+            return replace(clause, fixed=clause.fixed[: -len(words)]), times
+    return clause, 1
+
+
+def is_akin(one: ParsedClause, other: ParsedClause) -> bool:
+    """Whether two clauses share verb or objects, so that "twice" behind the second may be said of both."""
+    shared = {phrase.name for phrase in one.phrases} & {phrase.name for phrase in other.phrases}
+    return one.verb == other.verb or bool(shared)
+
+
+def order_of(done: Sequence[Unit], units: Sequence[Unit]) -> Sequence[int]:
+    """The order in which units are done; empty where "before" and "after" leave it open."""
+    in_text = range(len(done))
+    ordered = [place for place, unit in enumerate(units) if unit.joined & ORDERING]
+    if not ordered:
+        return in_text
+    joined = units[ordered[0]].joined
+    if len(units) == 1 or len(done) < len(units) or len(ordered) > 1 or len(joined) > 1:
+        return ()  # ", before" may belong to what comes next
+    leads = ordered == [0] and "," in units[1].joined
+    if not leads and ordered != [len(units) - 1]:
+        return ()
+    if ("after" in joined) == leads:
+        return in_text
+    return in_text[::-1] if len(units) == 2 else ()
+
+
+def without_excepted(units: Sequence[Unit]) -> tuple[Unit, ...]:
+    """The units, of "all mugs except the red one" the other mugs; none where what is excepted is none of a group."""
+    kept: list[Unit] = []
+    for unit in units:
+        if unit.mood != "except":
+            kept.append(unit)
+            continue
+        group = kept[-1].clause.objects_in(DIRECT) if kept else ()
+        excepted = {phrase.name for phrase in unit.clause.phrases}
+        left = tuple(phrase for phrase in group if phrase.name not in excepted)
+        is_group = len(group) > 1 and len({(phrase.start, phrase.end) for phrase in group}) == 1
+        only_names = not unit.own_verb and [role for role, _ in unit.clause.roles] == [DIRECT]
+        if not (is_group and only_names and left and len(left) == len(group) - len(excepted)):
+            return ()
+        others = tuple(item for item in kept[-1].clause.roles if item[0] != DIRECT)
+        clause = replace(kept[-1].clause, roles=((DIRECT, left), *others))
+        kept[-1] = replace(kept[-1], clause=clause)
+    return tuple(kept)
+
+
+def picked_up_to_put(units: Sequence[Unit], clauses: Sequence[ParsedClause]) -> Iterator[int]:
+    """The places of the clauses that may be no step of their own.
+
+    Demonstrations begin with an empty gripper: "pick up X and put it on Y" is "put X on Y", unless to pick it up is a
+    task of its own. Then it may be meant as well, and is refused.
+    """
+    for place, (clause, after) in enumerate(zip(clauses, units[1:], strict=False)):
+        puts_it = any(phrase.name is None for phrase in after.clause.objects_in(DIRECT)) and len(after.clause.roles) > 1
+        if clause.verb in PICKING and len(clause.roles) == 1 and puts_it:
+            yield place
+
+
+def is_placed_after_moving(clauses: Sequence[ParsedClause]) -> bool:
+    """Whether an object is told by its place after something was moved: only where objects are now is known."""
+    return any(
+        any(phrase.by == "relation" for phrase in later.phrases)
+        and (earlier.verb in PICKING or any(role in DESTINATIONS or role == "off" for role, _ in earlier.roles))
+        for earlier, later in combinations(clauses, 2)
+    )

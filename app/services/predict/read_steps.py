@@ -1,0 +1,113 @@
+"""Which tasks do what a sentence says: its steps, or the one task of a prediction that names none."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from sqlalchemy import Connection
+
+from app.perception.base import ObjectQuery
+from app.pipeline.errors import ObjectSetError, UnfamiliarInstructionError
+from app.pipeline.order.lexicon import shared_aliases
+from app.pipeline.order.space import Layout
+from app.pipeline.prompt import check_object_names
+from app.pipeline.steps.reading import read_steps
+from app.pipeline.steps.skill import Skill, Step
+from app.services.cache import Cache
+from app.services.predict.instruction import MAX_TASKS, taught_of
+from app.services.predict.request import PredictRequest
+from app.services.predict.select import TaskState
+from app.services.task_settings import TaskSettings
+from app.store import episodes, tasks
+from app.store.records import TaskRecord
+from app.store.store import Store
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.wording import checked_instruction
+
+NEEDS_TASK = ("after", "demonstrations_from", "episode_ids")  # options that are about one task's episodes
+
+
+@dataclass(frozen=True, eq=False)
+class _Known:
+    """A task with demonstrations: what it does, and where its robot's base stands."""
+
+    skill: Skill
+    robot_base_m: tuple[float, ...]
+
+    def unlike(self, names: set[str], *, exactly: bool) -> str:
+        """Why the task is not one for a scene of these objects; empty if it is."""
+        own = set(self.skill.taught.names)
+        parts = {"not seen": own - names, "not of this task": names - own if exactly else ()}
+        return ", ".join(f"{what}: {', '.join(sorted(which))}" for what, which in parts.items() if which)
+
+
+class ReadSteps:
+    """Reads sentences against all tasks that the present key may use. Synchronous: call it in a thread."""
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+        self._known: Cache[TaskState, _Known] = Cache(MAX_TASKS)
+
+    def __call__(self, instruction: str, objects: Sequence[ObjectQuery], *, exactly: bool = False) -> tuple[Step, ...]:
+        """The steps that the instruction asks for, each in the words of its task.
+
+        Args:
+            objects: all of the scene.
+            exactly: only of tasks that have all of these objects.
+
+        Raises:
+            InstructionError: if it is not clear.
+            ObjectSetError: if two objects have one name, or no task is about these objects.
+        """
+        instruction = checked_instruction("instruction", instruction)
+        names = tuple(item.name for item in objects)
+        check_object_names(names, tuple(dict.fromkeys(names)))
+        with self._store.read() as connection:
+            known = [self._of(connection, task) for task in tasks.list_all(connection) if task.object_names is not None]
+        reasons = [item.unlike(set(names), exactly=exactly) for item in known]
+        usable = [item for item, reason in zip(known, reasons, strict=True) if not reason]
+        unlike = [f"{item.skill.task} ({why})" for item, why in zip(known, reasons, strict=True) if why]
+        others = f"not with these objects: {'; '.join(unlike)}" if unlike else ""
+        if not usable:
+            raise ObjectSetError("objects", "no task is about these objects", others or "POST /episodes teaches tasks")
+        skills = [item.skill for item in usable]
+        aliases = shared_aliases([skill.taught.aliases for skill in skills], names)
+        taught = dict.fromkeys(text for skill in skills for text in skill.taught.instructions)
+        scene = taught_of(names, tuple(sorted(aliases.items())), tuple(taught))
+        return read_steps(instruction, skills, scene, _layout(objects, usable), others)
+
+    def with_task(self, request: PredictRequest) -> PredictRequest:
+        """The request with the one task that does what it asks for, of exactly its objects.
+
+        Raises:
+            as `__call__`; InvalidInputError if its options need a task.
+        """
+        for name in NEEDS_TASK:
+            if getattr(request.options, name) is not None:
+                raise InvalidInputError("task", f"is left out beside {name}", "the name of the task")
+        steps = self(request.instruction, request.objects, exactly=True)
+        names = list(dict.fromkeys(step.task for step in steps))
+        if len(names) > 1:
+            message = f"{request.instruction!r} asks for {', '.join(names)} one after the other"
+            raise UnfamiliarInstructionError("instruction", message, "what one task does; POST /plans gives the steps")
+        return replace(request, task=names[0])
+
+    def _of(self, connection: Connection, task: TaskRecord) -> _Known:
+        """The task as its prompts show it."""
+
+        def make() -> _Known:
+            settings = TaskSettings.model_validate(task.settings)
+            shown = episodes.demonstrations(connection, task.name, settings.num_demonstrations)
+            taught = dict.fromkeys(record.instruction for record in shown)
+            aliases = tuple(sorted(settings.aliases.items()))
+            skill = Skill(task.name, taught_of(tuple(task.object_names or ()), aliases, tuple(taught)))
+            return _Known(skill, tuple(settings.robot_base))
+
+        return self._known.get((task.name, task.created_at, task.version), make)
+
+
+def _layout(objects: Sequence[ObjectQuery], usable: Sequence[_Known]) -> Layout | None:
+    """Where the objects are, seen from the one robot; None where that is not known."""
+    places_m = {item.name: np.array(item.position_m) for item in objects if item.position_m is not None}
+    bases_m = {item.robot_base_m for item in usable}
+    return Layout(places_m, np.array(bases_m.pop())) if len(places_m) == len(objects) and len(bases_m) == 1 else None

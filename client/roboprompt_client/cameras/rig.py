@@ -1,0 +1,134 @@
+"""A cell's cameras and where they are: their pictures become calibrated frames, or an error names the camera."""
+
+import time
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from hashlib import blake2b
+
+import numpy as np
+
+from roboprompt_client.arrays import Array
+from roboprompt_client.camera import Camera, RgbdFrame
+from roboprompt_client.cameras.picture import CameraDriver, Picture
+from roboprompt_client.errors import CameraError, InvalidInputError
+
+MAX_UNKNOWN_DEPTH = 0.5  # share of the pixels
+MAX_SKEW_S = 0.25  # of a camera's clock against this computer's
+# Of the hand while its camera takes a picture: at 0.5 m an object then moves by 2 mm at most.
+MAX_HAND_MOTION_M, MAX_HAND_TURN_RAD = 0.001, 0.002
+HandPose = Callable[[], Array]
+
+
+@dataclass(frozen=True, eq=False)
+class MountedCamera:
+    """A camera of the cell.
+
+    Attributes:
+        in_hand: whether it moves with the hand.
+        mount: (4, 4) `camera_to_hand` of one in the hand, else `camera_to_world`; None: not calibrated yet.
+    """
+
+    name: str
+    driver: CameraDriver
+    in_hand: bool = False
+    mount: Array | None = None
+
+    @property
+    def field(self) -> str:
+        """Where its pose stands in the cell's file."""
+        return f"cameras[{self.name}].camera_to_{'hand' if self.in_hand else 'world'}"
+
+    def calibrated(self, picture: Picture, hand_to_world: Array | None, name: str = "") -> RgbdFrame:
+        """The picture with its pose in the world.
+
+        Args:
+            hand_to_world: (4, 4) at the moment of the picture; needed for a camera in the hand.
+            name: of the frame's camera, where one camera gives several; else its own.
+
+        Raises:
+            InvalidInputError: if the camera's pose is not known, or picture and intrinsics do not fit.
+        """
+        if self.mount is None:
+            raise InvalidInputError(self.field, "is not known", "a pose: `roboprompt-robot calibrate` finds it")
+        assert hand_to_world is not None or not self.in_hand
+        pose = hand_to_world @ self.mount if self.in_hand and hand_to_world is not None else self.mount
+        k = picture.intrinsics
+        size_px = (k.width_px, k.height_px)
+        numbers = (k.fx_px, k.fy_px, k.cx_px, k.cy_px)
+        camera = Camera(name or self.name, *numbers, pose, picture.depth_scale, size_px)
+        return RgbdFrame(camera, picture.rgb, picture.depth_m)
+
+
+class Rig:
+    """The cell's cameras.
+
+    Raises:
+        InvalidInputError: for two cameras of one name.
+    """
+
+    def __init__(self, cameras: Iterable[MountedCamera]) -> None:
+        self.cameras = tuple(cameras)
+        names = [camera.name for camera in self.cameras]
+        if twice := [name for name in names if names.count(name) > 1]:
+            raise InvalidInputError("cameras", f"{twice[0]!r} appears twice", "each camera once")
+        self._last: dict[str, bytes] = {}
+
+    def close(self) -> None:
+        """Leave all cameras."""
+        for camera in self.cameras:
+            camera.driver.close()
+
+    def frames(self, hand: HandPose | None = None, *, only: Sequence[str] | None = None) -> tuple[RgbdFrame, ...]:
+        """What the cameras see now.
+
+        Args:
+            hand: gives the hand's pose (4, 4) in the world; needed for cameras in the hand.
+            only: the names of those that are asked; None: all.
+
+        Raises:
+            CameraError: naming the camera whose picture is missing, old, frozen, without depth, or taken in motion.
+            InvalidInputError: if the pose of one is not known.
+        """
+        chosen = [camera for camera in self.cameras if only is None or camera.name in only]
+        return tuple(camera.calibrated(*self.picture(camera, hand)) for camera in chosen)
+
+    def picture(self, camera: MountedCamera, hand: HandPose | None = None) -> tuple[Picture, Array | None]:
+        """A picture of one camera with the hand's pose when it was taken (None for one that does not move with it)."""
+        if camera.in_hand and hand is None:
+            raise CameraError("is in the hand", "an arm that says where its hand is", camera.name)
+        before = hand() if camera.in_hand and hand is not None else None
+        asked_s = time.time()
+        try:
+            picture = camera.driver.read()
+            self._check(camera.name, picture, asked_s)
+        except CameraError as error:
+            raise error.of(camera.name) from error
+        if before is not None and hand is not None:
+            _check_rest(camera.name, before, hand())
+        return picture, before
+
+    def _check(self, name: str, picture: Picture, asked_s: float) -> None:
+        early_s, late_s = asked_s - picture.taken_s, picture.taken_s - time.time()
+        if early_s > MAX_SKEW_S:
+            what = f"its picture was taken {early_s:.2f} s before it was asked for: a queue, or a clock that is off"
+            raise CameraError(what, f"at most {MAX_SKEW_S:g} s")
+        if late_s > MAX_SKEW_S:
+            raise CameraError(f"its clock is {late_s:.2f} s ahead of this computer's", f"at most {MAX_SKEW_S:g} s")
+        depth = b"" if picture.depth_m is None else np.ascontiguousarray(picture.depth_m).tobytes()
+        digest = blake2b(np.ascontiguousarray(picture.rgb).tobytes() + depth).digest()
+        if self._last.get(name) == digest:
+            remedy = "a camera that streams: two pictures of a sensor are never equal"
+            raise CameraError("its picture is frozen: the last one again, byte for byte", remedy)
+        self._last[name] = digest
+        if picture.depth_m is not None and (unknown := float(np.mean(picture.depth_m <= 0))) > MAX_UNKNOWN_DEPTH:
+            remedy = f"at most {MAX_UNKNOWN_DEPTH:.0%}: nothing nearer than the camera measures, and a clean lens"
+            raise CameraError(f"the depth of {unknown:.0%} of its pixels is unknown", remedy)
+
+
+def _check_rest(name: str, before: Array, after: Array) -> None:
+    moved_m = float(np.linalg.norm(after[:3, 3] - before[:3, 3]))
+    cosine = (np.trace(before[:3, :3].T @ after[:3, :3]) - 1) / 2
+    turned_rad = float(np.arccos(np.clip(cosine, -1, 1)))
+    if moved_m > MAX_HAND_MOTION_M or turned_rad > MAX_HAND_TURN_RAD:
+        what = f"the hand moved by {1000 * moved_m:.1f} mm and {np.degrees(turned_rad):.2f} degrees during its picture"
+        raise CameraError(what, "a hand at rest", name)

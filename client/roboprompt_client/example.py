@@ -1,0 +1,88 @@
+"""A whole day at the robot in a minute: `python -m roboprompt_client.example` teaches a task and runs it.
+
+The arm is imaginary: it is where it was sent, and prints what it is sent. Everything else is as with a real one.
+"""
+
+import argparse
+from itertools import pairwise
+
+import numpy as np
+
+from roboprompt_client.client import DEFAULT_URL, RoboPromptClient
+from roboprompt_client.loop import run_task
+from roboprompt_client.motion_limits import Pose
+from roboprompt_client.robot import Observation
+from roboprompt_client.trajectory import EndEffectorAction, ObjectPose, Trajectory
+
+TASK, INSTRUCTION = "example_press", "press the red button"
+TAUGHT_M = ((0.40, 0.10, 0.02), (0.45, -0.15, 0.02), (0.55, 0.05, 0.02), (0.38, -0.05, 0.02), (0.50, 0.20, 0.02))
+UNSEEN_M = (0.47, 0.12, 0.02)
+HOME_M = np.array([0.30, 0.0, 0.50])
+DOWN_XYZW = np.array([1.0, 0.0, 0.0, 0.0])
+ABOVE_M, AT_M, PRESSED_M = (0.0, 0.0, 0.12), (0.0, 0.0, 0.01), 0.02  # from the button
+FRAMES, PERIOD_S = 25, 0.05  # of each stretch of a recording
+
+
+class ImaginaryArm:
+    """A `Robot`: a real one asks its cameras in `observe`, and moves in `execute`.
+
+    Attributes:
+        pressed: whether the hand was within a button's size of it.
+    """
+
+    def __init__(self, button_m: tuple[float, float, float]) -> None:
+        self._button_m, self._hand_m = button_m, HOME_M
+        self.pressed = False
+
+    def observe(self) -> Observation:
+        """The button, and where the hand is."""
+        return Observation(button(self._button_m), end_effector=Pose(tuple(self._hand_m), tuple(DOWN_XYZW)))
+
+    def execute(self, action: EndEffectorAction) -> None:
+        """Be there."""
+        self._hand_m = action.position_m
+        self.pressed |= bool(np.linalg.norm(self._hand_m - self._button_m) < PRESSED_M)
+        say(f"the hand goes to {action.position_m.round(3)} m, gripper {'open' if action.gripper_open else 'closed'}")
+
+    def stop(self) -> None:
+        """It stands already."""
+
+
+def button(position_m: tuple[float, float, float]) -> ObjectPose:
+    """What the robot sees of its scene."""
+    return ObjectPose("red button", np.array(position_m), np.array([0.0, 0.0, 0.0, 1.0]))
+
+
+def press(button_m: tuple[float, float, float]) -> Trajectory:
+    """As a person would guide the hand: above the button, down to it, and up again, with a rest at each place."""
+    above_m, at_m = np.add(button_m, ABOVE_M), np.add(button_m, AT_M)
+    places = [HOME_M, above_m, above_m, at_m, at_m, above_m, above_m]
+    positions_m = np.concatenate([np.linspace(a, b, FRAMES) for a, b in pairwise(places)])
+    frames = len(positions_m)
+    times_s = np.arange(frames) * PERIOD_S
+    return Trajectory.from_poses(positions_m, np.tile(DOWN_XYZW, (frames, 1)), np.zeros(frames), times_s)
+
+
+def main() -> None:
+    """Teach five demonstrations, and press a button that stands where none of them had it."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--url", default=DEFAULT_URL, help="of the service (default: %(default)s)")
+    with RoboPromptClient(parser.parse_args().url) as client:
+        for place_m in TAUGHT_M:
+            stored = client.upload(TASK, INSTRUCTION, press(place_m), Observation(button(place_m)))
+            say(f"taught at {place_m} m: {len(stored['keyframes'])} keyframes")
+        say(f"\nthe button now stands at {UNSEEN_M} m")
+        arm = ImaginaryArm(UNSEEN_M)
+        predicted = run_task(client, arm, TASK, INSTRUCTION)
+        client.record_outcome(predicted.id, success=arm.pressed)
+        say(f"\nthe LLM wrote {predicted.response['reply_text']!r}")
+        say(f"{'pressed' if arm.pressed else 'not pressed'}; more at {client.url}/ui/predictions/{predicted.id}")
+
+
+def say(text: str) -> None:
+    """To the terminal."""
+    print(text)  # noqa: T201
+
+
+if __name__ == "__main__":
+    main()

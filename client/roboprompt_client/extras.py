@@ -1,0 +1,48 @@
+"""Packages that are extras, and drivers by name: imported only where a cell's file asks for them."""
+
+import importlib
+from collections.abc import Mapping
+from typing import Any
+
+from roboprompt_client.errors import InvalidInputError
+
+
+def import_extra(module: str, package: str, extra: str) -> Any:  # noqa: ANN401
+    """A module of a maker's package, which is an extra.
+
+    Raises:
+        InvalidInputError: if it is not installed.
+    """
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        remedy = f"roboprompt-client[{extra}]"
+        raise InvalidInputError(extra, f"{package} is not installed or cannot be loaded: {error}", remedy) from error
+
+
+def make_driver(field: str, name: str, known: Mapping[str, str], options: object) -> Any:  # noqa: ANN401
+    """What a factory returns.
+
+    Args:
+        field: what an error names, e.g. ``arm`` or ``cameras[front].driver``.
+        name: one of `known`, or MODULE:FACTORY.
+        known: MODULE:FACTORY by name.
+        options: the factory's arguments by name.
+
+    Raises:
+        InvalidInputError: if there is no such factory, or it has no such options.
+    """
+    module, _, factory = known.get(name, name).partition(":")
+    try:
+        make = getattr(importlib.import_module(module), factory)
+    except (ImportError, AttributeError, ValueError) as error:
+        valid = f"MODULE:FACTORY, or {', '.join(known)}"
+        raise InvalidInputError(field, f"{name!r:.80} cannot be imported: {error}", valid) from error
+    within, dot, _ = field.rpartition(".")
+    options_field = f"{within}{dot}options"
+    if not isinstance(options, Mapping):
+        raise InvalidInputError(options_field, f"are {options!r:.80}", "an object")
+    try:
+        return make(**options)
+    except TypeError as error:
+        raise InvalidInputError(options_field, f"do not fit {name}: {error}") from error

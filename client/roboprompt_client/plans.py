@@ -1,0 +1,98 @@
+"""A sentence about several tasks, carried out step by step; the first doubt ends it."""
+
+import logging
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from roboprompt_client.answers import Outcome, PlannedStep, PredictedActions
+from roboprompt_client.client import RoboPromptClient
+from roboprompt_client.errors import NotConfirmedError, StepFailedError
+from roboprompt_client.loop import OnOutcome, run_task
+from roboprompt_client.robot import Observation, Robot
+from roboprompt_client.trajectory import EndEffectorAction
+
+ConfirmSteps = Callable[[Sequence[PlannedStep]], bool]
+log = logging.getLogger(__name__)
+
+
+def run_plan(
+    client: RoboPromptClient,
+    robot: Robot,
+    text: str,
+    *,
+    confirm_steps: ConfirmSteps | None = None,
+    on_outcome: OnOutcome | None = None,
+    **how: Any,  # noqa: ANN401
+) -> list[PredictedActions]:
+    """Let the robot carry out a sentence over tasks that were taught apart; returns what was predicted for each step.
+
+    Before each step the robot observes all objects of the scene again; a task is asked about its own of them. The first
+    refusal, danger, motion that fails or outcome that is no success ends the plan; the robot is stopped.
+
+    Args:
+        confirm_steps: asked once before anything moves.
+        on_outcome: called after each step; the plan goes on only where it returns a success. None: each step whose
+            actions were carried out counts as done.
+        how: as for `run_task`, for each step.
+
+    Raises:
+        as `RoboPromptClient.plan` and `run_task`.
+        NotConfirmedError: if `confirm_steps` said no; nothing was moved.
+        StepFailedError: if a step has no actions, or its outcome is not known to be a success.
+    """
+    seen = robot.observe()
+    steps = client.plan(text, (*seen.objects, *seen.to_find))
+    if confirm_steps is not None and not confirm_steps(steps):
+        raise NotConfirmedError("the plan was not allowed")
+    done: list[PredictedActions] = []
+    for number, step in enumerate(steps, start=1):
+        log.info("step %d of %d: %s (%s)", number, len(steps), step.instruction, step.task)
+        try:
+            done.append(_run_step(client, robot, step, on_outcome, how))
+        except StepFailedError as error:
+            robot.stop()
+            raise StepFailedError(f"step {number} of {len(steps)}, {step.instruction!r}: {error}") from None
+    return done
+
+
+def _run_step(
+    client: RoboPromptClient, robot: Robot, step: PlannedStep, on_outcome: OnOutcome | None, how: Mapping[str, Any]
+) -> PredictedActions:
+    outcome: Outcome | None = None if on_outcome else Outcome(success=True)
+
+    def judge(predicted: PredictedActions) -> Outcome | None:
+        nonlocal outcome
+        outcome = on_outcome(predicted) if on_outcome else None
+        return outcome
+
+    names = client.get(f"/tasks/{step.task}").get("object_names") or ()
+    asked = {**how, "on_outcome": judge} if on_outcome else how
+    predicted = run_task(client, _OnlyObjects(robot, names), step.task, step.instruction, **asked)
+    if not predicted.actions:
+        raise StepFailedError("the service answered no actions")
+    if outcome is None:
+        raise StepFailedError("it is not known whether it worked")
+    if not outcome.success:
+        raise StepFailedError(outcome.note or "it did not work")
+    return predicted
+
+
+@dataclass(frozen=True)
+class _OnlyObjects:
+    """The robot with eyes for some objects only: a task is asked about its own."""
+
+    robot: Robot
+    names: Collection[str]
+
+    def observe(self) -> Observation:
+        seen = self.robot.observe()
+        objects = [pose for pose in seen.objects if pose.name in self.names]
+        to_find = [name for name in seen.to_find if name in self.names]
+        return Observation(objects, seen.frames, to_find, seen.end_effector)
+
+    def execute(self, action: EndEffectorAction) -> None:
+        self.robot.execute(action)
+
+    def stop(self) -> None:
+        self.robot.stop()

@@ -1,0 +1,80 @@
+"""A cell's file from answers and from what the arm measures."""
+
+import json
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from makers import Body, xarm
+
+from roboprompt_client import cli
+from roboprompt_client.arms.cell import open_cell
+
+
+@pytest.fixture
+def body(monkeypatch):
+    body = Body()
+    sdk = SimpleNamespace(XArmAPI=xarm(body))
+    monkeypatch.setattr("roboprompt_client.arms.xarm.import_extra", lambda *_: sdk)
+    return body
+
+
+def run(monkeypatch, path, answers):
+    """Answers in their order; a function is done before Enter is pressed."""
+    left = list(answers)
+
+    def answer(question):
+        if not left:
+            raise EOFError
+        text = left.pop(0)
+        return text() if callable(text) else text
+
+    monkeypatch.setattr("builtins.input", answer)
+    monkeypatch.setattr("sys.argv", ["roboprompt-robot", "init", str(path)])
+    return cli.main()
+
+
+def guided(body, position_m):
+    def guide():
+        body.position_m = np.array(position_m)
+        return ""
+
+    return guide
+
+
+def test_a_file_that_opens(body, monkeypatch, tmp_path, capsys):
+    path = tmp_path / "cell.json"
+    corners = [guided(body, [0.2, -0.3, 0.0]), guided(body, [0.6, 0.3, 0.5])]
+    answers = ["nothing", "xarm", "192.168.1.5", "0.1 x", "0.1, 0, 0.6", "90", "y", *corners, "y"]
+    assert run(monkeypatch, path, answers) == 0
+    cell = json.loads(path.read_text())
+    assert cell["options"] == {"address": "192.168.1.5"}
+    np.testing.assert_allclose(cell["base_to_world"]["quaternion_xyzw"], [0, 0, 0.5**0.5, 0.5**0.5])
+    np.testing.assert_allclose(cell["limits"]["workspace"]["min"], [-0.21, 0.19, 0.59], atol=1e-6)
+    np.testing.assert_allclose(cell["limits"]["workspace"]["max"], [0.41, 0.61, 1.11], atol=1e-6)
+    assert 0.05 < cell["open_width_m"] < 0.1
+    assert open_cell(path).observe().end_effector is not None
+    said = capsys.readouterr().out
+    assert "'nothing' is none of franka, ur, xarm" in said
+    assert "'0.1 x' is not 3 numbers" in said
+
+
+def test_corners_without_room_are_asked_for_again(body, monkeypatch, tmp_path, capsys):
+    flat = [guided(body, [0.2, -0.3, 0.0]), guided(body, [0.6, 0.3, 0.01])]
+    corners = [*flat, guided(body, [0.2, -0.3, 0.0]), guided(body, [0.6, 0.3, 0.4])]
+    assert run(monkeypatch, tmp_path / "cell.json", ["xarm", "a", "", "", "y", *corners, "n"]) == 0
+    assert "every side needs 0.05 m" in capsys.readouterr().out
+
+
+def test_nothing_is_overwritten(body, monkeypatch, tmp_path, capsys):
+    path = tmp_path / "cell.json"
+    path.write_text("mine")
+    assert run(monkeypatch, path, []) == 1
+    assert "exists" in capsys.readouterr().err
+    assert path.read_text() == "mine"
+
+
+@pytest.mark.parametrize("answers", [["xarm"], ["xarm", "a", "", "", "y", ""]], ids=["before", "between two corners"])
+def test_a_person_who_goes_away_leaves_no_file(body, monkeypatch, tmp_path, answers):
+    assert run(monkeypatch, tmp_path / "cell.json", answers) == 1
+    assert not (tmp_path / "cell.json").exists()

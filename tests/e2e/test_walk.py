@@ -1,0 +1,113 @@
+"""From a cell's file and a mug on a table to the first executed prediction, by the commands of docs/camera.md."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+
+from roboprompt_client import cli
+from tests.e2e.processes import running_server
+from tests.e2e.walk_cell import BASE_POSITION_M, LAB, PLACES, TABLE_TOP_M
+
+CELL = {
+    "arm": "tests.e2e.walk_cell:arm",
+    "base_to_world": {"position": BASE_POSITION_M, "quaternion_xyzw": [0, 0, 0, 1]},
+    "limits": {"workspace": {"min": [-0.1, -0.4, TABLE_TOP_M], "max": [0.6, 0.4, 1.4]}},
+}
+TASK = ["--task", "mugs"]
+INSTRUCTION = [*TASK, "--instruction", "lift the mug"]
+SHOWN = ((0.15, 0.0, 0.0), (0.22, -0.12, 120.0), (0.12, 0.12, -110.0))
+TAUGHT = ((0.20, 0.05, 20.0), (0.10, -0.12, -40.0), (0.27, 0.10, 60.0), (0.16, -0.02, 100.0))
+ASKED = ((0.24, -0.06, -20.0), (0.13, 0.08, 45.0))
+MIDDLE_M = 0.016  # of what is seen of the mug, from its axis towards its handle
+
+
+class Lab:
+    """A person at the terminal of the robot's computer."""
+
+    def __init__(self, url, folder, monkeypatch, capsys):
+        self.url, self.cell, self._monkeypatch, self._capsys = url, folder / "cell.json", monkeypatch, capsys
+        self.folder = folder
+
+    def run(self, *words, typed=(), status=0):
+        """A command with what is typed into it; a callable is done before its line is typed. Returns what it prints."""
+        lines = list(typed)
+
+        def type_next(question):
+            line = lines.pop(0)
+            return line() if callable(line) else line
+
+        self._monkeypatch.setattr("builtins.input", type_next)
+        self._monkeypatch.setattr("sys.argv", ["roboprompt-robot", "--url", self.url, *map(str, words)])
+        self._capsys.readouterr()
+        ended = cli.main()
+        printed = self._capsys.readouterr()
+        assert ended == status, printed.out + printed.err
+        assert not lines
+        return printed.out
+
+
+@pytest.fixture
+def lab(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    with running_server(tmp_path / "data", {"ROBOPROMPT_MAX_BODY_MB": "60"}) as url:
+        yield Lab(url, tmp_path, monkeypatch, capsys)
+
+
+def written_cell(lab):
+    """What a calibration gives: poses that are a little off."""
+    random = np.random.default_rng(3)
+    cameras = []
+    for name in PLACES:
+        pose = LAB.camera(name).camera_to_world.copy()
+        pose[:3, 3] += random.normal(0, 0.001, 3)
+        options = {"name": name, "folder": str(lab.folder / name)}
+        camera = {"name": name, "driver": "tests.e2e.walk_cell:camera", "options": options}
+        cameras.append({**camera, "camera_to_world": pose.tolist()})
+    lab.cell.write_text(json.dumps({**CELL, "cameras": cameras}))
+
+
+def pixel_of_the_mug(camera):
+    """Where a person clicks: on its wall, below the rim."""
+    place_m = LAB.task.position_m("mug") + np.array([0, 0, 0.05])
+    (pixel,), _ = LAB.camera(camera).project([place_m])
+    return [str(round(value)) for value in pixel]
+
+
+def guide():
+    """The person moves the arm by hand."""
+    LAB.perform(LAB.task.expert())
+    return ""
+
+
+def test_from_an_empty_cell_to_the_first_motion(lab):
+    written_cell(lab)
+    of_cell = ["--robot", lab.cell]
+    seen = lab.run("look", *of_cell, "--html", lab.folder / "empty.html")
+    assert re.search(r"front +640x480 +100% +0\.\d+ m +at 0\.75\d m, tilted by 0\.\d°", seen), seen
+
+    for place in SHOWN:
+        LAB.put(*place)
+        said = lab.run("label", *of_cell, *TASK, "--object", "mug", "--click", "front", *pixel_of_the_mug("front"))
+        assert "labeled as" in said
+    assert "learned from 3 views" in lab.run("label", *TASK, "--object", "mug", "--learn")
+
+    LAB.put(*TAUGHT[0])
+    seen = lab.run("look", *of_cell, *TASK, "--html", lab.folder / "mug.html")
+    assert re.search(r"mug +0\.\d\d\d ", seen), seen
+    assert (lab.folder / "mug.html").read_text().count("<image") == 3
+
+    for place in TAUGHT:
+        LAB.put(*place)
+        said = lab.run("record", *of_cell, *INSTRUCTION, "--rate-hz", "100", typed=["", guide, "q"])
+        assert "stored as" in said, said
+
+    for place in ASKED:
+        LAB.put(*place)
+        before_m = LAB.task.position_m("mug")
+        answer = json.loads(lab.run("predict", *of_cell, *INSTRUCTION))
+        (mug,) = answer["objects"]
+        np.testing.assert_allclose(mug["position"][:2], before_m[:2], atol=MIDDLE_M + 0.006)
+        said = lab.run("run", *of_cell, *INSTRUCTION, "--confirm", typed=["y"] * len(answer["actions"]) + ["y"])
+        assert LAB.task.succeeded(), said
