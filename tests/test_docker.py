@@ -2,6 +2,8 @@
 
 import json
 import re
+import shutil
+import stat
 import subprocess
 import sys
 from pathlib import Path
@@ -42,6 +44,23 @@ def test_services_that_others_wait_for_exist():
     mounted = {volume.partition(":")[0] for item in services.values() for volume in item.get("volumes", ())}
     assert mounted == set(COMPOSE["volumes"])
     assert services["roboprompt"]["read_only"]
+
+
+def test_passwords_are_made_once_for_this_user_alone(tmp_path):
+    script = shutil.copy(DOCKER / "passwords", tmp_path)
+    (tmp_path / ".env").write_text("S3_PASSWORD=chosen\n")
+    subprocess.run([script], check=True)
+    made = (tmp_path / ".env").read_text()
+    assert re.fullmatch(r"S3_PASSWORD=chosen\nPOSTGRES_PASSWORD=[0-9a-f]{48}\n", made)
+    subprocess.run([script], check=True)
+    assert (tmp_path / ".env").read_text() == made
+
+
+def test_every_password_that_compose_asks_for_is_made(tmp_path):
+    subprocess.run([shutil.copy(DOCKER / "passwords", tmp_path)], check=True)
+    asked = set(re.findall(r"\$\{(\w+):\?", (DOCKER / "compose.yaml").read_text()))
+    assert asked == set(re.findall(r"^(\w+)=", (tmp_path / ".env").read_text(), re.MULTILINE))
+    assert stat.S_IMODE((tmp_path / ".env").stat().st_mode) == 0o600
 
 
 def test_dashboard_asks_for_metrics_that_exist():

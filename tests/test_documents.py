@@ -26,7 +26,7 @@ def test_every_setting_is_documented_and_nothing_else():
 
 
 def test_example_files_are_the_documented_examples():
-    for name in ("EPISODE", "TASK", "PREDICT", "OUTCOME"):
+    for name in ("EPISODE", "TASK", "PREDICT", "PLAN", "OUTCOME"):
         kept = json.loads((ROOT / f"docs/examples/{name.lower()}.json").read_text())
         assert kept == json.loads(json.dumps(getattr(examples, name)))
 

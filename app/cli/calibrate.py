@@ -48,11 +48,11 @@ def calibrate(
     """
     import numpy as np
 
-    from app.perception.calibration import CharucoBoard
     from app.perception.calibration import calibrate as find_pose
     from app.perception.images import decode_rgb
     from app.pipeline.geometry import rigid
     from roboprompt_client.arrays import unit_quaternions
+    from roboprompt_client.calibration.board import CharucoBoard
     from roboprompt_client.camera import Camera, camera_json
 
     console = Console(stderr=True)
@@ -83,7 +83,7 @@ def calibration_board(
     """Write the picture of a ChArUco board, to be printed and glued to something flat."""
     import cv2
 
-    from app.perception.calibration import PRINT_DPI, CharucoBoard
+    from roboprompt_client.calibration.board import PRINT_DPI, CharucoBoard
 
     try:
         board = CharucoBoard(columns, rows, square_m, marker_m, dictionary, legacy)

@@ -9,11 +9,10 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from app.cli.shared import DOT_ENV, check_port
+from app.cli.shared import DOT_ENV, EnvFile, check_port
 from roboprompt_client.version import VERSION
 
 COLORS = {"ok": "green", "missing": "yellow", "wrong": "yellow"}
-EnvFile = Annotated[Path | None, typer.Option(exists=True, dir_okay=False, help="lines NAME=VALUE of settings")]
 
 
 def doctor(

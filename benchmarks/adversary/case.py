@@ -75,6 +75,6 @@ def unchanged_case(
         scene.instruction,
         scene.objects,
         {"yaw_symmetry_deg": dict(world.tasks[scene.task]), "num_demonstrations": len(recorded)},
-        {"model": "nearest"},
+        {"model": "nearest", "max_actions": 100},  # an instruction may have six parts
         tuple(map(recording_of, others)),
     )

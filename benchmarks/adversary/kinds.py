@@ -48,6 +48,7 @@ RIGHT: Mapping[str, Kind] = {
 WRONG: Mapping[str, Kind] = {
     "frame moved in half": Kind(in_half(recordings.frame_moved)),
     "hand shifted in half": Kind(in_half(recordings.hand_shifted)),
+    "hand shifted in all": _plausible(in_all(recordings.hand_shifted)),
     "hand shifted in one": Kind(in_one(recordings.hand_shifted)),
     "hand turned in half": Kind(in_half(recordings.hand_turned)),
     "hand turned in all": Kind(in_all(recordings.hand_turned)),

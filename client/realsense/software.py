@@ -6,7 +6,6 @@ import time
 import numpy as np
 import pyrealsense2 as rs
 
-RATE_HZ = 60
 BASELINE_M = 0.015  # of the color camera from the depth camera, along x
 
 
@@ -18,8 +17,18 @@ class SoftwareRealSense:
         clock_off_s: what the camera's clock is ahead of this computer's.
     """
 
-    def __init__(self, shoot, fx_px=600.0, size_px=(640, 480), depth_scale=0.001, clock_off_s=0.0, coeffs=(0.0,) * 5):
+    def __init__(
+        self,
+        shoot,
+        fx_px=600.0,
+        size_px=(640, 480),
+        depth_scale=0.001,
+        clock_off_s=0.0,
+        coeffs=(0.0,) * 5,
+        rate_hz=60,
+    ):
         self.device = rs.software_device()
+        self._period_s = 1 / rate_hz
         self._shoot, self._clock_off_s, self._scale = shoot, clock_off_s, depth_scale
         self._color, color = self._sensor("Color", rs.stream.color, rs.format.rgb8, 3, fx_px, size_px, coeffs)
         self._depth, depth = self._sensor("Depth", rs.stream.depth, rs.format.z16, 2, fx_px, size_px, (0.0,) * 5)
@@ -50,13 +59,13 @@ class SoftwareRealSense:
 
     def _run(self):
         number = 0
-        while not self._ended.wait(1 / RATE_HZ):
+        while not self._ended.wait(self._period_s):
             number += 1
+            taken_ms = 1000 * (time.time() + self._clock_off_s)
             try:
                 rgb, units = self._shoot()
             except StopIteration:
                 return
-            taken_ms = 1000 * (time.time() + self._clock_off_s)
             for sensor, profile, image in zip((self._depth, self._color), self._profiles, (units, rgb), strict=True):
                 frame = rs.software_video_frame()
                 frame.bpp = image.itemsize * (image.shape[2] if image.ndim == 3 else 1)

@@ -52,7 +52,7 @@ class Camera:
         if not MIN_DEPTH_SCALE_M <= self.depth_scale <= MAX_DEPTH_SCALE_M:
             remedy = f"metres per unit of a depth image, {MIN_DEPTH_SCALE_M:g} to {MAX_DEPTH_SCALE_M:g}"
             raise InvalidInputError(f"{where}.depth_scale", f"is {self.depth_scale}", remedy)
-        settle(self, camera_to_world=rigid_transform(f"{where}.camera_to_world", self.camera_to_world))
+        settle(self, camera_to_world=checked_camera_pose(f"{where}.camera_to_world", self.camera_to_world))
 
     def project(self, points_world_m: npt.ArrayLike) -> tuple[Array, Array]:
         """Where points of the world appear in the image.
@@ -81,7 +81,7 @@ class Camera:
         return points
 
 
-def rigid_transform(field: str, value: npt.ArrayLike) -> Array:
+def checked_camera_pose(field: str, value: npt.ArrayLike) -> Array:
     """A camera's pose (4, 4), in meters.
 
     Raises:

@@ -11,6 +11,7 @@ from typing import get_args
 
 from roboprompt_client.arms.arm import Arm
 from roboprompt_client.arms.cell import closing_robot, open_robot
+from roboprompt_client.calibrate_command import add_calibrate
 from roboprompt_client.client import DEFAULT_URL, RoboPromptClient
 from roboprompt_client.danger import OnDanger
 from roboprompt_client.doctor import add_doctor
@@ -24,6 +25,7 @@ from roboprompt_client.record_command import add_check, add_record
 from roboprompt_client.robot import OBJECTS, Observation, Robot, observation_from_file
 from roboprompt_client.terminal import Person
 from roboprompt_client.trajectory_npz import trajectory_from_npz
+from roboprompt_client.viewpoints_command import add_viewpoints
 
 DESCRIPTION = (
     "Teach a RoboPrompt service with recorded demonstrations, ask it for actions, and carry them out with an arm."
@@ -83,6 +85,8 @@ def _parser() -> ArgumentParser:
     add_check(add, ROBOT)
     add_doctor(add, ROBOT)
     add_look(add)
+    add_calibrate(add)
+    add_viewpoints(add)
     return parser
 
 

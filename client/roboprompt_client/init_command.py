@@ -1,10 +1,9 @@
 """`roboprompt-robot init`: a cell's file, from a person's answers and from what the arm itself measures."""
 
-import json
 import math
 import sys
 from argparse import Namespace
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,7 @@ import numpy as np
 
 from roboprompt_client import quaternions as rotations
 from roboprompt_client.arms.arm import Arm
-from roboprompt_client.arms.cell import DRIVERS, open_robot
+from roboprompt_client.arms.cell import DRIVERS, open_robot, write_cell
 from roboprompt_client.arms.driver import Guidable
 from roboprompt_client.arrays import Array
 from roboprompt_client.client import RoboPromptClient
@@ -40,7 +39,7 @@ def run_init(_: RoboPromptClient, arguments: Namespace) -> int:
     if path.exists():
         raise InvalidInputError("FILE", f"{path} exists", "a name of its own: nothing is overwritten")
     cell = {**_arm(), "base_to_world": _base()}
-    _write(path, cell)
+    write_cell(path, cell)
     try:
         robot = open_robot(str(path))
         measured = {}
@@ -50,7 +49,7 @@ def run_init(_: RoboPromptClient, arguments: Namespace) -> int:
     except BaseException:
         path.unlink()
         raise
-    _write(path, {**cell, **measured})
+    write_cell(path, {**cell, **measured})
     _say(f"\nwritten to {path}; next: roboprompt-robot check --robot {path} --move")
     return 0
 
@@ -148,10 +147,6 @@ def _numbers(text: str, count: int) -> list[float]:
     if len(numbers) != count or not np.isfinite(numbers).all():
         raise ValueError(f"{text!r:.40} is not {count} numbers")
     return numbers
-
-
-def _write(path: Path, cell: Mapping[str, Any]) -> None:
-    path.write_text(json.dumps(cell, indent=1) + "\n")
 
 
 def _say(text: str) -> None:

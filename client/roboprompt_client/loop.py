@@ -90,6 +90,8 @@ def run_task(
     try:
         danger = checked_on_danger(on_danger, confirm)
         _check_modes(look_again=look_again, stream=stream, leads=leading is not None)
+        if look_again:
+            _require_still_cameras(robot, "look_again")
         allowed = _allowed(client, task, limits, pinned)
         run = _Run(client, robot, task, instruction, allowed, danger, confirm, preview, options)
         predicted = run.streamed() if stream else run.whole(look_again, leading)
@@ -133,6 +135,7 @@ def run_closed_loop(
     guard: MotionGuard | None = None
     try:
         danger = checked_on_danger(on_danger, confirm)
+        _require_still_cameras(robot, "closed_loop")
         allowed = _allowed(client, task, limits, pinned)
         run = _Run(client, robot, task, instruction, allowed, danger, confirm, preview, options)
         for index in range(max_steps):
@@ -236,6 +239,13 @@ def _check_modes(*, look_again: bool, stream: bool, leads: bool) -> None:
     if look_again and stream:
         message = "is asked for together with stream, which moves before all actions are known"
         raise InvalidInputError("look_again", message, "one of both")
+
+
+def _require_still_cameras(robot: Robot, mode: str) -> None:
+    """Refuse a robot whose hand would leave what it does in order to look."""
+    if getattr(robot, "viewpoints", ()):
+        message = "is asked of an arm that goes to viewpoints to look, away from what it does"
+        raise InvalidInputError(mode, message, "cameras that need no viewpoints")
 
 
 def _allowed(

@@ -6,8 +6,6 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
-import numpy as np
-
 from roboprompt_client.answers import Outcome, PlannedStep, PredictedActions
 from roboprompt_client.arms.arm import Arm
 from roboprompt_client.arms.preview import Previewed, table
@@ -103,11 +101,8 @@ class Person:
 
     def confirm_viewpoint(self, number: int, pose: Pose) -> bool:
         """Whether the person lets the hand go to a viewpoint; what is wrong with the way is printed first."""
-        there = EndEffectorAction(np.array(pose.position_m), np.array(pose.quaternion_xyzw), gripper_open=True)
-        if isinstance(self._robot, Arm):
-            (previewed,) = self._robot.preview([there], MotionLimits(hand_radius_m=0.0))
-            if previewed.warning:
-                _print(f"! {previewed.warning}")
+        if isinstance(self._robot, Arm) and (problem := self._robot.problem_with(pose)):
+            _print(f"! {problem}")
         x_m, y_m, z_m = pose.position_m
         return ask_yes(f"viewpoint {number}: the hand goes to {x_m:.3f} {y_m:.3f} {z_m:.3f} m. Go? [y/N] ")
 

@@ -9,7 +9,7 @@ import pytest
 from makers import Body, open_xarm
 
 from roboprompt_client.arms.arm import Arm
-from roboprompt_client.camera import rigid_transform
+from roboprompt_client.camera import checked_camera_pose
 from roboprompt_client.cameras.cell import rig_from_json, viewpoints_from_json
 from roboprompt_client.cameras.picture import Intrinsics, Picture
 from roboprompt_client.cameras.rig import MountedCamera, Rig
@@ -155,7 +155,7 @@ def test_one_name_twice_is_refused_and_what_was_opened_is_closed(folder):
 
 def test_a_pose_in_millimeters_is_refused_as_one():
     with pytest.raises(InvalidInputError, match="puts the camera 1025 m away: probably millimeters"):
-        rigid_transform("camera_to_world", MOUNT * np.array([[1, 1, 1, 1000.0]] * 3 + [[1, 1, 1, 1]]))
+        checked_camera_pose("camera_to_world", MOUNT * np.array([[1, 1, 1, 1000.0]] * 3 + [[1, 1, 1, 1]]))
 
 
 def test_a_color_camera_that_opencv_opens(tmp_path):

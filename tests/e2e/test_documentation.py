@@ -12,6 +12,8 @@ def test_examples_can_be_sent_as_they_are(http):
     prediction = http.post("/predict", json={**examples.PREDICT, "model": "embedded/gemma-3-270m"})
     assert prediction.status_code == 200, prediction.text
     assert len(prediction.json()["actions"]) == 3
+    plan = http.post("/plans", json=examples.PLAN)
+    assert plan.json() == {"steps": [{"task": "press", "instruction": "press the red button"}] * 2}, plan.text
     outcome = http.post(f"/predictions/{prediction.json()['id']}/outcome", json=examples.OUTCOME)
     assert outcome.status_code == 200, outcome.text
 
@@ -26,6 +28,7 @@ def test_answers_are_what_their_schemas_say(http):
         responses.TaskList: http.get("/tasks"),
         predictions.PredictionOut: http.post("/predict", json=predict),
         predictions.DryRunOut: http.post("/predict", json={**predict, "dry_run": True}),
+        predictions.PlanOut: http.post("/plans", json=examples.PLAN),
         predictions.PredictionPage: http.get("/predictions"),
         responses.ModelList: http.get("/models"),
         responses.Health: http.get("/readyz"),

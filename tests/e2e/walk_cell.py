@@ -90,6 +90,7 @@ class Lab:
         self._caster = RayCaster(self.task.model)
         self._random = np.random.default_rng(0)
         self._seen = {}
+        self._flicker = self._random.integers(0, 3, (HEIGHT_PX + 64, WIDTH_PX + 64, 3), dtype=np.uint8)
 
     def put(self, x_m, y_m, yaw_deg):
         with self._moving:
@@ -107,19 +108,27 @@ class Lab:
         if (ahead_s := (self.task.data.time - simulated_s) / SPEED - (time.monotonic() - wall_s)) > 0.01:
             time.sleep(ahead_s)
 
-    def camera(self, name):
-        """Its true calibration."""
+    def camera(self, name, along_x_m=0.0):
+        """Its true calibration, or that of one which is so far beside it."""
         centre_px = ((WIDTH_PX - 1) / 2, (HEIGHT_PX - 1) / 2)
-        return Camera(name, FOCAL_PX, FOCAL_PX, *centre_px, camera_to_world(PLACES[name]))
+        pose = camera_to_world(PLACES[name])
+        pose[:3, 3] += along_x_m * pose[:3, 0]
+        return Camera(name, FOCAL_PX, FOCAL_PX, *centre_px, pose)
 
-    def shoot(self, name):
-        """A picture with noise; the rays are cast again when something has moved."""
+    def shoot(self, name, along_x_m=0.0):
+        """Color and depth (mm) with noise, the depth as seen by a camera so far beside it.
+
+        Rays are cast when something has moved; from then on only the color flickers.
+        """
         state = self.task.data.qpos.round(4).tobytes()
         if self._seen.get(name, (b"",))[0] != state:
             with self._moving:
-                self._seen[name] = (state, self._caster.frame(self.task.data, self.camera(name)))
-        frame = as_a_camera_sees_it(self._seen[name][1], self._random)
-        return frame.rgb, np.rint(frame.depth_m * 1000).astype(np.uint16)
+                sides = [self._caster.frame(self.task.data, self.camera(name, x_m)) for x_m in (0.0, along_x_m)]
+            color, depth = (as_a_camera_sees_it(side, self._random) for side in sides)
+            self._seen[name] = (state, color.rgb, np.rint(depth.depth_m * 1000).astype(np.uint16))
+        _, rgb, units = self._seen[name]
+        row, column = self._random.integers(0, 64, 2)
+        return cv2.add(rgb, self._flicker[row : row + HEIGHT_PX, column : column + WIDTH_PX]), units
 
 
 LAB = Lab()
@@ -179,7 +188,7 @@ def camera(name, folder):
 
 def _realsense(name):
     sys.path.insert(0, str(Path(__file__).parents[2] / "client/realsense"))
-    from software import SoftwareRealSense
+    from software import BASELINE_M, SoftwareRealSense
 
     from roboprompt_client.cameras.realsense import RealSense
 
@@ -188,7 +197,8 @@ def _realsense(name):
             super().close()
             software.close()
 
-    software = SoftwareRealSense(lambda: LAB.shoot(name), fx_px=FOCAL_PX)
+    LAB.shoot(name, -BASELINE_M)  # casting rays takes longer than a camera's driver waits
+    software = SoftwareRealSense(lambda: LAB.shoot(name, -BASELINE_M), fx_px=FOCAL_PX, rate_hz=20)
     return Owned(device=software.device)
 
 

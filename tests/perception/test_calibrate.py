@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from app.perception.calibration import CharucoBoard, calibrate
+from app.perception.calibration import calibrate
 from app.pipeline.geometry import rigid
+from roboprompt_client.calibration.board import CharucoBoard
 from roboprompt_client.camera import Camera
 from roboprompt_client.errors import InvalidInputError
 from tests.perception.flat_scene import Quad, camera, noisy, render

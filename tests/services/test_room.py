@@ -53,6 +53,24 @@ def test_one_upload_far_from_the_others_moves_no_bound_and_says_so(services, sen
     assert '"auto"' in finding["message"]
 
 
+@pytest.mark.parametrize("odd", range(3))
+def test_one_of_the_first_three_far_from_both_others_moves_no_bound(services, sent, odd):
+    places = [NEAR_M, ASIDE_M]
+    places.insert(odd, FAR_M)
+    answers = [sent(place) for place in places]
+    assert box(services)["max"][0] < 1.5
+    (finding,) = [f for f in answers[-1]["findings"] if f["code"] == "beyond-workspace"]
+    assert ("The recording" if odd == 2 else answers[odd]["id"]) in finding["message"]
+    sent(NEAR_M)
+    assert box(services)["max"][0] < 1.5
+
+
+def test_of_three_far_apart_none_is_the_odd_one(services, sent):
+    for place in (NEAR_M, (2.5, 0.1, 0.78), (0.1, 2.5, 0.78)):
+        sent(place)
+    assert box(services)["max"][:2] == pytest.approx([2.6, 2.6], abs=0.2)
+
+
 def test_many_small_steps_reach_no_farther(services, sent):
     sent(NEAR_M, 3)
     for step in range(13):

@@ -2,28 +2,20 @@
 
 import math
 from dataclasses import dataclass, field
-from functools import cache
 from typing import Annotated, Literal
 
-import cv2
 import numpy as np
 from pydantic import Field
 
 from app.perception.object_model import MIN_CONFIDENCE, Checked, Confidence, Length, ObjectModel, one_of
 from app.perception.strict import WHOLE, Metres, Truth
+from roboprompt_client.calibration.board import DICTIONARIES, marker_dictionary
 from roboprompt_client.camera import ROTATION_MATRIX_TOLERANCE
 from roboprompt_client.errors import InvalidInputError
 
 _RIGID = "four rows of a rigid transform from the marker's axes to the object's, lengths in metres"
 Row = tuple[Metres, Metres, Metres, Metres]
-DICTIONARIES = tuple(sorted(name for name in dir(cv2.aruco) if name.startswith("DICT_")))
 SAME_PLACE = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0))
-
-
-@cache
-def marker_dictionary(name: str) -> cv2.aruco.Dictionary:
-    """The dictionary of that name in `DICTIONARIES`."""
-    return cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name))
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from app.perception.markers.model import Marker, marker_dictionary
+from app.perception.markers.model import Marker
 from roboprompt_client.arrays import Array
+from roboprompt_client.calibration.board import marker_dictionary
 from roboprompt_client.camera import Camera, RgbdFrame
 
 ROUNDS = 2

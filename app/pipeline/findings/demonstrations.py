@@ -8,11 +8,14 @@ from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding
 from app.pipeline.findings.actions import ShownWays
 from app.pipeline.findings.elsewhere import elsewhere_findings
+from app.pipeline.findings.hand import RecordedHand
+from app.pipeline.findings.implausible import hand_findings
 from app.pipeline.findings.missed import Kept
 from app.pipeline.findings.places import ShownScenes
 from app.pipeline.findings.rules import CONTRADICTING, PATH_LEFT, PATH_NOT_KEPT, SEVERAL_WAYS
 from app.pipeline.findings.scatter import scatter_findings
 from app.pipeline.findings.sources import Compared
+from app.pipeline.findings.turns import turning_findings
 from app.pipeline.order.order import Order
 from app.pipeline.plans import Group, by_plan, is_decided, shown_together, usual_ways
 from app.pipeline.plans.agreement import two_ways
@@ -28,7 +31,7 @@ class Taught:
     Attributes:
         demonstrations: as they were recorded, also those of plans that prompts leave out.
         several_ways: whether somebody said that there are several ways of doing it.
-        paths: of each, how closely its actions keep to the recording; empty where that is not known.
+        hands: of each, what its recording has; empty where that is not known.
         round_objects: whose yaw the task says means nothing, or little.
         moves: whether objects may be anywhere between what was demonstrated, as at a later step of a closed loop: then
             scenes and ways are not known.
@@ -37,7 +40,7 @@ class Taught:
 
     demonstrations: tuple[Demonstration, ...]
     several_ways: bool = False
-    paths: tuple[Kept, ...] = ()
+    hands: tuple[RecordedHand, ...] = ()
     round_objects: frozenset[str] = frozenset()
     moves: bool = False
     compared: tuple[Compared, ...] = ()
@@ -75,7 +78,8 @@ class Taught:
     def _of(self, asked: Order) -> "_Asked":
         form = asked.form if asked.form in self._alike else ""
         if (known := self._known.get((form, asked.objects))) is None:
-            findings = (*self._of_forms(form), *scatter_findings(self.support, asked, self.round_objects))
+            scattered = scatter_findings(self.support, asked, self.round_objects)
+            findings = (*self._of_forms(form), *scattered, *turning_findings(self.support, asked))
             known = self._known[form, asked.objects] = _Asked(findings, _followed(self.support, asked))
         return known
 
@@ -101,9 +105,9 @@ class Taught:
         }
 
     @cached_property
-    def _paths(self) -> dict[int, Kept]:
+    def _hands(self) -> dict[int, RecordedHand]:
         """By `id`, where it is known."""
-        return {id(item): path for item, path in zip(self.demonstrations, self.paths, strict=False)}
+        return {id(item): hand for item, hand in zip(self.demonstrations, self.hands, strict=False)}
 
     def _of_forms(self, asked: str) -> Iterator[Finding]:
         """Of the form that is asked for; of each where it is none of them."""
@@ -112,7 +116,9 @@ class Taught:
             off_m = [self._shown_off_m.get(id(item)) for item in alike]
             yield from ways_findings(alike, declared=self.several_ways)
             yield from elsewhere_findings(alike, off_m, declared=self.several_ways)
-            yield from path_findings([self._paths[id(item)] for item in alike if id(item) in self._paths])
+            hands = [self._hands[id(item)] for item in alike if id(item) in self._hands]
+            yield from path_findings([hand.kept for hand in hands])
+            yield from hand_findings(alike, hands)
 
 
 @dataclass(frozen=True)

@@ -38,7 +38,8 @@ def elsewhere_findings(
     distances_m = _distances_m(alike) if compared and (by_place or left_out) else []
     away_m = _away_m(distances_m) if left_out else [0.0] * len(alike)
     found = {k for k, far_m in enumerate(off_m) if (away_m[k] if far_m is None else far_m) > BEYOND_NOISE_M}
-    elsewhere = sorted(found.union(_at_other_objects(distances_m) if by_place and compared else ()))
+    at_others = _at_other_objects(distances_m) if by_place and compared else []
+    elsewhere = sorted(found.union(at_others))
     if not elsewhere:
         return
     listed = ", ".join(alike[k].id for k in elsewhere[:LISTED])
@@ -49,7 +50,7 @@ def elsewhere_findings(
         " they do. Delete what was recorded wrongly; where a place decides which object is meant, name the object in"
         " the instruction."
     )
-    value = 0.0 if declared else 1.0 if by_place else len(elsewhere) / len(alike)
+    value = 0.0 if declared else 1.0 if at_others else len(elsewhere) / len(alike)
     numbers = {"elsewhere": len(elsewhere), "demonstrations": len(alike)}
     yield ELSEWHERE.finding(message, "demonstrations", numbers, value=value)
 
@@ -58,7 +59,7 @@ def _distances_m(alike: Sequence[Demonstration]) -> list[dict[str, float]]:
     """Of each, by role how far from its objects the hand acts."""
     acted_m = [_acts_at_m(demonstration) for demonstration in alike]
     return [
-        {_role(d, pose.name): float(np.linalg.norm(pose.position_m - at_m)) for pose in d.objects}
+        {role_of(d, pose.name): float(np.linalg.norm(pose.position_m - at_m)) for pose in d.objects}
         for d, at_m in zip(alike, acted_m, strict=True)
     ]
 
@@ -95,7 +96,7 @@ def _acts_at_m(demonstration: Demonstration) -> Array:
     return actions[first].position_m
 
 
-def _role(demonstration: Demonstration, name: str) -> str:
+def role_of(demonstration: Demonstration, name: str) -> str:
     """The object's place in the instruction, or its name."""
     mentioned = demonstration.order.objects
     return f"<{mentioned.index(name)}>" if name in mentioned else name

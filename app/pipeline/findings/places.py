@@ -18,6 +18,9 @@ UP = (0.0, 0.0, 1.0)
 FIXED_M = 0.01  # what varies by less is the same in all demonstrations
 FIXED_DEG = 3.0
 FULL_TURN_DEG = 200.0  # demonstrations over more than this have an object at any angle
+LONE_M, LONE_OF_FEW_M = 0.3, 1.0  # from all others, of at least MANY_DEMONSTRATIONS demonstrations and of fewer
+MANY_DEMONSTRATIONS = 5
+SLACK = 10.0  # a tenth of the range beyond ten demonstrations, all of it beyond three: docs/results/safety.md
 MIN_DEMONSTRATIONS = 3  # from which on their places say something about what was taught
 
 
@@ -27,7 +30,7 @@ class ShownPlaces:
 
     Attributes:
         number: of the demonstrations.
-        low_m, high_m: (3,) the box that holds its places.
+        low_m, high_m: (3,) the box that holds its places, without the coordinate of one that is far from all others.
         up: (N, 3) the directions of its z axis; empty where its rotations are not known.
         yaws_rad: (N,) of the same objects.
     """
@@ -46,13 +49,19 @@ class ShownPlaces:
         known = [pose.quaternion_xyzw for pose in poses if pose.quaternion_xyzw is not None]
         up = np.array([quaternions.rotated(turn, UP) for turn in known]).reshape(-1, 3)
         yaws_rad = np.array([quaternions.yaw_rad(turn) for turn in known])
-        return cls(len(poses), places_m.min(axis=0), places_m.max(axis=0), up, yaws_rad)
+        return cls(len(poses), *_box_m(places_m), up, yaws_rad)
 
     @property
     def range_m(self) -> Array:
         """(3,) how far the places reach along each axis."""
         reach: Array = self.high_m - self.low_m
         return reach
+
+    @property
+    def slack_m(self) -> Array:
+        """(3,) how far beyond the box unseen places may well lie: few demonstrations tell little of where it ends."""
+        slack: Array = SLACK * self.range_m / self.number**2
+        return slack
 
     def beyond_m(self, pose: ObjectPose) -> Array:
         """(3,) how far the pose lies outside of the box."""
@@ -94,6 +103,23 @@ class ShownPlaces:
             return 0.0, range_deg
         own_deg = float(_wrapped_deg(np.array(quaternions.yaw_rad(pose.quaternion_xyzw) - middle_rad)))
         return max(float(off_deg.min()) - own_deg, own_deg - float(off_deg.max()), 0.0), range_deg
+
+
+def _box_m(places_m: Array) -> tuple[Array, Array]:
+    """(3,) the least and largest coordinates of places (N, 3).
+
+    One demonstration does not widen them where it is farther from the others than these are from each other, and by
+    more than a slip or an unusual place is: it was recorded elsewhere, or its object was taken for another.
+    """
+    sorted_m = np.sort(places_m, axis=0)
+    if len(sorted_m) < MIN_DEMONSTRATIONS:
+        return sorted_m[0], sorted_m[-1]
+    lone_m = LONE_M if len(sorted_m) >= MANY_DEMONSTRATIONS else LONE_OF_FEW_M
+    above, below = (
+        np.diff(sorted_m, axis=0)[gap] > np.maximum(lone_m, sorted_m[last] - sorted_m[first])
+        for gap, first, last in ((-1, 0, -2), (0, 1, -1))
+    )
+    return np.where(below, sorted_m[1], sorted_m[0]), np.where(above, sorted_m[-2], sorted_m[-1])
 
 
 @dataclass(frozen=True, eq=False)

@@ -86,11 +86,11 @@ TILTED = Rule("object-tilted", "beyond every demonstration", "degrees", danger=2
 HEIGHT = Rule("object-at-another-height", "above or below every demonstration", "m", warning=0.011, danger=0.018)
 BEYOND = Rule(
     "object-beyond-demonstrations",
-    "beyond the box of N demonstrated places, less 1 / N of its range",
+    "beyond the box of N demonstrated places, less 10 / N^2 of its range",
     "m",
     warning=0.05,
-    danger=0.20,
-    source="of 264 right scenes a danger in none with ten demonstrations, 5 with five, 10 with three",
+    danger=0.15,
+    source="of 1518 right scenes a danger in 0.2 % with ten demonstrations, 2 % with five, 3 % with three",
 )
 TURNED = Rule("object-turned", "beyond the demonstrations", "degrees", warning=10.0)
 NOISY = Rule("noisy-observation", "the average error of poses", "m", warning=0.016, danger=0.04)
@@ -122,6 +122,13 @@ ELSEWHERE = Rule(
 ON_A_CIRCLE = Rule("scattered-demonstrations", "from the centre, all at one distance from an object", "m", danger=0.03)
 PATH_NOT_KEPT = Rule("path-not-kept", "from where recorded hands act to the nearest action", "m", danger=0.03)
 PATH_LEFT = Rule("path-not-kept", "from the recorded way where the hand does not rest", "m", warning=0.03, danger=0.05)
+
+IMPLAUSIBLE_GRIPPER = Rule("implausible-gripper", "share of the recordings", danger=0.34)
+BROKEN_OFF = Rule("broken-off", "share of the recordings", warning=0.01, danger=0.34)
+BACKWARDS = Rule("backwards-in-time", danger=ALWAYS)
+FAR_FROM_ALL = Rule("acts-far-from-objects", "from the nearest object", "m", warning=0.10, danger=0.15)
+BESIDE = Rule("beside-the-object", "from the object's vertical axis", "m", danger=0.05)
+W_FIRST = Rule("w-first", "of the hand's rotations from their mean", "degrees", danger=6.0)
 
 STRAYING = Rule("straying-action", info=ALWAYS)
 PASSES_CLOSE = Rule("passes-close", "from an object's centre", "m", warning=0.08, danger=0.03, nearer=True)
@@ -158,6 +165,12 @@ RULES = (
     ELSEWHERE,
     ON_A_CIRCLE,
     PATH_NOT_KEPT,
+    IMPLAUSIBLE_GRIPPER,
+    BROKEN_OFF,
+    BACKWARDS,
+    FAR_FROM_ALL,
+    BESIDE,
+    W_FIRST,
     PATH_LEFT,
     STRAYING,
     PASSES_CLOSE,

@@ -107,9 +107,9 @@ def _lifted(pose: ObjectPose, places: ShownPlaces) -> Iterator[Finding]:
 
 def _beyond(pose: ObjectPose, places: ShownPlaces) -> Iterator[Finding]:
     beyond_m = places.beyond_m(pose)
-    axis = int(np.argmax(beyond_m - places.range_m / places.number))
+    axis = int(np.argmax(beyond_m - places.slack_m))
     far_m = float(beyond_m[axis])
-    doubtful_m = far_m - float(places.range_m[axis]) / places.number
+    doubtful_m = far_m - float(places.slack_m[axis])
     if BEYOND.severity(doubtful_m) is None:
         return
     message = (

@@ -14,6 +14,14 @@ MAX_OBJECTS = 8  # of one role
 _NEVER_FIXED = frozenset(["and", "but", "or", "nor", "not", "never", "then", "it"])
 
 
+def without(group: Sequence[NounPhrase], excepted: Sequence[NounPhrase]) -> tuple[NounPhrase, ...]:
+    """The objects of "all mugs" without the excepted ones; none where these are not some of the group."""
+    names = {phrase.name for phrase in excepted}
+    left = tuple(phrase for phrase in group if phrase.name not in names)
+    is_group = len(group) > 1 and len({(phrase.start, phrase.end) for phrase in group}) == 1
+    return left if is_group and len(left) == len(group) - len(names) else ()
+
+
 @dataclass(frozen=True)
 class ParsedClause:
     """One thing to do.
@@ -237,7 +245,12 @@ class ClauseParser:
             right_number = words[-1].plural == (quantifier in ("all", "both") or of)
             described = all(word.text not in vocabulary.FUNCTION_WORDS for word in words)
             if right_number and described and (len(names) == 2 or (len(names) > 2 and quantifier != "both")):
-                yield tuple(NounPhrase(at, end, name, "name", plural=True) for name in names), end
+                group = tuple(NounPhrase(at, end, name, "name", plural=True) for name in names)
+                yield group, end
+                begin = self.end(end, vocabulary.EXCEPT)
+                for excepted, after in () if begin is None else self._listed(begin, forbidden=False):
+                    if (left := without(group, excepted)) and self._preposition(after)[0]:
+                        yield left, after
 
     def is_one_thing(self, phrases: Sequence[NounPhrase]) -> bool:
         """Whether a list may describe a single object: "the red and green button" may have two colors."""

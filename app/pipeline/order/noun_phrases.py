@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
+from app.pipeline.errors import UngroundedInstructionError
 from app.pipeline.order import verbs, vocabulary
 from app.pipeline.order.descriptions import MEANS, Description
 from app.pipeline.order.lexicon import Lexicon
@@ -13,7 +14,7 @@ from app.pipeline.order.words import Word
 MAX_STEPS = 4000  # of one parse; an instruction that needs more is too involved to be sure of
 
 
-class TooInvolvedError(Exception):
+class TooInvolvedError(UngroundedInstructionError):
     """The parse takes more steps than it may."""
 
 
@@ -79,7 +80,7 @@ class NounPhrases:
         """
         self._steps += 1
         if self._steps > MAX_STEPS:
-            raise TooInvolvedError
+            raise TooInvolvedError("instruction", "is too involved to be sure of", "fewer things at once")
 
     def at(self, start: int) -> tuple[NounPhrase, ...]:
         """The noun phrases that begin there and stand for one object, the longest first, then the least literal."""

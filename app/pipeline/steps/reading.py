@@ -16,7 +16,6 @@ from app.pipeline.order.reading import closest
 from app.pipeline.order.refusals import FIELD, refusal
 from app.pipeline.order.sentences import Sentences, Unit, wanted
 from app.pipeline.order.space import Layout
-from app.pipeline.order.taught import Taught
 from app.pipeline.steps.several import (
     IT,
     TIMES_WORDS,
@@ -28,7 +27,7 @@ from app.pipeline.steps.several import (
     with_object,
     without_excepted,
 )
-from app.pipeline.steps.skill import Skill, Step
+from app.pipeline.steps.skill import Scene, Step
 
 MAX_STEPS = 24  # that one sentence asks for
 MAX_LISTED = 3  # instructions of a task, and meanings of a sentence, that a refusal repeats
@@ -36,14 +35,10 @@ CONTAINING = frozenset({"open", "open up", "close", "shut"})  # "put the mug in 
 TOGETHER = frozenset({"stack", "stack up", "pile"})  # "stack A and B on C" does not say that B stands on C
 
 
-def read_steps(
-    instruction: str, skills: Sequence[Skill], scene: Taught, layout: Layout | None, others: str = ""
-) -> tuple[Step, ...]:
+def read_steps(instruction: str, scene: Scene, layout: Layout | None, others: str = "") -> tuple[Step, ...]:
     """The steps that the instruction asks for, in their order.
 
     Args:
-        skills: the tasks that may be used; their objects are in the scene.
-        scene: all objects of the scene, and everything that the skills were taught.
         layout: where the objects are, for relations; None: unknown.
         others: what a refusal says of tasks that may not be used.
 
@@ -53,17 +48,17 @@ def read_steps(
     said = instruction.strip().rstrip(".").lower()
     found: list[tuple[Step, ...]] = [
         (Step(skill.task, text),)
-        for skill in skills
+        for skill in scene.skills
         for text in skill.wholes
         if text.strip().rstrip(".").lower() == said
         and clause_of(text, skill.taught.names).objects == clause_of(text, scene.names).objects
     ]
-    reader = _Reader(skills, NounPhrases(instruction, scene.lexicon, layout))
+    reader = _Reader(scene, NounPhrases(instruction, scene.lexicon, layout))
     found = found or reader.read()
     if len(found) == 1 and len(found[0]) <= MAX_STEPS:
         return found[0]
-    error = reader.refusal(found, scene)
-    taught = ((skill.task, skill.taught.instructions) for skill in skills)
+    error = reader.refusal(found)
+    taught = ((skill.task, skill.taught.instructions) for skill in scene.skills)
     valid = [f"{task}: {', '.join(map(repr, texts[:MAX_LISTED]))}" for task, texts in taught]
     raise type(error)(FIELD, error.message, "; ".join([*valid, others] if others else valid))
 
@@ -71,24 +66,28 @@ def read_steps(
 class _Reader:
     """Reads one sentence."""
 
-    def __init__(self, skills: Sequence[Skill], phrases: NounPhrases) -> None:
-        self._skills = skills
+    def __init__(self, scene: Scene, phrases: NounPhrases) -> None:
+        self._scene = scene
         self._phrases = phrases
         self._known: dict[ParsedClause, list[tuple[Step, ...]]] = {}
         # How many parts are understood before the one that is not, and why that is not.
         self._missed = (-1, "")
 
     def read(self) -> list[tuple[Step, ...]]:
-        """Every different sequence of steps that may be meant."""
-        fixed = frozenset(word for skill in self._skills for word in skill.taught.fixed_words)
-        verbs = frozenset(verb for skill in self._skills for verb in skill.taught.verbs)
-        sentences = Sentences(self._phrases, fixed | TIMES_WORDS, verbs, of_steps=True)
+        """The different sequences of steps that may be meant; of very many the first."""
+        fixed = self._scene.fixed_words | TIMES_WORDS
+        sentences = Sentences(self._phrases, fixed, self._scene.verbs, of_steps=True)
+        found: dict[tuple[Step, ...], None] = {}
         try:
-            return list(dict.fromkeys(steps for units in sentences.units() for steps in self._of_units(units)))
+            for steps in (steps for units in sentences.units() for steps in self._of_units(units)):
+                found[steps] = None
+                if len(found) == MAX_LISTED:
+                    break
         except TooInvolvedError:
             return []
+        return list(found)
 
-    def refusal(self, found: Sequence[tuple[Step, ...]], scene: Taught) -> InstructionError:
+    def refusal(self, found: Sequence[tuple[Step, ...]]) -> InstructionError:
         """Why there is no plan."""
         if found:
             meanings = ["; ".join(f"{text!r} ({task})" for task, text in steps) for steps in found[:MAX_LISTED]]
@@ -96,7 +95,7 @@ class _Reader:
             return UngroundedInstructionError(FIELD, message if len(found) > 1 else f"asks for over {MAX_STEPS} steps")
         if self._missed[1]:
             return UnfamiliarInstructionError(FIELD, self._missed[1])
-        return refusal(scene, self._phrases, [])
+        return refusal(self._scene, self._phrases, [])
 
     def _miss(self, place: int, unit: Unit, why: str) -> None:
         words = self._phrases.words
@@ -105,7 +104,9 @@ class _Reader:
 
     def _of_units(self, units: Sequence[Unit]) -> Iterator[tuple[Step, ...]]:
         """The steps of one reading."""
-        done = wanted(without_excepted(units))
+        forbidden = {unit: self._choices(unit.clause) for unit in units if unit.mood == "not"}
+        left_out = {step for choices in forbidden.values() for steps in choices for step in steps}
+        done = wanted(without_excepted([unit for unit in units if not forbidden.get(unit)]))
         if any(counted(unit.clause)[1] > 1 for unit in units if unit.mood != "do"):
             return  # "press the red button, not the green one twice"
         order = order_of(done, units)
@@ -121,7 +122,8 @@ class _Reader:
                 return
         if clauses and not is_placed_after_moving([clauses[place] for place in order]):
             of_each = [choices[place] for place in order]
-            yield from (tuple(step for part in parts for step in part) for parts in product(*of_each))
+            every = (tuple(step for part in parts for step in part) for parts in product(*of_each))
+            yield from (steps for steps in every if left_out.isdisjoint(steps))
 
     def _resolved(self, units: Sequence[Unit]) -> tuple[ParsedClause, ...]:
         """The clauses with "it" replaced, in the order of the text; none where that is not certain."""
@@ -169,16 +171,19 @@ class _Reader:
         if whole := self._whole(clause):
             return [(step,) for step in whole]
         once, times = counted(clause)
-        objects = clause.objects_in(DIRECT)
         if times > 1:  # "both twice" does not say in which order
             return [steps * times for steps in self._choices(once) if len(steps) == 1]
-        if len(objects) < 2 or clause.verb in TOGETHER:
+        several = [role for role, phrases in clause.roles if len(phrases) > 1]
+        to_both = several != [DIRECT] and clause.objects_in(DIRECT)  # one lid is not put on two pots
+        if len(several) != 1 or to_both or clause.verb in TOGETHER:
             return []
-        others = tuple(item for item in clause.roles if item[0] != DIRECT)
-        each = [replace(clause, roles=((DIRECT, (phrase,)), *others)) for phrase in objects]
+        each = [
+            replace(clause, roles=tuple((role, (phrase,) if role == several[0] else of) for role, of in clause.roles))
+            for phrase in clause.objects_in(several[0])
+        ]
         return list(product(*map(self._whole, each)))
 
     def _whole(self, clause: ParsedClause) -> list[Step]:
         """The single steps that do what a clause asks for; words as taught count more than others of their family."""
-        every = {filled: step for skill in self._skills for filled, step in skill.steps(clause)}
+        every = {filled: step for skill in self._scene.skills for filled, step in skill.steps(clause)}
         return list(dict.fromkeys(every[filled] for filled in closest(list(every))))

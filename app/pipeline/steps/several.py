@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import combinations
 
-from app.pipeline.order.clause_parser import DIRECT, ParsedClause
+from app.pipeline.order.clause_parser import DIRECT, ParsedClause, without
 from app.pipeline.order.noun_phrases import NounPhrase
 from app.pipeline.order.sentences import PICKING, Unit
 from app.pipeline.order.verbs import DESTINATIONS
@@ -67,12 +67,8 @@ def without_excepted(units: Sequence[Unit]) -> tuple[Unit, ...]:
         if unit.mood != "except":
             kept.append(unit)
             continue
-        group = kept[-1].clause.objects_in(DIRECT) if kept else ()
-        excepted = {phrase.name for phrase in unit.clause.phrases}
-        left = tuple(phrase for phrase in group if phrase.name not in excepted)
-        is_group = len(group) > 1 and len({(phrase.start, phrase.end) for phrase in group}) == 1
-        only_names = not unit.own_verb and [role for role, _ in unit.clause.roles] == [DIRECT]
-        if not (is_group and only_names and left and len(left) == len(group) - len(excepted)):
+        left = without(kept[-1].clause.objects_in(DIRECT) if kept else (), unit.clause.objects_in(DIRECT))
+        if not left or unit.own_verb or len(unit.clause.roles) != 1:
             return ()
         others = tuple(item for item in kept[-1].clause.roles if item[0] != DIRECT)
         clause = replace(kept[-1].clause, roles=((DIRECT, left), *others))

@@ -1,15 +1,17 @@
-"""A task as sentences about several tasks are read against it, and what it does of them: its steps."""
+"""Tasks as sentences about several of them are read against them, and what each does of them: its steps."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
 from app.pipeline.findings.scene import strangers
 from app.pipeline.order.clause_parser import ParsedClause
+from app.pipeline.order.frames import Frame
 from app.pipeline.order.order import Order
 from app.pipeline.order.reading import Filled
 from app.pipeline.order.taught import Taught
+from app.pipeline.order.words import IsWord
 
 
 class Step(NamedTuple):
@@ -41,3 +43,24 @@ class Skill:
             text = None if filled is None else frame.text_for(filled, names)
             if text and filled and not any(strangers(Order(text, names), self.taught.instructions)):
                 yield Filled(frame, filled, clause), Step(self.task, text.rstrip(". "))
+
+
+class Scene(Taught):
+    """The objects of a scene, and all that the tasks were taught that may be used in it.
+
+    Args:
+        names, aliases: of all objects, also of those that no task is about.
+        skills: of these objects.
+        is_word: as of `Taught`.
+    """
+
+    def __init__(
+        self, names: Sequence[str], aliases: Mapping[str, Sequence[str]], skills: Sequence[Skill], is_word: IsWord
+    ) -> None:
+        super().__init__(names, aliases, [text for skill in skills for text in skill.taught.instructions], is_word)
+        self.skills = tuple(skills)
+
+    @cached_property
+    def frames(self) -> tuple[Frame, ...]:
+        """As each task has them: what its instructions name is clear among its own objects."""
+        return tuple(frame for skill in self.skills for frame in skill.taught.frames)

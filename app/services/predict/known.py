@@ -25,7 +25,7 @@ from app.services.predict.select import (
     TaskState,
     read_compared,
     read_demonstrations,
-    read_kept,
+    read_hands,
 )
 from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks
@@ -149,13 +149,13 @@ class KnownReader:
         def make() -> Taught:
             ids = self._select(connection, task, "diverse", MAX_HELD_AGAINST, 0, ())
             recorded = self._read(connection, task, settings, ids).recorded
-            paths = read_kept(connection, task.name, recorded, settings)
+            hands = read_hands(connection, task.name, recorded, settings)
             if not style.from_start:
                 recorded = tuple(replace(demonstration, start=None) for demonstration in recorded)
             return Taught(
                 recorded,
                 settings.ways == "several",
-                paths,
+                hands,
                 frozenset(settings.yaw_symmetry_deg),
                 moves=style.closed_loop,
                 compared=read_compared(connection, task.name, ids, settings),

@@ -1,6 +1,6 @@
 """The question that is put to an LLM: what is known of a request, and the prompt that was written of it."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,8 +18,9 @@ from app.services.predict.findings import findings_before
 from app.services.predict.instruction import ground_instruction
 from app.services.predict.known import Known
 from app.services.predict.prefix import Prefix, PromptStyle
-from app.services.predict.request import PredictRequest
+from app.services.predict.request import MAX_ACTIONS_ASKED, PredictRequest
 from app.services.task_settings import TaskSettings
+from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.motion_limits import Pose
 from roboprompt_client.trajectory import EndEffectorAction
 
@@ -78,7 +79,8 @@ def write_question(request: PredictRequest, instruction: str, known: Known, limi
     Raises:
         UngroundedInstructionError, UnfamiliarInstructionError: if the instruction is not clear.
         ConflictError: if a closed loop's demonstrations have changed since its last step.
-        InvalidInputError: if the prompt is too long, or an object lacks a rotation that demonstrations have.
+        InvalidInputError: if the prompt is too long, an object lacks a rotation that demonstrations have, or the parts
+            of the instruction take more actions than the request allows.
     """
     prefix, style, previous, observed = known.prefixes[0], known.style, known.previous, known.objects
     with timed("words"):
@@ -91,6 +93,7 @@ def write_question(request: PredictRequest, instruction: str, known: Known, limi
     seen, objects, support = Query(grounded.text, observed, start=start), template.posed(observed), prefix.support
     parts = tuple(Query(part, objects, start=start) for part in template.codec.questions(grounded))
     plans = {} if support is None else {part.instruction: support.placed(part) for part in parts}
+    _check_number([plans.get(part.instruction) for part in parts], request.options.max_actions)
     question = Question(
         request=request.without_frames(),
         settings=known.settings,
@@ -113,6 +116,14 @@ def write_question(request: PredictRequest, instruction: str, known: Known, limi
         return question
     own = known.prefixes if len(known.prefixes) > 1 else [prefix] * request.options.num_samples
     return replace(question, samples=tuple(_sample(question, k, shown) for k, shown in enumerate(own)))
+
+
+def _check_number(placed: Sequence[tuple[PlacedPlan, ...] | None], most: int) -> None:
+    """Refuse several parts whose shortest plans have more actions than `most`, before an LLM writes them in vain."""
+    fewest = sum(min(map(len, plans), default=1) if plans else 1 for plans in placed)
+    if len(placed) > 1 and fewest > most:
+        message = f"is {most}, but the {len(placed)} parts of the instruction take {fewest} actions or more"
+        raise InvalidInputError("max_actions", message, f"{fewest} or more, at most {MAX_ACTIONS_ASKED}")
 
 
 def _start(end_effector: Pose | None) -> EndEffectorAction | None:

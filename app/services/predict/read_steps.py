@@ -12,9 +12,9 @@ from app.pipeline.order.lexicon import shared_aliases
 from app.pipeline.order.space import Layout
 from app.pipeline.prompt import check_object_names
 from app.pipeline.steps.reading import read_steps
-from app.pipeline.steps.skill import Skill, Step
+from app.pipeline.steps.skill import Scene, Skill, Step
 from app.services.cache import Cache
-from app.services.predict.instruction import MAX_TASKS, taught_of
+from app.services.predict.instruction import MAX_TASKS, is_english, taught_of
 from app.services.predict.request import PredictRequest
 from app.services.predict.select import TaskState
 from app.services.task_settings import TaskSettings
@@ -24,7 +24,8 @@ from app.store.store import Store
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.wording import checked_instruction
 
-NEEDS_TASK = ("after", "demonstrations_from", "episode_ids")  # options that are about one task's episodes
+MAX_SCENES = 16  # whose words are kept
+NEEDS_TASK = ("after", "episode_ids")  # options that are about one task's episodes
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +48,7 @@ class ReadSteps:
     def __init__(self, store: Store) -> None:
         self._store = store
         self._known: Cache[TaskState, _Known] = Cache(MAX_TASKS)
+        self._scenes: Cache[tuple[tuple[str, ...], tuple[Skill, ...]], Scene] = Cache(MAX_SCENES)
 
     def __call__(self, instruction: str, objects: Sequence[ObjectQuery], *, exactly: bool = False) -> tuple[Step, ...]:
         """The steps that the instruction asks for, each in the words of its task.
@@ -70,11 +72,9 @@ class ReadSteps:
         others = f"not with these objects: {'; '.join(unlike)}" if unlike else ""
         if not usable:
             raise ObjectSetError("objects", "no task is about these objects", others or "POST /episodes teaches tasks")
-        skills = [item.skill for item in usable]
-        aliases = shared_aliases([skill.taught.aliases for skill in skills], names)
-        taught = dict.fromkeys(text for skill in skills for text in skill.taught.instructions)
-        scene = taught_of(names, tuple(sorted(aliases.items())), tuple(taught))
-        return read_steps(instruction, skills, scene, _layout(objects, usable), others)
+        skills = tuple(item.skill for item in usable)
+        scene = self._scenes.get((names, skills), lambda: _scene(names, skills))
+        return read_steps(instruction, scene, _layout(objects, usable), others)
 
     def with_task(self, request: PredictRequest) -> PredictRequest:
         """The request with the one task that does what it asks for, of exactly its objects.
@@ -104,6 +104,10 @@ class ReadSteps:
             return _Known(skill, tuple(settings.robot_base))
 
         return self._known.get((task.name, task.created_at, task.version), make)
+
+
+def _scene(names: Sequence[str], skills: Sequence[Skill]) -> Scene:
+    return Scene(names, shared_aliases([skill.taught.aliases for skill in skills], names), skills, is_english)
 
 
 def _layout(objects: Sequence[ObjectQuery], usable: Sequence[_Known]) -> Layout | None:

@@ -18,6 +18,7 @@ from roboprompt_client.motion_limits import MAX_ACTIONS, Pose
 
 Selection = Literal["first", "recent", "random", "nearest", "diverse"]
 SAMPLES_TEMPERATURE = 0.5
+MAX_ACTIONS_ASKED = 100  # that a request may raise `max_actions` to
 Doubtful = Literal["refuse", "allow"]
 
 
@@ -75,7 +76,7 @@ class PredictOptions(BaseModel):
             "severity danger; objects that are not clear are refused either way"
         ),
     ] = "refuse"
-    max_actions: Annotated[int, Field(ge=1, le=100), WHOLE] = MAX_ACTIONS
+    max_actions: Annotated[int, Field(ge=1, le=MAX_ACTIONS_ASKED), WHOLE] = MAX_ACTIONS
     timeout_s: Annotated[Number | None, Field(ge=0.1, le=600, description="default: the model's, see GET /models")] = (
         None
     )

@@ -15,7 +15,8 @@ from sqlalchemy import Connection
 
 from app.perception.base import ObjectQuery
 from app.pipeline.episode import Demonstration
-from app.pipeline.findings.missed import Kept, kept
+from app.pipeline.findings.hand import RecordedHand
+from app.pipeline.findings.missed import kept
 from app.pipeline.findings.sources import Compared
 from app.pipeline.plans import Recording, agreeing, aligned_by_plan, shown_together
 from app.services.cache import Cache
@@ -230,17 +231,17 @@ def read_compared(
     )
 
 
-def read_kept(
+def read_hands(
     connection: Connection, task: str, recorded: Sequence[Demonstration], settings: TaskSettings
-) -> tuple[Kept, ...]:
-    """How closely the actions of each of the task's demonstrations keep to its recording."""
+) -> tuple[RecordedHand, ...]:
+    """What the hand did in the recording of each of the task's demonstrations."""
     ids = [demonstration.id for demonstration in recorded]
     records = episodes.demonstrations_by_id(connection, task, ids)
-    delta_rad_s = settings.keyframes.keyframe_rule().delta_rad_s
-    found = zip(recorded, get_trajectories(connection, ids), records, strict=True)
-    return tuple(
-        kept(settings.motion_of(t, record.control_frequency_hz), d.actions, delta_rad_s) for d, t, record in found
-    )
+    delta_rad_s, hands = settings.keyframes.keyframe_rule().delta_rad_s, []
+    for shown, trajectory, record in zip(recorded, get_trajectories(connection, ids), records, strict=True):
+        motion = settings.motion_of(trajectory, record.control_frequency_hz)
+        hands.append(RecordedHand.of(motion, shown, kept(motion, shown.actions, delta_rad_s)))
+    return tuple(hands)
 
 
 def recordings_of(

@@ -14,7 +14,7 @@ from app.services.predict.instruction import is_english
 from app.services.task_settings import TaskSettings
 from app.services.teach.configure import record_limits, require_no_job
 from app.services.teach.extract import extract_again
-from app.services.teach.room import FIRST, remaining, widened
+from app.services.teach.room import FIRST, remaining, uploaded
 from app.store import episodes, tasks
 from app.store.records import EpisodeRecord
 from app.store.store import Store
@@ -53,7 +53,7 @@ def edit_episode(store: Store, episode_id: str, changes: Mapping[str, Any]) -> E
         edited = episodes.edit(connection, record, changes)
         if settings.workspace.preset == "auto":
             shown = episodes.demonstrations(connection, task.name)
-            after = widened(settings, again[0], first) if again else remaining(settings, shown)
+            after = uploaded(settings, again[0], first) if again else remaining(settings, shown)
             tasks.update_settings(connection, task.name, after.model_dump(mode="json"))
             record_limits(connection, task.name, task.settings, after.model_dump(mode="json"))
         return episodes.get(connection, edited.id)

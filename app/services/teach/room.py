@@ -1,11 +1,12 @@
 """The workspace of a task whose preset is `auto`: what its present demonstrations span, with a margin.
 
-An upload may make an edge at most twice as long as the first three demonstrations made it. One that reaches farther is
-stored and reported, but moves no bound until somebody who may configure the task sets the workspace, e.g. to `auto`
-again, which takes all demonstrations as they are.
+Of the first three demonstrations one that is far from both others counts for nothing. A later upload may make an edge
+at most twice as long as the first three made it. One that reaches farther is stored and reported, but moves no bound
+until somebody who may configure the task sets the workspace, e.g. to `auto` again, which takes all demonstrations as
+they are.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Protocol
 
 import numpy as np
@@ -13,6 +14,7 @@ import numpy as np
 from app.pipeline.findings import Finding
 from app.services.setting_parts import WorkspaceSettings
 from app.services.task_settings import TaskSettings
+from app.store.records import DemonstrationRecord
 from app.store.values import KeyframeRecord, ObjectRecord
 from roboprompt_client.arrays import Array
 
@@ -34,10 +36,7 @@ def spanned(settings: TaskSettings, episodes: Iterable[Shown]) -> TaskSettings:
     """The settings with the workspace that these episodes span, one after the other, where it follows from them."""
     if settings.workspace.preset != "auto":
         return settings
-    box = WorkspaceSettings(preset="auto")
-    for episode in episodes:
-        box = box.grown(_places_m(episode))
-    return _within(settings, box)
+    return _within(settings, _box(episodes))
 
 
 def remaining(settings: TaskSettings, episodes: Iterable[Shown]) -> TaskSettings:
@@ -49,25 +48,61 @@ def widened(settings: TaskSettings, episode: Shown, first: Sequence[Shown]) -> T
     """The settings with room for one more episode; unchanged where it reaches too far beyond the others.
 
     Args:
-        first: the task's first `FIRST` demonstrations, or as many as there are.
+        first: the task's first `FIRST` demonstrations; fewer say little about how far is too far.
     """
     box = settings.workspace.grown(_places_m(episode))
     return settings if _jumps(settings, box, first) else _within(settings, box)
 
 
-def room_findings(settings: TaskSettings, episode: Shown) -> tuple[Finding, ...]:
-    """Says that an episode lies outside of the workspace of its task, which the episode was not allowed to widen."""
+def uploaded(settings: TaskSettings, episode: Shown, first: Sequence[Shown]) -> TaskSettings:
+    """The settings after an upload.
+
+    Args:
+        first: at most `FIRST` demonstrations that came before it. With the upload that makes them `FIRST` it is known
+            which one of them is far from both others.
+    """
+    if len(first) == FIRST - 1:
+        return spanned(settings, _without_odd_one((*first, episode)))
+    return widened(settings, episode, first)
+
+
+def room_findings(settings: TaskSettings, episode: Shown, first: Sequence[DemonstrationRecord]) -> Iterator[Finding]:
+    """Says which episodes lie outside of the workspace of their task, and were not allowed to widen it.
+
+    Args:
+        settings: after the upload of `episode`.
+        first: as in `uploaded`.
+    """
     box = settings.workspace
-    if box.preset != "auto" or _holds(box, episode):
-        return ()
-    wanted = box.grown(_places_m(episode))
-    message = (
-        f"The recording reaches beyond the task's workspace, {_text(box)}, by far more than the first {FIRST}"
-        f" demonstrations span: the workspace stays as it is. If the recording is right, somebody who may configure the"
-        f' task sets "workspace" to "auto" again, which makes it {_text(wanted)}; otherwise delete the episode.'
-    )
-    numbers = {"edge_m": float(_edges_m(box).max()), "wanted_edge_m": float(_edges_m(wanted).max())}
-    return (Finding("beyond-workspace", "warning", message, "workspace", numbers),)
+    if box.preset != "auto":
+        return
+    earlier = first if len(first) == FIRST - 1 else ()
+    for name, shown in [("The recording", episode), *((f"Episode {item.id}", item) for item in earlier)]:
+        if _holds(box, shown):
+            continue
+        wanted = box.grown(_places_m(shown))
+        message = (
+            f"{name} reaches beyond the task's workspace, {_text(box)}, by far more than the first {FIRST}"
+            f" demonstrations span: the workspace does not follow it. If it is right, somebody who may configure the"
+            f' task sets "workspace" to "auto" again, which makes it {_text(wanted)}; otherwise delete the episode.'
+        )
+        numbers = {"edge_m": float(_edges_m(box).max()), "wanted_edge_m": float(_edges_m(wanted).max())}
+        yield Finding("beyond-workspace", "warning", message, "workspace", numbers)
+
+
+def _without_odd_one(shown: Sequence[Shown]) -> Sequence[Shown]:
+    """Without the one that alone makes an edge more than `MAX_GROWTH` times as long; all, unless there is just one."""
+    all_m = _edges_m(_box(shown))
+    rests = [[other for other in shown if other is not one] for one in shown]
+    near = [rest for rest in rests if (all_m > MAX_GROWTH * _edges_m(_box(rest))).any()]
+    return near[0] if len(near) == 1 else shown
+
+
+def _box(episodes: Iterable[Shown]) -> WorkspaceSettings:
+    box = WorkspaceSettings(preset="auto")
+    for episode in episodes:
+        box = box.grown(_places_m(episode))
+    return box
 
 
 def _jumps(settings: TaskSettings, box: WorkspaceSettings, first: Sequence[Shown]) -> bool:

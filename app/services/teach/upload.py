@@ -21,7 +21,7 @@ from app.services.scene_images import put_images
 from app.services.task_settings import TaskSettings
 from app.services.teach.configure import record_limits
 from app.services.teach.extract import Extracted, extract
-from app.services.teach.room import FIRST, room_findings, widened
+from app.services.teach.room import FIRST, room_findings, uploaded
 from app.store import episodes, idempotency, predictions, tasks, trajectories
 from app.store.errors import ConflictError, NotFoundError
 from app.store.records import DemonstrationRecord, EpisodeDraft, EpisodeFields, StoredResponse, TaskRecord
@@ -96,8 +96,8 @@ class _Attempt:
         """What becomes of a task with these settings and first demonstrations: its settings, and the answer."""
         settings = TaskSettings.model_validate(settings_before).with_joints_of(self.upload.episode.trajectory)
         if not self.upload.left_out:
-            settings = widened(settings, self.extracted, first)
-        found = (*room_findings(settings, self.extracted), *self.extracted.findings)
+            settings = uploaded(settings, self.extracted, first)
+        found = (*room_findings(settings, self.extracted, first), *self.extracted.findings)
         findings = [item.to_json() for item in found]
         return settings.model_dump(mode="json"), {**self.respond(self.draft, settings), "findings": findings}
 

@@ -16,7 +16,7 @@ from roboprompt_client.arms.preview import Previewed, preview_plan
 from roboprompt_client.arrays import Array
 from roboprompt_client.cameras.rig import Rig
 from roboprompt_client.cameras.viewpoints import ConfirmViewpoint, look_around
-from roboprompt_client.errors import InvalidInputError, MotionError
+from roboprompt_client.errors import InvalidInputError, MotionError, UnsafeActionError
 from roboprompt_client.motion_guard import MotionGuard
 from roboprompt_client.motion_limits import MotionLimits, Pose
 from roboprompt_client.robot import Observation
@@ -51,7 +51,7 @@ class Arm:
         geometry: of its joints, for the preview; None: the driver's own, if it has one.
         reach_m: how far from its base the hand gets, for the preview of an arm whose joints are not known.
         cameras: whose pictures `observe` takes; None: none.
-        viewpoints: to which the hand goes for pictures of cameras that it carries; none: they look from where it is.
+        viewpoints: to which the hand goes for the pictures of cameras that it carries.
 
     Attributes:
         to_find: the names of objects that the service is to find in the pictures, as `Observation` has them.
@@ -120,13 +120,7 @@ class Arm:
         )
 
     def observe(self) -> Observation:
-        """The scene as it is now; the hand goes to the viewpoints first, where there are any.
-
-        Raises:
-            CameraError: naming the camera whose picture cannot be used.
-            NotConfirmedError: if a person did not let the hand go to a viewpoint.
-            MotionError, UnsafeActionError: as `execute`.
-        """
+        """The scene as it is now; the hand goes to the viewpoints first. Raises as `look_around`."""
         frames = () if self.cameras is None else look_around(self, self.cameras)
         seen = Observation() if self._observe_scene is None else self._observe_scene()
         known = {item.name for item in seen.objects}
@@ -166,16 +160,25 @@ class Arm:
         Raises:
             UnsafeActionError: if the action is beyond the cell's limits; nothing moved.
             MotionError: before any motion if the pose is out of reach or the arm was stopped; afterwards if it did not
-                arrive, with how far off, or if the gripper did not do as commanded. The arm is stopped.
+                arrive, or if the gripper did not do as commanded. The arm is stopped.
         """
         with self._alone():
             self._execute(action)
 
     def go_to(self, pose: Pose) -> None:
         """Move as `execute` does, and leave the gripper as it is; raises as `execute`."""
-        position_m, quaternion_xyzw = np.array(pose.position_m), np.array(pose.quaternion_xyzw)
         with self._alone():
-            self._move(EndEffectorAction(position_m, quaternion_xyzw, gripper_open=True))
+            self._move(_at(pose))
+
+    def problem_with(self, pose: Pose) -> str:
+        """Why the hand cannot go to a pose; empty: nothing is known."""
+        there = _at(pose)
+        try:
+            MotionGuard(self._limits, before=_pose(self.state())).check(there)
+            self.driver.check(*self._calibration.to_base(there.position_m, there.quaternion_xyzw))
+        except (UnsafeActionError, MotionError) as error:
+            return str(error)
+        return self.preview([there], MotionLimits(hand_radius_m=0.0))[0].warning
 
     @contextmanager
     def guided(self) -> Iterator[None]:
@@ -281,6 +284,10 @@ class Arm:
             raise MotionError(f"the gripper was to open, but measures {1000 * width_m:.1f} of {1000 * open_m:.1f} mm")
         if not is_open and width_m > open_m - near_m:
             raise MotionError(f"the gripper was to close, but still measures {1000 * width_m:.1f} mm")
+
+
+def _at(pose: Pose) -> EndEffectorAction:
+    return EndEffectorAction(np.array(pose.position_m), np.array(pose.quaternion_xyzw), gripper_open=True)
 
 
 def _pose(state: ArmState) -> Pose:

@@ -114,6 +114,13 @@ def read_cell(path: Path) -> dict[str, Any]:
     return cell
 
 
+def write_cell(path: Path, cell: Mapping[str, Any]) -> None:
+    """Write a cell's file; whatever goes wrong, the old one or the new one is there as a whole."""
+    begun = path.with_name(f"{path.name}.part")
+    begun.write_text(json.dumps(cell, indent=1) + "\n")
+    begun.replace(path)
+
+
 def _tolerance(document: object) -> Tolerance:
     known = [field.name for field in fields(Tolerance)]
     if not isinstance(document, Mapping) or not set(document) <= set(known):

@@ -15,7 +15,7 @@ from typing import Any
 
 from roboprompt_client.arms.calibration import Calibration
 from roboprompt_client.arrays import Array
-from roboprompt_client.camera import rigid_transform
+from roboprompt_client.camera import checked_camera_pose
 from roboprompt_client.cameras.rig import MountedCamera, Rig
 from roboprompt_client.errors import CameraError, InvalidInputError
 from roboprompt_client.extras import make_driver
@@ -90,4 +90,4 @@ def _camera(k: int, document: object, folder: Path) -> MountedCamera:
 
 
 def _mount(field: str, document: Any) -> Array | None:  # noqa: ANN401
-    return None if document is None else rigid_transform(field, document)
+    return None if document is None else checked_camera_pose(field, document)

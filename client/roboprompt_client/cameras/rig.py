@@ -104,7 +104,7 @@ class Rig:
         except CameraError as error:
             raise error.of(camera.name) from error
         if before is not None and hand is not None:
-            _check_rest(camera.name, before, hand())
+            check_rest(camera.name, before, hand())
         return picture, before
 
     def _check(self, name: str, picture: Picture, asked_s: float) -> None:
@@ -125,7 +125,8 @@ class Rig:
             raise CameraError(f"the depth of {unknown:.0%} of its pixels is unknown", remedy)
 
 
-def _check_rest(name: str, before: Array, after: Array) -> None:
+def check_rest(name: str, before: Array, after: Array) -> None:
+    """Refuse a picture of a camera during which the hand moved from one pose (4, 4) to another; raises CameraError."""
     moved_m = float(np.linalg.norm(after[:3, 3] - before[:3, 3]))
     cosine = (np.trace(before[:3, :3].T @ after[:3, :3]) - 1) / 2
     turned_rad = float(np.arccos(np.clip(cosine, -1, 1)))

@@ -42,6 +42,14 @@ def test_the_canonical_instruction_is_worded_as_it_was_taught(names, instruction
     assert read(said, taught(names, instructions)).text == canonical
 
 
+@pytest.mark.parametrize("options", [{}, {"allow_unfamiliar": True}])
+def test_what_takes_too_many_steps_to_read_is_refused(options):
+    names = [f"{color} mug" for color in ("red", "green", "blue", "yellow", "black", "white", "pink", "orange")]
+    words = taught(names, [f"push the {name}" for name in names])
+    with pytest.raises(UngroundedInstructionError, match="too involved"):
+        read("push " + "the red mug and " * 28, words, **options)
+
+
 @pytest.mark.parametrize(
     ("said", "phrase", "name", "by"),
     [

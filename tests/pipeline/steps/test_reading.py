@@ -9,7 +9,7 @@ from app.pipeline.order.reading import read
 from app.pipeline.order.space import Layout
 from app.pipeline.order.taught import Taught
 from app.pipeline.steps.reading import read_steps
-from app.pipeline.steps.skill import Skill, Step
+from app.pipeline.steps.skill import Scene, Skill, Step
 from app.services.predict.instruction import is_english
 
 TASKS = {
@@ -25,6 +25,7 @@ TASKS = {
     "wipe": (("tin", "cloth"), ("wipe the tin with the cloth",)),
     "rinse": (("cloth",), ("rinse the cloth, then wring it",)),
     "lift": (("green pear", "red pear"), ("lift the green pear", "lift the red pear")),
+    "water": (("can", "green pear", "red pear"), ("pour water from the can on the green pear",)),
     "knob": (("knob",), ("turn the knob to the left twice",)),
 }
 NAMES = tuple(dict.fromkeys(name for names, _ in TASKS.values() for name in names))
@@ -41,9 +42,8 @@ SKILLS = tuple(skill(task, names, texts) for task, (names, texts) in TASKS.items
 
 
 def plan(said, skills=SKILLS, names=NAMES, layout=None):
-    taught = tuple(text for each in skills for text in each.taught.instructions)
     aliases = shared_aliases([each.taught.aliases for each in skills], names)
-    return read_steps(said, skills, Taught(names, aliases, taught, is_english), layout)
+    return read_steps(said, Scene(names, aliases, skills, is_english), layout)
 
 
 def texts(steps):
@@ -68,6 +68,10 @@ def texts(steps):
         ("close the upper box after putting the red pear in it", [RED, CLOSE]),
         ("shake the tin three times, then press the left button", [SHAKE] * 3 + [LEFT]),
         ("press each of the buttons", [LEFT, RIGHT]),
+        ("pour water from the can on both pears",
+         ["pour water from the can on the green pear", "pour water from the can on the red pear"]),
+        ("put every pear except the red one in the upper box", [GREEN]),
+        ("shake the tin, but do not close the tin", [SHAKE]),
         ("shake the tin and press the left button twice", [SHAKE, LEFT, LEFT]),
         ("turn the knob left twice", ["turn the knob to the left twice"]),
         ("rinse the cloth, then wring it", ["rinse the cloth, then wring it"]),
@@ -106,6 +110,12 @@ def test_it_names_the_task_of_each_step():
         "press both boxes",
         "press both",
         "press any button",
+        "put the green pear in both boxes",
+        "press every button, but not the left one",
+        "press all buttons except the left one and the right one",
+        "open the upper box, but do not open the upper box",
+        "shake the tin, but do not touch the cloth",
+        "shake the tin, but do not close it",
         "press only the left button",
         "press all buttons except the tin",
         "press all buttons except the left and the right one",
@@ -162,6 +172,11 @@ def test_a_refusal_names_the_part_and_what_the_tasks_were_taught(said, why):
     with pytest.raises(InstructionError, match=why) as refused:
         plan(said)
     assert refused.value.valid.startswith("open: 'open the upper box', 'open the lower box'; close: ")
+
+
+def test_what_takes_too_many_steps_to_read_is_refused():
+    with pytest.raises(InstructionError, match="too involved"):
+        plan("press " + "the left button and " * 40)
 
 
 def test_of_two_tasks_the_one_with_the_very_words_is_meant_and_of_two_with_equal_words_none():

@@ -1,0 +1,136 @@
+"""What no recorded hand can have done, or not with these words: all recordings may agree on it and be wrong.
+
+A gripper that is said to be open where it is closed, a motion that runs backwards in time, recordings that break off.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from app.pipeline.episode import Demonstration
+from app.pipeline.findings import Finding
+from app.pipeline.findings.elsewhere import role_of
+from app.pipeline.findings.hand import RecordedHand
+from app.pipeline.findings.rules import BACKWARDS, BROKEN_OFF, FAR_FROM_ALL, IMPLAUSIBLE_GRIPPER, Rule
+from roboprompt_client import quaternions
+from roboprompt_client.arrays import Array
+
+# The first words of verbs, see `app.pipeline.order.verbs`
+PRESSING = frozenset({"push", "press", "tap", "hit", "poke", "click", "depress"})
+TAKING = frozenset(
+    {"pick", "grasp", "grab", "grip", "take", "lift", "get", "remove", "destack", "unstack", "unplug", "disconnect"}
+)
+PUTTING = frozenset({"put", "place", "position", "set", "lay", "stack", "pile", "insert", "hang"})
+AT_OBJECT_M = 0.12  # a hand that closes or opens within this of an object's origin does so at the object
+NEARER_M = 0.01  # a hand that comes nearer by this is still on its way to the object
+CARRIES_M = 0.05
+MOVES_M_S = 0.05
+ACTED_M = 0.08  # a hand that comes no nearer to any object has not acted yet
+FEWEST = 4  # recordings that tell what their ends share from chance
+ONE_PLACE_M, PLACES_M = 0.02, 0.05  # spread of ends that are one, of starts that are several
+
+UNHELD = (
+    "the hand starts closed and empty, opens at an object and goes on with open fingers: is gripper_open inverted, or"
+    " is what the hand holds from the start not among the objects?"
+)
+PRESSES_OPEN = "the hand opens, and never closes again, to press something: is gripper_open inverted?"
+TAKES_NOTHING = "the gripper is open all the time, though the instruction says to take something."
+KEEPS_HOLD = "the hand closes and never opens again, though the instruction says to put something down."
+CUT_OFF = "the hand is still on its way in the last frame: record until it has done everything and rests."
+
+
+def hand_findings(alike: Sequence[Demonstration], hands: Sequence[RecordedHand]) -> Iterator[Finding]:
+    """What is implausible in more than a third of the recordings of one instruction, and what all of them share.
+
+    Args:
+        alike: that ask for the same, with their hands.
+    """
+    if not hands:
+        return
+    found = [_fault(demonstration, hand) for demonstration, hand in zip(alike, hands, strict=True)]
+    for rule, fault in dict.fromkeys(item for item in found if item is not None):
+        number = sum(item is not None and item[1] == fault for item in found)
+        yield from _finding(rule, f"In {number} of {len(alike)} recordings {fault}", number / len(alike))
+    far_m = float(
+        np.median([_acts_away_m(demonstration, hand) for demonstration, hand in zip(alike, hands, strict=True)])
+    )
+    if FAR_FROM_ALL.severity(far_m) is not None:
+        message = (
+            f"Where it should act, the hand is {100 * far_m:.0f} cm from the nearest object in most recordings: are"
+            " hand and objects in one frame, and are all objects listed?"
+        )
+        yield FAR_FROM_ALL.finding(message, "demonstrations", {"nearest_m": far_m}, value=far_m)
+    yield from _backwards(alike, hands)
+
+
+def _acts_away_m(demonstration: Demonstration, hand: RecordedHand) -> float:
+    """From the nearest object where the hand closes to take something; without that, where it comes nearest to one."""
+    closed_m = [act.away_m for act in hand.acts if not act.opens]
+    takes = demonstration.order.clauses[0].verb in TAKING | PUTTING and hand.starts_open and closed_m
+    return closed_m[0] if takes else hand.nearest_m
+
+
+def _finding(rule: Rule, message: str, share: float) -> Iterator[Finding]:
+    if rule.severity(share) is not None:
+        yield rule.finding(message, "demonstrations", {"share": share}, value=share)
+
+
+def _fault(demonstration: Demonstration, hand: RecordedHand) -> tuple[Rule, str] | None:
+    """The first thing that is implausible in one recording, in words."""
+    verb = demonstration.order.clauses[0].verb
+    closed = next((k for k, act in enumerate(hand.acts) if not act.opens), None)
+    lets_go = closed is not None and any(act.opens for act in hand.acts[closed:])
+    at_object = closed is not None and hand.acts[closed].away_m < AT_OBJECT_M
+    if _opens_unheld(hand):
+        return IMPLAUSIBLE_GRIPPER, UNHELD
+    if verb in PRESSING and hand.acts and closed is None and not hand.may_hold:
+        return IMPLAUSIBLE_GRIPPER, PRESSES_OPEN
+    if verb in TAKING | PUTTING and hand.starts_open and closed is None:
+        return IMPLAUSIBLE_GRIPPER, TAKES_NOTHING
+    if verb in PUTTING and at_object and not lets_go:
+        return BROKEN_OFF, KEEPS_HOLD
+    carries = at_object and not lets_go and verb not in TAKING
+    if hand.end_speed_m_s > MOVES_M_S and (carries or hand.nearest_m > ACTED_M):
+        return BROKEN_OFF, CUT_OFF
+    return None
+
+
+def _opens_unheld(hand: RecordedHand) -> bool:
+    """Whether the first act lets something go that the hand neither held, nor then comes to take."""
+    if not hand.acts or not hand.acts[0].opens or hand.may_hold:
+        return False
+    act = hand.acts[0]
+    return act.away_m < AT_OBJECT_M and act.later_m > act.away_m - NEARER_M and act.moved_m > CARRIES_M
+
+
+def _backwards(alike: Sequence[Demonstration], hands: Sequence[RecordedHand]) -> Iterator[Finding]:
+    """Motions that end in one place and start where an object is: robots start in one place."""
+    if len(hands) < FEWEST:
+        return
+    starts_m, ends_m = (np.array([getattr(hand, name) for hand in hands]) for name in ("start_m", "end_m"))
+    if _spread_m(ends_m) > ONE_PLACE_M or _spread_m(starts_m) < PLACES_M:
+        return
+    seen_m = [_seen_by_role(demonstration, hand.start_m) for demonstration, hand in zip(alike, hands, strict=True)]
+    shared = set(seen_m[0]).intersection(*seen_m)
+    if any(_spread_m(np.array([seen[key] for seen in seen_m])) < ONE_PLACE_M for key in shared):
+        message = (
+            "The recordings end with the hand in one place, and start with it where an object implies: do they run"
+            " backwards in time?"
+        )
+        yield BACKWARDS.finding(message, "demonstrations")
+
+
+def _seen_by_role(demonstration: Demonstration, place_m: Array) -> Mapping[tuple[str, str], Array]:
+    """Where a place is, seen from each object: along the world's axes and, where they are known, its own."""
+    found: dict[tuple[str, str], Array] = {}
+    for pose in demonstration.objects:
+        role, way_m = role_of(demonstration, pose.name), place_m - pose.position_m
+        found[role, "w"] = way_m
+        if pose.quaternion_xyzw is not None:
+            found[role, "o"] = quaternions.rotated(quaternions.inverse(pose.quaternion_xyzw), way_m)
+    return found
+
+
+def _spread_m(places_m: Array) -> float:
+    """How far most places (N, 3) are from their median."""
+    return float(np.quantile(np.linalg.norm(places_m - np.median(places_m, axis=0), axis=1), 0.8))

@@ -1,0 +1,88 @@
+"""Sentences over tasks that were taught apart: how many become the right steps, are refused, or become wrong ones.
+
+``python -m benchmarks.plans [FILE] [--room NAME] [--json]``. The file has rooms, each with its objects, its tasks
+(their objects and taught instructions), and what people ask with the plans that are right; no plan: it must be refused.
+"""
+
+import argparse
+import json
+import statistics
+import time
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from rich.console import Console
+
+from app.pipeline.errors import InstructionError
+from app.pipeline.order.taught import Taught
+from app.pipeline.steps.reading import read_steps
+from app.pipeline.steps.skill import Scene, Skill
+from app.services.predict.instruction import is_english
+
+ASKED = Path(__file__).with_suffix(".json")
+RIGHT, REFUSED, UNCLEAR, WRONG = "right", "refused rightly", "refused though clear", "wrong"
+
+
+class Answer(NamedTuple):
+    """What became of one request.
+
+    Attributes:
+        steps: their instructions; none where it was refused, for the reason `why`.
+        took_ms: to read it.
+    """
+
+    room: str
+    said: str
+    kind: str
+    steps: list[str]
+    why: str
+    took_ms: float
+
+
+def answers(rooms: dict[str, Any]) -> Iterator[Answer]:
+    """What becomes of every request."""
+    for name, room in rooms.items():
+        skills = [
+            Skill(task, Taught(taught["objects"], {}, taught["instructions"], is_english))
+            for task, taught in room["tasks"].items()
+        ]
+        scene = Scene(room["objects"], {}, skills, is_english)
+        for ask in room["asks"]:
+            steps, why, began_s = list[str](), "", time.perf_counter()
+            try:
+                steps = [step.instruction for step in read_steps(ask["said"], scene, None)]
+            except InstructionError as error:
+                why = error.message
+            took_ms = 1000 * (time.perf_counter() - began_s)
+            yield Answer(name, ask["said"], _kind(steps, ask["plans"]), steps, why, took_ms)
+
+
+def _kind(steps: list[str], plans: list[list[str]]) -> str:
+    if not steps:
+        return UNCLEAR if plans else REFUSED
+    return RIGHT if steps in plans else WRONG
+
+
+def main() -> None:
+    """Read every request and print what became of it."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("file", nargs="?", type=Path, default=ASKED)
+    parser.add_argument("--room", action="append", help="only this one, may be repeated")
+    parser.add_argument("--json", action="store_true", help="print the counts only")
+    arguments = parser.parse_args()
+    rooms = json.loads(arguments.file.read_text())
+    found = list(answers({name: rooms[name] for name in arguments.room or rooms}))
+    console = Console()
+    counts = Counter(answer.kind for answer in found)
+    if not arguments.json:
+        for answer in sorted(found, key=lambda answer: (WRONG, UNCLEAR, REFUSED, RIGHT).index(answer.kind)):
+            said = f"{answer.kind:21} {answer.room}: {answer.said!r} -> {answer.steps or answer.why}"
+            console.print(said, markup=False, highlight=False, soft_wrap=True)
+    took = {"median_ms": round(statistics.median(answer.took_ms for answer in found), 1)}
+    console.print_json(data={**{kind: counts[kind] for kind in (RIGHT, UNCLEAR, REFUSED, WRONG)}, **took}, indent=None)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,173 @@
+"""What a person does with the cell's cameras at the terminal: look, label, predict, teach viewpoints."""
+
+import json
+from functools import partial
+from types import SimpleNamespace
+
+import httpx
+import numpy as np
+import pytest
+from makers import Body, open_xarm
+from test_cameras import VIEWPOINTS, Sensor
+
+from roboprompt_client import cli
+from roboprompt_client.arms.arm import Arm
+from roboprompt_client.camera import Camera, RgbdFrame
+from roboprompt_client.cameras.rig import MountedCamera, Rig
+from roboprompt_client.cameras.sight import Sight, take_in
+from roboprompt_client.client import RoboPromptClient
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.loop import run_closed_loop, run_task
+
+pytest.importorskip("cv2", reason="the extra `images` is not installed")
+OVERHEAD = np.array([[1.0, 0, 0, 0.4], [0, -1, 0, 0.0], [0, 0, -1, 0.8], [0, 0, 0, 1]])
+MODELS = {"mug": {"estimator": "registered"}, "jar": {"estimator": "registered"}}
+POSE = {"name": "mug", "position": [0.4, 0.05, 0.04], "quaternion_xyzw": [0, 0, 0, 1], "confidence": 0.9}
+JAR = {"title": "Unprocessable", "detail": "objects[jar]: no camera sees a part that has its colors"}
+
+
+@pytest.fixture
+def service(monkeypatch, tmp_path):
+    """A service that finds the mug and not the jar; what is sent to it; an arm with a camera above and one in hand."""
+    sent, state = [], SimpleNamespace(known=True)
+
+    def answer(request):
+        path = request.url.path
+        sent.append((request.method, path, request.read()))
+        if path == "/poses":
+            of_jar = b'"name": "jar"' in sent[-1][2]
+            return httpx.Response(422, json=JAR) if of_jar else httpx.Response(200, json={"poses": [POSE]})
+        if path == "/tasks/mugs" and request.method == "GET":
+            return httpx.Response(200, json={"object_models": MODELS}) if state.known else httpx.Response(404, json={})
+        if path.endswith("/labels"):
+            return httpx.Response(201, json={"id": "l1", "cameras": [{"name": "above", "num_pixels": 812}]})
+        if path.endswith("/learn"):
+            return httpx.Response(
+                200, json={"model": {"views": ["l1"], "left_out": ["l0: seen from below"]}, "advice": ""}
+            )
+        return httpx.Response(200, json={"checks": {}, "id": "p", "actions": [], "findings": []})
+
+    http = httpx.Client(transport=httpx.MockTransport(answer), base_url="http://robots")
+    monkeypatch.setattr(cli, "RoboPromptClient", lambda url: RoboPromptClient(connection=http))
+    arm = Arm(open_xarm(Body(), monkeypatch))
+    arm.cameras = Rig(
+        [MountedCamera("above", Sensor(), mount=OVERHEAD), MountedCamera("wrist", Sensor(), True, np.eye(4))]
+    )
+    for module in ("look_command", "cli", "record_command"):
+        monkeypatch.setattr(f"roboprompt_client.{module}.open_robot", lambda name: arm)
+    (tmp_path / "cell.json").write_text(json.dumps({"arm": "xarm"}))
+    return SimpleNamespace(sent=sent, state=state, arm=arm, cell=tmp_path / "cell.json")
+
+
+def run(monkeypatch, *words):
+    monkeypatch.setattr("sys.argv", ["roboprompt-robot", *map(str, words)])
+    return cli.main()
+
+
+def paths(service):
+    return [path for _, path, _ in service.sent]
+
+
+def test_look_says_what_is_found_and_why_not(service, monkeypatch, capsys):
+    page = service.cell.with_name("look.html")
+    assert run(monkeypatch, "look", "--robot", service.cell, "--task", "mugs", "--html", page) == 1
+    said = capsys.readouterr().out
+    assert "above   64x48   100%         0.800 m       none" in said  # a picture that is too small for a table
+    assert "mug     0.400 0.050 0.040  0°" in said
+    assert "jar     NOT FOUND" in said
+    assert JAR["detail"] in said
+    html = page.read_text()
+    assert html.count("<image") == 2
+    assert ">mug</text>" in html
+    assert "NOT FOUND" in html
+
+
+def test_label_sends_the_pictures_and_the_click(service, monkeypatch, capsys):
+    service.state.known = False
+    what = ["--robot", service.cell, "--task", "mugs", "--object", "mug", "--click", "above", "31", "22", "--learn"]
+    assert run(monkeypatch, "label", *what) == 0
+    said = capsys.readouterr().out
+    assert "labeled as l1: pixels by camera: above 812" in said
+    assert "! left out: l0: seen from below" in said
+    assert paths(service) == [
+        "/healthz",
+        "/tasks/mugs",
+        "/tasks/mugs",
+        "/tasks/mugs/labels",
+        "/tasks/mugs/labels/learn",
+    ]
+    assert service.sent[2][0] == "PUT"
+    label = service.sent[3][2]
+    assert b'"clicks": {"above": [31.0, 22.0]}' in label
+    assert b'name="depth_wrist"' in label
+
+
+@pytest.mark.parametrize(
+    ("words", "error"),
+    [
+        (["look", "--task", "mugs", "--find", "bowl"], "--find: 'bowl' is not known to the task 'mugs'"),
+        (["label", "--task", "mugs", "--object", "mug"], "--click: and --learn are missing"),
+        (["label", "--task", "mugs", "--object", "mug", "--click", "above", "x", "1"], "--click: has 'x'"),
+    ],
+)
+def test_what_cannot_be_is_refused(service, monkeypatch, capsys, words, error):
+    assert run(monkeypatch, words[0], "--robot", service.cell, *words[1:]) == 1
+    assert error in capsys.readouterr().err
+
+
+def test_predict_asks_with_pictures_of_now(service, monkeypatch):
+    words = ["--robot", service.cell, "--task", "mugs", "--instruction", "lift the mug"]
+    assert run(monkeypatch, "predict", *words) == 0
+    assert paths(service)[-1] == "/predict"
+    asked = service.sent[-1][2]
+    assert b'"objects": [{"name": "mug"}, {"name": "jar"}]' in asked
+    assert b'name="rgb_above"' in asked
+    assert b"end_effector" in asked
+
+
+def test_viewpoints_are_written_as_the_hand_was_guided(service, monkeypatch):
+    typed = ["", "", "q"]
+    monkeypatch.setattr("builtins.input", lambda question: typed.pop(0))
+    assert run(monkeypatch, "viewpoints", "--robot", service.cell) == 0
+    first, second = json.loads(service.cell.read_text())["viewpoints"]
+    assert first == second
+    np.testing.assert_allclose(first["position"], service.arm.state().position_m, atol=1e-4)
+
+
+@pytest.mark.parametrize("mode", ["look_again", "closed_loop"])
+def test_an_arm_that_moves_to_look_does_not_look_in_between(service, mode):
+    service.arm.viewpoints = VIEWPOINTS
+    what = (None, service.arm, "mugs", "lift the mug")
+    begin = partial(run_task, *what, look_again=True) if mode == "look_again" else run_closed_loop(*what).__next__
+    with pytest.raises(InvalidInputError, match=f"^{mode}: is asked of an arm that goes to viewpoints"):
+        begin()
+
+
+def sight(*mounts):
+    depth_m = np.full((480, 640), 0.8, np.float32)
+    frames = [
+        RgbdFrame(Camera(f"cam{k}", 600, 600, 319.5, 239.5, mount), np.zeros((480, 640, 3), np.uint8), depth_m)
+        for k, mount in enumerate(mounts)
+    ]
+    seen = take_in(None, frames, {})
+    assert isinstance(seen, Sight)
+    return seen
+
+
+def turned(degrees):
+    angle = np.radians(degrees)
+    turn = np.eye(4)
+    turn[1:3, 1:3] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
+    return OVERHEAD @ turn
+
+
+def test_a_camera_that_was_bumped_is_noticed():
+    assert sight(OVERHEAD, OVERHEAD).doubts() == []
+    (tilted,) = sight(turned(2.0)).doubts()
+    assert tilted.startswith("cam0: the table is tilted by 2.0 degrees")
+    higher = OVERHEAD.copy()
+    higher[2, 3] += 0.01
+    (apart,) = sight(OVERHEAD, higher).doubts()
+    assert "cam0 -5 mm, cam1 +5 mm" in apart
+    (above,) = sight(OVERHEAD @ np.diag([1.0, -1, -1, 1])).doubts()
+    assert "OpenGL's" in above
