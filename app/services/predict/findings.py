@@ -43,7 +43,7 @@ def findings_before(prefix: Prefix, taught: Taught, seen: Query, order: Order) -
         order: the instruction as it is understood.
     """
     followed = taught.followed(order)
-    scene = scene_findings(seen, taught.scenes, followed)
+    scene = scene_findings(seen, taught.scenes, followed, taught.needed)
     sources = source_findings(_that_matter(seen, followed), taught.demonstrations, taught.compared)
     return (*_words(order, prefix), *sources, *taught.findings(order), *scene)
 
