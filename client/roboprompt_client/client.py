@@ -300,6 +300,22 @@ class RoboPromptClient:
         asked = {} if model is None else {"model": model}
         return self._http.document("GET", f"/tasks/{task}/check", params=asked, timeout=CHECK_TIMEOUT_S)
 
+    def edit_episode(
+        self, episode_id: str, *, instruction: str | None = None, left_out: bool | None = None, note: str | None = None
+    ) -> dict[str, Any]:
+        """Correct an episode; what is None stays. Returns the episode.
+
+        Args:
+            left_out: whether it is kept, but shown in no prompt.
+            note: for people; empty for none.
+
+        Raises:
+            ServiceProblemError, ServiceUnreachableError.
+        """
+        wanted = {"instruction": instruction, "left_out": left_out, "note": note}
+        changes = {name: value for name, value in wanted.items() if value is not None}
+        return self._http.document("PATCH", f"/episodes/{episode_id}", json=changes)
+
     def record_outcome(self, prediction_id: str, success: bool, note: str | None = None) -> dict[str, Any]:
         """Tell the service how the robot fared with a prediction."""
         return self.post(f"/predictions/{prediction_id}/outcome", {"success": success, "note": note})

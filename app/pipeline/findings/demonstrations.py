@@ -15,6 +15,7 @@ from app.pipeline.findings.missed import Kept
 from app.pipeline.findings.places import ShownScenes
 from app.pipeline.findings.rules import CONTRADICTING, PATH_LEFT, PATH_NOT_KEPT, SEVERAL_WAYS
 from app.pipeline.findings.scatter import scatter_findings
+from app.pipeline.findings.sources import Compared
 from app.pipeline.findings.turns import turning_findings
 from app.pipeline.order.order import Order
 from app.pipeline.plans import Group, by_plan, is_decided, shown_together, usual_ways
@@ -35,6 +36,7 @@ class Taught:
         round_objects: whose yaw the task says means nothing, or little.
         moves: whether objects may be anywhere between what was demonstrated, as at a later step of a closed loop: then
             scenes and ways are not known.
+        compared: poses of their objects that were given, and found in images as well.
     """
 
     demonstrations: tuple[Demonstration, ...]
@@ -42,6 +44,7 @@ class Taught:
     hands: tuple[RecordedHand, ...] = ()
     round_objects: frozenset[str] = frozenset()
     moves: bool = False
+    compared: tuple[Compared, ...] = ()
 
     @cached_property
     def usual(self) -> tuple[Demonstration, ...]:

@@ -74,6 +74,13 @@ NEW_ROLE = Rule(
 )
 
 UNCERTAIN_POSE = Rule("uncertain-pose", "1 below a confidence of 0.7, else 0", info=0.0, warning=1.0)
+OTHER_SOURCE = Rule(
+    "poses-of-another-source",
+    "0 where a pose was given for found ones and nothing compares them, else 1",
+    warning=0.0,
+    danger=1.0,
+    source="docs/guide/poses.md",
+)
 ONE_PLACE = Rule("objects-in-one-place", danger=ALWAYS)
 TILTED = Rule("object-tilted", "beyond every demonstration", "degrees", danger=20.0)
 HEIGHT = Rule("object-at-another-height", "above or below every demonstration", "m", warning=0.011, danger=0.018)
@@ -137,6 +144,7 @@ RULES = (
     NEW_INSTRUCTION,
     NEW_ROLE,
     UNCERTAIN_POSE,
+    OTHER_SOURCE,
     ONE_PLACE,
     TILTED,
     HEIGHT,
