@@ -1,5 +1,6 @@
 """What the recorded hand did, as far as doubts need more of a recording than its keyframes."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -14,6 +15,7 @@ from roboprompt_client import quaternions
 from roboprompt_client.arrays import Array
 from roboprompt_client.trajectory import Trajectory
 
+AT_OBJECT_M = 0.12  # a hand that closes or opens within this of an object's origin does so at the object
 HELD_M = 0.10  # an object as near to the first pose of the hand may be in it
 
 
@@ -22,17 +24,20 @@ class Act(NamedTuple):
 
     Attributes:
         opens: otherwise it closes.
-        near: the object that is nearest to the hand there.
-        away_m: its distance.
-        later_m: the least distance from that object until the gripper switches again, or the recording ends.
+        away_m: by name, how far the objects are from the hand there.
+        later_m: the least distance from the nearest of them until the gripper switches again, or the recording ends.
         moved_m: how far the hand is from there when that happens; 10 degrees count as 1 cm.
     """
 
     opens: bool
-    near: str
-    away_m: float
+    away_m: Mapping[str, float]
     later_m: float
     moved_m: float
+
+    @property
+    def nearest_m(self) -> float:
+        """The distance of the nearest object."""
+        return min(self.away_m.values())
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +62,11 @@ class RecordedHand:
     end_speed_m_s: float
     nearest_m: float
     may_hold: bool
+
+    @property
+    def ends_holding(self) -> bool:
+        """Whether it closed on an object at last."""
+        return bool(self.acts) and not self.acts[-1].opens and self.acts[-1].nearest_m < AT_OBJECT_M
 
     @classmethod
     def of(cls, motion: Motion, shown: Demonstration, kept: Kept) -> "RecordedHand":
@@ -91,8 +101,7 @@ def _act(trajectory: Trajectory, switch: Switch, end: int, shown: Demonstration,
     turn_rad = quaternions.angle_between_rad(before, after)
     return Act(
         switch.opens,
-        shown.objects[place].name,
-        float(away_m[frame, place]),
+        dict(zip((pose.name for pose in shown.objects), away_m[frame].tolist(), strict=True)),
         float(away_m[frame : end + 1, place].min()),
         float(np.linalg.norm(way_m)) + M_PER_RAD * turn_rad,
     )

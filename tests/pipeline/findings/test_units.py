@@ -95,7 +95,7 @@ def test_an_object_that_the_hand_never_comes_near_is_in_another_frame():
 
 
 def test_a_camera_placed_in_millimetres_is_refused():
-    with pytest.raises(InvalidInputError, match="likely millimetres") as caught:
+    with pytest.raises(InvalidInputError, match="millimet") as caught:
         checked(recording(), [camera(1200.0)])
     assert caught.value.field == "cameras[front].camera_to_world"
 
