@@ -16,6 +16,7 @@ from roboprompt_client.arrays import Array
 from roboprompt_client.trajectory import Trajectory
 
 AT_OBJECT_M = 0.12  # a hand that closes or opens within this of an object's origin does so at the object
+NEARER_M = 0.01  # a hand that comes nearer by this is still on its way to the object
 HELD_M = 0.10  # an object as near to the first pose of the hand may be in it
 
 
@@ -39,6 +40,11 @@ class Act(NamedTuple):
         """The distance of the nearest object."""
         return min(self.away_m.values())
 
+    @property
+    def approaches(self) -> bool:
+        """Whether the hand is on its way to the nearest object, not at it."""
+        return self.later_m < self.nearest_m - NEARER_M
+
 
 @dataclass(frozen=True, eq=False)
 class RecordedHand:
@@ -51,7 +57,7 @@ class RecordedHand:
         start_m, end_m: (3,) where it is at first and at last.
         end_speed_m_s: at the last frame.
         nearest_m: the least distance from any object.
-        may_hold: whether an object is so near to its first pose that it may be held from the start.
+        may_hold: the objects so near to its first pose that it may hold them from the start.
     """
 
     kept: Kept
@@ -61,12 +67,15 @@ class RecordedHand:
     end_m: Array
     end_speed_m_s: float
     nearest_m: float
-    may_hold: bool
+    may_hold: frozenset[str]
 
     @property
     def ends_holding(self) -> bool:
-        """Whether it closed on an object at last."""
-        return bool(self.acts) and not self.acts[-1].opens and self.acts[-1].nearest_m < AT_OBJECT_M
+        """Whether it closed on an object at last; a fist that then comes nearer to the object closed on nothing."""
+        if not self.acts or self.acts[-1].opens:
+            return False
+        act = self.acts[-1]
+        return act.nearest_m < AT_OBJECT_M and not act.approaches
 
     @classmethod
     def of(cls, motion: Motion, shown: Demonstration, kept: Kept) -> "RecordedHand":
@@ -83,7 +92,7 @@ class RecordedHand:
             trajectory.positions_m[-1],
             float(motion.hand_speeds_m_s[-1]),
             float(away_m.min()),
-            bool(away_m[0].min() < HELD_M),
+            frozenset(pose.name for pose, far_m in zip(shown.objects, away_m[0], strict=True) if far_m < HELD_M),
         )
 
 

@@ -21,7 +21,6 @@ PRESSING = frozenset({"push", "press", "tap", "hit", "poke", "click", "depress"}
 TAKING = frozenset({"pick", "grasp", "grab", "grip", "take", "lift", "get", "remove", "destack", "unstack"})
 PUTTING = frozenset({"put", "place", "position", "set", "lay", "stack", "pile", "insert", "hang"})
 DIRECT_OBJECT = re.compile(r"(?P<verb>\w+)( (up|down|off|away))? ((the|a|an) )?<0>")
-NEARER_M = 0.01  # a hand that comes nearer by this is still on its way to the object
 CARRIES_M = 0.05
 MOVES_M_S = 0.05
 ACTED_M = 0.08  # a hand that comes no nearer to any object has not acted yet
@@ -35,6 +34,10 @@ UNHELD = (
 PRESSES_OPEN = "the hand opens, and never closes again, to press something: is gripper_open inverted?"
 TAKES_NOTHING = "the gripper closes on nothing, though the instruction says to take something."
 TAKES_ANOTHER = "the hand closes far from what the instruction says to take, and near another object."
+ONLY_OPENS = (
+    "the hand opens at what the instruction says to take, and closes elsewhere or never: is gripper_open inverted, or"
+    " does the recording run backwards?"
+)
 KEEPS_HOLD = "the hand closes and never opens again, though the instruction says to put something down."
 CUT_OFF = "the hand is still on its way in the last frame: record until it has done everything and rests."
 
@@ -51,9 +54,7 @@ def hand_findings(alike: Sequence[Demonstration], hands: Sequence[RecordedHand])
     for rule, fault in dict.fromkeys(item for item in found if item is not None):
         number = sum(item is not None and item[1] == fault for item in found)
         yield from _finding(rule, f"In {number} of {len(alike)} recordings {fault}", number / len(alike))
-    far_m = float(
-        np.median([_acts_away_m(demonstration, hand) for demonstration, hand in zip(alike, hands, strict=True)])
-    )
+    far_m = float(np.median([_acts_away_m(item, hand) for item, hand in zip(alike, hands, strict=True)]))
     if FAR_FROM_ALL.severity(far_m) is not None:
         message = (
             f"Where it should act, the hand is {100 * far_m:.0f} cm from the nearest object in most recordings: are"
@@ -108,8 +109,11 @@ def _gripper_fault(demonstration: Demonstration, hand: RecordedHand) -> str | No
         return PRESSES_OPEN
     if verb in TAKING | PUTTING and not hand.acts:
         return TAKES_NOTHING
-    at_others = closings and taken and min(act.away_m[taken] for act in closings) > AT_OBJECT_M
-    return TAKES_ANOTHER if at_others and closings[0].nearest_m < AT_OBJECT_M else None
+    if taken is None or taken in hand.may_hold or any(act.away_m[taken] < AT_OBJECT_M for act in closings):
+        return None
+    if any(act.away_m[taken] < AT_OBJECT_M for act in hand.acts):
+        return ONLY_OPENS
+    return TAKES_ANOTHER if closings and closings[0].nearest_m < AT_OBJECT_M else None
 
 
 def _taken(demonstration: Demonstration) -> str | None:
@@ -123,7 +127,7 @@ def _opens_unheld(hand: RecordedHand) -> bool:
     if not hand.acts or not hand.acts[0].opens or hand.may_hold:
         return False
     act = hand.acts[0]
-    return act.nearest_m < AT_OBJECT_M and act.later_m > act.nearest_m - NEARER_M and act.moved_m > CARRIES_M
+    return act.nearest_m < AT_OBJECT_M and not act.approaches and act.moved_m > CARRIES_M
 
 
 def _backwards(alike: Sequence[Demonstration], hands: Sequence[RecordedHand]) -> Iterator[Finding]:
