@@ -146,8 +146,8 @@ class RoboPromptClient:
             ServiceUnreachableError: if the service does not answer.
         """
         listed = [{"name": item} if isinstance(item, str) else object_json(item) for item in objects]
-        answer = self._http.document("POST", "/plans", json={"instruction": instruction, "objects": listed})
-        return tuple(PlannedStep(step["task"], step["instruction"]) for step in answer["steps"])
+        steps = self._http.document("POST", "/plans", json={"instruction": instruction, "objects": listed})["steps"]
+        return tuple(PlannedStep(step["task"], step["instruction"]) for step in steps)
 
     def predict(
         self,
