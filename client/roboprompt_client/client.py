@@ -142,8 +142,7 @@ class RoboPromptClient:
             objects: all of the scene, or their names; words of place need poses.
 
         Raises:
-            ServiceProblemError: if a part of the sentence, which it names, is not what one task does.
-            ServiceUnreachableError: if the service does not answer.
+            ServiceProblemError, ServiceUnreachableError: a problem names the part that is not what one task does.
         """
         listed = [{"name": item} if isinstance(item, str) else object_json(item) for item in objects]
         steps = self._http.document("POST", "/plans", json={"instruction": instruction, "objects": listed})["steps"]
