@@ -59,9 +59,13 @@ def read_steps(instruction: str, scene: Scene, layout: Layout | None, others: st
     if len(found) == 1 and len(found[0]) <= MAX_STEPS:
         return found[0]
     error = reader.refusal(found)
-    taught = ((skill.task, skill.taught.instructions) for skill in scene.skills)
-    valid = [f"{task}: {', '.join(map(repr, texts[:MAX_LISTED]))}" for task, texts in taught]
+    valid = [f"{skill.task}: {_listed(skill.taught.instructions)}" for skill in scene.skills]
     raise type(error)(FIELD, error.message, "; ".join([*valid, others] if others else valid))
+
+
+def _listed(texts: Sequence[str]) -> str:
+    more = f" and {len(texts) - MAX_LISTED} more" if texts[MAX_LISTED:] else ""
+    return ", ".join(map(repr, texts[:MAX_LISTED])) + more
 
 
 class _Reader:
