@@ -77,14 +77,15 @@ class RealSense:
         rs = self._rs
         wanted = {(rs.stream.depth, rs.format.z16), (rs.stream.color, rs.format.rgb8)}
         for sensor in self._device.query_sensors():
-            chosen = [profile for profile in sensor.get_stream_profiles() if self._fits(profile, wanted)]
-            wanted -= {(profile.stream_type(), profile.format()) for profile in chosen}
+            fitting = [profile for profile in sensor.get_stream_profiles() if self._fits(profile, wanted)]
+            chosen = {(profile.stream_type(), profile.format()): profile for profile in fitting}
+            wanted -= chosen.keys()
             if not chosen:
                 continue
             for option in (rs.option.global_time_enabled, rs.option.enable_auto_exposure):
                 if sensor.supports(option) and not sensor.is_option_read_only(option):
                     sensor.set_option(option, 1)
-            sensor.open(chosen)
+            sensor.open(list(chosen.values()))
             sensor.start(self._streams)
             self._started.append(sensor)
         if wanted:
