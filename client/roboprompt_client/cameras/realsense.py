@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from roboprompt_client.cameras.picture import Intrinsics, Picture, undistorted
-from roboprompt_client.errors import CameraError
+from roboprompt_client.errors import CameraError, InvalidInputError
 from roboprompt_client.extras import import_extra
 
 WARM_UP_FRAMES = 30  # for the automatic exposure, 1 s at 30 Hz
@@ -125,6 +125,15 @@ class RealSense:
         depth_m = np.asarray(depth.get_data()).astype(np.float32) * np.float32(scale)
         intrinsics = Intrinsics(k.fx, k.fy, k.ppx, k.ppy, k.width, k.height)
         return undistorted(Picture(rgb, depth_m, intrinsics, taken_s, scale), k.coeffs)
+
+
+def realsense_serials() -> list[str]:
+    """Of the cameras that are plugged in; none where pyrealsense2 is not installed."""
+    try:
+        rs = import_extra("pyrealsense2", "pyrealsense2", "realsense")
+    except InvalidInputError:
+        return []
+    return [device.get_info(rs.camera_info.serial_number) for device in rs.context().query_devices()]
 
 
 def _plugged_in(rs: Any, serial: str | None) -> Any:  # noqa: ANN401
