@@ -3,8 +3,8 @@
 Every value is checked when it is constructed. Positions are in metres in the world frame; quaternions are xyzw.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from itertools import pairwise
 from typing import Any
@@ -96,6 +96,15 @@ class Demonstration(Query):
     def kind(self) -> tuple[str, int | None, int]:
         """Equal for demonstrations with the same rows: what they ask for, their plan and number of actions."""
         return self.order.form, self.plan, len(self.actions)
+
+    def only(self, names: Collection[str]) -> "Demonstration":
+        """With those of its objects that have these names."""
+        if all(pose.name in names for pose in self.objects):
+            return self
+        objects, *later = (
+            tuple(pose for pose in poses if pose.name in names) for poses in (self.objects, *self.later_objects)
+        )
+        return replace(self, objects=objects, later_objects=tuple(later))
 
 
 def in_order(objects: Sequence[ObjectPose], order: Order) -> tuple[ObjectPose, ...]:

@@ -1,6 +1,6 @@
 """Demonstrations + observation + instruction -> the text that the LLM continues (paper, section III-D, appendix B)."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from app.pipeline.episode import Demonstration, Query
@@ -140,21 +140,25 @@ def objects_of_task(objects: Sequence[ObjectPose], names: Sequence[str]) -> tupl
     return tuple(by_name[name] for name in names)
 
 
-def check_object_names(given: Sequence[str], names: Sequence[str]) -> None:
+def check_object_names(given: Sequence[str], names: Sequence[str], needed: Collection[str] | None = None) -> None:
     """Refuse object names that are not those of the task.
 
     A name must be spelt as the task spells it, and no two may differ in case, width or separators only: an instruction
     could not tell them apart.
 
+    Args:
+        needed: of the names those that must be given; others may be missing, and new ones be there. None: all, and no
+            others.
+
     Raises:
         ObjectSetError: names what is missing, unknown, given twice or too much alike.
     """
     spelt = {folded(name): name for name in names}
-    missing = [name for name in names if name not in given]
+    missing = [name for name in names if name not in given and (needed is None or name in needed)]
     unknown = [
         f"{name} (here: {spelt[folded(name)]})" if folded(name) in spelt else name
         for name in dict.fromkeys(given)
-        if name not in names
+        if name not in names and (needed is None or folded(name) in spelt)
     ]
     twice = sorted({name for name in given if list(given).count(name) > 1})
     same = [f"{one} and {other}" for one, other in alike(given)]

@@ -28,7 +28,7 @@ _FOR_PROMPTS = [
 
 
 def add(connection: Connection, draft: EpisodeDraft) -> EpisodeRecord:
-    """Store an episode of an existing task: its version grows, and a first episode fixes the task's object names.
+    """Store an episode of an existing task: its version grows, and its object names are those that all episodes have.
 
     Call it after `tasks.get_or_create` in the same write transaction, and compare `object_names` in between.
     """
@@ -40,7 +40,8 @@ def add(connection: Connection, draft: EpisodeDraft) -> EpisodeRecord:
     }
     query = insert(_EPISODES).values({**values, **encoded}).returning(_EPISODES.c.sequence)
     sequence = connection.execute(query).scalar_one()
-    names = tasks.get(connection, draft.task).object_names or [record.name for record in draft.objects]
+    own = [record.name for record in draft.objects]
+    names = [name for name in tasks.get(connection, draft.task).object_names or own if name in own]
     tasks.change(connection, draft.task, {"object_names": names})
     return EpisodeRecord(sequence=sequence, **{name: value for name, value in values.items() if name != "trajectory"})
 

@@ -13,6 +13,7 @@ from app.pipeline.errors import UnfamiliarInstructionError, UngroundedInstructio
 from app.services.measures import timings_of_its_own
 from app.services.predict.closed_loop import PreviousStep
 from app.services.predict.instruction import ground_instruction
+from app.services.predict.observe import Scene
 from app.services.predict.request import PredictOptions, PredictRequest
 from app.services.teach.upload import Upload
 from app.store import predictions
@@ -174,7 +175,7 @@ def test_a_closed_loop_goes_on_with_what_its_first_step_understood(services):
     previous = PreviousStep(
         0, "base", first.style, (), "", "", Pose((0, 0, 1), (1, 0, 0, 0)), "push the leftmost button", first.grounded
     )
-    swapped = [replace(pose, position_m=pose.position_m * [1, -1, 1]) for pose in first.seen.objects]
+    swapped = Scene(tuple(replace(pose, position_m=pose.position_m * [1, -1, 1]) for pose in first.seen.objects))
     taught = first.prefix.instructions
 
     def later(said):

@@ -3,6 +3,7 @@
 The size of objects is not known: how near to an object demonstrated hands came says what was enough.
 """
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,7 +16,7 @@ from app.pipeline.findings import Finding
 from app.pipeline.findings.places import MIN_DEMONSTRATIONS
 from app.pipeline.findings.rules import PASSES_CLOSE, SAMPLES_DISAGREE, STRAYING, UNSUPPORTED
 from roboprompt_client.arrays import Array
-from roboprompt_client.trajectory import EndEffectorAction
+from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
 
 MAX_LISTED = 4  # numbers of actions that a sentence lists
 NEARER, NEARER_M = 0.5, 0.03  # than every demonstrated hand: times its distance, and by this at least
@@ -151,24 +152,30 @@ def distances_m(way_m: Array, place_m: Array) -> Array:
     return distances
 
 
-def passing_findings(query: Query, actions: Sequence[EndEffectorAction], shown: ShownWays) -> Iterator[Finding]:
+def passing_findings(
+    query: Query, actions: Sequence[EndEffectorAction], shown: ShownWays, bystanders: Sequence[ObjectPose] = ()
+) -> Iterator[Finding]:
     """What the hand passes by far nearer than any demonstrated hand did; one finding for each such object.
 
     Args:
         query: the objects as they were observed, and where the hand is before the first action, if that is known.
+        bystanders: other objects, which demonstrations did not have.
     """
     if len(shown.demonstrations) < MIN_DEMONSTRATIONS or not actions:
         return
     way_m = way(query.start, actions)
-    for pose in query.objects:
-        least_m, all_m = shown.least_m(pose.name, query.order.objects), distances_m(way_m, pose.position_m)
+    kept_m = [(pose, shown.least_m(pose.name, query.order.objects)) for pose in query.objects]
+    for pose, least_m in (*kept_m, *((pose, math.inf) for pose in bystanders)):
+        all_m = distances_m(way_m, pose.position_m)
         near_m = float(all_m.min())
         if least_m is None or near_m > min(PASSES_CLOSE.levels["warning"], NEARER * least_m, least_m - NEARER_M):
             continue
         number = max(0, int(all_m.argmin()) - (query.start is not None))
+        is_new = math.isinf(least_m)
+        kept = "demonstrations do not have it" if is_new else f"demonstrations kept {100 * least_m:.1f} cm away"
         message = (
             f"On the way to action {number + 1} the hand passes {100 * near_m:.1f} cm from the centre of {pose.name!r};"
-            f" demonstrations kept {100 * least_m:.1f} cm away. The hand, or what it holds, may hit it."
+            f" {kept}. The hand, or what it holds, may hit it."
         )
-        numbers = {"distance_m": near_m, "demonstrated_m": least_m, "action": number}
+        numbers = {"distance_m": near_m, "action": number, **({} if is_new else {"demonstrated_m": least_m})}
         yield PASSES_CLOSE.finding(message, f"objects[{pose.name}]", numbers, value=near_m)

@@ -1,13 +1,14 @@
 """What is doubtful about demonstrations of what is asked: they contradict each other, or scatter where it matters."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding
 from app.pipeline.findings.actions import ShownWays
-from app.pipeline.findings.elsewhere import elsewhere_findings
+from app.pipeline.findings.arrangement import FEWEST, rigid_pairs
+from app.pipeline.findings.elsewhere import PLACE_WORDS, elsewhere_findings
 from app.pipeline.findings.hand import RecordedHand
 from app.pipeline.findings.implausible import hand_findings
 from app.pipeline.findings.missed import Kept
@@ -48,6 +49,46 @@ class Taught:
         shown = {item.id for item in shown_together(self.demonstrations)}
         shown |= {item.id for group in self._alike.values() if parting(group) is not None for item in group}
         return tuple(item for item in self.demonstrations if item.id in shown)
+
+    @cached_property
+    def needed(self) -> frozenset[str]:
+        """The names of the objects that a scene must have; other objects may be missing, new or more.
+
+        All where more cannot be known: of few demonstrations, where words decide by place, and where nothing known
+        decides between ways.
+        """
+        words = {word for form in self._alike for word in form.split()}
+        undecided = any(
+            len(usual_ways(alike)) > 1 if (parted := parting(alike)) is None else parted.quantity.axis is None
+            for alike in self._alike.values()
+        )
+        if len(self.demonstrations) < FEWEST or undecided or not PLACE_WORDS.isdisjoint(words):
+            return frozenset(pose.name for item in self.demonstrations for pose in item.objects)
+        return self.decisive
+
+    @cached_property
+    def decisive(self) -> frozenset[str]:
+        """What rows follow, words name or parts plans; and what stood to one of these as one thing."""
+        found = {anchor.object_name for _, rows in self.support.plans for row in rows for anchor in row.anchors}
+        found |= {name for item in self.demonstrations for name in item.order.objects}
+        for alike in self._alike.values():
+            if (parted := parting(alike)) is not None:
+                found |= {parted.quantity.object_name, parted.quantity.seen_from}
+        pairs = [{pair.one, pair.other} for pair in rigid_pairs(self.usual)]
+        return frozenset(found.union(*(pair for pair in pairs if pair & found)) - {""})
+
+    def of_objects(self, names: Collection[str]) -> "Taught":
+        """The same of scenes with these of the objects; the last is kept."""
+        key = frozenset(names)
+        if (found := self._restricted.get(key)) is None:
+            found = replace(self, demonstrations=tuple(item.only(key) for item in self.demonstrations))
+            self._restricted.clear()
+            self._restricted[key] = found
+        return found
+
+    @cached_property
+    def _restricted(self) -> dict[frozenset[str], "Taught"]:
+        return {}
 
     @cached_property
     def support(self) -> Support:

@@ -92,6 +92,7 @@ PARTED = Rule(
     "objects-arranged-otherwise", "off a rigid arrangement that a row follows", "m", warning=0.035, danger=0.05
 )
 
+OTHER_OBJECTS = Rule("other-objects", info=ALWAYS, source="no row follows them and no words name them")
 PLAN_OF_SCENE = Rule("plan-of-this-scene", info=ALWAYS, source="docs/plans.md")
 SCENE_BETWEEN = Rule("scene-between-plans", warning=ALWAYS, source="docs/plans.md")
 SCENE_BEYOND = Rule("scene-beyond-plans", danger=ALWAYS, source="docs/plans.md")
@@ -144,6 +145,7 @@ RULES = (
     NOISY,
     ARRANGED,
     PARTED,
+    OTHER_OBJECTS,
     PLAN_OF_SCENE,
     SCENE_BETWEEN,
     SCENE_BEYOND,

@@ -17,7 +17,7 @@ from app.pipeline.findings.places import (
     apart_m,
     estimated_error_m,
 )
-from app.pipeline.findings.rules import BEYOND, HEIGHT, NOISY, ONE_PLACE, TILTED, TURNED, UNCERTAIN_POSE
+from app.pipeline.findings.rules import BEYOND, HEIGHT, NOISY, ONE_PLACE, OTHER_OBJECTS, TILTED, TURNED, UNCERTAIN_POSE
 from app.pipeline.order.lexicon import phrase_of
 from app.pipeline.order.order import Order
 from app.pipeline.order.vocabulary import ADJECTIVES, NOUN_KINDS
@@ -28,13 +28,19 @@ UPRIGHT_DEG = 0.5  # noise that lifts an object tilts it, too
 APART_SHARE = 0.5  # of the least distance between two objects in demonstrations
 
 
-def scene_findings(query: Query, scenes: ShownScenes, followed: frozenset[str] = frozenset()) -> tuple[Finding, ...]:
+def scene_findings(
+    query: Query,
+    scenes: ShownScenes,
+    followed: frozenset[str] = frozenset(),
+    needed: frozenset[str] | None = None,
+) -> tuple[Finding, ...]:
     """What deserves a look, causes first; a lesser doubt hides no greater one.
 
     Args:
         query: the objects as they were observed.
         scenes: of the demonstrations, with the same objects; none where they are not known.
         followed: the objects that rows of the asked motion are relative to.
+        needed: the objects whose places matter; None: all.
     """
     observed, shown = query.objects, scenes.demonstrations
     uncertain = tuple(_uncertain(observed))
@@ -43,11 +49,22 @@ def scene_findings(query: Query, scenes: ShownScenes, followed: frozenset[str] =
     places = [scenes.places(pose.name) for pose in observed]
     found, confused = _one_place(observed, scenes)
     for pose, of_pose in zip(observed, places, strict=True):
-        found += [] if pose in confused else _place(pose, of_pose)
+        found += [] if pose in confused or not (needed is None or pose.name in needed) else _place(pose, of_pose)
     parted = list(parted_findings(query, scenes.pairs, followed)) or list(arranged_findings(query, shown, followed))
     found += [] if confused else _greater(parted, found)
     found += _greater(list(_noise(observed, places)), found)
     return (*uncertain, *found)
+
+
+def other_objects(absent: Sequence[str], new: Sequence[str]) -> tuple[Finding, ...]:
+    """Says that a scene has other objects than the task's, by their names."""
+    if not (absent or new):
+        return ()
+    message = (
+        f"The scene has other objects around than demonstrations: missing {', '.join(absent) or 'none'}; new"
+        f" {', '.join(new) or 'none'}. No row follows them and no words name them."
+    )
+    return (OTHER_OBJECTS.finding(message, "objects", {"missing": len(absent), "new": len(new)}),)
 
 
 def _greater(findings: Sequence[Finding], known: Sequence[Finding]) -> list[Finding]:

@@ -12,7 +12,7 @@ import numpy as np
 from app.pipeline.deviation import ActionDeviation, ObjectReach, action_deviations, object_reach
 from app.pipeline.episode import Demonstration
 from app.pipeline.success_rate import SuccessRate
-from app.services.predict.select import Demonstrations
+from app.services.predict.select import Demonstrations, in_all
 from app.services.task_settings import TaskSettings
 from app.store import predictions, tasks
 from app.store.records import ConfigurationCounts, PredictionRecord
@@ -41,8 +41,10 @@ class Explanation:
 
 def explain_prediction(record: PredictionRecord, demonstrations: Demonstrations) -> Explanation:
     """Hold a prediction against those of its demonstrations that are still stored."""
-    shown = demonstrations.recorded
-    observed = tuple(item.pose() for item in record.objects)
+    shown_names = [[pose.name for pose in item.objects] for item in demonstrations.recorded]
+    names = in_all([[item.name for item in record.objects], *shown_names])
+    shown = demonstrations.only(names).recorded
+    observed = tuple(item.pose() for item in record.objects if item.name in names)
     predicted = Demonstration(_canonical(record), observed, tuple(_actions(record)))
     reaches = {pose.name: object_reach(pose, shown) for pose in observed} if shown else {}
     # A step of a closed loop is one action out of several; its demonstrations are not divided by step here.

@@ -40,7 +40,7 @@ def findings_before(prefix: Prefix, taught: Taught, seen: Query, order: Order) -
         seen: what is asked of the objects as they were observed.
         order: the instruction as it is understood.
     """
-    scene = scene_findings(seen, taught.scenes, taught.followed(order))
+    scene = scene_findings(seen, taught.scenes, taught.followed(order), taught.needed)
     return (*_words(order, prefix), *taught.findings(order), *scene)
 
 

@@ -14,12 +14,14 @@ from importlib.resources import files
 import numpy as np
 
 from app.llm.base import CompletionRequest, LanguageModel, LanguageModelError, complete
+from app.pipeline.errors import UngroundedInstructionError
 from app.pipeline.order.order import Grounding, Order
 from app.pipeline.order.reading import read
 from app.pipeline.order.space import Layout
 from app.pipeline.order.taught import Taught
 from app.pipeline.prompt import Prompt
 from app.services.predict.closed_loop import PreviousStep
+from app.services.predict.observe import Scene
 from app.services.predict.request import PredictRequest
 from app.services.task_settings import TaskSettings
 from roboprompt_client.trajectory import ObjectPose
@@ -65,7 +67,7 @@ def ground_instruction(
     instruction: str,
     taught: Sequence[str],
     settings: TaskSettings,
-    objects: Sequence[ObjectPose],
+    scene: Scene,
     previous: PreviousStep | None,
 ) -> Order:
     """The instruction as it is understood; a closed loop goes on with what its first step understood.
@@ -74,14 +76,34 @@ def ground_instruction(
 
     Args:
         taught: the instructions of the demonstrations that the prompt shows.
-        objects: as they were observed, in the task's order.
 
     Raises:
-        UngroundedInstructionError, UnfamiliarInstructionError: if it is not clear.
+        UngroundedInstructionError, UnfamiliarInstructionError: if it is not clear, or may mean an object that is not
+            the task's.
     """
     if previous is not None and previous.instruction == request.instruction:
         return previous.grounded
-    names, aliases = tuple(pose.name for pose in objects), tuple(sorted(settings.aliases.items()))
+    order = _grounded(request, instruction, taught, settings, scene.objects)
+    if scene.bystanders:
+        everything = (*scene.objects, *scene.bystanders)
+        with_others = _grounded(request, instruction, taught, settings, everything)
+        if with_others.objects != order.objects:
+            meant = ", ".join(name for name in with_others.objects if name not in order.objects)
+            message = f"may mean {meant}, which demonstrations do not have"
+            raise UngroundedInstructionError("instruction", message, ", ".join(pose.name for pose in scene.objects))
+    return order
+
+
+def _grounded(
+    request: PredictRequest,
+    instruction: str,
+    taught: Sequence[str],
+    settings: TaskSettings,
+    objects: Sequence[ObjectPose],
+) -> Order:
+    """The instruction as it is understood where there are these objects."""
+    names = tuple(pose.name for pose in objects)
+    aliases = tuple(sorted((name, said) for name, said in settings.aliases.items() if name in names))
     known = taught_of(names, aliases, tuple(dict.fromkeys(taught)))
     if request.meaning is not None:
         order = read(request.meaning, known)

@@ -11,11 +11,12 @@ from app.pipeline.findings import Finding
 from app.pipeline.findings.demonstrations import Taught
 from app.pipeline.plans import agreeing
 from app.pipeline.plans.choice import PlanChoice, PlanChooser
+from app.pipeline.prompt import check_object_names
 from app.services.cache import Cache
 from app.services.measures import timed
 from app.services.pose_servers import PoseServers
 from app.services.predict.closed_loop import PreviousStep, previous_step
-from app.services.predict.observe import look, observed
+from app.services.predict.observe import Scene, look, observed
 from app.services.predict.prefix import Prefix, PrefixKey, PromptStyle, make_prefix
 from app.services.predict.request import PredictOptions, PredictRequest
 from app.services.predict.select import (
@@ -30,7 +31,6 @@ from app.store import tasks
 from app.store.records import TaskRecord
 from app.store.store import Store
 from roboprompt_client.motion_limits import Pose
-from roboprompt_client.trajectory import ObjectPose
 
 MAX_PREFIXES = 256  # that are kept
 MAX_READ = 16  # sets of demonstrations: what was read for one purpose is soon wanted for another
@@ -44,7 +44,7 @@ class Known:
     """What is known of a request before its question is written.
 
     Attributes:
-        objects: as they were observed, in the task's order.
+        scene: as it was observed.
         end_effector: where it is before the first action: as the robot tells, else where the last step sent it.
         prefixes: one for all samples, or one for each.
         taught: all demonstrations of the task, which an answer is held against.
@@ -54,7 +54,7 @@ class Known:
     settings: TaskSettings
     previous: PreviousStep | None
     end_effector: Pose | None
-    objects: tuple[ObjectPose, ...]
+    scene: Scene
     profile: ModelProfile
     style: PromptStyle
     prefixes: Sequence[Prefix]
@@ -82,6 +82,7 @@ class KnownReader:
         self._prefixes: Cache[PrefixKey, Prefix] = Cache(MAX_PREFIXES)
         self._demonstrations: Cache[tuple[*TaskState, tuple[str, ...]], Demonstrations] = Cache(MAX_READ)
         self._all: Cache[tuple[*TaskState, bool, bool], Taught] = Cache(MAX_TAUGHT)
+        self._needed: Cache[tuple[*TaskState, tuple[str, ...]], frozenset[str]] = Cache(MAX_PLANS)
         self._plans: Cache[tuple[*TaskState, tuple[str, ...]], PlanChooser] = Cache(MAX_PLANS)
 
     def __call__(self, request: PredictRequest) -> Known:
@@ -104,14 +105,19 @@ class KnownReader:
             settings.limits_of_motion().require_start(end_effector)
             with timed("poses"):
                 blobs = self._store.blobs
-                objects = observed(request, task, settings, blobs) if seen is None else seen.objects_of(task)
+                scene = observed(request, task, settings, blobs) if seen is None else seen.scene_of(task)
             with timed("prompt"):
                 profile = self.profile_of(previous.model if previous else request.options.model)
                 style = previous.style if previous else PromptStyle.of(request, settings, profile)
-                shown = self._shown(connection, request, task, settings, style, objects, previous)
                 taught = self._taught(connection, task, settings, style)
+                ids = self._ids(connection, request, task, settings, scene, previous)
+                if scene.absent:
+                    taught = self._without_absent(connection, task, settings, scene, taught, ids)
+                named = request.options.episode_ids is not None and previous is None
+                asked = _Asked(task, settings, style, scene.absent, all_of_them=named)
+                shown = [self._shown(connection, asked, order, scene) for order in _orders(ids, request.options)]
         prefixes, findings = [prefix for prefix, _ in shown], shown[0][1]
-        return Known(settings, previous, end_effector, objects, profile, style, prefixes, taught, findings)
+        return Known(settings, previous, end_effector, scene, profile, style, prefixes, taught, findings)
 
     def usual_prefixes(self, task_name: str) -> list[Prefix]:
         """What requests that name nothing but the task show in scenes of its usual plans, the most usual first.
@@ -129,7 +135,8 @@ class KnownReader:
             ids = self._select(connection, task, request.options.selection, number, request.options.seed, ())
             plans = self._plans_of(connection, task, settings, ids)
             choices = [None] if plans is None else plans.likely()
-            return [self._prefix(connection, task, settings, style, ids, choice) for choice in choices]
+            asked = _Asked(task, settings, style)
+            return [self._prefix(connection, asked, ids, choice) for choice in choices]
 
     def _taught(
         self,
@@ -166,41 +173,58 @@ class KnownReader:
         """The demonstrations of those ids; a prompt and what its answer is held against are often made of the same."""
 
         def make() -> Demonstrations:
-            return read_demonstrations(connection, task.name, ids, settings, all_of_them=True)
+            found = read_demonstrations(connection, task.name, ids, settings, all_of_them=True)
+            return found.only(task.object_names or ())
 
         return self._demonstrations.get((task.name, task.created_at, task.version, ids), make)
 
-    def _shown(
+    def _without_absent(
+        self,
+        connection: Connection,
+        task: TaskRecord,
+        settings: TaskSettings,
+        scene: Scene,
+        taught: Taught,
+        ids: tuple[str, ...],
+    ) -> Taught:
+        """What is taught of scenes without the objects that are absent.
+
+        Raises:
+            ObjectSetError: if one of them may matter to all that is taught, or to the demonstrations of those ids.
+        """
+        key = (task.name, task.created_at, task.version, ids)
+        shown = Taught(self._read(connection, task, settings, ids).recorded)
+        needed = self._needed.get(key, lambda: taught.needed | shown.needed)
+        present = [pose.name for pose in scene.objects]
+        check_object_names(present, task.object_names or (), needed)
+        return taught.of_objects(present)
+
+    def _ids(
         self,
         connection: Connection,
         request: PredictRequest,
         task: TaskRecord,
         settings: TaskSettings,
-        style: PromptStyle,
-        objects: Sequence[ObjectPose],
+        scene: Scene,
         previous: PreviousStep | None,
-    ) -> list[tuple[Prefix, tuple[Finding, ...]]]:
-        """The demonstrations that the request names or its selection finds, once for each order of them.
-
-        Of several plans those that the scene calls for, and why, unless somebody chose the demonstrations.
-        """
+    ) -> tuple[str, ...]:
+        """The demonstrations that the request names or its selection finds."""
         options = request.options
-        number = options.num_demonstrations or settings.num_demonstrations
         if previous is not None:
-            ids = previous.demonstration_ids
-        elif options.episode_ids is not None:
-            ids = options.episode_ids
-        else:
-            ids = self._select(connection, task, options.selection, number, options.seed, objects)
-        named = options.episode_ids is not None and previous is None
-        found = []
-        for order in _orders(ids, options):
-            by_scene = not (named or style.closed_loop)
-            plans = self._plans_of(connection, task, settings, order) if by_scene else None
-            choice = None if plans is None else plans(objects)
-            prefix = self._prefix(connection, task, settings, style, order, choice, all_of_them=named)
-            found.append((prefix, () if choice is None else choice.findings))
-        return found
+            return previous.demonstration_ids
+        if options.episode_ids is not None:
+            return options.episode_ids
+        number = options.num_demonstrations or settings.num_demonstrations
+        return self._select(connection, task, options.selection, number, options.seed, scene.objects)
+
+    def _shown(
+        self, connection: Connection, asked: "_Asked", ids: tuple[str, ...], scene: Scene
+    ) -> tuple[Prefix, tuple[Finding, ...]]:
+        """Of several plans those that the scene calls for, and why, unless somebody chose the demonstrations."""
+        by_scene = not (asked.all_of_them or asked.style.closed_loop)
+        plans = self._plans_of(connection, asked.task, asked.settings, ids) if by_scene else None
+        choice = None if plans is None else plans(scene.objects)
+        return self._prefix(connection, asked, ids, choice), () if choice is None else choice.findings
 
     def _plans_of(
         self, connection: Connection, task: TaskRecord, settings: TaskSettings, ids: tuple[str, ...]
@@ -211,36 +235,45 @@ class KnownReader:
         return self._plans.get(key, lambda: PlanChooser(self._read(connection, task, settings, ids).recorded))
 
     def _prefix(
-        self,
-        connection: Connection,
-        task: TaskRecord,
-        settings: TaskSettings,
-        style: PromptStyle,
-        ids: tuple[str, ...],
-        choice: PlanChoice | None,
-        *,
-        all_of_them: bool = False,
+        self, connection: Connection, asked: "_Asked", ids: tuple[str, ...], choice: PlanChoice | None
     ) -> Prefix:
         """The demonstrations of those ids, written down.
 
         Args:
             choice: those of them that the scene calls for.
-            all_of_them: also those of a rare plan.
         """
+        task, settings, style = asked.task, asked.settings, asked.style
         shown_ids = () if choice is None else tuple(demonstration.id for demonstration in choice.shown)
-        key = PrefixKey(task.name, task.version, style, ids, all_of_them, shown_ids)
+        key = PrefixKey(task.name, task.version, style, ids, asked.all_of_them, shown_ids, asked.absent)
 
         def make() -> Prefix:
             if choice is not None:
-                return make_prefix(Demonstrations(agreeing(choice.shown), choice.shown), settings, style)
-            if style.closed_loop:
-                stepwise = read_demonstrations(connection, task.name, ids, settings, stepwise=True)
-                return make_prefix(stepwise, settings, style)
-            read = self._read(connection, task, settings, ids)
-            leaves_out = settings.keyframes.keyframe_rule().aligned and not all_of_them
-            return make_prefix(read.without_rare_plans() if leaves_out else read, settings, style)
+                found = Demonstrations(agreeing(choice.shown), choice.shown)
+            elif style.closed_loop:
+                found = read_demonstrations(connection, task.name, ids, settings, stepwise=True)
+            else:
+                found = self._read(connection, task, settings, ids)
+                if settings.keyframes.keyframe_rule().aligned and not asked.all_of_them:
+                    found = found.without_rare_plans()
+            return make_prefix(found.only(set(task.object_names or ()).difference(asked.absent)), settings, style)
 
         return self._prefixes.get(key, make)
+
+
+@dataclass(frozen=True, eq=False)
+class _Asked:
+    """How prompts of a request are written, whatever they show.
+
+    Attributes:
+        absent: objects of the task that the scene does not have.
+        all_of_them: also demonstrations of a rare plan.
+    """
+
+    task: TaskRecord
+    settings: TaskSettings
+    style: PromptStyle
+    absent: tuple[str, ...] = ()
+    all_of_them: bool = False
 
 
 def _orders(ids: tuple[str, ...], options: PredictOptions) -> list[tuple[str, ...]]:

@@ -20,21 +20,36 @@ from roboprompt_client.trajectory import ObjectPose
 
 
 @dataclass(frozen=True, eq=False)
+class Scene:
+    """What a request observed.
+
+    Attributes:
+        objects: of the task, in its order.
+        absent: names of the task's other objects.
+        bystanders: that some demonstration does not have.
+    """
+
+    objects: tuple[ObjectPose, ...]
+    absent: tuple[str, ...] = ()
+    bystanders: tuple[ObjectPose, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
 class Seen:
-    """The objects that were found with the settings of `task`."""
+    """The scene as it was found with the settings of `task`."""
 
     task: TaskRecord
-    objects: tuple[ObjectPose, ...]
+    scene: Scene
 
-    def objects_of(self, task: TaskRecord) -> tuple[ObjectPose, ...]:
-        """The objects, if `task` still wants them found so.
+    def scene_of(self, task: TaskRecord) -> Scene:
+        """The scene, if `task` still wants its objects found so.
 
         Raises:
             ConflictError: if not.
         """
         if (task.settings, task.object_names) != (self.task.settings, self.task.object_names):
             raise ConflictError(f"task {task.name!r} changed while its images were looked at: send the request again")
-        return self.objects
+        return self.scene
 
 
 def look(store: Store, pose_servers: PoseServers, request: PredictRequest) -> Seen:
@@ -51,21 +66,23 @@ def look(store: Store, pose_servers: PoseServers, request: PredictRequest) -> Se
         return Seen(task, observed(request, task, settings, store.blobs))
 
 
-def observed(
-    request: PredictRequest, task: TaskRecord, settings: TaskSettings, blobs: BlobStore
-) -> tuple[ObjectPose, ...]:
-    """The observed objects' poses in the task's order, symmetric objects at their canonical yaw.
+def observed(request: PredictRequest, task: TaskRecord, settings: TaskSettings, blobs: BlobStore) -> Scene:
+    """The observed objects' poses, symmetric objects at their canonical yaw. Objects of the task may be absent.
 
     Raises:
         NoDemonstrationsError: if the task has no demonstrations.
-        ObjectSetError: if the request has other objects; as `estimate_poses` and `check_scene_units`.
+        ObjectSetError: if names are given twice or are spelt otherwise; as `estimate_poses` and `check_scene_units`.
     """
-    sent = [query.name for query in request.objects]
-    if task.object_names is None:
+    sent, names = [query.name for query in request.objects], task.object_names
+    if names is None:
         raise NoDemonstrationsError(task.name)
-    check_object_names(sent, task.object_names)
+    check_object_names(sent, names, needed=())
     queries = with_templates(settings.with_models(request.objects), blobs)
     poses = estimate_poses(settings.pose_estimator, queries, request.frames, given_first=True)
-    check_scene_units(poses, settings.workspace.workspace())
-    by_name = {pose.name: pose for pose in poses}
-    return settings.canonical(tuple(by_name[name] for name in task.object_names))
+    check_scene_units([pose for pose in poses if pose.name in names], settings.workspace.workspace())
+    by_name = {pose.name: pose for pose in settings.canonical(poses)}
+    return Scene(
+        tuple(by_name[name] for name in names if name in by_name),
+        tuple(name for name in names if name not in by_name),
+        tuple(pose for name, pose in by_name.items() if name not in names),
+    )

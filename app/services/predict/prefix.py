@@ -56,6 +56,7 @@ class PrefixKey:
     Attributes:
         all_of_them: also demonstrations of a rare plan.
         shown_ids: of the demonstrations whose plan the scene calls for; empty where no scene is asked.
+        absent: objects of the task that the scene does not have.
     """
 
     task: str
@@ -64,6 +65,7 @@ class PrefixKey:
     demonstration_ids: tuple[str, ...]
     all_of_them: bool = False
     shown_ids: tuple[str, ...] = ()
+    absent: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,6 +9,7 @@ from app.llm.base import ModelProfile
 from app.pipeline.episode import Query
 from app.pipeline.findings import Finding
 from app.pipeline.findings.demonstrations import Taught
+from app.pipeline.findings.scene import other_objects
 from app.pipeline.order.order import Order
 from app.pipeline.plans.support import PlacedPlan
 from app.pipeline.prompt import Prompt, PromptTemplate
@@ -22,7 +23,7 @@ from app.services.predict.request import MAX_ACTIONS_ASKED, PredictRequest
 from app.services.task_settings import TaskSettings
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.motion_limits import Pose
-from roboprompt_client.trajectory import EndEffectorAction
+from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
 
 SEEDS = 2**31  # the most that every backend takes
 
@@ -36,7 +37,8 @@ class Question:
         settings: of the task.
         profile: of the model that is asked.
         grounded: the instruction as it is understood.
-        seen: the same of the objects as they were found, in the task's order.
+        seen: the same of the task's objects as they were found, in the task's order.
+        bystanders: other objects, which the hand must not hit.
         parts: what is asked for one after the other, of the objects as the prompt has them: with rotations where
             demonstrations have them.
         end_effector: where it is before the first action: as the robot tells, else where the last step sent it.
@@ -57,6 +59,7 @@ class Question:
     style: PromptStyle
     grounded: Order
     seen: Query
+    bystanders: tuple[ObjectPose, ...]
     parts: tuple[Query, ...]
     end_effector: Pose | None
     prefix: Prefix
@@ -82,9 +85,10 @@ def write_question(request: PredictRequest, instruction: str, known: Known, limi
         InvalidInputError: if the prompt is too long, an object lacks a rotation that demonstrations have, or the parts
             of the instruction take more actions than the request allows.
     """
-    prefix, style, previous, observed = known.prefixes[0], known.style, known.previous, known.objects
+    prefix, style, previous, scene = known.prefixes[0], known.style, known.previous, known.scene
+    observed = scene.objects
     with timed("words"):
-        grounded = ground_instruction(request, instruction, prefix.instructions, known.settings, observed, previous)
+        grounded = ground_instruction(request, instruction, prefix.instructions, known.settings, scene, previous)
     step = None if not style.closed_loop else 0 if previous is None else previous.step + 1
     template = prefix.at_step(step or 0)
     so_far = "" if previous is None else previous.so_far(prefix)
@@ -101,6 +105,7 @@ def write_question(request: PredictRequest, instruction: str, known: Known, limi
         style=style,
         grounded=grounded,
         seen=seen,
+        bystanders=scene.bystanders,
         parts=parts,
         end_effector=known.end_effector,
         prefix=prefix,
@@ -110,7 +115,11 @@ def write_question(request: PredictRequest, instruction: str, known: Known, limi
         step=step,
         prompt=template.ask(parts[0], request.options.max_actions, so_far),
         plans=plans,
-        findings=(*known.plan_findings, *findings_before(prefix, known.taught, seen, grounded)),
+        findings=(
+            *known.plan_findings,
+            *other_objects(scene.absent, [pose.name for pose in scene.bystanders]),
+            *findings_before(prefix, known.taught, seen, grounded),
+        ),
     )
     if request.options.num_samples == 1:
         return question

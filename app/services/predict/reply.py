@@ -72,7 +72,7 @@ class Reply:
             found = () if self._chosen is None else self._chosen.findings
             return (*found, *self._disagreeing)
         actions, question = [item.action for item in self.actions], self.question
-        passing = passing_findings(question.seen, actions, question.taught.ways)
+        passing = passing_findings(question.seen, actions, question.taught.ways, question.bystanders)
         return (*action_findings(self._doubts), *passing)
 
     async def whole(self) -> None:

@@ -5,7 +5,7 @@ where the objects of the episodes stand.
 """
 
 import random
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import Literal
@@ -81,10 +81,11 @@ class Scenes:
     names: tuple[str, ...]
     positions_m: Array
 
-    def observed_m(self, objects: Sequence[ObjectPose]) -> Array:
-        """(K, 3) the positions of observed objects in the order of `names`."""
+    def with_objects(self, objects: Sequence[ObjectPose]) -> tuple[Array, Array]:
+        """(N, K, 3) the positions of those objects that were observed, and (K, 3) as they were observed."""
         by_name = {pose.name: pose.position_m for pose in objects}
-        return np.array([by_name[name] for name in self.names])
+        places = [place for place, name in enumerate(self.names) if name in by_name]
+        return self.positions_m[:, places], np.array([by_name[self.names[place]] for place in places])
 
     def ids_at(self, indices: Iterable[int]) -> tuple[str, ...]:
         """The episodes' ids."""
@@ -92,9 +93,9 @@ class Scenes:
 
 
 def read_scenes(connection: Connection, task: str) -> Scenes:
-    """The scenes of the task's episodes."""
+    """The scenes of the task's episodes, with the objects that all have."""
     stored = episodes.scenes(connection, task)
-    names = tuple(item.name for item in stored[0].objects) if stored else ()
+    names = in_all([[item.name for item in scene.objects] for scene in stored])
     places_m = [{item.name: item.position_m for item in scene.objects} for scene in stored]
     positions_m = np.array([[place[name] for name in names] for place in places_m]).reshape(-1, len(names), 3)
     return Scenes(tuple(scene.id for scene in stored), names, positions_m)
@@ -129,7 +130,7 @@ class DemonstrationSelector:
         """
         if selection == "nearest":
             scenes = self._scenes_of(connection, task)
-            return scenes.ids_at(nearest_last(scenes.positions_m, scenes.observed_m(objects), number))
+            return scenes.ids_at(nearest_last(*scenes.with_objects(objects), number))
         key = (_state(task), selection, number, seed if selection == "random" else 0)
         return self._choices.get(key, lambda: self._choose(connection, task, selection, number, seed))
 
@@ -160,6 +161,11 @@ class Demonstrations:
 
     shown: tuple[Demonstration, ...]
     recorded: tuple[Demonstration, ...]
+
+    def only(self, names: Collection[str]) -> "Demonstrations":
+        """The same with these of their objects."""
+        shown, recorded = (tuple(item.only(names) for item in items) for items in (self.shown, self.recorded))
+        return Demonstrations(shown, recorded)
 
     def without_rare_plans(self) -> "Demonstrations":
         """Those that a prompt shows where nobody named them."""
@@ -234,16 +240,28 @@ def recordings_of(
 ) -> list[Recording]:
     """The demonstrations of records as they were found, each with the trajectory that it was made from."""
     rule, recordings = settings.keyframes.keyframe_rule(), []
-    for record, trajectory in zip(records, trajectories, strict=True):
+    found = _demonstrations(records, settings)
+    for demonstration, record, trajectory in zip(found, records, trajectories, strict=True):
         motion = settings.motion_of(trajectory, record.control_frequency_hz)
-        demonstration = canonical_demonstration(record.demonstration(), settings)
         recordings.append(Recording(replace(demonstration, start=trajectory.action_at(0)), motion, rule))
     return recordings
 
 
 def _unaligned(records: Sequence[DemonstrationRecord], settings: TaskSettings) -> Demonstrations:
-    canonical = tuple(canonical_demonstration(record.demonstration(), settings) for record in records)
+    canonical = tuple(_demonstrations(records, settings))
     return Demonstrations(canonical, canonical)
+
+
+def _demonstrations(records: Sequence[DemonstrationRecord], settings: TaskSettings) -> list[Demonstration]:
+    """As they were found, with the objects that all have: what only some have does not matter to the task."""
+    found = [canonical_demonstration(record.demonstration(), settings) for record in records]
+    names = in_all([[pose.name for pose in demonstration.objects] for demonstration in found])
+    return [demonstration.only(names) for demonstration in found]
+
+
+def in_all(names: Sequence[Sequence[str]]) -> tuple[str, ...]:
+    """Those of the first scene's names that all scenes have."""
+    return tuple(name for name in names[0] if all(name in others for others in names)) if names else ()
 
 
 def canonical_demonstration(demonstration: Demonstration, settings: TaskSettings) -> Demonstration:

@@ -4,7 +4,7 @@ import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 from sqlalchemy import Connection
@@ -12,6 +12,7 @@ from sqlalchemy import Connection
 from app.perception.base import ObjectQuery
 from app.perception.images import ImageBytes
 from app.pipeline.episode import Episode
+from app.pipeline.findings import Finding
 from app.pipeline.findings.recording import check_moves
 from app.pipeline.findings.units import check_recording_units
 from app.pipeline.prompt import check_object_names
@@ -21,6 +22,7 @@ from app.services.scene_images import put_images
 from app.services.task_settings import TaskSettings
 from app.services.teach.configure import record_limits
 from app.services.teach.extract import Extracted, extract
+from app.services.teach.objects import check_objects
 from app.services.teach.room import FIRST, room_findings, uploaded
 from app.store import episodes, idempotency, predictions, tasks, trajectories
 from app.store.errors import ConflictError, NotFoundError
@@ -136,15 +138,16 @@ class UploadEpisode:
     def _extract(self, upload: Upload, task: TaskRecord | None, settings: TaskSettings) -> Extracted:
         settings.with_joints_of(upload.episode.trajectory)
         self._pose_servers.check(settings.object_models)
-        names = sent = [query.name for query in upload.objects]
-        if task is not None and task.object_names is not None:
-            names = list(task.object_names)
-            check_object_names(sent, names)
+        names, others = [query.name for query in upload.objects], tuple[Finding, ...]()
         episode = upload.episode
         motion = settings.motion_of(episode.trajectory, episode.control_frequency_hz)
+        if task is not None and task.object_names is not None:
+            others = check_objects(self._store, task, settings, episode.instruction, upload.objects, motion)
+            names = list(dict.fromkeys((*task.object_names, *names)))
         check_moves(motion)
         check_recording_units(motion, _given(upload.objects), [frame.camera for frame in episode.frames])
-        return extract(motion, upload.objects, episode.frames, settings, names, self._store.blobs)
+        extracted = extract(motion, upload.objects, episode.frames, settings, names, self._store.blobs)
+        return replace(extracted, findings=(*others, *extracted.findings))
 
     def _commit(self, attempt: _Attempt) -> JsonObject | None:
         """The answer, or None if the task changed in what matters since it was read, or was deleted."""

@@ -1,0 +1,140 @@
+"""Objects that no row follows and no words name come and go; the actions are as without them."""
+
+import asyncio
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from app.llm.backends import BUILT_IN
+from app.llm.llm_settings import LlmSettings
+from app.llm.registry import ModelRegistry
+from app.perception.base import ObjectQuery
+from app.pipeline.episode import Episode
+from app.pipeline.errors import InstructionError, ObjectSetError
+from app.services.container import Services
+from app.services.predict.request import PredictRequest
+from app.services.teach.upload import Upload
+from app.store import tasks
+
+from ..pipeline.recordings import pick_and_place, resting
+from .test_upload_episode import respond
+
+INSTRUCTION = "put the cube on the plate"
+CLUTTER = ("milk", "orange juice", "salad dressing", "basket", "cube box", "tea", "fork", "ramekin")
+
+
+def scene(random, *others):
+    """Cube and plate, and others that stand far from both and from the way between."""
+    cube_m, plate_m = random.uniform([[0.0, -0.3, 0.02], [0.0, 0.1, 0.02]], [[0.3, -0.1, 0.02], [0.3, 0.3, 0.02]])
+    clutter_m = {name: (random.uniform(0.6, 0.7), 0.12 * k - 0.4, 0.05) for k, name in enumerate(others)}
+    return queries({"cube": cube_m, "plate": plate_m, **clutter_m})
+
+
+def queries(places_m):
+    return tuple(ObjectQuery(name, tuple(map(float, place_m))) for name, place_m in places_m.items())
+
+
+def recorded(objects, instruction=INSTRUCTION, grasps="cube"):
+    at_m = {query.name: np.array(query.position_m) for query in objects}
+    motion = pick_and_place(at_m[grasps], at_m["plate"] + [0, 0, 0.05], move=resting, start_m=(0.1, 0.0, 0.5))
+    return Upload("tidy", Episode(instruction, motion.at(20)), objects, {})
+
+
+@pytest.fixture
+def services(store):
+    """Ten demonstrations beside milk and tea."""
+    models = ModelRegistry(LlmSettings(default_model="nearest"), {"nearest": BUILT_IN["nearest"]})
+    services, random = Services.wire(store, models, "nearest"), np.random.default_rng(4)
+    for _ in range(10):
+        services.upload_episode(recorded(scene(random, "milk", "tea")), respond)
+    return services
+
+
+def predicted(services, objects, instruction=INSTRUCTION):
+    """The actions, and the findings by their codes."""
+    request = PredictRequest("tidy", instruction, objects)
+    prediction = asyncio.run(services.predict_actions(request))
+    actions = [(*action.action.position_m.tolist(), action.action.gripper_open) for action in prediction.reply.actions]
+    return actions, {finding.code: finding for finding in prediction.findings}
+
+
+def names(services):
+    with services.store.read() as connection:
+        return tasks.get(connection, "tidy").object_names
+
+
+def test_a_scene_is_answered_as_without_its_bystanders(services):
+    usual, before = predicted(services, scene(np.random.default_rng(5), "milk", "tea"))
+    assert "other-objects" not in before
+    for others in [(), ("milk",), *(CLUTTER[:number] for number in range(1, 9))]:
+        actions, found = predicted(services, scene(np.random.default_rng(5), *others))
+        assert actions == usual
+        assert found["other-objects"].severity == "info"
+        assert {finding.severity for finding in found.values()} == {"info"}
+
+
+@pytest.mark.parametrize("missing", ["cube", "plate"])
+def test_what_rows_follow_must_be_there(services, missing):
+    objects = scene(np.random.default_rng(5), "milk", "tea")
+    with pytest.raises(ObjectSetError, match=rf"missing: {missing} \("):
+        predicted(services, tuple(replace(query, name="bowl") if query.name == missing else query for query in objects))
+
+
+@pytest.mark.parametrize("instruction", ["put the milk box on the plate", "put the cube in the basket"])
+def test_words_that_mean_a_new_object_are_refused(services, instruction):
+    with pytest.raises(InstructionError):
+        predicted(services, scene(np.random.default_rng(5), "milk box", "basket"), instruction)
+
+
+def test_a_new_object_of_the_same_kind_does_not_take_the_reference(services):
+    """By its own words the cube is meant; what may mean either is refused."""
+    objects = scene(np.random.default_rng(5), "blue cube")
+    assert predicted(services, objects)[0] == predicted(services, objects[:2])[0]
+    with pytest.raises(InstructionError):
+        predicted(services, objects, "put the leftmost cube on the plate")
+
+
+def test_a_new_object_on_the_way_is_watched(services):
+    cube, plate = scene(np.random.default_rng(5))
+    beside_m = np.add(cube.position_m, [0.02, 0.0, 0.05])
+    _, found = predicted(services, (cube, plate, *queries({"vase": beside_m})))
+    assert found["passes-close"].severity == "danger"
+
+
+def test_uploads_may_have_other_bystanders(services):
+    random = np.random.default_rng(6)
+    answer = services.upload_episode(recorded(scene(random, "fork", "milk")), respond)
+    assert [finding["code"] for finding in answer["findings"]] == ["other-objects"]
+    assert names(services) == ("cube", "plate", "milk")
+    usual = predicted(services, scene(np.random.default_rng(5), "milk"))[0]
+    assert predicted(services, scene(np.random.default_rng(5), "tea"))[0] == usual
+    assert len(asyncio.run(services.check_task("tidy")).check.plans) == 1
+
+
+@pytest.mark.parametrize(
+    ("objects", "instruction", "grasps"),
+    [
+        (("fork",), "put the fork on the plate", "cube"),  # words name it
+        (("fork",), INSTRUCTION, "fork"),  # the hand closes on it
+        (("fork", "Milk"), INSTRUCTION, "cube"),  # spelt otherwise
+    ],
+)
+def test_an_upload_with_a_new_object_that_matters_is_refused(services, objects, instruction, grasps):
+    with pytest.raises(ObjectSetError, match=r"not of this task: .*(fork|Milk)"):
+        services.upload_episode(recorded(scene(np.random.default_rng(6), *objects), instruction, grasps), respond)
+
+
+def test_an_upload_without_what_rows_follow_is_refused(services):
+    objects = [query for query in scene(np.random.default_rng(6), "milk") if query.name != "cube"]
+    with pytest.raises(ObjectSetError, match="missing: cube"):
+        services.upload_episode(recorded(tuple(objects), grasps="plate"), respond)
+
+
+def test_two_demonstrations_do_not_tell_what_may_be_missing(store):
+    models = ModelRegistry(LlmSettings(default_model="nearest"), {"nearest": BUILT_IN["nearest"]})
+    services, random = Services.wire(store, models, "nearest"), np.random.default_rng(4)
+    for _ in range(2):
+        services.upload_episode(recorded(scene(random, "milk")), respond)
+    with pytest.raises(ObjectSetError, match="missing: milk"):
+        predicted(services, scene(random))
