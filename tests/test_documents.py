@@ -132,6 +132,13 @@ def test_every_relative_link_leads_to_a_file_and_a_heading(page):
             assert anchor in map(_slug, headings), target
 
 
+def test_the_site_leads_to_every_page():
+    """Results are reached from their list."""
+    listed = (ROOT / "properdocs.yml").read_text()
+    pages = {page.relative_to(ROOT / "docs").as_posix() for page in (ROOT / "docs").rglob("*.md")}
+    assert not {page for page in pages if not page.startswith("results/") and f": {page}\n" not in listed}
+
+
 def _files():
     for name in FOLDERS:
         for folder, below, files in os.walk(ROOT / name):

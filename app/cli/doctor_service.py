@@ -123,13 +123,14 @@ def database(settings: Settings) -> Row:
             if not is_newest(opened):
                 return Row("database", "ok", "is older, and is brought up to date when the service starts")
             with opened.read() as connection:
-                differences = compare_metadata(MigrationContext.configure(connection), metadata)
+                context = MigrationContext.configure(connection)
+                revision, differences = context.get_current_revision(), compare_metadata(context, metadata)
     except (RoboPromptError, ArgumentError) as error:
         return Row("database", "wrong", str(error), "as it says; `roboprompt restore` reads a backup into an empty one")
     if differences:
         seen = f"its tables are not those of its revision: {len(differences)} differences, first {differences[0]}"
         return Row("database", "wrong", seen, "it was written before 1.0, or changed by hand: use another folder")
-    return Row("database", "ok", "answers, and has the tables of this version")
+    return Row("database", "ok", f"answers, at revision {revision}")
 
 
 def disk(folder: Path) -> Row:

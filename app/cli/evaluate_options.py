@@ -37,6 +37,7 @@ class EvaluateOptions:
     poses: Annotated[
         Literal["given", "vision"], Option(help="vision: images only, by object models learned beforehand")
     ] = "given"
+    cameras: Annotated[int, Option(min=1, max=3, help="that take images, of the simulated Panda")] = 2
     method: Annotated[
         list[str] | None,
         Option(help=f"a label of the sweep, or one of {METHOD_NAMES}; may be repeated; default: all of the sweep"),

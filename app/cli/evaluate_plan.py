@@ -147,7 +147,7 @@ def _plan(asked: EvaluateOptions) -> Plan:
 
 def _world(asked: EvaluateOptions) -> World:
     try:
-        world = Panda(asked.recordings) if asked.world is None else world_named(asked.world)
+        world = Panda(asked.recordings, num_cameras=asked.cameras) if asked.world is None else world_named(asked.world)
     except UnknownWorldError as error:
         raise typer.BadParameter(str(error), param_hint="--world") from error
     return world if asked.record_hz is None else world.recorded_at(asked.record_hz)

@@ -11,6 +11,7 @@ from app.sim.demonstrate import Recordings, RobotName, record_demonstration, rol
 from app.sim.libfranka import demonstrate as over_libfranka
 from app.sim.outcomes import RecordedDemonstration, RolloutResult, SceneView
 from app.sim.tasks import ALL_TASKS
+from app.sim.world import CAMERA_NAMES, CAMERAS
 from roboprompt_client.trajectory import EndEffectorAction
 
 Actions = tuple[EndEffectorAction, ...]
@@ -24,16 +25,22 @@ class Panda:
         recordings: whether the expert rests at its poses while it demonstrates.
         robot: what moves the arm, in demonstrations and tests; a Franka's driver rests at each pose.
         control_frequency_hz: of the recordings; RLBench's by default.
+        num_cameras: that take images, the first of `app.sim.world.CAMERAS`.
     """
 
     recordings: Recordings = "rests"
     robot: RobotName = "simulated"
     control_frequency_hz: float = 20.0
+    num_cameras: int = len(CAMERA_NAMES)
     tasks: ClassVar[Mapping[str, Mapping[str, float]]] = {
         name: task.yaw_symmetry_deg for name, task in ALL_TASKS.items()
     }
     first_test_seed: ClassVar[int] = 100_000
     python: ClassVar[None] = None
+
+    @property
+    def _cameras(self) -> tuple[str, ...]:
+        return tuple(CAMERAS)[: self.num_cameras]
 
     def conditions(self) -> Mapping[str, Any]:
         return asdict(self)
@@ -43,12 +50,16 @@ class Panda:
 
     def view(self, task: str, seed: int, images: bool = False) -> SceneView:
         # Pictures take longer than the simulation; `app.evaluation.illustrate` takes them later.
-        return view_scene(task, seed, variation=_variation(task, seed)) if images else _view(task, seed)
+        if not images:
+            return _view(task, seed)
+        return view_scene(task, seed, variation=_variation(task, seed), cameras=self._cameras)
 
     def demonstrate(self, task: str, seed: int, images: bool = False) -> RecordedDemonstration:
         if self.robot == "franka":
             return over_libfranka.record_demonstration(task, seed, self.control_frequency_hz, images=images)
-        return record_demonstration(task, seed, self.control_frequency_hz, images=images, recordings=self.recordings)
+        return record_demonstration(
+            task, seed, self.control_frequency_hz, images=images, recordings=self.recordings, cameras=self._cameras
+        )
 
     def solve(self, task: str, seed: int) -> RecordedDemonstration:
         return record_demonstration(

@@ -6,10 +6,13 @@ With images only, object models are learned first, from a few labeled scenes.
 import json
 import re
 from collections import deque
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import count
 from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
 
 from app.evaluation.failures import ExpertFailedError, NotLearnedError
 from app.evaluation.methods import Method
@@ -17,9 +20,11 @@ from app.evaluation.paper import disturbed
 from app.evaluation.results import TaughtEpisode
 from app.evaluation.world import World
 from app.executors import Executor
-from app.sim.outcomes import RecordedDemonstration
+from app.pipeline.geometry import yaw_rad
+from app.sim.outcomes import RecordedDemonstration, SceneView
 from roboprompt_client.camera import RgbdFrame
 from roboprompt_client.client import RoboPromptClient
+from roboprompt_client.errors import ServiceProblemError
 from roboprompt_client.robot import Observation
 from roboprompt_client.trajectory import ObjectPose
 
@@ -36,21 +41,29 @@ def images_only(frames: Sequence[RgbdFrame], objects: Sequence[ObjectPose]) -> O
     return Observation((), tuple(replace(frame, mask=None) for frame in frames), tuple(pose.name for pose in objects))
 
 
-def learned_models(client: RoboPromptClient, name: str, labelled: Sequence[RecordedDemonstration]) -> Mapping[str, Any]:
-    """Models of every object, learned by the service from the scenes' masks and poses.
+def learned_models(
+    client: RoboPromptClient,
+    name: str,
+    labelled: Sequence[RecordedDemonstration],
+    yaw_symmetry_deg: Mapping[str, float],
+) -> dict[str, Any]:
+    """Models of every object: a box or cylinder where the service learns one, else what it looked like in the scenes.
 
     Args:
         name: of the task that is to find objects by them; the labeled scenes come under a name of their own.
+        yaw_symmetry_deg: of the objects, as for `PUT /tasks/{name}`.
 
     Raises:
         NotLearnedError: if an object cannot be learned; says why.
         ServiceProblemError, ServiceUnreachableError.
     """
     school = f"{name}.labels"
+    client.configure_task(school, yaw_symmetry_deg=dict(yaw_symmetry_deg))
+    episodes = []
     for item in labelled:
         seen = Observation(item.scene.objects, item.scene.frames)
         trajectory = replace(item.trajectory, object_positions_m=None, object_quaternions_xyzw=None)
-        client.upload(
+        uploaded = client.upload(
             school,
             item.scene.instruction,
             trajectory,
@@ -59,12 +72,46 @@ def learned_models(client: RoboPromptClient, name: str, labelled: Sequence[Recor
             mask_ids=item.scene.mask_ids,
             extra={"seed": item.scene.seed, "simulator": "mujoco"},
         )
+        episodes.append((str(uploaded["id"]), item.scene))
     learned = client.learn_object_models(school, episodes=len(labelled))
-    if learned["refused"]:
-        reasons = "; ".join(f"{name}: {reason}" for name, reason in learned["refused"].items())
-        raise NotLearnedError(f"not all objects can be found in images: {reasons}")
-    models: Mapping[str, Any] = learned["object_models"]
+    models = dict(learned["object_models"])
+    for missing in learned["refused"]:
+        models[missing] = _model_from_labels(client, school, missing, episodes, yaw_symmetry_deg.get(missing))
     return models
+
+
+def _model_from_labels(
+    client: RoboPromptClient,
+    school: str,
+    name: str,
+    episodes: Sequence[tuple[str, SceneView]],
+    symmetry_deg: float | None,
+) -> Mapping[str, Any]:
+    """What an object looks like, from its mask and an arrow in each episode, as a person would draw them.
+
+    The arrow points away from the robot in the first one, is good to ten degrees, and a symmetry that was not known is
+    found out by what the service says.
+    """
+    yaws_deg = [next(_yaw_deg(pose) for pose in scene.objects if pose.name == name) for _, scene in episodes]
+    ahead_deg = 90 * round(yaws_deg[0] / 90)
+    for (id_, scene), yaw_deg in zip(episodes, yaws_deg, strict=True):
+        arrow = {} if symmetry_deg == 0 else {"yaw_deg": 10.0 * round((yaw_deg - ahead_deg) / 10)}
+        # What hangs on it by a joint is not labeled: an object is rigid.
+        client.label_object(school, name, id_, mask_ids=scene.mask_ids[name][:1], **arrow)
+    known: str | float = "none" if symmetry_deg is None else symmetry_deg or "yaw"
+    reasons = []
+    for symmetric in dict.fromkeys((known, "none", 180.0)):
+        try:
+            model: Mapping[str, Any] = client.learn_from_labels(school, name, symmetric)["model"]
+        except ServiceProblemError as error:
+            reasons.append(f"symmetric {symmetric}: {error}")
+        else:
+            return model
+    raise NotLearnedError(f"{name} cannot be found in images: {'; '.join(reasons)}")
+
+
+def _yaw_deg(pose: ObjectPose) -> float:
+    return float(np.degrees(yaw_rad(Rotation.from_quat(pose.quaternion_xyzw))))
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,10 +215,41 @@ def upload(
         ServiceProblemError, ServiceUnreachableError.
     """
     if method.poses == "vision":
-        settings = {**settings, "object_models": learned_models(client, name, labelled)}
+        settings = with_models(settings, learned_models(client, name, labelled, settings["yaw_symmetry_deg"]))
     client.configure_task(name, **settings)
-    taught = tuple(TaughtEpisode(item, _upload(client, name, item, method)) for item in recorded)
+    taught = tuple(_taught(client, name, recorded, method))
     return Lesson(name, settings["num_demonstrations"], taught)
+
+
+def with_models(settings: Mapping[str, Any], models: Mapping[str, Any]) -> dict[str, Any]:
+    """A task's settings with object models; how symmetric an object is that has labels, these say."""
+    symmetries = dict(settings["yaw_symmetry_deg"])
+    for name, model in models.items():
+        if model["estimator"] == "registered":
+            symmetries.pop(name, None)
+            if model["symmetric"] != "none":
+                symmetries[name] = 0.0 if model["symmetric"] == "yaw" else model["symmetric"]
+    return {**settings, "yaw_symmetry_deg": symmetries, "object_models": models}
+
+
+def _taught(
+    client: RoboPromptClient, name: str, shown: Sequence[RecordedDemonstration], method: Method
+) -> Iterator[TaughtEpisode]:
+    """The demonstrations that the service takes; of those with images only, some may show too little.
+
+    Raises:
+        NotLearnedError: if more than half show too little.
+    """
+    refused = []
+    for item in shown:
+        try:
+            yield TaughtEpisode(item, _upload(client, name, item, method))
+        except ServiceProblemError as error:
+            if method.poses != "vision" or error.problem.get("type") not in UNSEEN:
+                raise
+            refused.append(str(error))
+    if len(refused) > MAX_FAILED_SHARE * len(shown):
+        raise NotLearnedError(f"{len(refused)} of {len(shown)} demonstrations show too little: {refused[0]}")
 
 
 def _upload(client: RoboPromptClient, name: str, recorded: RecordedDemonstration, method: Method) -> dict[str, object]:

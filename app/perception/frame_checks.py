@@ -12,6 +12,8 @@ from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.flat_surface import find_flat_surface
 
 NEAREST_M, FARTHEST_M = 0.05, 20.0  # the middle depth of a robot's workspace lies between
+MAX_BELOW_M = 4.0  # of a table or floor below its camera; depths in tenths of their unit put it ten times as deep
+DEPTH_UNITS = "metres in a .npy array; a 16-bit PNG in units of depth_scale, 0.001 for millimetres"
 MAX_TILT_DEG, STEEP_DEG = 5.0, 40.0  # beyond the latter it is a wall or a ramp, not a table
 
 
@@ -47,17 +49,16 @@ def check_rgbd(frame: RgbdFrame) -> None:
     middle_m = float(np.median(known))
     if not NEAREST_M < middle_m < FARTHEST_M:
         message = f"puts half of the scene farther than {middle_m:.3g} m" if middle_m > 1 else f"is {middle_m:.3g} m"
-        remedy = "metres in a .npy array; a 16-bit PNG in units of depth_scale, 0.001 for millimetres"
-        raise InvalidInputError(f"depth_{name}", f"{message} (median); the scale is wrong", remedy)
+        raise InvalidInputError(f"depth_{name}", f"{message} (median); the scale is wrong", DEPTH_UNITS)
 
 
 def check_level(frame: RgbdFrame) -> None:
-    """Refuse a frame whose largest flat surface is nearly level, but not level, or above the camera that looks at it.
+    """Refuse a frame whose largest flat surface is nearly level, but not level, or above the camera, or far below it.
 
     Where there is no flat surface, nothing is known.
 
     Raises:
-        InvalidInputError: naming the camera's camera_to_world and the tilt.
+        InvalidInputError: naming the camera's camera_to_world and the tilt, or its depth image.
     """
     surface = find_flat_surface(frame)
     if surface is None or surface.tilt_deg >= STEEP_DEG:
@@ -68,6 +69,9 @@ def check_level(frame: RgbdFrame) -> None:
         above_m = float(surface.middle_m[2] - surface.sees_m[2])
         message = f"would put the largest flat surface that {name} sees {above_m:.2f} m above it: OpenGL's axes?"
         raise InvalidInputError(field, message, "OpenCV axes: x right, y down, z forward (OpenGL has y up, z back)")
+    if (below_m := float(surface.sees_m[2] - surface.middle_m[2])) > MAX_BELOW_M:
+        message = f"puts the largest flat surface that {name} sees {below_m:.1f} m below it; the scale is wrong"
+        raise InvalidInputError(f"depth_{name}", message, DEPTH_UNITS)
     if surface.tilt_deg > MAX_TILT_DEG:
         message = f"would tilt the largest flat surface that {name} sees by {surface.tilt_deg:.0f} degrees"
         remedy = "the pose of the camera that took the image, in a world whose z axis is vertical; images not swapped"

@@ -27,13 +27,23 @@ GRIPPER_STATES: Mapping[Recordings, GripperState] = {"rests": "commanded", "cont
 DWELL_SAMPLES = 2  # of every rest, so that keyframe rules see it at any rate
 
 
-def view_scene(task_name: str, seed: int, *, variation: int | None = None, images: bool = True) -> SceneView:
+def view_scene(
+    task_name: str,
+    seed: int,
+    *,
+    variation: int | None = None,
+    images: bool = True,
+    cameras: Sequence[str] = CAMERA_NAMES,
+) -> SceneView:
     """The scene of a seed, as `record_demonstration` and `rollout` set it up.
+
+    Args:
+        cameras: of `app.sim.world.CAMERAS`, that take the images.
 
     Raises:
         InvalidInputError: for an unknown task or variation.
     """
-    return _view(robot_in_scene(task_name, seed, variation, images=images), seed)
+    return _view(robot_in_scene(task_name, seed, variation, images=images, cameras=cameras), seed)
 
 
 def record_demonstration(
@@ -46,23 +56,25 @@ def record_demonstration(
     film_strip: bool = False,
     recordings: Recordings = "rests",
     gripper: GripperState | None = None,
+    cameras: Sequence[str] = CAMERA_NAMES,
 ) -> RecordedDemonstration:
     """Let the task's expert solve the scene of a seed, and record it. A demonstration that failed says so.
 
     Args:
         recordings: whether the arm rests at each of the expert's poses, or passes them as a person does.
         gripper: None records what was commanded where the arm rests, otherwise what the fingers have done.
+        cameras: as for `view_scene`.
 
     Raises:
         InvalidInputError: for an unknown task or variation, or a frequency that the simulation cannot sample at.
     """
     if recordings == "rests":
-        robot = robot_in_scene(task_name, seed, variation, images=images)
+        robot = robot_in_scene(task_name, seed, variation, images=images, cameras=cameras)
         robot.dwell_s = max(DWELL_S, DWELL_SAMPLES / control_frequency_hz)
     else:
         habits, guided = Habits(seed), make_task(task_name, seed, variation)
         guided.way = habits.choose(guided.ways)
-        robot = GuidedPanda(guided, habits, CAMERA_NAMES if images else ())
+        robot = GuidedPanda(guided, habits, cameras if images else ())
     task = robot.task
     sampler = TrajectorySampler(robot, control_frequency_hz, task.object_names)
     scene = _view(robot, seed)
@@ -109,13 +121,15 @@ def rollout(
     return RolloutResult(task_name, seed, num_executed, not failure, failure, tuple(film.images))
 
 
-def robot_in_scene(task_name: str, seed: int, variation: int | None = None, *, images: bool) -> SimulatedPanda:
+def robot_in_scene(
+    task_name: str, seed: int, variation: int | None = None, *, images: bool, cameras: Sequence[str] = CAMERA_NAMES
+) -> SimulatedPanda:
     """The arm in the scene of a seed; with images it observes through its cameras.
 
     Raises:
         InvalidInputError: for an unknown task or variation.
     """
-    return SimulatedPanda(make_task(task_name, seed, variation), CAMERA_NAMES if images else ())
+    return SimulatedPanda(make_task(task_name, seed, variation), cameras if images else ())
 
 
 def _view(robot: SimulatedPanda, seed: int) -> SceneView:

@@ -262,6 +262,31 @@ class RoboPromptClient:
         asked = {"objects": None if objects is None else list(objects), "episodes": episodes}
         return self.post(f"/tasks/{task}/object_models/learn", asked)
 
+    def label_object(self, task: str, name: str, episode_id: str, **where: Any) -> dict[str, Any]:  # noqa: ANN401
+        """Say where an object is in an episode's images, see `POST /tasks/{name}/labels`.
+
+        Args:
+            where: `clicks`, `polygons` or `mask_ids`, and `yaw_deg`.
+
+        Raises:
+            ServiceProblemError, ServiceUnreachableError.
+        """
+        asked = {"object": name, "episode_id": episode_id, **where}
+        return self._http.document("POST", f"/tasks/{task}/labels", json=asked)
+
+    def learn_from_labels(self, task: str, name: str, symmetric: str | float = "none") -> dict[str, Any]:
+        """Let the service learn what a labeled object looks like, see `POST /tasks/{name}/labels/learn`.
+
+        Args:
+            symmetric: "none", "yaw" for what looks the same all around, or degrees of a turn that changes nothing.
+
+        Raises:
+            ServiceProblemError: if the labels give no template, or an episode's images do not show the object.
+            ServiceUnreachableError.
+        """
+        asked = {"object": name, "symmetric": symmetric}
+        return self._http.document("POST", f"/tasks/{task}/labels/learn", json=asked, timeout=LEARNING_TIMEOUT_S)
+
     def check(self, task: str, model: str | None = None) -> dict[str, Any]:
         """Predict each of a task's demonstrations from the others, see `GET /tasks/{name}/check`.
 

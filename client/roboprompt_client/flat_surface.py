@@ -8,7 +8,7 @@ import numpy as np
 from roboprompt_client.arrays import Array
 from roboprompt_client.camera import RgbdFrame
 
-STRIDE_PX = 16
+GRID_ROWS = 30  # of pixels that are looked at
 NUM_TRIALS = 60
 # Standard deviation of a stereo camera's depth (Intel D400) at 1 m; it grows with the square of the distance
 DEPTH_SIGMA_AT_1_M = 0.002
@@ -50,12 +50,13 @@ def find_flat_surface(frame: RgbdFrame) -> FlatSurface | None:
     """The plane near most points; None where no plane has a quarter of them, or the frame has hardly any depth."""
     if frame.depth_m is None:
         return None
-    depth_m = frame.depth_m[::STRIDE_PX, ::STRIDE_PX]
+    stride_px = max(1, frame.depth_m.shape[0] // GRID_ROWS)
+    depth_m = frame.depth_m[::stride_px, ::stride_px]
     rows, columns = np.nonzero(depth_m > 0)
     if len(rows) < NUM_TRIALS:
         return None
     depths_m = depth_m[rows, columns].astype(np.float64)
-    points_m = frame.camera.deproject(rows * STRIDE_PX, columns * STRIDE_PX, depths_m)
+    points_m = frame.camera.deproject(rows * stride_px, columns * stride_px, depths_m)
     near = _near_most(points_m, FLAT_M * np.maximum(depths_m, 1.0) ** 2)
     if near.mean() <= MIN_SHARE:
         return None

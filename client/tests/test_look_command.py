@@ -29,14 +29,15 @@ JAR = {"title": "Unprocessable", "detail": "objects[jar]: no camera sees a part 
 @pytest.fixture
 def service(monkeypatch, tmp_path):
     """A service that finds the mug and not the jar; what is sent to it; an arm with a camera above and one in hand."""
-    sent, state = [], SimpleNamespace(known=True)
+    sent, state = [], SimpleNamespace(known=True, jars_seen=0, swapped=False)
 
     def answer(request):
         path = request.url.path
         sent.append((request.method, path, request.read()))
         if path == "/poses":
-            of_jar = b'"name": "jar"' in sent[-1][2]
-            return httpx.Response(422, json=JAR) if of_jar else httpx.Response(200, json={"poses": [POSE]})
+            state.jars_seen += (of_jar := b'"name": "jar"' in sent[-1][2])
+            found = not of_jar or (state.swapped and state.jars_seen > 1)
+            return httpx.Response(200, json={"poses": [POSE]}) if found else httpx.Response(422, json=JAR)
         if path == "/tasks/mugs" and request.method == "GET":
             return httpx.Response(200, json={"object_models": MODELS}) if state.known else httpx.Response(404, json={})
         if path.endswith("/labels"):
@@ -80,6 +81,14 @@ def test_look_says_what_is_found_and_why_not(service, monkeypatch, capsys):
     assert html.count("<image") == 2
     assert ">mug</text>" in html
     assert "NOT FOUND" in html
+
+
+def test_look_says_where_a_camera_s_colors_are_swapped(service, monkeypatch, capsys):
+    service.state.swapped = True
+    run(monkeypatch, "look", "--robot", service.cell, "--task", "mugs", "--find", "jar")
+    assert "it is found once red and blue are swapped" in capsys.readouterr().out
+    first, second = (body for _, path, body in service.sent if path == "/poses")
+    assert first != second
 
 
 def test_label_sends_the_pictures_and_the_click(service, monkeypatch, capsys):

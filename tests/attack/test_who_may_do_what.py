@@ -13,6 +13,7 @@ from tests.attack.tenants import Tenants, question, running_tenants, taught, wit
 HTML = {"accept": "text/html"}
 STREAM = {"accept": "text/event-stream"}
 DRY = question(dry_run=True)
+PLAN = {name: question()[name] for name in ("instruction", "objects")}
 
 
 @pytest.fixture(scope="module")
@@ -73,6 +74,7 @@ ATTEMPTS = [
     ("robot", "POST", "/ui/predict/prompt", {"json": question()}, {403}),
     ("robot", "POST", "/ui/predict/prompt", {"files": with_pictures(question())}, {403}),
     ("pick robot", "POST", "/ui/predict/prompt", {"json": question("push")}, {403}),
+    ("reader", "POST", "/plans", {"json": PLAN}, {403}),
     # others' predictions as a beginning, and their outcomes
     ("robot", "POST", "/predict", {"json": question(closed_loop=True, after="{by rival}")}, {404}),
     ("robot", "POST", "/predictions/{by rival}/outcome", {"json": {"success": False}}, {404}),
@@ -206,6 +208,18 @@ def test_lists_and_pages_do_not_name_other_tasks(tenants: Tenants, path):
     assert answer.status_code == 200
     for hidden in ("push", tenants.ids["push episode"], tenants.ids["by admin"]):
         assert hidden not in answer.text.replace("push_button", ""), hidden
+
+
+def test_words_are_read_against_the_tasks_of_the_key_alone(tenants: Tenants):
+    planned = tenants.clients["pick robot"].post("/plans", json=PLAN)
+    assert planned.json() == {"steps": [{"task": "pick", "instruction": PLAN["instruction"]}]}
+    refused = tenants.clients["pick robot"].post("/plans", json={**PLAN, "instruction": "dance"})
+    assert refused.status_code == 422
+    assert "push" not in refused.text
+    assert tenants.clients["pick robot"].post("/predict", json=question(None)).json()["task"] == "pick"
+    both = tenants.clients["robot"].post("/predict", json=question(None))
+    assert both.status_code == 422
+    assert "(pick) or " in both.text
 
 
 def test_pages_of_a_list_stay_within_what_is_seen(tenants: Tenants):

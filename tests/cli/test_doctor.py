@@ -7,6 +7,7 @@ import sqlite3
 import sys
 import threading
 from collections import namedtuple
+from contextlib import closing
 from datetime import UTC, datetime
 from http.server import BaseHTTPRequestHandler, HTTPServer
 
@@ -74,11 +75,11 @@ def in_folder(tmp_path):
 def test_database(tmp_path):
     Store.open(tmp_path).close()
     assert doctor_service.database(in_folder(tmp_path)).state == "ok"
-    with sqlite3.connect(tmp_path / "roboprompt.db") as database:
+    with closing(sqlite3.connect(tmp_path / "roboprompt.db")) as database, database:
         database.execute("ALTER TABLE labels DROP COLUMN yaw_deg")
     row = doctor_service.database(in_folder(tmp_path))
     assert (row.state, "1 differences" in row.seen) == ("wrong", True)
-    with sqlite3.connect(tmp_path / "roboprompt.db") as database:
+    with closing(sqlite3.connect(tmp_path / "roboprompt.db")) as database, database:
         database.execute("UPDATE alembic_version SET version_num = '9999'")
     assert "at revision 9999" in doctor_service.database(in_folder(tmp_path)).seen
 

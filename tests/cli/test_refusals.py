@@ -3,6 +3,7 @@
 import json
 import sqlite3
 import threading
+from contextlib import closing
 from http.server import BaseHTTPRequestHandler, HTTPServer
 
 import pytest
@@ -165,7 +166,7 @@ def test_the_robots_script_says_what_objects_it_wants(content, expected, monkeyp
 
 
 def test_serve_refuses_a_data_folder_of_an_unknown_version_in_a_sentence(tmp_path):
-    with sqlite3.connect(tmp_path / "roboprompt.db") as database:
+    with closing(sqlite3.connect(tmp_path / "roboprompt.db")) as database, database:
         database.execute("CREATE TABLE alembic_version (version_num TEXT)")
         database.execute("INSERT INTO alembic_version VALUES ('9999')")
     run = CliRunner().invoke(application, ["serve", "--data", str(tmp_path)])

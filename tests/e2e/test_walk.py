@@ -81,6 +81,7 @@ def guide():
     return ""
 
 
+@pytest.mark.long
 def test_from_an_empty_cell_to_the_first_motion(lab):
     written_cell(lab)
     of_cell = ["--robot", lab.cell]

@@ -106,10 +106,18 @@ def test_a_round_button_is_learned_as_a_cylinder_with_its_pose_on_top():
         return labelled(name, replace(solid, position_m=(x, y, z + solid.size_m[2] / 2)), number)
 
     button = Solid("yellow", (0, 0, 0), 0, (0.06, 0.06, 0.03), round=True)
-    model = learn_models(scenes(lambda random: anywhere(random, button=button), labels=on_top))["button"]
+    seen = scenes(lambda random: anywhere(random, button=button), labels=on_top)
+    model = learn_models(seen, {"button": 0.0})["button"]
     assert model.shape == "cylinder"
     np.testing.assert_allclose(model.size_m, [0.06, 0.06, 0.03], atol=0.002)
     np.testing.assert_allclose(model.origin_m, [0, 0, 0.015], atol=0.002)
+
+
+def test_a_round_shape_with_a_yaw_is_refused():
+    cup = Solid("yellow", (0, 0, 0), 0, (0.06, 0.06, 0.08), round=True)
+    with pytest.raises(InvalidInputError, match=r"given yaws differ by up to \d+ degrees") as caught:
+        learn_models(scenes(lambda random: anywhere(random, cup=cup)))
+    assert "yaw_symmetry_deg" in caught.value.valid
 
 
 def test_a_rank_is_learned_where_several_look_alike():

@@ -42,6 +42,13 @@ def test_opengl_s_axes_are_refused_as_such(view):
     assert caught.value.field == f"cameras[{view.name}].camera_to_world"
 
 
+def test_depth_in_another_unit_is_refused_as_such():
+    frame = shoot([cube("red", 0, 0)])
+    with pytest.raises(InvalidInputError, match=r"m below it; the scale is wrong .*depth_scale") as caught:
+        check_level(replace(frame, depth_m=frame.depth_m * 10))
+    assert caught.value.field == "depth_front"
+
+
 def test_without_depth_to_judge_by_nothing_is_said():
     frame = shoot([], noise=False)
     random = np.random.default_rng(0)

@@ -10,6 +10,7 @@ import sqlite3
 import sys
 import tempfile
 import time
+from contextlib import closing
 from pathlib import Path
 
 import httpx
@@ -57,7 +58,7 @@ def said(response):
 
 def as_sql(folder):
     """The database and the images of a data folder as SQL; the images are a table of their own."""
-    with sqlite3.connect(folder / "roboprompt.db") as database:
+    with closing(sqlite3.connect(folder / "roboprompt.db")) as database, database:
         database.execute("CREATE TABLE blobs_of_release (data BLOB)")
         for path in sorted((folder / "blobs").glob("*/*/*")):
             database.execute("INSERT INTO blobs_of_release VALUES (?)", [path.read_bytes()])
@@ -66,7 +67,7 @@ def as_sql(folder):
 
 def unpack(name, folder):
     """The data folder of a release."""
-    with sqlite3.connect(folder / "roboprompt.db") as database:
+    with closing(sqlite3.connect(folder / "roboprompt.db")) as database, database:
         database.executescript((FOLDER / f"{name}.sql").read_text())
         for (data,) in database.execute("SELECT data FROM blobs_of_release").fetchall():
             FileBlobStore(folder / "blobs").put(data)

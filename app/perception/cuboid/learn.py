@@ -25,6 +25,7 @@ STEADY = 0.8  # of the scenes agree on the rank: in the others two are equally n
 ROUND_TO_M = 1e-4
 EQUAL_SIDES_SHARE, EQUAL_SIDES_M = 0.06, 0.002  # sides that differ by less are a square's
 CENTRED_M = 0.003  # an origin nearer than this to the shape's axis is on it
+MAX_TURN_DEG = 15.0  # between the given rotations of an object that is taken for round
 SAME_M = 0.02  # a pose found nearer than this to the given one is right
 
 
@@ -108,10 +109,15 @@ def _others(scene: LabelledScene, name: str) -> Iterator[tuple[str, Array]]:
             yield query.name, np.array(query.position_m)
 
 
-def learn_models(scenes: Sequence[LabelledScene]) -> dict[str, CuboidModel]:
+def learn_models(
+    scenes: Sequence[LabelledScene], yaw_symmetry_deg: Mapping[str, float] | None = None
+) -> dict[str, CuboidModel]:
     """Models of the objects that the scenes name, for the estimator `cuboid`.
 
     Each model is tried on the scenes that it was learned from before it is returned.
+
+    Args:
+        yaw_symmetry_deg: of objects that are known to be symmetric, as for `canonical_pose`.
 
     Raises:
         InvalidInputError: naming the object and why no model of it can be learned: no color that stands out, a shape
@@ -124,8 +130,25 @@ def learn_models(scenes: Sequence[LabelledScene]) -> dict[str, CuboidModel]:
     models = {query.name: _learn(query.name, scenes) for query in scenes[0].objects}
     models = {name: learn_rank(name, model, scenes, models) for name, model in models.items()}
     models = {name: with_shared_looks(model, models.values()) for name, model in models.items()}
+    for name, model in models.items():
+        if model.shape == "cylinder" and name not in (yaw_symmetry_deg or {}):
+            _check_round(name, scenes)
     _try_out(models, scenes)
     return models
+
+
+def _check_round(name: str, scenes: Sequence[LabelledScene]) -> None:
+    """Refuse a cylinder for what was given with different yaws: a cup's handle would not be seen.
+
+    Raises:
+        ObjectModelError: if so.
+    """
+    given = [query.quaternion_xyzw for scene in scenes for query in scene.objects if query.name == name]
+    rotations = [Rotation.from_quat(quaternion) for quaternion in given if quaternion is not None]
+    turn_deg = max((float(np.degrees((rotations[0].inv() * other).magnitude())) for other in rotations), default=0.0)
+    if turn_deg > MAX_TURN_DEG:
+        message = f"is round without its yaw, and its given yaws differ by up to {turn_deg:.0f} degrees"
+        raise ObjectModelError(name, message, "yaw_symmetry_deg 0 if it is round; else labels, for `registered`")
 
 
 def _learn(name: str, scenes: Sequence[LabelledScene]) -> CuboidModel:

@@ -10,9 +10,9 @@ from scipy.spatial import cKDTree
 
 from app.perception.registered.cloud import VOXEL_M, Index
 from app.perception.registered.registration import MAX_RISE_M
-from app.perception.registered.scene import LitScene
+from app.perception.registered.scene import ABOVE_TABLE_M, LitScene
 from app.perception.registered.score import Bools
-from app.perception.registered.template import Template
+from app.perception.registered.template import STANDS_WITHIN_M, Template
 from roboprompt_client.arrays import Array
 
 GAPS_M = (0.008, 0.016, 0.032, 0.064)  # between two parts
@@ -35,40 +35,42 @@ def candidates(template: Template, lit: LitScene, without: Index | None = None) 
     is_like = np.isfinite(off_lab) & _at_its_height(template, lit)
     if without is not None:
         is_like[without] = False
-    like, gap_m, points_m = np.flatnonzero(is_like), _gap_m(template), lit.scene.points_m
-    parts = _parts(template, points_m, like, gap_m)
+    like, across_m, points_m = np.flatnonzero(is_like), gap_m(template), lit.scene.points_m
+    parts = _parts(template, points_m, like, across_m)
     pieces = [piece for whole in parts for piece in _pieces(template, points_m, whole)]
     for whole in parts:
         alike = whole[off_lab[whole] < SAME_LAB]
         if len(alike) < ALIKE_SHARE * len(whole):
-            pieces += _parts(template, points_m, alike, gap_m)
+            pieces += _parts(template, points_m, alike, across_m)
     return [*parts, *pieces]
 
 
-def _parts(template: Template, points_m: Array, index: Index, gap_m: float) -> Sequence[Index]:
+def _parts(template: Template, points_m: Array, index: Index, across_m: float) -> Sequence[Index]:
     """The connected parts of the points `index` that are large enough, the largest first."""
     enough = max(FEWEST_POINTS, MIN_SHARE * len(template))
     if len(index) < enough:
         return []
-    part = parts_of(points_m[index], gap_m)
+    part = parts_of(points_m[index], across_m)
     sizes = np.bincount(part)
     largest = [number for number in np.argsort(-sizes)[:MAX_CANDIDATES] if sizes[number] >= enough]
     return [index[part == number] for number in largest]
 
 
 def _at_its_height(template: Template, lit: LitScene) -> Bools:
-    """(N,) which points are as high above the table as some of the object may be."""
-    low_m, high_m = template.points_m[:, 2].min(), template.points_m[:, 2].max()
+    """(N,) which points are as high above the table as some of the object may be, and not of what it lies on."""
+    low_m, high_m = template.points_m[:, 2].min() - MAX_RISE_M, template.points_m[:, 2].max() + MAX_RISE_M
+    if template.above_table_m > STANDS_WITHIN_M:
+        low_m = template.points_m[:, 2].min() + ABOVE_TABLE_M[0]
     height_m = lit.scene.table.height_m(lit.scene.points_m) + template.bottom_m
-    within: Bools = (height_m > low_m - MAX_RISE_M) & (height_m < high_m + MAX_RISE_M)
+    within: Bools = (height_m > low_m) & (height_m < high_m)
     return within
 
 
-def _gap_m(template: Template) -> float:
+def gap_m(template: Template) -> float:
     """Across which the template is one part: a rack of two rails is found as a whole."""
-    for gap_m in GAPS_M[:-1]:
-        if np.bincount(parts_of(template.points_m, gap_m)).max() >= CONNECTED_SHARE * len(template):
-            return gap_m if gap_m == GAPS_M[0] else 2 * gap_m  # cells begin elsewhere in the scene
+    for across_m in GAPS_M[:-1]:
+        if np.bincount(parts_of(template.points_m, across_m)).max() >= CONNECTED_SHARE * len(template):
+            return across_m if across_m == GAPS_M[0] else 2 * across_m  # cells begin elsewhere in the scene
     return GAPS_M[-1]
 
 
@@ -84,9 +86,9 @@ def _pieces(template: Template, points_m: Array, part: Index) -> Sequence[Index]
     return [part[piece == number] for number in range(count) if (piece == number).sum() >= FEWEST_POINTS]
 
 
-def parts_of(points_m: Array, gap_m: float = GAPS_M[0]) -> Index:
+def parts_of(points_m: Array, across_m: float = GAPS_M[0]) -> Index:
     """(N,) which connected part each point belongs to."""
-    cells, cell = np.unique(np.floor(points_m / gap_m).astype(np.int64), axis=0, return_inverse=True)
+    cells, cell = np.unique(np.floor(points_m / across_m).astype(np.int64), axis=0, return_inverse=True)
     pairs = cKDTree(cells).query_pairs(NEIGHBOR_CELLS, output_type="ndarray")
     graph = coo_array((np.ones(len(pairs), bool), pairs.T), shape=(len(cells), len(cells)))
     part: Index = connected_components(graph, directed=False)[1].astype(np.intp)[cell.ravel()]

@@ -15,14 +15,14 @@ from app.perception.registered.free_space import free_views_of
 from app.perception.registered.hypotheses import hypotheses
 from app.perception.registered.scene import LitScene, Scene
 from app.perception.registered.score import NEAR_M
-from app.perception.registered.symmetry import centered, completed, looks_alike_all_around
+from app.perception.registered.symmetry import centered, completed, looks_alike_all_around, looks_alike_turned
 from app.perception.registered.template import Template
 from roboprompt_client.arrays import Array
 from roboprompt_client.camera import RgbdFrame
 
 FEWEST_POINTS = 40
 FREE_MARGIN_M = 0.06  # around the object, within which its views say what is free
-MAX_SPAN_M = 0.5
+MAX_SPAN_M = 0.7
 ARROW_ERROR_DEG = np.array([-10.0, -3, 3, 10])  # of arrows that people draw
 MAX_ROOTS = 2  # views that are tried as the first
 HELP_LABEL = "a mask that holds all of it and nothing else, in every camera that sees it"
@@ -91,12 +91,21 @@ def learn(name: str, views: Sequence[LabelledView], symmetry_deg: float | None, 
         reasons = "; ".join(f"view {number}: {reason}" for number, reason in {**best.refused, **refused}.items())
         remedy = "views that show the same side, with a yaw each; the object rigid and upright in all of them"
         raise ObjectModelError(name, f"none of the {len(views)} views fits another: {reasons}", remedy)
-    if symmetry_deg is None and needs_yaw:
-        root = seen[best.merged[0]]
-        if looks_alike_all_around(best.template, root.scene.in_light_of(best.template.table_rgb), root.index):
-            remedy = 'symmetric: "yaw"; or views of the side that tells its yaws apart'
-            raise ObjectModelError(name, "looks the same at every yaw, as far as it was seen", remedy)
+    root = seen[best.merged[0]]
+    if symmetry_deg and not _looks_alike_turned(root, symmetry_deg):
+        message = f"turned by {symmetry_deg:g} degrees it looks otherwise"
+        raise ObjectModelError(name, message, 'symmetric: "none"')
+    lit = root.scene.in_light_of(best.template.table_rgb)
+    if symmetry_deg is None and needs_yaw and looks_alike_all_around(best.template, lit, root.index):
+        remedy = 'symmetric: "yaw"; or views of the side that tells its yaws apart'
+        raise ObjectModelError(name, "looks the same at every yaw, as far as it was seen", remedy)
     return replace(best, template=centered(best.template), refused={**best.refused, **refused})
+
+
+def _looks_alike_turned(root: _Seen, symmetry_deg: float) -> bool:
+    template = _first(root, None)
+    lit = root.scene.in_light_of(template.table_rgb)
+    return looks_alike_turned(template, lit, root.index, root.yaw_deg or 0.0, symmetry_deg)
 
 
 def labelled_points(scene: Scene) -> Index:

@@ -16,7 +16,7 @@ from roboprompt_client.arrays import Array
 from roboprompt_client.camera import RgbdFrame
 from roboprompt_client.errors import InvalidInputError
 
-ABOVE_TABLE_M = (0.006, 0.4)
+ABOVE_TABLE_M = (0.006, 0.6)
 POINTS_WIDTH_PX = 400  # of the grid of pixels that become points
 LIGHTNESS = 0.4  # how much it counts among colors: shading changes it
 DARKEST_RGB = 5.0  # a darker table does not show the light

@@ -11,8 +11,7 @@ from app.perception.registered.hypotheses import COARSE_M, FINAL_M, hypotheses
 from app.perception.registered.poses import Poses, about_z
 from app.perception.registered.registration import registered
 from app.perception.registered.scene import LitScene
-from app.perception.registered.score import NEAR_M, SAME_LAB
-from app.perception.registered.template import LAB_AS_M, STANDS_WITHIN_M, Template
+from app.perception.registered.template import STANDS_WITHIN_M, Template
 from app.perception.registered.view import View
 from roboprompt_client.arrays import Array
 
@@ -22,7 +21,6 @@ NEAR_AXIS_M = 0.01  # nearer to the axis, distances do not count
 OFF_AXIS_M = 0.002  # a normal that passes the axis so far off counts half
 MAX_OFF_AXIS_SHARE = 0.25  # of its distance, in the median, by which a normal misses the axis of a round object
 MAX_OFF_M = 0.004  # a point from its like on the other side, in the median
-MAX_OTHER_SHARE = 0.05  # of the points without their like
 ALL_AROUND, MAX_GAP_DEG = 6, 120.0  # yaws that look alike, and the largest gap between them
 
 
@@ -74,6 +72,12 @@ def looks_alike_all_around(template: Template, lit: LitScene, index: Index) -> b
     return len(yaws) >= ALL_AROUND and bool(gaps.max() < MAX_GAP_DEG)
 
 
+def looks_alike_turned(template: Template, lit: LitScene, index: Index, yaw_deg: float, turn_deg: float) -> bool:
+    """Whether the view from which a template was learned, there at a yaw, fits it turned by so much as well."""
+    own, turned = (hypotheses(template, lit, index, np.array([yaw]))[0] for yaw in (yaw_deg, yaw_deg + turn_deg))
+    return not own.beats(turned)
+
+
 def _moved(view: View, origin_m: Array) -> View:
     pose = view.camera.camera_to_world.copy()
     pose[:3, 3] -= origin_m
@@ -108,13 +112,7 @@ def _turn_axis(template: Template, symmetry_deg: float) -> tuple[Array, str]:
     pose = registered(template, start, template.points_m, (*COARSE_M, *FINAL_M), lab=template.lab)
     axis_m = np.asarray(np.linalg.solve(np.eye(2) - pose.rotations[0, :2, :2], pose.origins_m[0, :2]), np.float64)
     places_m = pose.to_template(template.points_m)[0]
-    partners = template.closest(places_m)
-    off_mm = 1000 * float(np.median(np.linalg.norm(places_m - template.points_m[partners], axis=1)))
-    if off_mm > 1000 * MAX_OFF_M:
-        return axis_m, f"differs from itself turned by {symmetry_deg:g} degrees: by {off_mm:.0f} mm in the median"
-    _, partners = template.tree.query(np.concatenate([places_m, template.lab * LAB_AS_M], axis=1))
-    is_other = np.linalg.norm(template.lab - template.lab[partners], axis=1) > SAME_LAB
-    is_other |= np.linalg.norm(places_m - template.points_m[partners], axis=1) > NEAR_M
-    other = float(is_other.mean())
-    problem = f"turned by {symmetry_deg:g} degrees, {100 * other:.0f} % of it look otherwise"
-    return axis_m, problem if other > MAX_OTHER_SHARE else ""
+    off_m = np.linalg.norm(places_m - template.points_m[template.closest(places_m)], axis=1)
+    off_mm = 1000 * float(np.median(off_m))
+    problem = f"differs from itself turned by {symmetry_deg:g} degrees: by {off_mm:.0f} mm in the median"
+    return axis_m, problem if off_mm > 1000 * MAX_OFF_M else ""

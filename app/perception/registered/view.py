@@ -12,6 +12,7 @@ from roboprompt_client.camera import Camera, RgbdFrame
 
 WIDTH_PX = 800  # wider images are reduced by a whole factor
 FLYING_STEP_M = 0.02  # between neighbors: a pixel there lies on neither side
+SLOPE = 5.0  # such a step in widths of a pixel, where images are small: a slanting surface has less
 FARTHEST_M = 5.0  # what is farther counts as so far
 NEAREST_PX = 5  # side of the window in which a depth is the least
 DepthImage = npt.NDArray[np.float32]
@@ -58,11 +59,12 @@ class View:
         assert frame.depth_m is not None
         step = -(-frame.depth_m.shape[1] // WIDTH_PX)
         reduced_m = np.minimum(frame.depth_m[::step, ::step], np.float32(FARTHEST_M))
-        depth_m = _without_flying(np.ascontiguousarray(reduced_m, np.float32))
+        camera = _reduced(frame.camera, step)
+        depth_m = _without_flying(np.ascontiguousarray(reduced_m, np.float32), camera.fx_px)
         rgb = np.asarray(cv2.blur(frame.rgb, (max(3, step),) * 2)[::step, ::step], np.uint8)
         nearest_m = np.asarray(cv2.erode(depth_m, np.ones((NEAREST_PX, NEAREST_PX))), np.float32)
         mask = None if frame.mask is None else frame.mask[::step, ::step] != 0
-        return cls(_reduced(frame.camera, step), depth_m, nearest_m, np.ascontiguousarray(rgb), mask)
+        return cls(camera, depth_m, nearest_m, np.ascontiguousarray(rgb), mask)
 
     @property
     def eye_m(self) -> Array:
@@ -81,10 +83,11 @@ class View:
         return Seen(np.where(inside, depth_m, 0), np.where(inside, nearest_m, 0), point_m, rows, columns)
 
 
-def _without_flying(depth_m: DepthImage) -> DepthImage:
+def _without_flying(depth_m: DepthImage, focal_px: float) -> DepthImage:
     window = np.ones((3, 3))
     near, far = cv2.erode(depth_m, window), cv2.dilate(depth_m, window)
-    return np.where((far - near > FLYING_STEP_M) | (near == 0), np.float32(0), depth_m)
+    step_m = np.maximum(np.float32(FLYING_STEP_M), near * np.float32(SLOPE / focal_px))
+    return np.where((far - near > step_m) | (near == 0), np.float32(0), depth_m)
 
 
 def _reduced(camera: Camera, step: int) -> Camera:

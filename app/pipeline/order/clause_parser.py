@@ -19,7 +19,7 @@ def without(group: Sequence[NounPhrase], excepted: Sequence[NounPhrase]) -> tupl
     names = {phrase.name for phrase in excepted}
     left = tuple(phrase for phrase in group if phrase.name not in names)
     is_group = len(group) > 1 and len({(phrase.start, phrase.end) for phrase in group}) == 1
-    return left if is_group and len(left) == len(group) - len(names) else ()
+    return left if is_group and names and len(left) == len(group) - len(names) else ()
 
 
 @dataclass(frozen=True)

@@ -99,7 +99,8 @@ class Sentences:
         start = self._clauses.skip(at, vocabulary.FILLERS, vocabulary.LEADS, *self._leads_after(units, joined))
         if self._of_steps and not units and not joined and self._clauses.text(start) in vocabulary.ORDERING:
             yield from self._units(start + 1, units, frozenset({self._clauses.text(start)}))
-        if units and all(self._clauses.text(k) in ".?," for k in range(start, len(self._words))):
+        goes_on = joined & {"then", "but", *vocabulary.ORDERING}  # "turn it left, then right now"
+        if units and not goes_on and all(self._clauses.text(k) in ".?," for k in range(start, len(self._words))):
             yield units
             return
         forbidding: tuple[tuple[Mood, PhraseTable], ...] = (

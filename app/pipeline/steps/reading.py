@@ -22,6 +22,7 @@ from app.pipeline.steps.several import (
     counted,
     is_akin,
     is_placed_after_moving,
+    is_unclear_what_is_forbidden,
     order_of,
     picked_up_to_put,
     with_object,
@@ -107,8 +108,8 @@ class _Reader:
         forbidden = {unit: self._choices(unit.clause) for unit in units if unit.mood == "not"}
         left_out = {step for choices in forbidden.values() for steps in choices for step in steps}
         done = wanted(without_excepted([unit for unit in units if not forbidden.get(unit)]))
-        if any(counted(unit.clause)[1] > 1 for unit in units if unit.mood != "do"):
-            return  # "press the red button, not the green one twice"
+        if is_unclear_what_is_forbidden(units):
+            return
         order = order_of(done, units)
         if done and not order:
             self._miss(len(done), units[-1], 'leaves open what comes first: say "then"')
@@ -131,7 +132,7 @@ class _Reader:
         for place, unit in enumerate(units):
             clause = unit.clause
             if any(phrase.name is None for phrase in clause.phrases):
-                meant = self._antecedent(clause, found[-1]) if found else None
+                meant = self._antecedent(clause, found[-1]) if found and unit.own_verb else None
                 if meant is None:
                     self._miss(place, unit, "does not say for certain what 'it' is")
                     return ()

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import combinations
+from itertools import combinations, pairwise
 
 from app.pipeline.order.clause_parser import DIRECT, ParsedClause, without
 from app.pipeline.order.noun_phrases import NounPhrase
@@ -52,7 +52,7 @@ def order_of(done: Sequence[Unit], units: Sequence[Unit]) -> Sequence[int]:
     joined = units[ordered[0]].joined
     if len(units) == 1 or len(done) < len(units) or len(ordered) > 1 or len(joined) > 1:
         return ()  # ", before" may belong to what comes next
-    leads = ordered == [0] and "," in units[1].joined
+    leads = ordered == [0] and units[1].joined == {","}
     if not leads and ordered != [len(units) - 1]:
         return ()
     if ("after" in joined) == leads:
@@ -76,6 +76,12 @@ def without_excepted(units: Sequence[Unit]) -> tuple[Unit, ...]:
     return tuple(kept)
 
 
+def is_unclear_what_is_forbidden(units: Sequence[Unit]) -> bool:
+    """Whether more may be meant: "do not press it, then open it" may forbid both, "not twice" may want it once."""
+    counts = any(counted(unit.clause)[1] > 1 for unit in units if unit.mood != "do")
+    return counts or any(one.mood == "not" and next_.joined & {"and", "then"} for one, next_ in pairwise(units))
+
+
 def picked_up_to_put(units: Sequence[Unit], clauses: Sequence[ParsedClause]) -> Iterator[int]:
     """The places of the clauses that may be no step of their own.
 
@@ -84,7 +90,8 @@ def picked_up_to_put(units: Sequence[Unit], clauses: Sequence[ParsedClause]) -> 
     """
     for place, (clause, after) in enumerate(zip(clauses, units[1:], strict=False)):
         puts_it = any(phrase.name is None for phrase in after.clause.objects_in(DIRECT)) and len(after.clause.roles) > 1
-        if clause.verb in PICKING and len(clause.roles) == 1 and puts_it:
+        says_no_more = [role for role, _ in clause.roles] == [DIRECT] and not clause.fixed_phrases
+        if clause.verb in PICKING and says_no_more and puts_it:
             yield place
 
 

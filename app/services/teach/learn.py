@@ -62,7 +62,8 @@ class LearnObjectModels:
             message = f"none of the task {name!r} has RGB-D images with labels of {', '.join(wanted)}"
             raise InvalidInputError("episodes", message, "rgb_NAME, depth_NAME, and mask_ids or a position per object")
         chosen = records[:max_episodes]
-        learned, refused = _learned([self._scene(record, wanted) for record in chosen], wanted)
+        symmetries = task.settings.get("yaw_symmetry_deg", {})
+        learned, refused = _learned([self._scene(record, wanted) for record in chosen], wanted, symmetries)
         if learned:
             kept = task.settings.get("object_models", {})
             self._configure_task(name, {"object_models": {**kept, **learned}})
@@ -93,13 +94,13 @@ def _labelled(record: EpisodeRecord, wanted: Sequence[str]) -> bool:
 
 
 def _learned(
-    scenes: Sequence[LabelledScene], wanted: Sequence[str]
+    scenes: Sequence[LabelledScene], wanted: Sequence[str], yaw_symmetry_deg: Mapping[str, float]
 ) -> tuple[dict[str, dict[str, Any]], dict[str, InvalidInputError]]:
     """Models of the objects that can be learned without those that cannot, and why these cannot."""
     refused: dict[str, InvalidInputError] = {}
     while names := [name for name in wanted if name not in refused]:
         try:
-            models = learn_models([_only(scene, names) for scene in scenes])
+            models = learn_models([_only(scene, names) for scene in scenes], yaw_symmetry_deg)
         except ObjectModelError as error:
             refused[error.name] = error
         else:

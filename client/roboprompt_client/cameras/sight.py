@@ -1,7 +1,7 @@
 """What the cameras see: their pictures, the table in each, and where the service finds the objects."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -80,8 +80,18 @@ def _find(client: RoboPromptClient, frames: Sequence[RgbdFrame], name: str, mode
     try:
         (pose,) = client.find_poses(frames, {name: model})
     except ServiceProblemError as error:
-        return Found(name, None, str(error.problem.get("detail") or error))
+        return Found(name, None, f"{error.problem.get('detail') or error}{_color_hint(client, frames, name, model)}")
     return Found(name, pose, "")
+
+
+def _color_hint(client: RoboPromptClient, frames: Sequence[RgbdFrame], name: str, model: Mapping[str, Any]) -> str:
+    """Whether an object that is not found is there once red and blue are swapped."""
+    swapped = [replace(frame, rgb=frame.rgb[..., ::-1].copy()) for frame in frames if frame.rgb is not None]
+    try:
+        client.find_poses(swapped, {name: model})
+    except ServiceProblemError:
+        return ""
+    return "; it is found once red and blue are swapped: the camera's driver gives them the other way round"
 
 
 def camera_rows(sight: Sight) -> list[tuple[str, ...]]:

@@ -28,6 +28,13 @@ STYLE = (
     "text{font:600 14px system-ui,sans-serif;paint-order:stroke;stroke:#000;stroke-width:3px;fill:#fff}"
     "figure{display:inline-block;margin:0 1em 1em 0;width:min(100%,480px)}"
 )
+# A click says the pixel under the mouse, as `roboprompt-robot label` takes it.
+SCRIPT = (
+    "for(const picture of document.querySelectorAll('svg'))picture.onclick=event=>{"
+    "const at=new DOMPoint(event.clientX,event.clientY).matrixTransform(picture.getScreenCTM().inverse());"
+    "document.getElementById('clicked').textContent="
+    "`--click ${picture.dataset.camera} ${Math.floor(at.x)} ${Math.floor(at.y)}`}"
+)
 
 
 def sight_page(sight: Sight) -> str:
@@ -41,7 +48,8 @@ def sight_page(sight: Sight) -> str:
     figures = "".join(_figure(frame, poses) for frame in sight.frames)
     tables = _table(OBJECT_COLUMNS, object_rows(sight)) + _table(CAMERA_COLUMNS, camera_rows(sight))
     head = f'<meta charset="utf-8"><title>What the cameras see</title><style>{STYLE}</style>'
-    return f'<!doctype html><html lang="en">{head}<h1>What the cameras see</h1>{doubts}{figures}{tables}</html>\n'
+    title = '<h1>What the cameras see</h1><p id="clicked">Click into a picture for the option of `label`.</p>'
+    return f'<!doctype html><html lang="en">{head}{title}{doubts}{figures}{tables}<script>{SCRIPT}</script></html>\n'
 
 
 def _table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
@@ -62,8 +70,10 @@ def _figure(frame: RgbdFrame, poses: Iterable[ObjectPose]) -> str:
     height_px, width_px = frame.rgb.shape[:2]
     picture = f'<image href="{_png(frame.rgb)}" width="{width_px}" height="{height_px}"/>'
     marks = "".join(_mark(frame, pose) for pose in poses)
-    caption = f"<figcaption>{escape(frame.camera.name)}</figcaption>"
-    return f'<figure><svg viewBox="0 0 {width_px} {height_px}">{picture}{marks}</svg>{caption}</figure>'
+    name = escape(frame.camera.name)
+    caption = f"<figcaption>{name}</figcaption>"
+    box = f'data-camera="{name}" viewBox="0 0 {width_px} {height_px}"'
+    return f"<figure><svg {box}>{picture}{marks}</svg>{caption}</figure>"
 
 
 def _mark(frame: RgbdFrame, pose: ObjectPose) -> str:
@@ -73,7 +83,7 @@ def _mark(frame: RgbdFrame, pose: ObjectPose) -> str:
     pixels, depth_m = frame.camera.project(ends_m)
     if (depth_m <= 0).any():
         return ""
-    (x, y), *tips = pixels.round(1).tolist()
+    (x, y), *tips = (pixels + 0.5).round(1).tolist()  # the page counts from pixels' corners, a camera from their middle
     axes = (
         ""
         if pose.quaternion_xyzw is None

@@ -6,7 +6,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from app.perception.base import ObjectQuery
+from app.perception.registered.candidates import gap_m
 from app.perception.registered.estimator import RegisteredPoses
+from app.perception.registered.learn import LabelledView, learn
 from app.perception.registered.model import RegisteredModel
 from app.pipeline.errors import ObjectNotVisibleError, UncertainPoseError
 from app.pipeline.geometry import yaw_rad
@@ -166,3 +168,37 @@ def test_no_table_is_refused():
 def test_places_of_teaching_do_not_matter():
     assert PLACES[0][:2] != ALL["jar"][:2]
     assert abs(taught("jar").template.points_m[:, :2].mean(axis=0)).max() < 0.005
+
+
+def on_a_box(name, x_m, height_m, **others):
+    """The object at (x_m, 0) on a box of that height, or on the table beside it."""
+    where = layout(**{name: (x_m, 0.0, 0.3)}, **others)
+    where.poses[name, 0][2, 3] += height_m
+    half_m = np.array([0.08, 0.08, 0.04])
+    where.clutter.append((1, half_m, "grey", np.array([x_m if height_m else 0.2, 0.0, 0.04]), 0.0))
+    return where
+
+
+def test_what_lies_on_something_is_found_there_and_nowhere_else():
+    views = [LabelledView(frames(on_a_box("carton", x_m, 0.08), of=("carton", 0))) for x_m in (-0.05, 0.05)]
+    template = learn("carton", views, None).template
+    assert template.above_table_m == pytest.approx(0.08, abs=0.006)
+    asked = [replace(query("carton"), template=template)]
+    (pose,) = RegisteredPoses().estimate(asked, frames(on_a_box("carton", 0.06, 0.08, jar=(-0.15, 0.1, 0))))
+    assert pose.position_m[2] == pytest.approx(0.08 + 0.055, abs=0.006)
+    with pytest.raises((ObjectNotVisibleError, UncertainPoseError)):
+        RegisteredPoses().estimate(asked, frames(on_a_box("carton", -0.06, 0.0)))
+
+
+def test_what_touches_a_dark_thing_is_found():
+    where = layout(jar=(0.0, 0.0, 0))
+    where.clutter.append((1, np.array([0.1, 0.05, 0.05]), "wood", np.array([0.0, 0.092, 0.05]), 0.0))
+    np.testing.assert_allclose(estimate("jar", where).position_m[:2], 0, atol=0.005)
+
+
+def test_two_parts_of_one_object_are_one():
+    narrow = taught("carton").template
+    right = narrow.points_m[:, 0] > 0
+    apart = replace(narrow, points_m=narrow.points_m + np.outer(right, (0.06, 0, 0)))
+    assert gap_m(narrow) == 0.008
+    assert gap_m(apart) > 0.06

@@ -67,7 +67,7 @@ def test_nothing_is_taught_where_no_view_fits_another():
 def test_a_mask_of_half_the_table_is_no_object():
     spread = frames(layout(carton=(-0.3, 0.1, 0.0), jar=(0.3, 0.1, 0.0)))
     everything = LabelledView(tuple(replace(frame, mask=np.ones_like(frame.mask)) for frame in spread))
-    with pytest.raises(ObjectModelError, match=r"span \d+ cm, at most 50"):
+    with pytest.raises(ObjectModelError, match=r"span \d+ cm, at most 70"):
         learn("carton", [everything], None)
 
 
@@ -79,6 +79,11 @@ def test_nothing_is_taught_without_a_mask():
 def test_what_is_not_round_is_not_taught_as_round():
     with pytest.raises(ObjectModelError, match="is not round"):
         learn("brick", [view("brick", 0)], 0.0)
+
+
+def test_what_looks_otherwise_when_turned_is_not_taught_as_symmetric():
+    with pytest.raises(ObjectModelError, match=r"turned by 180 degrees it looks otherwise|differs from itself"):
+        learn("mug", [view("mug", 0)], 180.0)
 
 
 def test_what_looks_the_same_all_around_needs_a_symmetry():

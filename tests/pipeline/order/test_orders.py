@@ -84,6 +84,7 @@ def test_what_is_meant_is_understood(task, said, canonical):
         ("knob", "turn the knob"),
         ("knob", "turn the left knob"),
         ("knob", "turn the knob to the right"),
+        ("knob", "turn the knob to the left, then right now"),
         ("panel", "press the green panel"),
         ("panel", "press the panel on the green button"),
         ("chess", "move the pawn from the black square to the red square"),
