@@ -57,7 +57,8 @@ class Sight:
             off_m = heights_m - np.median(heights_m)
             if np.ptp(heights_m) > MAX_APART_M:
                 listed = ", ".join(
-                    f"{frame.camera.name} {round(1000 * off):+d} mm" for (frame, _), off in zip(seen, off_m, strict=True)
+                    f"{frame.camera.name} {round(1000 * off):+d} mm"
+                    for (frame, _), off in zip(seen, off_m, strict=True)
                 )
                 doubts.append(f"the cameras do not agree how high the table is: {listed}: calibrate them again")
         return doubts
