@@ -5,9 +5,11 @@ from dataclasses import dataclass, replace
 
 from sqlalchemy import Connection
 
+from app.perception.base import ObjectQuery
 from app.pipeline.episode import Demonstration
 from app.pipeline.findings.hand import RecordedHand
 from app.pipeline.findings.missed import kept
+from app.pipeline.findings.sources import Compared
 from app.pipeline.plans import Recording, agreeing, demonstrated, shown_together
 from app.services.predict.select import in_all
 from app.services.task_settings import TaskSettings
@@ -62,6 +64,19 @@ def read_recordings(connection: Connection, task: str, ids: Sequence[str], setti
         NotFoundError: naming the first id that is no episode of this task.
     """
     return recordings_of(connection, episodes.demonstrations_by_id(connection, task, ids), settings)
+
+
+def read_compared(
+    connection: Connection, task: str, ids: Sequence[str], settings: TaskSettings
+) -> tuple[Compared, ...]:
+    """The poses of the episodes' objects that came with images in which the objects were then found."""
+    return tuple(
+        pair
+        for record in episodes.by_ids(connection, task, ids).values()
+        for pair in settings.compared(
+            map(ObjectQuery.from_json, record.given_objects), [item.pose() for item in record.objects]
+        )
+    )
 
 
 def read_stepwise(

@@ -6,6 +6,7 @@ With what a reply adds, this is the one list that answers, stored predictions, p
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
+from app.pipeline.episode import Query
 from app.pipeline.findings import Finding
 from app.pipeline.findings.rules import (
     MODEL_FAILED,
@@ -18,9 +19,11 @@ from app.pipeline.findings.rules import (
     Rule,
 )
 from app.pipeline.findings.scene import scene_findings, strangers
+from app.pipeline.findings.sources import source_findings
 from app.pipeline.order.order import Order
 from app.services.predict.question import Question
 from app.store.records import PredictionStatus
+from roboprompt_client.trajectory import ObjectPose
 
 LISTED = 3  # instructions that a sentence names
 FAILURES: Mapping[PredictionStatus, tuple[Rule, str, str]] = {
@@ -38,9 +41,15 @@ def doubted(question: Question, known: Sequence[Finding]) -> Question:
         known: what was found before it was written.
     """
     taught, order, seen = question.taught, question.grounded, question.seen
-    scene = scene_findings(seen, taught.scenes, taught.followed(order), taught.needed)
-    words = _words(order, question.prefix.instructions)
-    return replace(question, findings=(*known, *words, *taught.findings(order), *scene))
+    followed, words = taught.followed(order), _words(order, question.prefix.instructions)
+    sources = source_findings(_that_matter(seen, followed), taught.demonstrations, taught.compared)
+    scene = scene_findings(seen, taught.scenes, followed, taught.needed)
+    return replace(question, findings=(*known, *words, *sources, *taught.findings(order), *scene))
+
+
+def _that_matter(seen: Query, followed: frozenset[str]) -> tuple[ObjectPose, ...]:
+    """The objects that the motion follows; all where that is not known."""
+    return tuple(pose for pose in seen.objects if pose.name in followed or not followed)
 
 
 def failure_findings(status: PredictionStatus, error: str | None) -> tuple[Finding, ...]:

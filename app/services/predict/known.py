@@ -116,6 +116,7 @@ def _ids(task: TaskReading, request: PredictRequest, scene: Scene, previous: Pre
     if previous is not None:
         return previous.demonstration_ids
     if options.episode_ids is not None:
+        task.refuse_left_out(options.episode_ids)
         return options.episode_ids
     number = options.num_demonstrations or task.settings.num_demonstrations
     return task.ids(options.selection, number, options.seed, scene.objects)

@@ -74,7 +74,7 @@ def read_scenes(connection: Connection, task: str) -> Scenes:
     stored = episodes.scenes(connection, task)
     names = in_all([[item.name for item in scene.objects] for scene in stored])
     places_m = [{item.name: item.position_m for item in scene.objects} for scene in stored]
-    positions_m = np.array([[place[name] for name in names] for place in places_m]).reshape(-1, len(names), 3)
+    positions_m = np.array([[place[name] for name in names] for place in places_m]).reshape(len(stored), len(names), 3)
     return Scenes(tuple(scene.id for scene in stored), names, positions_m)
 
 

@@ -13,13 +13,15 @@ from app.pipeline.plans import Recording, agreeing
 from app.pipeline.plans.choice import PlanChoice, PlanChooser
 from app.pipeline.prompt import check_object_names
 from app.services.cache import Cache
-from app.services.predict.demonstrations import Demonstrations, hands_of, read_recordings, read_stepwise
+from app.services.errors import NoDemonstrationsError
+from app.services.predict.demonstrations import Demonstrations, hands_of, read_compared, read_recordings, read_stepwise
 from app.services.predict.prefix import Prefix, make_prefix
 from app.services.predict.request import PromptStyle, Selection
 from app.services.predict.select import Scenes, most_diverse, nearest_last, read_scenes
 from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks
 from app.store.records import TaskRecord
+from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.trajectory import ObjectPose
 
 MAX_HELD_AGAINST = 50  # demonstrations of a task
@@ -78,6 +80,18 @@ class TaskReading:
         key = (self._state, selection, number, seed if selection == "random" else 0)
         return self._kept.chosen.get_or_make(key, lambda: self._chosen(selection, number, seed))
 
+    def refuse_left_out(self, ids: Sequence[str]) -> None:
+        """Refuse episodes that no prompt is to show.
+
+        Raises:
+            InvalidInputError: naming the first.
+        """
+        left_out = episodes.left_out_of(self._connection, ids)
+        for number, id_ in enumerate(ids):
+            if id_ in left_out:
+                remedy = f'others, or PATCH /episodes/{id_} with {{"left_out": false}}'
+                raise InvalidInputError(f"episode_ids[{number}]", f"{id_} is left out of prompts", remedy)
+
     def plans(self, ids: Ids) -> PlanChooser | None:
         """Chooses among the plans of these demonstrations; None where their rows are not aligned."""
         if not self.settings.keyframes.keyframe_rule().aligned:
@@ -121,17 +135,22 @@ class TaskReading:
         """All demonstrations of the task, whichever a request names; of very many those that lie farthest apart.
 
         Those that a program names may be of one way by chance: the service cannot know that a person chose them.
+
+        Raises:
+            NoDemonstrationsError: if there is none, or all are left out.
         """
 
         def make() -> Taught:
-            ids = self.ids("diverse", MAX_HELD_AGAINST, 0, ())
+            if not (ids := self.ids("diverse", MAX_HELD_AGAINST, 0, ())):
+                raise NoDemonstrationsError(self.record.name)
             recordings = self._recordings(ids)
             recorded = self._kept.demonstrations.get_or_make((self._state, ids), lambda: self._of(recordings)).recorded
             hands = hands_of(recordings, recorded)
             if not style.from_start:
                 recorded = tuple(replace(demonstration, start=None) for demonstration in recorded)
             several, round_objects = self.settings.ways == "several", frozenset(self.settings.yaw_symmetry_deg)
-            return Taught(recorded, several, hands, round_objects, moves=style.closed_loop)
+            compared = read_compared(self._connection, self.record.name, ids, self.settings)
+            return Taught(recorded, several, hands, round_objects, moves=style.closed_loop, compared=compared)
 
         return self._kept.taught.get_or_make((self._state, style.from_start, style.closed_loop), make)
 

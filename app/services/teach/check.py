@@ -118,7 +118,7 @@ class CheckTask:
         with self._store.read() as connection:
             records = episodes.demonstrations(connection, task.name, MAX_CHECKED)
             recordings = recordings_of(connection, records, settings)
-            num_episodes = episodes.number_of(connection, task.name)
+            num_episodes = episodes.number_of(connection, task.name, left_out=False)
         if not records:
             raise NoDemonstrationsError(task.name)
         check = check_demonstrations(recordings)
