@@ -15,6 +15,7 @@ from app.pipeline.episode import Episode
 from app.pipeline.findings import Finding
 from app.pipeline.findings.recording import check_moves
 from app.pipeline.findings.units import check_recording_units
+from app.pipeline.findings.unlike import unlike_findings
 from app.pipeline.prompt import check_object_names
 from app.services.measures import note
 from app.services.pose_servers import PoseServers
@@ -34,6 +35,7 @@ from roboprompt_client.trajectory import ObjectPose
 from roboprompt_client.wording import checked_name
 
 MAX_ATTEMPTS = 3  # a task's settings may change while an episode is being extracted
+MAX_COMPARED = 30  # demonstrations that an upload is held against
 SCOPE = idempotency.UPLOAD
 
 
@@ -152,7 +154,14 @@ class UploadEpisode:
         check_moves(motion)
         check_recording_units(motion, _given(upload.objects), [frame.camera for frame in episode.frames])
         extracted = extract(motion, upload.objects, episode.frames, settings, names, self._store.blobs)
-        return replace(extracted, findings=(*others, *extracted.findings))
+        unlike = () if task is None else self._unlike(task.name, episode.instruction, extracted)
+        return replace(extracted, findings=(*others, *extracted.findings, *unlike))
+
+    def _unlike(self, task: str, instruction: str, extracted: Extracted) -> tuple[Finding, ...]:
+        with self._store.read() as connection:
+            others = episodes.demonstrations(connection, task, MAX_COMPARED)
+        new = DemonstrationRecord("", instruction, extracted.objects, extracted.keyframes)
+        return tuple(unlike_findings(new.demonstration(), [record.demonstration() for record in others]))
 
     def _commit(self, attempt: _Attempt) -> JsonObject | None:
         """The answer, or None if the task changed in what matters since it was read, or was deleted."""
