@@ -15,9 +15,11 @@ from roboprompt_client.arms.arm import Arm
 from roboprompt_client.arms.cell import DRIVERS, open_robot, write_cell
 from roboprompt_client.arms.driver import Guidable
 from roboprompt_client.arrays import Array
+from roboprompt_client.cameras.realsense import realsense_serials
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import InvalidInputError, MotionError
 from roboprompt_client.terminal import ask, ask_yes
+from roboprompt_client.wording import checked_name
 
 ADDRESSED = tuple(name for name in DRIVERS if name != "lerobot")  # a LeRobot arm is made by a function
 MARGIN_M = 0.01  # around the corners that were touched: a hand on the table is not below it
@@ -39,9 +41,11 @@ def run_init(_: RoboPromptClient, arguments: Namespace) -> int:
     if path.exists():
         raise InvalidInputError("FILE", f"{path} exists", "a name of its own: nothing is overwritten")
     cell = {**_arm(), "base_to_world": _base()}
+    if cameras := [camera for serial in realsense_serials() if (camera := _camera(serial))]:
+        cell["cameras"] = cameras
     write_cell(path, cell)
     try:
-        robot = open_robot(str(path))
+        robot = open_robot(str(path), cameras=False)
         measured = {}
         if isinstance(robot, Arm):
             with robot:
@@ -50,7 +54,8 @@ def run_init(_: RoboPromptClient, arguments: Namespace) -> int:
         path.unlink()
         raise
     write_cell(path, {**cell, **measured})
-    _say(f"\nwritten to {path}; next: roboprompt-robot check --robot {path} --move")
+    then = f", then calibrate --robot {path}" if "cameras" in cell else ""
+    _say(f"\nwritten to {path}; next: roboprompt-robot check --robot {path} --move{then}")
     return 0
 
 
@@ -69,6 +74,18 @@ def _base() -> dict[str, Any]:
     position_m = _answer("x y z, meters: ", _three_numbers)
     (yaw_deg,) = _answer("Turned about z by, degrees: ", lambda text: _numbers(text or "0", 1))
     return {"position": position_m, "quaternion_xyzw": rotations.about_z(math.radians(yaw_deg)).tolist()}
+
+
+def _camera(serial: str) -> dict[str, Any]:
+    """A camera that is plugged in, its pose not known yet; empty where it is left out."""
+    if not (name := _answer(f"A RealSense, {serial}. Its name, such as front [Enter: leave it out] ", _camera_name)):
+        return {}
+    mount = "camera_to_hand" if ask_yes("Does the hand carry it? [y/N] ") else "camera_to_world"
+    return {"name": name, "driver": "realsense", "options": {"serial": serial}, mount: None}
+
+
+def _camera_name(text: str) -> str:
+    return checked_name("name", text) if text else ""
 
 
 def _measured(arm: Arm) -> dict[str, Any]:

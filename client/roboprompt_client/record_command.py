@@ -97,7 +97,7 @@ def _record_all(client: RoboPromptClient, robot: Robot, spool: Spool, arguments:
 
 def run_check(_: RoboPromptClient, arguments: Namespace) -> int:
     """Print the report; 1 where something failed."""
-    robot = open_robot(arguments.robot)
+    robot = open_robot(arguments.robot, cameras=False)
     for k, place_m in enumerate(arguments.touch):
         finite_array(f"--touch[{k}]", place_m, (3,))
 

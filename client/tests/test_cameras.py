@@ -9,6 +9,7 @@ import pytest
 from makers import Body, open_xarm
 
 from roboprompt_client.arms.arm import Arm
+from roboprompt_client.arms.cell import open_robot
 from roboprompt_client.camera import checked_camera_pose
 from roboprompt_client.cameras.cell import rig_from_json, viewpoints_from_json
 from roboprompt_client.cameras.picture import Intrinsics, Picture
@@ -229,3 +230,37 @@ def test_a_hand_that_moves_during_the_picture_is_named(arm):
 def test_viewpoints_that_are_none_are_refused(document):
     with pytest.raises(InvalidInputError, match=r"^viewpoints"):
         viewpoints_from_json(document)
+
+
+def test_an_arm_that_cannot_be_reached_leaves_no_camera_open(tmp_path, monkeypatch):
+    made = []
+    monkeypatch.setattr("test_cameras.Sensor.made", made, raising=False)
+    cameras = [{"name": "front", "driver": "test_cameras:kept", "camera_to_world": None}]
+    (tmp_path / "cell.json").write_text(json.dumps({"arm": "nowhere:arm", "cameras": cameras}))
+    with pytest.raises(InvalidInputError, match=r"^arm:"):
+        open_robot(str(tmp_path / "cell.json"))
+    assert [sensor.closed for sensor in made] == [True]
+
+
+def kept():
+    Sensor.made.append(Sensor())
+    return Sensor.made[-1]
+
+
+def test_a_cell_s_cameras_are_opened_unless_only_its_arm_is_wanted(tmp_path, monkeypatch):
+    monkeypatch.setattr("test_cameras.Sensor.made", [], raising=False)
+    monkeypatch.setattr("test_cameras.Sensor.arm", lambda: open_xarm(Body(), monkeypatch), raising=False)
+    cameras = [{"name": "wrist", "driver": "test_cameras:kept", "camera_to_hand": MOUNT.tolist()}]
+    place = {"position": VIEWPOINTS[0].position_m, "quaternion_xyzw": [1, 0, 0, 0]}
+    (tmp_path / "cell.json").write_text(
+        json.dumps({"arm": "test_cameras:arm_driver", "cameras": cameras, "viewpoints": [place]})
+    )
+    before_m = (only_arm := open_robot(str(tmp_path / "cell.json"), cameras=False)).state().position_m
+    assert only_arm.observe().frames == ()
+    np.testing.assert_array_equal(only_arm.state().position_m, before_m)
+    (frame,) = open_robot(str(tmp_path / "cell.json")).observe().frames
+    assert frame.camera.name == "wrist.1"
+
+
+def arm_driver():
+    return Sensor.arm()

@@ -59,6 +59,18 @@ def test_a_file_that_opens(body, monkeypatch, tmp_path, capsys):
     assert "'0.1 x' is not 3 numbers" in said
 
 
+def test_cameras_that_are_plugged_in_are_asked_about(body, monkeypatch, tmp_path, capsys):
+    monkeypatch.setattr("roboprompt_client.init_command.realsense_serials", lambda: ["41", "42", "43"])
+    path = tmp_path / "cell.json"
+    answers = ["xarm", "192.168.1.5", "", "", "fr@nt", "front", "n", "", "wrist", "y", "n", "n"]
+    assert run(monkeypatch, path, answers) == 0
+    front, wrist = json.loads(path.read_text())["cameras"]
+    named = {"name": "front", "driver": "realsense", "options": {"serial": "41"}}
+    assert front == {**named, "camera_to_world": None}
+    assert (wrist["name"], wrist["options"], wrist["camera_to_hand"]) == ("wrist", {"serial": "43"}, None)
+    assert "calibrate --robot" in capsys.readouterr().out
+
+
 def test_corners_without_room_are_asked_for_again(body, monkeypatch, tmp_path, capsys):
     flat = [guided(body, [0.2, -0.3, 0.0]), guided(body, [0.6, 0.3, 0.01])]
     corners = [*flat, guided(body, [0.2, -0.3, 0.0]), guided(body, [0.6, 0.3, 0.4])]

@@ -73,7 +73,7 @@ def test_look_says_what_is_found_and_why_not(service, monkeypatch, capsys):
     page = service.cell.with_name("look.html")
     assert run(monkeypatch, "look", "--robot", service.cell, "--task", "mugs", "--html", page) == 1
     said = capsys.readouterr().out
-    assert "above   64x48   100%         0.800 m       none" in said  # a picture that is too small for a table
+    assert "above   64x48   100%         0.800 m       at 0.000 m, tilted by 0.0°" in said
     assert "mug     0.400 0.050 0.040  0°" in said
     assert "jar     NOT FOUND" in said
     assert JAR["detail"] in said

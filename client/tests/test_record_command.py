@@ -56,7 +56,9 @@ def answers(monkeypatch, tmp_path):
     monkeypatch.setattr(cli, "RoboPromptClient", client)
     monkeypatch.setattr("builtins.input", type_next)
     monkeypatch.setattr("roboprompt_client.spool.WAITS_S", ())
-    monkeypatch.setattr("roboprompt_client.record_command.open_robot", lambda name: Arm(open_xarm(Body(), monkeypatch)))
+    monkeypatch.setattr(
+        "roboprompt_client.record_command.open_robot", lambda name, **_: Arm(open_xarm(Body(), monkeypatch))
+    )
     (tmp_path / "objects.json").write_text(json.dumps(OBJECTS))
     return typed, state
 

@@ -169,6 +169,19 @@ def test_the_objects_are_found_in_images_without_a_pose(labelled, learned):
     assert np.degrees((before.inv() * after).magnitude()) == pytest.approx(np.degrees(0.7), abs=3)
 
 
+def test_a_question_for_poses_alone_may_name_a_learned_model(labelled, learned):
+    """As `roboprompt-robot look` asks."""
+    carton, _ = learned
+    views = shots(layout((0.05, -0.02, 0.0), (-0.1, -0.1)), 9)
+    for model, status in ((carton["model"], 200), ({**carton["model"], "template": "0" * 64}, 422)):
+        asked = {"objects": [{"name": "carton", "model": model}], "cameras": [camera_json(v.camera) for v in views]}
+        answer = labelled.post("/poses", files=request_parts(asked, views))
+        assert answer.status_code == status, answer.text
+        if status == 200:
+            (pose,) = answer.json()["poses"]
+            np.testing.assert_allclose(pose["position"][:2], (0.05, -0.02), atol=0.006)
+
+
 def test_an_upload_needs_names_only(labelled, learned):
     views = shots(layout((0.1, 0.1, 0.2), (-0.1, 0.0)), 5)
     answer = labelled.post("/episodes", files=episode("shelf", views, objects=NAMES))

@@ -2,13 +2,14 @@
 
 import json
 import re
+from functools import partial
 
 import numpy as np
 import pytest
 
 from roboprompt_client import cli
 from tests.e2e.processes import running_server
-from tests.e2e.walk_cell import BASE_POSITION_M, LAB, PLACES, TABLE_TOP_M
+from tests.e2e.walk_cell import BASE_POSITION_M, LAB, PLACES, RADIUS_M, TABLE_TOP_M, WRIST
 
 CELL = {
     "arm": "tests.e2e.walk_cell:arm",
@@ -20,6 +21,7 @@ INSTRUCTION = [*TASK, "--instruction", "lift the mug"]
 SHOWN = ((0.15, 0.0, 0.0), (0.22, -0.12, 120.0), (0.12, 0.12, -110.0))
 TAUGHT = ((0.20, 0.05, 20.0), (0.10, -0.12, -40.0), (0.27, 0.10, 60.0), (0.16, -0.02, 100.0))
 ASKED = ((0.24, -0.06, -20.0), (0.13, 0.08, 45.0))
+VIEWPOINTS = (((0.0, 0.0, 1.12), (180, -28, 0)), ((0.16, -0.24, 1.10), (208, 0, 0)), ((0.16, 0.24, 1.10), (152, 0, 0)))
 MIDDLE_M = 0.016  # of what is seen of the mug, from its axis towards its handle
 
 
@@ -31,12 +33,16 @@ class Lab:
         self.folder = folder
 
     def run(self, *words, typed=(), status=0):
-        """A command with what is typed into it; a callable is done before its line is typed. Returns what it prints."""
+        """A command; returns what it prints.
+
+        Args:
+            typed: the lines that are typed into it; a callable is done before Enter is pressed.
+        """
         lines = list(typed)
 
         def type_next(question):
             line = lines.pop(0)
-            return line() if callable(line) else line
+            return (line() or "") if callable(line) else line
 
         self._monkeypatch.setattr("builtins.input", type_next)
         self._monkeypatch.setattr("sys.argv", ["roboprompt-robot", "--url", self.url, *map(str, words)])
@@ -69,16 +75,35 @@ def written_cell(lab):
 
 
 def pixel_of_the_mug(camera):
-    """Where a person clicks: on its wall, below the rim."""
-    place_m = LAB.task.position_m("mug") + np.array([0, 0, 0.05])
-    (pixel,), _ = LAB.camera(camera).project([place_m])
+    """Where a person clicks: on its wall, on the side of the camera."""
+    seen_by, axis_m = LAB.camera(camera), LAB.task.position_m("mug")
+    towards = (seen_by.camera_to_world[:3, 3] - axis_m) * (1, 1, 0)
+    place_m = axis_m + RADIUS_M * towards / np.linalg.norm(towards) + (0, 0, 0.05)
+    (pixel,), _ = seen_by.project([place_m])
     return [str(round(value)) for value in pixel]
 
 
 def guide():
     """The person moves the arm by hand."""
     LAB.perform(LAB.task.expert())
-    return ""
+
+
+def teach_and_run(lab, typed):
+    """Demonstrations, and two predictions that are carried out; `typed` lets the hand go to its viewpoints."""
+    of_cell = ["--robot", lab.cell]
+    for place in TAUGHT:
+        LAB.put(*place)
+        said = lab.run("record", *of_cell, *INSTRUCTION, "--rate-hz", "100", typed=["", *typed, guide, "q"])
+        assert "stored as" in said, said
+    for place in ASKED:
+        LAB.put(*place)
+        before_m = LAB.task.position_m("mug")
+        answer = json.loads(lab.run("predict", *of_cell, *INSTRUCTION, typed=typed))
+        (mug,) = answer["objects"]
+        np.testing.assert_allclose(mug["position"][:2], before_m[:2], atol=MIDDLE_M + 0.006)
+        allowed = [*typed, *(["y"] * len(answer["actions"])), "y"]
+        said = lab.run("run", *of_cell, *INSTRUCTION, "--confirm", typed=allowed)
+        assert LAB.task.succeeded(), said
 
 
 @pytest.mark.long
@@ -99,16 +124,33 @@ def test_from_an_empty_cell_to_the_first_motion(lab):
     assert re.search(r"mug +0\.\d\d\d ", seen), seen
     assert (lab.folder / "mug.html").read_text().count("<image") == 3
 
-    for place in TAUGHT:
-        LAB.put(*place)
-        said = lab.run("record", *of_cell, *INSTRUCTION, "--rate-hz", "100", typed=["", guide, "q"])
-        assert "stored as" in said, said
+    teach_and_run(lab, typed=[])
 
-    for place in ASKED:
+
+@pytest.mark.long
+def test_one_camera_in_the_hand_sees_from_three_sides(lab):
+    options = {"name": "wrist", "folder": str(lab.folder / "wrist")}
+    camera = {"name": "wrist", "driver": "tests.e2e.walk_cell:camera", "options": options, "camera_to_hand": None}
+    lab.cell.write_text(json.dumps({**CELL, "cameras": [camera]}))
+    of_cell = ["--robot", lab.cell]
+
+    LAB.put(0.45, 0.35, 0.0)
+    LAB.go((0.16, 0.0, 1.15), (180, 0, 0))
+    LAB.board = True
+    said = lab.run("calibrate", *of_cell, "--carried", "--square", "0.03", "--marker", "0.022", typed=["y"] * 15)
+    LAB.board = False
+    assert "nothing: good" in said, said
+    mount = np.array(json.loads(lab.cell.read_text())["cameras"][0]["camera_to_hand"])
+    np.testing.assert_allclose(mount[:3, 3], WRIST[:3, 3], atol=0.003)
+
+    lab.run("viewpoints", *of_cell, typed=[*(partial(LAB.go, *pose) for pose in VIEWPOINTS), "q"])
+    allowed = ["y"] * len(VIEWPOINTS)
+    for place in SHOWN:
         LAB.put(*place)
-        before_m = LAB.task.position_m("mug")
-        answer = json.loads(lab.run("predict", *of_cell, *INSTRUCTION))
-        (mug,) = answer["objects"]
-        np.testing.assert_allclose(mug["position"][:2], before_m[:2], atol=MIDDLE_M + 0.006)
-        said = lab.run("run", *of_cell, *INSTRUCTION, "--confirm", typed=["y"] * len(answer["actions"]) + ["y"])
-        assert LAB.task.succeeded(), said
+        LAB.go(*VIEWPOINTS[0])
+        pixel = pixel_of_the_mug("wrist")
+        lab.run("label", *of_cell, *TASK, "--object", "mug", "--click", "wrist.1", *pixel, typed=allowed)
+    assert "learned from 3 views" in lab.run("label", *TASK, "--object", "mug", "--learn")
+    seen = lab.run("look", *of_cell, *TASK, typed=allowed)
+    assert re.search(r"mug +0\.\d\d\d .*wrist\.1", seen), seen
+    teach_and_run(lab, typed=allowed)

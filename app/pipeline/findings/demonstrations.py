@@ -10,7 +10,7 @@ from app.pipeline.findings.actions import ShownWays
 from app.pipeline.findings.arrangement import FEWEST, rigid_pairs
 from app.pipeline.findings.elsewhere import PLACE_WORDS, elsewhere_findings
 from app.pipeline.findings.hand import RecordedHand
-from app.pipeline.findings.implausible import hand_findings
+from app.pipeline.findings.implausible import dropping_findings, hand_findings
 from app.pipeline.findings.missed import Kept
 from app.pipeline.findings.places import ShownScenes
 from app.pipeline.findings.rules import CONTRADICTING, PATH_LEFT, PATH_NOT_KEPT, SEVERAL_WAYS
@@ -120,7 +120,9 @@ class Taught:
         form = asked.form if asked.form in self._alike else ""
         if (known := self._known.get((form, asked.objects))) is None:
             scattered = scatter_findings(self.support, asked, self.round_objects)
-            findings = (*self._of_forms(form), *scattered, *turning_findings(self.support, asked))
+            strung = len(asked.clauses) > 1 and not form
+            dropped = dropping_findings(self.hands) if strung else ()
+            findings = (*self._of_forms(form), *scattered, *turning_findings(self.support, asked), *dropped)
             known = self._known[form, asked.objects] = _Asked(findings, _followed(self.support, asked))
         return known
 

@@ -127,6 +127,7 @@ PATH_LEFT = Rule("path-not-kept", "from the recorded way where the hand does not
 IMPLAUSIBLE_GRIPPER = Rule("implausible-gripper", "share of the recordings", danger=0.34)
 BROKEN_OFF = Rule("broken-off", "share of the recordings", warning=0.01, danger=0.34)
 BACKWARDS = Rule("backwards-in-time", danger=ALWAYS)
+DROPS = Rule("drops-what-it-holds", danger=ALWAYS)
 FAR_FROM_ALL = Rule("acts-far-from-objects", "from the nearest object", "m", warning=0.10, danger=0.15)
 BESIDE = Rule("beside-the-object", "from the object's vertical axis", "m", danger=0.05)
 W_FIRST = Rule("w-first", "of the hand's rotations from their mean", "degrees", danger=6.0)
@@ -170,6 +171,7 @@ RULES = (
     IMPLAUSIBLE_GRIPPER,
     BROKEN_OFF,
     BACKWARDS,
+    DROPS,
     FAR_FROM_ALL,
     BESIDE,
     W_FIRST,

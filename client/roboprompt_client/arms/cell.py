@@ -14,7 +14,7 @@ Cameras: `roboprompt_client.cameras.cell`.
 
 import json
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -23,6 +23,7 @@ from roboprompt_client.arms.arm import Arm, Tolerance
 from roboprompt_client.arms.calibration import Calibration
 from roboprompt_client.arms.urdf import UrdfGeometry
 from roboprompt_client.cameras.cell import rig_from_json, viewpoints_from_json
+from roboprompt_client.cameras.rig import Rig
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.extras import make_driver
 from roboprompt_client.motion_limits import MotionLimits, checked_bound
@@ -49,15 +50,18 @@ CELL_FIELDS = (
 )
 
 
-def open_robot(name: str) -> Robot:
+def open_robot(name: str, *, cameras: bool = True) -> Robot:
     """A robot by MODULE:FACTORY, or by a cell's file.
+
+    Args:
+        cameras: whether a cell's are opened, too; without them its arm does not go to viewpoints, either.
 
     Raises:
         InvalidInputError: if there is no such factory, or the file says something that cannot be.
         MotionError: if the arm cannot be reached.
     """
     if ":" not in name or Path(name).exists():
-        return open_cell(Path(name))
+        return open_cell(Path(name), cameras=cameras)
     robot: Robot = make_driver("arm", name, DRIVERS, {})
     return robot
 
@@ -72,9 +76,19 @@ def closing_robot(robot: Robot) -> Iterator[Robot]:
             robot.close()
 
 
-def open_cell(path: Path) -> Robot:
-    """The robot of a cell's file; raises as `open_robot`."""
+def open_cell(path: Path, *, cameras: bool = True) -> Robot:
+    """The robot of a cell's file; arguments and errors as of `open_robot`."""
     cell = read_cell(path)
+    with ExitStack() as opened:
+        rig = rig_from_json(cell["cameras"], path.parent) if cameras and "cameras" in cell else None
+        if rig is not None:
+            opened.callback(rig.close)
+        robot = _robot(cell, path.parent, rig)
+        opened.pop_all()
+    return robot
+
+
+def _robot(cell: Mapping[str, Any], folder: Path, rig: Rig | None) -> Robot:
     tolerance = _tolerance(cell.get("tolerance", {}))
     limits = MotionLimits.from_file(cell["limits"]) if "limits" in cell else None
     calibration = Calibration.from_json(cell) if "base_to_world" in cell else None
@@ -86,7 +100,7 @@ def open_cell(path: Path) -> Robot:
             raise InvalidInputError("cameras", "are given, but `arm` returns a Robot", remedy)
         robot: Robot = made
         return robot
-    observe_scene = _scene_of(path.parent / cell["objects"]) if "objects" in cell else None
+    observe_scene = _scene_of(folder / cell["objects"]) if "objects" in cell else None
     return Arm(
         made,
         calibration=calibration,
@@ -94,9 +108,9 @@ def open_cell(path: Path) -> Robot:
         limits=limits,
         tolerance=tolerance,
         open_width_m=cell.get("open_width_m"),
-        geometry=_geometry(path.parent, cell["urdf"]) if "urdf" in cell else None,
+        geometry=_geometry(folder, cell["urdf"]) if "urdf" in cell else None,
         reach_m=checked_bound("reach_m", cell["reach_m"]) if "reach_m" in cell else None,
-        cameras=rig_from_json(cell["cameras"], path.parent) if "cameras" in cell else None,
+        cameras=rig,
         viewpoints=viewpoints,
     )
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from roboprompt_client.cameras.picture import Intrinsics, Picture, undistorted
-from roboprompt_client.errors import CameraError
+from roboprompt_client.errors import CameraError, InvalidInputError
 from roboprompt_client.extras import import_extra
 
 WARM_UP_FRAMES = 30  # for the automatic exposure, 1 s at 30 Hz
@@ -77,14 +77,15 @@ class RealSense:
         rs = self._rs
         wanted = {(rs.stream.depth, rs.format.z16), (rs.stream.color, rs.format.rgb8)}
         for sensor in self._device.query_sensors():
-            chosen = [profile for profile in sensor.get_stream_profiles() if self._fits(profile, wanted)]
-            wanted -= {(profile.stream_type(), profile.format()) for profile in chosen}
+            fitting = [profile for profile in sensor.get_stream_profiles() if self._fits(profile, wanted)]
+            chosen = {(profile.stream_type(), profile.format()): profile for profile in fitting}
+            wanted -= chosen.keys()
             if not chosen:
                 continue
             for option in (rs.option.global_time_enabled, rs.option.enable_auto_exposure):
                 if sensor.supports(option) and not sensor.is_option_read_only(option):
                     sensor.set_option(option, 1)
-            sensor.open(chosen)
+            sensor.open(list(chosen.values()))
             sensor.start(self._streams)
             self._started.append(sensor)
         if wanted:
@@ -124,6 +125,15 @@ class RealSense:
         depth_m = np.asarray(depth.get_data()).astype(np.float32) * np.float32(scale)
         intrinsics = Intrinsics(k.fx, k.fy, k.ppx, k.ppy, k.width, k.height)
         return undistorted(Picture(rgb, depth_m, intrinsics, taken_s, scale), k.coeffs)
+
+
+def realsense_serials() -> list[str]:
+    """Of the cameras that are plugged in; none where pyrealsense2 is not installed."""
+    try:
+        rs = import_extra("pyrealsense2", "pyrealsense2", "realsense")
+    except InvalidInputError:
+        return []
+    return [device.get_info(rs.camera_info.serial_number) for device in rs.context().query_devices()]
 
 
 def _plugged_in(rs: Any, serial: str | None) -> Any:  # noqa: ANN401

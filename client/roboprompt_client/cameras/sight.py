@@ -57,7 +57,8 @@ class Sight:
             off_m = heights_m - np.median(heights_m)
             if np.ptp(heights_m) > MAX_APART_M:
                 listed = ", ".join(
-                    f"{frame.camera.name} {1000 * off:+.0f} mm" for (frame, _), off in zip(seen, off_m, strict=True)
+                    f"{frame.camera.name} {round(1000 * off):+d} mm"
+                    for (frame, _), off in zip(seen, off_m, strict=True)
                 )
                 doubts.append(f"the cameras do not agree how high the table is: {listed}: calibrate them again")
         return doubts
@@ -106,7 +107,7 @@ def _camera_row(frame: RgbdFrame, table: FlatSurface | None) -> tuple[str, ...]:
         measured_m = frame.depth_m[frame.depth_m > 0]
         known = f"{measured_m.size / frame.depth_m.size:.0%}"
         middle = f"{np.median(measured_m):.3f} m" if measured_m.size else "none"
-    level = "none" if table is None else f"at {table.middle_m[2]:.3f} m, tilted by {table.tilt_deg:.1f}°"
+    level = "none" if table is None else f"at {round(table.middle_m[2], 3) + 0:.3f} m, tilted by {table.tilt_deg:.1f}°"
     return frame.camera.name, size, known, middle, level
 
 

@@ -94,9 +94,9 @@ def test_an_object_that_the_hand_never_comes_near_is_in_another_frame():
     assert not list(unit_findings(recording(), [cube(-0.3), replace(cube(), name="bowl")]))
 
 
-def test_a_camera_placed_in_millimetres_is_refused():
-    with pytest.raises(InvalidInputError, match="likely millimetres") as caught:
-        checked(recording(), [camera(1200.0)])
+def test_a_camera_placed_in_centimetres_is_refused():
+    with pytest.raises(InvalidInputError, match="likely centimetres") as caught:
+        checked(recording(), [camera(25.0)])
     assert caught.value.field == "cameras[front].camera_to_world"
 
 
