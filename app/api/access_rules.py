@@ -32,6 +32,8 @@ _RULES = tuple(
         # it predicts, with whatever model it names
         ("GET", f"/tasks/{_NAME}/check", "predict"),
         ("POST", "/episodes", "upload"),
+        # nothing is lost, and the audit log has it
+        ("PATCH", f"/episodes/{_NAME}", "upload"),
         # whether an upload that was cut off came through
         ("GET", f"/uploads/{_NAME}", "read", "upload"),
         # whoever can upload can teach

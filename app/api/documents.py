@@ -40,6 +40,9 @@ def episode_document(record: EpisodeFields, settings: TaskSettings) -> JsonObjec
         "cameras": [camera.name for camera in record.cameras],
         **({} if record.extra is None else {"extra": record.extra}),
         "prediction_id": record.prediction_id,
+        "left_out": record.left_out,
+        "note": record.note,
+        "uploaded_instruction": record.uploaded_instruction,
         "observation_text": codec.observation_text(demonstration),
         "actions_text": codec.actions_text(demonstration),
         "created_at": record.created_at.isoformat(),
@@ -64,6 +67,9 @@ def metadata_document(record: EpisodeRecord) -> JsonObject:
         "cameras": [camera_json(item.camera()) for item in record.cameras],
         "control_frequency_hz": record.control_frequency_hz,
         "extra": record.extra or {},
+        "left_out": record.left_out,
+        "note": record.note,
+        "uploaded_instruction": record.uploaded_instruction,
     }
 
 
@@ -77,12 +83,26 @@ def _object(record: ObjectRecord, workspace: Workspace) -> JsonObject:
     return {**record.to_json(), "bins": list(object_bins(record.pose(), workspace))}
 
 
-def task_document(record: TaskRecord, num_episodes: int) -> JsonObject:
-    """A `TaskOut`."""
+def task_document(record: TaskRecord, num_episodes: int, num_unseen: int | None = None) -> JsonObject:
+    """A `TaskOut`.
+
+    Args:
+        num_unseen: its episodes without images with color and depth; None in lists, which do not count them.
+    """
     stored: dict[str, Any] = TaskSettings.model_validate(record.settings).model_dump(mode="json")
     names = None if record.object_names is None else list(record.object_names)
     described = {"name": record.name, "version": record.version, "object_names": names, "num_episodes": num_episodes}
+    if num_unseen is not None:
+        described["note"] = _note(num_unseen, num_episodes) if stored["object_models"] and num_unseen else ""
     return {**described, **stored}
+
+
+def _note(num_unseen: int, num_episodes: int) -> str:
+    return (
+        f"{num_unseen} of {num_episodes} episodes have no images with color and depth: their objects' poses stay as"
+        " they were given, and object_models apply to predictions alone. Answers to images say so with a finding,"
+        " poses-of-another-source, until an episode with given poses and images shows that both mean the same."
+    )
 
 
 def stats_document(task: str, stats: TaskStats) -> JsonObject:

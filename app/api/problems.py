@@ -29,6 +29,7 @@ from app.perception.remote import (
 from app.pipeline.errors import (
     ObjectNotVisibleError,
     ObjectSetError,
+    SceneOutOfBoundsError,
     UncertainPoseError,
     UnfamiliarInstructionError,
     UngroundedInstructionError,
@@ -74,6 +75,7 @@ _INTERNAL = Kind(500, "internal-error", "The service failed")
 KINDS: Mapping[type[Exception], Kind] = {
     InvalidInputError: Kind(422, "invalid-input", "A value is not valid"),
     ObjectSetError: Kind(422, "object-set", "The objects are not those of the task"),
+    SceneOutOfBoundsError: Kind(422, "scene-out-of-bounds", "Every demonstrated plan leaves the workspace here"),
     ObjectNotVisibleError: Kind(422, "object-not-visible", "No camera sees an object"),
     UncertainPoseError: Kind(422, "uncertain-pose", "The images do not show an object's pose"),
     UngroundedInstructionError: Kind(422, "ungrounded-instruction", "It is not clear which object is meant"),

@@ -35,8 +35,8 @@ def task_settings(client: RoboPromptClient, task: str) -> dict[str, Any]:
     return {name: document[name] for name in TaskSettings.model_fields}
 
 
-def episode_ids(client: RoboPromptClient, task: str) -> list[str]:
-    """The ids of the task's episodes, oldest first.
+def episode_ids(client: RoboPromptClient, task: str, **only: bool) -> list[str]:
+    """The ids of the task's episodes, oldest first; `left_out=False`: only those that prompts show.
 
     Raises:
         ServiceProblemError, ServiceUnreachableError.
@@ -44,7 +44,7 @@ def episode_ids(client: RoboPromptClient, task: str) -> list[str]:
     ids: list[str] = []
     cursor: dict[str, int] = {}
     while True:
-        page = client.get("/episodes", task=task, limit=PAGE, **cursor)
+        page = client.get("/episodes", task=task, limit=PAGE, **only, **cursor)
         ids += [item["id"] for item in page["episodes"]]
         if page["next_cursor"] is None:
             return ids[::-1]
@@ -101,13 +101,18 @@ def export_data(
                 "lerobot": write_lerobot,
                 "rerun": write_rerun,
             }
+            shown = episode_ids(client, task, left_out=False) if "lerobot" in targets else ids
             for name, path in targets.items():
-                parcels = counted(download(client, ids), len(ids), f"exporting to {name}", console)
+                sent = shown if name == "lerobot" else ids  # policies are trained on what LeRobot reads
+                parcels = counted(download(client, sent), len(sent), f"exporting to {name}", console)
                 number = writers[name](path, parcels)
-                console.print(f"{path}: {number} episodes of {task}", markup=False, highlight=False, soft_wrap=True)
+                out = f" without {len(ids) - number} that are left out of prompts" if number < len(ids) else ""
+                console.print(
+                    f"{path}: {number} episodes of {task}{out}", markup=False, highlight=False, soft_wrap=True
+                )
     except (DatasetError, ServiceProblemError, ServiceUnreachableError) as error:
         console.print(str(error), markup=False, soft_wrap=True)
         raise typer.Exit(1) from error
     if as_json:
         written = {name: str(path) for name, path in targets.items()}
-        print(json.dumps({"task": task, "episodes": len(ids), **written}))  # noqa: T201
+        print(json.dumps({"task": task, "episodes": len(shown if targets.keys() == {"lerobot"} else ids), **written}))  # noqa: T201

@@ -20,6 +20,7 @@ from roboprompt_client.wording import checked_instruction, checked_name
 FINE_M, COARSE_M = 0.0001, 0.001  # meters a unit: 16 bits reach 6.5 m or 65 m
 _MAX_UNITS = np.iinfo(np.uint16).max
 KEY_PREFIX = "import-"
+EDITED = ("left_out", "note", "uploaded_instruction")  # of an upload's metadata: what is there after a correction
 
 
 def depth_png(depth_m: Array) -> tuple[bytes, float]:
@@ -128,9 +129,9 @@ class Parcel:
     def key(self) -> str:
         """An idempotency key that follows from the content.
 
-        An episode that was exported has the key that it was imported with.
+        An episode that was exported has the key that it was imported with, also where people edited it.
         """
-        digest = hashlib.sha256(canonical_json(_essence(self.metadata)))
+        digest = hashlib.sha256(canonical_json(_essence(_as_uploaded(self.metadata))))
         for name in sorted(self.files):
             digest.update(f"\0{name}\0".encode() + hashlib.sha256(self.files[name]).digest())
         return f"{KEY_PREFIX}{digest.hexdigest()}"
@@ -184,6 +185,13 @@ def checked_metadata(where: object, metadata: Any) -> dict[str, Any]:  # noqa: A
 def canonical_json(value: object) -> bytes:
     """The same bytes for the same document, whatever the order of its keys."""
     return json.dumps(value, sort_keys=True, separators=(",", ":"), ensure_ascii=False).encode()
+
+
+def _as_uploaded(metadata: Mapping[str, Any]) -> dict[str, Any]:
+    """The metadata without what people may have edited since."""
+    first = metadata.get("uploaded_instruction") or metadata["instruction"]
+    kept = {name: value for name, value in metadata.items() if name not in EDITED}
+    return {**kept, "instruction": first}
 
 
 def _essence(value: Any) -> Any:  # noqa: ANN401

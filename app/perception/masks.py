@@ -68,7 +68,7 @@ class MaskedPoints:
     """Per camera the mean of an object's back-projected pixels; over the cameras that see it, their unweighted mean.
 
     Gives a position only, unless the object's model asks for a rotation. The visible surface lies nearer to the cameras
-    than the object's centre.
+    than the object's center.
     """
 
     def estimate(self, objects: Sequence[ObjectQuery], frames: Sequence[RgbdFrame]) -> tuple[ObjectPose, ...]:

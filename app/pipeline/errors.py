@@ -24,6 +24,10 @@ class ObjectSetError(InvalidInputError):
     """The objects of an episode or observation are not those of the task."""
 
 
+class SceneOutOfBoundsError(InvalidInputError):
+    """A scene in which every demonstrated plan leaves the workspace."""
+
+
 class NoPoseError(InvalidInputError):
     """An object whose pose the images do not give.
 

@@ -31,10 +31,12 @@ class ExpiredKeyError(ServiceError):
 
 
 class NoDemonstrationsError(ServiceError):
-    """The task has no episode yet, so that there is nothing to learn from."""
+    """The task has no episode yet, or leaves all out of prompts, so that there is nothing to learn from."""
 
     def __init__(self, task: str) -> None:
-        super().__init__(f"task {task!r} has no demonstrations yet: upload some with POST /episodes")
+        super().__init__(
+            f"task {task!r} has no demonstrations: upload some with POST /episodes, or show those that are left out"
+        )
 
 
 class RefusedReplyError(ServiceError):

@@ -16,11 +16,12 @@ from pydantic import (
     model_validator,
 )
 
-from app.perception.base import ObjectQuery
+from app.perception.base import GivenPoses, ObjectQuery
 from app.perception.models import AsObjectModel, model_from_json
 from app.perception.object_model import ObjectModelError
 from app.perception.registry import pose_estimator
 from app.perception.strict import WHOLE, Number
+from app.pipeline.findings.sources import GIVEN, Compared
 from app.pipeline.geometry import canonical_pose
 from app.pipeline.keyframes import Motion
 from app.pipeline.names import alike
@@ -211,6 +212,23 @@ class TaskSettings(BaseModel):
             else replace(query, model=model_from_json(query.name, model))
             for query in objects
         )
+
+    def compared(self, given: Iterable[ObjectQuery], found: Iterable[ObjectPose]) -> tuple[Compared, ...]:
+        """The objects that came with a pose, and were found in images as well."""
+        said = {query.name: query for query in given if query.position_m is not None}
+        return tuple(
+            Compared(GivenPoses().estimate([said[pose.name]], ())[0], pose, self._turn_deg(pose.name))
+            for pose in found
+            if pose.name in said and pose.estimator != GIVEN
+        )
+
+    def _turn_deg(self, name: str) -> float | None:
+        """About its z axis that leaves the object unchanged, as the task or its model says: 0 any, None none."""
+        if name in self.yaw_symmetry_deg:
+            return self.yaw_symmetry_deg[name]
+        model = self.object_models.get(name)
+        turn_deg: float | None = getattr(model and model_from_json(name, model), "yaw_symmetry_deg", None)
+        return turn_deg
 
     def canonical(self, poses: tuple[ObjectPose, ...]) -> tuple[ObjectPose, ...]:
         """The poses with each symmetric object turned to its canonical yaw."""

@@ -1,6 +1,7 @@
 """Queries on episodes. Each runs on the caller's transaction."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import cache
 from typing import Any, Literal
 
@@ -17,9 +18,10 @@ from app.store.visibility import of_visible_tasks, present
 _EPISODES = tables.episodes
 _WITHOUT_TRAJECTORY = [column for column in _EPISODES.c if column.name != "trajectory"]
 LISTED = [column for column in _WITHOUT_TRAJECTORY if column.name != "extra"]
+_SHOWN = _EPISODES.c.left_out.is_(False)  # in prompts
 _SCENES = (
     select(_EPISODES.c.id, _EPISODES.c.objects)
-    .where(_EPISODES.c.task == bindparam("task"))
+    .where(_EPISODES.c.task == bindparam("task"), _SHOWN)
     .order_by(_EPISODES.c.sequence)
 )
 _FOR_PROMPTS = [
@@ -70,9 +72,16 @@ def list_page(
     limit: int = 50,
     cursor: int | None = None,
     instruction_contains: str = "",
+    left_out: bool | None = None,
 ) -> Page[EpisodeRecord]:
-    """Episodes, newest first, of one task or of all, whose instruction contains the text in any case."""
+    """Episodes, newest first, of one task or of all, whose instruction contains the text in any case.
+
+    Args:
+        left_out: only those that are, or are not; None for both.
+    """
     query = of_visible_tasks(select(*LISTED), _EPISODES.c.task, task)
+    if left_out is not None:
+        query = query.where(_EPISODES.c.left_out.is_(left_out))
     if instruction_contains:
         query = query.where(_EPISODES.c.instruction.icontains(instruction_contains, autoescape=True))
     rows, next_cursor = fetch_page(connection, _EPISODES, query, limit, cursor)
@@ -87,14 +96,15 @@ def by_ids(connection: Connection, task: str, ids: Sequence[str]) -> dict[str, E
 
 
 def instructions(connection: Connection, task: str, limit: int = 50) -> tuple[str, ...]:
-    """At most `limit` different instructions of a task's episodes."""
-    query = select(_EPISODES.c.instruction).where(_EPISODES.c.task == task).distinct().limit(limit)
+    """At most `limit` different instructions of a task's demonstrations."""
+    query = select(_EPISODES.c.instruction).where(_EPISODES.c.task == task, _SHOWN).distinct().limit(limit)
     return tuple(sorted(connection.scalars(query)))
 
 
 def newest_by_task(connection: Connection) -> dict[str, EpisodeRecord]:
-    """The newest episode of every task that is seen and has one."""
-    newest = of_visible_tasks(select(func.max(_EPISODES.c.sequence)), _EPISODES.c.task).group_by(_EPISODES.c.task)
+    """The newest demonstration of every task that is seen and has one."""
+    numbers = select(func.max(_EPISODES.c.sequence)).where(_SHOWN)
+    newest = of_visible_tasks(numbers, _EPISODES.c.task).group_by(_EPISODES.c.task)
     query = select(*LISTED).where(_EPISODES.c.sequence.in_(newest))
     return {row.task: record_of(row) for row in connection.execute(query)}
 
@@ -113,17 +123,50 @@ def all_of(connection: Connection, task: str) -> tuple[EpisodeRecord, ...]:
     return tuple(record_of(row) for row in connection.execute(query))
 
 
-def number_of(connection: Connection, task: str) -> int:
-    """How many episodes the task has."""
-    return connection.scalar(select(func.count()).select_from(_EPISODES).where(_EPISODES.c.task == task)) or 0
+def number_of(connection: Connection, task: str, *, left_out: bool | None = None) -> int:
+    """How many episodes the task has; only those that are left out of prompts, or are not, where that is asked for."""
+    query = select(func.count()).select_from(_EPISODES).where(_EPISODES.c.task == task)
+    if left_out is not None:
+        query = query.where(_EPISODES.c.left_out.is_(left_out))
+    return connection.scalar(query) or 0
+
+
+def number_unseen(connection: Connection, task: str) -> int:
+    """How many episodes of the task have no depth image, by the text of the JSON."""
+    has_depth = cast(_EPISODES.c.cameras, Text).contains('"depth_digest": "')
+    query = select(func.count()).select_from(_EPISODES).where(_EPISODES.c.task == task, ~has_depth)
+    return connection.scalar(query) or 0
 
 
 def list_ids(connection: Connection, task: str, instruction: str | None = None) -> tuple[str, ...]:
-    """The ids of a task's episodes, oldest first; only those of an instruction if one is given."""
-    query = select(_EPISODES.c.id).where(_EPISODES.c.task == task).order_by(_EPISODES.c.sequence)
+    """The ids of a task's demonstrations, oldest first; only those of an instruction if one is given."""
+    query = select(_EPISODES.c.id).where(_EPISODES.c.task == task, _SHOWN).order_by(_EPISODES.c.sequence)
     if instruction is not None:
         query = query.where(_EPISODES.c.instruction == instruction)
     return tuple(connection.scalars(query))
+
+
+def edit(connection: Connection, record: EpisodeRecord, changes: Mapping[str, Any]) -> EpisodeRecord:
+    """The episode with other values of `instruction`, `left_out` or `note`; its task's version grows with prompts.
+
+    Raises:
+        NotFoundError: if the episode was deleted since.
+    """
+    changed = {name: value for name, value in changes.items() if value != getattr(record, name)}
+    if not changed:
+        return record
+    values = dict(changed)
+    if "instruction" in changed:
+        first = record.uploaded_instruction or record.instruction
+        values["uploaded_instruction"] = None if first == changed["instruction"] else first
+    tasks.lock(connection, record.task)
+    if connection.execute(update(_EPISODES).where(_EPISODES.c.id == record.id).values(values)).rowcount == 0:
+        raise NotFoundError("episode", record.id)
+    if changed.keys() != {"note"}:
+        tasks.change(connection, record.task, {})
+    before = {name: getattr(record, name) for name in changed}
+    audit.record(connection, "episode.edited", record.id, {"task": record.task, "before": before, "after": changed})
+    return replace(record, **values)
 
 
 def remove(connection: Connection, episode_id: str) -> str:
@@ -154,7 +197,9 @@ def demonstrations(
     order: Literal["first", "recent"] = "first",
     instruction: str | None = None,
 ) -> tuple[DemonstrationRecord, ...]:
-    """The task's `limit` first or most recent episodes as prompts need them, always oldest first.
+    """The task's `limit` first or most recent demonstrations as prompts need them, always oldest first.
+
+    Episodes that are left out are none.
 
     Args:
         limit: None for all.
@@ -167,7 +212,7 @@ def demonstrations(
 
 
 def scenes(connection: Connection, task: str) -> tuple[SceneRecord, ...]:
-    """The objects of every episode of the task, oldest first."""
+    """The objects of every demonstration of the task, oldest first."""
     rows = connection.execute(_SCENES, {"task": task})
     return tuple(SceneRecord(row.id, tuple(map(ObjectRecord.from_json, row.objects))) for row in rows)
 
@@ -175,7 +220,7 @@ def scenes(connection: Connection, task: str) -> tuple[SceneRecord, ...]:
 @cache
 def _demonstrations_query(order: str, limited: bool, of_instruction: bool) -> Select[Any]:
     # Every prediction asks this, and building the statement would take as long as running it.
-    query = select(*_FOR_PROMPTS).where(_EPISODES.c.task == bindparam("task"))
+    query = select(*_FOR_PROMPTS).where(_EPISODES.c.task == bindparam("task"), _SHOWN)
     if of_instruction:
         query = query.where(_EPISODES.c.instruction == bindparam("instruction"))
     query = query.order_by(_EPISODES.c.sequence.asc() if order == "first" else _EPISODES.c.sequence.desc())
@@ -195,6 +240,12 @@ def demonstrations_by_id(connection: Connection, task: str, ids: Sequence[str]) 
         if episode_id not in found:
             raise NotFoundError(f"episode of task {task!r}", episode_id)
     return tuple(found[episode_id] for episode_id in ids)
+
+
+def left_out_of(connection: Connection, ids: Sequence[str]) -> set[str]:
+    """Those of the episodes that are left out of prompts."""
+    query = select(_EPISODES.c.id).where(_EPISODES.c.id.in_(ids), ~_SHOWN)
+    return set(connection.scalars(query))
 
 
 def replace_extractions(

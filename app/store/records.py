@@ -78,6 +78,9 @@ class EpisodeFields:
         given_objects: the objects as the caller sent them: their poses can be estimated again.
         extra: what else was uploaded; None in lists, which do not read it.
         prediction_id: of the prediction that the episode carried out, if any.
+        left_out: kept, but shown in no prompt.
+        note: what a person says of it.
+        uploaded_instruction: what it came with, where `instruction` was corrected since.
     """
 
     id: str
@@ -92,6 +95,9 @@ class EpisodeFields:
     cameras: tuple[CameraRecord, ...]
     extra: JsonObject | None = None
     prediction_id: str | None = None
+    left_out: bool = False
+    note: str = ""
+    uploaded_instruction: str | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

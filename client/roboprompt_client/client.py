@@ -10,7 +10,7 @@ import httpx
 from roboprompt_client.answers import PlannedStep, PredictedActions, findings_in
 from roboprompt_client.camera import RgbdFrame, camera_json
 from roboprompt_client.connection import Connection, open_http
-from roboprompt_client.encoding import ImageFormat, Part, packed_request, request_parts, scene_json
+from roboprompt_client.encoding import ImageFormat, Part, prediction_request, request_parts, scene_json
 from roboprompt_client.errors import ServiceProblemError, ServiceUnreachableError
 from roboprompt_client.motion_guard import action_from_json
 from roboprompt_client.motion_limits import MotionLimits
@@ -131,8 +131,7 @@ class RoboPromptClient:
             idempotency_key: sent again with the same content it stores nothing twice.
 
         Raises:
-            ServiceProblemError: if the service refuses.
-            ServiceUnreachableError: if it does not answer.
+            ServiceProblemError, ServiceUnreachableError: as `upload`.
         """
         return self._http.document("POST", "/episodes", files=parts, headers={"Idempotency-Key": idempotency_key})
 
@@ -143,12 +142,11 @@ class RoboPromptClient:
             objects: all of the scene, or their names; words of place need poses.
 
         Raises:
-            ServiceProblemError: if a part of the sentence is not what one task does; names the part.
-            ServiceUnreachableError.
+            ServiceProblemError, ServiceUnreachableError: a problem names the part that is not what one task does.
         """
         listed = [{"name": item} if isinstance(item, str) else object_json(item) for item in objects]
-        answer = self._http.document("POST", "/plans", json={"instruction": instruction, "objects": listed})
-        return tuple(PlannedStep(step["task"], step["instruction"]) for step in answer["steps"])
+        steps = self._http.document("POST", "/plans", json={"instruction": instruction, "objects": listed})["steps"]
+        return tuple(PlannedStep(step["task"], step["instruction"]) for step in steps)
 
     def predict(
         self,
@@ -173,7 +171,7 @@ class RoboPromptClient:
             UnsafeActionError: if what it answers is no action: a number that is not finite, no unit quaternion ...
         """
         asked = options if timeout_s is None else {"timeout_s": timeout_s, **options}
-        body = self._question(task, instruction, observation, mask_ids, asked)
+        body = prediction_request(task, instruction, observation, mask_ids, asked, self._images)
         return PredictedActions.from_json(self._http.document("POST", "/predict", timeout=_wait_s(timeout_s), **body))
 
     def dry_run(
@@ -190,7 +188,9 @@ class RoboPromptClient:
             ServiceUnreachableError: if it does not answer.
         """
         return self._http.document(
-            "POST", "/predict", **self._question(task, instruction, observation, None, {**options, "dry_run": True})
+            "POST",
+            "/predict",
+            **prediction_request(task, instruction, observation, None, {**options, "dry_run": True}, self._images),
         )
 
     def stream(
@@ -214,7 +214,7 @@ class RoboPromptClient:
             InvalidAnswerError: with `on_findings`, if the findings are not well formed.
         """
         asked = options if timeout_s is None else {"timeout_s": timeout_s, **options}
-        body = self._question(task, instruction, observation, mask_ids, asked)
+        body = prediction_request(task, instruction, observation, mask_ids, asked, self._images)
         index = 0
         for name, document in self._http.events("POST", "/predict", timeout=_wait_s(timeout_s), **body):
             if name == "findings" and on_findings is not None:
@@ -300,6 +300,22 @@ class RoboPromptClient:
         asked = {} if model is None else {"model": model}
         return self._http.document("GET", f"/tasks/{task}/check", params=asked, timeout=CHECK_TIMEOUT_S)
 
+    def edit_episode(
+        self, episode_id: str, *, instruction: str | None = None, left_out: bool | None = None, note: str | None = None
+    ) -> dict[str, Any]:
+        """Correct an episode; what is None stays. Returns the episode.
+
+        Args:
+            left_out: whether it is kept, but shown in no prompt.
+            note: for people; empty for none.
+
+        Raises:
+            ServiceProblemError, ServiceUnreachableError.
+        """
+        wanted = {"instruction": instruction, "left_out": left_out, "note": note}
+        changes = {name: value for name, value in wanted.items() if value is not None}
+        return self._http.document("PATCH", f"/episodes/{episode_id}", json=changes)
+
     def record_outcome(self, prediction_id: str, success: bool, note: str | None = None) -> dict[str, Any]:
         """Tell the service how the robot fared with a prediction."""
         return self.post(f"/predictions/{prediction_id}/outcome", {"success": success, "note": note})
@@ -318,25 +334,6 @@ class RoboPromptClient:
     def get_bytes(self, path: str, **parameters: Any) -> bytes:  # noqa: ANN401
         """Any file that the service offers, e.g. ``get_bytes(f"/episodes/{id}/trajectory")``."""
         return self._http.request("GET", path, params=parameters).content
-
-    def _question(
-        self,
-        task: str | None,
-        instruction: str,
-        observation: Observation,
-        mask_ids: Mapping[str, Sequence[int]] | None,
-        options: Mapping[str, Any],
-    ) -> dict[str, Any]:
-        """The body of a prediction, as arguments of httpx."""
-        document = {"task": task, "instruction": instruction, **scene_json(observation, mask_ids), **options}
-        if (pose := observation.end_effector) is not None:
-            document["end_effector"] = {"position": pose.position_m, "quaternion_xyzw": pose.quaternion_xyzw}
-        if not observation.frames:
-            return {"json": document}
-        if self._images is ImageFormat.PACKED:
-            packed = packed_request(document, observation.frames)
-            return {"content": packed, "headers": {"Content-Type": "application/msgpack"}}
-        return {"files": request_parts(document, observation.frames, self._images)}
 
 
 def _wait_s(timeout_s: float | None) -> float:

@@ -61,6 +61,26 @@ def packed_request(document: Mapping[str, Any], frames: Sequence[RgbdFrame]) -> 
     return packed
 
 
+def prediction_request(
+    task: str | None,
+    instruction: str,
+    observation: Observation,
+    mask_ids: Mapping[str, Sequence[int]] | None,
+    options: Mapping[str, Any],
+    images: ImageFormat,
+) -> dict[str, Any]:
+    """The body of `POST /predict`, as arguments of httpx."""
+    document = {"task": task, "instruction": instruction, **scene_json(observation, mask_ids), **options}
+    if (pose := observation.end_effector) is not None:
+        document["end_effector"] = {"position": pose.position_m, "quaternion_xyzw": pose.quaternion_xyzw}
+    if not observation.frames:
+        return {"json": document}
+    if images is ImageFormat.PACKED:
+        packed = packed_request(document, observation.frames)
+        return {"content": packed, "headers": {"Content-Type": "application/msgpack"}}
+    return {"files": request_parts(document, observation.frames, images)}
+
+
 def _images(frame: RgbdFrame) -> Iterator[tuple[str, np.ndarray[Any, Any]]]:
     """The images that there are, by the names of their parts."""
     for kind, image in (("rgb", frame.rgb), ("depth", frame.depth_m), ("mask", frame.mask)):

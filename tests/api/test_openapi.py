@@ -14,7 +14,7 @@ OPERATIONS = {
     "label_object", "preview_label", "list_labels", "delete_label", "learn_from_labels", "try_object_model",
     "get_episode_overlay",
     "get_prediction_overlay",
-    "get_metadata", "get_task_stats", "get_upload",
+    "get_metadata", "edit_episode", "get_task_stats", "get_upload",
     "get_job", "list_jobs",
     "delete_prediction", "delete_task", "plan",
 }  # fmt: skip

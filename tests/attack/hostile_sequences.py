@@ -11,6 +11,7 @@ from uuid import uuid4
 
 import httpx
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from roboprompt_client.trajectory import Trajectory
 from tests.episodes import DOWN_XYZW, DWELL, MOVE
@@ -68,7 +69,19 @@ class Attack:
             if min(far, default=1.0) > 0.15:
                 return {name: (*place, z_m) for name, place in zip(names, found.tolist(), strict=True)}
 
-    def teach(self, instruction, places, trajectory, *, yaws=None, task=None, key=None, rate_hz=20.0, tracked=False):
+    def teach(
+        self,
+        instruction,
+        places,
+        trajectory,
+        *,
+        yaws=None,
+        task=None,
+        key=None,
+        rate_hz=20.0,
+        tracked=False,
+        gripper_width=False,
+    ):
         """Upload one demonstration; its answer."""
         given = {
             "end_effector_positions": trajectory.positions_m.tolist(),
@@ -79,6 +92,8 @@ class Attack:
         if tracked:
             at_rest = np.array(list(places.values()), dtype=float)
             given["object_positions"] = np.tile(at_rest, (len(trajectory), 1, 1)).tolist()
+        if gripper_width:
+            given["gripper_width"] = np.where(given.pop("gripper_open"), 0.08, 0.03).tolist()
         metadata = {
             "task": task or self.task,
             "instruction": instruction,
@@ -98,9 +113,11 @@ class Attack:
         """Set the task's settings; the answer."""
         return self.http.put(f"/tasks/{self.task}", json=settings)
 
-    def ask(self, instruction, places, *, yaws=None, task=None, **options):
-        """The answer of the yardstick `nearest`, or of what else the options name."""
-        given = {"model": "nearest", "task": task or self.task, "instruction": instruction}
+    def ask(self, instruction, places, *, yaws=None, task="", **options):
+        """The answer of the yardstick `nearest`, or of what else the options name; of no task if it is None."""
+        given = {"model": "nearest", "instruction": instruction}
+        if task is not None:
+            given["task"] = task or self.task
         return self.http.post("/predict", json={**given, "objects": objects(places, yaws), **options})
 
     def episodes(self):
@@ -139,8 +156,9 @@ def shift(place, *by_m):
 SEQUENCES: list[Callable[[Attack], tuple[httpx.Response, tuple[float, ...] | None]]] = []
 
 
-def sequence(function):
-    """One of the list."""
+def sequence(function, name=None, what=None):
+    """One of the list; where it was made of arguments, by a name and with a docstring of its own."""
+    function.__name__, function.__doc__ = name or function.__name__, what or function.__doc__
     SEQUENCES.append(function)
     return function
 
@@ -148,49 +166,21 @@ def sequence(function):
 # Words
 
 
-@sequence
-def alias_is_a_word_of_another_object(a):
-    """`blue` is said to mean the red cube, beside a blue one."""
-    a.teach_picks()
-    a.configure(aliases={RED: ["blue"]})
-    places = a.places(RED, BLUE)
-    return a.ask("pick up the blue", places), places[BLUE]
+def _asked_by_alias(meant, alias, words, right):
+    def tried(a):
+        a.teach_picks()
+        a.configure(aliases={meant: [alias]})
+        places = a.places(RED, BLUE)
+        return a.ask(words, places), places[right]
+
+    name = f"alias_{alias}_for_the_{meant}".replace(" ", "_").replace("-", "_hyphen_")
+    return sequence(tried, name, f"`{alias}` is said to mean the {meant}; asked is `{words}`.")
 
 
-@sequence
-def alias_of_two_words_is_anothers_with_an_article(a):
-    """`the blue cube` is said to mean the red cube."""
-    a.teach_picks()
-    a.configure(aliases={RED: ["the blue cube"]})
-    places = a.places(RED, BLUE)
-    return a.ask("pick up the blue cube", places), places[BLUE]
-
-
-@sequence
-def alias_in_capitals_and_underscores(a):
-    """`Blue_Cube` is said to mean the red cube."""
-    a.teach_picks()
-    a.configure(aliases={RED: ["Blue_Cube"]})
-    places = a.places(RED, BLUE)
-    return a.ask("pick up the Blue_Cube", places), places[BLUE]
-
-
-@sequence
-def alias_hyphenated(a):
-    """`blue-cube` is said to mean the red cube."""
-    a.teach_picks()
-    a.configure(aliases={RED: ["blue-cube"]})
-    places = a.places(RED, BLUE)
-    return a.ask("pick up the blue-cube", places), places[BLUE]
-
-
-@sequence
-def alias_in_the_plural(a):
-    """`blue cubes` is said to mean the red cube."""
-    a.teach_picks()
-    a.configure(aliases={RED: ["blue cubes"]})
-    places = a.places(RED, BLUE)
-    return a.ask("pick up the blue cubes", places), places[BLUE]
+for _alias in ("blue", "the blue cube", "Blue_Cube", "blue-cube", "blue cubes"):
+    _asked_by_alias(RED, _alias, f"pick up the {_alias.removeprefix('the ')}", BLUE)
+for _alias in ("pick", "the"):
+    _asked_by_alias(BLUE, _alias, PICK_RED, RED)
 
 
 @sequence
@@ -202,70 +192,19 @@ def alias_first_and_the_object_of_that_name_later(a):
     return a.ask("pick up the crate", places), places["crate"]
 
 
-@sequence
-def alias_is_the_verb(a):
-    """`pick` is said to mean the blue cube."""
-    a.teach_picks()
-    a.configure(aliases={BLUE: ["pick"]})
-    places = a.places(RED, BLUE)
-    return a.ask(PICK_RED, places), places[RED]
+def _beside_one_of_like_name(name, like, what):
+    def tried(a):
+        a.teach_picks(names=(name, like), words=f"pick up the {name}")
+        places = a.places(name, like)
+        return a.ask(f"pick up the {like}", places), places[like]
+
+    return sequence(tried, f"names_that_differ_in_{what}", f"`{name}` stands beside `{like}`, which is asked for.")
 
 
-@sequence
-def alias_is_an_article(a):
-    """`the` is said to mean the blue cube."""
-    a.teach_picks()
-    a.configure(aliases={BLUE: ["the"]})
-    places = a.places(RED, BLUE)
-    return a.ask(PICK_RED, places), places[RED]
-
-
-@sequence
-def names_that_differ_in_case(a):
-    """`Red cube` stands beside `red cube` in the scene."""
-    a.teach_picks(names=(RED, "Red cube"))
-    places = a.places(RED, "Red cube")
-    return a.ask("pick up the Red cube", places), places["Red cube"]
-
-
-@sequence
-def names_that_differ_in_an_underscore(a):
-    """`part 1` stands beside `part_1`."""
-    a.teach_picks(names=("part 1", "part_1"), words="pick up the part 1")
-    places = a.places("part 1", "part_1")
-    return a.ask("pick up the part_1", places), places["part_1"]
-
-
-@sequence
-def names_that_differ_in_a_hyphen(a):
-    """`part 1` stands beside `part-1`."""
-    a.teach_picks(names=("part 1", "part-1"), words="pick up the part 1")
-    places = a.places("part 1", "part-1")
-    return a.ask("pick up the part-1", places), places["part-1"]
-
-
-@sequence
-def names_that_differ_in_a_dot(a):
-    """`part 1` stands beside `part.1`."""
-    a.teach_picks(names=("part 1", "part.1"), words="pick up the part 1")
-    places = a.places("part 1", "part.1")
-    return a.ask("pick up the part.1", places), places["part.1"]
-
-
-@sequence
-def names_that_differ_in_spaces(a):
-    """`part 1` stands beside `part  1`, with two spaces."""
-    a.teach_picks(names=("part 1", "part  1"), words="pick up the part 1")
-    places = a.places("part 1", "part  1")
-    return a.ask("pick up the part  1", places), places["part  1"]
-
-
-@sequence
-def a_name_within_a_name(a):
-    """`cube` stands beside `cube 2`; the latter is asked for."""
-    a.teach_picks(names=("cube", "cube 2"), words="pick up the cube")
-    places = a.places("cube", "cube 2")
-    return a.ask("pick up the cube 2", places), places["cube 2"]
+for _like, _what in (("part_1", "an_underscore"), ("part-1", "a_hyphen"), ("part.1", "a_dot"), ("part  1", "spaces")):
+    _beside_one_of_like_name("part 1", _like, _what)
+_beside_one_of_like_name(RED, "Red cube", "case")
+_beside_one_of_like_name("cube", "cube 2", "a_number")
 
 
 @sequence
@@ -282,9 +221,8 @@ def _asked_otherwise(words, right=None):
         places = a.places(RED, BLUE)
         return a.ask(words, places), None if right is None else places[right]
 
-    tried.__name__ = "words_" + "".join(c if c.isalnum() else "_" for c in words.lower())
-    tried.__doc__ = f"Taught is `{PICK_RED}`, asked is `{words}`."
-    return sequence(tried)
+    name = "words_" + "".join(c if c.isalnum() else "_" for c in words.lower())
+    return sequence(tried, name, f"Taught is `{PICK_RED}`, asked is `{words}`.")
 
 
 for _words, _right in (
@@ -309,60 +247,28 @@ for _words, _right in (
 # Ways, hands and grippers
 
 
-def _of_two_ways(number, other, *, first=5, options=None, moved_m=0.0):
+def _of_two_ways(number, other, first=5, options=None):
     def tried(a):
         for k in range(number):
             places = a.places("left button", "right button")
             side = "left button" if k < first else "right button"
             a.teach("press the button", places, other(places[side]))
         places = a.places("left button", "right button")
-        if moved_m:
-            places["left button"] = shift(places["left button"], 0.0, 0.0, moved_m)
         return a.ask("press the button", places, **(options or {})), None
 
     return tried
 
 
-@sequence
-def two_ways_without_a_switch(a):
-    """Five recordings press the left button, five the right one, under one instruction."""
-    return _of_two_ways(10, press)(a)
-
-
-@sequence
-def two_ways_with_a_switch(a):
-    """The same with picks."""
-    return _of_two_ways(10, pick)(a)
-
-
-@sequence
-def two_ways_of_six_and_four(a):
-    """Six and four."""
-    return _of_two_ways(10, press, first=6)(a)
-
-
-@sequence
-def two_ways_of_two_recordings(a):
-    """One presses the left, one the right: findings need three."""
-    return _of_two_ways(2, press, first=1)(a)
-
-
-@sequence
-def two_ways_of_three_recordings(a):
-    """Two and one."""
-    return _of_two_ways(3, press, first=2)(a)
-
-
-@sequence
-def two_ways_one_asked_for(a):
-    """Ten were taught, the request asks for one."""
-    return _of_two_ways(10, press, options={"num_demonstrations": 1})(a)
-
-
-@sequence
-def two_ways_one_asked_for_the_newest(a):
-    """The same, with the newest."""
-    return _of_two_ways(10, press, options={"num_demonstrations": 1, "selection": "recent"})(a)
+for _name, _arguments in {
+    "without_a_switch": (10, press),
+    "with_a_switch": (10, pick),
+    "of_six_and_four": (10, press, 6),
+    "of_two_recordings": (2, press, 1),
+    "of_three_recordings": (3, press, 2),
+    "one_asked_for": (10, press, 5, {"num_demonstrations": 1}),
+    "one_asked_for_the_newest": (10, press, 5, {"num_demonstrations": 1, "selection": "recent"}),
+}.items():
+    sequence(_of_two_ways(*_arguments), f"two_ways_{_name}", "Some act at the left button, some at the right.")
 
 
 @sequence
@@ -395,34 +301,106 @@ def two_ways_after_deletion(a):
     return a.ask("press the button", a.places("left button", "right button")), None
 
 
-@sequence
-def gripper_inverted_in_half(a):
-    """Half of the recordings say open where they mean closed: no majority says when to grasp."""
-    for k in range(10):
-        places = a.places(RED, BLUE)
-        trajectory = pick(places[RED])
-        if k % 2:
-            trajectory = replace(trajectory, gripper_open=~trajectory.gripper_open)
-        a.teach(PICK_RED, places, trajectory)
-    return a.ask(PICK_RED, a.places(RED, BLUE)), None
+def inverted(trajectory):
+    """Open where it is closed."""
+    return replace(trajectory, gripper_open=~trajectory.gripper_open)
+
+
+def opened(trajectory):
+    """Open all the time."""
+    return replace(trajectory, gripper_open=np.ones(len(trajectory), dtype=bool))
+
+
+def backwards(trajectory):
+    """The last frame first."""
+    return frames(trajectory, slice(None, None, -1))
+
+
+def broken_off(trajectory):
+    """Without its last 40 %."""
+    return frames(trajectory, slice(0, int(0.6 * len(trajectory))))
+
+
+def frames(trajectory, kept):
+    """Some of a trajectory's frames."""
+    given = (trajectory.joint_velocities_rad_s, trajectory.positions_m, trajectory.quaternions_xyzw)
+    return Trajectory(*(array[kept] for array in given), trajectory.gripper_open[kept])
+
+
+def _recorded(
+    name, what, fault=lambda trajectory: trajectory, *, every=1, number=10, shown=pick, off_m=(0, 0, 0), **more
+):
+    """Every so-manieth of so many recordings has a fault, or shows the motion elsewhere."""
+    puts, settings = shown is put, more.pop("settings", {})
+    words = f"put the {RED} on the {BLUE}" if puts else PICK_RED
+
+    def tried(a):
+        for k in range(number):
+            places, wrong = a.places(RED, BLUE), k % every == 0
+            place = shift(places[RED], *off_m) if wrong else places[RED]
+            trajectory = put(place, places[BLUE]) if puts else shown(place)
+            a.teach(words, places, fault(trajectory) if wrong else trajectory, **more)
+        if settings:
+            a.configure(**settings)
+        arm = {"position": [0.1, 0.0, 1.2], "quaternion_xyzw": [1.0, 0.0, 0.0, 0.0]}
+        return a.ask(words, a.places(RED, BLUE), closed_loop=more.get("tracked", False), end_effector=arm), None
+
+    return sequence(tried, name, what)
+
+
+_recorded("gripper_inverted_in_half", "No majority says when to grasp.", inverted, every=2)
+_recorded("gripper_inverted_in_all", "The hand opens at the cube, and lifts nothing.", inverted)
+_recorded("gripper_inverted_in_the_only_one", "The same, by one recording.", inverted, number=1)
+_recorded("gripper_inverted_step_by_step", "The same in a closed loop.", inverted, number=6, tracked=True)
+_recorded("several_ways_one_of_them_inverted", "Somebody says so.", inverted, every=2, settings={"ways": "several"})
+_recorded("gripper_open_all_the_time", "Open, to pick something up.", opened)
+_recorded(
+    "gripper_closed_by_its_width", "Never above the width.", gripper_width=True, settings={"gripper_open_above_m": 0.15}
+)
+_recorded("put_backwards_in_all", "The hand closes at the goal and opens at the cube.", backwards, shown=put)
+_recorded("put_backwards_in_two", "The same by two recordings.", backwards, shown=put, number=2)
+_recorded("put_broken_off_in_all", "The recordings end before the release.", broken_off, shown=put)
+_recorded("half_18_cm_beside", "Another base frame.", every=2, off_m=(0.0, 0.18, 0.0))
+_recorded("pressed_18_cm_beside_in_half", "The same without a switch.", every=2, shown=press, off_m=(0.0, 0.18, 0.0))
+_recorded("all_in_the_base_s_frame", "The objects are in the world's.", off_m=(-0.3, 0.0, -0.2))
 
 
 @sequence
-def half_18_cm_beside(a):
-    """Half of the recordings are in another base frame, 18 cm away."""
-    for k in range(10):
+def all_10_cm_beside_cubes_that_turn(a):
+    """The hand turns with the cube, and acts north of it however it is turned."""
+    for yaw in np.linspace(-60, 60, 10):
         places = a.places(RED, BLUE)
-        a.teach(PICK_RED, places, pick(shift(places[RED], 0.0, 0.18 * (k % 2), 0.0)))
-    return a.ask(PICK_RED, a.places(RED, BLUE)), None
+        trajectory = pick(shift(places[RED], 0.1, 0.0, 0.0))
+        turned = Rotation.from_euler("z", yaw, degrees=True) * Rotation.from_quat(trajectory.quaternions_xyzw)
+        a.teach(PICK_RED, places, replace(trajectory, quaternions_xyzw=turned.as_quat()), yaws={RED: yaw})
+    return a.ask(PICK_RED, a.places(RED, BLUE), yaws={RED: 20.0}), None
 
 
 @sequence
-def pressed_18_cm_beside_in_half(a):
-    """The same without a switch."""
+def words_of_one_cube_and_the_motion_of_another(a):
+    """Half of the recordings say blue, and all pick up the red one."""
     for k in range(10):
         places = a.places(RED, BLUE)
-        a.teach(PICK_RED, places, press(shift(places[RED], 0.0, 0.18 * (k % 2), 0.0)))
-    return a.ask(PICK_RED, a.places(RED, BLUE)), None
+        a.teach(PICK_BLUE if k % 2 else PICK_RED, places, pick(places[RED]))
+    places = a.places(RED, BLUE)
+    return a.ask(PICK_BLUE, places), places[BLUE]
+
+
+@sequence
+def a_pick_then_another(a):
+    """The second begins with open fingers: what the first took falls."""
+    a.teach_picks()
+    return a.ask(f"{PICK_RED}, then {PICK_BLUE}", a.places(RED, BLUE)), None
+
+
+@sequence
+def two_tasks_of_one_instruction_and_none_named(a):
+    """One of them acts 12 cm beside the cube."""
+    a.teach_picks()
+    for _ in range(10):
+        places = a.places(RED, BLUE)
+        a.teach(PICK_RED, places, pick(shift(places[RED], 0.12, 0.0, 0.0)), task=f"{a.task}o")
+    return a.ask(PICK_RED, a.places(RED, BLUE), task=None), None
 
 
 # Places
@@ -473,44 +451,24 @@ def two_that_always_stood_together_moved_7_cm(a):
     return a.ask("press it shut", places), places["lid"]
 
 
-def _seen_elsewhere(by_m, number=10, yaw_deg=0.0):
+def _seen_elsewhere(by_m, number):
     def tried(a):
         a.teach_picks(number)
         places = a.places(RED, BLUE)
         seen = {**places, RED: shift(places[RED], *by_m)}
-        return a.ask(PICK_RED, seen, yaws={RED: yaw_deg}), None
+        return a.ask(PICK_RED, seen), None
 
     return tried
 
 
-@sequence
-def seen_70_cm_too_high(a):
-    """The cube is seen 0.7 m above the table that it stood on in all ten."""
-    return _seen_elsewhere((0.0, 0.0, 0.7))(a)
-
-
-@sequence
-def seen_10_cm_too_low(a):
-    """The cube is seen within the table."""
-    return _seen_elsewhere((0.0, 0.0, -0.1))(a)
-
-
-@sequence
-def seen_2_cm_higher_and_60_cm_aside(a):
-    """A small doubt beside a great one."""
-    return _seen_elsewhere((0.0, 0.6, 0.02))(a)
-
-
-@sequence
-def seen_far_by_two_recordings(a):
-    """Two recordings, asked 60 cm beside them."""
-    return _seen_elsewhere((0.0, 0.6, 0.0), number=2)(a)
-
-
-@sequence
-def seen_high_by_one_recording(a):
-    """One recording, the cube 0.5 m up."""
-    return _seen_elsewhere((0.0, 0.0, 0.5), number=1)(a)
+for _name, _by_m, _number in (
+    ("70_cm_too_high", (0.0, 0.0, 0.7), 10),
+    ("10_cm_too_low", (0.0, 0.0, -0.1), 10),
+    ("2_cm_higher_and_60_cm_aside", (0.0, 0.6, 0.02), 10),
+    ("far_by_two_recordings", (0.0, 0.6, 0.0), 2),
+    ("high_by_one_recording", (0.0, 0.0, 0.5), 1),
+):
+    sequence(_seen_elsewhere(_by_m, _number), f"seen_{_name}", f"By {_number} recordings; seen {_by_m} m off.")
 
 
 @sequence
@@ -519,6 +477,25 @@ def widened_by_one_upload(a):
     a.teach_picks()
     far = {name: shift(place, 2.5, 2.5, 0.0) for name, place in a.places(RED, BLUE).items()}
     a.teach(PICK_RED, far, pick(far[RED]))
+    asked = {name: shift(place, 1.8, 1.8, 0.0) for name, place in a.places(RED, BLUE).items()}
+    return a.ask(PICK_RED, asked), None
+
+
+@sequence
+def widened_by_the_first_upload(a):
+    """The first of three recordings is 3.5 m away; asked is 2.5 m away."""
+    far = {name: shift(place, 2.5, 2.5, 0.0) for name, place in a.places(RED, BLUE).items()}
+    a.teach(PICK_RED, far, pick(far[RED]))
+    a.teach_picks(2)
+    asked = {name: shift(place, 1.8, 1.8, 0.0) for name, place in a.places(RED, BLUE).items()}
+    return a.ask(PICK_RED, asked), None
+
+
+@sequence
+def widened_by_one_upload_that_was_let_in(a):
+    """Somebody sets the workspace to `auto` after the one far upload."""
+    widened_by_one_upload(a)
+    a.configure(workspace="auto")
     asked = {name: shift(place, 1.8, 1.8, 0.0) for name, place in a.places(RED, BLUE).items()}
     return a.ask(PICK_RED, asked), None
 
@@ -562,42 +539,22 @@ def an_object_that_was_always_there_is_missing(a):
 # Settings after teaching
 
 
-@sequence
-def keyframes_too_far_apart(a):
-    """Every 10,000th frame is a keyframe: the grasp is between two."""
-    a.teach_picks()
-    a.configure(keyframes={"rule": "uniform", "interval": 10_000})
-    places = a.places(RED, BLUE)
-    return a.ask(PICK_RED, places), places[RED]
-
-
-@sequence
-def keyframes_with_a_wide_tolerance(a):
-    """The hand may stray a metre from straight motion."""
-    a.teach_picks()
-    a.configure(keyframes={"rule": "waypoints", "tolerance_m": 1.0, "tolerance_deg": 180.0})
-    places = a.places(RED, BLUE)
-    return a.ask(PICK_RED, places), places[RED]
-
-
-@sequence
-def presses_with_a_wide_tolerance(a):
-    """The same where no switch marks the lowest point."""
-    for _ in range(10):
+def _with_keyframes(shown, **keyframes):
+    def tried(a):
+        for _ in range(10):
+            places = a.places(RED, BLUE)
+            a.teach(PICK_RED, places, shown(places[RED]))
+        a.configure(keyframes=keyframes)
         places = a.places(RED, BLUE)
-        a.teach(PICK_RED, places, press(places[RED]))
-    a.configure(keyframes={"rule": "waypoints", "tolerance_m": 1.0, "tolerance_deg": 180.0})
-    places = a.places(RED, BLUE)
-    return a.ask(PICK_RED, places), places[RED]
+        return a.ask(PICK_RED, places), places[RED]
+
+    return sequence(tried, f"{shown.__name__}_with_keyframes_{keyframes['rule']}", f"Keyframes by {keyframes}.")
 
 
-@sequence
-def everything_at_rest(a):
-    """At a threshold of 1e9 rad/s every frame is at rest."""
-    a.teach_picks()
-    a.configure(keyframes={"rule": "merged", "delta_rad_s": 1e9})
-    places = a.places(RED, BLUE)
-    return a.ask(PICK_RED, places), places[RED]
+_with_keyframes(pick, rule="uniform", interval=10_000)
+_with_keyframes(pick, rule="waypoints", tolerance_m=1.0, tolerance_deg=180.0)
+_with_keyframes(press, rule="waypoints", tolerance_m=1.0, tolerance_deg=180.0)
+_with_keyframes(pick, rule="merged", delta_rad_s=1e9)
 
 
 @sequence
@@ -652,9 +609,8 @@ def _in_representation(name, prompt_format):
         places = a.places(RED, BLUE)
         return a.ask(PICK_RED, places, representation=name, prompt_format=prompt_format), places[RED]
 
-    tried.__name__ = f"representation_{name}_{prompt_format}"
-    tried.__doc__ = f"The yardstick copies rows in {name}, {prompt_format}: of another scene, if nothing holds them."
-    return sequence(tried)
+    what = f"The yardstick copies rows in {name}, {prompt_format}: of another scene, if nothing holds them."
+    return sequence(tried, f"representation_{name}_{prompt_format}", what)
 
 
 for _name, _format in (("absolute", "paper"), ("absolute", "authors"), ("action_tokens", "kat")):

@@ -12,14 +12,14 @@ from tests.episodes import pick_trajectory
 PLACES_M = {"crate": (0.1, 0.2, 0.78), "melon": (0.1, -0.2, 0.78)}
 CRATE, MELON = (ObjectPose(name, place_m) for name, place_m in PLACES_M.items())
 SCENE = Observation((CRATE, MELON))
-OPEN, PACK = "open the crate", "put the melon in the crate"
+OPEN, PICK = "open the crate", "pick up the melon"
 
 
 @pytest.fixture(scope="module")
 def client(url):
     with RoboPromptClient(url) as connected:
         connected.upload("open_crate", OPEN, pick_trajectory(PLACES_M["crate"]), Observation(CRATE))
-        connected.upload("pack_melon", PACK, pick_trajectory(PLACES_M["melon"]), SCENE)
+        connected.upload("pick_melon", PICK, pick_trajectory(PLACES_M["melon"]), SCENE)
         yield connected
 
 
@@ -39,13 +39,13 @@ class Robot:
 
 
 def test_a_sentence_is_carried_out_by_tasks_that_were_taught_apart(client):
-    assert client.plan("open the crate and put the melon in it", PLACES_M) == (
+    assert client.plan("open the crate and pick the melon up", PLACES_M) == (
         ("open_crate", OPEN),
-        ("pack_melon", PACK),
+        ("pick_melon", PICK),
     )
     robot = Robot()
-    steps = run_plan(client, robot, "put the melon in the crate after opening it", model="nearest")
-    assert [step.response["task"] for step in steps] == ["open_crate", "pack_melon"]
+    steps = run_plan(client, robot, "pick up the melon after opening the crate", model="nearest")
+    assert [step.response["task"] for step in steps] == ["open_crate", "pick_melon"]
     assert robot.moved == sum(len(step.actions) for step in steps) > 0
 
 

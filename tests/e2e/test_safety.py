@@ -27,6 +27,7 @@ PICK = "pick up the cube"
 DOWN = (1.0, 0.0, 0.0, 0.0)
 REGRESSION = {"model": "regression"}
 LLM = {"model": "embedded/gemma-3-270m"}
+LOW_BOX = {"min": [-0.3, -0.5, 0.6], "max": [0.7, 0.5, 0.85]}  # in which the cube stands, and no hand above it
 
 
 @pytest.fixture(scope="module")
@@ -114,12 +115,28 @@ def test_keep_out_boxes_and_turns(client, taught):
 @pytest.mark.parametrize("stream", [False, True])
 def test_rows_relative_to_an_object_cannot_leave_the_workspace(client, taught, stream):
     """The real LLM writes offsets that lead out of the task's box: nothing is clipped to its edge."""
-    client.configure_task(taught, workspace={"min": [-0.3, -0.5, 0.6], "max": [0.7, 0.5, 0.85]})
+    client.configure_task(taught, workspace=LOW_BOX)
     arm = Arm()
+    asked = {"representation": "object_frame", "unsupported": "allow", **LLM}
     with pytest.raises(ServiceProblemError, match=r"position\.z is 0\.8") as caught:
-        run_task(client, arm, taught, PICK, representation="object_frame", stream=stream, **LLM)
+        run_task(client, arm, taught, PICK, stream=stream, **asked)
     assert caught.value.problem["errors"][0]["field"] == "actions[0].position.z"
     assert arm.log == ["stop"]
+
+
+@pytest.mark.parametrize("asked", [LLM, {"model": "nearest"}])
+def test_a_scene_from_which_every_plan_leaves_the_workspace_is_refused_before_a_model_is_asked(client, taught, asked):
+    client.configure_task(taught, workspace=LOW_BOX)
+    before = client.get("/predictions", task=taught)["predictions"]
+    said = r"leads out of the workspace: in action 1 .*position\.z is 0\.8"
+    with pytest.raises(ServiceProblemError, match=said) as caught:
+        run_task(client, Arm(), taught, PICK, **asked)
+    assert (caught.value.status, caught.value.problem["title"]) == (
+        422,
+        "Every demonstrated plan leaves the workspace here",
+    )
+    assert caught.value.problem["errors"][0]["field"] == "objects[cube]"
+    assert client.get("/predictions", task=taught)["predictions"] == before
 
 
 def test_an_unsafe_action_in_the_middle_of_a_stream_stops_the_robot(client, taught):

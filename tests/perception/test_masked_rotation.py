@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -5,7 +7,7 @@ from scipy.spatial.transform import Rotation
 from app.perception.base import ObjectQuery
 from app.perception.masks import MaskedPoints
 from app.perception.models import MasksModel
-from app.pipeline.errors import UncertainPoseError
+from app.pipeline.errors import ObjectNotVisibleError, UncertainPoseError
 from app.pipeline.geometry import yaw_rad
 from tests.perception.solid_scene import FRONT, LEFT, Solid, cube, shoot
 
@@ -39,3 +41,13 @@ def test_what_has_no_yaw_is_refused():
         estimate([Solid("red", (0, 0, 0.02), 0, (0.07, 0.07, 0.04), round=True)], MasksModel(True))
     with pytest.raises(UncertainPoseError, match="too alike for a heading"):
         estimate([cube("red", 0, 0, 0.3)], MasksModel(True, 180))
+
+
+def test_an_object_with_few_masked_pixels_has_no_rotation_and_is_refused():
+    frame = shoot([cube("red", 0, 0.02, 0.5)], FRONT)
+    rows, columns = np.nonzero(frame.mask == 1)
+    mask = np.zeros_like(frame.mask)
+    mask[rows[:30], columns[:30]] = 1
+    query = ObjectQuery("thing", mask_ids=(1,), model=MasksModel(rotation=True))
+    with pytest.raises(ObjectNotVisibleError, match="fewer than 40 masked pixels have depth"):
+        MaskedPoints().estimate([query], [replace(frame, mask=mask)])

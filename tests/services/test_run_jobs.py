@@ -13,7 +13,7 @@ from app.store import episodes, jobs, tasks
 from app.store.errors import ConflictError, NotFoundError
 from app.store.store import Store
 from roboprompt_client.errors import InvalidInputError
-from tests.services.test_upload_episode import respond, upload
+from tests.services.test_upload_episode import jointless, respond, upload
 
 UNIFORM = {"keyframes": {"rule": "uniform", "interval": 10}}
 LEASE = timedelta(seconds=60)
@@ -89,8 +89,9 @@ def test_settings_that_change_nothing_extracted_need_no_job(services):
 
 
 def test_an_episode_that_cannot_be_extracted_fails_the_job_and_changes_nothing(services):
+    services.upload_episode(jointless(), respond)
     before = indices(services)
-    job = begin(services, {"keyframes": {"rule": "uniform", "interval": 10}, "pose_estimator": "masks"})
+    job = begin(services, {"keyframes": {"rule": "merged"}})
     assert services.run_jobs.run_next()
     failed = job_of(services, job)
     assert failed.status == "failed"

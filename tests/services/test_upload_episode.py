@@ -1,5 +1,7 @@
 import threading
+from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from app.perception.base import ObjectQuery
@@ -9,6 +11,7 @@ from app.services.teach.upload import Upload, UploadEpisode, content_digest
 from app.store import episodes, tasks
 from app.store.errors import ConflictError, NotFoundError
 from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.trajectory import Trajectory
 from tests.episodes import pick_trajectory
 
 PLACE_M = (0.1, 0.1, 0.78)
@@ -17,6 +20,13 @@ PLACE_M = (0.1, 0.1, 0.78)
 def upload(*names, place_m=PLACE_M, **more):
     episode = Episode("pick up the cube", pick_trajectory(place_m))
     return Upload("pick", episode, tuple(ObjectQuery(name, place_m) for name in names), {}, **more)
+
+
+def jointless():
+    """An upload of which no rule can tell where joints rest."""
+    moved = pick_trajectory(PLACE_M)
+    alone = Trajectory(np.zeros((len(moved), 0)), moved.positions_m, moved.quaternions_xyzw, moved.gripper_open)
+    return replace(upload("cube"), episode=Episode("pick up the cube", alone))
 
 
 def respond(record, settings):

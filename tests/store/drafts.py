@@ -1,7 +1,10 @@
 """Episodes and predictions for tests: small, different for every seed, the same every time."""
 
+from dataclasses import asdict
+
 import numpy as np
 
+from app.perception.base import ObjectQuery
 from app.store import episodes, predictions, tasks, trajectories
 from app.store.records import EpisodeDraft, EpisodeRecord, PredictionDraft, PredictionRecord
 from app.store.store import Store
@@ -55,7 +58,7 @@ def episode_draft(
         control_frequency_hz=20.0,
         keyframes=tuple(KeyframeRecord.of(index, recorded.action_at(index)) for index in (5, 12, 29)),
         objects=tuple(object_record(name, seed) for name in names),
-        given_objects=tuple({"name": name, "mask_ids": [98, 99]} for name in names),
+        given_objects=tuple({**asdict(ObjectQuery(name)), "mask_ids": [98, 99]} for name in names),
         cameras=cameras,
         extra={"operator": "Zoë", "seed": seed, "nested": [1, None, True]},
         num_frames=len(recorded),

@@ -95,3 +95,28 @@ def test_it_can_be_read_by_everyone(page, check_accessibility, scheme, width):
     page.goto("/ui/episodes?task=pick")
     check_accessibility(page)
     assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+
+
+def test_an_episode_is_corrected_left_out_and_found_again(page, http):
+    taught = teach(http, "corrected", PLACES_M[0])
+    page.goto(f"/ui/episodes/{taught['id']}")
+    page.get_by_text("Correct it…").click()
+    page.expected_refusals = [422]
+    page.get_by_label("Instruction").fill("pick up the spoon")
+    page.get_by_role("button", name="Save").click()
+    expect(page.locator("#corrected").get_by_role("alert")).to_contain_text("spoon")
+    page.get_by_label("Instruction").fill("lift the cube")
+    page.get_by_label("Leave it out of prompts").check()
+    page.get_by_label("Note, for people").fill("the cube slipped")
+    page.get_by_role("button", name="Save").click()
+    expect(page.get_by_role("heading", name="lift the cube")).to_be_visible()
+    expect(page.get_by_text("left out of prompts", exact=True)).to_be_visible()
+    page.goto("/ui/episodes?task=corrected")
+    expect(page.locator("#episodes")).to_contain_text("left out the cube slipped")
+    page.get_by_label("In prompts").select_option("shown")
+    page.get_by_role("button", name="Filter").click()
+    expect(page.get_by_text("No episode of corrected is shown in prompts.")).to_be_visible()
+    page.get_by_role("link", name="1 left out of prompts").click()
+    expect(page.locator("#episodes tbody tr")).to_have_count(1)
+    until_pictures_are_there(page)
+    http.delete(f"/episodes/{taught['id']}")

@@ -1,8 +1,15 @@
 """What the server says about the pages."""
 
+import asyncio
 import re
 
+import httpx
+import pytest
+from fastapi import FastAPI
+
+from app.web import page
 from app.web.page import PLOTLY_ADDRESS
+from app.web.routes import install_pages
 
 
 def test_pages_may_load_nothing_from_elsewhere(http):
@@ -24,3 +31,20 @@ def test_assets_are_kept_forever_and_plotly_is_served(http):
 
 def test_pages_are_no_part_of_the_api(http):
     assert not [path for path in http.get("/openapi.json").json()["paths"] if path.startswith("/ui") or path == "/"]
+
+
+@pytest.mark.parametrize(("built", "status", "said"), [(True, 200, "Welcome"), (False, 404, "make docs")])
+def test_guide_is_served_where_it_is_built(tmp_path, monkeypatch, built, status, said):
+    if built:
+        (tmp_path / "site").mkdir()
+        (tmp_path / "site/index.html").write_text("Welcome")
+    monkeypatch.setattr(page, "SITE", tmp_path / "site")
+    app = FastAPI()
+    install_pages(app)
+
+    async def get():
+        async with httpx.AsyncClient(transport=httpx.ASGITransport(app), base_url="http://test") as client:
+            return await client.get("/docs/guide/")
+
+    answer = asyncio.run(get())
+    assert (answer.status_code, said in answer.text) == (status, True)

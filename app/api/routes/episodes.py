@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import anyio.to_thread
 from fastapi import APIRouter, Query, Request, Response
+from fastapi import Body as FromBody
 from fastapi.responses import JSONResponse
 
 from app.api.body import Body, read_body
@@ -15,7 +16,7 @@ from app.api.documents import episode_document, metadata_document
 from app.api.image_work import decode_frames, image_work, split_images
 from app.api.openapi import body_of
 from app.api.routes import Cursor, IdempotencyKey, Limit, Wired, problems
-from app.api.schemas.requests import EpisodeJson, EpisodeMetadata
+from app.api.schemas.requests import EpisodeEdit, EpisodeJson, EpisodeMetadata
 from app.api.schemas.responses import EpisodeOut, EpisodePage, UploadedEpisodeOut, UploadOut
 from app.perception.images import as_image
 from app.pipeline.episode import Episode
@@ -23,6 +24,7 @@ from app.services.container import Services
 from app.services.limits import Limits
 from app.services.scene_images import stored_image
 from app.services.task_settings import TaskSettings
+from app.services.teach.edit import edit_episode
 from app.services.teach.remove import remove_episode
 from app.services.teach.upload import SCOPE, Upload, content_digest
 from app.store import episodes, idempotency, tasks, trajectories
@@ -84,7 +86,18 @@ def _read_upload(limits: Limits, body: Body, idempotency_key: str | None) -> Upl
     frames = decode_frames(metadata.cameras, images, limits.max_image_pixels)
     episode = Episode(metadata.instruction, trajectory, frames, metadata.control_frequency_hz, metadata.extra)
     objects = tuple(item.query() for item in metadata.objects)
-    return Upload(metadata.task, episode, objects, images, digest, idempotency_key, metadata.prediction_id)
+    return Upload(
+        metadata.task,
+        episode,
+        objects,
+        images,
+        digest,
+        idempotency_key,
+        metadata.prediction_id,
+        metadata.left_out,
+        metadata.note,
+        metadata.uploaded_instruction,
+    )
 
 
 def _from_json(document: JsonObject, max_frames: int) -> tuple[EpisodeMetadata, Trajectory]:
@@ -107,6 +120,7 @@ def _from_json(document: JsonObject, max_frames: int) -> tuple[EpisodeMetadata, 
 def list_episodes(
     services: Wired,
     task: Annotated[str | None, Query(max_length=64, description="only of this task")] = None,
+    left_out: Annotated[bool | None, Query(description="only those that are left out of prompts, or are not")] = None,
     limit: Limit = 50,
     cursor: Cursor = None,
 ) -> Response:
@@ -115,7 +129,7 @@ def list_episodes(
     with services.store.read() as connection:
         listed = tasks.list_all(connection) if task is None else [tasks.get(connection, task)]
         known = {record.name: TaskSettings.model_validate(record.settings) for record in listed}
-        page = episodes.list_page(connection, task, limit, cursor)
+        page = episodes.list_page(connection, task, limit, cursor, left_out=left_out)
     documents = [episode_document(record, known[record.task]) for record in page.items]
     return JSONResponse({"episodes": documents, "next_cursor": page.next_cursor})
 
@@ -145,6 +159,31 @@ def get_metadata(services: Wired, episode_id: str) -> Response:
     with services.store.read() as connection:
         record = episodes.get(connection, episode_id)
     return JSONResponse(metadata_document(record))
+
+
+@router.patch(
+    "/episodes/{episode_id}",
+    operation_id="edit_episode",
+    response_model=EpisodeOut,
+    responses=problems(
+        _404="no such episode",
+        _409="the task changed meanwhile, or a job extracts its episodes again",
+        _422="a value is not valid, the instruction names no object, or the episode cannot be extracted again",
+    ),
+)
+def edit(services: Wired, episode_id: str, body: Annotated[EpisodeEdit, FromBody()]) -> Response:
+    """Correct the instruction, leave the episode out of prompts or show it again, or note something about it.
+
+    What the upload said is kept as `uploaded_instruction`, and the audit log says who changed what. An episode that is
+    shown again is extracted as the task's present settings want it.
+    """
+    if body.instruction is not None:
+        services.limits.check_scene("", body.instruction, (), ())
+    record = edit_episode(services.store, episode_id, body.model_dump(exclude_none=True))
+    services.prefix_warmer.changed(record.task)
+    with services.store.read() as connection:
+        task = tasks.get(connection, record.task)
+    return JSONResponse(episode_document(record, TaskSettings.model_validate(task.settings)))
 
 
 @router.delete(

@@ -248,4 +248,5 @@ def _tried_document(tried: Tried) -> JsonObject:
 
 def _document(services: Services, record: TaskRecord) -> dict[str, object]:
     with services.store.read() as connection:
-        return task_document(record, episodes.number_of(connection, record.name))
+        number, unseen = episodes.number_of(connection, record.name), episodes.number_unseen(connection, record.name)
+    return task_document(record, number, unseen)

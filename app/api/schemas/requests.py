@@ -25,6 +25,8 @@ Pixels = Annotated[Number, Field(ge=-MAX_PX, le=MAX_PX)]
 Name = Annotated[str, Field(min_length=1, max_length=64)]
 MaskId = Annotated[int, WHOLE]
 Instruction = Annotated[str, Field(min_length=1, max_length=500)]
+Note = Annotated[str, Field(max_length=500), AfterValidator(plain_text)]
+LEFT_OUT = "whether it is kept, but shown in no prompt"
 
 
 class RequestModel(BaseModel):
@@ -114,6 +116,19 @@ class EpisodeMetadata(RequestModel):
         AfterValidator(_short_json),
         Field(description="kept with the episode, not interpreted; at most 64 kB"),
     ] = {}
+    left_out: Annotated[Truth, Field(description=LEFT_OUT)] = False
+    note: Annotated[Note, Field(description="for people")] = ""
+    uploaded_instruction: Annotated[
+        Instruction | None, Field(description="of an episode whose instruction was corrected elsewhere: the first one")
+    ] = None
+
+
+class EpisodeEdit(RequestModel):
+    """What to correct of an episode; what is not named, or null, stays."""
+
+    instruction: Instruction | None = None
+    left_out: Annotated[Truth | None, Field(description=LEFT_OUT)] = None
+    note: Annotated[Note | None, Field(description="for people; empty for none")] = None
 
 
 class TrajectoryIn(RequestModel):

@@ -65,6 +65,9 @@ class ListedEpisode(BaseModel):
     objects: list[ObjectOut]
     cameras: list[str]
     prediction_id: Annotated[str | None, Field(description="of the prediction that the robot carried out here")]
+    left_out: Annotated[bool, Field(description="kept, but shown in no prompt")]
+    note: str
+    uploaded_instruction: Annotated[str | None, Field(description="null unless the instruction was corrected since")]
     observation_text: str
     actions_text: str
     created_at: datetime
@@ -102,6 +105,7 @@ class TaskOut(TaskSettings):
     version: int
     object_names: list[str] | None
     num_episodes: int
+    note: Annotated[str, Field(description="what the settings do not reach; empty if nothing, and in lists")] = ""
 
 
 class TaskList(BaseModel):

@@ -4,7 +4,7 @@ Depth says where its faces are, the outline in the color image where its edges a
 settles the yaw. Iteratively reweighted least squares (Levenberg-Marquardt) from several yaws at once, with distances to
 many candidates at once.
 
-A candidate is a row ``x, y, z, yaw, sx, sy, sz``: centre in metres and yaw in radians in the world frame, full lengths
+A candidate is a row ``x, y, z, yaw, sx, sy, sz``: center in metres and yaw in radians in the world frame, full lengths
 in metres. B candidates, N points, M rays.
 """
 
@@ -156,10 +156,10 @@ def _starts(view: View, shape: Shape, size_m: Array, yaw_range_rad: float) -> Ar
     """Candidates (B, 7) behind the middle of what is seen."""
     away = view.points_m.mean(axis=0) - view.eye_m
     away[2] = 0
-    centre = view.points_m.mean(axis=0) + away / np.linalg.norm(away) * size_m[:2].mean() / 4
-    centre[2] = np.percentile(view.points_m[:, 2], 95) - size_m[2] / 2
+    center = view.points_m.mean(axis=0) + away / np.linalg.norm(away) * size_m[:2].mean() / 4
+    center[2] = np.percentile(view.points_m[:, 2], 95) - size_m[2] / 2
     yaws = [0.0] if shape == "cylinder" else np.arange(NUM_YAWS) / NUM_YAWS * yaw_range_rad
-    return np.array([[*centre, yaw, *size_m] for yaw in yaws])
+    return np.array([[*center, yaw, *size_m] for yaw in yaws])
 
 
 def _distinct(candidates: Array, yaw_range_rad: float) -> Array:

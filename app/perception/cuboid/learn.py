@@ -1,6 +1,6 @@
 """Object models of the estimator `cuboid`, learned from the first frames of demonstrations.
 
-Besides color, size and shape: the neighbour whose distance tells similar objects apart (`Rank`), and the neighbour that
+Besides color, size and shape: the neighbor whose distance tells similar objects apart (`Rank`), and the neighbor that
 an object's x axis points away from.
 """
 

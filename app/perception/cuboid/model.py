@@ -43,7 +43,7 @@ class ColorModel(Checked):
                 raise InvalidInputError(name, f"is {[low, high]}", "[least, greatest]")
 
 
-# Hues in degrees that English speakers give these names, as ranges that leave gaps between neighbours
+# Hues in degrees that English speakers give these names, as ranges that leave gaps between neighbors
 COLORS: Mapping[str, tuple[float, float]] = {
     "red": (345.0, 14.0),
     "orange": (18.0, 38.0),

@@ -12,10 +12,10 @@ from roboprompt_client.camera import Camera, RgbdFrame
 from roboprompt_client.flat_surface import DEPTH_SIGMA_AT_1_M
 
 DEPTH_SIGMA_FLOOR_M = 0.001
-INDEPENDENT_PIXELS = 12  # neighbouring depths err alike: so many count as one
+INDEPENDENT_PIXELS = 12  # neighboring depths err alike: so many count as one
 MAX_POINTS, MAX_RAYS = 150, 120
 MARGIN_PX = 16  # around the object, to see what it stands on
-PROBE_PX = 3  # how far outside of the outline its neighbour is looked at
+PROBE_PX = 3  # how far outside of the outline its neighbor is looked at
 BEHIND_M = 0.015  # what is farther than the object by this much is behind it
 GROUND_BIN_M = 0.004
 GROUND_NEAR_M = 0.012

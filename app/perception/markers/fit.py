@@ -17,7 +17,7 @@ from roboprompt_client.arrays import Array
 from roboprompt_client.camera import Camera
 from roboprompt_client.flat_surface import DEPTH_SIGMA_AT_1_M
 
-DEPTH_PATCH_PX = 25  # neighbouring pixels err alike: so many count as one measurement
+DEPTH_PATCH_PX = 25  # neighboring pixels err alike: so many count as one measurement
 OUTLIER_SIGMAS = 4.0
 UPRIGHT_SIGMA_RAD = np.radians(0.1)
 MAX_POINTS = 200  # a face's points beyond these are left out to save time; what is kept counts for all

@@ -33,7 +33,7 @@ CELL_MARGIN = 0.3
 ENLARGED_WINDOWS_PX = (7, 23)  # of the adaptive threshold: the two that find most, of OpenCV's three
 MAX_ENLARGED_PIXELS = 1_000_000  # a larger image shows enough as it is
 SIGMA_PX = 0.1  # of a corner: twice what noisy renderings show, for no lens is modelled exactly
-SMALL_SIGMA_PX = 0.35  # where a cell is one pixel wide, less where it is wider: neighbouring edges blur into each other
+SMALL_SIGMA_PX = 0.35  # where a cell is one pixel wide, less where it is wider: neighboring edges blur into each other
 FACE_SHARE = 0.75  # of a face's side, around its middle: depth at its edge mixes with what lies behind
 _CORNERS = np.array([[-0.5, 0.5, 0.0], [0.5, 0.5, 0.0], [0.5, -0.5, 0.0], [-0.5, -0.5, 0.0]])
 
@@ -79,8 +79,8 @@ def _lines(points: Array, weights: Array) -> Array:
     """The weighted least-squares lines (..., 3) through (..., N, 2) points."""
     shares = (weights / weights.sum(axis=-1, keepdims=True))[..., None]
     middle = (points * shares).sum(axis=-2)
-    centred = points - middle[..., None, :]
-    normal = np.linalg.eigh(np.swapaxes(centred * shares, -1, -2) @ centred)[1][..., 0]
+    centered = points - middle[..., None, :]
+    normal = np.linalg.eigh(np.swapaxes(centered * shares, -1, -2) @ centered)[1][..., 0]
     return np.concatenate([normal, -(normal * middle).sum(axis=-1, keepdims=True)], axis=-1)
 
 
@@ -133,7 +133,7 @@ def _enlarged(grey: GreyImage, dictionary: str) -> list[tuple[int, Array]]:
     options.adaptiveThreshWinSizeMin, options.adaptiveThreshWinSizeMax = ENLARGED_WINDOWS_PX
     options.adaptiveThreshWinSizeStep = ENLARGED_WINDOWS_PX[1] - ENLARGED_WINDOWS_PX[0]
     larger = np.asarray(cv2.resize(grey, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC), np.uint8)
-    # pixel centres are whole numbers: two small ones share the place of the larger one between them
+    # pixel centers are whole numbers: two small ones share the place of the larger one between them
     return [(id_, (corners_px + 0.5) / 2 - 0.5) for id_, corners_px in _detected(larger, dictionary, options)]
 
 

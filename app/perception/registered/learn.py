@@ -86,12 +86,17 @@ def learn(name: str, views: Sequence[LabelledView], symmetry_deg: float | None, 
         reasons = "; ".join(f"view {number}: {reason}" for number, reason in refused.items())
         raise ObjectModelError(name, f"no view shows it: {reasons or 'there is none'}", HELP_LABEL)
     roots = sorted(seen, key=lambda number: -len(seen[number].index))[:MAX_ROOTS]
-    best = max((_grown(name, seen, root, symmetry_deg) for root in roots), key=lambda item: len(item.merged))
+    # Arrows merge views of single sides, from which the axis of a symmetry is not known yet.
+    has_arrows = all(item.yaw_deg is not None for item in seen.values())
+    merged_deg = None if has_arrows and symmetry_deg else symmetry_deg
+    best = max((_grown(name, seen, root, merged_deg) for root in roots), key=lambda item: len(item.merged))
     if len(views) > 1 and len(best.merged) == 1:
         reasons = "; ".join(f"view {number}: {reason}" for number, reason in {**best.refused, **refused}.items())
         remedy = "views that show the same side, with a yaw each; the object rigid and upright in all of them"
         raise ObjectModelError(name, f"none of the {len(views)} views fits another: {reasons}", remedy)
     root = seen[best.merged[0]]
+    if merged_deg != symmetry_deg:
+        best = replace(best, template=completed(name, replace(best.template, yaw_symmetry_deg=symmetry_deg)))
     if symmetry_deg and not _looks_alike_turned(root, symmetry_deg):
         message = f"turned by {symmetry_deg:g} degrees it looks otherwise"
         raise ObjectModelError(name, message, 'symmetric: "none"')

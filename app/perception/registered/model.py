@@ -78,3 +78,8 @@ class RegisteredModel(ObjectModel):
     left_out: Annotated[tuple[LeftOutView, ...], Field(max_length=100)] = ()
     num_points: Annotated[int, Field(ge=0), WHOLE] = 0
     min_confidence: Confidence = MIN_CONFIDENCE
+
+    @property
+    def yaw_symmetry_deg(self) -> float | None:
+        """The turn about z that leaves pose and looks unchanged: 0 any, None none."""
+        return yaw_symmetry_deg(self.symmetric)

@@ -6,6 +6,7 @@ from dataclasses import replace
 from app.pipeline.check.causes import find_causes
 from app.pipeline.check.left_out import left_out, median_off, variation
 from app.pipeline.check.report import EpisodeCheck, Off, PlanCheck, RowCheck, TaskCheck
+from app.pipeline.check.symmetry import symmetry_findings
 from app.pipeline.keyframes import manner_of
 from app.pipeline.plans import (
     Demonstration,
@@ -34,7 +35,7 @@ def check_demonstrations(recordings: Sequence[Recording]) -> TaskCheck:
     plans = tuple(_plan_check(group, of_id, shown=group[0].id in shown) for group in groups)
     rule = recordings[0].rule
     findings, unlike_ids = find_causes(plans, rule)
-    return TaskCheck(rule.rule, plans, findings, unlike_ids)
+    return TaskCheck(rule.rule, plans, (*findings, *symmetry_findings(recordings)), unlike_ids)
 
 
 def demonstrated(recordings: Sequence[Recording]) -> tuple[Demonstration, ...]:

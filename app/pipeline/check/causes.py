@@ -12,6 +12,7 @@ from app.pipeline.check.report import EpisodeCheck, PlanCheck, RowCheck
 from app.pipeline.check.rule_causes import many_rows, missed_path, mixed_recordings, path_left, recorded_otherwise
 from app.pipeline.findings import SEVERITIES, Finding
 from app.pipeline.keyframes import KeyframeRule
+from app.pipeline.plans.rows import BEYOND_NOISE_M
 
 MIN_JUDGED = 3  # demonstrations of a plan, from which on its rows are judged
 UNEXPLAINED_M = 0.06  # rotation included
@@ -38,7 +39,9 @@ def row_cause(plan: PlanCheck, number: int, rule: KeyframeRule) -> Finding | Non
         return None
     unexplained = _unexplained(plan, rule)
     explained = [row for k, row in enumerate(plan.rows) if k not in unexplained]
-    noisy = {name: row for name, row in _closest(explained).items() if row.error is not None and row.error.m >= NOISY_M}
+    noisy = {name: row for name, row in _closest(explained).items() if _error_m(row) >= NOISY_M}
+    if any(_error_m(row) >= BEYOND_NOISE_M for row in noisy.values()):
+        return _beyond_noise(noisy, number)
     if noisy and len(explained) > len(unexplained):
         return _noisy_poses(noisy, number)
     return _follows_no_object(plan, unexplained, number) if unexplained else None
@@ -96,6 +99,17 @@ def _noisy_poses(noisy: dict[str, RowCheck], number: int) -> Finding:
     )
     numbers = {"scatter_cm": round(100 * error.m, 2), "scatter_deg": round(error.deg, 1)}
     return Finding("noisy-poses", "warning", message, f"plans[{number}]", numbers)
+
+
+def _beyond_noise(noisy: dict[str, RowCheck], number: int) -> Finding:
+    name = max(noisy, key=lambda name: _error_m(noisy[name]))
+    message = (
+        f"Even where the hand keeps closest to {name} demonstrations are {100 * _error_m(noisy[name]):.1f} cm off where"
+        " the others predict them: no noise of poses is as large. They take other objects, or these in another order:"
+        " demonstrate it in one way, or name what decides in the instruction."
+    )
+    numbers = {"scatter_cm": round(100 * _error_m(noisy[name]), 2)}
+    return Finding("no-common-plan", "warning", message, f"plans[{number}]", numbers)
 
 
 def _follows_no_object(plan: PlanCheck, places: Sequence[int], number: int) -> Finding:

@@ -10,11 +10,12 @@ from app.pipeline.findings.actions import ShownWays
 from app.pipeline.findings.arrangement import FEWEST, rigid_pairs
 from app.pipeline.findings.elsewhere import PLACE_WORDS, elsewhere_findings
 from app.pipeline.findings.hand import RecordedHand
-from app.pipeline.findings.implausible import hand_findings
+from app.pipeline.findings.implausible import dropping_findings, hand_findings
 from app.pipeline.findings.missed import Kept
 from app.pipeline.findings.places import ShownScenes
 from app.pipeline.findings.rules import CONTRADICTING, PATH_LEFT, PATH_NOT_KEPT, SEVERAL_WAYS
 from app.pipeline.findings.scatter import scatter_findings
+from app.pipeline.findings.sources import Compared
 from app.pipeline.findings.turns import turning_findings
 from app.pipeline.order.order import Order
 from app.pipeline.plans import Group, by_plan, is_decided, shown_together, usual_ways
@@ -35,6 +36,7 @@ class Taught:
         round_objects: whose yaw the task says means nothing, or little.
         moves: whether objects may be anywhere between what was demonstrated, as at a later step of a closed loop: then
             scenes and ways are not known.
+        compared: poses of their objects that were given, and found in images as well.
     """
 
     demonstrations: tuple[Demonstration, ...]
@@ -42,6 +44,7 @@ class Taught:
     hands: tuple[RecordedHand, ...] = ()
     round_objects: frozenset[str] = frozenset()
     moves: bool = False
+    compared: tuple[Compared, ...] = ()
 
     @cached_property
     def usual(self) -> tuple[Demonstration, ...]:
@@ -117,7 +120,9 @@ class Taught:
         form = asked.form if asked.form in self._alike else ""
         if (known := self._known.get((form, asked.objects))) is None:
             scattered = scatter_findings(self.support, asked, self.round_objects)
-            findings = (*self._of_forms(form), *scattered, *turning_findings(self.support, asked))
+            strung = len(asked.clauses) > 1 and not form
+            dropped = dropping_findings(self.hands) if strung else ()
+            findings = (*self._of_forms(form), *scattered, *turning_findings(self.support, asked), *dropped)
             known = self._known[form, asked.objects] = _Asked(findings, _followed(self.support, asked))
         return known
 

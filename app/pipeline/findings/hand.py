@@ -1,5 +1,6 @@
 """What the recorded hand did, as far as doubts need more of a recording than its keyframes."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -14,6 +15,8 @@ from roboprompt_client import quaternions
 from roboprompt_client.arrays import Array
 from roboprompt_client.trajectory import Trajectory
 
+AT_OBJECT_M = 0.12  # a hand that closes or opens within this of an object's origin does so at the object
+NEARER_M = 0.01  # a hand that comes nearer by this is still on its way to the object
 HELD_M = 0.10  # an object as near to the first pose of the hand may be in it
 
 
@@ -22,17 +25,25 @@ class Act(NamedTuple):
 
     Attributes:
         opens: otherwise it closes.
-        near: the object that is nearest to the hand there.
-        away_m: its distance.
-        later_m: the least distance from that object until the gripper switches again, or the recording ends.
+        away_m: by name, how far the objects are from the hand there.
+        later_m: the least distance from the nearest of them until the gripper switches again, or the recording ends.
         moved_m: how far the hand is from there when that happens; 10 degrees count as 1 cm.
     """
 
     opens: bool
-    near: str
-    away_m: float
+    away_m: Mapping[str, float]
     later_m: float
     moved_m: float
+
+    @property
+    def nearest_m(self) -> float:
+        """The distance of the nearest object."""
+        return min(self.away_m.values())
+
+    @property
+    def approaches(self) -> bool:
+        """Whether the hand is on its way to the nearest object, not at it."""
+        return self.later_m < self.nearest_m - NEARER_M
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +57,7 @@ class RecordedHand:
         start_m, end_m: (3,) where it is at first and at last.
         end_speed_m_s: at the last frame.
         nearest_m: the least distance from any object.
-        may_hold: whether an object is so near to its first pose that it may be held from the start.
+        may_hold: the objects so near to its first pose that it may hold them from the start.
     """
 
     kept: Kept
@@ -56,7 +67,15 @@ class RecordedHand:
     end_m: Array
     end_speed_m_s: float
     nearest_m: float
-    may_hold: bool
+    may_hold: frozenset[str]
+
+    @property
+    def ends_holding(self) -> bool:
+        """Whether it closed on an object at last; a fist that then comes nearer to the object closed on nothing."""
+        if not self.acts or self.acts[-1].opens:
+            return False
+        act = self.acts[-1]
+        return act.nearest_m < AT_OBJECT_M and not act.approaches
 
     @classmethod
     def of(cls, motion: Motion, shown: Demonstration, kept: Kept) -> "RecordedHand":
@@ -73,7 +92,7 @@ class RecordedHand:
             trajectory.positions_m[-1],
             float(motion.hand_speeds_m_s[-1]),
             float(away_m.min()),
-            bool(away_m[0].min() < HELD_M),
+            frozenset(pose.name for pose, far_m in zip(shown.objects, away_m[0], strict=True) if far_m < HELD_M),
         )
 
 
@@ -91,8 +110,7 @@ def _act(trajectory: Trajectory, switch: Switch, end: int, shown: Demonstration,
     turn_rad = quaternions.angle_between_rad(before, after)
     return Act(
         switch.opens,
-        shown.objects[place].name,
-        float(away_m[frame, place]),
+        dict(zip((pose.name for pose in shown.objects), away_m[frame].tolist(), strict=True)),
         float(away_m[frame : end + 1, place].min()),
         float(np.linalg.norm(way_m)) + M_PER_RAD * turn_rad,
     )

@@ -3,6 +3,7 @@
 A gripper that is said to be open where it is closed, a motion that runs backwards in time, recordings that break off.
 """
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
@@ -10,19 +11,16 @@ import numpy as np
 from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding
 from app.pipeline.findings.elsewhere import role_of
-from app.pipeline.findings.hand import RecordedHand
-from app.pipeline.findings.rules import BACKWARDS, BROKEN_OFF, FAR_FROM_ALL, IMPLAUSIBLE_GRIPPER, Rule
+from app.pipeline.findings.hand import AT_OBJECT_M, RecordedHand
+from app.pipeline.findings.rules import BACKWARDS, BROKEN_OFF, DROPS, FAR_FROM_ALL, IMPLAUSIBLE_GRIPPER, Rule
 from roboprompt_client import quaternions
 from roboprompt_client.arrays import Array
 
 # The first words of verbs, see `app.pipeline.order.verbs`
 PRESSING = frozenset({"push", "press", "tap", "hit", "poke", "click", "depress"})
-TAKING = frozenset(
-    {"pick", "grasp", "grab", "grip", "take", "lift", "get", "remove", "destack", "unstack", "unplug", "disconnect"}
-)
+TAKING = frozenset({"pick", "grasp", "grab", "grip", "take", "lift", "get", "remove", "destack", "unstack"})
 PUTTING = frozenset({"put", "place", "position", "set", "lay", "stack", "pile", "insert", "hang"})
-AT_OBJECT_M = 0.12  # a hand that closes or opens within this of an object's origin does so at the object
-NEARER_M = 0.01  # a hand that comes nearer by this is still on its way to the object
+DIRECT_OBJECT = re.compile(r"(?P<verb>\w+)( (up|down|off|away))? ((the|a|an) )?<0>")
 CARRIES_M = 0.05
 MOVES_M_S = 0.05
 ACTED_M = 0.08  # a hand that comes no nearer to any object has not acted yet
@@ -34,7 +32,12 @@ UNHELD = (
     " is what the hand holds from the start not among the objects?"
 )
 PRESSES_OPEN = "the hand opens, and never closes again, to press something: is gripper_open inverted?"
-TAKES_NOTHING = "the gripper is open all the time, though the instruction says to take something."
+TAKES_NOTHING = "the gripper closes on nothing, though the instruction says to take something."
+TAKES_ANOTHER = "the hand closes far from what the instruction says to take, and near another object."
+ONLY_OPENS = (
+    "the hand opens at what the instruction says to take, and closes elsewhere or never: is gripper_open inverted, or"
+    " does the recording run backwards?"
+)
 KEEPS_HOLD = "the hand closes and never opens again, though the instruction says to put something down."
 CUT_OFF = "the hand is still on its way in the last frame: record until it has done everything and rests."
 
@@ -51,9 +54,7 @@ def hand_findings(alike: Sequence[Demonstration], hands: Sequence[RecordedHand])
     for rule, fault in dict.fromkeys(item for item in found if item is not None):
         number = sum(item is not None and item[1] == fault for item in found)
         yield from _finding(rule, f"In {number} of {len(alike)} recordings {fault}", number / len(alike))
-    far_m = float(
-        np.median([_acts_away_m(demonstration, hand) for demonstration, hand in zip(alike, hands, strict=True)])
-    )
+    far_m = float(np.median([_acts_away_m(item, hand) for item, hand in zip(alike, hands, strict=True)]))
     if FAR_FROM_ALL.severity(far_m) is not None:
         message = (
             f"Where it should act, the hand is {100 * far_m:.0f} cm from the nearest object in most recordings: are"
@@ -63,9 +64,21 @@ def hand_findings(alike: Sequence[Demonstration], hands: Sequence[RecordedHand])
     yield from _backwards(alike, hands)
 
 
+def dropping_findings(hands: Sequence[RecordedHand]) -> Iterator[Finding]:
+    """Of demonstrations that are to be done one after the other: the hand ends with something, and starts open.
+
+    Args:
+        hands: of those that are strung together.
+    """
+    holding = sum(hand.ends_holding and hand.starts_open for hand in hands)
+    if 2 * holding > len(hands):
+        message = "Demonstrations end with something in the hand: it falls when the next part begins with open fingers."
+        yield DROPS.finding(message, "instruction")
+
+
 def _acts_away_m(demonstration: Demonstration, hand: RecordedHand) -> float:
     """From the nearest object where the hand closes to take something; without that, where it comes nearest to one."""
-    closed_m = [act.away_m for act in hand.acts if not act.opens]
+    closed_m = [act.nearest_m for act in hand.acts if not act.opens]
     takes = demonstration.order.clauses[0].verb in TAKING | PUTTING and hand.starts_open and closed_m
     return closed_m[0] if takes else hand.nearest_m
 
@@ -78,21 +91,35 @@ def _finding(rule: Rule, message: str, share: float) -> Iterator[Finding]:
 def _fault(demonstration: Demonstration, hand: RecordedHand) -> tuple[Rule, str] | None:
     """The first thing that is implausible in one recording, in words."""
     verb = demonstration.order.clauses[0].verb
-    closed = next((k for k, act in enumerate(hand.acts) if not act.opens), None)
-    lets_go = closed is not None and any(act.opens for act in hand.acts[closed:])
-    at_object = closed is not None and hand.acts[closed].away_m < AT_OBJECT_M
-    if _opens_unheld(hand):
-        return IMPLAUSIBLE_GRIPPER, UNHELD
-    if verb in PRESSING and hand.acts and closed is None and not hand.may_hold:
-        return IMPLAUSIBLE_GRIPPER, PRESSES_OPEN
-    if verb in TAKING | PUTTING and hand.starts_open and closed is None:
-        return IMPLAUSIBLE_GRIPPER, TAKES_NOTHING
-    if verb in PUTTING and at_object and not lets_go:
+    if (fault := _gripper_fault(demonstration, hand)) is not None:
+        return IMPLAUSIBLE_GRIPPER, fault
+    if verb in PUTTING and hand.ends_holding and not any(act.opens for act in hand.acts):
         return BROKEN_OFF, KEEPS_HOLD
-    carries = at_object and not lets_go and verb not in TAKING
-    if hand.end_speed_m_s > MOVES_M_S and (carries or hand.nearest_m > ACTED_M):
-        return BROKEN_OFF, CUT_OFF
-    return None
+    carries = hand.ends_holding and verb not in TAKING
+    moves = hand.end_speed_m_s > MOVES_M_S
+    return (BROKEN_OFF, CUT_OFF) if moves and (carries or hand.nearest_m > ACTED_M) else None
+
+
+def _gripper_fault(demonstration: Demonstration, hand: RecordedHand) -> str | None:
+    verb, taken = demonstration.order.clauses[0].verb, _taken(demonstration)
+    closings = [act for act in hand.acts if not act.opens]
+    if _opens_unheld(hand):
+        return UNHELD
+    if verb in PRESSING and hand.acts and not closings and not hand.may_hold:
+        return PRESSES_OPEN
+    if verb in TAKING | PUTTING and not hand.acts:
+        return TAKES_NOTHING
+    if taken is None or taken in hand.may_hold or any(act.away_m[taken] < AT_OBJECT_M for act in closings):
+        return None
+    if any(act.away_m[taken] < AT_OBJECT_M for act in hand.acts):
+        return ONLY_OPENS
+    return TAKES_ANOTHER if closings and closings[0].nearest_m < AT_OBJECT_M else None
+
+
+def _taken(demonstration: Demonstration) -> str | None:
+    """The object that the instruction says to take, where it follows right upon such a verb."""
+    found = DIRECT_OBJECT.match(demonstration.order.clauses[0].form)
+    return demonstration.order.clauses[0].objects[0] if found and found["verb"] in TAKING | PUTTING else None
 
 
 def _opens_unheld(hand: RecordedHand) -> bool:
@@ -100,7 +127,7 @@ def _opens_unheld(hand: RecordedHand) -> bool:
     if not hand.acts or not hand.acts[0].opens or hand.may_hold:
         return False
     act = hand.acts[0]
-    return act.away_m < AT_OBJECT_M and act.later_m > act.away_m - NEARER_M and act.moved_m > CARRIES_M
+    return act.nearest_m < AT_OBJECT_M and not act.approaches and act.moved_m > CARRIES_M
 
 
 def _backwards(alike: Sequence[Demonstration], hands: Sequence[RecordedHand]) -> Iterator[Finding]:

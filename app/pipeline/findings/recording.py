@@ -6,6 +6,7 @@ import numpy as np
 
 from app.pipeline.episode import stretches
 from app.pipeline.findings import Finding
+from app.pipeline.findings.sources import Compared
 from app.pipeline.keyframes import Keyframe, KeyframeRule, Motion, manner_of
 from app.pipeline.keyframes.rule import MAX_KEYFRAMES
 from roboprompt_client.errors import InvalidInputError
@@ -51,6 +52,19 @@ def recording_findings(motion: Motion, keyframes: Sequence[Keyframe], rule: Keyf
         *_rule(motion, keyframes, rule),
         *_keyframes(keyframes),
     )
+
+
+def compared_findings(compared: Sequence[Compared]) -> Iterator[Finding]:
+    """Objects of a recording whose given poses are not those that its images show, which is what prompts have."""
+    for item in compared:
+        if not item.agrees:
+            message = (
+                f"The pose that was given of {item.given.name} is {100 * item.off_m:.1f} cm and {item.off_deg:.0f}"
+                f" degrees from the one that its images show ({item.found.estimator}), which is the one that counts."
+            )
+            numbers = {"off_m": item.off_m, "off_deg": item.off_deg}
+            where = f"objects[{item.given.name}].position"
+            yield Finding("given-pose-unlike-images", "warning", message, where, numbers)
 
 
 def _jumps(motion: Motion) -> Iterator[Finding]:

@@ -74,6 +74,13 @@ NEW_ROLE = Rule(
 )
 
 UNCERTAIN_POSE = Rule("uncertain-pose", "1 below a confidence of 0.7, else 0", info=0.0, warning=1.0)
+OTHER_SOURCE = Rule(
+    "poses-of-another-source",
+    "0 where a pose was given for found ones and nothing compares them, else 1",
+    warning=0.0,
+    danger=1.0,
+    source="docs/guide/poses.md",
+)
 ONE_PLACE = Rule("objects-in-one-place", danger=ALWAYS)
 TILTED = Rule("object-tilted", "beyond every demonstration", "degrees", danger=20.0)
 HEIGHT = Rule("object-at-another-height", "above or below every demonstration", "m", warning=0.011, danger=0.018)
@@ -120,6 +127,7 @@ PATH_LEFT = Rule("path-not-kept", "from the recorded way where the hand does not
 IMPLAUSIBLE_GRIPPER = Rule("implausible-gripper", "share of the recordings", danger=0.34)
 BROKEN_OFF = Rule("broken-off", "share of the recordings", warning=0.01, danger=0.34)
 BACKWARDS = Rule("backwards-in-time", danger=ALWAYS)
+DROPS = Rule("drops-what-it-holds", danger=ALWAYS)
 FAR_FROM_ALL = Rule("acts-far-from-objects", "from the nearest object", "m", warning=0.10, danger=0.15)
 BESIDE = Rule("beside-the-object", "from the object's vertical axis", "m", danger=0.05)
 W_FIRST = Rule("w-first", "of the hand's rotations from their mean", "degrees", danger=6.0)
@@ -137,6 +145,7 @@ RULES = (
     NEW_INSTRUCTION,
     NEW_ROLE,
     UNCERTAIN_POSE,
+    OTHER_SOURCE,
     ONE_PLACE,
     TILTED,
     HEIGHT,
@@ -162,6 +171,7 @@ RULES = (
     IMPLAUSIBLE_GRIPPER,
     BROKEN_OFF,
     BACKWARDS,
+    DROPS,
     FAR_FROM_ALL,
     BESIDE,
     W_FIRST,

@@ -47,13 +47,13 @@ def scatter_findings(support: Support, asked: Order, round_objects: frozenset[st
         return
     scattered = [item for item in acting if item[2].scatter_m > SCATTER_M]
     if scattered:
-        order, k, row = max(scattered, key=lambda item: item[2].centre_off_m)
+        order, k, row = max(scattered, key=lambda item: item[2].center_off_m)
         message = (
             f"{len(row.off_m)} demonstrations scatter by {100 * row.scatter_m:.1f} cm where the hand acts (action"
             f" {k + 1}, seen from {_seen_from(row, order, asked)}), and their centre may be"
-            f" {100 * row.centre_off_m:.1f} cm off: poses are noisy, or what it follows is not among the objects."
+            f" {100 * row.center_off_m:.1f} cm off: poses are noisy, or what it follows is not among the objects."
         )
-        yield SCATTERED.finding(message, f"actions[{k}]", _numbers(row), value=row.centre_off_m)
+        yield SCATTERED.finding(message, f"actions[{k}]", _numbers(row), value=row.center_off_m)
 
 
 def _on_a_circle(row: PlanRow, round_objects: frozenset[str]) -> bool:
@@ -71,4 +71,4 @@ def _seen_from(row: PlanRow, shown: Order, asked: Order) -> str:
 
 
 def _numbers(row: PlanRow) -> dict[str, float]:
-    return {"scatter_m": row.scatter_m, "way_off_m": row.way_off_m, "centre_off_m": row.centre_off_m}
+    return {"scatter_m": row.scatter_m, "way_off_m": row.way_off_m, "center_off_m": row.center_off_m}

@@ -29,6 +29,8 @@ ALONG_DEG, ACROSS_DEG = 25.0, 60.0
 MAX_CAMERA_M = 20.0  # from the hand
 NEAR_OBJECT_M = 0.3  # the farthest in recordings that were right: 0.07 m, to a door's hinge
 FEW_FRAMES = 5
+MAX_TRACK_M = 0.1  # between an object's pose and its track at the first frame: many times what estimators err
+MIN_OPENING_M = 0.003
 UNITS_PER_M = {"millimetres": 1000.0, "centimetres": 100.0}
 
 
@@ -43,6 +45,8 @@ def check_recording_units(motion: Motion, objects: Sequence[ObjectPose], cameras
         InvalidInputError: naming the field and what the numbers probably are.
     """
     _check_positions(motion.trajectory.positions_m, objects, cameras)
+    _check_tracks(motion.trajectory, objects)
+    _check_fingers(motion.trajectory)
     _check_joints(motion)
     _check_objects_order(objects)
     _check_approaches(motion)
@@ -101,6 +105,26 @@ def _check_positions(positions_m: Array, objects: Sequence[ObjectPose], cameras:
         if away_m > MAX_CAMERA_M:
             message = f"puts the camera {away_m:.4g} from the hand: likely {_likely(away_m)}"
             raise InvalidInputError(f"cameras[{camera.name}].camera_to_world", message, "a translation in metres")
+
+
+def _check_tracks(trajectory: Trajectory, objects: Sequence[ObjectPose]) -> None:
+    if trajectory.num_objects != len(objects):
+        return
+    for pose, tracked in zip(objects, trajectory.objects_at(0, [pose.name for pose in objects]), strict=True):
+        away_m = float(np.linalg.norm(tracked.position_m - pose.position_m))
+        if away_m > MAX_TRACK_M:
+            message = f"starts {away_m:.2f} m from objects[{pose.name}].position: another order, or another frame"
+            raise InvalidInputError("trajectory.object_positions", message, "(T, N, 3), in the order of objects")
+
+
+def _check_fingers(trajectory: Trajectory) -> None:
+    is_open, widths_m = trajectory.gripper_open, trajectory.gripper_width_m
+    if widths_m is None or is_open.all() or not is_open.any():
+        return
+    open_m, closed_m = float(np.median(widths_m[is_open])), float(np.median(widths_m[~is_open]))
+    if open_m < closed_m - MIN_OPENING_M:
+        message = f"is true where the fingers are {open_m:.3f} m apart, and false where they are {closed_m:.3f} m apart"
+        raise InvalidInputError("trajectory.gripper_open", message, "true where gripper_width is large")
 
 
 def _likely(extent: float) -> str:

@@ -225,6 +225,8 @@ class ClauseParser:
         """One object or several: "the red, the blue and the green button"."""
         if self._of_steps and not forbidden and self.text(at) in vocabulary.QUANTIFIERS:
             yield from self._each(at)
+        if self._of_steps and self.text(at) == "them":
+            yield (NounPhrase(at, at + 1, None, "taught", plural=True),), at + 1
         both = self.text(at) == "both"
         for phrases, end in self._listed(at + both, forbidden):
             singular = all(not phrase.plural for phrase in phrases[:-1])

@@ -22,7 +22,7 @@ class NounPhrase(NamedTuple):
     """The words from `start` to `end` stand for `name`.
 
     Attributes:
-        name: the object; None for "it", and for what stands for no object in a clause that forbids something.
+        name: the object; None for "it" and "them", and for what is no object in a clause that forbids something.
         by: how it was found, one of `descriptions.MEANS`.
         plural: whether it stands for several, of which it may name the last: "the red and the blue buttons".
         with_noun: whether it has a noun, unlike "the red" in that.

@@ -75,7 +75,7 @@ class PlanRow:
         return float(np.sort(self.off_m)[-1 - int(WAY_SHARE * len(self.off_m))])
 
     @property
-    def centre_off_m(self) -> float:
+    def center_off_m(self) -> float:
         """How far the centre is likely to be from that of very many demonstrations."""
         return self.scatter_m / math.sqrt(len(self.off_m))
 

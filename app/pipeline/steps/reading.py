@@ -25,7 +25,7 @@ from app.pipeline.steps.several import (
     is_unclear_what_is_forbidden,
     order_of,
     picked_up_to_put,
-    with_object,
+    with_objects,
     without_excepted,
 )
 from app.pipeline.steps.skill import Scene, Step
@@ -59,9 +59,13 @@ def read_steps(instruction: str, scene: Scene, layout: Layout | None, others: st
     if len(found) == 1 and len(found[0]) <= MAX_STEPS:
         return found[0]
     error = reader.refusal(found)
-    taught = ((skill.task, skill.taught.instructions) for skill in scene.skills)
-    valid = [f"{task}: {', '.join(map(repr, texts[:MAX_LISTED]))}" for task, texts in taught]
+    valid = [f"{skill.task}: {_listed(skill.taught.instructions)}" for skill in scene.skills]
     raise type(error)(FIELD, error.message, "; ".join([*valid, others] if others else valid))
+
+
+def _listed(texts: Sequence[str]) -> str:
+    more = f" and {len(texts) - MAX_LISTED} more" if texts[MAX_LISTED:] else ""
+    return ", ".join(map(repr, texts[:MAX_LISTED])) + more
 
 
 class _Reader:
@@ -132,33 +136,38 @@ class _Reader:
         for place, unit in enumerate(units):
             clause = unit.clause
             if any(phrase.name is None for phrase in clause.phrases):
-                meant = self._antecedent(clause, found[-1]) if found and unit.own_verb else None
-                if meant is None:
-                    self._miss(place, unit, "does not say for certain what 'it' is")
+                meant = self._antecedent(clause, found[-1]) if found and unit.own_verb else ()
+                if not meant:
+                    self._miss(place, unit, "does not say for certain what 'it' or 'them' is")
                     return ()
-                clause = with_object(clause, meant)
+                clause = with_objects(clause, meant)
             if counted(clause)[1] > 1 and unit.joined == {"and"} and any(is_akin(clause, other) for other in found):
                 self._miss(place, unit, "does not say what is done so often: all that is said, or only this")
                 return ()
             found.append(clause)
         return tuple(found)
 
-    def _antecedent(self, clause: ParsedClause, before: ParsedClause) -> NounPhrase | None:
+    def _antecedent(self, clause: ParsedClause, before: ParsedClause) -> Sequence[NounPhrase]:
         """What "it" stands for: the one object of the clause before, or what "it" was there in the same role.
 
-        Of a thing and the place that it was put in, the place is opened and closed if the thing cannot be.
+        Of a thing and the place that it was put in, the place is opened and closed if the thing cannot be. "Them" are
+        the several objects of that clause's verb.
         """
         own = {phrase.name for phrase in clause.phrases}
-        pronouns = [role for role, phrases in clause.roles for phrase in phrases if phrase.name is None]
-        if len(pronouns) != 1:
-            return None
+        pronouns = {role: phrase for role, phrases in clause.roles for phrase in phrases if phrase.name is None}
+        if len(pronouns) != 1 or any(len(clause.objects_in(role)) > 1 for role in pronouns):
+            return ()  # "put it in it", "press it and the left button"
+        ((at, pronoun),) = pronouns.items()
+        if pronoun.plural:
+            group = before.objects_in(DIRECT)
+            return group if at == DIRECT and len(group) > 1 else ()
         found = {role: phrases[0] for role, phrases in before.roles if len(phrases) == 1 and phrases[0].name not in own}
-        if len(found) > 1 and clause.verb in CONTAINING and pronouns == [DIRECT]:
-            found = {role: phrase for role, phrase in found.items() if self._choices(with_object(clause, phrase))}
+        if len(found) > 1 and clause.verb in CONTAINING and at == DIRECT:
+            found = {role: phrase for role, phrase in found.items() if self._choices(with_objects(clause, [phrase]))}
             found = {} if DIRECT in found else found
-        elif (same := found.get(pronouns[0])) is not None and same.by == IT:
-            found = {pronouns[0]: same}
-        return next(iter(found.values())) if len(found) == 1 else None
+        elif (same := found.get(at)) is not None and same.by == IT:
+            found = {at: same}
+        return tuple(found.values()) if len(found) == 1 else ()
 
     def _choices(self, clause: ParsedClause) -> list[tuple[Step, ...]]:
         """What a clause may ask for: several where tasks or words leave it open, nothing where no task does it."""

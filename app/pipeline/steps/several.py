@@ -20,11 +20,11 @@ TIMES: dict[tuple[str, ...], int] = {
 TIMES_WORDS = frozenset(word for words in TIMES for word in words)
 
 
-def with_object(clause: ParsedClause, meant: NounPhrase) -> ParsedClause:
-    """The clause with an object instead of "it"."""
-    it = meant._replace(by=IT)
+def with_objects(clause: ParsedClause, meant: Sequence[NounPhrase]) -> ParsedClause:
+    """The clause with objects instead of the one pronoun that it has."""
+    they = tuple(phrase._replace(by=IT) for phrase in meant)
     roles = tuple(
-        (role, tuple(it if phrase.name is None else phrase for phrase in phrases)) for role, phrases in clause.roles
+        (role, they if any(phrase.name is None for phrase in phrases) else phrases) for role, phrases in clause.roles
     )
     return replace(clause, roles=roles)
 

@@ -19,9 +19,11 @@ from app.pipeline.findings.rules import (
     Rule,
 )
 from app.pipeline.findings.scene import scene_findings, strangers
+from app.pipeline.findings.sources import source_findings
 from app.pipeline.order.order import Order
 from app.services.predict.prefix import Prefix
 from app.store.records import PredictionStatus
+from roboprompt_client.trajectory import ObjectPose
 
 LISTED = 3  # instructions that a sentence names
 FAILURES: Mapping[PredictionStatus, tuple[Rule, str, str]] = {
@@ -40,8 +42,15 @@ def findings_before(prefix: Prefix, taught: Taught, seen: Query, order: Order) -
         seen: what is asked of the objects as they were observed.
         order: the instruction as it is understood.
     """
-    scene = scene_findings(seen, taught.scenes, taught.followed(order), taught.needed)
-    return (*_words(order, prefix), *taught.findings(order), *scene)
+    followed = taught.followed(order)
+    scene = scene_findings(seen, taught.scenes, followed, taught.needed)
+    sources = source_findings(_that_matter(seen, followed), taught.demonstrations, taught.compared)
+    return (*_words(order, prefix), *sources, *taught.findings(order), *scene)
+
+
+def _that_matter(seen: Query, followed: frozenset[str]) -> tuple[ObjectPose, ...]:
+    """The objects that the motion follows; all where that is not known."""
+    return tuple(pose for pose in seen.objects if pose.name in followed or not followed)
 
 
 def failure_findings(status: PredictionStatus, error: str | None) -> tuple[Finding, ...]:

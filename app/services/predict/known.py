@@ -13,6 +13,7 @@ from app.pipeline.plans import agreeing
 from app.pipeline.plans.choice import PlanChoice, PlanChooser
 from app.pipeline.prompt import check_object_names
 from app.services.cache import Cache
+from app.services.errors import NoDemonstrationsError
 from app.services.measures import timed
 from app.services.pose_servers import PoseServers
 from app.services.predict.closed_loop import PreviousStep, previous_step
@@ -23,13 +24,15 @@ from app.services.predict.select import (
     Demonstrations,
     DemonstrationSelector,
     TaskState,
+    read_compared,
     read_demonstrations,
     read_hands,
 )
 from app.services.task_settings import TaskSettings
-from app.store import tasks
+from app.store import episodes, tasks
 from app.store.records import TaskRecord
 from app.store.store import Store
+from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.motion_limits import Pose
 
 MAX_PREFIXES = 256  # that are kept
@@ -148,10 +151,14 @@ class KnownReader:
         """All demonstrations of the task, whichever the request names; of very many those that lie farthest apart.
 
         Those that a program names may be of one way by chance: the service cannot know that a person chose them.
+
+        Raises:
+            NoDemonstrationsError: if there is none, or all are left out.
         """
 
         def make() -> Taught:
-            ids = self._select(connection, task, "diverse", MAX_HELD_AGAINST, 0, ())
+            if not (ids := self._select(connection, task, "diverse", MAX_HELD_AGAINST, 0, ())):
+                raise NoDemonstrationsError(task.name)
             recorded = self._read(connection, task, settings, ids).recorded
             hands = read_hands(connection, task.name, recorded, settings)
             if not style.from_start:
@@ -162,6 +169,7 @@ class KnownReader:
                 hands,
                 frozenset(settings.yaw_symmetry_deg),
                 moves=style.closed_loop,
+                compared=read_compared(connection, task.name, ids, settings),
             )
 
         key = (task.name, task.created_at, task.version, style.from_start, style.closed_loop)
@@ -213,6 +221,7 @@ class KnownReader:
         if previous is not None:
             return previous.demonstration_ids
         if options.episode_ids is not None:
+            _refuse_left_out(connection, options.episode_ids)
             return options.episode_ids
         number = options.num_demonstrations or settings.num_demonstrations
         return self._select(connection, task, options.selection, number, options.seed, scene.objects)
@@ -258,6 +267,19 @@ class KnownReader:
             return make_prefix(found.only(set(task.object_names or ()).difference(asked.absent)), settings, style)
 
         return self._prefixes.get(key, make)
+
+
+def _refuse_left_out(connection: Connection, ids: Sequence[str]) -> None:
+    """Refuse episodes that no prompt is to show.
+
+    Raises:
+        InvalidInputError: naming the first.
+    """
+    left_out = episodes.left_out_of(connection, ids)
+    for number, id_ in enumerate(ids):
+        if id_ in left_out:
+            remedy = f'others, or PATCH /episodes/{id_} with {{"left_out": false}}'
+            raise InvalidInputError(f"episode_ids[{number}]", f"{id_} is left out of prompts", remedy)
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,6 +20,7 @@ from app.services.predict.instruction import ground_instruction
 from app.services.predict.known import Known
 from app.services.predict.prefix import Prefix, PromptStyle
 from app.services.predict.request import MAX_ACTIONS_ASKED, PredictRequest
+from app.services.predict.within_bounds import require_within_workspace
 from app.services.task_settings import TaskSettings
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.motion_limits import Pose
@@ -81,6 +82,7 @@ def write_question(request: PredictRequest, instruction: str, known: Known, limi
 
     Raises:
         UngroundedInstructionError, UnfamiliarInstructionError: if the instruction is not clear.
+        SceneOutOfBoundsError: if every demonstrated plan leaves the workspace here.
         ConflictError: if a closed loop's demonstrations have changed since its last step.
         InvalidInputError: if the prompt is too long, an object lacks a rotation that demonstrations have, or the parts
             of the instruction take more actions than the request allows.
@@ -97,6 +99,8 @@ def write_question(request: PredictRequest, instruction: str, known: Known, limi
     seen, objects, support = Query(grounded.text, observed, start=start), template.posed(observed), prefix.support
     parts = tuple(Query(part, objects, start=start) for part in template.codec.questions(grounded))
     plans = {} if support is None else {part.instruction: support.placed(part) for part in parts}
+    if request.options.unsupported == "refuse":
+        require_within_workspace(plans.values(), known.settings.limits_of_motion())
     _check_number([plans.get(part.instruction) for part in parts], request.options.max_actions)
     question = Question(
         request=request.without_frames(),

@@ -13,9 +13,11 @@ from typing import Literal
 import numpy as np
 from sqlalchemy import Connection
 
+from app.perception.base import ObjectQuery
 from app.pipeline.episode import Demonstration
 from app.pipeline.findings.hand import RecordedHand
 from app.pipeline.findings.missed import kept
+from app.pipeline.findings.sources import Compared
 from app.pipeline.plans import Recording, agreeing, aligned_by_plan, shown_together
 from app.services.cache import Cache
 from app.services.predict.request import Selection
@@ -97,7 +99,7 @@ def read_scenes(connection: Connection, task: str) -> Scenes:
     stored = episodes.scenes(connection, task)
     names = in_all([[item.name for item in scene.objects] for scene in stored])
     places_m = [{item.name: item.position_m for item in scene.objects} for scene in stored]
-    positions_m = np.array([[place[name] for name in names] for place in places_m]).reshape(-1, len(names), 3)
+    positions_m = np.array([[place[name] for name in names] for place in places_m]).reshape(len(stored), len(names), 3)
     return Scenes(tuple(scene.id for scene in stored), names, positions_m)
 
 
@@ -220,6 +222,19 @@ def demonstrations_of(
     if not all_of_them:
         recorded = shown_together(recorded)
     return Demonstrations(agreeing(recorded), recorded)
+
+
+def read_compared(
+    connection: Connection, task: str, ids: Sequence[str], settings: TaskSettings
+) -> tuple[Compared, ...]:
+    """The poses of the episodes' objects that came with images in which the objects were then found."""
+    return tuple(
+        pair
+        for record in episodes.by_ids(connection, task, ids).values()
+        for pair in settings.compared(
+            map(ObjectQuery.from_json, record.given_objects), [item.pose() for item in record.objects]
+        )
+    )
 
 
 def read_hands(

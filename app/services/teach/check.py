@@ -116,7 +116,7 @@ class CheckTask:
         with self._store.read() as connection:
             records = episodes.demonstrations(connection, task.name, MAX_CHECKED)
             trajectories = get_trajectories(connection, [record.id for record in records])
-            num_episodes = episodes.number_of(connection, task.name)
+            num_episodes = episodes.number_of(connection, task.name, left_out=False)
         if not records:
             raise NoDemonstrationsError(task.name)
         recordings = recordings_of(records, trajectories, settings)

@@ -46,12 +46,14 @@ class ConfigureTask:
         with self._store.read() as connection:
             records = episodes.all_of(connection, name) if "workspace" in changes or new.reads_unlike(old) else ()
         extractions = extract_all_again(self._store, records, new) if new.reads_unlike(old) else []
-        settings = with_room(new, extractions or records, changes).model_dump(mode="json")
+        read: Sequence[Shown] = extractions or records
+        shown = [item for item, record in zip(read, records, strict=True) if not record.left_out]
+        settings = with_room(new, shown, changes).model_dump(mode="json")
         with self._store.write() as connection:
             # An episode that came in since would keep what the old settings made of it.
             tasks.require_version(connection, name, before.version)
             if extractions:
-                _require_no_job(connection, name)
+                require_no_job(connection, name)
                 episodes.replace_extractions(connection, name, before.version, extractions)
             task = tasks.update_settings(connection, name, settings)
             record_limits(connection, name, old.model_dump(mode="json"), settings)
@@ -118,7 +120,12 @@ def _named(settings: JsonObject, change: Mapping[str, Any]) -> JsonObject:
     return {key: settings[key] for key in change}
 
 
-def _require_no_job(connection: Connection, name: str) -> None:
+def require_no_job(connection: Connection, name: str) -> None:
+    """Refuse what would meet a job that extracts the task's episodes again.
+
+    Raises:
+        ConflictError: if there is one.
+    """
     if jobs.has_open(connection, name):
         raise ConflictError(f"a job extracts the episodes of {name!r} again: wait for its end, see GET /jobs")
 

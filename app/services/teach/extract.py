@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from app.perception.base import ObjectQuery
 from app.perception.registry import estimate_poses
 from app.pipeline.findings import Finding
-from app.pipeline.findings.recording import recording_findings
+from app.pipeline.findings.recording import compared_findings, recording_findings
 from app.pipeline.findings.units import unit_findings
 from app.pipeline.keyframes import Motion, find_keyframes
 from app.services.scene_images import read_frame
@@ -60,7 +60,9 @@ def extract(
         message = f"no keyframe in {len(trajectory)} frames by rule {rule.rule!r}"
         raise InvalidInputError("trajectory", message, "an episode in which the robot moves and then rests")
     settings.check_models(names)
-    poses = estimate_poses(settings.pose_estimator, with_templates(settings.with_models(objects), blobs), frames)
+    queries = with_templates(settings.with_models(objects), blobs)
+    has_rgbd = any(frame.rgb is not None and frame.depth_m is not None for frame in frames)
+    poses = estimate_poses(settings.pose_estimator, queries, frames, given_first=not has_rgbd)
     sent = [query.name for query in objects]
     keyframes = tuple(
         KeyframeRecord.of(
@@ -70,7 +72,8 @@ def extract(
         )
         for frame, gripper_open in found
     )
-    findings = (*unit_findings(trajectory, poses), *recording_findings(motion, found, rule))
+    compared = compared_findings(settings.compared(objects, poses))
+    findings = (*unit_findings(trajectory, poses), *compared, *recording_findings(motion, found, rule))
     return Extracted(keyframes, tuple(ObjectRecord.of(pose) for pose in _ordered(poses, names)), findings)
 
 
@@ -98,5 +101,14 @@ def extract_again(store: Store, record: EpisodeRecord, settings: TaskSettings) -
 
 
 def extract_all_again(store: Store, records: Sequence[EpisodeRecord], settings: TaskSettings) -> list[Extraction]:
-    """Several stored episodes, each as by `extract_again`."""
-    return [extract_again(store, record, settings) for record in records]
+    """Several stored episodes, each as by `extract_again`; one that is left out stays as it is if that fails."""
+    return [_again_or_as_it_is(store, record, settings) for record in records]
+
+
+def _again_or_as_it_is(store: Store, record: EpisodeRecord, settings: TaskSettings) -> Extraction:
+    try:
+        return extract_again(store, record, settings)
+    except InvalidInputError:
+        if not record.left_out:
+            raise
+        return Extraction(record.id, record.keyframes, record.objects)

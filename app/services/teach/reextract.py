@@ -120,7 +120,8 @@ class RunJobs:
             settings = self._settings(job, task.settings)
             jobs.finish(connection, job, settings.model_dump(mode="json"))
             records = episodes.all_of(connection, job.task) if settings.workspace.preset == "auto" else ()
-            after = with_room(settings, records, job.changes).model_dump(mode="json")
+            shown = [record for record in records if not record.left_out]
+            after = with_room(settings, shown, job.changes).model_dump(mode="json")
             tasks.update_settings(connection, job.task, after)
             before = TaskSettings.model_validate(task.settings).model_dump(mode="json")
             record_limits(connection, job.task, before, after, actor=f"job {job.id}")

@@ -1,9 +1,9 @@
 """The workspace of a task whose preset is `auto`: what its present demonstrations span, with a margin.
 
-Of the first three demonstrations one that is far from both others counts for nothing. A later upload may make an edge
-at most twice as long as the first three made it. One that reaches farther is stored and reported, but moves no bound
-until somebody who may configure the task sets the workspace, e.g. to `auto` again, which takes all demonstrations as
-they are.
+An upload may make an edge at most twice as long as the first three demonstrations made it. One that reaches farther is
+stored and reported, but moves no bound until somebody who may configure the task sets the workspace, e.g. to `auto`
+again, which takes all demonstrations as they are. Where the first two are so far apart, the third tells which one is
+the odd one.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -58,10 +58,9 @@ def uploaded(settings: TaskSettings, episode: Shown, first: Sequence[Shown]) -> 
     """The settings after an upload.
 
     Args:
-        first: at most `FIRST` demonstrations that came before it. With the upload that makes them `FIRST` it is known
-            which one of them is far from both others.
+        first: at most `FIRST` demonstrations that came before it.
     """
-    if len(first) == FIRST - 1:
+    if len(first) == FIRST - 1 and not all(_holds(settings.workspace, shown) for shown in first):
         return spanned(settings, _without_odd_one((*first, episode)))
     return widened(settings, episode, first)
 
@@ -106,7 +105,7 @@ def _box(episodes: Iterable[Shown]) -> WorkspaceSettings:
 
 
 def _jumps(settings: TaskSettings, box: WorkspaceSettings, first: Sequence[Shown]) -> bool:
-    if len(first) < FIRST or box == settings.workspace:
+    if not first or box == settings.workspace:
         return False
     usual_m = _edges_m(remaining(settings, first).workspace)
     return bool((_edges_m(box) > np.maximum(MAX_GROWTH * usual_m, _edges_m(settings.workspace)) + 1e-9).any())

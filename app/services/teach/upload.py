@@ -44,6 +44,7 @@ class Upload:
     Attributes:
         images: per camera of `episode.frames`, by name.
         prediction_id: of the prediction that the robot carried out in this episode.
+        left_out, note, uploaded_instruction: see `EpisodeFields`; of an episode that was edited elsewhere.
         digest: of the request's content; a repeated `idempotency_key` must come with the same.
     """
 
@@ -54,6 +55,9 @@ class Upload:
     digest: str = ""
     idempotency_key: str | None = None
     prediction_id: str | None = None
+    left_out: bool = False
+    note: str = ""
+    uploaded_instruction: str | None = None
 
     def __post_init__(self) -> None:
         checked_name("task", self.task)
@@ -93,7 +97,8 @@ class _Attempt:
     ) -> tuple[JsonObject, JsonObject]:
         """What becomes of a task with these settings and first demonstrations: its settings, and the answer."""
         settings = TaskSettings.model_validate(settings_before).with_joints_of(self.upload.episode.trajectory)
-        settings = uploaded(settings, self.extracted, first)
+        if not self.upload.left_out:
+            settings = uploaded(settings, self.extracted, first)
         found = (*room_findings(settings, self.extracted, first), *self.extracted.findings)
         findings = [item.to_json() for item in found]
         return settings.model_dump(mode="json"), {**self.respond(self.draft, settings), "findings": findings}
@@ -243,6 +248,9 @@ def _draft(upload: Upload, extracted: Extracted, cameras: tuple[CameraRecord, ..
         cameras=cameras,
         extra=dict(upload.episode.extra),
         prediction_id=upload.prediction_id,
+        left_out=upload.left_out,
+        note=upload.note,
+        uploaded_instruction=upload.uploaded_instruction,
         num_frames=len(upload.episode.trajectory),
         trajectory=trajectories.pack(upload.episode.trajectory),
     )

@@ -196,7 +196,8 @@ def _texts(services: Services, recording: _Recording) -> tuple[tuple[EpisodeText
     if record.id in ids:
         where = f"Demonstration {ids.index(record.id) + 1} of the first {len(ids)}, {usually}."
     else:
-        where = f"Not among the first {len(ids)} demonstrations, {usually}; so it would be read after them."
+        out = "Left out of prompts; shown here as it would be read after them. " if record.left_out else ""
+        where = f"{out}Not among the first {len(ids)} demonstrations, {usually}; so it would be read after them."
         prompted += (
             DemonstrationRecord(
                 record.id, record.instruction, record.objects, record.keyframes, record.control_frequency_hz

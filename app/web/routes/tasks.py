@@ -5,7 +5,7 @@ drop; the scripts of that page send what they find to POST /episodes.
 """
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Literal
 
 from fastapi import APIRouter, Query, Request
 from starlette.responses import FileResponse, Response
@@ -112,6 +112,7 @@ def episodes_page(
     services: Wired,
     task: Annotated[str, Query(max_length=64)] = "",
     containing: Annotated[str, Query(alias="q", max_length=500)] = "",
+    prompts: Literal["", "shown", "left-out"] = "",
     cursor: Cursor = None,
 ) -> Response:
     """Episodes, newest first, of a task or of all."""
@@ -119,7 +120,9 @@ def episodes_page(
         counts = tasks.counts(connection)
         of_models = tasks.counts(connection, YARDSTICKS)
         chosen = tasks.get(connection, task) if task else None
-        page = episodes.list_page(connection, task or None, PAGE_SIZE, cursor, containing)
+        left_out = None if not prompts else prompts == "left-out"
+        page = episodes.list_page(connection, task or None, PAGE_SIZE, cursor, containing, left_out)
+        num_left_out = episodes.number_of(connection, task, left_out=True) if task else 0
     return render(
         request,
         "episodes.html",
@@ -131,6 +134,8 @@ def episodes_page(
         of_models=of_models[task] if task else TaskCounts(),
         task=task,
         containing=containing,
+        prompts=prompts,
+        num_left_out=num_left_out,
         first=cursor is None,
     )
 

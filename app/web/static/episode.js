@@ -132,6 +132,19 @@ byId("delete").addEventListener("click", async () => {
   }
 });
 
+byId("correct").addEventListener("submit", async (event) => {
+  event.preventDefault();
+  const { instruction, left_out, note } = event.target.elements;
+  const json = { instruction: instruction.value, left_out: left_out.checked, note: note.value };
+  say(byId("corrected"), "busy", "Saving…");
+  try {
+    await call(`/episodes/${episode}`, { method: "PATCH", json });
+    location.reload();
+  } catch (error) {
+    sayProblem(byId("corrected"), error);
+  }
+});
+
 /** Say why an image cannot be shown. */
 async function explain(image) {
   try {

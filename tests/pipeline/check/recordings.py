@@ -120,3 +120,13 @@ def moved_as(item, other):
 
 def with_trajectory(item, **changes):
     return replace(item, motion=Motion.of(replace(item.motion.trajectory, **changes), HZ))
+
+
+def grasped_from(item, side_deg, yaw_deg):
+    """The same with the cube at a yaw, and a hand that is turned with it and by `side_deg` more."""
+    cube, *others = item.demonstration.objects
+    turned = replace(cube, quaternion_xyzw=Rotation.from_euler("z", yaw_deg, degrees=True).as_quat())
+    hand = Rotation.from_euler("z", yaw_deg + side_deg, degrees=True) * DOWN
+    quaternions_xyzw = np.tile(hand.as_quat(), (len(item.motion), 1))
+    shown = replace(item.demonstration, objects=(turned, *others))
+    return with_trajectory(replace(item, demonstration=shown), quaternions_xyzw=quaternions_xyzw)

@@ -4,7 +4,7 @@ import pytest
 
 from app.pipeline.check import check_demonstrations
 from app.pipeline.keyframes import KeyframeRule
-from tests.pipeline.check.recordings import moved_as, recorded, released, shifted, slipped
+from tests.pipeline.check.recordings import grasped_from, moved_as, recorded, released, shifted, slipped
 
 MERGED = KeyframeRule("merged")
 
@@ -148,3 +148,31 @@ def test_instructions_are_judged_apart():
 
 def _renamed(recordings):
     return [replace(r, demonstration=replace(r.demonstration, id=f"other-{r.demonstration.id}")) for r in recordings]
+
+
+@pytest.mark.parametrize(
+    ("sides_deg", "symmetry_deg"),
+    [
+        ((0, 90, 180, 270), 90),
+        ((0, 180), 180),
+        ((0, 5, -5, 8), None),
+        ((0, 45, 90, 135), None),  # any side: nothing is the same
+        ((0,) * 9 + (180,), None),  # one is a slip
+    ],
+)
+def test_a_symmetry_that_grasps_show_is_suggested_with_its_number(sides_deg, symmetry_deg):
+    recordings = [
+        grasped_from(item, sides_deg[k % len(sides_deg)] + 3 * (-1) ** k, 20 * k) for k, item in enumerate(recorded(10))
+    ]
+    found = [f for f in check_demonstrations(recordings).findings if f.code == "object-may-be-symmetric"]
+    assert [(f.where, f.numbers["symmetry_deg"]) for f in found] == (
+        [] if symmetry_deg is None else [("yaw_symmetry_deg[cube]", symmetry_deg)]
+    )
+
+
+def test_what_no_noise_explains_is_not_called_noise():
+    """Half of the demonstrations act 20 cm beside the object."""
+    recordings = [shifted(item, (0.0, 0.2 * (k % 3), 0.0)) for k, item in enumerate(recorded(9))]
+    found = codes(check_demonstrations(recordings))
+    assert "noisy-poses" not in found
+    assert {"no-common-plan", "row-follows-no-object"} & set(found)

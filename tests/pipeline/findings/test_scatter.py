@@ -45,7 +45,7 @@ def test_many_demonstrations_do_not_make_up_for_what_no_noise_does():
     narrow, wide = shown(0.06, number=5), shown(0.1, number=40)
     (finding,) = found(narrow, wide)
     assert finding.severity == "danger"
-    assert finding.numbers["centre_off_m"] < found(narrow)[0].numbers["centre_off_m"]
+    assert finding.numbers["center_off_m"] < found(narrow)[0].numbers["center_off_m"]
 
 
 def test_an_empty_hand_that_closes_on_the_way_says_nothing():

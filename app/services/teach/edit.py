@@ -1,0 +1,72 @@
+"""Correct an episode: its instruction, whether prompts show it, and what people note about it."""
+
+from collections.abc import Mapping
+from contextlib import suppress
+from typing import Any
+
+import numpy as np
+
+from app.pipeline.errors import UnfamiliarInstructionError
+from app.pipeline.order.reading import read
+from app.pipeline.order.space import Layout
+from app.pipeline.order.taught import Taught
+from app.services.predict.instruction import is_english
+from app.services.task_settings import TaskSettings
+from app.services.teach.configure import record_limits, require_no_job
+from app.services.teach.extract import extract_again
+from app.services.teach.room import FIRST, remaining, uploaded
+from app.store import episodes, tasks
+from app.store.records import EpisodeRecord
+from app.store.store import Store
+from roboprompt_client.wording import checked_instruction
+
+
+def edit_episode(store: Store, episode_id: str, changes: Mapping[str, Any]) -> EpisodeRecord:
+    """Change `instruction`, `left_out` or `note` of an episode.
+
+    An episode that prompts show again is extracted again, as the task's settings may have changed, and a workspace
+    `auto` is what the shown ones span.
+
+    Raises:
+        NotFoundError: if there is none of that id.
+        InvalidInputError: if the instruction names no object of the task, or the episode cannot be extracted again.
+        ConflictError: if the task changed meanwhile, or a job extracts its episodes again.
+    """
+    with store.read() as connection:
+        record = episodes.get(connection, episode_id)
+        task = tasks.get(connection, record.task)
+        taught = episodes.instructions(connection, record.task)
+    settings = TaskSettings.model_validate(task.settings)
+    if "instruction" in changes:
+        changes = {**changes, "instruction": checked_instruction("instruction", changes["instruction"])}
+        _check_objects(changes["instruction"], record, settings, taught)
+    left_out = changes.get("left_out", record.left_out)
+    again = [extract_again(store, record, settings)] if record.left_out and not left_out else []
+    with store.write() as connection:
+        if left_out == record.left_out:
+            return episodes.edit(connection, record, changes)
+        tasks.require_version(connection, task.name, task.version)
+        if again:
+            require_no_job(connection, task.name)
+            episodes.replace_extractions(connection, task.name, task.version, again)
+            first = episodes.demonstrations(connection, task.name, FIRST)
+        edited = episodes.edit(connection, record, changes)
+        if settings.workspace.preset == "auto":
+            shown = episodes.demonstrations(connection, task.name)
+            after = uploaded(settings, again[0], first) if again else remaining(settings, shown)
+            tasks.update_settings(connection, task.name, after.model_dump(mode="json"))
+            record_limits(connection, task.name, task.settings, after.model_dump(mode="json"))
+        return episodes.get(connection, edited.id)
+
+
+def _check_objects(instruction: str, record: EpisodeRecord, settings: TaskSettings, taught: tuple[str, ...]) -> None:
+    """Refuse words that stand for no object of the task, or for several.
+
+    Raises:
+        UngroundedInstructionError: saying which.
+    """
+    names = [item.name for item in record.objects]
+    words = Taught(names, settings.aliases, (*taught, record.instruction), is_english)
+    places_m = {item.name: np.array(item.position_m) for item in record.objects}
+    with suppress(UnfamiliarInstructionError):  # other words than before are why it is corrected
+        read(instruction, words, Layout(places_m, np.array(settings.robot_base)))

@@ -1,0 +1,133 @@
+"""Recordings that all agree and are all wrong: what hands cannot do is found, right recordings have no doubt."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from app.pipeline.findings.demonstrations import Taught
+from app.pipeline.findings.hand import RecordedHand
+from app.pipeline.findings.missed import kept
+from app.pipeline.keyframes import Motion
+from app.pipeline.order.order import Order
+from app.pipeline.plans import aligned_by_plan
+from tests.pipeline.plans.taught import recording
+from tests.pipeline.recordings import ScriptedMotion
+from tests.pipeline.scenes import pose
+
+RATE_HZ = 20
+HOME_M = (0.1, 0.0, 1.1)
+PUT = "put the red cube on the plate"
+
+
+def put(seed, words=PUT, aside_m=(0.0, 0.0, 0.0), starts_open=True):
+    """From home the hand takes the cube, which it turns with, puts it on the plate, and goes up."""
+    random = np.random.default_rng(seed)
+    cube_m, plate_m = (
+        random.uniform((-0.2, 0.1, 0.78), (0.3, 0.35, 0.78)),
+        random.uniform((-0.2, -0.35, 0.78), (0.3, -0.1, 0.78)),
+    )
+    yaw_deg = float(random.uniform(-40, 40))
+    at_cube_m, on_plate_m = cube_m + aside_m, plate_m + aside_m + (0, 0, 0.05)
+    up_m = np.array([0.0, 0.0, 0.12])
+    places_m = [HOME_M, at_cube_m + up_m, at_cube_m, at_cube_m + up_m, on_plate_m + up_m, on_plate_m, on_plate_m + up_m]
+    knots = tuple((2.0 * k + rest_s, place_m) for k, place_m in enumerate(places_m) for rest_s in (0.0, 0.5))
+    motion = ScriptedMotion(
+        knots,
+        turns=((0.0, 0.0), (2.0, yaw_deg), (14.0, yaw_deg)),
+        switches=(4.2, 10.2),
+        starts_open=starts_open,
+        rest_s=0.5,
+    )
+    return recording(motion, (pose("red cube", cube_m, yaw_deg), pose("plate", plate_m, yaw_deg)), instruction=words)
+
+
+def changed(item, **arrays):
+    return replace(item, motion=Motion.of(replace(item.motion.trajectory, **arrays), RATE_HZ))
+
+
+def inverted(item):
+    return changed(item, gripper_open=~item.motion.trajectory.gripper_open)
+
+
+def always(state):
+    return lambda item: changed(item, gripper_open=np.full(len(item.motion), state))
+
+
+def frames(kept_frames):
+    def change(item):
+        given = item.motion.trajectory
+        names = ("joint_velocities_rad_s", "positions_m", "quaternions_xyzw", "gripper_open")
+        cut = type(given)(*(getattr(given, name)[kept_frames] for name in names))
+        return replace(item, motion=Motion.of(cut, RATE_HZ))
+
+    return change
+
+
+def w_first(item):
+    return changed(item, quaternions_xyzw=np.roll(item.motion.trajectory.quaternions_xyzw, 1, axis=1))
+
+
+def dangers(recordings, asked=None):
+    demonstrations = tuple(replace(item, start=None) for item in aligned_by_plan(recordings))
+    hands = tuple(
+        RecordedHand.of(r.motion, d, kept(r.motion, d.actions, 0.1))
+        for r, d in zip(recordings, demonstrations, strict=True)
+    )
+    order = demonstrations[0].order if asked is None else Order(asked, ("red cube", "plate"))
+    findings = Taught(demonstrations, hands=hands).findings(order)
+    return {finding.code for finding in findings if finding.severity == "danger"}
+
+
+@pytest.mark.parametrize("number", [1, 4, 10])
+@pytest.mark.parametrize("words", [PUT, "take the red cube", "do it"])
+def test_right_recordings_have_no_danger(words, number):
+    assert dangers([put(seed, words) for seed in range(number)]) == set()
+
+
+@pytest.mark.parametrize(
+    ("fault", "words", "number", "code"),
+    [
+        (inverted, PUT, 10, "implausible-gripper"),
+        (inverted, "do it", 10, "implausible-gripper"),
+        (inverted, PUT, 1, "implausible-gripper"),
+        (always(True), PUT, 10, "implausible-gripper"),
+        (always(False), "take the red cube", 10, "implausible-gripper"),
+        (frames(slice(None, None, -1)), "do it", 10, "backwards-in-time"),
+        (frames(slice(None, None, -1)), PUT, 2, "implausible-gripper"),
+        (frames(slice(0, 170)), PUT, 10, "broken-off"),
+        (frames(slice(0, 105)), "do it", 10, "broken-off"),
+        (w_first, PUT, 10, "w-first"),
+    ],
+)
+def test_a_fault_of_all_recordings_is_a_danger(fault, words, number, code):
+    assert code in dangers([fault(put(seed, words)) for seed in range(number)])
+
+
+@pytest.mark.parametrize(
+    ("aside_m", "code"), [((0.1, 0.0, 0.0), "beside-the-object"), ((0.0, 0.0, 0.3), "acts-far-from-objects")]
+)
+def test_a_hand_in_another_frame_than_the_objects(aside_m, code):
+    assert code in dangers([put(seed, aside_m=aside_m) for seed in range(10)])
+
+
+def test_words_that_take_another_object_than_the_hand():
+    assert "implausible-gripper" in dangers([put(seed, "take the plate") for seed in range(3)])
+
+
+def test_what_is_held_from_the_start_may_be_released():
+    def placed(seed):
+        item = inverted(frames(slice(160, None))(inverted(put(seed))))
+        start_m = item.motion.trajectory.positions_m[0]
+        held, plate = item.demonstration.objects
+        return replace(
+            item, demonstration=replace(item.demonstration, objects=(replace(held, position_m=start_m), plate))
+        )
+
+    assert dangers([placed(seed) for seed in range(6)]) == set()
+
+
+def test_what_one_part_leaves_in_the_hand_falls_in_the_next():
+    picks = [frames(slice(0, 160))(put(seed, "take the red cube")) for seed in range(4)]
+    assert dangers(picks) == set()
+    assert dangers(picks, "take the red cube, then take the plate") == {"drops-what-it-holds"}
