@@ -143,17 +143,22 @@ def seeing_arm(cell: str | None) -> Arm:
     return robot
 
 
-def find_in_pictures(robot: Robot, client: RoboPromptClient, task: str, find: Sequence[str] | None) -> None:
+def find_in_pictures(robot: Robot, client: RoboPromptClient, task: str | None, find: Sequence[str] | None) -> None:
     """Let the pictures of a cell's cameras show the objects that are named, or those that the task knows.
 
     Raises:
-        InvalidInputError: if none is named and the service does not answer.
+        InvalidInputError: if none is named, and no task is or the service does not answer.
         ServiceProblemError: if it refuses.
     """
     if not isinstance(robot, Arm) or robot.cameras is None:
         return
+    if find:
+        robot.to_find = tuple(find)
+        return
+    if task is None:
+        raise InvalidInputError("--find", "is left out beside --task", "the names of the objects in view")
     try:
-        robot.to_find = tuple(find or _models(client, task, None))
+        robot.to_find = tuple(_models(client, task, None))
     except ServiceUnreachableError as error:
         raise InvalidInputError("--find", f"is missing, and {error}", "the names of the objects in view") from error
 

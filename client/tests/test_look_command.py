@@ -150,6 +150,11 @@ def test_predict_asks_with_pictures_of_now(service, monkeypatch):
     assert b"end_effector" in asked
 
 
+def test_a_sentence_over_several_tasks_needs_the_names_of_what_is_in_view(service, monkeypatch, capsys):
+    assert run(monkeypatch, "run", "--robot", service.cell, "--instruction", "lift the mug") == 1
+    assert "--find: is left out beside --task" in capsys.readouterr().err
+
+
 def test_viewpoints_are_written_as_the_hand_was_guided(service, monkeypatch):
     typed = ["", "", "q"]
     monkeypatch.setattr("builtins.input", lambda question: typed.pop(0))
