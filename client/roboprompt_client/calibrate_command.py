@@ -156,7 +156,7 @@ def _write(path: Path, fitted: "dict[str, FittedCamera]", field: str) -> None:
         if camera["name"] in fitted:
             camera[field] = fitted[camera["name"]].mount.tolist()
     write_cell(path, cell)
-    _print(f"written to {path}; next: roboprompt-robot look --robot {path}")
+    _print(f"written to {path}; next: roboprompt-robot look --robot {path} --remember")
 
 
 def _print(text: str) -> None:

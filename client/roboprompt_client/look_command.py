@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from roboprompt_client.arms.arm import Arm
-from roboprompt_client.arms.cell import open_robot
+from roboprompt_client.arms.cell import open_robot, read_cell, write_cell
+from roboprompt_client.camera import RgbdFrame
 from roboprompt_client.cameras.sight import (
     CAMERA_COLUMNS,
     OBJECT_COLUMNS,
@@ -16,9 +17,10 @@ from roboprompt_client.cameras.sight import (
     take_in,
 )
 from roboprompt_client.cameras.sight_page import sight_page
+from roboprompt_client.cameras.table import Table
 from roboprompt_client.cameras.viewpoints import look_around
 from roboprompt_client.client import RoboPromptClient
-from roboprompt_client.errors import InvalidInputError, ServiceProblemError, ServiceUnreachableError
+from roboprompt_client.errors import CameraError, InvalidInputError, ServiceProblemError, ServiceUnreachableError
 from roboprompt_client.labels import label_object, learn_from_labels
 from roboprompt_client.robot import Robot
 from roboprompt_client.terminal import Person
@@ -44,6 +46,9 @@ def add_look(add: AddCommand) -> None:
     look.add_argument("--robot", required=True, metavar="CELL", help=CELL)
     look.add_argument("--task", help="whose objects are looked for (default: none)")
     add_find(look)
+    look.add_argument(
+        "--remember", action="store_true", help="keep where the table is: later a bumped camera is refused"
+    )
     look.add_argument("--html", type=Path, metavar="FILE", help="write the pictures with the objects drawn in, too")
 
     label = add("label", "show the service an object by a click in what the cameras see now, or learn it", run_label)
@@ -71,16 +76,33 @@ def run_look(client: RoboPromptClient, arguments: Namespace) -> int:
     models = {} if arguments.task is None else _models(client, arguments.task, arguments.find)
     with seeing_arm(arguments.robot) as arm:
         assert arm.cameras is not None
-        sight = take_in(client, look_around(arm, arm.cameras), models)
+        sight, table = take_in(client, look_around(arm, arm.cameras), models), arm.cameras.table
     _print(in_columns([CAMERA_COLUMNS, *camera_rows(sight)]))
     if models:
         _print("\n" + in_columns([OBJECT_COLUMNS, *object_rows(sight)]))
     doubts = sight.doubts()
+    if arguments.remember and not doubts:
+        path = Path(arguments.robot)
+        write_cell(path, {**read_cell(path), "table": Table.seen_in(sight.frames).to_json()})
+        _print(f"the table is kept in {path}")
+    elif table is not None:
+        doubts += _bumped(table, sight.frames)
     for doubt in doubts:
         _print(f"! {doubt}")
     if arguments.html is not None:
         _write(arguments.html, sight_page(sight))
     return int(bool(doubts) or any(found.pose is None for found in sight.objects))
+
+
+def _bumped(table: Table, frames: Sequence[RgbdFrame]) -> list[str]:
+    """What the table says of each camera."""
+    found = []
+    for frame in frames:
+        try:
+            table.check([frame])
+        except CameraError as error:
+            found.append(str(error))
+    return found
 
 
 def run_label(client: RoboPromptClient, arguments: Namespace) -> int:
@@ -121,17 +143,22 @@ def seeing_arm(cell: str | None) -> Arm:
     return robot
 
 
-def find_in_pictures(robot: Robot, client: RoboPromptClient, task: str, find: Sequence[str] | None) -> None:
+def find_in_pictures(robot: Robot, client: RoboPromptClient, task: str | None, find: Sequence[str] | None) -> None:
     """Let the pictures of a cell's cameras show the objects that are named, or those that the task knows.
 
     Raises:
-        InvalidInputError: if none is named and the service does not answer.
+        InvalidInputError: if none is named, and no task is or the service does not answer.
         ServiceProblemError: if it refuses.
     """
     if not isinstance(robot, Arm) or robot.cameras is None:
         return
+    if find:
+        robot.to_find = tuple(find)
+        return
+    if task is None:
+        raise InvalidInputError("--find", "is left out beside --task", "the names of the objects in view")
     try:
-        robot.to_find = tuple(find or _models(client, task, None))
+        robot.to_find = tuple(_models(client, task, None))
     except ServiceUnreachableError as error:
         raise InvalidInputError("--find", f"is missing, and {error}", "the names of the objects in view") from error
 

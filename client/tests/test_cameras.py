@@ -14,6 +14,7 @@ from roboprompt_client.camera import checked_camera_pose
 from roboprompt_client.cameras.cell import rig_from_json, viewpoints_from_json
 from roboprompt_client.cameras.picture import Intrinsics, Picture
 from roboprompt_client.cameras.rig import MountedCamera, Rig
+from roboprompt_client.cameras.table import Table
 from roboprompt_client.errors import CameraError, InvalidInputError, NotConfirmedError, UnsafeActionError
 from roboprompt_client.motion_limits import Box, MotionLimits, Pose
 
@@ -264,3 +265,29 @@ def test_a_cell_s_cameras_are_opened_unless_only_its_arm_is_wanted(tmp_path, mon
 
 def arm_driver():
     return Sensor.arm()
+
+
+def test_a_camera_that_sees_the_table_elsewhere_is_not_believed(arm):
+    level = np.diag([1.0, -1, -1, 1])
+    level[2, 3] = 0.8
+    arm.cameras = Rig([MountedCamera("front", Sensor(), False, level)])
+    table = Table.seen_in(arm.observe().frames)
+    np.testing.assert_allclose(table.position_m[2], 0, atol=1e-6)
+    again = Table.from_json(json.loads(json.dumps(table.to_json())))
+    arm.cameras = Rig(arm.cameras.cameras, again)
+    assert len(arm.observe().frames) == 1
+    bumped = level.copy()
+    bumped[2, 3] += 0.012
+    arm.cameras = Rig([MountedCamera("front", Sensor(), False, bumped)], again)
+    with pytest.raises(CameraError, match=r"camera 'front': it sees the table \+12 mm and 0.0 degrees off"):
+        arm.observe()
+    higher = level.copy()
+    higher[2, 3] += 0.3  # it looks at a shelf
+    arm.cameras = Rig([MountedCamera("front", Sensor(), False, higher)], again)
+    assert len(arm.observe().frames) == 1
+
+
+@pytest.mark.parametrize("table", [[], {"position": [0, 0, 0], "normal": [0, 0, 2]}, {"position": [0, 0, 0]}])
+def test_a_table_that_is_none_is_refused(table):
+    with pytest.raises(InvalidInputError, match=r"^table"):
+        Table.from_json(table)

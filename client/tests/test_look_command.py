@@ -15,6 +15,7 @@ from roboprompt_client.arms.arm import Arm
 from roboprompt_client.camera import Camera, RgbdFrame
 from roboprompt_client.cameras.rig import MountedCamera, Rig
 from roboprompt_client.cameras.sight import Sight, take_in
+from roboprompt_client.cameras.table import Table
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.loop import run_closed_loop, run_task
@@ -91,6 +92,21 @@ def test_look_says_where_a_camera_s_colors_are_swapped(service, monkeypatch, cap
     assert first != second
 
 
+def test_look_keeps_the_table_where_no_camera_is_in_doubt(service, monkeypatch, capsys):
+    command = ["look", "--robot", service.cell, "--remember"]
+    assert run(monkeypatch, *command) == 1  # the camera in the hand sees something else
+    assert "table" not in json.loads(service.cell.read_text())
+    service.arm.cameras = Rig(service.arm.cameras.cameras[:1])
+    assert run(monkeypatch, *command) == 0
+    assert json.loads(service.cell.read_text())["table"]["normal"] == [0, 0, 1]
+    bumped = OVERHEAD.copy()
+    bumped[2, 3] += 0.02
+    table = Table.from_json(json.loads(service.cell.read_text())["table"])
+    service.arm.cameras = Rig([MountedCamera("above", Sensor(), mount=bumped)], table)
+    assert run(monkeypatch, "look", "--robot", service.cell) == 1
+    assert "! camera 'above': it sees the table +20 mm and 0.0 degrees off: it was bumped" in capsys.readouterr().out
+
+
 def test_label_sends_the_pictures_and_the_click(service, monkeypatch, capsys):
     service.state.known = False
     what = ["--robot", service.cell, "--task", "mugs", "--object", "mug", "--click", "above", "31", "22", "--learn"]
@@ -132,6 +148,11 @@ def test_predict_asks_with_pictures_of_now(service, monkeypatch):
     assert b'"objects": [{"name": "mug"}, {"name": "jar"}]' in asked
     assert b'name="rgb_above"' in asked
     assert b"end_effector" in asked
+
+
+def test_a_sentence_over_several_tasks_needs_the_names_of_what_is_in_view(service, monkeypatch, capsys):
+    assert run(monkeypatch, "run", "--robot", service.cell, "--instruction", "lift the mug") == 1
+    assert "--find: is left out beside --task" in capsys.readouterr().err
 
 
 def test_viewpoints_are_written_as_the_hand_was_guided(service, monkeypatch):

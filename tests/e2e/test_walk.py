@@ -110,7 +110,7 @@ def teach_and_run(lab, typed):
 def test_from_an_empty_cell_to_the_first_motion(lab):
     written_cell(lab)
     of_cell = ["--robot", lab.cell]
-    seen = lab.run("look", *of_cell, "--html", lab.folder / "empty.html")
+    seen = lab.run("look", *of_cell, "--remember", "--html", lab.folder / "empty.html")
     assert re.search(r"front +640x480 +\d+% +0\.\d+ m +at 0\.75\d m, tilted by 0\.\d°", seen), seen
 
     for place in SHOWN:
@@ -151,6 +151,6 @@ def test_one_camera_in_the_hand_sees_from_three_sides(lab):
         pixel = pixel_of_the_mug("wrist")
         lab.run("label", *of_cell, *TASK, "--object", "mug", "--click", "wrist.1", *pixel, typed=allowed)
     assert "learned from 3 views" in lab.run("label", *TASK, "--object", "mug", "--learn")
-    seen = lab.run("look", *of_cell, *TASK, typed=allowed)
+    seen = lab.run("look", *of_cell, *TASK, "--remember", typed=allowed)
     assert re.search(r"mug +0\.\d\d\d .*wrist\.1", seen), seen
     teach_and_run(lab, typed=allowed)

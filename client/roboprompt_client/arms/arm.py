@@ -122,6 +122,8 @@ class Arm:
     def observe(self) -> Observation:
         """The scene as it is now; the hand goes to the viewpoints first. Raises as `look_around`."""
         frames = () if self.cameras is None else look_around(self, self.cameras)
+        if self.cameras is not None and self.cameras.table is not None:
+            self.cameras.table.check(frames)
         seen = Observation() if self._observe_scene is None else self._observe_scene()
         known = {item.name for item in seen.objects}
         to_find = dict.fromkeys((*seen.to_find, *(name for name in self.to_find if name not in known)))

@@ -47,6 +47,7 @@ CELL_FIELDS = (
     "urdf",
     "cameras",
     "viewpoints",
+    "table",
 )
 
 
@@ -80,7 +81,7 @@ def open_cell(path: Path, *, cameras: bool = True) -> Robot:
     """The robot of a cell's file; arguments and errors as of `open_robot`."""
     cell = read_cell(path)
     with ExitStack() as opened:
-        rig = rig_from_json(cell["cameras"], path.parent) if cameras and "cameras" in cell else None
+        rig = rig_from_json(cell["cameras"], path.parent, cell.get("table")) if cameras and "cameras" in cell else None
         if rig is not None:
             opened.callback(rig.close)
         robot = _robot(cell, path.parent, rig)

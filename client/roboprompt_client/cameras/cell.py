@@ -1,8 +1,9 @@
-"""The `cameras` and `viewpoints` of a cell's file.
+"""The `cameras`, `viewpoints` and `table` of a cell's file.
 
     "cameras": [{"name": "front", "driver": "realsense", "options": {"serial": "..."}, "camera_to_world": [[...], ...]},
                 {"name": "wrist", "driver": "my_cell:make_camera", "camera_to_hand": null}],
-    "viewpoints": [{"position": [0.4, 0.1, 1.1], "quaternion_xyzw": [1, 0, 0, 0]}]
+    "viewpoints": [{"position": [0.4, 0.1, 1.1], "quaternion_xyzw": [1, 0, 0, 0]}],
+    "table": {"position": [0.3, 0, 0.75], "normal": [0, 0, 1]}
 
 A camera has `camera_to_world` where it stands still, and `camera_to_hand` where the hand carries it: (4, 4) in meters,
 OpenCV axes (x right, y down, z forward), null until `roboprompt-robot calibrate` has found it.
@@ -17,6 +18,7 @@ from roboprompt_client.arms.calibration import Calibration
 from roboprompt_client.arrays import Array
 from roboprompt_client.camera import checked_camera_pose
 from roboprompt_client.cameras.rig import MountedCamera, Rig
+from roboprompt_client.cameras.table import Table
 from roboprompt_client.errors import CameraError, InvalidInputError
 from roboprompt_client.extras import make_driver
 from roboprompt_client.motion_limits import Pose
@@ -33,11 +35,12 @@ ONE_CAMERA = '{"name": "front", "driver": "realsense", "camera_to_world": null}'
 MAX_VIEWPOINTS = 8
 
 
-def rig_from_json(document: object, folder: Path) -> Rig:
+def rig_from_json(document: object, folder: Path, table: object = None) -> Rig:
     """The cameras of a cell's file, opened.
 
     Args:
         folder: of the file: a folder of frames is relative to it.
+        table: the cell's `table`, if there is one.
 
     Raises:
         InvalidInputError: if the document says something that cannot be.
@@ -50,7 +53,7 @@ def rig_from_json(document: object, folder: Path) -> Rig:
         for k, item in enumerate(document):
             cameras.append(_camera(k, item, folder))
             opened.callback(cameras[-1].driver.close)
-        rig = Rig(cameras)
+        rig = Rig(cameras, None if table is None else Table.from_json(table))
         opened.pop_all()
     return rig
 

@@ -10,6 +10,7 @@ import numpy as np
 from roboprompt_client.arrays import Array
 from roboprompt_client.camera import Camera, RgbdFrame
 from roboprompt_client.cameras.picture import CameraDriver, Picture
+from roboprompt_client.cameras.table import Table
 from roboprompt_client.errors import CameraError, InvalidInputError
 
 MAX_UNKNOWN_DEPTH = 0.5  # share of the pixels
@@ -62,12 +63,15 @@ class MountedCamera:
 class Rig:
     """The cell's cameras.
 
+    Args:
+        table: where they saw it when they were calibrated, if that is known.
+
     Raises:
         InvalidInputError: for two cameras of one name.
     """
 
-    def __init__(self, cameras: Iterable[MountedCamera]) -> None:
-        self.cameras = tuple(cameras)
+    def __init__(self, cameras: Iterable[MountedCamera], table: Table | None = None) -> None:
+        self.cameras, self.table = tuple(cameras), table
         names = [camera.name for camera in self.cameras]
         if twice := [name for name in names if names.count(name) > 1]:
             raise InvalidInputError("cameras", f"{twice[0]!r} appears twice", "each camera once")

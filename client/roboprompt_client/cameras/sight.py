@@ -54,12 +54,10 @@ class Sight:
         if len(seen) > 1:
             place_m = np.mean([table.middle_m for _, table in seen], axis=0)
             heights_m = np.array([table.height_m(place_m) for _, table in seen])
-            off_m = heights_m - np.median(heights_m)
             if np.ptp(heights_m) > MAX_APART_M:
-                listed = ", ".join(
-                    f"{frame.camera.name} {round(1000 * off):+d} mm"
-                    for (frame, _), off in zip(seen, off_m, strict=True)
-                )
+                off_mm = np.rint(1000 * (heights_m - np.median(heights_m))).astype(int)
+                named = zip([frame.camera.name for frame, _ in seen], off_mm, strict=True)
+                listed = ", ".join(f"{name} {off:+d} mm" for name, off in named)
                 doubts.append(f"the cameras do not agree how high the table is: {listed}: calibrate them again")
         return doubts
 
