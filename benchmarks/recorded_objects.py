@@ -1,7 +1,7 @@
 """How well `registered` finds objects again in recorded episodes whose masks are known.
 
 Each episode of a folder teaches each object in turn, and the object is looked for in all others. Run:
-``python -m benchmarks.recorded_objects FOLDER [--objects drawer_frame+drawer_top] [--why]``. The folder has `.npz` files with, for
+``python -m benchmarks.recorded_objects FOLDER [--objects frame+top] [--why]``. The folder has `.npz` files with, for
 each of `cameras`, NAME_rgb, NAME_depth, NAME_mask, NAME_intrinsics_cv and NAME_extrinsics_cv (4, 4, camera to world);
 `mask_names` with `mask_ids`; and `object_names` with `object_sim_pose` (x, y, z, quaternion xyzw; NaN: unknown).
 """

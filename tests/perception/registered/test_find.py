@@ -1,4 +1,5 @@
 import time
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -124,6 +125,17 @@ def test_several_objects_share_the_prepared_images():
     poses = RegisteredPoses().estimate(queries, views)
     assert [pose.name for pose in poses] == list(NAMES)
     assert time.process_time() - begun < 4  # half a second on an idle core
+
+
+def test_the_memory_of_a_request_is_bounded():
+    queries, views = [query(name) for name in NAMES], frames(layout(**ALL))
+    tracemalloc.start()
+    try:
+        RegisteredPoses().estimate(queries, views)
+        _, peak_bytes = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert peak_bytes < 80e6  # half of it today, for three images of 640 x 480
 
 
 def test_images_twice_as_large_give_the_same_pose():
