@@ -100,8 +100,8 @@ def test_an_unsupported_action_of_a_later_clause_is_named_by_its_place_among_all
 def test_an_unsupported_action_is_let_pass_with_a_finding(taught):
     prediction = ask(taught(RELATIVE, FAR), TWICE.with_options(unsupported="allow"))
     assert len(prediction.reply.actions) == 6
-    (danger,) = [finding for finding in prediction.findings if finding.severity == "danger"]
-    assert (danger.code, danger.where) == ("unsupported-action", "actions[4]")
+    dangers = [(finding.code, finding.where) for finding in prediction.findings if finding.severity == "danger"]
+    assert ("unsupported-action", "actions[4]") in dangers
 
 
 @pytest.mark.parametrize(("vase_m", "codes"), [((0.2, 0.11, 0.93), ["passes-close"]), ((0.2, 0.3, 0.93), [])])

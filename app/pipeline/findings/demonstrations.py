@@ -18,7 +18,7 @@ from app.pipeline.findings.scatter import scatter_findings
 from app.pipeline.findings.sources import Compared
 from app.pipeline.findings.turns import turning_findings
 from app.pipeline.order.order import Order
-from app.pipeline.plans import Group, by_plan, is_decided, shown_together, usual_ways
+from app.pipeline.plans import Group, by_plan, shown_together, usual_ways, words_decide
 from app.pipeline.plans.agreement import two_ways
 from app.pipeline.plans.by_scene import parting
 from app.pipeline.plans.rows import WAY_SHARE, acting_rows, plan_rows
@@ -181,13 +181,14 @@ def _followed(support: Support, asked: Order) -> frozenset[str]:
 def ways_findings(alike: Sequence[Demonstration], *, declared: bool) -> Iterator[Finding]:
     """Demonstrations of one instruction that go several ways, where neither words nor scene tell which.
 
-    A fault of half of the recordings looks like this: another base frame, an inverted gripper.
+    A fault of half of the recordings looks like this: another base frame, an inverted gripper. That neighbouring scenes
+    have the same plan is often chance; `parting` tells by how much.
 
     Args:
         alike: that ask for the same.
         declared: whether the task says that there are several ways.
     """
-    ways = [] if is_decided(alike) or parting(alike) is not None else _acting_otherwise(usual_ways(alike))
+    ways = [] if words_decide(alike) or parting(alike) is not None else _acting_otherwise(usual_ways(alike))
     if len(ways) < 2:
         return
     numbers = " and ".join(str(len(way)) for way in ways)

@@ -18,9 +18,9 @@ UP = (0.0, 0.0, 1.0)
 FIXED_M = 0.01  # what varies by less is the same in all demonstrations
 FIXED_DEG = 3.0
 FULL_TURN_DEG = 200.0  # demonstrations over more than this have an object at any angle
-LONE_M, LONE_OF_FEW_M = 0.3, 1.0  # from all others, of at least MANY_DEMONSTRATIONS demonstrations and of fewer
+LONE_M, LONE_OF_FEW_M = 0.5, 1.0  # from all others, of at least MANY_DEMONSTRATIONS demonstrations and of fewer
 MANY_DEMONSTRATIONS = 5
-SLACK = 10.0  # a tenth of the range beyond ten demonstrations, all of it beyond three: docs/results/safety.md
+SLACK = 15.0  # 0.15 of the range beyond ten demonstrations, 0.6 of it beyond five: docs/results/safety.md
 MIN_DEMONSTRATIONS = 3  # from which on their places say something about what was taught
 
 

@@ -28,10 +28,10 @@ __all__ = [
     "aligned_by_plan",
     "by_plan",
     "demonstrated",
-    "is_decided",
     "plan_rows",
     "shown_together",
     "usual_ways",
+    "words_decide",
 ]
 
 Key = TypeVar("Key")
@@ -95,7 +95,7 @@ def shown_together(demonstrations: Sequence[Demonstration]) -> Group:
 def is_decided(group: Sequence[Demonstration]) -> bool:
     """Whether scene or words tell which of several plans demonstrations of like instructions follow."""
     several = len({demonstration.kind for demonstration in group}) > 1
-    return several and (_scene_decides(group) or _instruction_decides(group))
+    return several and (_scene_decides(group) or words_decide(group))
 
 
 def usual_ways(group: Sequence[Demonstration]) -> list[Group]:
@@ -147,7 +147,7 @@ def _scene_decides(group: Sequence[Demonstration]) -> bool:
     return bool(np.mean(same) >= SCENE_DECIDES_SHARE and np.mean(rarely) >= SCENE_DECIDES_SHARE)
 
 
-def _instruction_decides(group: Sequence[Demonstration]) -> bool:
+def words_decide(group: Sequence[Demonstration]) -> bool:
     """Whether demonstrations of the same words have the same plan, and several do."""
     plans = _grouped((demonstration.instruction, demonstration.kind) for demonstration in group)
     return all(len(set(keys)) == 1 for keys in plans.values()) and len(group) >= MIN_PER_INSTRUCTION * len(plans)

@@ -24,6 +24,7 @@ EXPECTED = {
     "turned within symmetry": (TURNS, NONE, 0),
     "frame moved in half": (NONE, HAND_POSE | POSES, HALF),
     "hand shifted in half": (NONE, HAND, HALF),
+    "hand shifted in all": (NONE, HAND, ALL),
     "hand shifted in one": (NONE, HAND, 1),
     "hand turned in half": (NONE, HAND_POSE, HALF),
     "hand turned in all": (NONE, HAND_POSE, ALL),
