@@ -23,6 +23,8 @@ RANGE_M = 10.0
 CAMERAS = {"front": (-90.0, 45.0, 0.80), "left": (160.0, 42.0, 0.90), "right": (20.0, 48.0, 0.75)}
 CALIBRATION_DEG, CALIBRATION_M = 0.15, 0.001  # sigmas: errors of 0.07 to 0.31 degrees
 NUM_CLUTTER = 8
+GLOSS, GLOSS_EXPONENT = 0.9, 40
+CLOTH_M = 0.004
 TABLE, ROOM = (0.62, 0.55, 0.45), (0.8, 0.85, 0.9)
 CLUTTER_COLORS = (
     "red",
@@ -48,12 +50,16 @@ class Layout:
         poses: (4, 4) by (object, number 0 or 1).
         clutter: (number, half sizes in m, color, place (3,), yaw).
         light: direction (3,), and factors (3,) of brightness per color.
+        table_rgb: (3,) 0..1.
+        has_gloss: whether the light is mirrored in everything but the table.
     """
 
     poses: dict[tuple[str, int], Array] = field(default_factory=dict)
     clutter: list[tuple[int, Array, str, Array, float]] = field(default_factory=list)
     light: tuple[Array, Array] = (np.array([-0.25, 0.2, -1.0]), np.ones(3))
     hidden: bool = False
+    table_rgb: tuple[float, ...] = TABLE
+    has_gloss: bool = False
 
 
 class Room:
@@ -82,6 +88,7 @@ class Room:
     def place(self, layout: Layout) -> None:
         """Move everything to where the layout says."""
         self._data.mocap_pos[:] = AWAY_M
+        self._model.geom_rgba[0, :3] = layout.table_rgb
         for (name, number), pose in layout.poses.items():
             self._move(f"{name} {number}", pose[:3, 3], Rotation.from_matrix(pose[:3, :3]))
         for number, half_m, color, place_m, yaw in layout.clutter:
@@ -101,7 +108,8 @@ class Room:
         x, y = (columns.ravel() - camera.cx_px) / camera.fx_px, (rows.ravel() - camera.cy_px) / camera.fy_px
         rays = np.column_stack([x, y, np.ones_like(x)]) @ camera.camera_to_world[:3, :3].T
         geoms, depth_m, normals = self._cast(camera.camera_to_world[:3, 3], rays)
-        rgb = self._shaded(layout, camera.camera_to_world[:3, 3] + rays * depth_m[:, None], geoms, normals)
+        eye_m = camera.camera_to_world[:3, 3]
+        rgb = self._shaded(layout, eye_m, eye_m + rays * depth_m[:, None], geoms, normals)
         hit = geoms >= 0
         bodies = np.where(hit, self._model.geom_bodyid[geoms], 0)
         mask = np.zeros(len(geoms), np.int32) if of is None else bodies == self._model.body("{} {}".format(*of)).id
@@ -121,13 +129,18 @@ class Room:
         )
         return geoms, depth_m, normals.reshape(-1, 3)
 
-    def _shaded(self, layout: Layout, points_m: Array, geoms: Array, normals: Array) -> Array:
+    def _shaded(self, layout: Layout, eye_m: Array, points_m: Array, geoms: Array, normals: Array) -> Array:
         direction, gain = layout.light
         to_light = -direction / np.linalg.norm(direction)
         light = (0.5 + 0.5 * np.clip(normals @ to_light, 0, None))[:, None] * gain
         rgb = np.where(geoms[:, None] >= 0, self._model.geom_rgba[geoms, :3] * light, ROOM)
         grain = 0.06 * np.sin(90 * points_m[:, :1] + 9 * np.sin(25 * points_m[:, 1:2]))  # the table's wood
         rgb = np.where((geoms == 0)[:, None], rgb * (1 + grain), rgb)
+        if layout.has_gloss:
+            to_eye = (eye_m - points_m) / np.linalg.norm(eye_m - points_m, axis=1, keepdims=True)
+            middle = (to_light + to_eye) / np.linalg.norm(to_light + to_eye, axis=1, keepdims=True)
+            mirrored = np.clip((normals * middle).sum(axis=1), 0, None) ** GLOSS_EXPONENT
+            rgb = rgb + GLOSS * np.where(geoms > 0, mirrored, 0)[:, None] * gain
         return (rgb.clip(0, 1) * 255).astype(np.uint8)
 
     def _move(self, body: str, place_m: Array, rotation: Rotation) -> None:
@@ -238,6 +251,28 @@ def sample(
             layout.light = _other_light(rng)
         return layout
     raise LookupError("no room")
+
+
+def changed(layout: Layout, name: str, condition: str, rng: np.random.Generator) -> Layout:
+    """The layout with another table, gloss, a cloth below the object `name`, or a box that touches it."""
+    pose = layout.poses[name, 0]
+    number = len(layout.clutter) | 1  # odd ones are boxes
+    color = str(rng.choice(CLUTTER_COLORS))
+    match condition:
+        case "table":
+            layout.table_rgb = tuple(rng.uniform(0.15, 0.95, 3).tolist())
+        case "gloss":
+            layout.has_gloss = True
+        case "cloth":
+            half_m = np.array([*(THINGS[name].radius_m + rng.uniform(0.01, 0.03, 2)), CLOTH_M / 2])
+            layout.clutter.append((number, half_m, color, np.array([*pose[:2, 3], CLOTH_M / 2]), rng.uniform(0, 6)))
+            pose[2, 3] += CLOTH_M
+        case "touching":
+            half_m, yaw = rng.uniform(0.02, 0.045, 3), float(rng.uniform(0, 2 * np.pi))
+            away_m = THINGS[name].radius_m + half_m[0]
+            place_m = pose[:2, 3] + away_m * np.array([np.cos(yaw), np.sin(yaw)])
+            layout.clutter.append((number, half_m, color, np.array([*place_m, half_m[2]]), yaw))
+    return layout
 
 
 def _free_place(rng: np.random.Generator, taken: list[tuple[Array, float]], radius_m: float) -> Array:

@@ -1,7 +1,7 @@
 """How well `registered` finds objects again in recorded episodes whose masks are known.
 
 Each episode of a folder teaches each object in turn, and the object is looked for in all others. Run:
-``python -m benchmarks.recorded_objects FOLDER [--objects drawer_frame] [--why]``. The folder has `.npz` files with, for
+``python -m benchmarks.recorded_objects FOLDER [--objects drawer_frame+drawer_top] [--why]``. The folder has `.npz` files with, for
 each of `cameras`, NAME_rgb, NAME_depth, NAME_mask, NAME_intrinsics_cv and NAME_extrinsics_cv (4, 4, camera to world);
 `mask_names` with `mask_ids`; and `object_names` with `object_sim_pose` (x, y, z, quaternion xyzw; NaN: unknown).
 """
@@ -55,8 +55,8 @@ class Recorded:
 
     def labelled(self, name: str) -> tuple[RgbdFrame, ...]:
         """The frames with 1 where the object is."""
-        own = self.mask_ids[name]
-        return tuple(replace(frame, mask=(frame.mask == own).astype(np.int32)) for frame in self.frames)
+        own = [self.mask_ids[part] for part in name.split("+")]
+        return tuple(replace(frame, mask=np.isin(frame.mask, own).astype(np.int32)) for frame in self.frames)
 
 
 def _frame(data: Mapping[str, Any], name: str) -> RgbdFrame:
@@ -97,8 +97,9 @@ def measure(episodes: Sequence[Recorded], name: str) -> tuple[dict[str, Any], Co
                 continue
             covers.append(_cover(template, pose, other, name))
             wrong += covers[-1] < WRONG_COVER
-            if name in root.poses and name in other.poses:
-                true = other.poses[name] @ np.linalg.inv(root.poses[name]) @ at_root
+            part = name.partition("+")[0]
+            if part in root.poses and part in other.poses:
+                true = other.poses[part] @ np.linalg.inv(root.poses[part]) @ at_root
                 errors_mm.append(1000 * float(np.linalg.norm(pose[:3, 3] - true[:3, 3])))
                 turn = Rotation.from_matrix(pose[:3, :3].T @ true[:3, :3])
                 errors_deg.append(float(np.degrees(turn.magnitude())))
@@ -113,7 +114,7 @@ def measure(episodes: Sequence[Recorded], name: str) -> tuple[dict[str, Any], Co
 def _found(name: str, template: Template, seen: Recorded) -> tuple[Array]:
     """(4, 4) template -> world."""
     frames = [replace(frame, mask=None) for frame in seen.frames]
-    query = TaughtQuery(name, model=RegisteredModel("0" * 64), template=template)
+    query = TaughtQuery(name.partition("+")[0], model=RegisteredModel("0" * 64), template=template)
     (pose,) = RegisteredPoses().estimate([query], frames)
     assert pose.quaternion_xyzw is not None
     return (rigid(pose.position_m, pose.quaternion_xyzw),)
@@ -123,7 +124,7 @@ def main() -> int:
     """Print a table; the refusals with --why."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--objects", default="", help="separated by commas; default: all")
+    parser.add_argument("--objects", default="", help="separated by commas, parts of one by +; default: all")
     parser.add_argument("--why", action="store_true")
     options = parser.parse_args()
     episodes = [Recorded.read(path) for path in sorted(options.folder.glob("*.npz"))]

@@ -18,6 +18,7 @@ from roboprompt_client.trajectory import ObjectPose
 from roboprompt_client.wording import checked_name
 
 M = TypeVar("M", bound=ObjectModel)
+ESTIMATOR_NAMES = ("given", "masks", "cuboid", "markers", "registered", "remote")
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,6 @@ from app.perception.masks import MaskedPoints
 from app.perception.registered.estimator import RegisteredPoses
 from app.perception.remote import RemotePoses
 from roboprompt_client.camera import RgbdFrame
-from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.trajectory import ObjectPose
 
 ESTIMATORS: dict[str, PoseEstimator] = {
@@ -22,17 +21,6 @@ ESTIMATORS: dict[str, PoseEstimator] = {
 }
 
 
-def pose_estimator(name: str) -> PoseEstimator:
-    """The estimator of that name.
-
-    Raises:
-        InvalidInputError: for an unknown name; lists those there are.
-    """
-    if name not in ESTIMATORS:
-        raise InvalidInputError("pose_estimator", f"is {name!r}", ", ".join(ESTIMATORS))
-    return ESTIMATORS[name]
-
-
 def estimate_poses(
     default: str, objects: Sequence[ObjectQuery], frames: Sequence[RgbdFrame], *, given_first: bool = False
 ) -> tuple[ObjectPose, ...]:
@@ -42,11 +30,11 @@ def estimate_poses(
         given_first: a position that the caller gives is used whatever would find the object.
 
     Raises:
-        as PoseEstimator.estimate; InvalidInputError for an unknown `default`.
+        as PoseEstimator.estimate.
     """
     groups: dict[str, list[ObjectQuery]] = {}
     for query in objects:
         name = default if query.model is None else query.model.estimator
         groups.setdefault("given" if given_first and query.position_m is not None else name, []).append(query)
-    found = {pose.name: pose for name, group in groups.items() for pose in pose_estimator(name).estimate(group, frames)}
+    found = {pose.name: pose for name, group in groups.items() for pose in ESTIMATORS[name].estimate(group, frames)}
     return tuple(found[query.name] for query in objects)

@@ -93,6 +93,12 @@ class Demonstration(Query):
     plan: int | None = None
 
     @property
+    def switches(self) -> tuple[int, ...]:
+        """The actions in which the gripper opens or closes."""
+        states = [action.gripper_open for action in self.actions]
+        return tuple(k for k in range(1, len(states)) if states[k] != states[k - 1])
+
+    @property
     def kind(self) -> tuple[str, int | None, int]:
         """Equal for demonstrations with the same rows: what they ask for, their plan and number of actions."""
         return self.order.form, self.plan, len(self.actions)

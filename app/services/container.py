@@ -12,9 +12,9 @@ from app.services.limits import Limits
 from app.services.measures import Metrics
 from app.services.pose_servers import PoseServers
 from app.services.predict.ask import PredictActions
-from app.services.predict.checks import CurrentLimits
 from app.services.predict.instruction import is_english
 from app.services.predict.known import KnownReader
+from app.services.predict.motion_check import CurrentLimits
 from app.services.predict.read_steps import ReadSteps
 from app.services.predict.record import PredictionRecorder
 from app.services.predict.repeat import RepeatedPredictions

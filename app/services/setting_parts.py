@@ -1,5 +1,6 @@
 """Parts of a task's settings: where actions may lie, how keyframes are found, what the hand keeps out of."""
 
+from functools import lru_cache
 from typing import Annotated, Literal, Self
 
 import numpy as np
@@ -55,7 +56,7 @@ class WorkspaceSettings(_Settings):
 
     def workspace(self) -> Workspace:
         """As the pipeline wants it; raises InvalidInputError if min is not below max."""
-        return Workspace(np.array(self.min), np.array(self.max))
+        return _workspace(self.min, self.max)
 
     def grown(self, positions_m: Array) -> "WorkspaceSettings":
         """With `auto` the box that holds these demonstrated positions (N, 3) as well; otherwise as it is.
@@ -117,6 +118,11 @@ class KeepOutBox(_Settings):
         if any(low >= high for low, high in zip(self.min, self.max, strict=True)):
             raise ValueError(f"min {list(self.min)} is not below max {list(self.max)} on every axis")
         return self
+
+
+@lru_cache(256)  # a prediction asks for its task's several times
+def _workspace(low_m: Point, high_m: Point) -> Workspace:
+    return Workspace(np.array(low_m), np.array(high_m))
 
 
 class MotionLimitsSettings(_Settings):

@@ -16,10 +16,9 @@ from pydantic import (
     model_validator,
 )
 
-from app.perception.base import GivenPoses, ObjectQuery
+from app.perception.base import ESTIMATOR_NAMES, GivenPoses, ObjectQuery
 from app.perception.models import AsObjectModel, model_from_json
 from app.perception.object_model import ObjectModelError
-from app.perception.registry import pose_estimator
 from app.perception.strict import WHOLE, Number
 from app.pipeline.findings.sources import GIVEN, Compared
 from app.pipeline.geometry import canonical_pose
@@ -53,7 +52,8 @@ SystemPrompt = Annotated[str, Field(max_length=MAX_SYSTEM_PROMPT_CHARS), AfterVa
 
 
 def _known_estimator(name: str) -> str:
-    pose_estimator(name)
+    if name not in ESTIMATOR_NAMES:
+        raise InvalidInputError("pose_estimator", f"is {name!r}", ", ".join(ESTIMATOR_NAMES))
     return name
 
 

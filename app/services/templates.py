@@ -31,7 +31,7 @@ def _with_template(query: ObjectQuery, blobs: BlobStore) -> ObjectQuery:
         return query
     digest = query.model.template
     try:
-        template = _decoded.get(digest, lambda: Template.from_bytes(blobs.read(digest)))
+        template = _decoded.get_or_make(digest, lambda: Template.from_bytes(blobs.read(digest)))
     except (CorruptDataError, InvalidInputError) as error:
         message = f"is {digest!r}, which is not stored here as a template ({error})"
         remedy = "what POST /tasks/{name}/labels/learn gives"

@@ -11,13 +11,12 @@ from sqlalchemy import Connection
 
 from app.pipeline.deviation import ActionDeviation
 from app.pipeline.spans import Span, prompt_spans
+from app.services.predict.demonstrations import Demonstrations, recordings_of
 from app.services.predict.evidence import Explanation, configuration, explain_prediction, path_of
-from app.services.predict.select import demonstrations_of
 from app.services.task_settings import TaskSettings
 from app.store import episodes, predictions, tasks
 from app.store.prediction_lists import ConfigurationSummary, Fate
 from app.store.records import DemonstrationRecord, EpisodeRecord, PredictionRecord
-from app.store.trajectories import get_trajectories
 from app.store.values import JsonObject
 from app.web.play import planned_motion
 from app.web.scene import frame, scene
@@ -118,8 +117,7 @@ def view_prediction(connection: Connection, prediction_id: str) -> PredictionVie
     records = [
         DemonstrationRecord(e.id, e.instruction, e.objects, e.keyframes, e.control_frequency_hz) for e in shown.values()
     ]
-    ids = [item.id for item in records]
-    demonstrations = demonstrations_of(records, lambda: get_trajectories(connection, ids), settings, all_of_them=True)
+    demonstrations = Demonstrations.of(recordings_of(connection, records, settings))
     return PredictionView(record, settings, shown, explain_prediction(record, demonstrations))
 
 

@@ -7,13 +7,16 @@ import httpx
 import numpy as np
 import pytest
 from rich.progress import Progress
+from scipy.spatial.transform import Rotation
 
 from app.evaluation import run, trials
 from app.evaluation.ledger import Ledger
 from app.evaluation.methods import with_poses
+from app.evaluation.panda import Panda
 from app.evaluation.plan import Plan
 from app.evaluation.sweeps import REGRESSION
-from app.evaluation.teach import FIRST_LABELLED_SEED, Lesson, images_only
+from app.evaluation.teach import FIRST_LABELLED_SEED, Lesson, images_only, with_models
+from app.pipeline.geometry import yaw_rad
 from app.sim.demonstrate import view_scene
 from roboprompt_client.client import RoboPromptClient
 from tests.e2e.processes import running_server
@@ -31,8 +34,8 @@ def url(tmp_path_factory):
         yield address
 
 
-def run_plan(url, folder, task, episodes=1):
-    plan = Plan((task,), (VISION,), episodes, 2, "roboprompt eval")
+def run_plan(url, folder, task, episodes=1, num_cameras=2):
+    plan = Plan((task,), (VISION,), episodes, 2, "roboprompt eval", Panda(num_cameras=num_cameras))
     with (
         pytest.MonkeyPatch.context() as patch,
         Ledger(folder / "results.jsonl") as ledger,
@@ -81,11 +84,40 @@ def test_models_are_learned_from_scenes_of_their_own(trial, url):
     assert [item["extra"]["seed"] for item in taught] == [FIRST_LABELLED_SEED + k for k in range(LABELLED_SCENES)]
 
 
+def test_what_is_no_box_is_found_by_what_it_looked_like(url, tmp_path):
+    (trial,) = run_plan(url, tmp_path, "put_in_drawer", num_cameras=3).trials
+    block, drawer = trial.answer["objects"]
+    assert (block["estimator"], drawer["estimator"]) == ("cuboid", "registered")
+    assert set(drawer["cameras"]) >= {"front", "left_shoulder"}
+    found, true = (
+        yaw_rad(Rotation.from_quat(item))
+        for item in (drawer["quaternion_xyzw"], trial.scene.objects[1].quaternion_xyzw)
+    )
+    off_deg = np.degrees(found - true) % 90  # its x axis is an arrow that points away from the robot
+    assert min(off_deg, 90 - off_deg) < 5.5  # as good as the arrow
+    assert trial.execution is not None
+
+
 def test_a_task_whose_objects_cannot_be_learned_is_an_error_that_says_so(url, tmp_path):
-    evaluated = run_plan(url, tmp_path, "open_drawer", episodes=2)
+    evaluated = run_plan(url, tmp_path, "open_drawer", episodes=2, num_cameras=1)
     assert evaluated.trials == ()
     assert [crash.seed for crash in evaluated.crashes] == [100_000, 100_001]
-    assert "NotLearnedError: not all objects can be found in images: bottom drawer:" in evaluated.crashes[0].message
+    assert "NotLearnedError: bottom drawer cannot be found in images:" in evaluated.crashes[0].message
+    assert "one camera does not decide a yaw" in evaluated.crashes[0].message
+
+
+@pytest.mark.parametrize(
+    ("model", "symmetries"),
+    [
+        ({"estimator": "registered", "symmetric": "none"}, {"lid": 0.0}),
+        ({"estimator": "registered", "symmetric": "yaw"}, {"lid": 0.0, "cup": 0.0}),
+        ({"estimator": "registered", "symmetric": 180.0}, {"lid": 0.0, "cup": 180.0}),
+        ({"estimator": "cuboid"}, {"lid": 0.0, "cup": 90.0}),
+    ],
+)
+def test_labels_say_how_symmetric_an_object_is(model, symmetries):
+    settings = with_models({"yaw_symmetry_deg": {"lid": 0.0, "cup": 90.0}}, {"cup": model})
+    assert settings == {"yaw_symmetry_deg": symmetries, "object_models": {"cup": model}}
 
 
 def test_a_scene_that_cannot_be_read_is_a_failure(url, monkeypatch, trial):

@@ -1,12 +1,10 @@
 """Which estimator finds which object."""
 
 import numpy as np
-import pytest
 
-from app.perception.base import ObjectQuery
+from app.perception.base import ESTIMATOR_NAMES, ObjectQuery
 from app.perception.models import MODELS, MasksModel, model_from_json
 from app.perception.registry import ESTIMATORS, estimate_poses
-from roboprompt_client.errors import InvalidInputError
 from tests.perception.solid_scene import FRONT, LEFT, cube, shoot
 
 SOLIDS = (cube("red", 0.05, 0.1), cube("blue", -0.1, -0.05))
@@ -28,8 +26,4 @@ def test_each_object_is_found_by_its_own_estimator_in_the_order_asked():
 
 def test_every_kind_of_model_has_its_estimator():
     assert set(MODELS) <= set(ESTIMATORS)
-
-
-def test_an_unknown_default_is_refused_where_it_is_needed():
-    with pytest.raises(InvalidInputError, match="crystal ball"):
-        estimate_poses("crystal ball", [ObjectQuery("cube", (0.0, 0.0, 0.0))], [])
+    assert tuple(ESTIMATORS) == ESTIMATOR_NAMES

@@ -134,7 +134,7 @@ def test_a_stream_ends_before_the_unsupported_action_and_is_not_asked_again(taug
 def test_too_many_clauses_for_the_actions_allowed(taught):
     services = taught(RELATIVE)
     thrice = TWICE.with_options(max_actions=3)
-    with pytest.raises(UnparsableReplyError, match="3 actions do not carry out all 2 parts"):
+    with pytest.raises(InvalidInputError, match="is 3, but the 2 parts of the instruction take 6 actions or more"):
         ask(services, thrice)
 
 

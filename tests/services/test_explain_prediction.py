@@ -4,8 +4,8 @@ from datetime import UTC, datetime
 
 import pytest
 
+from app.services.predict.demonstrations import Demonstrations
 from app.services.predict.evidence import explain_prediction
-from app.services.predict.select import Demonstrations
 from app.store.records import DemonstrationRecord, PredictionRecord
 from app.store.values import KeyframeRecord, ObjectRecord
 

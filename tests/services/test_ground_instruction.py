@@ -12,9 +12,10 @@ from app.pipeline.episode import Episode
 from app.pipeline.errors import UnfamiliarInstructionError, UngroundedInstructionError
 from app.services.measures import timings_of_its_own
 from app.services.predict.closed_loop import PreviousStep
-from app.services.predict.instruction import ground_instruction
+from app.services.predict.known import Known
 from app.services.predict.observe import Scene
 from app.services.predict.request import PredictOptions, PredictRequest
+from app.services.predict.write import understood
 from app.services.teach.upload import Upload
 from app.store import predictions
 from roboprompt_client.errors import InvalidInputError
@@ -176,11 +177,11 @@ def test_a_closed_loop_goes_on_with_what_its_first_step_understood(services):
         0, "base", first.style, (), "", "", Pose((0, 0, 1), (1, 0, 0, 0)), "push the leftmost button", first.grounded
     )
     swapped = Scene(tuple(replace(pose, position_m=pose.position_m * [1, -1, 1]) for pose in first.seen.objects))
-    taught = first.prefix.instructions
+    prefixes = [first.prefix]
+    known = Known(first.settings, previous, None, swapped, first.profile, first.style, prefixes, first.taught)
 
     def later(said):
-        request = replace(REQUEST, instruction=said)
-        return ground_instruction(request, said, taught, first.settings, swapped, previous).text
+        return understood(replace(REQUEST, instruction=said), said, known).text
 
     assert later("push the leftmost button") == "push the red button"
     assert later("push the leftmost one") == "push the blue button"

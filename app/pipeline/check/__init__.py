@@ -12,14 +12,14 @@ from app.pipeline.plans import (
     Demonstration,
     PlanRow,
     Recording,
-    aligned_by_plan,
     by_plan,
+    demonstrated,
     plan_rows,
     shown_together,
 )
 from app.pipeline.plans.path_left import path_left_m, paths_left_m
 
-__all__ = ["EpisodeCheck", "Off", "PlanCheck", "RowCheck", "TaskCheck", "check_demonstrations", "demonstrated"]
+__all__ = ["EpisodeCheck", "Off", "PlanCheck", "RowCheck", "TaskCheck", "check_demonstrations"]
 
 
 def check_demonstrations(recordings: Sequence[Recording]) -> TaskCheck:
@@ -36,13 +36,6 @@ def check_demonstrations(recordings: Sequence[Recording]) -> TaskCheck:
     rule = recordings[0].rule
     findings, unlike_ids = find_causes(plans, rule)
     return TaskCheck(rule.rule, plans, (*findings, *symmetry_findings(recordings)), unlike_ids)
-
-
-def demonstrated(recordings: Sequence[Recording]) -> tuple[Demonstration, ...]:
-    """The demonstrations as prompts write them, before rows are made to agree."""
-    if recordings[0].rule.aligned:
-        return aligned_by_plan(recordings)
-    return tuple(replace(recording.demonstration, start=None) for recording in recordings)
 
 
 def _plan_check(group: Sequence[Demonstration], of_id: Mapping[str, Recording], *, shown: bool) -> PlanCheck:

@@ -91,9 +91,8 @@ def _at_other_objects(distances_m: Sequence[dict[str, float]]) -> list[int]:
 def _acts_at_m(demonstration: Demonstration) -> Array:
     """(3,) where the gripper first switches; without a switch where the hand is lowest."""
     actions = demonstration.actions
-    switches = [k for k in range(1, len(actions)) if actions[k].gripper_open != actions[k - 1].gripper_open]
-    first = switches[0] if switches else int(np.argmin([action.position_m[2] for action in actions]))
-    return actions[first].position_m
+    lowest = int(np.argmin([action.position_m[2] for action in actions]))
+    return actions[next(iter(demonstration.switches), lowest)].position_m
 
 
 def role_of(demonstration: Demonstration, name: str) -> str:

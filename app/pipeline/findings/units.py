@@ -217,6 +217,6 @@ def _check_objects_order(objects: Sequence[ObjectPose]) -> None:
 
 def _off_axis_deg(quaternions_xyzw: Array, up: float) -> Array:
     """(N,) angles between the rotations' z axes and straight up (1) or down (-1)."""
-    heights = Rotation.from_quat(quaternions_xyzw).apply([0.0, 0.0, 1.0])[:, 2]
+    heights = 1 - 2 * (quaternions_xyzw[:, 0] ** 2 + quaternions_xyzw[:, 1] ** 2)
     angles: Array = np.degrees(np.arccos(np.clip(up * heights, -1, 1)))
     return angles

@@ -27,6 +27,7 @@ __all__ = [
     "agreeing",
     "aligned_by_plan",
     "by_plan",
+    "demonstrated",
     "is_decided",
     "plan_rows",
     "shown_together",
@@ -39,6 +40,13 @@ Group = tuple[Demonstration, ...]
 RARE_SHARE = 1 / 3  # of an instruction's demonstrations: a plan as rare is left out unless the scene calls for it
 MIN_PER_INSTRUCTION = 2  # demonstrations, on average, to see that their plan is no chance
 SCENE_DECIDES_SHARE = 0.8  # of the demonstrations have the plan of the nearest other scene
+
+
+def demonstrated(recordings: Sequence[Recording]) -> Group:
+    """The demonstrations as prompts write them, before rows are made to agree."""
+    if recordings and recordings[0].rule.aligned:
+        return aligned_by_plan(recordings)
+    return tuple(replace(recording.demonstration, start=None) for recording in recordings)
 
 
 def aligned_by_plan(recordings: Sequence[Recording]) -> Group:

@@ -146,9 +146,8 @@ def _act_alike(demonstrations: Sequence[Demonstration]) -> bool:
     states = {tuple(action.gripper_open for action in demonstration.actions) for demonstration in demonstrations}
     if len(states) > 1:
         return False
-    shown = next(iter(states))
     rows = plan_rows(demonstrations)
-    acting = [row for k, row in enumerate(rows) if k and shown[k] != shown[k - 1]]
+    acting = [rows[k] for k in demonstrations[0].switches]
     return bool(acting) and all(row.off_deg.max() <= ALIKE_DEG and row.off_m.max() <= ALIKE_M for row in acting)
 
 

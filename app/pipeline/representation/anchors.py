@@ -46,6 +46,7 @@ Anchors = tuple[Anchor, ...]
 """Of one row, each demonstration's."""
 WORLD = Anchor("", "world")
 START = Anchor("", "start")
+NOT_TURNED = Rotation.identity()  # to make one takes as long as to turn ten vectors
 
 
 def tilted_objects(scenes: Sequence[Query]) -> frozenset[str]:
@@ -61,7 +62,7 @@ def tilted_objects(scenes: Sequence[Query]) -> frozenset[str]:
 def object_rotation(pose: ObjectPose, frame: str, tilted: frozenset[str]) -> Rotation:
     """The axes of a pose's frame in the world: none turned (`w`), yaw only, or the full rotation of a tilted object."""
     if frame == "w" or pose.quaternion_xyzw is None:
-        return Rotation.identity()
+        return NOT_TURNED
     rotation = Rotation.from_quat(pose.quaternion_xyzw)
     return rotation if pose.name in tilted else Rotation.from_euler("z", yaw_rad(rotation))
 
@@ -73,10 +74,10 @@ def anchor_frame(anchor: Anchor, scene: Query, tilted: frozenset[str]) -> tuple[
         scene: knows where the end effector was at first, if that is the anchor.
     """
     if anchor.frame == "world":
-        return np.zeros(3), Rotation.identity()
+        return np.zeros(3), NOT_TURNED
     if anchor.frame == "start":
         assert scene.start is not None
-        return scene.start.position_m, Rotation.identity()
+        return scene.start.position_m, NOT_TURNED
     pose = scene.object(anchor.object_name)
     return pose.position_m, object_rotation(pose, anchor.frame, tilted)
 

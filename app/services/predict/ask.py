@@ -18,15 +18,17 @@ from app.llm.registry import ModelRegistry
 from app.pipeline.errors import InstructionError, ReplyParseError, UnsupportedActionError
 from app.services.limits import Limits
 from app.services.measures import note, timed, timings, timings_of_its_own
-from app.services.predict.checks import CurrentLimits, MotionCheck
+from app.services.predict.findings import doubted
 from app.services.predict.instruction import ask_meaning
 from app.services.predict.known import KnownReader
+from app.services.predict.motion_check import CurrentLimits, MotionCheck
 from app.services.predict.part_reply import PredictedAction
-from app.services.predict.question import Question, write_question
+from app.services.predict.question import Question
 from app.services.predict.record import Prediction, PredictionRecorder
 from app.services.predict.reply import Reply
 from app.services.predict.request import PredictRequest
 from app.services.predict.warm import PrefixWarmer
+from app.services.predict.write import write_question
 from app.store.errors import StoreUnavailableError
 from app.store.processes import UnderWay, UnderWayNotes
 from roboprompt_client.errors import UnsafeActionError
@@ -96,7 +98,9 @@ class PredictActions:
 
     def _question(self, request: PredictRequest) -> Question:
         instruction = checked_instruction("instruction", request.instruction)
-        return write_question(request, instruction, self._known(request), self._limits)
+        known = self._known(request)
+        question = write_question(request, instruction, known, self._limits)
+        return doubted(question, known.findings)
 
     async def _meaning(self, request: PredictRequest, error: InstructionError) -> str | None:
         """The instruction that an unclear one stands for, if the request's model finds it."""

@@ -5,10 +5,8 @@ from dataclasses import dataclass
 from sqlalchemy import Connection
 
 from app.pipeline.order.order import Order
-from app.services.predict.prefix import Prefix, PromptStyle
-from app.services.predict.request import PredictRequest
+from app.services.predict.request import PredictRequest, PromptStyle
 from app.store import predictions
-from app.store.errors import ConflictError
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.motion_limits import Pose
 
@@ -33,19 +31,6 @@ class PreviousStep:
     end_effector: Pose
     instruction: str
     grounded: Order
-
-    def so_far(self, prefix: Prefix) -> str:
-        """What follows the demonstrations in the next prompt: every observation and action until now.
-
-        Raises:
-            ConflictError: if the demonstrations do not read as they did.
-        """
-        shown = prefix.template.prefix
-        if not self.prompt_user.startswith(shown):
-            raise ConflictError("the demonstrations have changed since the last step: begin the closed loop again")
-        codec = prefix.at_step(self.step).codec
-        reply = codec.reply_text(codec.rows(self.reply_text, complete=True))
-        return f"{self.prompt_user[len(shown) :]}{reply}{codec.separator}"
 
 
 def previous_step(connection: Connection, request: PredictRequest) -> PreviousStep | None:

@@ -4,10 +4,10 @@ With what a reply adds, this is the one list that answers, stored predictions, p
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
 from app.pipeline.episode import Query
 from app.pipeline.findings import Finding
-from app.pipeline.findings.demonstrations import Taught
 from app.pipeline.findings.rules import (
     MODEL_FAILED,
     NEW_INSTRUCTION,
@@ -21,7 +21,7 @@ from app.pipeline.findings.rules import (
 from app.pipeline.findings.scene import scene_findings, strangers
 from app.pipeline.findings.sources import source_findings
 from app.pipeline.order.order import Order
-from app.services.predict.prefix import Prefix
+from app.services.predict.question import Question
 from app.store.records import PredictionStatus
 from roboprompt_client.trajectory import ObjectPose
 
@@ -34,18 +34,17 @@ FAILURES: Mapping[PredictionStatus, tuple[Rule, str, str]] = {
 }
 
 
-def findings_before(prefix: Prefix, taught: Taught, seen: Query, order: Order) -> tuple[Finding, ...]:
-    """What deserves a look before the LLM is asked, causes first.
+def doubted(question: Question, known: Sequence[Finding]) -> Question:
+    """The question with what deserves a look before the LLM is asked, causes first.
 
     Args:
-        taught: all that the task was taught, however little of it the prompt shows.
-        seen: what is asked of the objects as they were observed.
-        order: the instruction as it is understood.
+        known: what was found before it was written.
     """
-    followed = taught.followed(order)
-    scene = scene_findings(seen, taught.scenes, followed, taught.needed)
+    taught, order, seen = question.taught, question.grounded, question.seen
+    followed, words = taught.followed(order), _words(order, question.prefix.instructions)
     sources = source_findings(_that_matter(seen, followed), taught.demonstrations, taught.compared)
-    return (*_words(order, prefix), *sources, *taught.findings(order), *scene)
+    scene = scene_findings(seen, taught.scenes, followed, taught.needed)
+    return replace(question, findings=(*known, *words, *sources, *taught.findings(order), *scene))
 
 
 def _that_matter(seen: Query, followed: frozenset[str]) -> tuple[ObjectPose, ...]:
@@ -61,8 +60,8 @@ def failure_findings(status: PredictionStatus, error: str | None) -> tuple[Findi
     return (rule.finding(f"{what}: {error}. The robot got no actions.", where),)
 
 
-def _words(order: Order, prefix: Prefix) -> Iterator[Finding]:
-    taught = tuple(dict.fromkeys(prefix.instructions))
+def _words(order: Order, shown: Sequence[str]) -> Iterator[Finding]:
+    taught = tuple(dict.fromkeys(shown))
     if order.unfamiliar is not None:
         message = f"{order.unfamiliar}; it was passed on to the LLM."
         yield UNFAMILIAR_INSTRUCTION.finding(message, "instruction")

@@ -20,7 +20,6 @@ from app.pipeline.order.reading import read
 from app.pipeline.order.space import Layout
 from app.pipeline.order.taught import Taught
 from app.pipeline.prompt import Prompt
-from app.services.predict.closed_loop import PreviousStep
 from app.services.predict.observe import Scene
 from app.services.predict.request import PredictRequest
 from app.services.task_settings import TaskSettings
@@ -68,21 +67,17 @@ def ground_instruction(
     taught: Sequence[str],
     settings: TaskSettings,
     scene: Scene,
-    previous: PreviousStep | None,
 ) -> Order:
-    """The instruction as it is understood; a closed loop goes on with what its first step understood.
-
-    The objects move while a closed loop runs: "the leftmost cube" must stay the one that it was.
+    """The instruction as it is understood.
 
     Args:
+        instruction: the request's, checked.
         taught: the instructions of the demonstrations that the prompt shows.
 
     Raises:
         UngroundedInstructionError, UnfamiliarInstructionError: if it is not clear, or may mean an object that is not
             the task's.
     """
-    if previous is not None and previous.instruction == request.instruction:
-        return previous.grounded
     order = _grounded(request, instruction, taught, settings, scene.objects)
     if scene.bystanders:
         everything = (*scene.objects, *scene.bystanders)

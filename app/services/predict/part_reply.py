@@ -6,15 +6,20 @@ from functools import cached_property
 
 from app.llm.base import Completion, TextDelta
 from app.pipeline.episode import Query
-from app.pipeline.errors import ReplyParseError
-from app.pipeline.plans.support import PlacedRow
+from app.pipeline.errors import ReplyParseError, UnsupportedActionError
+from app.pipeline.findings.actions import ActionDoubt
+from app.pipeline.plans.support import PlacedRow, SupportGuard
 from app.pipeline.reply import ReplyReader
-from app.pipeline.workspace import DiscreteAction, discretize_actions
+from app.pipeline.workspace import ROTATION_BIN_DEG, DiscreteAction, discretize_actions
 from app.services.measures import timed
-from app.services.predict.checks import SupportCheck
 from app.services.predict.question import Question
 from app.store.values import JsonObject
 from roboprompt_client.trajectory import EndEffectorAction
+
+# What bins alone may do: half a bin where a demonstration was written, half where the reply is read; of rotations,
+# three Euler angles together.
+TOLERATED_BINS = 1.0
+TOLERATED_DEG = 1.5 * ROTATION_BIN_DEG
 
 
 @dataclass(frozen=True)
@@ -52,6 +57,59 @@ class PredictedAction:
             "tolerance_m": row.tolerance_m,
             "tolerance_deg": row.tolerance_deg,
         }
+
+
+class SupportCheck:
+    """Holds the actions of the reply to one instruction against the demonstrations, as they come.
+
+    Attributes:
+        doubts: about actions that the request lets pass, and about those that lie beyond every demonstration.
+
+    Args:
+        num_before: actions of replies to earlier parts of the instruction.
+    """
+
+    def __init__(self, question: Question, instruction: str, num_before: int) -> None:
+        plans = question.plans.get(instruction)
+        self._guard = SupportGuard(plans, num_before) if plans else None
+        self._allows = question.request.options.unsupported == "allow"
+        self._tolerated_m = TOLERATED_BINS * float(question.settings.workspace.workspace().bin_size_m.max())
+        self._index = num_before
+        self.doubts: list[ActionDoubt] = []
+
+    def check(self, action: EndEffectorAction) -> PlacedRow | None:
+        """Let the next action pass; the demonstrated row that it carries out, None where none is known.
+
+        Raises:
+            UnsupportedActionError: unless the request lets it pass.
+        """
+        index, self._index = self._index, self._index + 1
+        if self._guard is None:
+            return None
+        try:
+            row = self._guard.check(action)
+        except UnsupportedActionError as error:
+            self._let_pass(error, index)
+            self._guard.pass_by()
+            return None
+        beyond_m, beyond_deg = row.beyond(action)
+        if beyond_m > self._tolerated_m or beyond_deg > TOLERATED_DEG:
+            seen_from = row.anchor.object_name or f"the {row.anchor.frame}"
+            self.doubts.append(ActionDoubt(index, beyond_m, beyond_deg, seen_from))
+        return row
+
+    def finish(self) -> None:
+        """Let the reply end; raises as `check`."""
+        try:
+            if self._guard is not None:
+                self._guard.finish()
+        except UnsupportedActionError as error:
+            self._let_pass(error, self._index)
+
+    def _let_pass(self, error: UnsupportedActionError, index: int) -> None:
+        if not self._allows:
+            raise error
+        self.doubts.append(ActionDoubt(index, unsupported=error))
 
 
 class PartReply:

@@ -5,67 +5,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-from app.llm.base import ModelProfile
 from app.pipeline.closed_loop import ClosedLoopTemplate
 from app.pipeline.episode import Demonstration
 from app.pipeline.plans import by_plan
 from app.pipeline.plans.support import Support
 from app.pipeline.prompt import PromptTemplate, system_prompt_text
-from app.pipeline.representation import KAT_FORMAT, fit_codec
+from app.pipeline.representation import fit_codec
 from app.pipeline.representation.base import Codec
 from app.pipeline.workspace import Workspace
-from app.services.predict.request import PredictRequest
-from app.services.predict.select import Demonstrations
-from app.services.task_settings import TaskSettings
-
-
-@dataclass(frozen=True)
-class PromptStyle:
-    """How a prompt is written.
-
-    Attributes:
-        system_prompt: a variant's name or free text.
-        closed_loop: whether observations and actions take turns.
-        from_start: whether the robot says where its end effector is, so that rows may be relative to that.
-    """
-
-    representation: str
-    prompt_format: str
-    system_prompt: str
-    closed_loop: bool = False
-    from_start: bool = False
-
-    @classmethod
-    def of(cls, request: PredictRequest, settings: TaskSettings, profile: ModelProfile) -> "PromptStyle":
-        """What the request says, else the task's setting, else what suits the model."""
-        options = request.options
-        representation = options.representation or settings.representation or profile.representation
-        prompt_format = options.prompt_format or settings.prompt_format or profile.prompt_format
-        system_prompt = options.system_prompt or settings.system_prompt
-        if system_prompt is None:  # the one that describes the prompt: the paper's are about lists of actions
-            lists = profile.style == "chat" and representation != "object_frame"
-            system_prompt = "none" if not lists else "kat" if prompt_format == KAT_FORMAT else profile.system_prompt
-        started = request.end_effector is not None and not options.closed_loop
-        return cls(representation, prompt_format, system_prompt, options.closed_loop, started)
-
-
-@dataclass(frozen=True)
-class PrefixKey:
-    """What a prefix depends on: nothing else may change its bytes.
-
-    Attributes:
-        all_of_them: also demonstrations of a rare plan.
-        shown_ids: of the demonstrations whose plan the scene calls for; empty where no scene is asked.
-        absent: objects of the task that the scene does not have.
-    """
-
-    task: str
-    version: int
-    style: PromptStyle
-    demonstration_ids: tuple[str, ...]
-    all_of_them: bool = False
-    shown_ids: tuple[str, ...] = ()
-    absent: tuple[str, ...] = ()
+from app.services.predict.request import PromptStyle
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,17 +42,22 @@ class Prefix:
         return self.template.at_step(step) if isinstance(self.template, ClosedLoopTemplate) else self.template
 
 
-def make_prefix(demonstrations: Demonstrations, settings: TaskSettings, style: PromptStyle) -> Prefix:
+def make_prefix(
+    shown: Sequence[Demonstration], recorded: Sequence[Demonstration], workspace: Workspace, style: PromptStyle
+) -> Prefix:
     """Fit the representation and write the demonstrations.
+
+    Args:
+        shown: as the prompt shows them.
+        recorded: the same before rows of one plan were made to agree.
 
     Raises:
         InvalidInputError: without demonstrations; for a closed loop if they did not track their objects.
     """
-    shown, recorded = demonstrations.shown, demonstrations.recorded
     if not style.from_start:
         shown, recorded = (tuple(replace(item, start=None) for item in items) for items in (shown, recorded))
     return Prefix(
-        _template(shown, settings.workspace.workspace(), style),
+        _template(shown, workspace, style),
         tuple(item.id for item in shown),
         None if style.closed_loop else Support.of(by_plan(recorded)),
         tuple(item.instruction for item in shown),

@@ -1,32 +1,20 @@
-"""The question that is put to an LLM: what is known of a request, and the prompt that was written of it."""
+"""The question that is put to an LLM: a request, what is known of it, and the prompt that was written of both."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-
-import numpy as np
+from collections.abc import Mapping
+from dataclasses import dataclass
 
 from app.llm.base import ModelProfile
 from app.pipeline.episode import Query
 from app.pipeline.findings import Finding
 from app.pipeline.findings.demonstrations import Taught
-from app.pipeline.findings.scene import other_objects
 from app.pipeline.order.order import Order
 from app.pipeline.plans.support import PlacedPlan
 from app.pipeline.prompt import Prompt, PromptTemplate
-from app.services.limits import Limits
-from app.services.measures import timed
-from app.services.predict.findings import findings_before
-from app.services.predict.instruction import ground_instruction
-from app.services.predict.known import Known
-from app.services.predict.prefix import Prefix, PromptStyle
-from app.services.predict.request import MAX_ACTIONS_ASKED, PredictRequest
-from app.services.predict.within_bounds import require_within_workspace
+from app.services.predict.prefix import Prefix
+from app.services.predict.request import PredictRequest, PromptStyle
 from app.services.task_settings import TaskSettings
-from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.motion_limits import Pose
-from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
-
-SEEDS = 2**31  # the most that every backend takes
+from roboprompt_client.trajectory import ObjectPose
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,89 +58,5 @@ class Question:
     step: int | None
     prompt: Prompt
     plans: Mapping[str, tuple[PlacedPlan, ...] | None]
-    findings: tuple[Finding, ...]
+    findings: tuple[Finding, ...] = ()
     samples: tuple["Question", ...] = ()
-
-
-def write_question(request: PredictRequest, instruction: str, known: Known, limits: Limits) -> Question:
-    """The question that `request` puts to its model.
-
-    Args:
-        instruction: the request's, checked.
-
-    Raises:
-        UngroundedInstructionError, UnfamiliarInstructionError: if the instruction is not clear.
-        SceneOutOfBoundsError: if every demonstrated plan leaves the workspace here.
-        ConflictError: if a closed loop's demonstrations have changed since its last step.
-        InvalidInputError: if the prompt is too long, an object lacks a rotation that demonstrations have, or the parts
-            of the instruction take more actions than the request allows.
-    """
-    prefix, style, previous, scene = known.prefixes[0], known.style, known.previous, known.scene
-    observed = scene.objects
-    with timed("words"):
-        grounded = ground_instruction(request, instruction, prefix.instructions, known.settings, scene, previous)
-    step = None if not style.closed_loop else 0 if previous is None else previous.step + 1
-    template = prefix.at_step(step or 0)
-    so_far = "" if previous is None else previous.so_far(prefix)
-    limits.check_prompt(len(template.system) + len(template.prefix) + len(so_far))
-    start = _start(known.end_effector) if style.from_start else None
-    seen, objects, support = Query(grounded.text, observed, start=start), template.posed(observed), prefix.support
-    parts = tuple(Query(part, objects, start=start) for part in template.codec.questions(grounded))
-    plans = {} if support is None else {part.instruction: support.placed(part) for part in parts}
-    if request.options.unsupported == "refuse":
-        require_within_workspace(plans.values(), known.settings.limits_of_motion())
-    _check_number([plans.get(part.instruction) for part in parts], request.options.max_actions)
-    question = Question(
-        request=request.without_frames(),
-        settings=known.settings,
-        profile=known.profile,
-        style=style,
-        grounded=grounded,
-        seen=seen,
-        bystanders=scene.bystanders,
-        parts=parts,
-        end_effector=known.end_effector,
-        prefix=prefix,
-        taught=known.taught,
-        template=template,
-        so_far=so_far,
-        step=step,
-        prompt=template.ask(parts[0], request.options.max_actions, so_far),
-        plans=plans,
-        findings=(
-            *known.plan_findings,
-            *other_objects(scene.absent, [pose.name for pose in scene.bystanders]),
-            *findings_before(prefix, known.taught, seen, grounded),
-        ),
-    )
-    if request.options.num_samples == 1:
-        return question
-    own = known.prefixes if len(known.prefixes) > 1 else [prefix] * request.options.num_samples
-    return replace(question, samples=tuple(_sample(question, k, shown) for k, shown in enumerate(own)))
-
-
-def _check_number(placed: Sequence[tuple[PlacedPlan, ...] | None], most: int) -> None:
-    """Refuse several parts whose shortest plans have more actions than `most`, before an LLM writes them in vain."""
-    fewest = sum(min(map(len, plans), default=1) if plans else 1 for plans in placed)
-    if len(placed) > 1 and fewest > most:
-        message = f"is {most}, but the {len(placed)} parts of the instruction take {fewest} actions or more"
-        raise InvalidInputError("max_actions", message, f"{fewest} or more, at most {MAX_ACTIONS_ASKED}")
-
-
-def _start(end_effector: Pose | None) -> EndEffectorAction | None:
-    if end_effector is None:
-        return None
-    return EndEffectorAction(np.array(end_effector.position_m), np.array(end_effector.quaternion_xyzw), True)
-
-
-def _sample(question: Question, number: int, prefix: Prefix) -> Question:
-    """The question for one of several replies: with a seed of its own, and demonstrations in an order of its own."""
-    options = question.request.options
-    template = prefix.at_step(0)
-    return replace(
-        question,
-        request=question.request.with_options(seed=(options.seed + number) % SEEDS),
-        prefix=prefix,
-        template=template,
-        prompt=template.ask(question.parts[0], options.max_actions, question.so_far),
-    )

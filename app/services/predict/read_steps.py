@@ -16,7 +16,7 @@ from app.pipeline.steps.skill import Scene, Skill, Step
 from app.services.cache import Cache
 from app.services.predict.instruction import MAX_TASKS, is_english, taught_of
 from app.services.predict.request import PredictRequest
-from app.services.predict.select import TaskState
+from app.services.predict.task_reading import TaskState
 from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks
 from app.store.records import TaskRecord
@@ -73,7 +73,7 @@ class ReadSteps:
         if not usable:
             raise ObjectSetError("objects", "no task is about these objects", others or "POST /episodes teaches tasks")
         skills = tuple(item.skill for item in usable)
-        scene = self._scenes.get((names, skills), lambda: _scene(names, skills))
+        scene = self._scenes.get_or_make((names, skills), lambda: _scene(names, skills))
         return read_steps(instruction, scene, _layout(objects, usable), others)
 
     def with_task(self, request: PredictRequest) -> PredictRequest:
@@ -103,7 +103,7 @@ class ReadSteps:
             skill = Skill(task.name, taught_of(tuple(task.object_names or ()), aliases, tuple(taught)))
             return _Known(skill, tuple(settings.robot_base))
 
-        return self._known.get((task.name, task.created_at, task.version), make)
+        return self._known.get_or_make((task.name, task.created_at, task.version), make)
 
 
 def _scene(names: Sequence[str], skills: Sequence[Skill]) -> Scene:

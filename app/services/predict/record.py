@@ -10,8 +10,8 @@ from app.pipeline.errors import ReplyParseError, UnsupportedActionError
 from app.pipeline.findings import Finding
 from app.services.errors import RefusedReplyError, UnparsableReplyError, UnsafeReplyError, UnsupportedReplyError
 from app.services.measures import Metrics, note, timed, timings
-from app.services.predict.checks import MotionCheck
 from app.services.predict.findings import failure_findings
+from app.services.predict.motion_check import MotionCheck
 from app.services.predict.question import Question
 from app.services.predict.reply import Reply
 from app.services.scene_images import put_images

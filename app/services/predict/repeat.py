@@ -9,8 +9,8 @@ import anyio.to_thread
 from sqlalchemy import Connection
 
 from app.services.errors import UnsafeReplyError
-from app.services.predict.checks import CurrentLimits
 from app.services.predict.closed_loop import previous_step
+from app.services.predict.motion_check import CurrentLimits
 from app.services.predict.request import PredictRequest
 from app.store import idempotency
 from app.store.errors import ConflictError

@@ -25,7 +25,7 @@ from app.pipeline.findings.actions import ActionDoubt, action_findings, disagree
 from app.pipeline.prompt import Prompt
 from app.pipeline.reply import consensus
 from app.services.measures import timed, timings, timings_of_its_own
-from app.services.predict.checks import MotionCheck
+from app.services.predict.motion_check import MotionCheck
 from app.services.predict.part_reply import PartReply, PredictedAction
 from app.services.predict.question import Question
 from app.store.values import JsonObject

@@ -10,7 +10,8 @@ from app.llm.base import ModelProfile
 from app.perception.base import ObjectQuery
 from app.perception.images import ImageBytes
 from app.perception.strict import WHOLE, Number, Truth
-from app.services.task_settings import PromptFormat, Representation, SystemPrompt
+from app.pipeline.representation import KAT_FORMAT
+from app.services.task_settings import PromptFormat, Representation, SystemPrompt, TaskSettings
 from app.store.values import JsonObject
 from roboprompt_client.camera import Camera, RgbdFrame
 from roboprompt_client.errors import InvalidInputError
@@ -41,8 +42,8 @@ class PredictOptions(BaseModel):
         Field(
             ge=1,
             le=16,
-            description="replies to ask for at once; the actions are the median of those with the most common number "
-            "of actions, who must be more than half",
+            description="replies to ask for at once; the actions are those of the reply that most others are like; "
+            "more than half must have the same number of actions",
         ),
         WHOLE,
     ] = 1
@@ -138,3 +139,33 @@ class PredictRequest:
         """The same with these options, which are checked, and the others as they are."""
         kept = {name: getattr(self.options, name) for name in PredictOptions.model_fields}
         return replace(self, options=PredictOptions.model_validate(kept | changes))
+
+
+@dataclass(frozen=True)
+class PromptStyle:
+    """How a prompt is written.
+
+    Attributes:
+        system_prompt: a variant's name or free text.
+        closed_loop: whether observations and actions take turns.
+        from_start: whether the robot says where its end effector is, so that rows may be relative to that.
+    """
+
+    representation: str
+    prompt_format: str
+    system_prompt: str
+    closed_loop: bool = False
+    from_start: bool = False
+
+    @classmethod
+    def of(cls, request: PredictRequest, settings: TaskSettings, profile: ModelProfile) -> "PromptStyle":
+        """What the request says, else the task's setting, else what suits the model."""
+        options = request.options
+        representation = options.representation or settings.representation or profile.representation
+        prompt_format = options.prompt_format or settings.prompt_format or profile.prompt_format
+        system_prompt = options.system_prompt or settings.system_prompt
+        if system_prompt is None:  # the one that describes the prompt: the paper's are about lists of actions
+            lists = profile.style == "chat" and representation != "object_frame"
+            system_prompt = "none" if not lists else "kat" if prompt_format == KAT_FORMAT else profile.system_prompt
+        started = request.end_effector is not None and not options.closed_loop
+        return cls(representation, prompt_format, system_prompt, options.closed_loop, started)

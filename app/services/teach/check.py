@@ -1,7 +1,7 @@
 """A task's demonstrations, each predicted from the others before a robot moves; by an LLM where one is named."""
 
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass, replace
 
 import anyio
@@ -17,14 +17,13 @@ from app.pipeline.findings import Finding
 from app.pipeline.plans import Recording
 from app.services.cache import Cache
 from app.services.errors import NoDemonstrationsError
-from app.services.predict.ask import PredictActions
+from app.services.predict.demonstrations import recordings_of
+from app.services.predict.record import Prediction
 from app.services.predict.request import PredictOptions, PredictRequest
-from app.services.predict.select import recordings_of
 from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks
 from app.store.records import TaskRecord
 from app.store.store import Store
-from app.store.trajectories import get_trajectories
 from roboprompt_client.errors import InvalidInputError, UnsafeActionError
 from roboprompt_client.motion_limits import Pose
 
@@ -33,6 +32,9 @@ MAX_ASKED = 10  # of them that an LLM is asked about, some seconds each
 ASKED_TIMEOUT_S = 120.0  # each; nobody's robot waits
 KEPT = 32  # checks of tasks that have not changed since
 REFUSALS = (ReplyParseError, UnsafeActionError, UnsupportedActionError, InvalidInputError)
+
+
+Predict = Callable[[PredictRequest], Awaitable[Prediction]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +74,7 @@ class CheckTask:
         predict: a way to predict that leaves no record: a check's predictions are no robot's.
     """
 
-    def __init__(self, store: Store, profile_of: Callable[[str | None], ModelProfile], predict: PredictActions) -> None:
+    def __init__(self, store: Store, profile_of: Callable[[str | None], ModelProfile], predict: Predict) -> None:
         self._store = store
         self._profile_of = profile_of
         self._predict = predict
@@ -109,17 +111,16 @@ class CheckTask:
         with self._store.read() as connection:
             task = tasks.get(connection, name)
         with self._one_at_a_time:
-            return self._kept.get((name, task.version), lambda: self._made(task))
+            return self._kept.get_or_make((name, task.version), lambda: self._made(task))
 
     def _made(self, task: TaskRecord) -> _Read:
         settings = TaskSettings.model_validate(task.settings)
         with self._store.read() as connection:
             records = episodes.demonstrations(connection, task.name, MAX_CHECKED)
-            trajectories = get_trajectories(connection, [record.id for record in records])
+            recordings = recordings_of(connection, records, settings)
             num_episodes = episodes.number_of(connection, task.name, left_out=False)
         if not records:
             raise NoDemonstrationsError(task.name)
-        recordings = recordings_of(records, trajectories, settings)
         check = check_demonstrations(recordings)
         return _Read(settings, recordings, CheckedTask(task.name, num_episodes, check, check.findings))
 

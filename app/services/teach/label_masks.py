@@ -97,7 +97,8 @@ class LabelViews:
         cameras = tuple(item for item in record.cameras if item.has_rgbd)
         if not cameras:
             raise InvalidInputError("episode_id", "has no camera with color and depth", "an episode with RGB-D images")
-        frames = self._frames.get(_key(cameras), lambda: tuple(read_frame(self._store.blobs, it) for it in cameras))
+        blobs = self._store.blobs
+        frames = self._frames.get_or_make(_key(cameras), lambda: tuple(read_frame(blobs, item) for item in cameras))
         ids = {item["name"]: tuple(item["mask_ids"]) for item in record.given_objects}
         return View(cameras, frames, ids)
 
@@ -130,7 +131,7 @@ class LabelViews:
     def _scene(self, draft: LabelDraft, view: View) -> Scene:
         if draft.episode_id is None:
             return Scene.of(view.frames)
-        return self._scenes.get(_key(view.cameras), lambda: Scene.of(view.frames))
+        return self._scenes.get_or_make(_key(view.cameras), lambda: Scene.of(view.frames))
 
 
 def yaw_deg(draft: LabelDraft, view: View) -> float | None:

@@ -14,7 +14,7 @@ from app.pipeline.keyframes import Motion
 from app.pipeline.order.order import Order
 from app.pipeline.plans.alignment import GRASPED_M
 from app.pipeline.prompt import check_object_names
-from app.services.predict.select import read_demonstrations
+from app.services.predict.demonstrations import Demonstrations, recordings_of
 from app.services.task_settings import TaskSettings
 from app.store import episodes
 from app.store.records import TaskRecord
@@ -44,11 +44,10 @@ def check_objects(
     named = frozenset(Order(instruction, tuple(dict.fromkeys((*names, *sent)))).objects)
     with store.read() as connection:
         first = episodes.demonstrations(connection, task.name, MAX_LOOKED_AT)
-        ids = [record.id for record in first]
-        shown = read_demonstrations(connection, task.name, ids, settings, all_of_them=True)
+        shown = Demonstrations.of(recordings_of(connection, first, settings))
     taught = Taught(shown.only(names).recorded)
     # Two demonstrations do not tell what rows follow, but what is missing from here on no row can follow.
-    check_object_names(sent, names, named | (taught.needed if len(ids) >= FEWEST else taught.decisive))
+    check_object_names(sent, names, named | (taught.needed if len(first) >= FEWEST else taught.decisive))
     new = [query for query in objects if query.name not in names]
     matter = {query.name for query in new if query.name in named or _is_acted_on(query, objects, motion)}
     if matter:

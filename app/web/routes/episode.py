@@ -5,7 +5,6 @@ It is also shown as the LLM reads it, in each representation.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Annotated
 
 import numpy as np
@@ -21,12 +20,12 @@ from app.pipeline.keyframes import Motion, Rule
 from app.pipeline.representation import KAT_FORMAT, REPRESENTATIONS, fit_codec
 from app.pipeline.spans import Span, prompt_spans
 from app.services.container import Services
-from app.services.predict.select import demonstrations_of
+from app.services.predict.demonstrations import Demonstrations, recordings_of
 from app.services.setting_parts import KeyframeSettings
 from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks
 from app.store.records import DemonstrationRecord, EpisodeRecord, TaskRecord
-from app.store.trajectories import get_trajectories, get_trajectory
+from app.store.trajectories import get_trajectory
 from app.store.values import JsonObject
 from app.web.keyframe_preview import Preview, preview
 from app.web.page import HEADERS, PageRoute, render, render_part
@@ -206,8 +205,7 @@ def _texts(services: Services, recording: _Recording) -> tuple[tuple[EpisodeText
         ids.append(record.id)
     representation, prompt_format, whose = _usual_style(services, settings)
     with services.store.read() as connection:
-        read = partial(get_trajectories, connection, ids)
-        demonstrations = demonstrations_of(prompted, read, settings, all_of_them=True).shown
+        demonstrations = Demonstrations.of(recordings_of(connection, prompted, settings)).shown
     texts = episode_texts(demonstrations, ids.index(record.id), settings, representation, prompt_format)
     return texts, f"{where} {whose}"
 

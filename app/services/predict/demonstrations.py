@@ -1,0 +1,112 @@
+"""Stored episodes -> demonstrations, with the task's symmetries and plans whose rows agree."""
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+
+from sqlalchemy import Connection
+
+from app.perception.base import ObjectQuery
+from app.pipeline.episode import Demonstration
+from app.pipeline.findings.hand import RecordedHand
+from app.pipeline.findings.missed import kept
+from app.pipeline.findings.sources import Compared
+from app.pipeline.plans import Recording, agreeing, demonstrated, shown_together
+from app.services.predict.select import in_all
+from app.services.task_settings import TaskSettings
+from app.store import episodes
+from app.store.records import DemonstrationRecord
+from app.store.trajectories import get_trajectories
+
+
+@dataclass(frozen=True, eq=False)
+class Demonstrations:
+    """Some of a task's demonstrations.
+
+    Attributes:
+        shown: as a prompt shows them.
+        recorded: the same as they were recorded, before rows of one plan were made to agree.
+    """
+
+    shown: tuple[Demonstration, ...]
+    recorded: tuple[Demonstration, ...]
+
+    @classmethod
+    def of(cls, recordings: Sequence[Recording]) -> "Demonstrations":
+        """The recordings' demonstrations."""
+        recorded = demonstrated(recordings)
+        return cls(agreeing(recorded) if recordings and recordings[0].rule.aligned else recorded, recorded)
+
+    def only(self, names: Collection[str]) -> "Demonstrations":
+        """The same with these of their objects."""
+        shown, recorded = (tuple(item.only(names) for item in items) for items in (self.shown, self.recorded))
+        return Demonstrations(shown, recorded)
+
+    def without_rare_plans(self) -> "Demonstrations":
+        """Those that a prompt shows where nobody named them."""
+        kept = {demonstration.id for demonstration in shown_together(self.recorded)}
+        shown, recorded = (tuple(item for item in items if item.id in kept) for items in (self.shown, self.recorded))
+        return Demonstrations(shown, recorded)
+
+
+def hands_of(recordings: Sequence[Recording], shown: Sequence[Demonstration]) -> tuple[RecordedHand, ...]:
+    """What the hand did in each recording; `shown` are their demonstrations as prompts have them."""
+    hands = []
+    for recording, demonstration in zip(recordings, shown, strict=True):
+        kept_to = kept(recording.motion, demonstration.actions, recording.rule.delta_rad_s)
+        hands.append(RecordedHand.of(recording.motion, demonstration, kept_to))
+    return tuple(hands)
+
+
+def read_recordings(connection: Connection, task: str, ids: Sequence[str], settings: TaskSettings) -> list[Recording]:
+    """The recordings of the named episodes.
+
+    Raises:
+        NotFoundError: naming the first id that is no episode of this task.
+    """
+    return recordings_of(connection, episodes.demonstrations_by_id(connection, task, ids), settings)
+
+
+def read_compared(
+    connection: Connection, task: str, ids: Sequence[str], settings: TaskSettings
+) -> tuple[Compared, ...]:
+    """The poses of the episodes' objects that came with images in which the objects were then found."""
+    return tuple(
+        pair
+        for record in episodes.by_ids(connection, task, ids).values()
+        for pair in settings.compared(
+            map(ObjectQuery.from_json, record.given_objects), [item.pose() for item in record.objects]
+        )
+    )
+
+
+def read_stepwise(
+    connection: Connection, task: str, ids: Sequence[str], settings: TaskSettings
+) -> tuple[Demonstration, ...]:
+    """The same for a closed loop, each with its own keyframes: the objects were tracked to these."""
+    return tuple(_demonstrations(episodes.demonstrations_by_id(connection, task, ids), settings))
+
+
+def recordings_of(
+    connection: Connection, records: Sequence[DemonstrationRecord], settings: TaskSettings
+) -> list[Recording]:
+    """The demonstrations of records as they were found, each with the motion that it was made from."""
+    rule, recordings = settings.keyframes.keyframe_rule(), []
+    trajectories = get_trajectories(connection, [record.id for record in records])
+    found = _demonstrations(records, settings)
+    for demonstration, record, trajectory in zip(found, records, trajectories, strict=True):
+        motion = settings.motion_of(trajectory, record.control_frequency_hz)
+        recordings.append(Recording(replace(demonstration, start=trajectory.action_at(0)), motion, rule))
+    return recordings
+
+
+def _demonstrations(records: Sequence[DemonstrationRecord], settings: TaskSettings) -> list[Demonstration]:
+    """As they were found, with the objects that all have: what only some have does not matter to the task."""
+    found = [canonical_demonstration(record.demonstration(), settings) for record in records]
+    names = in_all([[pose.name for pose in demonstration.objects] for demonstration in found])
+    return [demonstration.only(names) for demonstration in found]
+
+
+def canonical_demonstration(demonstration: Demonstration, settings: TaskSettings) -> Demonstration:
+    """The demonstration as prompts show it: symmetric objects at their canonical yaw."""
+    later = tuple(settings.canonical(objects) for objects in demonstration.later_objects)
+    return replace(demonstration, objects=settings.canonical(demonstration.objects), later_objects=later)

@@ -1,0 +1,130 @@
+"""What is known of a request -> the question that is put to an LLM."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from app.pipeline.episode import Query
+from app.pipeline.order.order import Order
+from app.pipeline.plans.support import PlacedPlan
+from app.services.limits import Limits
+from app.services.measures import timed
+from app.services.predict.closed_loop import PreviousStep
+from app.services.predict.instruction import ground_instruction
+from app.services.predict.known import Known
+from app.services.predict.prefix import Prefix
+from app.services.predict.question import Question
+from app.services.predict.request import MAX_ACTIONS_ASKED, PredictRequest
+from app.services.predict.within_bounds import require_within_workspace
+from app.store.errors import ConflictError
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.motion_limits import Pose
+from roboprompt_client.trajectory import EndEffectorAction
+
+SEEDS = 2**31  # the most that every backend takes
+
+
+def write_question(request: PredictRequest, instruction: str, known: Known, limits: Limits) -> Question:
+    """The question that `request` puts to its model.
+
+    Args:
+        instruction: the request's, checked.
+
+    Raises:
+        UngroundedInstructionError, UnfamiliarInstructionError: if the instruction is not clear.
+        SceneOutOfBoundsError: if every demonstrated plan leaves the workspace here.
+        ConflictError: if a closed loop's demonstrations have changed since its last step.
+        InvalidInputError: if the prompt is too long, an object lacks a rotation that demonstrations have, or the parts
+            of the instruction take more actions than the request allows.
+    """
+    prefix, style, previous, observed = known.prefixes[0], known.style, known.previous, known.scene.objects
+    with timed("words"):
+        grounded = understood(request, instruction, known)
+    step = None if not style.closed_loop else 0 if previous is None else previous.step + 1
+    template = prefix.at_step(step or 0)
+    so_far = "" if previous is None else _so_far(previous, prefix)
+    limits.check_prompt(len(template.system) + len(template.prefix) + len(so_far))
+    start = _start(known.end_effector) if style.from_start else None
+    seen, objects, support = Query(grounded.text, observed, start=start), template.posed(observed), prefix.support
+    parts = tuple(Query(part, objects, start=start) for part in template.codec.questions(grounded))
+    plans = {} if support is None else {part.instruction: support.placed(part) for part in parts}
+    if request.options.unsupported == "refuse":
+        require_within_workspace(plans.values(), known.settings.limits_of_motion())
+    _check_number([plans.get(part.instruction) for part in parts], request.options.max_actions)
+    question = Question(
+        request=request.without_frames(),
+        settings=known.settings,
+        profile=known.profile,
+        style=style,
+        grounded=grounded,
+        seen=seen,
+        bystanders=known.scene.bystanders,
+        parts=parts,
+        end_effector=known.end_effector,
+        prefix=prefix,
+        taught=known.taught,
+        template=template,
+        so_far=so_far,
+        step=step,
+        prompt=template.ask(parts[0], request.options.max_actions, so_far),
+        plans=plans,
+    )
+    if request.options.num_samples == 1:
+        return question
+    own = known.prefixes if len(known.prefixes) > 1 else [prefix] * request.options.num_samples
+    return replace(question, samples=tuple(_sample(question, k, shown) for k, shown in enumerate(own)))
+
+
+def understood(request: PredictRequest, instruction: str, known: Known) -> Order:
+    """The instruction; a closed loop goes on with what its first step understood.
+
+    The objects move while a closed loop runs: "the leftmost cube" must stay the one that it was.
+
+    Raises:
+        as `ground_instruction`.
+    """
+    if known.previous is not None and known.previous.instruction == request.instruction:
+        return known.previous.grounded
+    return ground_instruction(request, instruction, known.prefixes[0].instructions, known.settings, known.scene)
+
+
+def _so_far(previous: PreviousStep, prefix: Prefix) -> str:
+    """What follows the demonstrations in a closed loop's prompt: every observation and action until now.
+
+    Raises:
+        ConflictError: if the demonstrations do not read as they did.
+    """
+    shown = prefix.template.prefix
+    if not previous.prompt_user.startswith(shown):
+        raise ConflictError("the demonstrations have changed since the last step: begin the closed loop again")
+    codec = prefix.at_step(previous.step).codec
+    reply = codec.reply_text(codec.rows(previous.reply_text, complete=True))
+    return f"{previous.prompt_user[len(shown) :]}{reply}{codec.separator}"
+
+
+def _check_number(placed: Sequence[tuple[PlacedPlan, ...] | None], most: int) -> None:
+    """Refuse several parts whose shortest plans have more actions than `most`, before an LLM writes them in vain."""
+    fewest = sum(min(map(len, plans), default=1) if plans else 1 for plans in placed)
+    if len(placed) > 1 and fewest > most:
+        message = f"is {most}, but the {len(placed)} parts of the instruction take {fewest} actions or more"
+        raise InvalidInputError("max_actions", message, f"{fewest} or more, at most {MAX_ACTIONS_ASKED}")
+
+
+def _start(end_effector: Pose | None) -> EndEffectorAction | None:
+    if end_effector is None:
+        return None
+    return EndEffectorAction(np.array(end_effector.position_m), np.array(end_effector.quaternion_xyzw), True)
+
+
+def _sample(question: Question, number: int, prefix: Prefix) -> Question:
+    """The question for one of several replies: with a seed of its own, and demonstrations in an order of its own."""
+    options = question.request.options
+    template = prefix.at_step(0)
+    return replace(
+        question,
+        request=question.request.with_options(seed=(options.seed + number) % SEEDS),
+        prefix=prefix,
+        template=template,
+        prompt=template.ask(question.parts[0], options.max_actions, question.so_far),
+    )
