@@ -42,6 +42,11 @@ def arrays(trajectory):
     }
 
 
+def hand_arrays(trajectory):
+    """The same of an arm that does not say its joints."""
+    return {name: values for name, values in arrays(trajectory).items() if name != "joint_velocities"}
+
+
 def npz(**named):
     stream = io.BytesIO()
     np.savez_compressed(stream, **named)

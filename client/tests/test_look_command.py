@@ -8,7 +8,7 @@ import httpx
 import numpy as np
 import pytest
 from makers import Body, open_xarm
-from test_cameras import VIEWPOINTS, Sensor
+from test_cell_cameras import VIEWPOINTS, Sensor
 
 from roboprompt_client import cli
 from roboprompt_client.arms.arm import Arm

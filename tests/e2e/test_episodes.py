@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tests.episodes import arrays, camera, metadata, multipart, npz, pick_trajectory, png, upload
+from tests.episodes import arrays, camera, hand_arrays, metadata, multipart, npz, pick_trajectory, png, upload
 
 PLACE_M = (0.123, 0.077, 0.785)
 
@@ -127,9 +127,10 @@ def test_new_keyframe_rule_extracts_again(http):
 
 
 def test_settings_that_do_not_fit_change_nothing(http):
-    upload(http, "keeps", PLACE_M)
+    parts = multipart(metadata("keeps", {"cube": PLACE_M}), npz(**hand_arrays(pick_trajectory(PLACE_M))))
+    http.post("/episodes", files=parts).raise_for_status()
     before = http.get("/tasks/keeps").json()
-    response = http.put("/tasks/keeps", json={"pose_estimator": "masks"})
+    response = http.put("/tasks/keeps", json={"keyframes": {"rule": "authors"}})  # which needs joints
     assert response.status_code == 422
     assert "episode" in response.json()["errors"][0]["field"]
     assert http.get("/tasks/keeps").json() == before

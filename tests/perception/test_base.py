@@ -3,9 +3,9 @@ from dataclasses import asdict
 
 import pytest
 
-from app.perception.base import GivenPoses, ObjectQuery
+from app.perception.base import ESTIMATOR_NAMES, GivenPoses, ObjectQuery
 from app.perception.masks import MaskedPoints
-from app.perception.registry import ESTIMATORS, pose_estimator
+from app.perception.registry import ESTIMATORS
 from roboprompt_client.errors import InvalidInputError
 
 
@@ -35,8 +35,6 @@ def test_a_query_that_makes_no_sense_is_refused(values, field):
 
 
 def test_estimators_by_name():
-    assert isinstance(pose_estimator("given"), GivenPoses)
-    assert isinstance(pose_estimator("masks"), MaskedPoints)
-    with pytest.raises(InvalidInputError) as caught:
-        pose_estimator("psychic")
-    assert (caught.value.field, caught.value.valid) == ("pose_estimator", ", ".join(ESTIMATORS))
+    assert isinstance(ESTIMATORS["given"], GivenPoses)
+    assert isinstance(ESTIMATORS["masks"], MaskedPoints)
+    assert tuple(ESTIMATORS) == ESTIMATOR_NAMES

@@ -7,6 +7,7 @@ import time
 import httpx
 import pytest
 
+from tests.episodes import hand_arrays, metadata, multipart, npz, pick_trajectory
 from tests.forked import run
 from tests.reliability.service import TASK, serving, upload_files
 
@@ -53,8 +54,10 @@ def test_a_command_works_at_jobs_that_the_service_leaves(tmp_path):
 def test_what_fails_in_a_worker_is_the_jobs_error(tmp_path):
     data = tmp_path / "data"
     with serving(data, {"ROBOPROMPT_EXTRACT_AT_ONCE": "0", "ROBOPROMPT_WORK_AT_JOBS": "false"}) as service:
-        httpx.post(f"{service.url}/episodes", files=upload_files(0)).raise_for_status()
-        change = {"pose_estimator": "masks"}  # there are no images
+        place_m = (0.1, 0.1, 0.78)
+        parts = multipart(metadata(TASK, {"cube": place_m}), npz(**hand_arrays(pick_trajectory(place_m))))
+        httpx.post(f"{service.url}/episodes", files=parts).raise_for_status()
+        change = {"keyframes": {"rule": "authors"}}  # which needs joints
         job = httpx.put(f"{service.url}/tasks/{TASK}", json=change).json()
         work_at_jobs(data)
         job = httpx.get(f"{service.url}/jobs/{job['id']}").json()

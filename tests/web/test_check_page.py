@@ -25,4 +25,4 @@ def test_it_can_be_read_by_everyone(page, check_accessibility, scheme, width):
 def test_a_task_without_episodes_says_what_to_do(page):
     page.expected_refusals = [409]
     page.goto("/ui/tasks/bare/check")
-    assert "no demonstrations yet" in page.get_by_role("alert").inner_text()
+    assert "has no demonstrations: upload some" in page.get_by_role("alert").inner_text()

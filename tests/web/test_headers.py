@@ -2,6 +2,7 @@
 
 import asyncio
 import re
+from concurrent.futures import ThreadPoolExecutor
 
 import httpx
 import pytest
@@ -46,5 +47,7 @@ def test_guide_is_served_where_it_is_built(tmp_path, monkeypatch, built, status,
         async with httpx.AsyncClient(transport=httpx.ASGITransport(app), base_url="http://test") as client:
             return await client.get("/docs/guide/")
 
-    answer = asyncio.run(get())
+    # Playwright's event loop runs in this thread where a test of a page came before.
+    with ThreadPoolExecutor() as threads:
+        answer = threads.submit(asyncio.run, get()).result()
     assert (answer.status_code, said in answer.text) == (status, True)

@@ -235,8 +235,8 @@ def test_viewpoints_that_are_none_are_refused(document):
 
 def test_an_arm_that_cannot_be_reached_leaves_no_camera_open(tmp_path, monkeypatch):
     made = []
-    monkeypatch.setattr("test_cameras.Sensor.made", made, raising=False)
-    cameras = [{"name": "front", "driver": "test_cameras:kept", "camera_to_world": None}]
+    monkeypatch.setattr("test_cell_cameras.Sensor.made", made, raising=False)
+    cameras = [{"name": "front", "driver": "test_cell_cameras:kept", "camera_to_world": None}]
     (tmp_path / "cell.json").write_text(json.dumps({"arm": "nowhere:arm", "cameras": cameras}))
     with pytest.raises(InvalidInputError, match=r"^arm:"):
         open_robot(str(tmp_path / "cell.json"))
@@ -249,12 +249,12 @@ def kept():
 
 
 def test_a_cell_s_cameras_are_opened_unless_only_its_arm_is_wanted(tmp_path, monkeypatch):
-    monkeypatch.setattr("test_cameras.Sensor.made", [], raising=False)
-    monkeypatch.setattr("test_cameras.Sensor.arm", lambda: open_xarm(Body(), monkeypatch), raising=False)
-    cameras = [{"name": "wrist", "driver": "test_cameras:kept", "camera_to_hand": MOUNT.tolist()}]
+    monkeypatch.setattr("test_cell_cameras.Sensor.made", [], raising=False)
+    monkeypatch.setattr("test_cell_cameras.Sensor.arm", lambda: open_xarm(Body(), monkeypatch), raising=False)
+    cameras = [{"name": "wrist", "driver": "test_cell_cameras:kept", "camera_to_hand": MOUNT.tolist()}]
     place = {"position": VIEWPOINTS[0].position_m, "quaternion_xyzw": [1, 0, 0, 0]}
     (tmp_path / "cell.json").write_text(
-        json.dumps({"arm": "test_cameras:arm_driver", "cameras": cameras, "viewpoints": [place]})
+        json.dumps({"arm": "test_cell_cameras:arm_driver", "cameras": cameras, "viewpoints": [place]})
     )
     before_m = (only_arm := open_robot(str(tmp_path / "cell.json"), cameras=False)).state().position_m
     assert only_arm.observe().frames == ()
