@@ -15,11 +15,11 @@ from pathlib import Path
 
 from sqlalchemy import Connection, Table, func, insert, select, text
 
-from app.store import episodes
 from app.store.database import Database
 from app.store.errors import StoreUnavailableError
 from app.store.migration import migrate
 from app.store.private import private_opener
+from app.store.references import blob_digests
 from app.store.store import Store
 from app.store.tables import metadata, sessions
 
@@ -67,7 +67,7 @@ def _snapshot(store: Store, path: Path) -> tuple[dict[str, int], set[str]]:
         migrate(snapshot)
         with store.read() as source, snapshot.write() as target:
             # A backup must not let its holder use another person's session.
-            rows, digests = copy_rows(source, target, {sessions.name}), episodes.blob_digests(source)
+            rows, digests = copy_rows(source, target, {sessions.name}), blob_digests(source)
         with snapshot.engine.connect() as connection:  # one file, without a log beside it
             connection.exec_driver_sql("ROLLBACK")
             connection.exec_driver_sql("PRAGMA journal_mode=DELETE")

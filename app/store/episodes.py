@@ -8,7 +8,6 @@ from typing import Any, Literal
 from sqlalchemy import Connection, Row, Select, Text, bindparam, cast, delete, exists, func, insert, select, update
 
 from app.store import audit, tables, tasks
-from app.store.blobs import digests_in
 from app.store.errors import NotFoundError
 from app.store.records import DemonstrationRecord, EpisodeDraft, EpisodeRecord, Extraction, Page, SceneRecord
 from app.store.tables import fetch_page
@@ -268,19 +267,6 @@ def replace_extractions(
     if parameters:
         connection.execute(query, parameters)
     tasks.change(connection, task, {})
-
-
-def blob_digests(connection: Connection) -> set[str]:
-    """The digests of every image that an episode, a prediction or a label refers to, and of settings' templates.
-
-    Found in the text of the JSON: to decode that of 100,000 episodes takes ten seconds in which other threads starve.
-    """
-    digests: set[str] = set()
-    images = (_EPISODES.c.cameras, tables.predictions.c.cameras, tables.labels.c.cameras)
-    for column in (*images, tables.tasks.c.settings, tables.jobs.c.changes):
-        query = select(cast(column, Text)).where(column.is_not(None)).execution_options(yield_per=1000)
-        digests.update(digests_in(connection.scalars(query)))
-    return digests
 
 
 def extraction_json(

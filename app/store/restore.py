@@ -12,11 +12,12 @@ from typing import Any
 
 from sqlalchemy import Connection, exc, exists, select
 
-from app.store import api_keys, audit, episodes, sqlite, tables
+from app.store import api_keys, audit, sqlite, tables
 from app.store.backup import BLOB_PREFIX, DATABASE_NAME, BackupSummary, copy_rows, disk_errors
 from app.store.database import Database
 from app.store.errors import ConflictError, CorruptDataError
 from app.store.migration import migrate
+from app.store.references import blob_digests
 from app.store.store import Store
 from app.store.tables import metadata
 
@@ -49,7 +50,7 @@ def restore(store: Store, path: Path, *, with_keys: bool = False) -> BackupSumma
             migrate(snapshot)
             with snapshot.read() as source, store.write() as target:
                 _require_empty(target, with_keys=with_keys)
-                if missing := episodes.blob_digests(source) - put:
+                if missing := blob_digests(source) - put:
                     raise CorruptDataError("backup", str(path), f"it lacks {len(missing)} blobs")
                 with _row_errors(path):
                     rows = copy_rows(source, target, _left_out(source, target, with_keys=with_keys))

@@ -10,13 +10,14 @@ from typing import Self
 
 from sqlalchemy import Connection, select
 
-from app.store import episodes, tables
+from app.store import tables
 from app.store.blobs import BlobStore, FileBlobStore
 from app.store.database import SERVER_CONNECTIONS, Database
 from app.store.errors import StoreUnavailableError
 from app.store.migration import migrate
 from app.store.private import private_folder, private_opener
 from app.store.processes import Turns, UnderWayNotes
+from app.store.references import blob_digests
 
 # An upload commits its row within seconds of putting its blobs.
 SWEEP_GRACE = timedelta(hours=1)
@@ -96,7 +97,7 @@ class Store:
     def sweep(self, older_than: timedelta = SWEEP_GRACE) -> int:
         """Remove the blobs that no row refers to and that were put longer ago; returns how many."""
         with self.read() as connection:
-            referenced = episodes.blob_digests(connection)
+            referenced = blob_digests(connection)
         return self.blobs.sweep(referenced, older_than)
 
     def sweep_once(self, first: Callable[[], None] = lambda: None) -> int:

@@ -18,6 +18,7 @@ import numpy as np
 
 from app.evaluation.server import free_port
 from app.store import episodes, predictions
+from app.store.references import blob_digests
 from app.store.store import Store
 from app.store.trajectories import get_trajectory
 from tests.episodes import arrays, camera, metadata, multipart, npz, pick_trajectory
@@ -184,7 +185,7 @@ def check(data, load):
                 assert by_id[id_].cameras[0].rgb_digest == hashlib.sha256(image_of(number)).hexdigest()
             for id_ in load.predictions:
                 predictions.get(connection, id_)
-            digests = episodes.blob_digests(connection)
+            digests = blob_digests(connection)
             for record in stored:
                 assert record.keyframes
                 assert len(get_trajectory(connection, record.id)) == record.num_frames

@@ -14,6 +14,7 @@ from app.store import episodes, idempotency, predictions
 from app.store.backup import back_up
 from app.store.errors import ConflictError, CorruptDataError, SchemaVersionError, StoreUnavailableError
 from app.store.records import StoredResponse
+from app.store.references import blob_digests
 from app.store.restore import restore
 from app.store.store import Store
 from app.store.tables import metadata
@@ -41,7 +42,7 @@ def digest_of(store: Store) -> str:
         for table in (item for item in metadata.sorted_tables if item.name != "audit_log"):
             for row in connection.execute(select(table).order_by(*table.primary_key)).mappings():
                 digest.update(repr(dict(row)).encode())
-        for blob in sorted(episodes.blob_digests(connection)):
+        for blob in sorted(blob_digests(connection)):
             digest.update(store.blobs.read(blob))
     return digest.hexdigest()
 

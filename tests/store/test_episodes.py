@@ -9,6 +9,7 @@ from sqlalchemy import Connection, event, update
 from app.store import episodes, tables, tasks
 from app.store.errors import ConflictError, CorruptDataError, NotFoundError
 from app.store.records import Extraction
+from app.store.references import blob_digests
 from app.store.store import Store
 from app.store.trajectories import get_trajectory
 from app.store.values import CameraRecord, KeyframeRecord, ObjectRecord
@@ -240,4 +241,4 @@ def test_digests_that_episodes_refer_to(store: Store) -> None:
     upload(store, episode_draft(cameras=(camera_record(rgb_digest="a" * 64, mask_digest="c" * 64),)))
     upload(store, episode_draft())
     with store.read() as connection:
-        assert episodes.blob_digests(connection) == {"a" * 64, "b" * 64, "c" * 64}
+        assert blob_digests(connection) == {"a" * 64, "b" * 64, "c" * 64}

@@ -4,8 +4,9 @@ from datetime import timedelta
 
 import pytest
 
-from app.store import episodes, labels, tasks
+from app.store import labels, tasks
 from app.store.errors import NotFoundError
+from app.store.references import blob_digests
 from app.store.store import Store
 
 from .drafts import SETTINGS, TASK, camera_record
@@ -51,7 +52,7 @@ def test_masks_and_templates_are_kept_from_the_sweep(taught: Store) -> None:
         model = {"estimator": "registered", "template": template}
         tasks.update_settings(connection, TASK, {**SETTINGS, "object_models": {"drawer": model}})
     with taught.read() as connection:
-        assert episodes.blob_digests(connection) == {mask, template}
+        assert blob_digests(connection) == {mask, template}
     assert taught.sweep(timedelta(0)) == 1
     assert set(taught.blobs.sizes()) == {mask, template}
     assert orphan not in taught.blobs.sizes()

@@ -9,6 +9,7 @@ import pytest
 
 from app.store import episodes
 from app.store.errors import StoreUnavailableError
+from app.store.references import blob_digests
 from app.store.store import Store
 
 from .drafts import camera_record, episode_draft, predict, prediction_draft, upload
@@ -92,7 +93,7 @@ def test_killed_before_the_commit_leaves_only_orphans(tmp_path: Path) -> None:
     with store.read() as connection:
         assert connection.exec_driver_sql("PRAGMA integrity_check").scalar() == "ok"
         assert list(reversed(episodes.list_ids(connection, "open_drawer"))) == [line[1] for line in lines[4::-1]]
-        assert episodes.blob_digests(connection) == {line[2] for line in lines[:5]}
+        assert blob_digests(connection) == {line[2] for line in lines[:5]}
     assert len(store.blobs.read(lines[5][2])) == 2000
     assert store.sweep(AT_ONCE) == 1
     assert all(len(store.blobs.read(line[2])) == 2000 for line in lines[:5])
