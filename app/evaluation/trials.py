@@ -155,7 +155,8 @@ def _replay_own(runner: TrialRunner, planned: PlannedTrial, lesson: Lesson, scen
     demonstration = lesson.taught[planned.seed % len(lesson.taught)]
     keyframes = runner.client.get(f"/episodes/{demonstration.document['id']}")["keyframes"]
     trajectory = demonstration.recorded.trajectory
-    actions = tuple(trajectory.action_at(item["index"]) for item in keyframes)
+    # A keyframe has its own state of the gripper: it may stand a moment before or after the recorded switch.
+    actions = tuple(replace(trajectory.action_at(k["index"]), gripper_open=k["gripper_open"]) for k in keyframes)
     return runner.execute(Trial(*planned.key, demonstration.recorded.scene), actions)
 
 
