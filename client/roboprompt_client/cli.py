@@ -21,7 +21,7 @@ from roboprompt_client.look_command import add_find, add_look, find_in_pictures,
 from roboprompt_client.loop import run_closed_loop, run_task, show_nothing
 from roboprompt_client.motion_limits import Box, MotionLimits, Pose
 from roboprompt_client.plans import run_plan
-from roboprompt_client.record_command import add_check, add_record
+from roboprompt_client.record_command import add_check, add_record, offer_correction
 from roboprompt_client.robot import OBJECTS, Observation, Robot, observation_from_file
 from roboprompt_client.terminal import Person
 from roboprompt_client.trajectory_npz import trajectory_from_npz
@@ -204,7 +204,10 @@ def _run_with(client: RoboPromptClient, robot: Robot, pinned: MotionLimits, argu
         "on_danger": danger,
     }
     if arguments.task is not None:
-        return _print_json(run_task(*what, on_outcome=person.outcome, **how).response)
+        _print_json(run_task(*what, on_outcome=person.outcome, **how).response)
+        if person.said is not None and not person.said.success:
+            offer_correction(client, robot, arguments.task, arguments.instruction)
+        return 0
     confirm_steps, on_outcome = (person.confirm_steps, person.outcome) if arguments.confirm else (None, None)
     steps = run_plan(client, robot, arguments.instruction, confirm_steps=confirm_steps, on_outcome=on_outcome, **how)
     return _print_json({"steps": [step.response for step in steps]})

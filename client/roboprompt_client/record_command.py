@@ -9,6 +9,7 @@ from typing import Any
 from roboprompt_client.arm_check import ArmCheck, CheckResult
 from roboprompt_client.arms.arm import Arm
 from roboprompt_client.arms.cell import closing_robot, open_robot
+from roboprompt_client.arms.driver import Guidable
 from roboprompt_client.arrays import finite_array
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import CameraError, InvalidInputError, MotionError, ServiceUnreachableError
@@ -19,6 +20,7 @@ from roboprompt_client.robot import OBJECTS, Observation, Robot, observation_fro
 from roboprompt_client.spool import JOURNAL, Sent, Spool
 from roboprompt_client.terminal import Person, ask, ask_yes
 
+SPOOL = Path("recordings")
 MARKS = {True: "ok  ", False: "FAIL", None: "look"}
 
 
@@ -33,7 +35,7 @@ def add_record(add: AddCommand, robot_help: str) -> None:
         "--objects", type=Path, metavar="FILE", help=f"what the robot sees, unless it says so, {OBJECTS}"
     )
     add_find(record)
-    record.add_argument("--spool", type=Path, default=Path("recordings"), help="folder (default: %(default)s)")
+    record.add_argument("--spool", type=Path, default=SPOOL, help="folder (default: %(default)s)")
     record.add_argument("--rate-hz", type=float, default=RATE_HZ, help="at least 20 (default: %(default)g)")
     record.add_argument(
         "--guide", action="store_true", help="let the arm carry its own weight and yield to your hand (Franka)"
@@ -93,6 +95,16 @@ def _record_all(client: RoboPromptClient, robot: Robot, spool: Spool, arguments:
         _record_one(robot, spool, arguments)
         failed |= _send_all(client, spool)
     return failed
+
+
+def offer_correction(client: RoboPromptClient, robot: Robot, task: str, instruction: str) -> None:
+    """After a run that failed: record how it is done, where the person wants to show it."""
+    if not hasattr(robot, "state") or not ask_yes("Show how it is done? Put the scene back first. [y/N] "):
+        return
+    spool = Spool(SPOOL)
+    guide = isinstance(robot, Arm) and isinstance(robot.driver, Guidable)
+    _record_one(robot, spool, Namespace(task=task, instruction=instruction, objects=None, rate_hz=RATE_HZ, guide=guide))
+    _send_all(client, spool)
 
 
 def run_check(_: RoboPromptClient, arguments: Namespace) -> int:

@@ -70,10 +70,15 @@ def _pressed(wait_s: float) -> str:
 
 
 class Person:
-    """What the loop calls `preview`, `confirm` and `on_outcome`."""
+    """What the loop calls `preview`, `confirm` and `on_outcome`.
+
+    Attributes:
+        said: the outcome of the last run that the person gave one for.
+    """
 
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
+        self.said: Outcome | None = None
         self._shown: list[Previewed] = []  # in the order in which `confirm` is asked about them
 
     def preview(self, actions: Sequence[EndEffectorAction], limits: MotionLimits) -> None:
@@ -112,7 +117,8 @@ class Person:
         while answer := ask("Did it work? [y, n, or n and why; Enter: not recorded] "):
             word, _, note = answer.partition(" ")
             if word.lower().rstrip(",:") in (*YES, *NO):
-                return Outcome(word.lower().rstrip(",:") in YES, note.strip() or None)
+                self.said = Outcome(word.lower().rstrip(",:") in YES, note.strip() or None)
+                return self.said
         return None
 
 

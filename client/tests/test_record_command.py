@@ -19,6 +19,7 @@ from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.live_recording import record_live
 from roboprompt_client.motion_limits import MotionLimits
+from roboprompt_client.record_command import offer_correction
 from roboprompt_client.robot import Observation
 from roboprompt_client.trajectory import EndEffectorAction
 
@@ -237,3 +238,25 @@ def test_a_cell_s_file(tmp_path, monkeypatch):
         with pytest.raises(InvalidInputError) as caught:
             open_robot(str(cell))
         assert caught.value.field == field
+
+
+def test_a_failed_run_is_corrected_by_showing_it(answers, monkeypatch, tmp_path, capsys):
+    typed, _ = answers
+    typed += ["y", "\n"]
+    monkeypatch.chdir(tmp_path)
+    robot = open_robot_of(monkeypatch)
+    offer_correction(cli.RoboPromptClient("http://robots"), robot, "pick", "pick it up")
+    assert "stored as e1" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("answer", ["n", ""])
+def test_a_failed_run_is_left_alone_that_is_not_wanted(answers, monkeypatch, tmp_path, answer):
+    typed, _ = answers
+    typed += [answer]
+    monkeypatch.chdir(tmp_path)
+    offer_correction(cli.RoboPromptClient("http://robots"), open_robot_of(monkeypatch), "pick", "pick it up")
+    assert not (tmp_path / "recordings").exists()
+
+
+def open_robot_of(monkeypatch):
+    return Arm(open_xarm(Body(), monkeypatch))
