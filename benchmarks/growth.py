@@ -17,7 +17,7 @@ import httpx
 from sqlalchemy import delete, insert, select
 
 from app.store import tables
-from app.store.episodes import blob_digests
+from app.store.references import blob_digests
 from app.store.store import Store
 from tests.episodes import metadata
 from tests.postgres import running_postgres

@@ -4,6 +4,7 @@ import json
 import subprocess
 import sys
 
+import httpx
 import numpy as np
 import pytest
 
@@ -112,3 +113,5 @@ def test_the_example_teaches_presses_and_records_the_outcome(client, url):
     assert "\npressed; more at http" in ended.stdout
     prediction = client.get(f"/predictions/{ended.stdout.rsplit('/', 1)[1].strip()}")
     assert prediction["outcome"]["success"] is True
+    # A sentence that names no task is read against all of them.
+    httpx.delete(f"{url}/tasks/{prediction['task']}").raise_for_status()
