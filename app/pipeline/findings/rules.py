@@ -101,6 +101,7 @@ PARTED = Rule(
 )
 
 OTHER_OBJECTS = Rule("other-objects", info=ALWAYS, source="no row follows them and no words name them")
+NUMBERED = Rule("numbered-by-place", info=ALWAYS, source="docs/instructions.md")
 PLAN_OF_SCENE = Rule("plan-of-this-scene", info=ALWAYS, source="docs/plans.md")
 SCENE_BETWEEN = Rule("scene-between-plans", warning=ALWAYS, source="docs/plans.md")
 SCENE_BEYOND = Rule("scene-beyond-plans", danger=ALWAYS, source="docs/plans.md")
@@ -157,6 +158,7 @@ RULES = (
     ARRANGED,
     PARTED,
     OTHER_OBJECTS,
+    NUMBERED,
     PLAN_OF_SCENE,
     SCENE_BETWEEN,
     SCENE_BEYOND,
