@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from app.pipeline.alike import check_named
 from app.pipeline.episode import Query
 from app.pipeline.order.order import Order
 from app.pipeline.plans.support import PlacedPlan
@@ -41,6 +42,7 @@ def write_question(request: PredictRequest, instruction: str, known: Known, limi
     prefix, style, previous, observed = known.prefixes[0], known.style, known.previous, known.scene.objects
     with timed("words"):
         grounded = understood(request, instruction, known)
+        check_named(grounded, known.taught.followed(grounded), request.alike)
     step = None if not style.closed_loop else 0 if previous is None else previous.step + 1
     template = prefix.at_step(step or 0)
     so_far = "" if previous is None else _so_far(previous, prefix)

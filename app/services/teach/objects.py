@@ -61,14 +61,14 @@ def _is_acted_on(query: ObjectQuery, objects: Sequence[ObjectQuery], motion: Mot
         return True
     places_m = [np.array(other.position_m) for other in objects if other.position_m is not None]
     own_m = np.array(query.position_m)
-    for acts_m in _acts_at_m(motion):
+    for acts_m in acts_at_m(motion):
         off_m = float(np.linalg.norm(own_m - acts_m))
         if off_m <= GRASPED_M and off_m <= min(float(np.linalg.norm(place_m - acts_m)) for place_m in places_m):
             return True
     return False
 
 
-def _acts_at_m(motion: Motion) -> Array:
+def acts_at_m(motion: Motion) -> Array:
     """(K, 3) where the gripper switches; without a switch where the hand is lowest."""
     positions_m = motion.trajectory.positions_m
     frames = [switch.frame for switch in motion.acting_switches] or [int(positions_m[:, 2].argmin())]

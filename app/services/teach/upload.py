@@ -9,27 +9,32 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 from sqlalchemy import Connection
 
-from app.perception.base import ObjectQuery
+from app.perception.base import ObjectQuery, numbered_queries
 from app.perception.images import ImageBytes
+from app.pipeline.alike import Alike, alike_findings
 from app.pipeline.episode import Episode
 from app.pipeline.findings import Finding
 from app.pipeline.findings.recording import check_moves
 from app.pipeline.findings.units import check_recording_units
 from app.pipeline.findings.unlike import unlike_findings
+from app.pipeline.order.space import Layout
+from app.pipeline.order.which import with_numbers
 from app.pipeline.prompt import check_object_names
 from app.services.measures import note
 from app.services.pose_servers import PoseServers
+from app.services.predict.instruction import is_english
 from app.services.scene_images import put_images
 from app.services.task_settings import TaskSettings
 from app.services.teach.configure import record_limits
 from app.services.teach.extract import Extracted, extract
-from app.services.teach.objects import check_objects
+from app.services.teach.objects import acts_at_m, check_objects
 from app.services.teach.room import FIRST, room_findings, uploaded
 from app.store import episodes, idempotency, predictions, tasks, trajectories
 from app.store.errors import ConflictError, NotFoundError
 from app.store.records import DemonstrationRecord, EpisodeDraft, EpisodeFields, StoredResponse, TaskRecord
 from app.store.store import Store
 from app.store.values import CameraRecord, JsonObject
+from roboprompt_client.arrays import settle
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.trajectory import ObjectPose
 from roboprompt_client.wording import checked_name
@@ -47,6 +52,7 @@ class Upload:
         images: per camera of `episode.frames`, by name.
         prediction_id: of the prediction that the robot carried out in this episode.
         left_out, note, uploaded_instruction: see `EpisodeFields`; of an episode that was edited elsewhere.
+        alike: the objects that came with one name, and are numbered in `objects`.
         digest: of the request's content; a repeated `idempotency_key` must come with the same.
     """
 
@@ -60,9 +66,13 @@ class Upload:
     left_out: bool = False
     note: str = ""
     uploaded_instruction: str | None = None
+    alike: tuple[Alike, ...] = ()
 
     def __post_init__(self) -> None:
         checked_name("task", self.task)
+        if not self.alike:
+            objects, alike = numbered_queries(self.objects)
+            settle(self, objects=objects, alike=alike)
         if not self.objects:
             raise InvalidInputError("objects", "is empty", "at least one object with its name and pose or mask_ids")
         names = [query.name for query in self.objects]
@@ -133,6 +143,7 @@ class UploadEpisode:
                     seen = tasks.get(connection, upload.task)
                 first = () if seen is None else episodes.demonstrations(connection, upload.task, FIRST)
             settings = _settings_of(seen, upload.objects)
+            upload = _saying_which(upload, settings)
             extracted = self._extract(upload, seen, settings)
             calibrated = [frame.camera for frame in upload.episode.frames]
             cameras = put_images(self._store.blobs, calibrated, upload.images)
@@ -155,7 +166,8 @@ class UploadEpisode:
         check_recording_units(motion, _given(upload.objects), [frame.camera for frame in episode.frames])
         extracted = extract(motion, upload.objects, episode.frames, settings, names, self._store.blobs)
         unlike = () if task is None else self._unlike(task.name, episode.instruction, extracted)
-        return replace(extracted, findings=(*others, *extracted.findings, *unlike))
+        alike = alike_findings(upload.alike, episode.instruction)
+        return replace(extracted, findings=(*others, *alike, *extracted.findings, *unlike))
 
     def _unlike(self, task: str, instruction: str, extracted: Extracted) -> tuple[Finding, ...]:
         with self._store.read() as connection:
@@ -188,6 +200,23 @@ class UploadEpisode:
                 idempotency.save(connection, SCOPE, key, upload.digest, StoredResponse(201, answer))
             record_limits(connection, upload.task, task.settings, settings)
         return answer
+
+
+def _saying_which(upload: Upload, settings: TaskSettings) -> Upload:
+    """The upload with an instruction that says by its number which of several objects of one name is meant.
+
+    Raises:
+        UngroundedInstructionError: if that is not clear.
+    """
+    if not upload.alike or upload.uploaded_instruction is not None:
+        return upload
+    episode, places_m = upload.episode, {pose.name: pose.position_m for pose in _given(upload.objects)}
+    acts_m = acts_at_m(settings.motion_of(episode.trajectory, episode.control_frequency_hz))
+    layout = Layout(places_m, np.array(settings.robot_base))
+    text = with_numbers(episode.instruction, layout, acts_m, upload.alike, is_english)
+    if text == episode.instruction:
+        return upload
+    return replace(upload, episode=replace(episode, instruction=text), uploaded_instruction=episode.instruction)
 
 
 def _given(objects: Sequence[ObjectQuery]) -> tuple[ObjectPose, ...]:

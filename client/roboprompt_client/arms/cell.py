@@ -19,7 +19,8 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from roboprompt_client.arms.arm import Arm, Tolerance
+from roboprompt_client.arms.arm import Arm
+from roboprompt_client.arms.arrival import Tolerance
 from roboprompt_client.arms.calibration import Calibration
 from roboprompt_client.arms.urdf import UrdfGeometry
 from roboprompt_client.cameras.cell import rig_from_json, viewpoints_from_json
