@@ -182,6 +182,21 @@ class EndEffectorIn(RequestModel):
         return Pose(self.position, tuple(unit.tolist()))
 
 
+class RunBody(RequestModel):
+    """Where a robot is with what it carries out."""
+
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+    task: Name
+    instruction: Instruction
+    prediction_id: Annotated[str | None, Field(max_length=64, description="left out while it is not known")] = None
+    action: Annotated[int | None, Field(ge=1, le=1000, description="the one that is carried out, from 1"), WHOLE] = None
+    target: Annotated[EndEffectorIn | None, Field(description="of that action")] = None
+    end_effector: Annotated[EndEffectorIn | None, Field(description="where it is, measured")] = None
+    joint_positions: Annotated[list[Number] | None, Field(max_length=16, description="rad")] = None
+    gripper_open: Truth | None = None
+
+
 class PredictBody(PredictOptions, RequestModel):
     """An observation, an instruction, and how to predict. What is left out follows the task, then the model."""
 
