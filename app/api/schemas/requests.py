@@ -114,7 +114,10 @@ class EpisodeMetadata(RequestModel):
     extra: Annotated[
         dict[str, Any],
         AfterValidator(_short_json),
-        Field(description="kept with the episode, not interpreted; at most 64 kB"),
+        Field(
+            description="kept with the episode, at most 64 kB; `commanded_positions` (T, 3), where the hand was sent,"
+            " may show contact, and the rest is not interpreted"
+        ),
     ] = {}
     left_out: Annotated[Truth, Field(description=LEFT_OUT)] = False
     note: Annotated[Note, Field(description="for people")] = ""
