@@ -24,6 +24,10 @@ from roboprompt_client.wording import checked_name
 ADDRESSED = tuple(name for name in DRIVERS if name != "lerobot")  # a LeRobot arm is made by a function
 MARGIN_M = 0.01  # around the corners that were touched: a hand on the table is not below it
 MIN_SIDE_M = 0.05
+REALTIME = Path("/sys/kernel/realtime")
+WITHOUT_REALTIME = (
+    "This computer has no real-time kernel: a Franka may stop with communication errors. Go on without one? [y/N] "
+)
 CORNERS = (
     "Guide the fingertips to the lowest, nearest left corner of the space that the hand may use, then to the highest, "
     "farthest right one. Fingers on the table are the lowest."
@@ -63,10 +67,20 @@ def _arm() -> dict[str, Any]:
     name = _answer(f"Which arm? [{', '.join(ADDRESSED)}, or MODULE:FACTORY of yours] ", _known_arm)
     if name not in ADDRESSED:
         return {"arm": name}
-    options = {"address": _answer("Its address, such as 172.16.0.2: ", str)}
+    options: dict[str, Any] = {"address": _answer("Its address, such as 172.16.0.2: ", str)}
     if name == "franka":
         options["model"] = _answer("Its model [panda or fr3]: ", _one_of("panda", "fr3"))
+        if not _realtime_kernel() and ask_yes(WITHOUT_REALTIME):
+            options["realtime"] = False
     return {"arm": name, "options": options}
+
+
+def _realtime_kernel() -> bool:
+    """Whether Linux runs with the real-time patches (PREEMPT_RT)."""
+    try:
+        return REALTIME.read_text().strip() == "1"
+    except OSError:
+        return False
 
 
 def _base() -> dict[str, Any]:

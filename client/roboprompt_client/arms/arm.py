@@ -5,18 +5,22 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 
+from roboprompt_client import quaternions as rotations
+from roboprompt_client.arms.arrival import TOLERANCE, Tolerance
 from roboprompt_client.arms.calibration import Calibration
-from roboprompt_client.arms.driver import ArmState, Driver, Guidable, pose_matrix
+from roboprompt_client.arms.driver import ArmState, Driver, Guidable, Steerable, pose_matrix
 from roboprompt_client.arms.geometry import Geometry, KnowsItsJoints
 from roboprompt_client.arms.preview import Previewed, preview_plan
+from roboprompt_client.arms.steering import Steer, problem_ahead
 from roboprompt_client.arrays import Array
 from roboprompt_client.cameras.rig import Rig
 from roboprompt_client.cameras.viewpoints import ConfirmViewpoint, look_around
 from roboprompt_client.errors import InvalidInputError, MotionError, UnsafeActionError
+from roboprompt_client.live import OnLost
 from roboprompt_client.motion_guard import MotionGuard
 from roboprompt_client.motion_limits import MotionLimits, Pose
 from roboprompt_client.robot import Observation
@@ -24,19 +28,6 @@ from roboprompt_client.trajectory import EndEffectorAction
 
 log = logging.getLogger(__name__)
 MAX_START_S = 0.2
-
-
-@dataclass(frozen=True)
-class Tolerance:
-    """How near the end effector must come, and how long a motion may take."""
-
-    position_m: float = 0.005
-    rotation_deg: float = 2.0
-    width_m: float = 0.004
-    motion_s: float = 120.0
-
-
-TOLERANCE = Tolerance()
 
 
 class Arm:
@@ -52,6 +43,7 @@ class Arm:
         reach_m: how far from its base the hand gets, for the preview of an arm whose joints are not known.
         cameras: whose pictures `observe` takes; None: none.
         viewpoints: to which the hand goes for the pictures of cameras that it carries.
+        on_lost: what a watched run does without the service (`Live`).
 
     Attributes:
         to_find: the names of objects that the service is to find in the pictures, as `Observation` has them.
@@ -71,9 +63,11 @@ class Arm:
         reach_m: float | None = None,
         cameras: Rig | None = None,
         viewpoints: Sequence[Pose] = (),
+        on_lost: OnLost = "continue",
     ) -> None:
         self.driver = driver
         self.cameras, self.viewpoints = cameras, tuple(viewpoints)
+        self.on_lost = on_lost
         self.to_find: tuple[str, ...] = ()
         self.confirm_viewpoint: ConfirmViewpoint | None = None
         self._calibration = calibration or Calibration.none()
@@ -110,14 +104,7 @@ class Arm:
         """The arm as it is now, in the world frame; safe to call from another thread."""
         state = self.driver.state()
         position_m, quaternion = self._calibration.to_world(state.position_m, state.quaternion_xyzw)
-        return ArmState(
-            position_m,
-            quaternion,
-            state.joint_positions_rad,
-            state.joint_velocities_rad_s,
-            state.gripper_width_m,
-            state.gripper_open,
-        )
+        return replace(state, position_m=position_m, quaternion_xyzw=quaternion)
 
     def observe(self) -> Observation:
         """The scene as it is now; the hand goes to the viewpoints first. Raises as `look_around`."""
@@ -151,6 +138,9 @@ class Arm:
             start_m=state.position_m.tolist(),
         )
 
+    def _check_reach(self, action: EndEffectorAction) -> None:
+        self.driver.check(*self._calibration.to_base(action.position_m, action.quaternion_xyzw))
+
     def _geometry(self) -> Geometry | None:
         if self._known_geometry is None and isinstance(self.driver, KnowsItsJoints):
             return self.driver.geometry()
@@ -177,7 +167,7 @@ class Arm:
         there = _at(pose)
         try:
             MotionGuard(self._limits, before=_pose(self.state())).check(there)
-            self.driver.check(*self._calibration.to_base(there.position_m, there.quaternion_xyzw))
+            self._check_reach(there)
         except (UnsafeActionError, MotionError) as error:
             return str(error)
         return self.preview([there], MotionLimits(hand_radius_m=0.0))[0].warning
@@ -197,6 +187,35 @@ class Arm:
             with self.driver.guided():
                 yield
             self._refuse_if_stopped()
+
+    @contextmanager
+    def steered(self) -> Iterator[Steer]:
+        """While it lasts a person steers the hand; it rests afterwards.
+
+        Yields a function of a velocity (3,) m/s and a turning (3,) rad/s along and about the world's axes: the hand
+        moves so for 0.15 s at most. It returns why the hand rests instead, such as a bound of the cell ahead.
+
+        Raises:
+            InvalidInputError: if the driver cannot follow velocities.
+            MotionError: if the arm moves, was stopped, or refuses; the arm is stopped.
+        """
+        if not isinstance(driver := self.driver, Steerable):
+            raise InvalidInputError("teleop", f"{driver.name} cannot be steered by its driver", "another arm")
+
+        def steer(velocity_m_s: Array, turning_rad_s: Array) -> str:
+            problem = problem_ahead(self.state(), velocity_m_s, turning_rad_s, self._limits, self._check_reach)
+            back, share = rotations.inverse(self._calibration.quaternion_xyzw), 0.0 if problem else 1.0
+            with self._starting:
+                self._refuse_if_stopped()
+                driver.steer(
+                    share * rotations.rotated(back, velocity_m_s), share * rotations.rotated(back, turning_rad_s)
+                )
+            return problem
+
+        with self._alone():
+            yield steer
+            steer(np.zeros(3), np.zeros(3))
+            self._wait()
 
     def set_gripper(self, *, is_open: bool) -> None:
         """Open or close the gripper where the arm is, also while it is guided.
@@ -255,7 +274,7 @@ class Arm:
             self.driver.start(*wanted)
         self._refuse_if_stopped()
         self._wait()
-        self._check_arrival(action)
+        self._tolerance.check_pose(self.state(), action)
         self._refuse_if_stopped()
         return before
 
@@ -271,21 +290,11 @@ class Arm:
                 raise MotionError(f"the motion did not end within {self._tolerance.motion_s:g} s")
         self._refuse_if_stopped()
 
-    def _check_arrival(self, action: EndEffectorAction) -> None:
-        off_m, off_deg = self.state().distance_to(action.position_m, action.quaternion_xyzw)
-        if not (off_m <= self._tolerance.position_m and off_deg <= self._tolerance.rotation_deg):
-            raise MotionError(f"the motion ended {1000 * off_m:.1f} mm and {off_deg:.1f} degrees off its target")
-
     def _check_gripper(self, before_m: float | None, *, is_open: bool) -> None:
         width_m = self.driver.state().gripper_width_m
-        if width_m is None or before_m is None:
-            return
-        self._open_width_m = max(width_m, before_m, self._open_width_m or 0.0)
-        open_m, near_m = self._open_width_m, self._tolerance.width_m
-        if is_open and width_m < open_m - near_m:
-            raise MotionError(f"the gripper was to open, but measures {1000 * width_m:.1f} of {1000 * open_m:.1f} mm")
-        if not is_open and width_m > open_m - near_m:
-            raise MotionError(f"the gripper was to close, but still measures {1000 * width_m:.1f} mm")
+        if width_m is not None and before_m is not None:
+            self._open_width_m = max(width_m, before_m, self._open_width_m or 0.0)
+            self._tolerance.check_gripper(width_m, self._open_width_m, is_open=is_open)
 
 
 def _at(pose: Pose) -> EndEffectorAction:

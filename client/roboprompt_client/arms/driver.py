@@ -8,7 +8,9 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from roboprompt_client.arrays import Array
-from roboprompt_client.quaternions import angle_between_rad, to_matrix
+from roboprompt_client.quaternions import angle_between_rad, from_rotation_vector, product, to_matrix
+
+STEERED_S = 0.15  # that a velocity holds: what commands the arm may hang, or be cut off
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +36,11 @@ class ArmState:
         """How far the end effector is from a pose (3,), (4,) in the same frame: meters and degrees."""
         turn_rad = angle_between_rad(self.quaternion_xyzw, quaternion_xyzw)
         return float(np.linalg.norm(self.position_m - position_m)), math.degrees(turn_rad)
+
+    def moved(self, velocity_m_s: Array, turning_rad_s: Array, for_s: float) -> tuple[Array, Array]:
+        """The end effector's pose (3,), (4,) after it has moved with velocities (3,), (3,) of the same frame."""
+        turn = from_rotation_vector(for_s * turning_rad_s)
+        return self.position_m + for_s * velocity_m_s, product(turn, self.quaternion_xyzw)
 
 
 class Driver(Protocol):
@@ -102,6 +109,21 @@ class Guidable(Protocol):
 
     def guided(self) -> AbstractContextManager[None]:
         """While it lasts the arm carries its own weight and yields to the hand; afterwards it holds still.
+
+        Raises:
+            MotionError: if the arm refuses, or stopped meanwhile.
+        """
+        ...
+
+
+@runtime_checkable
+class Steerable(Protocol):
+    """A driver whose arm follows velocities that are said again and again."""
+
+    def steer(self, velocity_m_s: Array, turning_rad_s: Array) -> None:
+        """Move the hand with a velocity (3,) and a turning (3,) along and about the base's axes, and return.
+
+        It comes to rest by itself after `STEERED_S`, unless a further call takes this one's place; zeros: at once.
 
         Raises:
             MotionError: if the arm refuses, or stopped meanwhile.

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from roboprompt_client import quaternions as rotations
-from roboprompt_client.arms.driver import ArmState
+from roboprompt_client.arms.driver import STEERED_S, ArmState
 from roboprompt_client.arrays import Array
 from roboprompt_client.errors import MotionError
 
@@ -81,6 +81,13 @@ class LeRobotArm:
                 self._send(*step, grip)
         time.sleep(SETTLE_S if step is None else 1 / RATE_HZ)
         return step is None
+
+    def steer(self, velocity_m_s: Array, turning_rad_s: Array) -> None:
+        """By poses a little ahead, of which the last one is where the arm rests."""
+        self._steps, now = iter(()), self.state()
+        with self._sending:
+            self._halted = False
+            self._send(*now.moved(velocity_m_s, turning_rad_s, STEERED_S), float(self._observed()[GRIPPER]))
 
     def set_gripper(self, *, is_open: bool) -> None:
         now = self.state()
