@@ -110,7 +110,7 @@ class Arm:
         seen = Observation() if self._observe_scene is None else self._observe_scene()
         known = {item.name for item in seen.objects}
         to_find = dict.fromkeys((*seen.to_find, *(name for name in self.to_find if name not in known)))
-        return Observation(seen.objects, (*seen.frames, *frames), to_find, _pose(self.state()))
+        return Observation(seen.objects, (*seen.frames, *frames), to_find, self.state().pose())
 
     def preview(self, actions: Sequence[EndEffectorAction], limits: MotionLimits) -> tuple[Previewed, ...]:
         """What a plan asks of the arm from where it is; nothing moves.
@@ -162,7 +162,7 @@ class Arm:
         """Why the hand cannot go to a pose; empty: nothing is known."""
         there = _at(pose)
         try:
-            MotionGuard(self._limits, before=_pose(self.state())).check(there)
+            MotionGuard(self._limits, before=self.state().pose()).check(there)
             self._check_reach(there)
         except (UnsafeActionError, MotionError) as error:
             return str(error)
@@ -262,7 +262,7 @@ class Arm:
         """Go to the action's pose; returns the arm as it was before."""
         self._refuse_if_stopped()
         before = self.state()
-        MotionGuard(self._limits, before=_pose(before)).check(action)
+        MotionGuard(self._limits, before=before.pose()).check(action)
         wanted = self._calibration.to_base(action.position_m, action.quaternion_xyzw)
         self.driver.check(*wanted)
         with self._starting:
@@ -295,9 +295,3 @@ class Arm:
 
 def _at(pose: Pose) -> EndEffectorAction:
     return EndEffectorAction(np.array(pose.position_m), np.array(pose.quaternion_xyzw), gripper_open=True)
-
-
-def _pose(state: ArmState) -> Pose:
-    if not np.isfinite(state.position_m).all():
-        raise InvalidInputError("end_effector", f"is {state.position_m.tolist()}", "finite numbers")
-    return Pose(tuple(state.position_m.tolist()), tuple(state.quaternion_xyzw.tolist()))

@@ -35,6 +35,7 @@ DRIVERS = {
     "ur": "roboprompt_client.arms.ur:UR",
     "xarm": "roboprompt_client.arms.xarm:XArm",
     "lerobot": "roboprompt_client.arms.lerobot:LeRobotArm",
+    "ros": "roboprompt_client.arms.ros:Ros",
 }
 CELL_FIELDS = (
     "arm",
