@@ -33,6 +33,7 @@ class ArmState:
         joint_velocities_rad_s: (J,), or None.
         gripper_width_m: measured between the fingers; None without fingers that are measured.
         gripper_open: where there is no width: what was commanded last; None without a gripper.
+        wrench_n_nm: (6,) force and torque that act on the hand from outside, along the frame's axes; None.
     """
 
     position_m: Array
@@ -41,6 +42,12 @@ class ArmState:
     joint_velocities_rad_s: Array | None = None
     gripper_width_m: float | None = None
     gripper_open: bool | None = None
+    wrench_n_nm: Array | None = None
+
+    @property
+    def force_n(self) -> float:
+        """How strong the force on the hand is; 0 where the arm does not say."""
+        return 0.0 if self.wrench_n_nm is None else float(np.linalg.norm(self.wrench_n_nm[:3]))
 
     def distance_to(self, position_m: Array, quaternion_xyzw: Array) -> tuple[float, float]:
         """How far the end effector is from a pose (3,), (4,) in the same frame: meters and degrees."""
