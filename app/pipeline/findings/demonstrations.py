@@ -9,6 +9,7 @@ from app.pipeline.findings import Finding
 from app.pipeline.findings.actions import ShownWays
 from app.pipeline.findings.arrangement import FEWEST, rigid_pairs
 from app.pipeline.findings.elsewhere import PLACE_WORDS, elsewhere_findings, from_shown_m
+from app.pipeline.findings.exchanged import exchanged_findings
 from app.pipeline.findings.hand import RecordedHand
 from app.pipeline.findings.implausible import dropping_findings, hand_findings
 from app.pipeline.findings.missed import Kept
@@ -163,8 +164,10 @@ class Taught:
         for form in [asked] if asked else sorted(self._alike):
             alike = self._alike[form]
             off_m = [self._off_m(item) for item in alike]
+            left_out = [id(item) not in self._shown_off_m for item in alike]
             yield from ways_findings(alike, declared=self.several_ways)
-            yield from elsewhere_findings(alike, off_m, declared=self.several_ways)
+            yield from () if self.several_ways else exchanged_findings(alike)
+            yield from elsewhere_findings(alike, off_m, left_out, declared=self.several_ways)
             hands = [self._hands[id(item)] for item in alike if id(item) in self._hands]
             yield from path_findings([hand.kept for hand in hands])
             yield from hand_findings(alike, hands)

@@ -20,6 +20,7 @@ FIXED_DEG = 3.0
 FULL_TURN_DEG = 200.0  # demonstrations over more than this have an object at any angle
 LONE_M, LONE_OF_FEW_M = 0.5, 1.0  # from all others, of at least MANY_DEMONSTRATIONS demonstrations and of fewer
 MANY_DEMONSTRATIONS = 5
+FEW_M, MANY = 0.5, 10  # what fewer than MANY leave open besides: 5 cm of five, 12 cm of three
 SLACK = 15.0  # 0.15 of the range beyond ten demonstrations, 0.6 of it beyond five: docs/results/safety.md
 MIN_DEMONSTRATIONS = 3  # from which on their places say something about what was taught
 
@@ -60,7 +61,7 @@ class ShownPlaces:
     @property
     def slack_m(self) -> Array:
         """(3,) how far beyond the box unseen places may well lie: few demonstrations tell little of where it ends."""
-        slack: Array = SLACK * self.range_m / self.number**2
+        slack: Array = SLACK * self.range_m / self.number**2 + max(0.0, FEW_M * (1 / self.number - 1 / MANY))
         return slack
 
     def beyond_m(self, pose: ObjectPose) -> Array:
