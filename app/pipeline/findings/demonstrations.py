@@ -4,11 +4,11 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-from app.pipeline.episode import Demonstration
+from app.pipeline.episode import Demonstration, Query
 from app.pipeline.findings import Finding
 from app.pipeline.findings.actions import ShownWays
 from app.pipeline.findings.arrangement import FEWEST, rigid_pairs
-from app.pipeline.findings.elsewhere import PLACE_WORDS, elsewhere_findings, from_shown_m
+from app.pipeline.findings.elsewhere import PLACE_WORDS, answer_findings, elsewhere_findings, from_shown_m
 from app.pipeline.findings.exchanged import exchanged_findings
 from app.pipeline.findings.hand import RecordedHand
 from app.pipeline.findings.implausible import dropping_findings, hand_findings
@@ -24,6 +24,7 @@ from app.pipeline.plans.agreement import two_ways
 from app.pipeline.plans.by_scene import parting
 from app.pipeline.plans.rows import WAY_SHARE, acting_rows, plan_rows
 from app.pipeline.plans.support import Support, asked_anchor
+from roboprompt_client.trajectory import EndEffectorAction
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,6 +113,14 @@ class Taught:
     def findings(self, asked: Order) -> tuple[Finding, ...]:
         """What is doubtful about the demonstrations that ask for the same, or about all where none does."""
         return self._of(asked).findings
+
+    def of_answer(
+        self, parts: Sequence[Query], actions: Sequence[EndEffectorAction], shown_ids: Collection[str]
+    ) -> Iterator[Finding]:
+        """What is doubtful about an answer to the parts of an instruction if its prompt shows only these of them."""
+        if not self.several_ways and not self.moves and any(item.id not in shown_ids for item in self.usual):
+            for part in parts:
+                yield from answer_findings(self.support, part, actions)
 
     def followed(self, asked: Order) -> frozenset[str]:
         """The objects that rows of the asked motion are relative to."""

@@ -8,17 +8,18 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from app.pipeline.episode import Demonstration
+from app.pipeline.episode import Demonstration, Query
 from app.pipeline.findings import Finding
 from app.pipeline.findings.missed import NEVER_M, off_from_m
 from app.pipeline.findings.rules import ELSEWHERE
 from app.pipeline.order.vocabulary import COUNTED_FROM, FAR, NEAR, PLACE_ADJECTIVES
 from app.pipeline.plans.agreement import TWO_WAYS_M
-from app.pipeline.plans.rows import BEYOND_NOISE_M, WAY_SHARE, acting_rows
+from app.pipeline.plans.rows import BEYOND_NOISE_M, WAY_SHARE, PlanRow, acting_rows
 from app.pipeline.plans.support import Support
 from roboprompt_client.arrays import Array
 from roboprompt_client.trajectory import EndEffectorAction
 
+SCATTERS = 2.0  # times the median scatter of a row, within which a demonstration does the same
 LISTED = 3  # ids that a sentence names
 PLACE_WORDS = frozenset({*COUNTED_FROM, *FAR, *NEAR, *PLACE_ADJECTIVES})  # that say which of several objects
 
@@ -60,22 +61,40 @@ def elsewhere_findings(
     yield ELSEWHERE.finding(message, "demonstrations", numbers, value=value)
 
 
-def from_shown_m(support: Support, left_out: Demonstration) -> float:
-    """How far a demonstration stays from where the nearest of the shown plans would act in its scene.
+def answer_findings(support: Support, asked: Query, actions: Sequence[EndEffectorAction]) -> Iterator[Finding]:
+    """An answer that acts where no plan of a task does: the demonstrations that the prompt shows are odd ones.
+
+    Args:
+        support: of all demonstrations, where a prompt shows some.
+        asked: a part of the instruction; the `actions` are of all parts.
+    """
+    off_m = from_shown_m(support, Demonstration(asked.instruction, asked.objects, tuple(actions), start=asked.start))
+    if off_m > TWO_WAYS_M:
+        message = (
+            "The answer follows demonstrations that act, or use the gripper, otherwise than most of the task's: those"
+            " that were chosen for the prompt are odd ones. Choose others, or delete what was recorded wrongly."
+        )
+        yield ELSEWHERE.finding(message, "actions", {"off_m": off_m}, value=1.0)
+
+
+def from_shown_m(support: Support, other: Demonstration) -> float:
+    """How far a demonstration stays from where the nearest of some plans would act in its scene, beyond their scatter.
 
     One that comes there by another way, or does more besides, does the same.
     """
-    plans, placed = support.alike(left_out.order), support.placed(left_out) or ()
-    acts = ([plan[k].action for k in acting_rows(rows)] for (_, rows), plan in zip(plans, placed, strict=False))
-    return min((_missed_m(acted, left_out) for acted in acts), default=0.0)
+    plans, placed = support.alike(other.order), support.placed(other) or ()
+    acts = (
+        [(plan[k].action, rows[k]) for k in acting_rows(rows)] for (_, rows), plan in zip(plans, placed, strict=False)
+    )
+    return min((_missed_m(acted, other) for acted in acts), default=0.0)
 
 
-def _missed_m(acts: Sequence[EndEffectorAction], demonstration: Demonstration) -> float:
+def _missed_m(acts: Sequence[tuple[EndEffectorAction, PlanRow]], demonstration: Demonstration) -> float:
     """How far it stays from the acts, done in their order with the gripper as it is then; of these the farthest."""
     best_m = np.zeros(len(demonstration.actions))  # of the acts until now, the last at this action or before it
-    for act in acts:
+    for act, row in acts:
         off_m = [off_from_m(act.position_m, act.gripper_open, action) for action in demonstration.actions]
-        best_m = np.minimum.accumulate(np.maximum(best_m, off_m))
+        best_m = np.minimum.accumulate(np.maximum(best_m, np.array(off_m) - SCATTERS * row.scatter_m))
     return float(best_m[-1]) if len(best_m) else NEVER_M
 
 

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from app.pipeline.episode import Demonstration
-from app.pipeline.findings.arrangement import RigidPair, rigid_pairs
+from app.pipeline.findings.arrangement import RigidPair, Side, rigid_pairs, sides
 from app.pipeline.noise import MEAN_ERROR_M, MEAN_ERROR_RAD, MEAN_LENGTH
 from roboprompt_client import quaternions
 from roboprompt_client.arrays import Array
@@ -143,6 +143,11 @@ class ShownScenes:
     def pairs(self) -> tuple[RigidPair, ...]:
         """The objects that keep one arrangement."""
         return rigid_pairs(self.demonstrations)
+
+    @cached_property
+    def sides(self) -> tuple[Side, ...]:
+        """The objects that stand on one side of each other."""
+        return sides(self.demonstrations)
 
     @cached_property
     def _least_apart_m(self) -> dict[tuple[str, str], float]:

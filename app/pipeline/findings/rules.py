@@ -100,6 +100,9 @@ PARTED = Rule(
     "objects-arranged-otherwise", "off a rigid arrangement that a row follows", "m", warning=0.035, danger=0.05
 )
 
+SIDES = Rule("objects-arranged-otherwise", "on the side where no demonstration has it", "m", danger=0.05)
+CHANGED_PLACES = Rule("objects-changed-places", danger=ALWAYS, source="no hand exchanges two objects in one step")
+
 OTHER_OBJECTS = Rule("other-objects", info=ALWAYS, source="no row follows them and no words name them")
 PLAN_OF_SCENE = Rule("plan-of-this-scene", info=ALWAYS, source="docs/plans.md")
 SCENE_BETWEEN = Rule("scene-between-plans", warning=ALWAYS, source="docs/plans.md")
@@ -111,7 +114,7 @@ MANY_ROWS = Rule("many-rows", warning=ALWAYS, source="max_actions of a request")
 
 SCATTERED = Rule("scattered-demonstrations", "that their centre may be off", info=0.0, warning=0.012)
 MISSED = Rule(
-    "scattered-demonstrations", "that the centre may be off where the hand takes or presses", "m", danger=0.013
+    "scattered-demonstrations", "that the centre may be off where the hand takes or presses", "m", danger=0.012
 )
 CONTRADICTING = Rule(
     "scattered-demonstrations", "of more than a third from the centre where the hand acts", "m", danger=BEYOND_NOISE_M
@@ -160,6 +163,8 @@ RULES = (
     NOISY,
     ARRANGED,
     PARTED,
+    SIDES,
+    CHANGED_PLACES,
     OTHER_OBJECTS,
     PLAN_OF_SCENE,
     SCENE_BETWEEN,

@@ -8,7 +8,7 @@ import numpy as np
 
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.findings import SEVERITIES, Finding, worst_severity
-from app.pipeline.findings.arrangement import arranged_findings, parted_findings
+from app.pipeline.findings.arrangement import arranged_findings, parted_findings, sided_findings
 from app.pipeline.findings.places import (
     FIXED_M,
     MIN_DEMONSTRATIONS,
@@ -64,6 +64,7 @@ def scene_findings(
     for pose, of_pose in zip(observed, places, strict=True):
         found += [] if pose in confused or not (needed is None or pose.name in needed) else _place(pose, of_pose)
     parted = list(parted_findings(query, scenes.pairs, followed)) or list(arranged_findings(query, shown, followed))
+    parted = _greater(list(sided_findings(query, scenes.sides, followed)), parted) or parted
     found += [] if confused else _greater(parted, found)
     found += _greater(list(_noise(observed, places)), found)
     return (*uncertain, *found)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from app.llm.base import ModelProfile
 from app.pipeline.findings import Finding
+from app.pipeline.findings.arrangement import changed_places
 from app.pipeline.findings.demonstrations import Taught
 from app.pipeline.findings.scene import other_objects
 from app.services.measures import timed
@@ -92,7 +93,9 @@ class KnownReader:
                     taught = task.taught_of([pose.name for pose in scene.objects], taught, ids)
                 prefixes, findings = _shown(task, request, style, scene, ids)
         others = other_objects(scene.absent, [pose.name for pose in scene.bystanders])
-        return Known(settings, previous, end_effector, scene, profile, style, prefixes, taught, (*findings, *others))
+        moved = changed_places(previous.objects, scene.objects) if previous else ()
+        found = (*findings, *others, *moved)
+        return Known(settings, previous, end_effector, scene, profile, style, prefixes, taught, found)
 
     def usual_prefixes(self, task_name: str) -> list[Prefix]:
         """What requests that name nothing but the task show in scenes of its usual plans, the most usual first.
