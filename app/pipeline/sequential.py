@@ -18,6 +18,7 @@ from roboprompt_client.arrays import Array
 
 DECIDED = 1 / (1 - CONFIDENCE)
 MAX_FORESEEN = 10_000  # pairs; what needs more is not worth a robot's time
+MAX_LOG = 300.0  # of winnings: more than any decision asks for, and a float holds it
 _BETS = np.concatenate([-(np.arange(20) + 0.5) / 20, (np.arange(20) + 0.5) / 20])  # shares of the greatest fair bet
 _DIFFERENCES = np.linspace(-0.995, 0.995, 200)
 _STEP = 0.01
@@ -67,9 +68,8 @@ class Pairs:
         """About how many pairs more decide it if they go on as these; None where they may never."""
         if not self.number:
             return None
-        numbers = np.arange(self.number, MAX_FORESEEN + 1)
-        counts = (count * numbers / self.number for count in (self.one_alone, self.other_alone, self.alike))
-        enough = winnings(*counts, 0.0) >= DECIDED
+        times = np.arange(self.number, MAX_FORESEEN + 1) / self.number
+        enough = winnings(times * self.one_alone, times * self.other_alone, times * self.alike, 0.0) >= DECIDED
         return int(enough.argmax()) if enough.any() else None
 
 
@@ -82,6 +82,5 @@ def winnings(
     )
     bets = _BETS / np.where(_BETS > 0, 1 + held, 1 - held)
     grown = wins * np.log1p(bets * (1 - held)) + ties * np.log1p(-bets * held) + losses * np.log1p(-bets * (1 + held))
-    with np.errstate(over="ignore"):  # more than a float holds is more than enough
-        mean: Array = np.exp(grown).mean(axis=-1)
+    mean: Array = np.exp(np.minimum(grown, MAX_LOG)).mean(axis=-1)
     return mean

@@ -17,7 +17,7 @@ OPERATIONS = {
     "get_prediction_overlay",
     "get_metadata", "edit_episode", "get_task_stats", "get_upload",
     "get_job", "list_jobs",
-    "delete_prediction", "delete_task", "plan",
+    "delete_prediction", "delete_task", "plan", "report_run", "end_run", "list_runs", "stop_run",
 }  # fmt: skip
 
 

@@ -20,6 +20,7 @@ from roboprompt_client.arrays import Array
 from roboprompt_client.cameras.rig import Rig
 from roboprompt_client.cameras.viewpoints import ConfirmViewpoint, look_around
 from roboprompt_client.errors import InvalidInputError, MotionError, UnsafeActionError
+from roboprompt_client.live import OnLost
 from roboprompt_client.motion_guard import MotionGuard
 from roboprompt_client.motion_limits import MotionLimits, Pose
 from roboprompt_client.robot import Observation
@@ -42,6 +43,7 @@ class Arm:
         reach_m: how far from its base the hand gets, for the preview of an arm whose joints are not known.
         cameras: whose pictures `observe` takes; None: none.
         viewpoints: to which the hand goes for the pictures of cameras that it carries.
+        on_lost: what a watched run does without the service (`Live`).
 
     Attributes:
         to_find: the names of objects that the service is to find in the pictures, as `Observation` has them.
@@ -61,9 +63,11 @@ class Arm:
         reach_m: float | None = None,
         cameras: Rig | None = None,
         viewpoints: Sequence[Pose] = (),
+        on_lost: OnLost = "continue",
     ) -> None:
         self.driver = driver
         self.cameras, self.viewpoints = cameras, tuple(viewpoints)
+        self.on_lost = on_lost
         self.to_find: tuple[str, ...] = ()
         self.confirm_viewpoint: ConfirmViewpoint | None = None
         self._calibration = calibration or Calibration.none()
