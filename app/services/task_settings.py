@@ -33,7 +33,7 @@ from roboprompt_client.motion_limits import MotionLimits
 from roboprompt_client.trajectory import MAX_GRIPPER_WIDTH_M, MAX_JOINTS, ObjectPose, Trajectory
 from roboprompt_client.wording import checked_name
 
-Representation = Literal["absolute", "object_frame", "action_tokens"]
+Representation = Literal["absolute", "object_frame", "action_tokens", "parts"]
 PromptFormat = Literal["paper", "authors", "kat"]
 ArmModel = Literal["panda", "fr3"]  # whose joints the client knows, with a Franka Hand
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f]")

@@ -72,6 +72,7 @@ NEW_INSTRUCTION = Rule("new-instruction", info=ALWAYS, source="its form was taug
 NEW_ROLE = Rule(
     "new-role", "1 where taught words have the object in another part, else 0", warning=0.0, danger=1.0, source="words"
 )
+PARTS_NOT_SHOWN = Rule("parts-not-shown", danger=ALWAYS, source="the reply is not held to demonstrations")
 
 UNCERTAIN_POSE = Rule("uncertain-pose", "1 below a confidence of 0.7, else 0", info=0.0, warning=1.0)
 OTHER_SOURCE = Rule(
@@ -146,6 +147,7 @@ RULES = (
     UNFAMILIAR_INSTRUCTION,
     NEW_INSTRUCTION,
     NEW_ROLE,
+    PARTS_NOT_SHOWN,
     UNCERTAIN_POSE,
     OTHER_SOURCE,
     ONE_PLACE,

@@ -1,23 +1,17 @@
-"""What recorded predictions are judged by: their demonstrations, the robot's path, and how robots fared with them.
+"""What recorded predictions are judged by: their demonstrations and the robot's path."""
 
-A prediction is compared with its demonstrations; successes are counted by model and configuration of a task.
-"""
-
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from app.pipeline.deviation import ActionDeviation, ObjectReach, action_deviations, object_reach
 from app.pipeline.episode import Demonstration
-from app.pipeline.success_rate import SuccessRate
 from app.services.predict.demonstrations import Demonstrations
 from app.services.predict.select import in_all
 from app.services.task_settings import TaskSettings
-from app.store import predictions, tasks
-from app.store.records import ConfigurationCounts, PredictionRecord
-from app.store.store import Store
+from app.store.records import PredictionRecord
 from roboprompt_client import quaternions
 from roboprompt_client.arms.calibration import Calibration
 from roboprompt_client.arms.panda import PandaGeometry
@@ -117,49 +111,3 @@ def configuration(record: PredictionRecord) -> dict[str, Any]:
         "num_demonstrations": len(record.demonstration_ids),
         **{name: record.request[name] for name in asked if name in record.request},
     }
-
-
-@dataclass(frozen=True)
-class Standing:
-    """What became of the predictions of one configuration."""
-
-    counts: ConfigurationCounts
-
-    @property
-    def rate(self) -> SuccessRate:
-        """Of the predictions whose outcome is known."""
-        return SuccessRate(self.counts.successes, self.counts.successes + self.counts.failures)
-
-
-@dataclass(frozen=True)
-class TaskStats:
-    """A task's predictions: together, and of each configuration, the surest success first."""
-
-    total: Standing
-    configurations: tuple[Standing, ...]
-
-
-def task_stats(store: Store, task: str) -> TaskStats:
-    """The stored outcomes of the task, summed up. Synchronous: call it in a thread.
-
-    Raises:
-        NotFoundError: if there is no such task.
-    """
-    with store.read() as connection:
-        tasks.get(connection, task)
-        counted = predictions.configuration_counts(connection, task)
-    standings = sorted(map(Standing, counted), key=lambda standing: standing.rate.interval[0], reverse=True)
-    return TaskStats(Standing(_sum(counted)), tuple(standings))
-
-
-def _sum(counted: Iterable[ConfigurationCounts]) -> ConfigurationCounts:
-    total = ConfigurationCounts()
-    for item in counted:
-        total = replace(
-            total,
-            predictions=total.predictions + item.predictions,
-            errors=total.errors + item.errors,
-            successes=total.successes + item.successes,
-            failures=total.failures + item.failures,
-        )
-    return total

@@ -62,3 +62,8 @@ class Question:
     turned: bool = False
     findings: tuple[Finding, ...] = ()
     samples: tuple["Question", ...] = ()
+
+    @property
+    def deadline_s(self) -> float:
+        """How long the answer may take."""
+        return self.request.options.deadline_s(self.profile, len(self.prompt.system) + len(self.prompt.user))
