@@ -257,5 +257,6 @@ def model_document(profile: ModelProfile, available: bool, reason: str | None, d
         "system_prompt": profile.system_prompt,
         "description": profile.description,
         "timeout_s": profile.timeout_s,
+        "reading_s": profile.reading_s,
         "default": profile.name == default,
     }

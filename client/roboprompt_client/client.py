@@ -14,7 +14,7 @@ from roboprompt_client.teaching import Teaching
 from roboprompt_client.trajectory import EndEffectorAction, ObjectPose, object_from_json, object_json
 
 __all__ = ["DEFAULT_URL", "RoboPromptClient"]
-LONGEST_S = 300.0  # that the service gives a model where a request names no deadline
+LONGEST_S = 600.0  # that the service gives a model where a request names no deadline
 MARGIN_S = 10.0  # the service answers within the request's own deadline; this is for the way there and back
 
 

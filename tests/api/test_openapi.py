@@ -1,6 +1,7 @@
 """The kept OpenAPI document is true, and its examples can be sent as they are."""
 
 import json
+from functools import cache
 from pathlib import Path
 
 from app.bootstrap import build_app
@@ -21,6 +22,7 @@ OPERATIONS = {
 }  # fmt: skip
 
 
+@cache
 def openapi_text():
     """As `make openapi` writes it."""
     return json.dumps(build_app(Settings()).openapi(), indent=2, sort_keys=True) + "\n"

@@ -114,7 +114,10 @@ class EpisodeMetadata(RequestModel):
     extra: Annotated[
         dict[str, Any],
         AfterValidator(_short_json),
-        Field(description="kept with the episode, not interpreted; at most 64 kB"),
+        Field(
+            description="kept with the episode, at most 64 kB; `commanded_positions` (T, 3), where the hand was sent,"
+            " may show contact, and the rest is not interpreted"
+        ),
     ] = {}
     left_out: Annotated[Truth, Field(description=LEFT_OUT)] = False
     note: Annotated[Note, Field(description="for people")] = ""
@@ -159,6 +162,10 @@ class TrajectoryIn(RequestModel):
         Field(description="(T, N, 3) m, of the objects in their order: for closed-loop predictions"),
     ] = None
     object_quaternions_xyzw: Annotated[list[list[list[Number]]] | None, Field(description="(T, N, 4)")] = None
+    wrenches: Annotated[
+        list[list[Number]] | None,
+        Field(description="(T, 6) N and Nm that act on the hand, along the world's axes: kept, not interpreted"),
+    ] = None
 
 
 class EpisodeJson(BaseModel):

@@ -224,6 +224,7 @@ class ModelOut(BaseModel):
     system_prompt: str
     description: str
     timeout_s: Annotated[float, Field(description="the deadline of a request that names none")]
+    reading_s: Annotated[float, Field(description="what that is longer for each 1,000 characters of the prompt")]
     default: bool
 
 

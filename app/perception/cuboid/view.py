@@ -61,7 +61,8 @@ def view_of(frame: RgbdFrame, piece: Piece) -> View:
     mask = piece.mask_in(int(corner[1]), int(corner[0]), depth_m.shape)
 
     def points_m(pixels: Pixels) -> Array:
-        return pixels_to_world(camera, *(pixels + corner).T, depth_m[tuple(pixels.T)])
+        rows, columns = (pixels + corner).T
+        return pixels_to_world(camera, rows, columns, depth_m[tuple(pixels.T)])
 
     surface = np.argwhere(inner(mask) & (depth_m > 0))
     stride = max(1, round(len(surface) / MAX_POINTS))

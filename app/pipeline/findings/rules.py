@@ -134,6 +134,7 @@ FAR_FROM_ALL = Rule("acts-far-from-objects", "from the nearest object", "m", war
 BESIDE = Rule("beside-the-object", "from the object's vertical axis", "m", danger=0.05)
 W_FIRST = Rule("w-first", "of the hand's rotations from their mean", "degrees", danger=6.0)
 
+GRIPPER_TURNED = Rule("gripper-turned", info=ALWAYS, source="docs/plans.md")
 STRAYING = Rule("straying-action", info=ALWAYS)
 PASSES_CLOSE = Rule("passes-close", "from an object's centre", "m", warning=0.08, danger=0.03, nearer=True)
 UNSUPPORTED = Rule("unsupported-action", danger=ALWAYS)
@@ -180,6 +181,7 @@ RULES = (
     BESIDE,
     W_FIRST,
     PATH_LEFT,
+    GRIPPER_TURNED,
     STRAYING,
     PASSES_CLOSE,
     UNSUPPORTED,

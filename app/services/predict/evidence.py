@@ -1,6 +1,6 @@
 """What recorded predictions are judged by: their demonstrations and the robot's path."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,6 +18,7 @@ from roboprompt_client.arms.panda import PandaGeometry
 from roboprompt_client.arms.preview import Previewed, preview_plan
 from roboprompt_client.arrays import Array
 from roboprompt_client.errors import MotionError
+from roboprompt_client.motion_limits import Pose
 from roboprompt_client.trajectory import EndEffectorAction
 
 
@@ -63,19 +64,29 @@ def path_of(record: PredictionRecord, settings: TaskSettings) -> tuple[Previewed
     The arm, where the settings name one, is thought to come from its maker's ready pose straight to where the request
     said that the hand was.
     """
+    hand = record.request.get("end_effector")
+    pose = None if hand is None else Pose(tuple(hand["position"]), tuple(hand["quaternion_xyzw"]))
+    return previewed(list(_actions(record)), settings, pose)
+
+
+def previewed(actions: Sequence[EndEffectorAction], settings: TaskSettings, hand: Pose | None) -> tuple[Previewed, ...]:
+    """The same of actions that may become a prediction.
+
+    Args:
+        hand: where it is before the first, where that is known.
+    """
     base = Calibration(np.array(settings.robot_base), quaternions.IDENTITY)
     geometry = None if settings.arm is None else PandaGeometry(settings.arm)
-    hand = record.request.get("end_effector")
     joints = None if geometry is None else _start(geometry, base, hand)
-    start_m = None if hand is None else hand["position"]
-    limits, actions = settings.limits_of_motion(), list(_actions(record))
+    start_m = None if hand is None else hand.position_m
+    limits = settings.limits_of_motion()
     return preview_plan(actions, base, limits, geometry=geometry, joints_rad=joints, start_m=start_m)
 
 
-def _start(geometry: PandaGeometry, base: Calibration, hand: Mapping[str, Any] | None) -> Array:
+def _start(geometry: PandaGeometry, base: Calibration, hand: Pose | None) -> Array:
     if hand is None:
         return geometry.ready_rad
-    position_m, quaternion = np.array(hand["position"]), np.array(hand["quaternion_xyzw"])
+    position_m, quaternion = np.array(hand.position_m), np.array(hand.quaternion_xyzw)
     try:
         return geometry.way(geometry.ready_rad, *base.to_base(position_m, quaternion))
     except MotionError:

@@ -45,7 +45,7 @@ def doubted(question: Question, known: Sequence[Finding]) -> Question:
     followed, words = taught.followed(order), (*_words(order, question.prefix.instructions), *_parts(question))
     sources = source_findings(_that_matter(seen, followed), taught.demonstrations, taught.compared)
     scene = scene_findings(seen, taught.scenes, followed, taught.needed)
-    return replace(question, findings=(*known, *words, *sources, *taught.findings(order), *scene))
+    return replace(question, findings=(*known, *words, *sources, *taught.findings(order), *scene, *question.findings))
 
 
 def _that_matter(seen: Query, followed: frozenset[str]) -> tuple[ObjectPose, ...]:

@@ -22,6 +22,7 @@ from roboprompt_client.motion_limits import MAX_ACTIONS, Pose
 
 Selection = Literal["first", "recent", "random", "nearest", "diverse"]
 SAMPLES_TEMPERATURE = 0.5
+MAX_TIMEOUT_S = 600.0  # `roboprompt_client` waits as long
 MAX_ACTIONS_ASKED = 100  # that a request may raise `max_actions` to
 Doubtful = Literal["refuse", "allow"]
 
@@ -81,9 +82,9 @@ class PredictOptions(BaseModel):
         ),
     ] = "refuse"
     max_actions: Annotated[int, Field(ge=1, le=MAX_ACTIONS_ASKED), WHOLE] = MAX_ACTIONS
-    timeout_s: Annotated[Number | None, Field(ge=0.1, le=600, description="default: the model's, see GET /models")] = (
-        None
-    )
+    timeout_s: Annotated[
+        Number | None, Field(ge=0.1, le=MAX_TIMEOUT_S, description="default: the model's, see GET /models")
+    ] = None
     unsupported: Annotated[
         Doubtful,
         Field(description="allow: actions unlike what was demonstrated are answered with a finding instead of refused"),
@@ -92,9 +93,10 @@ class PredictOptions(BaseModel):
         Truth, Field(description="with `Accept: text/event-stream`: the reply's text, too, in events `text`")
     ] = False
 
-    def deadline_s(self, profile: ModelProfile) -> float:
-        """How long the answer may take: as asked for, else what the model needs."""
-        return profile.timeout_s if self.timeout_s is None else self.timeout_s
+    def deadline_s(self, profile: ModelProfile, prompt_chars: int = 0) -> float:
+        """How long the answer may take: as asked for, else what the model needs, for a prompt that it has not read."""
+        needed_s = profile.timeout_s + profile.reading_s * prompt_chars / 1000
+        return min(needed_s, MAX_TIMEOUT_S) if self.timeout_s is None else self.timeout_s
 
     @property
     def sampling_temperature(self) -> float:
@@ -176,7 +178,7 @@ class PromptStyle:
         prompt_format = options.prompt_format or settings.prompt_format or profile.prompt_format
         system_prompt = options.system_prompt or settings.system_prompt
         if system_prompt is None:  # the one that describes the prompt: the paper's are about lists of actions
-            lists = profile.style == "chat" and representation != "object_frame"
+            lists = profile.style == "chat" and representation not in ("object_frame", "parts")
             system_prompt = "none" if not lists else "kat" if prompt_format == KAT_FORMAT else profile.system_prompt
         started = request.end_effector is not None and not options.closed_loop
         return cls(representation, prompt_format, system_prompt, options.closed_loop, started)

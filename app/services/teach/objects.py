@@ -1,10 +1,12 @@
-"""Which objects an upload may have: those of its task, and others that nothing depends on."""
+"""Which objects an upload may have, those of its task and others that nothing depends on, and which it is about."""
 
 from collections.abc import Sequence
 
 import numpy as np
 
 from app.perception.base import ObjectQuery
+from app.pipeline.alike import Alike
+from app.pipeline.episode import Episode
 from app.pipeline.errors import ObjectSetError
 from app.pipeline.findings import Finding
 from app.pipeline.findings.arrangement import FEWEST
@@ -12,14 +14,18 @@ from app.pipeline.findings.demonstrations import Taught
 from app.pipeline.findings.scene import other_objects
 from app.pipeline.keyframes import Motion
 from app.pipeline.order.order import Order
+from app.pipeline.order.space import Layout
+from app.pipeline.order.which import with_numbers
 from app.pipeline.plans.alignment import GRASPED_M
 from app.pipeline.prompt import check_object_names
 from app.services.predict.demonstrations import Demonstrations, recordings_of
+from app.services.predict.instruction import is_english
 from app.services.task_settings import TaskSettings
 from app.store import episodes
 from app.store.records import TaskRecord
 from app.store.store import Store
 from roboprompt_client.arrays import Array
+from roboprompt_client.trajectory import ObjectPose
 
 MAX_LOOKED_AT = 50  # demonstrations that say what a scene must have
 
@@ -55,20 +61,34 @@ def check_objects(
     return other_objects([name for name in names if name not in sent], [query.name for query in new])
 
 
+def saying_which(episode: Episode, poses: Sequence[ObjectPose], alike: Sequence[Alike], settings: TaskSettings) -> str:
+    """The instruction, with the number of each of several objects of one name that it is about.
+
+    Args:
+        poses: of all objects, by their numbers.
+
+    Raises:
+        UngroundedInstructionError: if it is not clear which is meant, or the hand goes to another.
+    """
+    acts_m = _acts_at_m(settings.motion_of(episode.trajectory, episode.control_frequency_hz))
+    layout = Layout({pose.name: pose.position_m for pose in poses}, np.array(settings.robot_base))
+    return with_numbers(episode.instruction, layout, acts_m, alike, is_english)
+
+
 def _is_acted_on(query: ObjectQuery, objects: Sequence[ObjectQuery], motion: Motion) -> bool:
     """Whether the hand acts at an object, or may: where that is, is not known before it is found in images."""
     if query.position_m is None:
         return True
     places_m = [np.array(other.position_m) for other in objects if other.position_m is not None]
     own_m = np.array(query.position_m)
-    for acts_m in acts_at_m(motion):
+    for acts_m in _acts_at_m(motion):
         off_m = float(np.linalg.norm(own_m - acts_m))
         if off_m <= GRASPED_M and off_m <= min(float(np.linalg.norm(place_m - acts_m)) for place_m in places_m):
             return True
     return False
 
 
-def acts_at_m(motion: Motion) -> Array:
+def _acts_at_m(motion: Motion) -> Array:
     """(K, 3) where the gripper switches; without a switch where the hand is lowest."""
     positions_m = motion.trajectory.positions_m
     frames = [switch.frame for switch in motion.acting_switches] or [int(positions_m[:, 2].argmin())]

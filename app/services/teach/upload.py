@@ -14,20 +14,18 @@ from app.perception.images import ImageBytes
 from app.pipeline.alike import Alike, alike_findings
 from app.pipeline.episode import Episode
 from app.pipeline.findings import Finding
+from app.pipeline.findings.contact import contact_findings
 from app.pipeline.findings.recording import check_moves
 from app.pipeline.findings.units import check_recording_units
 from app.pipeline.findings.unlike import unlike_findings
-from app.pipeline.order.space import Layout
-from app.pipeline.order.which import with_numbers
 from app.pipeline.prompt import check_object_names
 from app.services.measures import note
 from app.services.pose_servers import PoseServers
-from app.services.predict.instruction import is_english
 from app.services.scene_images import put_images
 from app.services.task_settings import TaskSettings
 from app.services.teach.configure import record_limits
 from app.services.teach.extract import Extracted, extract
-from app.services.teach.objects import acts_at_m, check_objects
+from app.services.teach.objects import check_objects, saying_which
 from app.services.teach.room import FIRST, room_findings, uploaded
 from app.store import episodes, idempotency, predictions, tasks, trajectories
 from app.store.errors import ConflictError, NotFoundError
@@ -167,7 +165,8 @@ class UploadEpisode:
         extracted = extract(motion, upload.objects, episode.frames, settings, names, self._store.blobs)
         unlike = () if task is None else self._unlike(task.name, episode.instruction, extracted)
         alike = alike_findings(upload.alike, episode.instruction)
-        return replace(extracted, findings=(*others, *alike, *extracted.findings, *unlike))
+        contact = contact_findings(motion, [query.name for query in upload.objects], episode.extra)
+        return replace(extracted, findings=(*others, *alike, *extracted.findings, *contact, *unlike))
 
     def _unlike(self, task: str, instruction: str, extracted: Extracted) -> tuple[Finding, ...]:
         with self._store.read() as connection:
@@ -203,20 +202,13 @@ class UploadEpisode:
 
 
 def _saying_which(upload: Upload, settings: TaskSettings) -> Upload:
-    """The upload with an instruction that says by its number which of several objects of one name is meant.
-
-    Raises:
-        UngroundedInstructionError: if that is not clear.
-    """
+    """The upload with an instruction that says by its number which of several objects of one name is meant."""
     if not upload.alike or upload.uploaded_instruction is not None:
         return upload
-    episode, places_m = upload.episode, {pose.name: pose.position_m for pose in _given(upload.objects)}
-    acts_m = acts_at_m(settings.motion_of(episode.trajectory, episode.control_frequency_hz))
-    layout = Layout(places_m, np.array(settings.robot_base))
-    text = with_numbers(episode.instruction, layout, acts_m, upload.alike, is_english)
-    if text == episode.instruction:
-        return upload
-    return replace(upload, episode=replace(episode, instruction=text), uploaded_instruction=episode.instruction)
+    said = upload.episode.instruction
+    text = saying_which(upload.episode, _given(upload.objects), upload.alike, settings)
+    episode = replace(upload.episode, instruction=text)
+    return replace(upload, episode=episode, uploaded_instruction=None if text == said else said)
 
 
 def _given(objects: Sequence[ObjectQuery]) -> tuple[ObjectPose, ...]:
