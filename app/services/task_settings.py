@@ -123,6 +123,13 @@ class TaskSettings(BaseModel):
         ArmModel | None,
         Field(description="the robot, for the preview of a prediction's path on its page; null: not known"),
     ] = None
+    gripper_symmetry_deg: Annotated[
+        Literal[180] | None,
+        Field(
+            description="180: a hand turned by half a turn about its z axis, along which it approaches, grasps alike,"
+            " and the turn that is nearer to demonstrated wrist angles is taken; null: actions are as the model says"
+        ),
+    ] = None
     yaw_symmetry_deg: Annotated[
         dict[str, Annotated[Number, AfterValidator(_symmetry)]],
         Field(

@@ -142,6 +142,24 @@ class RoboPromptClient(Teaching):
         """Tell the service how the robot fared with a prediction."""
         return self.post(f"/predictions/{prediction_id}/outcome", {"success": success, "note": note})
 
+    def report_run(self, run_id: str, state: Mapping[str, Any], timeout_s: float) -> bool:
+        """Tell where the robot is with a run (`PUT /runs/{run_id}`); returns whether it shall stop.
+
+        Raises:
+            ServiceProblemError, ServiceUnreachableError: it is not known whether it shall.
+        """
+        return self._stop("PUT", run_id, timeout_s, json=dict(state))
+
+    def end_run(self, run_id: str, timeout_s: float) -> bool:
+        """Tell that a run has ended; returns whether it was to be stopped, and raises, as `report_run`."""
+        return self._stop("DELETE", run_id, timeout_s)
+
+    def _stop(self, method: str, run_id: str, timeout_s: float, **body: Any) -> bool:  # noqa: ANN401
+        answer = self._http.document(method, f"/runs/{run_id}", timeout=timeout_s, **body)
+        if not isinstance(stop := answer.get("stop"), bool):
+            raise ServiceUnreachableError(f"{method} /runs/{run_id}: what answers there is no RoboPrompt service")
+        return stop
+
 
 def _wait_s(timeout_s: float | None) -> float:
     """How long the connection may be silent."""

@@ -103,7 +103,7 @@ class PredictActions:
 
     async def _meaning(self, request: PredictRequest, error: InstructionError) -> str | None:
         """The instruction that an unclear one stands for, if the request's model finds it."""
-        if not error.choices:
+        if not error.choices or request.alike:  # a model that sees no places would guess which one
             return None
         with timed("words"):
             profile = self._known.profile_of(request.options.model)

@@ -7,12 +7,15 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from app.llm.base import ModelProfile
-from app.perception.base import ObjectQuery
+from app.perception.base import ObjectQuery, numbered_queries
 from app.perception.images import ImageBytes
 from app.perception.strict import WHOLE, Number, Truth
+from app.pipeline.alike import Alike
+from app.pipeline.errors import ObjectSetError
 from app.pipeline.representation import KAT_FORMAT
 from app.services.task_settings import PromptFormat, Representation, SystemPrompt, TaskSettings
 from app.store.values import JsonObject
+from roboprompt_client.arrays import settle
 from roboprompt_client.camera import Camera, RgbdFrame
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.motion_limits import MAX_ACTIONS, Pose
@@ -116,6 +119,7 @@ class PredictRequest:
         end_effector: where the robot's end effector is, where the robot tells.
         meaning: the instruction of the task that `instruction` means, where an LLM was asked for it.
         as_sent: the request as it came, to be stored with the prediction.
+        alike: the objects that came with one name, and are numbered in `objects`.
     """
 
     task: str
@@ -128,9 +132,16 @@ class PredictRequest:
     meaning: str | None = None
     options: PredictOptions = PredictOptions()  # noqa: RUF009  it is frozen
     as_sent: JsonObject = field(default_factory=dict)
+    alike: tuple[Alike, ...] = ()
 
     def __post_init__(self) -> None:
         options = self.options
+        objects, alike = numbered_queries(self.objects)
+        if alike and (options.closed_loop or options.after is not None):
+            called = alike[0].called
+            raise ObjectSetError("objects", f"given twice: {called}, in a closed loop", "a name for each: they move")
+        if alike:
+            settle(self, objects=objects, alike=alike)
         if options.num_samples > 1 and (options.closed_loop or options.after is not None):
             raise InvalidInputError("num_samples", f"is {options.num_samples} in a closed loop", "1")
 
