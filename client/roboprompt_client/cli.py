@@ -19,7 +19,7 @@ from roboprompt_client.doctor import add_doctor
 from roboprompt_client.errors import InvalidInputError, RoboPromptError
 from roboprompt_client.init_command import run_init
 from roboprompt_client.live import Live
-from roboprompt_client.look_command import add_find, add_look, find_in_pictures, seeing_arm
+from roboprompt_client.look_command import add_find, add_look, find_in_pictures
 from roboprompt_client.loop import run_closed_loop, run_task, show_nothing
 from roboprompt_client.motion_limits import Box, MotionLimits, Pose
 from roboprompt_client.plans import run_plan
@@ -70,7 +70,7 @@ def _parser() -> ArgumentParser:
     _add_task(predict)
     seen = predict.add_mutually_exclusive_group(required=True)
     _add_objects(seen)
-    seen.add_argument("--robot", metavar="CELL", help="a cell's JSON file with cameras: what they see now")
+    seen.add_argument("--robot", metavar="ROBOT", help=f"what it sees now: {ROBOT}")
     add_find(predict)
     predict.add_argument("--model", help="the LLM to ask (default: the service's)")
     predict.add_argument(
@@ -166,10 +166,12 @@ def _scene(arguments: Namespace) -> Observation:
 
 
 def _seen(client: RoboPromptClient, arguments: Namespace) -> Observation:
-    """What the cameras of a cell see now."""
-    with seeing_arm(arguments.robot) as arm:
-        find_in_pictures(arm, client, arguments.task, arguments.find)
-        return arm.observe()
+    """What a robot sees now."""
+    with closing_robot(open_robot(arguments.robot)) as robot:
+        if isinstance(robot, Arm):
+            robot.confirm_viewpoint = Person(robot).confirm_viewpoint
+        find_in_pictures(robot, client, arguments.task, arguments.find)
+        return robot.observe()
 
 
 def _run(client: RoboPromptClient, arguments: Namespace) -> int:

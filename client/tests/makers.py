@@ -28,6 +28,7 @@ class Body:
     def __init__(self):
         self.position_m, self.quaternion = FIRST_M.copy(), DOWN.copy()
         self.width_m = OPEN_M
+        self.force_n = np.zeros(3)
         self.blocked = self.jammed = self.gone = self.halted = False
         self.starts = self.halts = 0
         self._left = 0
@@ -85,7 +86,11 @@ def franky(body):
                 )
             )
         )
-        state = property(lambda self: answer(SimpleNamespace(F_T_EE=SimpleNamespace(matrix=np.eye(4)))))
+        state = property(
+            lambda self: answer(
+                SimpleNamespace(F_T_EE=SimpleNamespace(matrix=np.eye(4)), O_F_ext_hat_K=[*body.force_n, 0.0, 0.0, 0.5])
+            )
+        )
 
         translation_velocity_limit = SimpleNamespace(get=lambda: 1.7)
         rotation_velocity_limit = SimpleNamespace(get=lambda: 2.5)
@@ -210,6 +215,9 @@ def rtde(body):
 
         def getActualQ(self):  # noqa: N802
             return [0.1] * 6
+
+        def getActualTCPForce(self):  # noqa: N802
+            return [*body.force_n, 0.0, 0.0, 0.5]
 
         def getActualQd(self):  # noqa: N802
             return [0.0] * 6

@@ -9,6 +9,7 @@ from makers import DOWN, FIRST_M, MAKERS, Body
 
 from roboprompt_client import quaternions as rotations
 from roboprompt_client.arms.arm import Arm
+from roboprompt_client.arms.arrival import Tolerance
 from roboprompt_client.arms.calibration import Calibration
 from roboprompt_client.arms.driver import STEERED_S
 from roboprompt_client.errors import InvalidInputError, MotionError, UnsafeActionError
@@ -216,6 +217,51 @@ def test_an_interrupt_while_it_is_steered_stops_the_arm(arm):
         raise KeyboardInterrupt
     with pytest.raises(MotionError, match="was stopped"):
         arm.execute(to())
+
+
+@pytest.fixture(params=["franka", "ur"])
+def feeling(request, body, monkeypatch):
+    return MAKERS[request.param](body, monkeypatch)
+
+
+def test_forces_are_told_along_the_world_s_axes(feeling, body):
+    body.force_n = np.array([3.0, 0.0, 4.0])
+    state = Arm(feeling, calibration=QUARTER).state()
+    np.testing.assert_allclose(state.wrench_n_nm, [0, 3, 4, 0, 0, 0.5], atol=1e-12)
+    assert state.force_n == pytest.approx(5.0)
+
+
+def test_a_motion_that_meets_too_much_stops_and_says_where(feeling, body):
+    arm = Arm(feeling, tolerance=Tolerance(max_contact_force_n=20.0))
+    arm.execute(to())
+    body.force_n = np.array([0.0, 0.0, 24.0])
+    with pytest.raises(MotionError, match=r"the hand met 24\.0 N at \[.*\] m, at most 20 N"):
+        arm.execute(to((0, 0, 0)))
+    assert body.halts > 0
+    body.force_n = np.zeros(3)
+    with pytest.raises(MotionError, match="recover"):
+        arm.execute(to())
+
+
+def test_a_hand_that_is_steered_goes_back_from_what_it_meets_and_no_further(feeling, body):
+    arm = Arm(feeling, tolerance=Tolerance(max_contact_force_n=20.0))
+    body.force_n = np.array([0.0, 0.0, 24.0])
+    before_m = body.position_m
+    with arm.steered() as steer:
+        assert "the hand met 24.0 N" in steer(np.array([0.01, 0.0, -0.01]), NOT)
+        np.testing.assert_array_equal(body.position_m, before_m)
+        assert steer(np.array([0.0, 0.0, 0.01]), NOT) == ""
+        assert body.position_m[2] > before_m[2]
+
+
+def test_a_bound_of_forces_needs_an_arm_that_tells_them(body, monkeypatch):
+    with pytest.raises(InvalidInputError, match=r"xArm .* reports no forces"):
+        Arm(MAKERS["xarm"](body, monkeypatch), tolerance=Tolerance(max_contact_force_n=20.0))
+    for wrong in (-1.0, float("nan"), "20"):
+        with pytest.raises(InvalidInputError, match=r"tolerance\.max_contact_force_n"):
+            Tolerance(max_contact_force_n=wrong)
+    with pytest.raises(InvalidInputError, match=r"tolerance\.position_m"):
+        Tolerance(position_m=None)
 
 
 def test_what_was_never_seen_on_an_arm_says_so_at_the_start(driver, caplog):

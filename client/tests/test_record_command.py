@@ -3,7 +3,6 @@
 import json
 import os
 import pty
-import sys
 import threading
 import time
 from contextlib import contextmanager
@@ -153,13 +152,13 @@ def test_a_hand_rests_a_fifth_of_a_second_after_the_last_key(keys, monkeypatch, 
     [
         (["--guide"], "cannot be guided by its driver"),
         (["--teleop", "keyboard"], "--teleop: standard input is no terminal"),
-        (["--teleop", "spacemouse"], "spacemouse: pyspacemouse is not installed"),
+        (["--teleop", "spacemouse"], "--teleop: no SpaceMouse is plugged in"),
     ],
 )
 def test_what_cannot_be_led_so_is_not_recorded(answers, monkeypatch, tmp_path, capsys, option, why):
     typed, _ = answers
     typed += ["", "q"]
-    monkeypatch.setitem(sys.modules, "pyspacemouse", None)
+    monkeypatch.setattr("roboprompt_client.teleop.HIDRAW", tmp_path)
     assert run(monkeypatch, tmp_path, *option) == 1
     assert why in capsys.readouterr().err
     assert list((tmp_path / "spool").iterdir()) == []

@@ -1,12 +1,13 @@
 """What a person's keys and a SpaceMouse's reports ask for."""
 
-from types import SimpleNamespace
+import socket
+import struct
 
 import numpy as np
 import pytest
 
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.teleop import DIRECTIONS, HELD_S, STALE_S, HeldKeys, SpaceMouse, opened
+from roboprompt_client.teleop import DIRECTIONS, HELD_S, HeldKeys, SpaceMouse, opened
 
 
 def test_every_direction_has_two_keys():
@@ -26,43 +27,67 @@ def test_a_key_moves_for_as_long_as_it_is_held_faster_and_faster():
     np.testing.assert_allclose(keys.direction(5.0), [0.2, -0.2, 0, 0, 0, 0])
 
 
-class Device:
-    """What pyspacemouse says, of a cap that is pushed away and down."""
-
-    def __init__(self):
-        self.state = SimpleNamespace(x=0.5, y=0.04, z=-1.4, roll=0.0, pitch=0.0, yaw=0.3, buttons=[0, 0], t=10.0)
-
-    def read(self):
-        return self.state
+FULL = 350  # what a cap reports at the end of its travel
 
 
-def test_a_space_mouse_moves_the_hand_as_its_cap_is_pushed():
-    mouse = SpaceMouse(Device(), clock=lambda: 10.1)
-    np.testing.assert_allclose(mouse.read("x").direction, [0.5, 0, -1, 0, 0, 0.3])
-    assert mouse.read("x").keys == "x"
+@pytest.fixture
+def device():
+    """Where a SpaceMouse's reports come in, each by itself, as from hidraw; no SpaceMouse was there."""
+    inside, outside = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
+    outside.setblocking(False)
+    with inside, outside:
+        yield (
+            SpaceMouse(outside.fileno()),
+            lambda channel, *values: inside.send(bytes([channel]) + struct.pack(f"<{len(values)}h", *values)),
+        )
 
 
-def test_a_space_mouse_that_was_unplugged_moves_nothing():
-    assert not SpaceMouse(Device(), clock=lambda: 10.01 + STALE_S).read("").direction.any()
+@pytest.mark.parametrize(
+    ("report", "direction"),
+    [
+        ((1, 0, -FULL, 0), [1, 0, 0, 0, 0, 0]),  # pushed away from the person
+        ((1, FULL, 0, 0), [0, -1, 0, 0, 0, 0]),  # to the right
+        ((1, 0, 0, 2 * FULL), [0, 0, -1, 0, 0, 0]),  # down
+        ((2, 0, 0, -FULL), [0, 0, 0, 0, 0, 1]),  # turned to the left
+        ((2, -FULL, 0, 0), [0, 0, 0, 0, 1, 0]),  # tilted forward
+        ((1, 0, 0, 0, 0, 0, FULL), [0, 0, 0, 0, 0, -1]),  # all six in one report
+        ((1, 10, 10, 10), [0, 0, 0, 0, 0, 0]),  # a hand that rests on it
+        ((23, FULL), [0, 0, 0, 0, 0, 0]),  # its battery
+    ],
+)
+def test_a_space_mouse_moves_the_hand_as_its_cap_is_pushed(device, report, direction):
+    mouse, send = device
+    send(*report)
+    said = mouse.read("x")
+    np.testing.assert_allclose(said.direction, direction)
+    assert said.keys == "x"
 
 
-def test_the_buttons_of_a_space_mouse_close_and_open_once():
-    device = Device()
-    mouse = SpaceMouse(device, clock=lambda: 10.1)
-    device.state.buttons = [1, 0]
+def test_of_many_reports_the_last_one_counts_and_an_old_one_moves_nothing(device, monkeypatch):
+    mouse, send = device
+    for _ in range(10):
+        send(1, 0, -FULL, 0)
+        send(2, 0, 0, FULL)
+    send(2, 0, 0, 0)
+    np.testing.assert_allclose(mouse.read("").direction, [1, 0, 0, 0, 0, 0])
+    monkeypatch.setattr("roboprompt_client.teleop.STALE_S", 0.0)
+    assert not mouse.read("").direction.any()
+
+
+def test_the_buttons_of_a_space_mouse_close_and_open_once(device):
+    mouse, send = device
+    send(3, 1)
     assert [mouse.read("").keys for _ in range(3)] == ["c", "", ""]
-    device.state.buttons = [0, 1]
+    send(3, 2)
     assert mouse.read("").keys == "o"
-    device.state.buttons = []  # of a device without any
-    assert mouse.read("").keys == ""
 
 
-def test_no_space_mouse_is_said(monkeypatch):
-    def fail(axis_convention):
-        assert axis_convention == "ros"
-        raise RuntimeError("No device connected/supported")
-
-    package = SimpleNamespace(open=fail, AxisConvention=SimpleNamespace(ROS="ros"))
-    monkeypatch.setattr("roboprompt_client.teleop.import_extra", lambda *_: package)
-    with pytest.raises(InvalidInputError, match="no SpaceMouse: No device connected"), opened("spacemouse"):
+def test_a_space_mouse_is_found_by_its_maker(tmp_path, monkeypatch):
+    monkeypatch.setattr("roboprompt_client.teleop.HIDRAW", tmp_path)
+    with pytest.raises(InvalidInputError, match="no SpaceMouse is plugged in"), opened("spacemouse"):
+        pass
+    for name, told in (("hidraw0", "0003:0000046D:0000C52B"), ("hidraw7", "0003:0000256F:0000C635")):
+        (tmp_path / name / "device").mkdir(parents=True)
+        (tmp_path / name / "device/uevent").write_text(f"DRIVER=hid-generic\nHID_ID={told}\n")
+    with pytest.raises(InvalidInputError, match=r"/dev/hidraw7 cannot be read"), opened("spacemouse"):
         pass

@@ -162,6 +162,10 @@ class TrajectoryIn(RequestModel):
         Field(description="(T, N, 3) m, of the objects in their order: for closed-loop predictions"),
     ] = None
     object_quaternions_xyzw: Annotated[list[list[list[Number]]] | None, Field(description="(T, N, 4)")] = None
+    wrenches: Annotated[
+        list[list[Number]] | None,
+        Field(description="(T, 6) N and Nm that act on the hand, along the world's axes: kept, not interpreted"),
+    ] = None
 
 
 class EpisodeJson(BaseModel):

@@ -45,6 +45,9 @@ class Arm:
         viewpoints: to which the hand goes for the pictures of cameras that it carries.
         on_lost: what a watched run does without the service (`Live`).
 
+    Raises:
+        InvalidInputError: for a bound of forces where the driver reports none.
+
     Attributes:
         to_find: the names of objects that the service is to find in the pictures, as `Observation` has them.
         confirm_viewpoint: asked before the hand goes to a viewpoint, with its number from 1; None: nothing is asked.
@@ -71,14 +74,15 @@ class Arm:
         self.to_find: tuple[str, ...] = ()
         self.confirm_viewpoint: ConfirmViewpoint | None = None
         self._calibration = calibration or Calibration.none()
-        self._observe_scene = observe_scene
         self._limits = limits or MotionLimits(hand_radius_m=0.0)
-        self._tolerance = tolerance
-        self._stopped = threading.Event()
-        self._moving = threading.Lock()
+        self._observe_scene, self._tolerance = observe_scene, tolerance
+        self._stopped, self._moving = threading.Event(), threading.Lock()
         self._starting = threading.Lock()  # a stop comes before a motion begins or after it, never in between
         self._open_width_m = open_width_m
         self._known_geometry, self._reach_m = geometry, reach_m
+        if tolerance.max_contact_force_n is not None and driver.state().wrench_n_nm is None:
+            remedy = "an arm that reports them, such as a Franka or UR"
+            raise InvalidInputError("max_contact_force_n", f"is set, but {driver.name} reports no forces", remedy)
         if not driver.proven:
             log.warning("%s: untested on hardware: keep a hand on the emergency stop", driver.name)
 
@@ -102,9 +106,7 @@ class Arm:
 
     def state(self) -> ArmState:
         """The arm as it is now, in the world frame; safe to call from another thread."""
-        state = self.driver.state()
-        position_m, quaternion = self._calibration.to_world(state.position_m, state.quaternion_xyzw)
-        return replace(state, position_m=position_m, quaternion_xyzw=quaternion)
+        return self._calibration.state_to_world(self.driver.state())
 
     def observe(self) -> Observation:
         """The scene as it is now; the hand goes to the viewpoints first. Raises as `look_around`."""
@@ -114,7 +116,7 @@ class Arm:
         seen = Observation() if self._observe_scene is None else self._observe_scene()
         known = {item.name for item in seen.objects}
         to_find = dict.fromkeys((*seen.to_find, *(name for name in self.to_find if name not in known)))
-        return Observation(seen.objects, (*seen.frames, *frames), to_find, _pose(self.state()))
+        return Observation(seen.objects, (*seen.frames, *frames), to_find, self.state().pose())
 
     def preview(self, actions: Sequence[EndEffectorAction], limits: MotionLimits) -> tuple[Previewed, ...]:
         """What a plan asks of the arm from where it is; nothing moves.
@@ -166,7 +168,7 @@ class Arm:
         """Why the hand cannot go to a pose; empty: nothing is known."""
         there = _at(pose)
         try:
-            MotionGuard(self._limits, before=_pose(self.state())).check(there)
+            MotionGuard(self._limits, before=self.state().pose()).check(there)
             self._check_reach(there)
         except (UnsafeActionError, MotionError) as error:
             return str(error)
@@ -203,19 +205,19 @@ class Arm:
             raise InvalidInputError("teleop", f"{driver.name} cannot be steered by its driver", "another arm")
 
         def steer(velocity_m_s: Array, turning_rad_s: Array) -> str:
-            problem = problem_ahead(self.state(), velocity_m_s, turning_rad_s, self._limits, self._check_reach)
-            back, share = rotations.inverse(self._calibration.quaternion_xyzw), 0.0 if problem else 1.0
+            now, back = self.state(), rotations.inverse(self._calibration.quaternion_xyzw)
+            problem = self._tolerance.contact(now, velocity_m_s)
+            problem = problem or problem_ahead(now, velocity_m_s, turning_rad_s, self._limits, self._check_reach)
+            wanted = (np.zeros(3), np.zeros(3)) if problem else (velocity_m_s, turning_rad_s)
             with self._starting:
                 self._refuse_if_stopped()
-                driver.steer(
-                    share * rotations.rotated(back, velocity_m_s), share * rotations.rotated(back, turning_rad_s)
-                )
+                driver.steer(*(rotations.rotated(back, vector) for vector in wanted))
             return problem
 
         with self._alone():
             yield steer
             steer(np.zeros(3), np.zeros(3))
-            self._wait()
+            self._wait(replace(self._tolerance, max_contact_force_n=None))  # what it rests against is no error
 
     def set_gripper(self, *, is_open: bool) -> None:
         """Open or close the gripper where the arm is, also while it is guided.
@@ -266,14 +268,14 @@ class Arm:
         """Go to the action's pose; returns the arm as it was before."""
         self._refuse_if_stopped()
         before = self.state()
-        MotionGuard(self._limits, before=_pose(before)).check(action)
+        MotionGuard(self._limits, before=before.pose()).check(action)
         wanted = self._calibration.to_base(action.position_m, action.quaternion_xyzw)
         self.driver.check(*wanted)
         with self._starting:
             self._refuse_if_stopped()
             self.driver.start(*wanted)
         self._refuse_if_stopped()
-        self._wait()
+        self._wait(self._tolerance)
         self._tolerance.check_pose(self.state(), action)
         self._refuse_if_stopped()
         return before
@@ -282,12 +284,13 @@ class Arm:
         if self._stopped.is_set():
             raise MotionError("the arm was stopped: call recover() once a person has looked")
 
-    def _wait(self) -> None:
-        end_s = time.monotonic() + self._tolerance.motion_s
+    def _wait(self, tolerance: Tolerance) -> None:
+        end_s = time.monotonic() + tolerance.motion_s
         while not self.driver.finished():
             self._refuse_if_stopped()
+            tolerance.check_contact(self.state)
             if time.monotonic() > end_s:
-                raise MotionError(f"the motion did not end within {self._tolerance.motion_s:g} s")
+                raise MotionError(f"the motion did not end within {tolerance.motion_s:g} s")
         self._refuse_if_stopped()
 
     def _check_gripper(self, before_m: float | None, *, is_open: bool) -> None:
@@ -299,9 +302,3 @@ class Arm:
 
 def _at(pose: Pose) -> EndEffectorAction:
     return EndEffectorAction(np.array(pose.position_m), np.array(pose.quaternion_xyzw), gripper_open=True)
-
-
-def _pose(state: ArmState) -> Pose:
-    if not np.isfinite(state.position_m).all():
-        raise InvalidInputError("end_effector", f"is {state.position_m.tolist()}", "finite numbers")
-    return Pose(tuple(state.position_m.tolist()), tuple(state.quaternion_xyzw.tolist()))

@@ -3,7 +3,7 @@
     {"arm": "franka", "options": {"address": "172.16.0.2"},
      "base_to_world": {"position": [0, 0, 0.6], "quaternion_xyzw": [0, 0, 0, 1]},
      "limits": {"workspace": {"min": [0.2, -0.4, 0.6], "max": [0.7, 0.4, 1.2]}},
-     "objects": "objects.json", "tolerance": {"position_m": 0.005}, "open_width_m": 0.08,
+     "objects": "objects.json", "tolerance": {"position_m": 0.005, "max_contact_force_n": 30}, "open_width_m": 0.08,
      "reach_m": 0.85, "urdf": {"file": "arm.urdf", "frame": "tool0"},
      "cameras": [{"name": "front", "driver": "realsense", "camera_to_world": [[...], ...]}],
      "lost_contact": "stop", "viewpoints": [{"position": [0.4, 0, 1.1], "quaternion_xyzw": [1, 0, 0, 0]}]}
@@ -36,6 +36,7 @@ DRIVERS = {
     "ur": "roboprompt_client.arms.ur:UR",
     "xarm": "roboprompt_client.arms.xarm:XArm",
     "lerobot": "roboprompt_client.arms.lerobot:LeRobotArm",
+    "ros": "roboprompt_client.arms.ros:Ros",
 }
 CELL_FIELDS = (
     "arm",

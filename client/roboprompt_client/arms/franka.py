@@ -73,6 +73,7 @@ class Franka:
     def state(self) -> ArmState:
         with self._errors("state"):
             now, pose = self._robot.current_joint_state, self._robot.current_pose.end_effector_pose
+            wrench = np.array(self._robot.state.O_F_ext_hat_K, float).reshape(6)
             width_m = None if self._gripper is None else float(self._gripper.width)
         return ArmState(
             np.array(pose.translation, float).reshape(3),
@@ -80,6 +81,7 @@ class Franka:
             np.array(now.position, float).reshape(7),
             np.array(now.velocity, float).reshape(7),
             width_m,
+            wrench_n_nm=wrench,
         )
 
     def check(self, position_m: Array, quaternion_xyzw: Array) -> None:

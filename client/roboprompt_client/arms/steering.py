@@ -9,7 +9,7 @@ from roboprompt_client.arms.driver import STEERED_S, ArmState
 from roboprompt_client.arrays import Array
 from roboprompt_client.errors import MotionError, UnsafeActionError
 from roboprompt_client.motion_guard import MotionGuard
-from roboprompt_client.motion_limits import Box, MotionLimits, Pose
+from roboprompt_client.motion_limits import Box, MotionLimits
 from roboprompt_client.trajectory import EndEffectorAction
 
 Steer = Callable[[Array, Array], str]
@@ -33,9 +33,8 @@ def problem_ahead(
     if not (velocity_m_s.any() or turning_rad_s.any()):
         return ""
     ahead = EndEffectorAction(*now.moved(velocity_m_s, turning_rad_s, AHEAD_S), gripper_open=True)
-    before = Pose(tuple(now.position_m.tolist()), tuple(now.quaternion_xyzw.tolist()))
     try:
-        MotionGuard(_widened(limits, now.position_m), before=before).check(ahead)
+        MotionGuard(_widened(limits, now.position_m), before=now.pose()).check(ahead)
         check(ahead)
     except (UnsafeActionError, MotionError) as error:
         return str(error)

@@ -65,6 +65,7 @@ class UR:
             np.array(self._receive.getActualQ()),
             np.array(self._receive.getActualQd()),
             gripper_open=self._gripper_open,
+            wrench_n_nm=np.array(self._receive.getActualTCPForce()),
         )
 
     def check(self, position_m: Array, quaternion_xyzw: Array) -> None:
