@@ -62,6 +62,7 @@ class ModelProfile:
         system_prompt: the system prompt that suits it best (a variant's name, or `none`).
         description: one line for people.
         timeout_s: the deadline that suits it best, used where a request names none.
+        reading_s: what that is longer for each 1,000 characters of a prompt.
     """
 
     name: str
@@ -72,6 +73,7 @@ class ModelProfile:
     system_prompt: str = "a"
     description: str = ""
     timeout_s: float = 60.0
+    reading_s: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -56,6 +56,7 @@ def erase_task(connection: Connection, name: str) -> None:
     connection.execute(delete(_KEYS).where(_KEYS.c.scope == UPLOAD, uploaded))
     ids = select(_PREDICTIONS.c.id).where(_PREDICTIONS.c.task == name)
     connection.execute(delete(_KEYS).where(_KEYS.c.scope == PREDICT, _KEYS.c.response["id"].as_string().in_(ids)))
+    connection.execute(delete(tables.runs).where(tables.runs.c.task == name))
     held = {
         table.name: connection.execute(delete(table).where(table.c.task == name)).rowcount
         for table in (_PREDICTIONS, _EPISODES, _LABELS)

@@ -6,6 +6,7 @@ import signal
 import sys
 from argparse import ArgumentParser, Namespace, _ActionsContainer
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import get_args
 
@@ -17,6 +18,7 @@ from roboprompt_client.danger import OnDanger
 from roboprompt_client.doctor import add_doctor
 from roboprompt_client.errors import InvalidInputError, RoboPromptError
 from roboprompt_client.init_command import run_init
+from roboprompt_client.live import Live
 from roboprompt_client.look_command import add_find, add_look, find_in_pictures
 from roboprompt_client.loop import run_closed_loop, run_task, show_nothing
 from roboprompt_client.motion_limits import Box, MotionLimits, Pose
@@ -189,10 +191,13 @@ def _run_with(client: RoboPromptClient, robot: Robot, pinned: MotionLimits, argu
     # A termination leaves through `run_task`, which stops the arm.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     danger = arguments.on_danger
+    watch = partial(Live, client, robot, on_lost=getattr(robot, "on_lost", "continue"))
     if arguments.closed_loop:
         if arguments.task is None:
             raise InvalidInputError("--task", "is left out beside --closed-loop", "the name of the task")
-        steps = list(run_closed_loop(*what, pinned=pinned, confirm=confirm, on_danger=danger, preview=preview))
+        steps = list(
+            run_closed_loop(*what, pinned=pinned, confirm=confirm, on_danger=danger, preview=preview, watch=watch)
+        )
         if (outcome := person.outcome(steps[-1])) is not None:
             for step in steps:
                 client.record_outcome(step.id, *outcome)
@@ -201,6 +206,7 @@ def _run_with(client: RoboPromptClient, robot: Robot, pinned: MotionLimits, argu
         "pinned": pinned,
         "confirm": confirm,
         "preview": preview,
+        "watch": watch,
         "stream": arguments.stream,
         "look_again": arguments.look_again,
         "on_danger": danger,

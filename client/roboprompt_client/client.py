@@ -23,7 +23,7 @@ OfAsyncKind = TypeVar("OfAsyncKind", bound="AsyncRoboPromptClient")
 Asked = TeachingRequests
 Ask = Callable[Concatenate[TeachingRequests, P], Request[Answer]]
 KEY_VARIABLE = "ROBOPROMPT_API_KEY"
-DEFAULT_URL = "http://127.0.0.1:8000"
+DEFAULT_URL = os.environ.get("ROBOPROMPT_URL") or "http://127.0.0.1:8000"
 
 
 def _sent(ask: Ask[P, Answer]) -> Callable[Concatenate["RoboPromptClient", P], Answer]:
@@ -92,6 +92,8 @@ class RoboPromptClient:
     dry_run = _sent(Asked.dry_run)
     find_poses = _sent(Asked.find_poses)
     record_outcome = _sent(Asked.record_outcome)
+    report_run = _sent(Asked.report_run)
+    end_run = _sent(Asked.end_run)
     configure_task = _sent(Asked.configure_task)
     motion_limits = _sent(Asked.motion_limits)
     upload = _sent(Asked.upload)
@@ -169,6 +171,8 @@ class AsyncRoboPromptClient:
     dry_run = _awaited(Asked.dry_run)
     find_poses = _awaited(Asked.find_poses)
     record_outcome = _awaited(Asked.record_outcome)
+    report_run = _awaited(Asked.report_run)
+    end_run = _awaited(Asked.end_run)
     configure_task = _awaited(Asked.configure_task)
     motion_limits = _awaited(Asked.motion_limits)
     upload = _awaited(Asked.upload)

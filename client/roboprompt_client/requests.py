@@ -15,7 +15,7 @@ from roboprompt_client.robot import Observation
 from roboprompt_client.trajectory import EndEffectorAction, ObjectPose, object_from_json, object_json
 
 LEARNING_TIMEOUT_S = 600.0
-LONGEST_S = 300.0  # that the service gives a model where a request names no deadline
+LONGEST_S = 600.0  # that the service gives a model where a request names no deadline
 MARGIN_S = 10.0  # the service answers within the request's own deadline; this is for the way there and back
 OnFindings = Callable[[Sequence[Mapping[str, Any]]], None]
 
@@ -133,6 +133,18 @@ class Requests:
         """Tell the service how the robot fared with a prediction."""
         return self.post(f"/predictions/{prediction_id}/outcome", {"success": success, "note": note})
 
+    def report_run(self, run_id: str, state: Mapping[str, Any], timeout_s: float) -> Request[bool]:
+        """Tell where the robot is with a run (`PUT /runs/{run_id}`); returns whether it shall stop.
+
+        Raises:
+            ServiceProblemError, ServiceUnreachableError: it is not known whether it shall.
+        """
+        return ask("PUT", f"/runs/{run_id}", json=dict(state), timeout=timeout_s).then(_stop)
+
+    def end_run(self, run_id: str, timeout_s: float) -> Request[bool]:
+        """Tell that a run has ended; returns whether it was to be stopped, and raises, as `report_run`."""
+        return ask("DELETE", f"/runs/{run_id}", timeout=timeout_s).then(_stop)
+
 
 class StreamReader:
     """What the events of a prediction say, one after the other.
@@ -181,6 +193,12 @@ def _pinged(response: httpx.Response) -> None:
     if not known:
         address = str(response.url).removesuffix("/healthz")
         raise ServiceUnreachableError(f"{address}: what answers there is no RoboPrompt service")
+
+
+def _stop(answer: Mapping[str, Any]) -> bool:
+    if not isinstance(stop := answer.get("stop"), bool):
+        raise ServiceUnreachableError("/runs: what answers there is no RoboPrompt service")
+    return stop
 
 
 def _wait_s(timeout_s: float | None) -> float:

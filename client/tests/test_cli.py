@@ -53,6 +53,8 @@ class Service:
             after = json.loads(request.read()).get("after")
             document = {"id": "p2" if after else "p1", "actions": [] if after else [ACTION], "findings": []}
             return httpx.Response(200, json=document)
+        if path.startswith("/runs/"):
+            return httpx.Response(200, json={"stop": False})
         if self.down:
             raise httpx.ConnectError("refused")
         self.outcomes.append((path, json.loads(request.read())))

@@ -8,7 +8,7 @@ from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding
 from app.pipeline.findings.actions import ShownWays
 from app.pipeline.findings.arrangement import FEWEST, rigid_pairs
-from app.pipeline.findings.elsewhere import PLACE_WORDS, elsewhere_findings
+from app.pipeline.findings.elsewhere import PLACE_WORDS, elsewhere_findings, from_shown_m
 from app.pipeline.findings.hand import RecordedHand
 from app.pipeline.findings.implausible import dropping_findings, hand_findings
 from app.pipeline.findings.missed import Kept
@@ -147,6 +147,12 @@ class Taught:
             for i, demonstration in enumerate(group)
         }
 
+    def _off_m(self, item: Demonstration) -> float:
+        """How far it acts from where the others do, or the plans that are shown instead of its own."""
+        if (shown_m := self._shown_off_m.get(id(item))) is not None:
+            return shown_m
+        return 0.0 if item.plan is None else from_shown_m(self.support, item)
+
     @cached_property
     def _hands(self) -> dict[int, RecordedHand]:
         """By `id`, where it is known."""
@@ -156,7 +162,7 @@ class Taught:
         """Of the form that is asked for; of each where it is none of them."""
         for form in [asked] if asked else sorted(self._alike):
             alike = self._alike[form]
-            off_m = [self._shown_off_m.get(id(item)) for item in alike]
+            off_m = [self._off_m(item) for item in alike]
             yield from ways_findings(alike, declared=self.several_ways)
             yield from elsewhere_findings(alike, off_m, declared=self.several_ways)
             hands = [self._hands[id(item)] for item in alike if id(item) in self._hands]

@@ -10,18 +10,19 @@ import numpy as np
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding
+from app.pipeline.findings.missed import nearest_m
 from app.pipeline.findings.rules import ELSEWHERE
 from app.pipeline.order.vocabulary import COUNTED_FROM, FAR, NEAR, PLACE_ADJECTIVES
-from app.pipeline.plans.rows import BEYOND_NOISE_M
+from app.pipeline.plans.rows import BEYOND_NOISE_M, acting_rows
+from app.pipeline.plans.support import Support
 from roboprompt_client.arrays import Array
+from roboprompt_client.trajectory import EndEffectorAction
 
 LISTED = 3  # ids that a sentence names
 PLACE_WORDS = frozenset({*COUNTED_FROM, *FAR, *NEAR, *PLACE_ADJECTIVES})  # that say which of several objects
 
 
-def elsewhere_findings(
-    alike: Sequence[Demonstration], off_m: Sequence[float | None], *, declared: bool
-) -> Iterator[Finding]:
+def elsewhere_findings(alike: Sequence[Demonstration], off_m: Sequence[float], *, declared: bool) -> Iterator[Finding]:
     """The demonstrations that the others overrule though they act elsewhere, in one finding.
 
     Where words say by its place which object is meant, and some act at another one, the place decides: what is
@@ -29,16 +30,14 @@ def elsewhere_findings(
 
     Args:
         alike: that ask for the same.
-        off_m: of each, how far it acts from where the others of its plan do; None where prompts leave it out.
+        off_m: of each, how far it acts from where the others of its plan do; of those that prompts leave out, from
+            where the plans that are shown would.
         declared: whether the task says that there are several ways.
     """
     by_place = not PLACE_WORDS.isdisjoint(alike[0].order.form.split())
     compared = all(demonstration.actions and demonstration.objects for demonstration in alike)
-    left_out = compared and None in off_m and alike[0].plan is not None
-    distances_m = _distances_m(alike) if compared and (by_place or left_out) else []
-    away_m = _away_m(distances_m) if left_out else [0.0] * len(alike)
-    found = {k for k, far_m in enumerate(off_m) if (away_m[k] if far_m is None else far_m) > BEYOND_NOISE_M}
-    at_others = _at_other_objects(distances_m) if by_place and compared else []
+    found = {k for k, far_m in enumerate(off_m) if far_m > BEYOND_NOISE_M}
+    at_others = _at_other_objects(_distances_m(alike)) if by_place and compared else []
     elsewhere = sorted(found.union(at_others))
     if not elsewhere:
         return
@@ -53,6 +52,21 @@ def elsewhere_findings(
     value = 0.0 if declared else 1.0 if at_others else len(elsewhere) / len(alike)
     numbers = {"elsewhere": len(elsewhere), "demonstrations": len(alike)}
     yield ELSEWHERE.finding(message, "demonstrations", numbers, value=value)
+
+
+def from_shown_m(support: Support, left_out: Demonstration) -> float:
+    """How far a demonstration stays from where the nearest of the shown plans would act in its scene.
+
+    One that comes there by another way, or does more besides, does the same.
+    """
+    plans, placed = support.alike(left_out.order), support.placed(left_out) or ()
+    acts = ([plan[k].action for k in acting_rows(rows)] for (_, rows), plan in zip(plans, placed, strict=False))
+    return min((_missed_m(acted, left_out) for acted in acts), default=0.0)
+
+
+def _missed_m(acts: Sequence[EndEffectorAction], demonstration: Demonstration) -> float:
+    """How far its nearest action with the same gripper is from each of the acts; of these the farthest."""
+    return max((nearest_m(act.position_m, act.gripper_open, demonstration.actions) for act in acts), default=0.0)
 
 
 def _distances_m(alike: Sequence[Demonstration]) -> list[dict[str, float]]:
@@ -72,14 +86,6 @@ def _usual_role(distances_m: Sequence[dict[str, float]]) -> str:
 def _from(role: str, distances_m: dict[str, float]) -> float:
     """The distance from an object; from the nearest where the instruction has that object in another role."""
     return distances_m.get(role, min(distances_m.values()))
-
-
-def _away_m(distances_m: Sequence[dict[str, float]]) -> Array:
-    """(N,) how much nearer to, or farther from, the object that most act at each acts than most do."""
-    usual = _usual_role(distances_m)
-    from_usual_m = np.array([_from(usual, roles) for roles in distances_m])
-    away: Array = np.abs(from_usual_m - np.median(from_usual_m))
-    return away
 
 
 def _at_other_objects(distances_m: Sequence[dict[str, float]]) -> list[int]:

@@ -22,6 +22,7 @@ PARTED_SHARE = 0.8  # of the demonstrations are where their plan is
 COMPARED = 3  # demonstrations of a plan are enough to see how it acts
 ALIKE_M, ALIKE_DEG = 0.04, 20.0  # hands that act within these of their center act alike
 CHANCE = 0.05  # that some quantity parts the plans as well though it has nothing to do with them
+CHANCE_OF_ALL = 0.01  # the same of all places together: half of ten recordings in another frame must not look like it
 SHUFFLES = 1000
 VARIES = {"m": 0.02, "deg": 10.0}  # what varies by less parts nothing
 NEAR = {"m": 0.03, "deg": 15.0}  # of a demonstration: as good as shown
@@ -152,16 +153,26 @@ def _act_alike(demonstrations: Sequence[Demonstration]) -> bool:
 
 
 def _by_all_places(demonstrations: Sequence[Demonstration], ways: Array) -> Parting | None:
-    """The ways as all places together part them: the demonstration with the nearest others does it the same way."""
+    """The ways as all places together part them: the nearest other scene has the same way, and not by chance."""
     quantity = Quantity(None)
     values, between = _compared(demonstrations, quantity)
-    judged = np.bincount(ways)[ways] > 1  # a way of one demonstration has no other of its kind
-    same = ways == ways[between.argmin(axis=1)]
-    rarest = min(float(same[ways == way].mean()) for way in set(ways[judged].tolist()))
-    share = float(same[judged].mean())
-    if min(share, rarest) < PARTED_SHARE:
+    nearest = between.argmin(axis=1)
+    share = float(_shares_of_nearest(ways, nearest))
+    if share < PARTED_SHARE:
         return None
-    return Parting(tuple(demonstrations), quantity, ways, values, share, _clear(ways, between))
+    clear, shuffled = _clear(ways, between), _shuffled(ways)
+    if _chance(clear, shuffled[_shares_of_nearest(shuffled, nearest) >= share], between) > CHANCE_OF_ALL:
+        return None
+    return Parting(tuple(demonstrations), quantity, ways, values, share, clear)
+
+
+def _shares_of_nearest(ways: Array, nearest: Array) -> Array:
+    """(...) the least share over the ways (..., N) of several demonstrations whose nearest one has the same way."""
+    same = ways == ways[..., nearest]
+    members = [ways == way for way in np.unique(ways)]
+    shares = [np.where(own.sum(-1) > 1, (same & own).sum(-1) / np.maximum(own.sum(-1), 1), 1.0) for own in members]
+    least: Array = np.min(shares, axis=0)
+    return least
 
 
 def _by_one(
@@ -175,14 +186,25 @@ def _by_one(
     share = 1 - (changes - fewest) / len(ways)
     if share < PARTED_SHARE:
         return None
-    clear = _clear(ways, between)
-    shuffled = np.random.default_rng(0).permuted(np.tile(ways, (SHUFFLES, 1)), axis=1)
-    as_few = shuffled[_changes(shuffled, is_circle=is_circle) <= changes]
-    as_clear = sum(_clear(other[np.argsort(order)], between) >= clear for other in as_few)
-    chance = (1 + as_clear) / (1 + SHUFFLES)
-    if num_quantities * chance > CHANCE:
+    clear, shuffled = _clear(ways, between), _shuffled(ways)
+    as_few = shuffled[_changes(shuffled[:, order], is_circle=is_circle) <= changes]
+    if num_quantities * _chance(clear, as_few, between) > CHANCE:
         return None
     return Parting(tuple(demonstrations), quantity, ways, values, share, clear)
+
+
+def _shuffled(ways: Array) -> Array:
+    """(SHUFFLES, N) as if they had nothing to do with the scenes."""
+    return np.random.default_rng(0).permuted(np.tile(ways, (SHUFFLES, 1)), axis=1)
+
+
+def _chance(clear: float, as_good: Array, between: Array) -> float:
+    """How likely shuffled ways are parted as well as the real ones.
+
+    Args:
+        as_good: (S, N) those of the shuffled that are parted so otherwise; the rest counts if it is as clear.
+    """
+    return (1 + sum(_clear(ways, between) >= clear for ways in as_good)) / (1 + SHUFFLES)
 
 
 def _compared(demonstrations: Sequence[Demonstration], quantity: Quantity) -> tuple[Array, Array]:

@@ -104,7 +104,7 @@ class PredictActions:
 
     async def _meaning(self, request: PredictRequest, error: InstructionError) -> str | None:
         """The instruction that an unclear one stands for, if the request's model finds it."""
-        if not error.choices:
+        if not error.choices or request.alike:  # a model that sees no places would guess which one
             return None
         with timed("words"):
             profile = self._known.profile_of(request.options.model)
@@ -176,7 +176,7 @@ async def _watched(notes: UnderWayNotes, question: Question) -> AsyncIterator[No
     request, started_s, ended = question.request, time.time(), asyncio.Event()
 
     def show() -> None:
-        deadline_s = started_s + request.options.deadline_s(question.profile) + GRACE_S
+        deadline_s = started_s + question.deadline_s + GRACE_S
         note = UnderWay(uuid4().hex, request.task, request.instruction, question.profile.name, started_s, deadline_s)
         showing = asyncio.create_task(_show(notes, note, ended))
         _showing.add(showing)

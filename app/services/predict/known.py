@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from app.llm.base import ModelProfile
+from app.pipeline.alike import alike_findings
 from app.pipeline.findings import Finding
 from app.pipeline.findings.demonstrations import Taught
 from app.pipeline.findings.scene import other_objects
@@ -92,7 +93,8 @@ class KnownReader:
                     taught = task.taught_of([pose.name for pose in scene.objects], taught, ids)
                 prefixes, findings = _shown(task, request, style, scene, ids)
         others = other_objects(scene.absent, [pose.name for pose in scene.bystanders])
-        return Known(settings, previous, end_effector, scene, profile, style, prefixes, taught, (*findings, *others))
+        findings = (*findings, *others, *alike_findings(request.alike))
+        return Known(settings, previous, end_effector, scene, profile, style, prefixes, taught, findings)
 
     def usual_prefixes(self, task_name: str) -> list[Prefix]:
         """What requests that name nothing but the task show in scenes of its usual plans, the most usual first.

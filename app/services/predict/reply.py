@@ -63,7 +63,7 @@ class Reply:
         self._model = model
         self._motion = motion
         self._temperature = question.request.options.sampling_temperature
-        self._deadline_s = time.monotonic() + question.request.options.deadline_s(question.profile)
+        self._deadline_s = time.monotonic() + question.deadline_s
 
     @property
     def findings(self) -> tuple[Finding, ...]:
@@ -214,7 +214,7 @@ class Reply:
         question, options = self.question, self.question.request.options
         timeout_s = self._deadline_s - time.monotonic()
         if timeout_s <= 0:
-            within_s = options.deadline_s(question.profile)
+            within_s = round(question.deadline_s, 1)
             raise ModelTimeoutError(f"{question.profile.name} did not answer within {within_s:g} s")
         return CompletionRequest(
             self.prompt,

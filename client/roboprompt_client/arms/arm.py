@@ -12,7 +12,7 @@ import numpy as np
 from roboprompt_client import quaternions as rotations
 from roboprompt_client.arms.arrival import TOLERANCE, Tolerance
 from roboprompt_client.arms.calibration import Calibration
-from roboprompt_client.arms.driver import ArmState, Driver, Guidable, Steerable, pose_matrix
+from roboprompt_client.arms.driver import ArmState, Driver, Guidable, Steerable
 from roboprompt_client.arms.geometry import Geometry, KnowsItsJoints
 from roboprompt_client.arms.preview import Previewed, preview_plan
 from roboprompt_client.arms.steering import Steer, problem_ahead
@@ -20,6 +20,7 @@ from roboprompt_client.arrays import Array
 from roboprompt_client.cameras.rig import Rig
 from roboprompt_client.cameras.viewpoints import ConfirmViewpoint, look_around
 from roboprompt_client.errors import InvalidInputError, MotionError, UnsafeActionError
+from roboprompt_client.live import OnLost
 from roboprompt_client.motion_guard import MotionGuard
 from roboprompt_client.motion_limits import MotionLimits, Pose
 from roboprompt_client.robot import Observation
@@ -42,6 +43,7 @@ class Arm:
         reach_m: how far from its base the hand gets, for the preview of an arm whose joints are not known.
         cameras: whose pictures `observe` takes; None: none.
         viewpoints: to which the hand goes for the pictures of cameras that it carries.
+        on_lost: what a watched run does without the service (`Live`).
 
     Raises:
         InvalidInputError: for a bound of forces where the driver reports none.
@@ -64,8 +66,9 @@ class Arm:
         reach_m: float | None = None,
         cameras: Rig | None = None,
         viewpoints: Sequence[Pose] = (),
+        on_lost: OnLost = "continue",
     ) -> None:
-        self.driver = driver
+        self.driver, self.on_lost = driver, on_lost
         self.cameras, self.viewpoints = cameras, tuple(viewpoints)
         self.to_find: tuple[str, ...] = ()
         self.confirm_viewpoint: ConfirmViewpoint | None = None
@@ -97,8 +100,7 @@ class Arm:
 
     def hand_to_world(self) -> Array:
         """The hand's pose (4, 4) in the world now."""
-        state = self.state()
-        return pose_matrix(state.position_m, state.quaternion_xyzw)
+        return self.state().matrix()
 
     def state(self) -> ArmState:
         """The arm as it is now, in the world frame; safe to call from another thread."""
@@ -153,7 +155,10 @@ class Arm:
                 arrive, or if the gripper did not do as commanded. The arm is stopped.
         """
         with self._alone():
-            self._execute(action)
+            before_m = self._move(action).gripper_width_m
+            self.driver.set_gripper(is_open=action.gripper_open)
+            self._refuse_if_stopped()
+            self._check_gripper(before_m, is_open=action.gripper_open)
 
     def go_to(self, pose: Pose) -> None:
         """Move as `execute` does, and leave the gripper as it is; raises as `execute`."""
@@ -253,12 +258,6 @@ class Arm:
             raise
         finally:
             self._moving.release()
-
-    def _execute(self, action: EndEffectorAction) -> None:
-        before_m = self._move(action).gripper_width_m
-        self.driver.set_gripper(is_open=action.gripper_open)
-        self._refuse_if_stopped()
-        self._check_gripper(before_m, is_open=action.gripper_open)
 
     def _move(self, action: EndEffectorAction) -> ArmState:
         """Go to the action's pose; returns the arm as it was before."""
