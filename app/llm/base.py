@@ -119,6 +119,14 @@ class TextDelta:
 
 
 @dataclass(frozen=True)
+class Reading:
+    """How many of a prompt's tokens are read, where the backend tells before it replies."""
+
+    tokens: int
+    of: int
+
+
+@dataclass(frozen=True)
 class Completion:
     """The whole reply."""
 
@@ -128,7 +136,7 @@ class Completion:
 
 
 INCOMPLETE = "the reply ended before it was complete"
-Pieces = AsyncGenerator[TextDelta | Completion, None]
+Pieces = AsyncGenerator[TextDelta | Reading | Completion, None]
 
 
 class LanguageModel(Protocol):
@@ -138,7 +146,7 @@ class LanguageModel(Protocol):
     def profile(self) -> ModelProfile: ...
 
     def stream(self, request: CompletionRequest) -> Pieces:
-        """The reply piece by piece; the last item is the Completion, whose text is the pieces joined.
+        """The reply piece by piece; the last item is the Completion, whose text is the TextDeltas joined.
 
         A backend that cannot stream sends its reply as one piece. It keeps no deadline: `resilient.ResilientModel`,
         which is around every backend, does. Whoever stops early closes the stream, which ends the generation as well.

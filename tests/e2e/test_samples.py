@@ -71,12 +71,6 @@ def test_streamed_samples_come_together(http):
     assert events[-2:] == ["event: action", "event: done"]
 
 
-def test_permuted_demonstrations_are_seen_in_several_orders(http):
-    answer = ask(http, num_samples=5, permute_demonstrations=True).json()
-    assert answer["samples"]["used"] == 3
-    assert answer["demonstration_ids"] == ask(http, dry_run=True).json()["demonstration_ids"]
-
-
 def test_samples_and_closed_loops_exclude_each_other(http):
     response = ask(http, num_samples=2, closed_loop=True)
     assert response.status_code == 422

