@@ -102,6 +102,8 @@ class GivenPoses:
 
 def numbered_queries(objects: Sequence[ObjectQuery]) -> tuple[tuple[ObjectQuery, ...], tuple[Alike, ...]]:
     """The objects, each with a name of its own, and those that came with the name of another; raises as `numbered`."""
+    if len({query.name for query in objects}) == len(objects):
+        return tuple(objects), ()
     names, alike = numbered([query.name for query in objects], [query.position_m for query in objects])
     return tuple(replace(query, name=name) for query, name in zip(objects, names, strict=True)), alike
 

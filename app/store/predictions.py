@@ -53,9 +53,13 @@ def list_page(
     outcome: Literal["success", "failure", "unknown"] | None = None,
     limit: int = 50,
     cursor: int | None = None,
+    *,
+    cases: bool = False,
 ) -> Page[PredictionRecord]:
-    """Predictions that are seen, newest first, of one task or of all, with any outcome or one."""
+    """Predictions that are seen, newest first, of one task or of all, with any outcome or one; or `cases` alone."""
     query = of_visible_predictions(select(_PREDICTIONS), task)
+    if cases:
+        query = query.where(_PREDICTIONS.c.id.in_(select(tables.cases.c.prediction_id)))
     if outcome is not None:
         query = query.where(_PREDICTIONS.c.outcome_success.is_(_OUTCOMES[outcome]))
     rows, next_cursor = fetch_page(connection, _PREDICTIONS, query, limit, cursor)

@@ -213,6 +213,14 @@ runs = Table(
     Column("heard_at", UtcDateTime, nullable=False),
 )
 
+# Predictions that are kept to be asked again.
+cases = Table(
+    "cases",
+    metadata,
+    Column("prediction_id", String(32), ForeignKey("predictions.id"), primary_key=True),
+    Column("created_at", UtcDateTime, nullable=False),
+)
+
 # What a job has extracted; it takes the place of the old all at once when the job ends.
 staged_extractions = Table(
     "staged_extractions",

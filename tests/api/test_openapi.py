@@ -18,6 +18,7 @@ OPERATIONS = {
     "get_metadata", "edit_episode", "get_task_stats", "get_upload",
     "get_job", "list_jobs",
     "delete_prediction", "delete_task", "plan", "report_run", "end_run", "list_runs", "stop_run",
+    "keep_case", "drop_case",
 }  # fmt: skip
 
 

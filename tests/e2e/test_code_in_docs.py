@@ -44,7 +44,7 @@ def test_blocks_of_the_page_work_as_pasted(page, url, checkout):
     for block in RUN[page]:
         program = {"bash": ["bash", "-euo", "pipefail", "-c"], "python": [sys.executable, "-c"]}[block["language"]]
         command = [*program, block["code"].replace(ADDRESS, url)]
-        done = subprocess.run(command, cwd=checkout, env=environment, capture_output=True, text=True, timeout=120)
+        done = subprocess.run(command, cwd=checkout, env=environment, capture_output=True, text=True, timeout=300)
         said = done.stdout + done.stderr
         assert done.returncode == 0, block["code"] + said
         promised = (block["printed"] or "").split("; ")

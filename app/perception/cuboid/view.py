@@ -61,8 +61,8 @@ def view_of(frame: RgbdFrame, piece: Piece) -> View:
     mask = piece.mask_in(int(corner[1]), int(corner[0]), depth_m.shape)
 
     def points_m(pixels: Pixels) -> Array:
-        rows, columns = (pixels + corner).T
-        return pixels_to_world(camera, rows, columns, depth_m[tuple(pixels.T)])
+        rows, columns = pixels.T
+        return pixels_to_world(camera, rows + corner[0], columns + corner[1], depth_m[rows, columns])
 
     surface = np.argwhere(inner(mask) & (depth_m > 0))
     stride = max(1, round(len(surface) / MAX_POINTS))

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from app.perception.registered.candidates import candidates
+from app.perception.registered.causes import causes
 from app.perception.registered.cloud import Index
 from app.perception.registered.hypotheses import Hypothesis, hypotheses
 from app.perception.registered.poses import angle_deg
@@ -64,7 +65,7 @@ def find(name: str, template: Template, lit: LitScene, elsewhere: Index | None =
     places = sorted((hypotheses(template, lit, part) for part in parts), key=lambda place: -_rank(place[0]))
     if not places:
         within = "" if elsewhere is None else " within its masks"
-        raise ObjectNotVisibleError(name, _no_colors(template, lit) + within, HELP_SEE)
+        raise ObjectNotVisibleError(name, _no_colors(template, lit) + within + causes(template, lit), HELP_SEE)
     best = places[0][0]
     shares = shares_seen(template, lit, best.pose)
     _check(name, template, lit, best, shares, parts)
@@ -113,7 +114,8 @@ def _check(
             raise UncertainPoseError(name, "it seems to lie on its side, and is found upright only", "it upright")
         message = f"what looks most like it scores {best.value:.2f} of at least {least_score(template):.2f}"
         remedy = "it upright on the table, uncovered; or labelled views in this light and from this side"
-        raise ObjectNotVisibleError(name, f"{message} (of its facing side agree: {seen})", remedy)
+        message += f" (of its facing side agree: {seen}){causes(template, lit)}"
+        raise ObjectNotVisibleError(name, message, remedy)
     if best.support < MIN_SUPPORT:
         message = f"only {100 * best.support:.0f} % of the side that faces the cameras is seen ({seen})"
         raise UncertainPoseError(name, f"{message}, at least {100 * MIN_SUPPORT:.0f} % is needed", HELP_SEE)

@@ -17,6 +17,7 @@ from app.pipeline.errors import UncertainPoseError
 from app.pipeline.geometry import canonical_pose
 from roboprompt_client.arrays import Array
 from roboprompt_client.camera import RgbdFrame
+from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.trajectory import ObjectPose
 
 NAME = "registered"
@@ -68,8 +69,16 @@ def _template_of(query: ObjectQuery) -> Template:
 
 
 def outside_masks(query: ObjectQuery, frames: Sequence[RgbdFrame], points_m: Array) -> Index | None:
-    """Those of the points (N, 3) that no camera sees in the object's masks; None if it has none."""
-    masked = [frame for frame in frames if query.mask_ids and frame.mask is not None]
+    """Those of the points (N, 3) that no camera sees in the object's masks; None if it has none.
+
+    Raises:
+        InvalidInputError: if it has mask ids, and no camera has masks.
+    """
+    if not query.mask_ids:
+        return None
+    masked = [frame for frame in frames if frame.mask is not None]
+    if not masked:
+        raise InvalidInputError(f"objects[{query.name}].mask_ids", "is given, but no camera has a mask", "mask_NAME")
     outside = np.ones(len(points_m), np.bool_)
     for frame in masked:
         assert frame.mask is not None
@@ -82,7 +91,7 @@ def outside_masks(query: ObjectQuery, frames: Sequence[RgbdFrame], points_m: Arr
         columns, rows = np.rint(pixels[inside]).astype(np.intp).T
         is_seen = np.abs(frame.depth_m[rows, columns] - point_depth_m[inside]) < SAME_SURFACE_M
         outside[inside[is_seen & np.isin(frame.mask[rows, columns], query.mask_ids)]] = False
-    return np.flatnonzero(outside) if masked else None
+    return np.flatnonzero(outside)
 
 
 def _pose(name: str, model: RegisteredModel, template: Template, scene: Scene, elsewhere: Index | None) -> ObjectPose:

@@ -6,12 +6,13 @@ Whether words name them does not matter: the motion was shown with both where th
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.findings import Finding
-from app.pipeline.findings.rules import ARRANGED, PARTED
+from app.pipeline.findings.rules import ARRANGED, CHANGED_PLACES, PARTED, SIDES
 from app.pipeline.representation.anchors import OBJECT_FRAMES, Frame, object_rotation, tilted_objects
 from roboprompt_client.arrays import Array
 from roboprompt_client.trajectory import ObjectPose
@@ -19,6 +20,9 @@ from roboprompt_client.trajectory import ObjectPose
 RIGID_M = 0.01  # what varies by less is the same in all demonstrations
 FEWEST = 3  # demonstrations that tell what is the same from chance
 MOVED_M = 0.05  # a pair that never stood elsewhere is two objects that never moved
+
+MANY = 8  # demonstrations that tell a side from chance
+SAME_PLACE_M = 0.03  # what is seen so near to where another was is at its place
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,3 +121,54 @@ def arranged_findings(query: Query, shown: Sequence[Demonstration], followed: fr
             rule = PARTED if follows else ARRANGED
             yield rule.finding(message, f"objects[{asked[i]}]", {"off_m": off_m}, value=off_m)
             return
+
+
+class Side(NamedTuple):
+    """`one` stands on one side of `other` in all demonstrations: along x (0) or y (1), before (-1) or behind it (1)."""
+
+    one: str
+    other: str
+    axis: int
+    sign: float
+
+
+def sides(shown: Sequence[Demonstration]) -> tuple[Side, ...]:
+    """The sides of each other on which two objects stand wherever they are."""
+    found = []
+    for one, other in combinations([pose.name for pose in shown[0].objects] if len(shown) >= MANY else (), 2):
+        ways_m = np.array([d.object(one).position_m - d.object(other).position_m for d in shown])
+        for axis in (0, 1):
+            sign = float(np.sign(ways_m[0, axis]))
+            if (sign * ways_m[:, axis]).min() > 0:
+                found.append(Side(one, other, axis, sign))
+    return tuple(found)
+
+
+def sided_findings(query: Query, known: Sequence[Side], followed: frozenset[str]) -> Iterator[Finding]:
+    """Of the pairs with an object that the motion follows, or words name, the one farthest on its wrong side."""
+    matter = followed.union(query.order.objects)
+    off = [
+        (-side.sign * float((query.object(side.one).position_m - query.object(side.other).position_m)[side.axis]), side)
+        for side in known
+        if not matter.isdisjoint((side.one, side.other))
+    ]
+    off_m, side = max(off, key=lambda item: item[0], default=(0.0, None))
+    if side is not None and SIDES.severity(off_m) is not None:
+        message = (
+            f"{side.one} stands {100 * off_m:.1f} cm on the other side of {side.other}, along {'xy'[side.axis]}, than"
+            " in every demonstration: is one taken for the other?"
+        )
+        yield SIDES.finding(message, f"objects[{side.one}]", {"off_m": off_m}, value=off_m)
+
+
+def changed_places(before: Sequence[ObjectPose], now: Sequence[ObjectPose]) -> Iterator[Finding]:
+    """Two objects that are each where the other was one step before."""
+    was_m = {pose.name: pose.position_m for pose in before}
+    for one, other in combinations([pose for pose in now if pose.name in was_m], 2):
+        apart_m = float(np.linalg.norm(was_m[one.name] - was_m[other.name]))
+        off_m = max(np.linalg.norm(a.position_m - was_m[b.name]) for a, b in ((one, other), (other, one)))
+        if off_m < min(SAME_PLACE_M, apart_m / 3):
+            message = (
+                f"{one.name} and {other.name} have changed places since the last step: one is taken for the other."
+            )
+            yield CHANGED_PLACES.finding(message, f"objects[{one.name}]", {"apart_m": apart_m})

@@ -4,11 +4,12 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-from app.pipeline.episode import Demonstration
+from app.pipeline.episode import Demonstration, Query
 from app.pipeline.findings import Finding
 from app.pipeline.findings.actions import ShownWays
 from app.pipeline.findings.arrangement import FEWEST, rigid_pairs
-from app.pipeline.findings.elsewhere import PLACE_WORDS, elsewhere_findings, from_shown_m
+from app.pipeline.findings.elsewhere import PLACE_WORDS, answer_findings, elsewhere_findings, from_shown_m
+from app.pipeline.findings.exchanged import exchanged_findings
 from app.pipeline.findings.hand import RecordedHand
 from app.pipeline.findings.implausible import dropping_findings, hand_findings
 from app.pipeline.findings.missed import Kept
@@ -23,6 +24,7 @@ from app.pipeline.plans.agreement import two_ways
 from app.pipeline.plans.by_scene import parting
 from app.pipeline.plans.rows import WAY_SHARE, acting_rows, plan_rows
 from app.pipeline.plans.support import Support, asked_anchor
+from roboprompt_client.trajectory import EndEffectorAction
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,6 +114,14 @@ class Taught:
         """What is doubtful about the demonstrations that ask for the same, or about all where none does."""
         return self._of(asked).findings
 
+    def of_answer(
+        self, parts: Sequence[Query], actions: Sequence[EndEffectorAction], shown_ids: Collection[str]
+    ) -> Iterator[Finding]:
+        """What is doubtful about an answer to the parts of an instruction if its prompt shows only these of them."""
+        if not self.several_ways and not self.moves and any(item.id not in shown_ids for item in self.usual):
+            for part in parts:
+                yield from answer_findings(self.support, part, actions)
+
     def followed(self, asked: Order) -> frozenset[str]:
         """The objects that rows of the asked motion are relative to."""
         return self._of(asked).followed
@@ -163,8 +173,10 @@ class Taught:
         for form in [asked] if asked else sorted(self._alike):
             alike = self._alike[form]
             off_m = [self._off_m(item) for item in alike]
+            left_out = [id(item) not in self._shown_off_m for item in alike]
             yield from ways_findings(alike, declared=self.several_ways)
-            yield from elsewhere_findings(alike, off_m, declared=self.several_ways)
+            yield from () if self.several_ways else exchanged_findings(alike)
+            yield from elsewhere_findings(alike, off_m, left_out, declared=self.several_ways)
             hands = [self._hands[id(item)] for item in alike if id(item) in self._hands]
             yield from path_findings([hand.kept for hand in hands])
             yield from hand_findings(alike, hands)

@@ -8,21 +8,25 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from app.pipeline.episode import Demonstration
+from app.pipeline.episode import Demonstration, Query
 from app.pipeline.findings import Finding
-from app.pipeline.findings.missed import nearest_m
+from app.pipeline.findings.missed import NEVER_M, off_from_m
 from app.pipeline.findings.rules import ELSEWHERE
 from app.pipeline.order.vocabulary import COUNTED_FROM, FAR, NEAR, PLACE_ADJECTIVES
-from app.pipeline.plans.rows import BEYOND_NOISE_M, acting_rows
+from app.pipeline.plans.agreement import TWO_WAYS_M
+from app.pipeline.plans.rows import BEYOND_NOISE_M, WAY_SHARE, PlanRow, acting_rows
 from app.pipeline.plans.support import Support
 from roboprompt_client.arrays import Array
 from roboprompt_client.trajectory import EndEffectorAction
 
+SCATTERS = 2.0  # times the median scatter of a row, within which a demonstration does the same
 LISTED = 3  # ids that a sentence names
 PLACE_WORDS = frozenset({*COUNTED_FROM, *FAR, *NEAR, *PLACE_ADJECTIVES})  # that say which of several objects
 
 
-def elsewhere_findings(alike: Sequence[Demonstration], off_m: Sequence[float], *, declared: bool) -> Iterator[Finding]:
+def elsewhere_findings(
+    alike: Sequence[Demonstration], off_m: Sequence[float], left_out: Sequence[bool], *, declared: bool
+) -> Iterator[Finding]:
     """The demonstrations that the others overrule though they act elsewhere, in one finding.
 
     Where words say by its place which object is meant, and some act at another one, the place decides: what is
@@ -32,11 +36,14 @@ def elsewhere_findings(alike: Sequence[Demonstration], off_m: Sequence[float], *
         alike: that ask for the same.
         off_m: of each, how far it acts from where the others of its plan do; of those that prompts leave out, from
             where the plans that are shown would.
+        left_out: whether prompts leave it out. More than a third that act clearly elsewhere are another way.
         declared: whether the task says that there are several ways.
     """
     by_place = not PLACE_WORDS.isdisjoint(alike[0].order.form.split())
     compared = all(demonstration.actions and demonstration.objects for demonstration in alike)
-    found = {k for k, far_m in enumerate(off_m) if far_m > BEYOND_NOISE_M}
+    others = {k for k, far_m in enumerate(off_m) if left_out[k] and far_m > TWO_WAYS_M}
+    is_way = len(others) > WAY_SHARE * len(alike)
+    found = {k for k, far_m in enumerate(off_m) if far_m > BEYOND_NOISE_M}.union(others if is_way else ())
     at_others = _at_other_objects(_distances_m(alike)) if by_place and compared else []
     elsewhere = sorted(found.union(at_others))
     if not elsewhere:
@@ -45,28 +52,50 @@ def elsewhere_findings(alike: Sequence[Demonstration], off_m: Sequence[float], *
     more = f" and {len(elsewhere) - LISTED} more" if elsewhere[LISTED:] else ""
     message = (
         f"Of {len(alike)} demonstrations of {alike[0].instruction!r} {len(elsewhere)} act"
-        f" {100 * BEYOND_NOISE_M:.0f} cm or more from where the others do: {listed}{more}. The answer may not do what"
-        " they do. Delete what was recorded wrongly; where a place decides which object is meant, name the object in"
-        " the instruction."
+        f" {100 * (TWO_WAYS_M if is_way else BEYOND_NOISE_M):.0f} cm or more from where the others do: {listed}{more}."
+        " The answer may not do what they do. Delete what was recorded wrongly; where a place decides which object is"
+        " meant, name the object in the instruction."
     )
     value = 0.0 if declared else 1.0 if at_others else len(elsewhere) / len(alike)
     numbers = {"elsewhere": len(elsewhere), "demonstrations": len(alike)}
     yield ELSEWHERE.finding(message, "demonstrations", numbers, value=value)
 
 
-def from_shown_m(support: Support, left_out: Demonstration) -> float:
-    """How far a demonstration stays from where the nearest of the shown plans would act in its scene.
+def answer_findings(support: Support, asked: Query, actions: Sequence[EndEffectorAction]) -> Iterator[Finding]:
+    """An answer that acts where no plan of a task does: the demonstrations that the prompt shows are odd ones.
+
+    Args:
+        support: of all demonstrations, where a prompt shows some.
+        asked: a part of the instruction; the `actions` are of all parts.
+    """
+    off_m = from_shown_m(support, Demonstration(asked.instruction, asked.objects, tuple(actions), start=asked.start))
+    if off_m > TWO_WAYS_M:
+        message = (
+            "The answer follows demonstrations that act, or use the gripper, otherwise than most of the task's: those"
+            " that were chosen for the prompt are odd ones. Choose others, or delete what was recorded wrongly."
+        )
+        yield ELSEWHERE.finding(message, "actions", {"off_m": off_m}, value=1.0)
+
+
+def from_shown_m(support: Support, other: Demonstration) -> float:
+    """How far a demonstration stays from where the nearest of some plans would act in its scene, beyond their scatter.
 
     One that comes there by another way, or does more besides, does the same.
     """
-    plans, placed = support.alike(left_out.order), support.placed(left_out) or ()
-    acts = ([plan[k].action for k in acting_rows(rows)] for (_, rows), plan in zip(plans, placed, strict=False))
-    return min((_missed_m(acted, left_out) for acted in acts), default=0.0)
+    plans, placed = support.alike(other.order), support.placed(other) or ()
+    acts = (
+        [(plan[k].action, rows[k]) for k in acting_rows(rows)] for (_, rows), plan in zip(plans, placed, strict=False)
+    )
+    return min((_missed_m(acted, other) for acted in acts), default=0.0)
 
 
-def _missed_m(acts: Sequence[EndEffectorAction], demonstration: Demonstration) -> float:
-    """How far its nearest action with the same gripper is from each of the acts; of these the farthest."""
-    return max((nearest_m(act.position_m, act.gripper_open, demonstration.actions) for act in acts), default=0.0)
+def _missed_m(acts: Sequence[tuple[EndEffectorAction, PlanRow]], demonstration: Demonstration) -> float:
+    """How far it stays from the acts, done in their order with the gripper as it is then; of these the farthest."""
+    best_m = np.zeros(len(demonstration.actions))  # of the acts until now, the last at this action or before it
+    for act, row in acts:
+        off_m = [off_from_m(act.position_m, act.gripper_open, action) for action in demonstration.actions]
+        best_m = np.minimum.accumulate(np.maximum(best_m, np.array(off_m) - SCATTERS * row.scatter_m))
+    return float(best_m[-1]) if len(best_m) else NEVER_M
 
 
 def _distances_m(alike: Sequence[Demonstration]) -> list[dict[str, float]]:

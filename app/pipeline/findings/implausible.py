@@ -25,6 +25,7 @@ CARRIES_M = 0.05
 MOVES_M_S = 0.05
 ACTED_M = 0.08  # a hand that comes no nearer to any object has not acted yet
 FEWEST = 4  # recordings that tell what their ends share from chance
+SLIPS = 0.2  # share of the recordings that may be odd
 ONE_PLACE_M, PLACES_M = 0.02, 0.05  # spread of ends that are one, of starts that are several
 
 UNHELD = (
@@ -131,10 +132,15 @@ def _opens_unheld(hand: RecordedHand) -> bool:
 
 
 def _backwards(alike: Sequence[Demonstration], hands: Sequence[RecordedHand]) -> Iterator[Finding]:
-    """Motions that end in one place and start where an object is: robots start in one place."""
+    """Motions that end in one place and start where an object is, or end where others start: robots start in one."""
     if len(hands) < FEWEST:
         return
     starts_m, ends_m = (np.array([getattr(hand, name) for hand in hands]) for name in ("start_m", "end_m"))
+    number = _end_where_others_start(starts_m, ends_m)
+    if number > SLIPS * len(hands):
+        message = f"{number} of {len(hands)} recordings end where others start, and start elsewhere: backwards in time?"
+        yield BACKWARDS.finding(message, "demonstrations")
+        return
     if _spread_m(ends_m) > ONE_PLACE_M or _spread_m(starts_m) < PLACES_M:
         return
     seen_m = [_seen_by_role(demonstration, hand.start_m) for demonstration, hand in zip(alike, hands, strict=True)]
@@ -145,6 +151,15 @@ def _backwards(alike: Sequence[Demonstration], hands: Sequence[RecordedHand]) ->
             " backwards in time?"
         )
         yield BACKWARDS.finding(message, "demonstrations")
+
+
+def _end_where_others_start(starts_m: Array, ends_m: Array) -> int:
+    """How many, where several start in one place."""
+    near = np.linalg.norm(starts_m[:, None] - starts_m[None], axis=2) < ONE_PLACE_M
+    home_m = starts_m[near.sum(axis=1).argmax()]
+    away_m, back_m = (np.linalg.norm(places_m - home_m, axis=1) for places_m in (starts_m, ends_m))
+    several = (away_m < ONE_PLACE_M).sum() > SLIPS * len(starts_m)
+    return int(((away_m > PLACES_M) & (back_m < ONE_PLACE_M)).sum()) if several else 0
 
 
 def _seen_by_role(demonstration: Demonstration, place_m: Array) -> Mapping[tuple[str, str], Array]:

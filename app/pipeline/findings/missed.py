@@ -45,10 +45,11 @@ def missed_m(motion: Motion, actions: Sequence[EndEffectorAction]) -> float:
         lowest_m = positions_m[int(positions_m[:, 2].argmin())]
         way_m = np.array([positions_m[0], *(action.position_m for action in actions)])
         return float(distances_m(way_m, lowest_m).min())
-    return max(nearest_m(positions_m[frame], opens, actions) for frame, opens in motion.acting_switches)
+    return max(
+        min(off_from_m(positions_m[frame], opens, a) for a in actions) for frame, opens in motion.acting_switches
+    )
 
 
-def nearest_m(place_m: Array, is_open: bool, actions: Sequence[EndEffectorAction]) -> float:
-    """How far the nearest of the actions with the gripper so is from a place; `NEVER_M` where there is none."""
-    found_m = [float(np.linalg.norm(a.position_m - place_m)) for a in actions if a.gripper_open == is_open]
-    return min(found_m, default=NEVER_M)
+def off_from_m(place_m: Array, is_open: bool, action: EndEffectorAction) -> float:
+    """How far an action is from a place; `NEVER_M` with the gripper otherwise."""
+    return float(np.linalg.norm(action.position_m - place_m)) if action.gripper_open == is_open else NEVER_M

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from app.pipeline.episode import Demonstration
-from app.pipeline.findings.arrangement import RigidPair, rigid_pairs
+from app.pipeline.findings.arrangement import RigidPair, Side, rigid_pairs, sides
 from app.pipeline.noise import MEAN_ERROR_M, MEAN_ERROR_RAD, MEAN_LENGTH
 from roboprompt_client import quaternions
 from roboprompt_client.arrays import Array
@@ -20,6 +20,7 @@ FIXED_DEG = 3.0
 FULL_TURN_DEG = 200.0  # demonstrations over more than this have an object at any angle
 LONE_M, LONE_OF_FEW_M = 0.5, 1.0  # from all others, of at least MANY_DEMONSTRATIONS demonstrations and of fewer
 MANY_DEMONSTRATIONS = 5
+FEW_M, MANY = 0.5, 10  # what fewer than MANY leave open besides: 5 cm of five, 12 cm of three
 SLACK = 15.0  # 0.15 of the range beyond ten demonstrations, 0.6 of it beyond five: docs/results/safety.md
 MIN_DEMONSTRATIONS = 3  # from which on their places say something about what was taught
 
@@ -60,7 +61,7 @@ class ShownPlaces:
     @property
     def slack_m(self) -> Array:
         """(3,) how far beyond the box unseen places may well lie: few demonstrations tell little of where it ends."""
-        slack: Array = SLACK * self.range_m / self.number**2
+        slack: Array = SLACK * self.range_m / self.number**2 + max(0.0, FEW_M * (1 / self.number - 1 / MANY))
         return slack
 
     def beyond_m(self, pose: ObjectPose) -> Array:
@@ -142,6 +143,11 @@ class ShownScenes:
     def pairs(self) -> tuple[RigidPair, ...]:
         """The objects that keep one arrangement."""
         return rigid_pairs(self.demonstrations)
+
+    @cached_property
+    def sides(self) -> tuple[Side, ...]:
+        """The objects that stand on one side of each other."""
+        return sides(self.demonstrations)
 
     @cached_property
     def _least_apart_m(self) -> dict[tuple[str, str], float]:

@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from app.pipeline.episode import Query
+from app.pipeline.episode import Demonstration, Query
 from app.pipeline.findings import SEVERITIES, Finding, worst_severity
-from app.pipeline.findings.arrangement import arranged_findings, parted_findings
+from app.pipeline.findings.arrangement import arranged_findings, parted_findings, sided_findings
 from app.pipeline.findings.places import (
     FIXED_M,
     MIN_DEMONSTRATIONS,
@@ -17,7 +17,17 @@ from app.pipeline.findings.places import (
     apart_m,
     estimated_error_m,
 )
-from app.pipeline.findings.rules import BEYOND, HEIGHT, NOISY, ONE_PLACE, OTHER_OBJECTS, TILTED, TURNED, UNCERTAIN_POSE
+from app.pipeline.findings.rules import (
+    BEYOND,
+    HEIGHT,
+    NOISY,
+    OLD_SCENE,
+    ONE_PLACE,
+    OTHER_OBJECTS,
+    TILTED,
+    TURNED,
+    UNCERTAIN_POSE,
+)
 from app.pipeline.order.lexicon import phrase_of
 from app.pipeline.order.order import Order
 from app.pipeline.order.vocabulary import ADJECTIVES, NOUN_KINDS
@@ -25,6 +35,7 @@ from roboprompt_client.trajectory import ObjectPose
 
 UNSURE_CONFIDENCE = 0.7  # of a pose that deserves a look without a reason
 UPRIGHT_DEG = 0.5  # noise that lifts an object tilts it, too
+REPEATED_M = 1e-5  # between two measured poses of an object, at least
 APART_SHARE = 0.5  # of the least distance between two objects in demonstrations
 
 
@@ -47,10 +58,13 @@ def scene_findings(
     if len(shown) < MIN_DEMONSTRATIONS:
         return uncertain
     places = [scenes.places(pose.name) for pose in observed]
+    if (old := _of_a_demonstration(observed, places, shown)) is not None:
+        return (*uncertain, old)
     found, confused = _one_place(observed, scenes)
     for pose, of_pose in zip(observed, places, strict=True):
         found += [] if pose in confused or not (needed is None or pose.name in needed) else _place(pose, of_pose)
     parted = list(parted_findings(query, scenes.pairs, followed)) or list(arranged_findings(query, shown, followed))
+    parted = _greater(list(sided_findings(query, scenes.sides, followed)), parted) or parted
     found += [] if confused else _greater(parted, found)
     found += _greater(list(_noise(observed, places)), found)
     return (*uncertain, *found)
@@ -81,6 +95,31 @@ def _uncertain(observed: Sequence[ObjectPose]) -> Iterator[Finding]:
             numbers = {"confidence": pose.confidence}
             unsure = float(pose.confidence < UNSURE_CONFIDENCE)
             yield UNCERTAIN_POSE.finding(message, f"objects[{pose.name}]", numbers, value=unsure)
+
+
+def _of_a_demonstration(
+    observed: Sequence[ObjectPose], places: Sequence[ShownPlaces], shown: Sequence[Demonstration]
+) -> Finding | None:
+    """A scene whose objects are, as nothing measured twice is, where one demonstration had them before it moved them.
+
+    Objects that never move do not count, nor do places that people write down, in whole millimetres.
+    """
+    moved = [pose for pose, place in zip(observed, places, strict=True) if place.range_m.max() > FIXED_M]
+    if not moved:
+        return None
+    seen_m = np.array([pose.position_m for pose in moved])
+    if np.abs(seen_m - seen_m.round(3)).max() < REPEATED_M:
+        return None
+    same = (
+        d for d in shown if all(np.abs(d.object(p.name).position_m - p.position_m).max() < REPEATED_M for p in moved)
+    )
+    if (old := next(same, None)) is None:
+        return None
+    message = (
+        f"All objects stand to a hundredth of a millimetre where demonstration {old.id} had them, which no camera sees"
+        " twice: is it an old observation?"
+    )
+    return OLD_SCENE.finding(message, "objects")
 
 
 def _one_place(observed: Sequence[ObjectPose], scenes: ShownScenes) -> tuple[list[Finding], tuple[ObjectPose, ...]]:

@@ -96,10 +96,16 @@ class PlanRow:
         return off
 
 
-def plan_rows(group: Sequence[Demonstration], *, beyond_objects: bool = True) -> tuple[PlanRow, ...]:
-    """The rows of demonstrations that have equally many actions and do the same."""
+def plan_rows(
+    group: Sequence[Demonstration], written: Sequence[Demonstration] = (), *, beyond_objects: bool = True
+) -> tuple[PlanRow, ...]:
+    """The rows of demonstrations that have equally many actions and do the same.
+
+    Args:
+        written: the same as a prompt shows them, which then decide what each row is relative to.
+    """
     tilted = tilted_objects(group)
-    chosen = choose_anchors(group, tilted, beyond_objects=beyond_objects)
+    chosen = choose_anchors(written or group, tilted, beyond_objects=beyond_objects)
     return tuple(_row(group, k, anchors, tilted) for k, anchors in enumerate(chosen))
 
 

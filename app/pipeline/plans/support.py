@@ -80,10 +80,18 @@ class Support:
     tilted: frozenset[str]
 
     @classmethod
-    def of(cls, groups: Sequence[Sequence[Demonstration]]) -> "Support":
-        """What groups of demonstrations with the same rows support."""
+    def of(
+        cls, groups: Sequence[Sequence[Demonstration]], written: Sequence[Sequence[Demonstration]] | None = None
+    ) -> "Support":
+        """What groups of demonstrations with the same rows support.
+
+        Args:
+            written: the same as a prompt shows them: a reply's rows are relative to what theirs are, which may be
+                another frame than that of the recorded ones where several fit, and lead elsewhere in a new scene.
+        """
         everything = [demonstration for group in groups for demonstration in group]
-        plans = tuple((tuple(group), plan_rows(group)) for group in groups if group[0].actions)
+        pairs = zip(groups, written or groups, strict=True)
+        plans = tuple((tuple(group), plan_rows(group, shown)) for group, shown in pairs if group[0].actions)
         return cls(plans, tilted_objects(everything))
 
     def placed(self, query: Query) -> tuple[PlacedPlan, ...] | None:

@@ -9,6 +9,7 @@ from app.services.predict.request import PredictRequest, PromptStyle
 from app.store import predictions
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.motion_limits import Pose
+from roboprompt_client.trajectory import ObjectPose
 
 
 @dataclass(frozen=True)
@@ -20,6 +21,7 @@ class PreviousStep:
         prompt_user, reply_text: as the LLM read and wrote them.
         end_effector: where its action sent it.
         instruction, grounded: as it was asked, and how it was understood.
+        objects: as they were observed.
     """
 
     step: int
@@ -31,6 +33,7 @@ class PreviousStep:
     end_effector: Pose
     instruction: str
     grounded: Order
+    objects: tuple[ObjectPose, ...]
 
 
 def previous_step(connection: Connection, request: PredictRequest) -> PreviousStep | None:
@@ -61,4 +64,5 @@ def previous_step(connection: Connection, request: PredictRequest) -> PreviousSt
         Pose(tuple(last["position"]), tuple(last["quaternion_xyzw"])),
         record.instruction,
         Order.from_json(record.grounding, [item.name for item in record.objects]),
+        tuple(item.pose() for item in record.objects),
     )

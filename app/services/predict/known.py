@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from app.llm.base import ModelProfile
 from app.pipeline.alike import alike_findings
 from app.pipeline.findings import Finding
+from app.pipeline.findings.arrangement import changed_places
 from app.pipeline.findings.demonstrations import Taught
 from app.pipeline.findings.scene import other_objects
 from app.services.measures import timed
@@ -91,7 +92,8 @@ class KnownReader:
                     taught = task.taught_of([pose.name for pose in scene.objects], taught, ids)
                 prefix, findings = _shown(task, request, style, scene, ids)
         others = other_objects(scene.absent, [pose.name for pose in scene.bystanders])
-        findings = (*findings, *others, *alike_findings(request.alike))
+        moved = changed_places(previous.objects, scene.objects) if previous else ()
+        findings = (*findings, *others, *moved, *alike_findings(request.alike))
         return Known(settings, previous, end_effector, scene, profile, style, prefix, taught, findings)
 
     def usual_prefixes(self, task_name: str) -> list[Prefix]:

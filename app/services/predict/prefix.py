@@ -60,7 +60,7 @@ def make_prefix(
     return Prefix(
         _template(shown, workspace, style),
         tuple(item.id for item in shown),
-        None if style.closed_loop else Support.of(by_plan(recorded)),
+        None if style.closed_loop else Support.of(by_plan(recorded), by_plan(shown)),
         tuple(item.instruction for item in shown),
     )
 

@@ -75,7 +75,8 @@ class Reply:
             return (*found, *self._disagreeing)
         actions, question = [item.action for item in self.actions], self.question
         passing = passing_findings(question.seen, actions, question.taught.ways, question.bystanders)
-        return (*action_findings(self._doubts), *passing)
+        odd = question.taught.of_answer(question.parts, actions, question.prefix.demonstration_ids)
+        return (*action_findings(self._doubts), *passing, *(odd if actions else ()))
 
     async def whole(self) -> None:
         """Wait for every part; one that the demonstrations do not support is asked for once more.

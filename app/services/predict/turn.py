@@ -27,8 +27,8 @@ def turned_plans(
     Args:
         hand: where it is before the first action, where that is known.
     """
-    every = [plan for found in plans.values() for plan in found or ()]
-    if settings.gripper_symmetry_deg is None or not every:
+    every = [plan for found in plans.values() for plan in found or ()] if settings.gripper_symmetry_deg else []
+    if not every:
         return plans, []
     base_m = None if settings.arm is None else np.array(settings.robot_base)
     wrist = WristRange(taught.demonstrations, base_m)

@@ -43,7 +43,8 @@ def write_question(request: PredictRequest, instruction: str, known: Known, limi
     prefix, style, previous, observed = known.prefix, known.style, known.previous, known.scene.objects
     with timed("words"):
         grounded = understood(request, instruction, known)
-        check_named(grounded, known.taught.followed(grounded), request.alike)
+        if request.alike:
+            check_named(grounded, known.taught.followed(grounded), request.alike)
     step = None if not style.closed_loop else 0 if previous is None else previous.step + 1
     template = prefix.at_step(step or 0)
     so_far = "" if previous is None else _so_far(previous, prefix)

@@ -243,3 +243,25 @@ def test_masks_of_both_or_of_something_else_are_refused():
     other, views = masked("jar", layout(**ALL), 0)
     with pytest.raises((ObjectNotVisibleError, UncertainPoseError), match=r"within its masks|scores"):
         RegisteredPoses().estimate([other], views)
+
+
+def test_a_refusal_names_what_is_wrong_with_the_images():
+    views = frames(layout(**ALL), 3)
+    swapped = [replace(view, rgb=view.rgb[..., ::-1].copy()) for view in views]
+    with pytest.raises(ObjectNotVisibleError, match=r"BGR images\?"):
+        RegisteredPoses().estimate([query("carton")], swapped)
+    shiny = [
+        replace(view, depth_m=np.where(view.mask > 0, 0, view.depth_m))
+        for view in frames(layout(**ALL), 3, of=("jar", 0))
+    ]
+    with pytest.raises(ObjectNotVisibleError, match=r"front has no depth for \d+ % of the pixels of its colors"):
+        RegisteredPoses().estimate([query("jar")], shiny)
+    few = [
+        replace(view, depth_m=np.where(np.random.default_rng(0).random(view.depth_m.shape) < 0.7, 0, view.depth_m))
+        for view in views
+    ]
+    with pytest.raises(InvalidInputError, match=r"depth_front \(\d+% unknown\)"):
+        RegisteredPoses().estimate([query("jar")], few)
+    unmasked = [replace(view, mask=None) for view in views]
+    with pytest.raises(InvalidInputError, match="no camera has a mask"):
+        RegisteredPoses().estimate([replace(query("jar"), mask_ids=(1,))], unmasked)

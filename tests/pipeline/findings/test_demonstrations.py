@@ -175,8 +175,9 @@ def test_grasps_round_an_object_that_is_declared_round(round_objects):
     turns_rad = random.uniform(-1, 1, 10)
     offsets_m = [(0.08 * np.cos(turn), 0.08 * np.sin(turn), 0.0) for turn in turns_rad]
     known = Taught(tuple(reached(offsets_m, random=random)), round_objects=round_objects)
-    expected = "danger" if round_objects else "warning"
-    assert dict(found(known))["scattered-demonstrations"] == expected
+    (finding,) = known.findings(known.demonstrations[0].order)
+    assert (finding.code, finding.severity) == ("scattered-demonstrations", "danger")
+    assert ("yaw_symmetry_deg" in finding.message) == bool(round_objects)
 
 
 def test_like_instructions_may_name_different_objects():

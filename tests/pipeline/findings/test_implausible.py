@@ -111,6 +111,20 @@ def test_a_hand_in_another_frame_than_the_objects(aside_m, code):
     assert code in dangers([put(seed, aside_m=aside_m) for seed in range(10)])
 
 
+@pytest.mark.parametrize(
+    ("fault", "code"), [("backwards", "backwards-in-time"), ("names exchanged", "names-exchanged")]
+)
+def test_a_fault_of_half_of_the_recordings_is_told_by_the_others(fault, code):
+    def wrong(item):
+        if fault == "backwards":
+            return frames(slice(None, None, -1))(item)
+        cube, plate = item.demonstration.objects
+        objects = (replace(cube, name=plate.name), replace(plate, name=cube.name))
+        return replace(item, demonstration=replace(item.demonstration, objects=objects))
+
+    assert code in dangers([wrong(item) if k % 2 else item for k, item in enumerate(map(put, range(10)))])
+
+
 def test_words_that_take_another_object_than_the_hand():
     assert "implausible-gripper" in dangers([put(seed, "take the plate") for seed in range(3)])
 

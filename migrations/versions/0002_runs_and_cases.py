@@ -1,4 +1,4 @@
-"""Runs: robots that carry out a prediction now, and whether somebody stopped them."""
+"""Runs: robots that carry out a prediction now, and whether somebody stopped them; cases: predictions to ask again."""
 
 import sqlalchemy as sa
 from alembic import op
@@ -24,7 +24,15 @@ def upgrade() -> None:
         sa.ForeignKeyConstraint(["task"], ["tasks.name"], name="fk_runs_task_tasks"),
         sa.PrimaryKeyConstraint("id", name="pk_runs"),
     )
+    op.create_table(
+        "cases",
+        sa.Column("prediction_id", sa.String(32), nullable=False),
+        sa.Column("created_at", UTC_DATE_TIME, nullable=False),
+        sa.ForeignKeyConstraint(["prediction_id"], ["predictions.id"], name="fk_cases_prediction_id_predictions"),
+        sa.PrimaryKeyConstraint("prediction_id", name="pk_cases"),
+    )
 
 
 def downgrade() -> None:
+    op.drop_table("cases")
     op.drop_table("runs")
