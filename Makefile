@@ -1,4 +1,4 @@
-# make setup | dev | demo | serve | test | robustness | check | audit | outdated | platforms | docs | dist | long | torture | attack | fuzz | soak | growth | bench | mutations | metaworld | robosuite | client | franka | realsense | format | openapi | lock
+# make setup | dev | demo | serve | test | robustness | check | audit | outdated | platforms | docs | pictures | dist | long | torture | attack | fuzz | soak | growth | bench | mutations | metaworld | robosuite | client | franka | realsense | format | openapi | lock
 PYTHON ?= python3
 # Modules are compiled when they are first imported: most never are, and all of them take a minute.
 NO_COMPILE := --no-compile
@@ -9,7 +9,7 @@ DEV_STAMP := .venv/.installed-dev
 # Some machines forbid it: then each of the many processes that tests start compiles the whole app, half a second each.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: setup dev demo serve test pytest robustness check audit outdated platforms docs dist long torture attack fuzz soak growth bench \
+.PHONY: setup dev demo serve test pytest robustness check audit outdated platforms docs pictures dist long torture attack fuzz soak growth bench \
 	metaworld robosuite client franka realsense mutations style types lint format openapi lock clean
 
 setup: $(STAMP)
@@ -51,7 +51,8 @@ test: dev
 	@$(MAKE) --no-print-directory --jobs 2 style types pytest
 
 # What takes long and fails seldom: hostile requests and files, trouble and crashes, container and supply chain checks.
-ROBUSTNESS := tests/attack tests/reliability tests/test_docker.py tests/test_no_pickles.py tests/test_supply_chain.py tests/test_wheels.py
+ROBUSTNESS := tests/attack tests/reliability tests/test_docker.py tests/test_no_pickles.py tests/test_supply_chain.py tests/test_wheels.py \
+	tests/e2e/test_numbers.py tests/e2e/test_extremes.py tests/e2e/test_bounded_protocol.py tests/evaluation/test_sweep_run.py
 PYTEST := $(BIN)/python -m pytest --numprocesses 3 --dist loadfile --no-loadscope-reorder
 
 # Collected once beforehand where nothing is compiled yet: each of the processes would compile it all.
@@ -78,11 +79,16 @@ platforms: dev
 outdated: dev
 	$(BIN)/python .ci/outdated
 
-# The site that the service has at /docs/guide; fails where a link leads nowhere. The same commit gives the same bytes.
+# The site that the service has at /docs/guide. Fails where a link leads nowhere (not with --quiet: then warnings are lost).
+# The same commit gives the same bytes.
 COMMIT_TIME = $(shell git log -1 --format=%ct 2> /dev/null || echo 315532800)
 
 docs: dev
-	@SOURCE_DATE_EPOCH=$(COMMIT_TIME) $(BIN)/properdocs build --strict --quiet
+	@SOURCE_DATE_EPOCH=$(COMMIT_TIME) $(BIN)/properdocs build --strict
+
+# docs/images of the pages, two minutes; they are kept, as they need Chromium.
+pictures: dev
+	$(BIN)/python -m benchmarks.screenshots
 
 # Both wheels, what they consist of, and from what they were built: docs/supply-chain.md.
 dist: dev docs

@@ -1,64 +1,86 @@
-"""Pictures of the main pages for the docs, light, 1280 px wide, of a service that serves what `roboprompt demo` taught.
+"""The pictures of pages in docs/images, of what a demo and docs/why-it-failed.md leave in a service of their own.
 
-Run: ``python -m benchmarks.screenshots --url http://127.0.0.1:8000 [--task stack_cube] [--out docs/images]``.
+Run: `make pictures`; two minutes.
 """
 
-import argparse
 import io
+import os
+import re
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 import httpx
 from PIL import Image
 from playwright.sync_api import Page, sync_playwright
 
+from app.evaluation.server import running_server
 from benchmarks.web_paint import CHROMIUM
 
-SIZE = {"width": 1280, "height": 900}
+DOCS = Path("docs")
+SIZE = {"width": 1280, "height": 800}
 QUALITY = 60
 SETTLED_MS = 1500  # pictures are loaded and plots are drawn
 PLAYED_S = 3.0  # into a motion
+DEMO = ("--task", "push_button", "--task", "stack_cube", "--episodes", "4", "--no-compare")
+FAILING = "example_press"
 
 
-def pages(url: str, task: str) -> dict[str, str]:
-    """The address of each page by the name of its picture."""
-    with httpx.Client(base_url=url) as service:
-        episode = service.get("/episodes", params={"task": task, "limit": 1}).json()["episodes"][0]["id"]
-        predictions = service.get("/predictions", params={"task": task, "limit": 50}).json()["predictions"]
-    solved = next(item["id"] for item in reversed(predictions) if (item["outcome"] or {}).get("success"))
-    return {
-        "tasks": "/ui/tasks",
-        "task": f"/ui/tasks/{task}",
-        "episode": f"/ui/episodes/{episode}",
-        "predict": f"/ui/predict?task={task}",
-        "predictions": "/ui/predictions",
-        "prediction": f"/ui/predictions/{solved}",
-    }
+def teach(report: Path) -> None:
+    """The data of a demo, in `report/data`."""
+    subprocess.run([sys.executable, "-m", "app.cli", "demo", *DEMO, "--report", report], check=True)
 
 
-def shoot(page: Page, address: str) -> bytes:
-    """A PNG of what is seen first; of a page that plays a motion, its player within the motion."""
+def fail(url: str) -> None:
+    """A prediction that fails, as docs/why-it-failed.md makes it."""
+    environment = {**os.environ, "ROBOPROMPT_URL": url}
+    block = re.search(r"^```python\n(.*?)^```", (DOCS / "why-it-failed.md").read_text(), re.MULTILINE | re.DOTALL)
+    assert block is not None
+    code = block[1].replace("http://127.0.0.1:8000", url)
+    for arguments in (["-m", "roboprompt_client.example"], ["-c", code]):
+        subprocess.run([sys.executable, *arguments], check=True, env=environment, stdout=subprocess.DEVNULL)
+
+
+def addresses(url: str) -> Iterator[tuple[str, str]]:
+    """The name of each picture, and the address of its page."""
+
+    def newest(what: str, task: str, **more: str) -> str:
+        found = httpx.get(f"{url}/{what}", params={"task": task, "limit": "1", **more}).json()
+        return str(found[what][0]["id"])
+
+    yield "page-episode", f"/ui/episodes/{newest('episodes', 'stack_cube')}#space"
+    yield "page-predict", "/ui/predict?task=stack_cube"
+    yield "page-prediction", f"/ui/predictions/{newest('predictions', 'stack_cube', outcome='success')}#space"
+    failed = newest("predictions", FAILING, outcome="failure")
+    yield "why-1-tasks", "/ui/tasks"
+    yield "why-2-failures", f"/ui/predictions?task={FAILING}&outcome=failure"
+    yield "why-3-prediction", f"/ui/predictions/{failed}"
+    yield "why-4-space", f"/ui/predictions/{failed}#space"
+
+
+def shoot(page: Page, address: str) -> Image.Image:
+    """What is seen first; of a motion in space, a moment within it."""
     page.goto(address)
     page.wait_for_timeout(SETTLED_MS)
-    if page.locator(".player").count():
+    if address.endswith("#space"):
         page.get_by_label("Moment of the motion").fill(str(PLAYED_S))
         page.locator("#space").evaluate("heading => heading.scrollIntoView()")
-    return page.screenshot()
+    return Image.open(io.BytesIO(page.screenshot()))
 
 
 def main() -> None:
     """Write them."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--url", default="http://127.0.0.1:8000")
-    parser.add_argument("--task", default="stack_cube")
-    parser.add_argument("--out", type=Path, default=Path("docs/images"))
-    arguments = parser.parse_args()
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"])
-        page = browser.new_page(viewport=SIZE, color_scheme="light")  # type: ignore[arg-type]
-        for name, path in pages(arguments.url, arguments.task).items():
-            picture = Image.open(io.BytesIO(shoot(page, arguments.url + path)))
-            picture.save(arguments.out / f"page-{name}.webp", quality=QUALITY, method=6)
-        browser.close()
+    with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
+        teach(Path(folder) / "report")
+        with running_server(Path(folder) / "report/data") as url:
+            fail(url)
+            browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"])
+            page = browser.new_page(viewport=SIZE, color_scheme="light")  # type: ignore[arg-type]
+            for name, address in addresses(url):
+                shoot(page, url + address).save(DOCS / f"images/{name}.webp", quality=QUALITY, method=6)
+            browser.close()
 
 
 if __name__ == "__main__":

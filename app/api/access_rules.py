@@ -18,7 +18,7 @@ HEALTH = frozenset({"/healthz", READY})
 LOGIN, LOGOUT = "/ui/login", "/ui/logout"
 # They hold no data: the way in, and what the pages are drawn with.
 OPEN = HEALTH | {LOGIN, LOGOUT, "/favicon.ico", GUIDE.rstrip("/")}
-OPEN_BELOW = ("/ui/static/", "/ui/vendor/", "/static-offline-docs/", GUIDE)
+OPEN_BELOW = ("/ui/static/", "/static-offline-docs/", GUIDE)
 _NAME = r"[^/]+"
 _RULES = tuple(
     (method, re.compile(path), frozenset(scopes))
@@ -45,10 +45,17 @@ _RULES = tuple(
         ("DELETE", f"/tasks/{_NAME}/labels/{_NAME}", "upload"),
         ("POST", "/predict", "predict"),
         ("POST", "/plans", "predict"),
+        # a robot tells how it goes; whoever may move or watch robots may stop those that the key sees
+        ("PUT", f"/runs/{_NAME}", "predict"),
+        ("DELETE", f"/runs/{_NAME}", "predict"),
+        ("GET", "/runs", "read", "predict"),
+        ("POST", f"/runs/{_NAME}/stop", "operate", "predict"),
         # the page's dry run
         ("POST", "/ui/predict/prompt", "predict"),
         ("POST", "/poses", "predict"),
         ("POST", f"/predictions/{_NAME}/outcome", "predict"),
+        ("PUT", f"/predictions/{_NAME}/case", "predict"),
+        ("DELETE", f"/predictions/{_NAME}/case", "predict"),
     )
 )
 _READ, _ADMIN = frozenset({"read"}), frozenset({"admin"})

@@ -12,7 +12,7 @@ from app.api.image_work import ImageWork
 from app.api.middleware import OuterMiddleware
 from app.api.openapi import install_openapi
 from app.api.problems import install_problem_handlers
-from app.api.routes import episodes, labels, login, operations, plans, poses, predict, predictions, tasks
+from app.api.routes import episodes, labels, login, operations, plans, poses, predict, predictions, runs, tasks
 from app.services.container import Services
 
 DESCRIPTION = """Robot skills that an off-the-shelf LLM learns from a handful of demonstrations
@@ -48,7 +48,7 @@ def create_app(
         title="RoboPrompt", version=version, description=DESCRIPTION, lifespan=lifespan, redoc_url=None
     )
     # A robot waits for predictions. Overlays come before episodes, whose kinds of images would take their addresses.
-    for subject in (predict, plans, poses, episodes, labels, tasks, predictions, operations, login):
+    for subject in (predict, plans, poses, episodes, labels, tasks, predictions, runs, operations, login):
         app.include_router(subject.router)
     app.include_router(labels.learn_router)
     install_problem_handlers(app)

@@ -10,11 +10,13 @@ from app.pipeline.prompt import Prompt
 from app.pipeline.representation import fit_codec
 from app.pipeline.workspace import Workspace, discretize_action, object_bins
 from app.services.measures import timings
-from app.services.predict.evidence import Standing, TaskStats
 from app.services.predict.question import Question
 from app.services.predict.record import Prediction
+from app.services.predict.standing import Standing, StandingComparison, TaskStats
 from app.services.task_settings import TaskSettings
-from app.store.records import ConfigurationCounts, EpisodeFields, EpisodeRecord, JobRecord, PredictionRecord, TaskRecord
+from app.store.configurations import Counts
+from app.store.records import EpisodeFields, EpisodeRecord, JobRecord, PredictionRecord, TaskRecord
+from app.store.runs import RunRecord
 from app.store.values import JsonObject, KeyframeRecord, ObjectRecord
 from app.store.visibility import present
 from roboprompt_client.camera import camera_json
@@ -105,27 +107,40 @@ def _note(num_unseen: int, num_episodes: int) -> str:
     )
 
 
-def stats_document(task: str, stats: TaskStats) -> JsonObject:
+def stats_document(task: str, stats: TaskStats, compare: Sequence[str] = ()) -> JsonObject:
     """A `TaskStatsOut`."""
-    configurations = [{**_configuration(item.counts), **_standing(item)} for item in stats.configurations]
-    return {"task": task, **_standing(stats.total), "configurations": configurations}
-
-
-def _configuration(counts: ConfigurationCounts) -> JsonObject:
-    names = ("model", "representation", "prompt_format", "selection", "num_demonstrations", "num_samples")
-    return {name: getattr(counts, name) for name in names}
+    configurations = [_standing(item) for item in stats.standings]
+    compared = [_comparison(item) for item in stats.comparisons(compare)]
+    return {"task": task, **_counts(stats.total), "configurations": configurations, "comparisons": compared}
 
 
 def _standing(standing: Standing) -> JsonObject:
-    counts, rate = standing.counts, standing.rate
+    asked = {"id": standing.configuration.id, **vars(standing.configuration), "is_yardstick": standing.is_yardstick}
+    return {**asked, **_counts(standing.counts), "llm_ms": standing.llm_ms, "tokens": standing.tokens}
+
+
+def _counts(counts: Counts) -> JsonObject:
+    rate = counts.rate
+    return {**vars(counts), "success_rate": rate.rate if rate.trials else None, "interval": list(rate.interval)}
+
+
+def _comparison(compared: StandingComparison) -> JsonObject:
+    pairs = compared.pairs
     return {
-        "predictions": counts.predictions,
-        "errors": counts.errors,
-        "successes": counts.successes,
-        "failures": counts.failures,
-        "success_rate": rate.rate if rate.trials else None,
-        "interval": list(rate.interval),
+        "one": compared.one.configuration.id,
+        "other": compared.other.configuration.id,
+        **vars(pairs),
+        "difference": list(pairs.interval),
+        "evidence": pairs.evidence,
+        "may_stop": pairs.is_decided,
+        "pairs_until_decided": pairs.num_until_decided,
     }
+
+
+def run_document(record: RunRecord) -> JsonObject:
+    """A `RunOut`."""
+    times = {name: getattr(record, name).isoformat() for name in ("created_at", "heard_at")}
+    return {**vars(record), **times}
 
 
 def job_document(record: JobRecord) -> JsonObject:
@@ -242,5 +257,6 @@ def model_document(profile: ModelProfile, available: bool, reason: str | None, d
         "system_prompt": profile.system_prompt,
         "description": profile.description,
         "timeout_s": profile.timeout_s,
+        "reading_s": profile.reading_s,
         "default": profile.name == default,
     }

@@ -9,6 +9,7 @@ from app.cli import (
     audit,
     backup,
     calibrate,
+    cases,
     check,
     demo,
     doctor,
@@ -40,6 +41,7 @@ application.command("films")(demo.films)
 application.command("film")(demo.film)
 application.command("teach-objects")(calibrate.teach_objects)
 application.command("check")(check.check)
+application.add_typer(cases.application, name="cases")
 application.command("calibrate")(calibrate.calibrate)
 application.command("calibration-board")(calibrate.calibration_board)
 application.command("import")(import_data.import_data)

@@ -15,6 +15,7 @@ from roboprompt_client.client import DEFAULT_URL, RoboPromptClient
 from roboprompt_client.errors import ServiceUnreachableError
 from roboprompt_client.robot import Observation
 from roboprompt_client.spool import Spool
+from roboprompt_client.teleop import KEYS
 from roboprompt_client.terminal import has_keyboard, keyboard
 
 if TYPE_CHECKING:
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
 
 RATE_HZ = 20.0
 SHOWN_HZ = 10
-KEYS = "w s: away, nearer   a d: left, right   r f: up, down   q e: turn   space: gripper   Enter: keep   x: give up"
 
 
 def record(
@@ -52,7 +52,7 @@ def record(
     def begin() -> None:
         recorders.append(TrajectorySampler(arm, RATE_HZ))
 
-    console.print(f"[bold]{scene.instruction}[/]\n{KEYS}")
+    console.print(f"[bold]{scene.instruction}[/]\n{KEYS}   space: gripper   Enter: keep   x: give up")
     with keyboard() as pressed, Live(console=console, refresh_per_second=SHOWN_HZ) as live:
         kept = drive(arm, partial(pressed, 0.0), begin, _Pace(arm, live))
     console.print("solved" if scene.succeeded() else "not solved")

@@ -49,7 +49,7 @@ LONG_REPLIES = {"max_actions": 100, "timeout_s": 300.0}
 # scene decides. See docs/composition.md.
 ALLOWED = {"unfamiliar": "allow", "unsupported": "allow"}
 AS_RECORDED = {"keyframes": {"rule": "merged"}}
-LONG_PLAN_S = 300.0
+LONG_PLAN_S = 600.0
 # From observation to closed fingers: 0.4 s until the poses are known, 1.4 s of motion, half of the fingers' way.
 LEAD_S = 2.0
 AS_ANSWERED = Method("as answered", source="robot loop")
@@ -203,6 +203,7 @@ SWEEPS: Mapping[str, Sweep] = {
             Method("default", {"timeout_s": LONG_PLAN_S}),
             _openly(COPY),
             _openly(REGRESSION),
+            _openly(Method("parts", {"representation": "parts", "timeout_s": LONG_PLAN_S})),
             REPLAY,
         ),
         EMBEDDED,

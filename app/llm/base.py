@@ -62,6 +62,7 @@ class ModelProfile:
         system_prompt: the system prompt that suits it best (a variant's name, or `none`).
         description: one line for people.
         timeout_s: the deadline that suits it best, used where a request names none.
+        reading_s: what that is longer for each 1,000 characters of a prompt.
     """
 
     name: str
@@ -72,6 +73,7 @@ class ModelProfile:
     system_prompt: str = "a"
     description: str = ""
     timeout_s: float = 60.0
+    reading_s: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -117,6 +119,14 @@ class TextDelta:
 
 
 @dataclass(frozen=True)
+class Reading:
+    """How many of a prompt's tokens are read, where the backend tells before it replies."""
+
+    tokens: int
+    of: int
+
+
+@dataclass(frozen=True)
 class Completion:
     """The whole reply."""
 
@@ -126,7 +136,7 @@ class Completion:
 
 
 INCOMPLETE = "the reply ended before it was complete"
-Pieces = AsyncGenerator[TextDelta | Completion, None]
+Pieces = AsyncGenerator[TextDelta | Reading | Completion, None]
 
 
 class LanguageModel(Protocol):
@@ -136,7 +146,7 @@ class LanguageModel(Protocol):
     def profile(self) -> ModelProfile: ...
 
     def stream(self, request: CompletionRequest) -> Pieces:
-        """The reply piece by piece; the last item is the Completion, whose text is the pieces joined.
+        """The reply piece by piece; the last item is the Completion, whose text is the TextDeltas joined.
 
         A backend that cannot stream sends its reply as one piece. It keeps no deadline: `resilient.ResilientModel`,
         which is around every backend, does. Whoever stops early closes the stream, which ends the generation as well.

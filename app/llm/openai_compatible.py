@@ -14,7 +14,7 @@ from urllib.parse import urlsplit
 
 from pydantic import BaseModel, Field, ValidationError
 
-from app.llm.base import CompletionRequest, ModelProfile, ModelResponseError, Usage
+from app.llm.base import CompletionRequest, ModelProfile, ModelResponseError, Reading, Usage
 from app.llm.llm_settings import CompatibleServer, Style
 from app.llm.sse import SseEndpoint, SseModel
 from app.llm.streaming import Chunk, error_message
@@ -107,9 +107,15 @@ class _Choice(BaseModel):
     finish_reason: str | None = None
 
 
+class _Progress(BaseModel):
+    processed: int
+    total: int
+
+
 class _Event(BaseModel):
     choices: list[_Choice] = Field(default_factory=list)
     usage: _Usage | None = None
+    prompt_progress: _Progress | None = None
     error: Any = None
 
 
@@ -196,6 +202,8 @@ def parse_event(data: str) -> Chunk | None:
     if event.error:
         raise ModelResponseError(f"the reply broke off: {error_message(data)}")
     usage = _usage(event.usage) if event.usage else None
+    if event.prompt_progress:
+        return Chunk(usage=usage, reading=Reading(event.prompt_progress.processed, event.prompt_progress.total))
     if not event.choices:
         return Chunk(usage=usage)
     choice = event.choices[0]

@@ -95,7 +95,7 @@ class RecordingModel:
                     if isinstance(piece, Completion):
                         completion = piece
                         await self._keep(request, texts or [completion.text], completion)
-                    else:
+                    elif isinstance(piece, TextDelta):
                         texts.append(piece.text)
                     yield piece
         except GeneratorExit:

@@ -28,6 +28,7 @@ from app.llm.base import (
     ModelResponseError,
     ModelTimeoutError,
     Pieces,
+    Reading,
 )
 from app.llm.guard import Guard
 
@@ -78,7 +79,7 @@ class ResilientModel:
                 try:
                     async with aclosing(self._try(request)) as pieces:
                         async for piece in pieces:
-                            started = True
+                            started = started or not isinstance(piece, Reading)
                             yield piece
                     return
                 except LanguageModelError as error:

@@ -7,7 +7,7 @@ from typing import Literal
 
 from pydantic_core import from_json
 
-from app.llm.base import INCOMPLETE, Completion, ModelResponseError, Pieces, TextDelta, Usage
+from app.llm.base import INCOMPLETE, Completion, ModelResponseError, Pieces, Reading, TextDelta, Usage
 
 MAX_REPLY_CHARACTERS = 256 * 1024  # 25 actions take 1 kB; the rest is room for prose
 
@@ -19,11 +19,13 @@ class Chunk:
     Attributes:
         finish_reason: why the reply ended: `stop` or `length`; anything else is an error.
         usage: so far; the last counts.
+        reading: how far the prompt is read.
     """
 
     text: str = ""
     finish_reason: str | None = None
     usage: Usage | None = None
+    reading: Reading | None = None
 
 
 async def assembled(chunks: AsyncGenerator[Chunk, None], stop: Sequence[str], model: str) -> Pieces:
@@ -38,6 +40,8 @@ async def assembled(chunks: AsyncGenerator[Chunk, None], stop: Sequence[str], mo
         async for chunk in chunks:
             finish_reason = chunk.finish_reason or finish_reason
             usage = chunk.usage or usage
+            if chunk.reading:
+                yield chunk.reading
             size += len(chunk.text)
             if size > MAX_REPLY_CHARACTERS:
                 raise ModelResponseError(f"{model} replied with more than {MAX_REPLY_CHARACTERS} characters")

@@ -5,13 +5,14 @@ known of its objects; from such scenes models are learned.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Protocol, Self, TypeVar
 
 import numpy as np
 
 from app.perception.models import model_from_json
 from app.perception.object_model import ObjectModel, ObjectModelError
+from app.pipeline.alike import Alike, numbered
 from roboprompt_client.camera import RgbdFrame
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.trajectory import ObjectPose
@@ -97,6 +98,14 @@ class GivenPoses:
             raise InvalidInputError(f"objects[{query.name}].position", "is missing", remedy)
         rotation = None if query.quaternion_xyzw is None else np.array(query.quaternion_xyzw)
         return ObjectPose(query.name, np.array(query.position_m), rotation, estimator="given")
+
+
+def numbered_queries(objects: Sequence[ObjectQuery]) -> tuple[tuple[ObjectQuery, ...], tuple[Alike, ...]]:
+    """The objects, each with a name of its own, and those that came with the name of another; raises as `numbered`."""
+    if len({query.name for query in objects}) == len(objects):
+        return tuple(objects), ()
+    names, alike = numbered([query.name for query in objects], [query.position_m for query in objects])
+    return tuple(replace(query, name=name) for query, name in zip(objects, names, strict=True)), alike
 
 
 @dataclass(frozen=True, eq=False)

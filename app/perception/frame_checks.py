@@ -74,5 +74,5 @@ def check_level(frame: RgbdFrame) -> None:
         raise InvalidInputError(f"depth_{name}", message, DEPTH_UNITS)
     if surface.tilt_deg > MAX_TILT_DEG:
         message = f"would tilt the largest flat surface that {name} sees by {surface.tilt_deg:.0f} degrees"
-        remedy = "the pose of the camera that took the image, in a world whose z axis is vertical; images not swapped"
+        remedy = "pose and intrinsics of the camera that took the image, in a world whose z is up; images not swapped"
         raise InvalidInputError(field, message, remedy)

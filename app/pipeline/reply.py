@@ -64,11 +64,11 @@ class ReplyReader:
         known = len(self._rows)
         try:
             rows = self._codec.rows(text, complete)
-            if len(rows) > self._max_actions:
-                raise ReplyParseError(f"the reply has {len(rows)} actions, more than {self._max_actions}", text)
             if complete and rows[:known] != self._rows:
                 self._check_same(self._decode(0, rows), text)
             new = self._decode(known, rows[known:])
+            if (number := len(self._actions) + len(new)) > self._max_actions:
+                raise ReplyParseError(f"the reply has {number} actions, more than {self._max_actions}", text)
         except ReplyParseError as error:
             raise ReplyParseError(error.message, text) from None
         self._rows, self._actions = rows, self._actions + new

@@ -33,7 +33,7 @@ from roboprompt_client.motion_limits import MotionLimits
 from roboprompt_client.trajectory import MAX_GRIPPER_WIDTH_M, MAX_JOINTS, ObjectPose, Trajectory
 from roboprompt_client.wording import checked_name
 
-Representation = Literal["absolute", "object_frame", "action_tokens"]
+Representation = Literal["absolute", "object_frame", "action_tokens", "parts"]
 PromptFormat = Literal["paper", "authors", "kat"]
 ArmModel = Literal["panda", "fr3"]  # whose joints the client knows, with a Franka Hand
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f]")
@@ -122,6 +122,13 @@ class TaskSettings(BaseModel):
     arm: Annotated[
         ArmModel | None,
         Field(description="the robot, for the preview of a prediction's path on its page; null: not known"),
+    ] = None
+    gripper_symmetry_deg: Annotated[
+        Literal[180] | None,
+        Field(
+            description="180: a hand turned by half a turn about its z axis, along which it approaches, grasps alike,"
+            " and the turn that is nearer to demonstrated wrist angles is taken; null: actions are as the model says"
+        ),
     ] = None
     yaw_symmetry_deg: Annotated[
         dict[str, Annotated[Number, AfterValidator(_symmetry)]],

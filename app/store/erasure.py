@@ -17,6 +17,7 @@ from app.store.visibility import of_visible_predictions, present
 
 _TASKS, _EPISODES, _PREDICTIONS, _LABELS = tables.tasks, tables.episodes, tables.predictions, tables.labels
 _JOBS, _STAGED, _KEYS = tables.jobs, tables.staged_extractions, tables.idempotency_keys
+_IS_NO_CASE = _PREDICTIONS.c.id.not_in(select(tables.cases.c.prediction_id))
 _TEXTS = ("request", "prompt_system", "prompt_user", "reply_text", "actions", "samples", "objects")
 
 
@@ -34,6 +35,7 @@ def erase_prediction(connection: Connection, prediction_id: str) -> None:
 
 def erase_predictions(connection: Connection, ids: Sequence[str]) -> int:
     """As `erase_prediction`, those that are there; returns how many."""
+    connection.execute(delete(tables.cases).where(tables.cases.c.prediction_id.in_(ids)))
     answer = _KEYS.c.response["id"].as_string()
     connection.execute(delete(_KEYS).where(_KEYS.c.scope == PREDICT, answer.in_(ids)))
     return connection.execute(delete(_PREDICTIONS).where(_PREDICTIONS.c.id.in_(ids))).rowcount
@@ -56,6 +58,8 @@ def erase_task(connection: Connection, name: str) -> None:
     connection.execute(delete(_KEYS).where(_KEYS.c.scope == UPLOAD, uploaded))
     ids = select(_PREDICTIONS.c.id).where(_PREDICTIONS.c.task == name)
     connection.execute(delete(_KEYS).where(_KEYS.c.scope == PREDICT, _KEYS.c.response["id"].as_string().in_(ids)))
+    connection.execute(delete(tables.cases).where(tables.cases.c.prediction_id.in_(ids)))
+    connection.execute(delete(tables.runs).where(tables.runs.c.task == name))
     held = {
         table.name: connection.execute(delete(table).where(table.c.task == name)).rowcount
         for table in (_PREDICTIONS, _EPISODES, _LABELS)
@@ -65,13 +69,13 @@ def erase_task(connection: Connection, name: str) -> None:
 
 
 def predictions_before(connection: Connection, moment: datetime, limit: int) -> tuple[str, ...]:
-    """The ids of at most `limit` predictions that were made before, oldest first."""
-    query = select(_PREDICTIONS.c.id).where(_PREDICTIONS.c.created_at < moment)
+    """The ids of at most `limit` predictions that were made before and are no cases, oldest first."""
+    query = select(_PREDICTIONS.c.id).where(_PREDICTIONS.c.created_at < moment, _IS_NO_CASE)
     return tuple(connection.scalars(query.order_by(_PREDICTIONS.c.sequence).limit(limit)))
 
 
 def predictions_beyond(connection: Connection, max_bytes: int, blob_bytes: Mapping[str, int]) -> tuple[str, ...]:
-    """The ids of the oldest predictions, without which the others have at most `max_bytes`, oldest first.
+    """The ids of the oldest predictions, without which the others have at most `max_bytes`, oldest first; no cases.
 
     Counted are their texts and their images, an image once and one that an episode has, too, not at all.
 
@@ -81,7 +85,9 @@ def predictions_beyond(connection: Connection, max_bytes: int, blob_bytes: Mappi
     counted = set(digests_in(connection.scalars(select(cast(_EPISODES.c.cameras, Text)))))
     lengths = (func.coalesce(func.length(cast(_PREDICTIONS.c[name], Text)), 0) for name in _TEXTS)
     columns = (_PREDICTIONS.c.id, cast(_PREDICTIONS.c.cameras, Text), *lengths)
-    query = select(*columns).order_by(_PREDICTIONS.c.sequence.desc()).execution_options(yield_per=1000)
+    query = (
+        select(*columns).where(_IS_NO_CASE).order_by(_PREDICTIONS.c.sequence.desc()).execution_options(yield_per=1000)
+    )
     total, beyond = 0, []
     for id_, cameras, *texts in connection.execute(query):
         images = set(digests_in([cameras or ""])) - counted

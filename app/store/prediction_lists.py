@@ -25,7 +25,6 @@ _FATES: dict[Fate, ColumnElement[bool]] = {
     "success": _P.c.outcome_success.is_(True),
 }
 _num_demonstrations = func.json_array_length(_P.c.demonstration_ids)
-_CONFIGURATION = (_P.c.model, _P.c.representation, _P.c.prompt_format, _num_demonstrations)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,26 +104,6 @@ class SummaryPage:
     next_cursor: ListCursor | None
 
 
-@dataclass(frozen=True)
-class ConfigurationSummary:
-    """How predictions with one configuration fared; `refused` have neither actions nor an outcome.
-
-    Attributes:
-        newest, newest_failure: the numbers of predictions to look at; None where none failed.
-    """
-
-    model: str
-    representation: str
-    prompt_format: str
-    num_demonstrations: int
-    predictions: int
-    successes: int
-    failures: int
-    refused: int
-    newest: int
-    newest_failure: int | None
-
-
 def list_page(
     connection: Connection, chosen: PredictionFilter, order: Order, limit: int, cursor: ListCursor | None = None
 ) -> SummaryPage:
@@ -151,39 +130,11 @@ def models(connection: Connection) -> tuple[str, ...]:
     return tuple(connection.scalars(of_visible_predictions(select(_P.c.model)).distinct().order_by(_P.c.model)))
 
 
-def configurations(connection: Connection, task: str | None = None) -> tuple[ConfigurationSummary, ...]:
-    """Every configuration that was tried, of one task or of all, the most often tried first."""
-    counts = [func.count().filter(_FATES[fate]) for fate in ("success", "failure", "refused")]
-    failed = func.max(_P.c.sequence).filter(or_(_FATES["failure"], _FATES["refused"]))
-    query = select(*_CONFIGURATION, func.count(), *counts, func.max(_P.c.sequence), failed)
-    grouped = PredictionFilter(task=task).narrow(query).group_by(*_CONFIGURATION)
-    rows = connection.execute(grouped.order_by(func.count().desc(), *_CONFIGURATION))
-    return tuple(ConfigurationSummary(*row) for row in rows)
-
-
-def outcomes(
-    connection: Connection, chosen: PredictionFilter, limit: int = 2000
-) -> dict[tuple[str, str, str, int], tuple[bool, ...]]:
-    """Whether each of the latest `limit` predictions with an outcome succeeded, oldest first, by configuration."""
-    query = select(*_CONFIGURATION, _P.c.outcome_success).where(_P.c.outcome_success.is_not(None))
-    rows = connection.execute(chosen.narrow(query).order_by(_P.c.sequence.desc()).limit(limit)).all()
-    found: dict[tuple[str, str, str, int], list[bool]] = {}
-    for *key, success in reversed(rows):
-        found.setdefault(tuple(key), []).append(success)
-    return {key: tuple(values) for key, values in found.items()}
-
-
 def usual_llm_ms(connection: Connection, model: str, number: int = 20) -> float | None:
     """How long the model took for the median of its latest answers; None without any."""
     query = select(_P.c.timings_ms).where(_P.c.model == model, _P.c.status == "ok")
     latest = connection.scalars(query.order_by(_P.c.sequence.desc()).limit(number))
     return median(found) if (found := [timings["llm"] for timings in latest if "llm" in timings]) else None
-
-
-def ids_of(connection: Connection, sequences: Sequence[int]) -> dict[int, str]:
-    """The ids of predictions by their numbers."""
-    rows = connection.execute(select(_P.c.sequence, _P.c.id).where(_P.c.sequence.in_(sequences)))
-    return {row.sequence: row.id for row in rows}
 
 
 def _summaries(found: Sequence[tuple[int, Row[Any]]]) -> tuple[PredictionSummary, ...]:

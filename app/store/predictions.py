@@ -4,12 +4,12 @@ from datetime import UTC, datetime
 from typing import Any, Literal
 from uuid import uuid4
 
-from sqlalchemy import Connection, Row, case, func, insert, select, update
+from sqlalchemy import Connection, Row, insert, select, update
 from sqlalchemy.exc import IntegrityError
 
 from app.store import tables
 from app.store.errors import NotFoundError
-from app.store.records import ConfigurationCounts, Page, PredictionDraft, PredictionRecord
+from app.store.records import Page, PredictionDraft, PredictionRecord
 from app.store.tables import fetch_page
 from app.store.values import CameraRecord, ObjectRecord
 from app.store.visibility import of_visible_predictions, present
@@ -53,9 +53,13 @@ def list_page(
     outcome: Literal["success", "failure", "unknown"] | None = None,
     limit: int = 50,
     cursor: int | None = None,
+    *,
+    cases: bool = False,
 ) -> Page[PredictionRecord]:
-    """Predictions that are seen, newest first, of one task or of all, with any outcome or one."""
+    """Predictions that are seen, newest first, of one task or of all, with any outcome or one; or `cases` alone."""
     query = of_visible_predictions(select(_PREDICTIONS), task)
+    if cases:
+        query = query.where(_PREDICTIONS.c.id.in_(select(tables.cases.c.prediction_id)))
     if outcome is not None:
         query = query.where(_PREDICTIONS.c.outcome_success.is_(_OUTCOMES[outcome]))
     rows, next_cursor = fetch_page(connection, _PREDICTIONS, query, limit, cursor)
@@ -73,31 +77,6 @@ def record_outcome(connection: Connection, prediction_id: str, success: bool, no
     values = {"outcome_success": success, "outcome_note": note, "outcome_at": datetime.now(UTC)}
     connection.execute(update(_PREDICTIONS).where(_PREDICTIONS.c.id == prediction_id).values(values))
     return get(connection, prediction_id)
-
-
-def configuration_counts(connection: Connection, task: str) -> tuple[ConfigurationCounts, ...]:
-    """How the task's predictions ended, by model, style and choice of demonstrations."""
-    request = _PREDICTIONS.c.request
-    # What a request leaves out is the default, as it was asked; named episodes are no selection.
-    named, selected = (request[name].as_string() for name in ("episode_ids", "selection"))
-    configuration = {
-        "model": _PREDICTIONS.c.model,
-        "representation": _PREDICTIONS.c.representation,
-        "prompt_format": _PREDICTIONS.c.prompt_format,
-        "selection": case((named.is_(None), func.coalesce(selected, "first")), else_=None),
-        "num_demonstrations": func.json_array_length(_PREDICTIONS.c.demonstration_ids),
-        "num_samples": func.coalesce(func.json_array_length(_PREDICTIONS.c.samples), 1),
-    }
-    outcome = _PREDICTIONS.c.outcome_success
-    counts = {
-        "predictions": func.count(),
-        "errors": func.count().filter(_PREDICTIONS.c.status != "ok"),
-        "successes": func.count().filter(outcome.is_(True)),
-        "failures": func.count().filter(outcome.is_(False)),
-    }
-    columns = [column.label(name) for name, column in {**configuration, **counts}.items()]
-    query = of_visible_predictions(select(*columns), task).group_by(*columns[: len(configuration)])
-    return tuple(ConfigurationCounts(**row._mapping) for row in connection.execute(query.order_by(*columns[:2])))
 
 
 def _record(row: Row[Any]) -> PredictionRecord:

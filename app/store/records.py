@@ -49,27 +49,6 @@ class TaskCounts:
     failures: int = 0
 
 
-@dataclass(frozen=True)
-class ConfigurationCounts:
-    """What became of the predictions that were asked for in one way.
-
-    Attributes:
-        selection: null where the request named its episodes.
-        errors: predictions without actions; successes and failures count those whose outcome was recorded.
-    """
-
-    model: str = ""
-    representation: str = ""
-    prompt_format: str = ""
-    selection: str | None = None
-    num_demonstrations: int = 0
-    num_samples: int = 1
-    predictions: int = 0
-    errors: int = 0
-    successes: int = 0
-    failures: int = 0
-
-
 @dataclass(frozen=True, kw_only=True)
 class EpisodeFields:
     """What a new and a stored episode have in common.

@@ -200,6 +200,27 @@ labels = Table(
     sqlite_autoincrement=True,
 )
 
+# What robots say of themselves while they carry something out: a row a run, which goes when it ends.
+runs = Table(
+    "runs",
+    metadata,
+    Column("id", String(32), primary_key=True),
+    Column("task", String(64), ForeignKey("tasks.name"), nullable=False),
+    Column("key_id", String(16)),
+    Column("state", Json, nullable=False),
+    Column("stop", Boolean, nullable=False),
+    Column("created_at", UtcDateTime, nullable=False),
+    Column("heard_at", UtcDateTime, nullable=False),
+)
+
+# Predictions that are kept to be asked again.
+cases = Table(
+    "cases",
+    metadata,
+    Column("prediction_id", String(32), ForeignKey("predictions.id"), primary_key=True),
+    Column("created_at", UtcDateTime, nullable=False),
+)
+
 # What a job has extracted; it takes the place of the old all at once when the job ends.
 staged_extractions = Table(
     "staged_extractions",

@@ -33,6 +33,7 @@ _OPTIONAL = (
     "gripper_width_m",
     "object_positions_m",
     "object_quaternions_xyzw",
+    "wrenches_n_nm",
 )
 
 
@@ -87,7 +88,7 @@ def _shape_of_frame(name: str, num_joints: int, num_objects: int) -> tuple[int, 
             return (num_objects, 3)
         case "object_quaternions_xyzw":
             return (num_objects, 4)
-    return {"positions_m": (3,), "quaternions_xyzw": (4,)}.get(name, ())
+    return {"positions_m": (3,), "quaternions_xyzw": (4,), "wrenches_n_nm": (6,)}.get(name, ())
 
 
 def get_trajectories(connection: Connection, ids: Sequence[str]) -> tuple[Trajectory, ...]:

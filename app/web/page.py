@@ -1,20 +1,18 @@
 """A page: a template and what it shows, with headers that let it load nothing from elsewhere; errors in words.
 
-Lists show small pictures. Browsers keep our own style sheet and scripts, and plotly.js from its installed package.
+Lists show small pictures. Browsers keep our own style sheet and scripts.
 """
 
 import hashlib
 import json
 from collections.abc import Callable, Coroutine
-from importlib.metadata import version
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 import cv2
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
-from fastapi.responses import FileResponse, HTMLResponse
+from fastapi.responses import HTMLResponse
 from fastapi.routing import APIRoute
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from pydantic import ValidationError
@@ -35,10 +33,9 @@ from roboprompt_client.errors import RoboPromptError
 FOLDER = Path(__file__).parent / "static"
 SITE = Path(__file__).parent / "site"  # built by `make docs`, and part of the wheel
 FOREVER = "public, max-age=31536000, immutable"  # an address changes with its content
-PLOTLY_ADDRESS = f"/ui/vendor/plotly-{version('plotly')}.min.js"
 WIDTH_PX = 192  # twice what lists show, for dense screens
 JPEG_QUALITY = 80
-# plotly.js sets style attributes and draws pictures of its own; scripts come from this server only, none is inline.
+# Swagger UI sets style attributes; scripts come from this server only, none is inline.
 CONTENT_SECURITY_POLICY = "; ".join((
     "default-src 'none'",
     "script-src 'self'",
@@ -88,12 +85,6 @@ def serve_assets(app: FastAPI) -> None:
     if SITE.is_dir():
         app.mount(GUIDE.rstrip("/"), StaticFiles(directory=SITE, html=True), name="guide")
     app.mount(STATIC_ADDRESS, _Immutable(directory=FOLDER), name="ui-static")
-    plotly = str(files("plotly") / "package_data" / "plotly.min.js")
-
-    def serve_plotly() -> Response:
-        return FileResponse(plotly, media_type="text/javascript", headers={"Cache-Control": FOREVER})
-
-    app.add_api_route(PLOTLY_ADDRESS, serve_plotly, include_in_schema=False)
 
 
 def thumbnail(blobs: BlobStore, camera: CameraRecord) -> bytes | None:
@@ -138,7 +129,7 @@ def render(request: Request, template: str, status_code: int = 200, **shown: obj
     """The page that `template` makes of `shown`."""
     # Behind a proxy the service may live below a path of its host.
     root = request.scope.get("root_path", "")
-    places = {"root": root, "static": root + STATIC_ADDRESS, "plotly": root + PLOTLY_ADDRESS, "here": request.url.path}
+    places = {"root": root, "static": root + STATIC_ADDRESS, "here": request.url.path}
     html = _ENVIRONMENT.get_template(template).render(**places, may_log_out=COOKIE in request.cookies, **shown)
     return HTMLResponse(html, status_code, HEADERS)
 

@@ -14,8 +14,9 @@ from app.pipeline.spans import Span, prompt_spans
 from app.services.predict.demonstrations import Demonstrations, recordings_of
 from app.services.predict.evidence import Explanation, configuration, explain_prediction, path_of
 from app.services.task_settings import TaskSettings
-from app.store import episodes, predictions, tasks
-from app.store.prediction_lists import ConfigurationSummary, Fate
+from app.store import configurations, episodes, predictions, tasks
+from app.store.configurations import Configuration, Counts
+from app.store.prediction_lists import Fate
 from app.store.records import DemonstrationRecord, EpisodeRecord, PredictionRecord
 from app.store.values import JsonObject
 from app.web.play import planned_motion
@@ -160,26 +161,21 @@ class Comparison:
     """
 
     views: tuple[PredictionView, PredictionView]
-    counts: tuple[ConfigurationSummary | None, ConfigurationSummary | None]
+    counts: tuple[Counts | None, Counts | None]
     settings: tuple[Difference, ...]
     actions: tuple[ActionPair, ...]
     distances_m: dict[str, float]
     same_prompt: bool
 
 
-def compare(
-    one: PredictionView,
-    other: PredictionView,
-    counts_one: Sequence[ConfigurationSummary],
-    counts_other: Sequence[ConfigurationSummary],
-) -> Comparison:
-    """The two predictions; `counts_*` are the configurations of their tasks."""
+def compare(connection: Connection, one: PredictionView, other: PredictionView) -> Comparison:
+    """The two predictions."""
     first, second = one.record, other.record
     places = {item.name: np.array(item.position_m) for item in second.objects}
     common = [item for item in first.objects if item.name in places]
     return Comparison(
         (one, other),
-        (_counts_of(first, counts_one), _counts_of(second, counts_other)),
+        (_counts_of(connection, first), _counts_of(connection, second)),
         _differences(first, second),
         tuple(_pair(a, b) for a, b in zip_longest(first.actions or (), second.actions or ())),
         {item.name: float(np.linalg.norm(np.array(item.position_m) - places[item.name])) for item in common},
@@ -187,10 +183,8 @@ def compare(
     )
 
 
-def _counts_of(record: PredictionRecord, counts: Sequence[ConfigurationSummary]) -> ConfigurationSummary | None:
-    key = (record.model, record.representation, record.prompt_format, len(record.demonstration_ids))
-    known = {(c.model, c.representation, c.prompt_format, c.num_demonstrations): c for c in counts}
-    return known.get(key)
+def _counts_of(connection: Connection, record: PredictionRecord) -> Counts | None:
+    return configurations.counts(connection, record.task).get(Configuration.of(record))
 
 
 def _differences(one: PredictionRecord, other: PredictionRecord) -> tuple[Difference, ...]:

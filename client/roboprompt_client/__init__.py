@@ -20,9 +20,11 @@ from roboprompt_client.errors import (
     ServiceProblemError,
     ServiceUnreachableError,
     StepFailedError,
+    StoppedError,
     UnsafeActionError,
 )
 from roboprompt_client.leading import Leading
+from roboprompt_client.live import Live
 from roboprompt_client.loop import run_closed_loop, run_task
 from roboprompt_client.motion_limits import Box, MotionLimits, Pose
 from roboprompt_client.plans import run_plan
@@ -38,6 +40,7 @@ __all__ = [
     "InvalidAnswerError",
     "InvalidInputError",
     "Leading",
+    "Live",
     "MotionError",
     "MotionLimits",
     "NotConfirmedError",
@@ -56,6 +59,7 @@ __all__ = [
     "ServiceProblemError",
     "ServiceUnreachableError",
     "StepFailedError",
+    "StoppedError",
     "Trajectory",
     "UnsafeActionError",
     "run_closed_loop",

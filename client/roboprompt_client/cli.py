@@ -6,6 +6,7 @@ import signal
 import sys
 from argparse import ArgumentParser, Namespace, _ActionsContainer
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import get_args
 
@@ -17,7 +18,8 @@ from roboprompt_client.danger import OnDanger
 from roboprompt_client.doctor import add_doctor
 from roboprompt_client.errors import InvalidInputError, RoboPromptError
 from roboprompt_client.init_command import run_init
-from roboprompt_client.look_command import add_find, add_look, find_in_pictures, seeing_arm
+from roboprompt_client.live import Live
+from roboprompt_client.look_command import add_find, add_look, find_in_pictures
 from roboprompt_client.loop import run_closed_loop, run_task, show_nothing
 from roboprompt_client.motion_limits import Box, MotionLimits, Pose
 from roboprompt_client.plans import run_plan
@@ -68,7 +70,7 @@ def _parser() -> ArgumentParser:
     _add_task(predict)
     seen = predict.add_mutually_exclusive_group(required=True)
     _add_objects(seen)
-    seen.add_argument("--robot", metavar="CELL", help="a cell's JSON file with cameras: what they see now")
+    seen.add_argument("--robot", metavar="ROBOT", help=f"what it sees now: {ROBOT}")
     add_find(predict)
     predict.add_argument("--model", help="the LLM to ask (default: the service's)")
     predict.add_argument(
@@ -164,10 +166,12 @@ def _scene(arguments: Namespace) -> Observation:
 
 
 def _seen(client: RoboPromptClient, arguments: Namespace) -> Observation:
-    """What the cameras of a cell see now."""
-    with seeing_arm(arguments.robot) as arm:
-        find_in_pictures(arm, client, arguments.task, arguments.find)
-        return arm.observe()
+    """What a robot sees now."""
+    with closing_robot(open_robot(arguments.robot)) as robot:
+        if isinstance(robot, Arm):
+            robot.confirm_viewpoint = Person(robot).confirm_viewpoint
+        find_in_pictures(robot, client, arguments.task, arguments.find)
+        return robot.observe()
 
 
 def _run(client: RoboPromptClient, arguments: Namespace) -> int:
@@ -187,10 +191,13 @@ def _run_with(client: RoboPromptClient, robot: Robot, pinned: MotionLimits, argu
     # A termination leaves through `run_task`, which stops the arm.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     danger = arguments.on_danger
+    watch = partial(Live, client, robot, on_lost=getattr(robot, "on_lost", "continue"))
     if arguments.closed_loop:
         if arguments.task is None:
             raise InvalidInputError("--task", "is left out beside --closed-loop", "the name of the task")
-        steps = list(run_closed_loop(*what, pinned=pinned, confirm=confirm, on_danger=danger, preview=preview))
+        steps = list(
+            run_closed_loop(*what, pinned=pinned, confirm=confirm, on_danger=danger, preview=preview, watch=watch)
+        )
         if (outcome := person.outcome(steps[-1])) is not None:
             for step in steps:
                 client.record_outcome(step.id, *outcome)
@@ -199,6 +206,7 @@ def _run_with(client: RoboPromptClient, robot: Robot, pinned: MotionLimits, argu
         "pinned": pinned,
         "confirm": confirm,
         "preview": preview,
+        "watch": watch,
         "stream": arguments.stream,
         "look_again": arguments.look_again,
         "on_danger": danger,

@@ -14,7 +14,7 @@ from roboprompt_client.teaching import Teaching
 from roboprompt_client.trajectory import EndEffectorAction, ObjectPose, object_from_json, object_json
 
 __all__ = ["DEFAULT_URL", "RoboPromptClient"]
-LONGEST_S = 300.0  # that the service gives a model where a request names no deadline
+LONGEST_S = 600.0  # that the service gives a model where a request names no deadline
 MARGIN_S = 10.0  # the service answers within the request's own deadline; this is for the way there and back
 
 
@@ -141,6 +141,24 @@ class RoboPromptClient(Teaching):
     def record_outcome(self, prediction_id: str, success: bool, note: str | None = None) -> dict[str, Any]:
         """Tell the service how the robot fared with a prediction."""
         return self.post(f"/predictions/{prediction_id}/outcome", {"success": success, "note": note})
+
+    def report_run(self, run_id: str, state: Mapping[str, Any], timeout_s: float) -> bool:
+        """Tell where the robot is with a run (`PUT /runs/{run_id}`); returns whether it shall stop.
+
+        Raises:
+            ServiceProblemError, ServiceUnreachableError: it is not known whether it shall.
+        """
+        return self._stop("PUT", run_id, timeout_s, json=dict(state))
+
+    def end_run(self, run_id: str, timeout_s: float) -> bool:
+        """Tell that a run has ended; returns whether it was to be stopped, and raises, as `report_run`."""
+        return self._stop("DELETE", run_id, timeout_s)
+
+    def _stop(self, method: str, run_id: str, timeout_s: float, **body: Any) -> bool:  # noqa: ANN401
+        answer = self._http.document(method, f"/runs/{run_id}", timeout=timeout_s, **body)
+        if not isinstance(stop := answer.get("stop"), bool):
+            raise ServiceUnreachableError(f"{method} /runs/{run_id}: what answers there is no RoboPrompt service")
+        return stop
 
 
 def _wait_s(timeout_s: float | None) -> float:

@@ -147,5 +147,9 @@ class MotionError(RoboPromptError):
     """The robot could not carry out an action."""
 
 
+class StoppedError(MotionError):
+    """A person stopped the robot from afar, or contact was lost and the cell wants it to stop then."""
+
+
 class NotConfirmedError(RoboPromptError):
     """A person did not allow an action."""

@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from roboprompt_client.client import DEFAULT_URL, RoboPromptClient
+from roboprompt_client.errors import RoboPromptError
 from roboprompt_client.loop import run_task
 from roboprompt_client.motion_limits import Pose
 from roboprompt_client.robot import Observation
@@ -67,7 +68,15 @@ def main() -> None:
     """Teach five demonstrations, and press a button that stands where none of them had it."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--url", default=DEFAULT_URL, help="of the service (default: %(default)s)")
-    with RoboPromptClient(parser.parse_args().url) as client:
+    try:
+        teach_and_press(parser.parse_args().url)
+    except RoboPromptError as error:
+        parser.exit(1, f"{error}\n")
+
+
+def teach_and_press(url: str) -> None:
+    """All of it, with the service at `url`; raises RoboPromptError where it refuses or does not answer."""
+    with RoboPromptClient(url) as client:
         for place_m in TAUGHT_M:
             stored = client.upload(TASK, INSTRUCTION, press(place_m), Observation(button(place_m)))
             say(f"taught at {place_m} m: {len(stored['keyframes'])} keyframes")

@@ -5,6 +5,7 @@ import sys
 from argparse import Namespace
 from collections.abc import Callable
 from contextlib import nullcontext
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,18 +13,24 @@ import numpy as np
 
 from roboprompt_client import quaternions as rotations
 from roboprompt_client.arms.arm import Arm
-from roboprompt_client.arms.cell import DRIVERS, open_robot, write_cell
+from roboprompt_client.arms.cell import open_robot, write_cell
 from roboprompt_client.arms.driver import Guidable
 from roboprompt_client.arrays import Array
 from roboprompt_client.cameras.realsense import realsense_serials
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import InvalidInputError, MotionError
+from roboprompt_client.robot import observation_from_file
 from roboprompt_client.terminal import ask, ask_yes
 from roboprompt_client.wording import checked_name
 
-ADDRESSED = tuple(name for name in DRIVERS if name != "lerobot")  # a LeRobot arm is made by a function
+ADDRESSED = ("franka", "ur", "xarm")  # a LeRobot arm is made by a function, and one of ROS has topics
 MARGIN_M = 0.01  # around the corners that were touched: a hand on the table is not below it
 MIN_SIDE_M = 0.05
+REALTIME = Path("/sys/kernel/realtime")
+WITHOUT_REALTIME = (
+    "This computer has no real-time kernel: a Franka may stop with communication errors. Go on without one? [y/N] "
+)
+WITHOUT_CAMERAS = "Where are the objects? A file that says it, such as objects.json [Enter: none, or cameras later] "
 CORNERS = (
     "Guide the fingertips to the lowest, nearest left corner of the space that the hand may use, then to the highest, "
     "farthest right one. Fingers on the table are the lowest."
@@ -43,6 +50,8 @@ def run_init(_: RoboPromptClient, arguments: Namespace) -> int:
     cell = {**_arm(), "base_to_world": _base()}
     if cameras := [camera for serial in realsense_serials() if (camera := _camera(serial))]:
         cell["cameras"] = cameras
+    elif objects := _answer(WITHOUT_CAMERAS, partial(_objects_file, path.parent)):
+        cell["objects"] = objects
     write_cell(path, cell)
     try:
         robot = open_robot(str(path), cameras=False)
@@ -63,10 +72,20 @@ def _arm() -> dict[str, Any]:
     name = _answer(f"Which arm? [{', '.join(ADDRESSED)}, or MODULE:FACTORY of yours] ", _known_arm)
     if name not in ADDRESSED:
         return {"arm": name}
-    options = {"address": _answer("Its address, such as 172.16.0.2: ", str)}
+    options: dict[str, Any] = {"address": _answer("Its address, such as 172.16.0.2: ", str)}
     if name == "franka":
         options["model"] = _answer("Its model [panda or fr3]: ", _one_of("panda", "fr3"))
+        if not _realtime_kernel() and ask_yes(WITHOUT_REALTIME):
+            options["realtime"] = False
     return {"arm": name, "options": options}
+
+
+def _realtime_kernel() -> bool:
+    """Whether Linux runs with the real-time patches (PREEMPT_RT)."""
+    try:
+        return REALTIME.read_text().strip() == "1"
+    except OSError:
+        return False
 
 
 def _base() -> dict[str, Any]:
@@ -74,6 +93,16 @@ def _base() -> dict[str, Any]:
     position_m = _answer("x y z, meters: ", _three_numbers)
     (yaw_deg,) = _answer("Turned about z by, degrees: ", lambda text: _numbers(text or "0", 1))
     return {"position": position_m, "quaternion_xyzw": rotations.about_z(math.radians(yaw_deg)).tolist()}
+
+
+def _objects_file(folder: Path, text: str) -> str:
+    """The name of a file with objects' poses, from the cell's folder; empty for none."""
+    if text:
+        try:
+            observation_from_file("objects", folder / text)
+        except InvalidInputError as error:
+            raise ValueError(str(error)) from error
+    return text
 
 
 def _camera(serial: str) -> dict[str, Any]:

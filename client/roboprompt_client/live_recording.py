@@ -1,18 +1,26 @@
 """One demonstration at the terminal: what is recorded is shown as it comes, and keys move the gripper and end it."""
 
 import sys
-from contextlib import AbstractContextManager, nullcontext, suppress
+import time
+from contextlib import AbstractContextManager, ExitStack, suppress
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
+import numpy as np
+
+from roboprompt_client.arms.steering import Steer
 from roboprompt_client.errors import InvalidInputError, MotionError
 from roboprompt_client.recorder import HasState, Progress, Recorder
+from roboprompt_client.teleop import KEYS as MOVES
+from roboprompt_client.teleop import SPEED_M_S, TICK_S, TURN_RAD_S, Read, Said, opened
 from roboprompt_client.terminal import END, keyboard
 from roboprompt_client.trajectory import Trajectory
 
 KEYS = "o: open the gripper   c: close it   x: discard   Enter: keep"
 OPEN, CLOSE, KEEP = "o", "c", "\r\n"
 SHOWN_S = 0.2
+MAX_LINE_CHARS, CLEAR_LINE = 78, "\x1b[K"
+AN_ARM = "an Arm, such as that of a cell's file"
 
 
 @runtime_checkable
@@ -33,27 +41,39 @@ class CanBeGuided(Protocol):
         ...
 
 
-def record_live(arm: HasState, journal: Path, rate_hz: float, *, guide: bool) -> Trajectory | None:
+@runtime_checkable
+class CanBeSteered(Protocol):
+    """What follows a person's keys, such as an `Arm`."""
+
+    def steered(self) -> AbstractContextManager[Steer]:
+        """While it lasts the hand moves as it is told."""
+        ...
+
+
+def record_live(
+    arm: HasState, journal: Path, rate_hz: float, *, guide: bool = False, teleop: str | None = None
+) -> Trajectory | None:
     """Record until the person ends it.
 
     Args:
         guide: let the arm yield to the person's hand meanwhile.
+        teleop: `keyboard` or `spacemouse`, with which the person steers the hand meanwhile; None: neither.
 
     Returns:
         what was recorded; None where the person discards it.
 
     Raises:
-        InvalidInputError: if the arm cannot be guided, or what was recorded is no trajectory.
+        InvalidInputError: if the arm can be neither guided nor steered, or what was recorded is no trajectory.
         MotionError: if the arm stopped answering or moving; the journal has what came before.
         KeyboardInterrupt: likewise.
     """
-    if guide and not isinstance(arm, CanBeGuided):
-        raise InvalidInputError("--guide", "this robot cannot be guided", "an Arm, such as that of a cell's file")
-    recorder = Recorder(arm, journal, rate_hz)
-    with arm.guided() if guide and isinstance(arm, CanBeGuided) else nullcontext():
+    with ExitStack() as led:
+        read = _nothing if teleop is None else led.enter_context(opened(teleop))
+        steer = _led(arm, led, guide=guide, steers=teleop is not None)
+        recorder = Recorder(arm, journal, rate_hz)
         recorder.start()
         try:
-            keep = _until_ended(arm, recorder)
+            keep = _until_ended(arm, recorder, read, steer)
         except BaseException:
             with suppress(MotionError, InvalidInputError):
                 recorder.stop()
@@ -62,19 +82,43 @@ def record_live(arm: HasState, journal: Path, rate_hz: float, *, guide: bool) ->
     return trajectory if keep else None
 
 
-def _until_ended(arm: HasState, recorder: Recorder) -> bool:
+def _led(arm: HasState, led: ExitStack, *, guide: bool, steers: bool) -> Steer | None:
+    """How the hand is told to move, if it is; what begins ends with `led`."""
+    if guide:
+        if not isinstance(arm, CanBeGuided):
+            raise InvalidInputError("--guide", "this robot cannot be guided", AN_ARM)
+        led.enter_context(arm.guided())
+    if not steers:
+        return None
+    if not isinstance(arm, CanBeSteered):
+        raise InvalidInputError("--teleop", "this robot cannot be steered", AN_ARM)
+    return led.enter_context(arm.steered())
+
+
+def _nothing(keys: str) -> Said:
+    return Said(np.zeros(6), keys)
+
+
+def _until_ended(arm: HasState, recorder: Recorder, read: Read, steer: Steer | None) -> bool:
     """Whether the person keeps the recording."""
-    _show(f"{KEYS}\n")
+    _show(f"{KEYS}\n" if steer is None else f"{MOVES}\n{KEYS}\n")
+    shown_s, moving, problem = 0.0, False, ""
     with keyboard() as pressed:
         while True:
-            for key in pressed(SHOWN_S):
+            said = read(pressed(SHOWN_S if steer is None else TICK_S))
+            for key in said.keys:
                 if key in KEEP or key == END:
                     _show("\n")
                     return key != END
                 if key in (OPEN, CLOSE) and isinstance(arm, HasGripper):
                     arm.set_gripper(is_open=key == OPEN)
-            if (progress := recorder.progress) is not None:
-                _show(f"\r{_line(progress)} ")
+            if steer is not None and (moving or said.direction.any()):  # once more with zeros: then it rests at once
+                refusal = steer(SPEED_M_S * said.direction[:3], TURN_RAD_S * said.direction[3:])
+                moving = bool(said.direction.any())
+                problem = refusal if moving else problem
+            if (progress := recorder.progress) is not None and time.monotonic() - shown_s > SHOWN_S:
+                shown_s = time.monotonic()
+                _show(f"\r{problem[:MAX_LINE_CHARS] or _line(progress)}{CLEAR_LINE}")
 
 
 def _line(progress: Progress) -> str:

@@ -2,6 +2,7 @@
 
 import logging
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -25,7 +26,14 @@ from roboprompt_client.trajectory import EndEffectorAction
 
 Preview = Callable[[Sequence[EndEffectorAction], MotionLimits], None]
 OnOutcome = Callable[[PredictedActions], Outcome | None]
+CarryingOut = Callable[[int, EndEffectorAction, str | None], AbstractContextManager[None]]
+Watch = Callable[[str, str], AbstractContextManager[CarryingOut]]
 log = logging.getLogger(__name__)
+
+
+def watch_nothing(task: str, instruction: str) -> AbstractContextManager[CarryingOut]:
+    """A watch that nobody keeps."""
+    return nullcontext(lambda *_: nullcontext())
 
 
 def show_nothing(actions: Sequence[EndEffectorAction], limits: MotionLimits) -> None:
@@ -46,6 +54,7 @@ def run_task(
     leading: Leading | None = None,
     on_danger: OnDanger | None = None,
     preview: Preview = show_nothing,
+    watch: Watch = watch_nothing,
     on_outcome: OnOutcome | None = None,
     **options: Any,  # noqa: ANN401
 ) -> PredictedActions:
@@ -69,6 +78,8 @@ def run_task(
             found ahead of the first action.
         preview: shown the actions and the limits that hold, before the actions are checked and before anything moves;
             with `stream` each action as it comes.
+        watch: around the run; what it gives is around the motion of each action, with its index and the prediction's
+            id, if it is known. `partial(Live, client, robot)` lets people watch and stop the robot at the service.
         on_outcome: called with what was carried out once the robot has done so; what it returns is recorded at the
             service. A failure to record it is logged.
         options: as for `RoboPromptClient.predict`.
@@ -93,8 +104,9 @@ def run_task(
         if look_again:
             _require_still_cameras(robot, "look_again")
         allowed = _allowed(client, task, limits, pinned)
-        run = _Run(client, robot, task, instruction, allowed, danger, confirm, preview, options)
-        predicted = run.streamed() if stream else run.whole(look_again, leading)
+        with watch(task, instruction) as carrying_out:
+            run = _Run(client, robot, task, instruction, allowed, danger, confirm, preview, carrying_out, options)
+            predicted = run.streamed() if stream else run.whole(look_again, leading)
     except BaseException:
         robot.stop()
         raise
@@ -115,6 +127,7 @@ def run_closed_loop(
     confirm: Confirm | None = None,
     on_danger: OnDanger | None = None,
     preview: Preview = show_nothing,
+    watch: Watch = watch_nothing,
     **options: Any,  # noqa: ANN401
 ) -> Iterator[PredictedActions]:
     """Observe, ask for one action, carry it out, and again, until the LLM says that it is done.
@@ -137,20 +150,21 @@ def run_closed_loop(
         danger = checked_on_danger(on_danger, confirm)
         _require_still_cameras(robot, "closed_loop")
         allowed = _allowed(client, task, limits, pinned)
-        run = _Run(client, robot, task, instruction, allowed, danger, confirm, preview, options)
-        for index in range(max_steps):
-            observation = robot.observe()
-            guard = guard or run.guard(observation, max_steps)
-            predicted = client.predict(task, instruction, observation, **asked)
-            preview(predicted.actions, allowed)
-            for action in predicted.actions:
-                guard.check(action)
-            yield predicted
-            if not predicted.actions:
-                return
-            run.require_allowed(predicted.findings, predicted.actions)
-            run.execute(index, predicted.actions[0])
-            asked["after"] = predicted.id
+        with watch(task, instruction) as carrying_out:
+            run = _Run(client, robot, task, instruction, allowed, danger, confirm, preview, carrying_out, options)
+            for index in range(max_steps):
+                observation = robot.observe()
+                guard = guard or run.guard(observation, max_steps)
+                predicted = client.predict(task, instruction, observation, **asked)
+                preview(predicted.actions, allowed)
+                for action in predicted.actions:
+                    guard.check(action)
+                yield predicted
+                if not predicted.actions:
+                    return
+                run.require_allowed(predicted.findings, predicted.actions)
+                run.execute(index, predicted.actions[0], predicted.id)
+                asked["after"] = predicted.id
     except BaseException:
         robot.stop()
         raise
@@ -168,6 +182,7 @@ class _Run:
     on_danger: OnDanger
     confirm: Confirm | None
     preview: Preview
+    carrying_out: CarryingOut
     options: Mapping[str, Any]
 
     def whole(self, look_again: bool, leading: Leading | None) -> PredictedActions:
@@ -184,13 +199,13 @@ class _Run:
         self.require_allowed(predicted.findings, predicted.actions)
         if finder is None:
             for index, action in enumerate(predicted.actions):
-                self.execute(index, action)
+                self.execute(index, action, predicted.id)
             return predicted
         if leading is not None:
             leading.saw({pose.name: pose for pose in observation.objects or predicted.objects}, looked_s)
         follower = Follower(finder, predicted, observation, check, leading=leading)
         for index in range(len(predicted.actions)):
-            self.execute(index, follower.before(index))
+            self.execute(index, follower.before(index), predicted.id)
             follower.after(index)
         return replace(predicted, actions=follower.actions)
 
@@ -226,11 +241,12 @@ class _Run:
         """Raise DangerError or NotConfirmedError for a danger that is not allowed."""
         require_allowed(findings, actions, on_danger=self.on_danger, confirm=self.confirm)
 
-    def execute(self, index: int, action: EndEffectorAction) -> None:
+    def execute(self, index: int, action: EndEffectorAction, prediction_id: str | None = None) -> None:
         """Move, if `confirm` lets the action go."""
         if self.confirm is not None and not self.confirm(index, action):
             raise NotConfirmedError(f"action {index + 1} was not allowed")
-        self.robot.execute(action)
+        with self.carrying_out(index, action, prediction_id):
+            self.robot.execute(action)
 
 
 def _check_modes(*, look_again: bool, stream: bool, leads: bool) -> None:

@@ -37,7 +37,7 @@ def run_plan(
         how: as for `run_task`, for each step.
 
     Raises:
-        as `RoboPromptClient.plan` and `run_task`.
+        RoboPromptError: as of `RoboPromptClient.plan` and `run_task`.
         NotConfirmedError: if `confirm_steps` said no; nothing was moved.
         StepFailedError: if a step has no actions, or its outcome is not known to be a success.
     """

@@ -37,9 +37,11 @@ def add_record(add: AddCommand, robot_help: str) -> None:
     add_find(record)
     record.add_argument("--spool", type=Path, default=SPOOL, help="folder (default: %(default)s)")
     record.add_argument("--rate-hz", type=float, default=RATE_HZ, help="at least 20 (default: %(default)g)")
-    record.add_argument(
+    led = record.add_mutually_exclusive_group()
+    led.add_argument(
         "--guide", action="store_true", help="let the arm carry its own weight and yield to your hand (Franka)"
     )
+    led.add_argument("--teleop", choices=("keyboard", "spacemouse"), help="steer the hand from here while it records")
     record.add_argument("--send-only", action="store_true", help="upload what is waiting, and record nothing")
 
 
@@ -103,7 +105,8 @@ def offer_correction(client: RoboPromptClient, robot: Robot, task: str, instruct
         return
     spool = Spool(SPOOL)
     guide = isinstance(robot, Arm) and isinstance(robot.driver, Guidable)
-    _record_one(robot, spool, Namespace(task=task, instruction=instruction, objects=None, rate_hz=RATE_HZ, guide=guide))
+    how = {"objects": None, "rate_hz": RATE_HZ, "guide": guide, "teleop": None}
+    _record_one(robot, spool, Namespace(task=task, instruction=instruction, **how))
     _send_all(client, spool)
 
 
@@ -136,13 +139,16 @@ def _record_one(robot: Robot, spool: Spool, arguments: Namespace) -> None:
     folder = spool.new(arguments.task, arguments.instruction, seen)
     arm: HasState = robot  # type: ignore[assignment]  # what has `state` can be recorded
     try:
-        trajectory = record_live(arm, folder / JOURNAL, arguments.rate_hz, guide=arguments.guide)
+        how = {"guide": arguments.guide, "teleop": arguments.teleop}
+        trajectory = record_live(arm, folder / JOURNAL, arguments.rate_hz, **how)
     except (MotionError, InvalidInputError) as error:
         if (folder / JOURNAL).exists():
             _print(f"{error}; what came before is in {folder}")
-        else:
-            spool.discard(folder)
-            _print(str(error))
+            return
+        spool.discard(folder)
+        if isinstance(error, InvalidInputError):  # the next recording would not begin, either
+            raise
+        _print(str(error))
         return
     except KeyboardInterrupt:
         _print(f"kept in {folder}: `roboprompt-robot record --send-only` uploads it")

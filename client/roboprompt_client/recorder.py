@@ -21,7 +21,8 @@ RATE_HZ = 50.0
 MIN_RATE_HZ = 20.0
 FLUSH_S = 1.0
 OPEN_ABOVE_M = 0.01  # of fingers that stay where they are in the whole recording
-_FIXED_COLUMNS = 10  # time, position, quaternion, width, open
+_FIXED_COLUMNS = 10  # time, position, quaternion, width, open; then joints' positions and velocities, and a wrench
+WRENCH = 6
 
 
 @dataclass(frozen=True)
@@ -114,7 +115,7 @@ class Recorder:
         began_s, state = self._read()
         joints = 0 if state.joint_positions_rad is None else len(state.joint_positions_rad)
         with create_private(self._journal) as file:
-            file.write(json.dumps({"joints": joints}).encode() + b"\n")
+            file.write(json.dumps({"joints": joints, "wrench": WRENCH}).encode() + b"\n")
             flushed_s = due_s = seen_s = began_s
             for frames in count(1):  # at least once, however soon it ends
                 self._progress = Progress(frames, seen_s - began_s, state)
@@ -161,11 +162,13 @@ def trajectory_from_journal(path: Path) -> Trajectory:
         "end_effector_quaternions_xyzw": rows[:, 4:8],
         **_gripper(widths_m, states),
     }
-    positions, velocities = rows[:, _FIXED_COLUMNS : _FIXED_COLUMNS + joints], rows[:, _FIXED_COLUMNS + joints :]
+    positions, velocities, wrenches = np.split(rows[:, _FIXED_COLUMNS:], [joints, 2 * joints], axis=1)
     if joints:
         arrays["joint_positions"] = positions
     if joints and np.isfinite(velocities).all():
         arrays["joint_velocities"] = velocities
+    if wrenches.size and np.isfinite(wrenches).all():
+        arrays["wrenches"] = wrenches
     return trajectory_from_arrays(arrays)
 
 
@@ -186,17 +189,19 @@ def _row(time_s: float, state: ArmState, joints: int) -> Array:
     is_open = np.nan if state.gripper_open is None else float(state.gripper_open)
     positions = unknown if state.joint_positions_rad is None else state.joint_positions_rad
     velocities = unknown if state.joint_velocities_rad_s is None else state.joint_velocities_rad_s
+    wrench = np.full(WRENCH, np.nan) if state.wrench_n_nm is None else state.wrench_n_nm
     return np.concatenate(
-        [[time_s], state.position_m, state.quaternion_xyzw, [width_m, is_open], positions, velocities]
+        [[time_s], state.position_m, state.quaternion_xyzw, [width_m, is_open], positions, velocities, wrench]
     ).astype("<f8")
 
 
 def _rows(path: Path) -> tuple[Array, int]:
     head, _, body = path.read_bytes().partition(b"\n")
     try:
-        joints = int(json.loads(head)["joints"])
-    except (ValueError, KeyError, TypeError) as error:
+        known = json.loads(head)
+        joints, wrench = int(known["joints"]), int(known.get("wrench", 0))
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise InvalidInputError("recording", f"{path} is no journal", "a file of roboprompt-robot record") from error
-    width = _FIXED_COLUMNS + 2 * joints
+    width = _FIXED_COLUMNS + 2 * joints + wrench
     whole = len(body) // (8 * width) * width
     return np.frombuffer(body, "<f8", count=whole).reshape(-1, width), joints

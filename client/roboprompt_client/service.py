@@ -13,7 +13,7 @@ from roboprompt_client.errors import ServiceProblemError, ServiceUnreachableErro
 
 OfKind = TypeVar("OfKind", bound="Service")
 KEY_VARIABLE = "ROBOPROMPT_API_KEY"
-DEFAULT_URL = "http://127.0.0.1:8000"
+DEFAULT_URL = os.environ.get("ROBOPROMPT_URL") or "http://127.0.0.1:8000"
 LEARNING_TIMEOUT_S = 600.0
 
 

@@ -16,6 +16,7 @@ from roboprompt_client.wording import checked_name
 
 MAX_JOINTS = 16
 MAX_RAD = MAX_RAD_S = 1e5  # of a joint: what is more is no angle in any unit
+MAX_N_NM = 1e5  # on a hand: what is more is no force in any unit
 MAX_S = 1e11  # of a clock, in seconds since whenever: three thousand years
 MAX_GRIPPER_WIDTH_M = 0.2  # that a gripper opens
 WIDTH_ROUNDING_M = 0.002  # closed fingers are measured a little below 0
@@ -35,6 +36,7 @@ class Trajectory:
         object_positions_m: (T, N, 3) of the scene's N objects in the world frame, or None: for closed-loop prompts.
         object_quaternions_xyzw: (T, N, 4) of the same objects, or None; only beside positions.
         gripper_width_m: (T,) measured between the fingers, or None.
+        wrenches_n_nm: (T, 6) force and torque that act on the hand, along the world's axes, or None.
     """
 
     joint_velocities_rad_s: Array
@@ -46,6 +48,7 @@ class Trajectory:
     object_positions_m: Array | None = None
     object_quaternions_xyzw: Array | None = None
     gripper_width_m: Array | None = None
+    wrenches_n_nm: Array | None = None
 
     def __post_init__(self) -> None:
         name, speeds = "trajectory.joint_velocities", self.joint_velocities_rad_s
@@ -72,6 +75,9 @@ class Trajectory:
             settle(self, joint_positions_rad=positions)
         if self.gripper_width_m is not None:
             settle(self, gripper_width_m=_widths("trajectory.gripper_width", self.gripper_width_m, num_frames))
+        if self.wrenches_n_nm is not None:
+            name, shape = "trajectory.wrenches", (num_frames, 6)
+            settle(self, wrenches_n_nm=bounded_array(name, self.wrenches_n_nm, shape, MAX_N_NM, "N and Nm"))
         self._check_objects(num_frames)
 
     @classmethod

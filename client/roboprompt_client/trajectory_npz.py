@@ -27,6 +27,7 @@ _FIELDS = {  # in the file's order
     "object_positions": "object_positions_m",
     "object_quaternions_xyzw": "object_quaternions_xyzw",
     "gripper_width": "gripper_width_m",
+    "wrenches": "wrenches_n_nm",
 }
 OPTIONAL = tuple(name for name in _FIELDS if name not in REQUIRED)
 MIN_GRIPPER_TRAVEL_M = 0.005  # fingers that move less have neither opened nor closed

@@ -28,6 +28,7 @@ class Body:
     def __init__(self):
         self.position_m, self.quaternion = FIRST_M.copy(), DOWN.copy()
         self.width_m = OPEN_M
+        self.force_n = np.zeros(3)
         self.blocked = self.jammed = self.gone = self.halted = False
         self.starts = self.halts = 0
         self._left = 0
@@ -46,6 +47,12 @@ class Body:
             self.position_m = self._from + (self._goal[0] - self._from) * (1 - self._left / STEPS)
             self.quaternion = self._goal[1]
         return self._left > 0
+
+    def drift(self, velocity_m_s, turning_rad_s, for_s):
+        """What a velocity does that nobody repeats."""
+        self.position_m = self.position_m + for_s * np.array(velocity_m_s)
+        turn = rotations.from_rotation_vector(for_s * np.array(turning_rad_s))
+        self.quaternion = rotations.product(turn, self.quaternion)
 
     def halt(self):
         self.halts += 1
@@ -79,12 +86,26 @@ def franky(body):
                 )
             )
         )
-        state = property(lambda self: answer(SimpleNamespace(F_T_EE=SimpleNamespace(matrix=np.eye(4)))))
+        state = property(
+            lambda self: answer(
+                SimpleNamespace(F_T_EE=SimpleNamespace(matrix=np.eye(4)), O_F_ext_hat_K=[*body.force_n, 0.0, 0.0, 0.5])
+            )
+        )
+
+        translation_velocity_limit = SimpleNamespace(get=lambda: 1.7)
+        rotation_velocity_limit = SimpleNamespace(get=lambda: 2.5)
 
         def move(self, motion, asynchronous):
             assert asynchronous
             answer(None)
-            body.go(*motion)
+            if isinstance(motion, list):
+                assert motion[-1] == ((0, 0, 0), (0, 0, 0), 0)  # a motion must end at rest
+                for velocity, turning, hold_ms in motion:
+                    assert np.linalg.norm(velocity) < 0.05 * 1.7
+                    assert np.linalg.norm(turning) < 0.05 * 2.5
+                    body.drift(velocity, turning, hold_ms / 1000)
+            else:
+                body.go(*motion)
 
         def poll_motion(self):
             """Whether the motion has ended, whatever its docstring says."""
@@ -123,6 +144,11 @@ def franky(body):
         RealtimeConfig=SimpleNamespace(Enforce=0, Ignore=1),
         Affine=lambda translation, quaternion: (translation, quaternion),
         CartesianMotion=lambda target: target,
+        CartesianVelocityWaypoint=lambda twist, hold_target_duration=0: (*twist, hold_target_duration),
+        CartesianVelocityWaypointMotion=lambda points: points,
+        Twist=lambda velocity=(0, 0, 0), turning=(0, 0, 0): (tuple(velocity), tuple(turning)),
+        RobotVelocity=lambda twist: twist,
+        Duration=lambda milliseconds: milliseconds,
         NetworkException=NetworkException,
     )
 
@@ -157,6 +183,14 @@ def rtde(body):
             body.go(pose[:3], rotations.from_rotation_vector(pose[3:]))
             return True
 
+        def servoL(self, pose, speed, acceleration, time, lookahead_time, gain):  # noqa: N802
+            assert (0.03 <= lookahead_time <= 0.2, 100 <= gain <= 2000) == (True, True)
+            body.position_m, body.quaternion = np.array(pose[:3]), rotations.from_rotation_vector(pose[3:])
+            return True
+
+        def servoStop(self, deceleration):  # noqa: N802
+            return True
+
         def stopL(self, deceleration):  # noqa: N802
             body.halt()
 
@@ -181,6 +215,9 @@ def rtde(body):
 
         def getActualQ(self):  # noqa: N802
             return [0.1] * 6
+
+        def getActualTCPForce(self):  # noqa: N802
+            return [*body.force_n, 0.0, 0.0, 0.5]
 
         def getActualQd(self):  # noqa: N802
             return [0.0] * 6
@@ -243,7 +280,7 @@ def xarm(body):
         def set_position(self, x, y, z, roll, pitch, yaw, speed, mvacc, is_radian, wait):
             assert is_radian
             assert not wait
-            if self._state == 4:
+            if self._state == 4 or self._mode != 0:
                 return 9  # not ready to move
             body.go(np.array([x, y, z]) / 1000, rotations.from_roll_pitch_yaw(roll, pitch, yaw))
             return 0
@@ -272,6 +309,14 @@ def xarm(body):
             return 0
 
         def set_mode(self, mode):
+            self._mode = mode
+            return 0
+
+        def vc_set_cartesian_velocity(self, speeds, is_radian, is_tool_coord, duration):
+            assert (is_radian, is_tool_coord) == (True, False)
+            if (self._mode, self._state) != (5, 0):
+                return 9
+            body.drift(np.array(speeds[:3]) / 1000, speeds[3:], duration)
             return 0
 
         def set_gripper_enable(self, enable):

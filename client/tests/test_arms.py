@@ -9,7 +9,9 @@ from makers import DOWN, FIRST_M, MAKERS, Body
 
 from roboprompt_client import quaternions as rotations
 from roboprompt_client.arms.arm import Arm
+from roboprompt_client.arms.arrival import Tolerance
 from roboprompt_client.arms.calibration import Calibration
+from roboprompt_client.arms.driver import STEERED_S
 from roboprompt_client.errors import InvalidInputError, MotionError, UnsafeActionError
 from roboprompt_client.motion_limits import Box, MotionLimits
 from roboprompt_client.trajectory import EndEffectorAction
@@ -168,6 +170,98 @@ def test_two_threads_do_not_move_one_arm(arm, monkeypatch):
     monkeypatch.setattr(arm.driver, "finished", poll)
     arm.execute(to())
     assert refused
+
+
+QUARTER = Calibration(np.array([1.0, 2.0, 0.5]), rotations.about_z(np.pi / 2))
+SLOWLY_M_S, NOT = np.array([0.02, 0.0, 0.0]), np.zeros(3)
+
+
+def test_a_hand_that_is_steered_moves_a_little_along_the_world_s_axes_and_rests(driver, body):
+    arm = Arm(driver, calibration=QUARTER)
+    before = arm.state()
+    with arm.steered() as steer:
+        assert steer(SLOWLY_M_S, NOT) == ""
+        moved_m = arm.state().position_m - before.position_m
+        assert steer(NOT, np.array([0.0, 0.0, 0.1])) == ""
+    np.testing.assert_allclose(moved_m, STEERED_S * SLOWLY_M_S, atol=1e-9)
+    turned = rotations.product(arm.state().quaternion_xyzw, rotations.inverse(before.quaternion_xyzw))
+    np.testing.assert_allclose(rotations.to_rotation_vector(turned), [0, 0, 0.1 * STEERED_S], atol=1e-9)
+    arm.execute(EndEffectorAction(before.position_m, before.quaternion_xyzw, True))
+
+
+def test_a_bound_ahead_keeps_a_steered_hand_where_it_is(driver, body):
+    x_m, y_m, z_m = FIRST_M
+    arm = Arm(driver, limits=MotionLimits(Box((x_m - 1, y_m - 1, z_m - 1), (x_m + 0.005, y_m + 1, z_m - 0.1))))
+    with arm.steered() as steer:
+        assert "position.x is" in steer(SLOWLY_M_S, NOT)
+        np.testing.assert_allclose(body.position_m, FIRST_M, atol=1e-9)
+        assert "position.z is" in steer(np.array([0.0, 0.0, 0.02]), NOT)  # it is above the box: no higher,
+        assert steer(np.array([0.0, 0.0, -0.02]), NOT) == ""  # and back into it
+
+
+def test_nobody_steers_an_arm_that_moves_or_was_stopped(arm, body):
+    with arm.steered() as steer:
+        with pytest.raises(MotionError, match="another thread"):
+            arm.execute(to())
+        arm.stop()
+        with pytest.raises(MotionError, match="was stopped"):
+            steer(SLOWLY_M_S, NOT)
+        arm.recover()
+    arm.stop()
+    with pytest.raises(MotionError, match="was stopped"), arm.steered():
+        pass
+
+
+def test_an_interrupt_while_it_is_steered_stops_the_arm(arm):
+    with pytest.raises(KeyboardInterrupt), arm.steered():
+        raise KeyboardInterrupt
+    with pytest.raises(MotionError, match="was stopped"):
+        arm.execute(to())
+
+
+@pytest.fixture(params=["franka", "ur"])
+def feeling(request, body, monkeypatch):
+    return MAKERS[request.param](body, monkeypatch)
+
+
+def test_forces_are_told_along_the_world_s_axes(feeling, body):
+    body.force_n = np.array([3.0, 0.0, 4.0])
+    state = Arm(feeling, calibration=QUARTER).state()
+    np.testing.assert_allclose(state.wrench_n_nm, [0, 3, 4, 0, 0, 0.5], atol=1e-12)
+    assert state.force_n == pytest.approx(5.0)
+
+
+def test_a_motion_that_meets_too_much_stops_and_says_where(feeling, body):
+    arm = Arm(feeling, tolerance=Tolerance(max_contact_force_n=20.0))
+    arm.execute(to())
+    body.force_n = np.array([0.0, 0.0, 24.0])
+    with pytest.raises(MotionError, match=r"the hand met 24\.0 N at \[.*\] m, at most 20 N"):
+        arm.execute(to((0, 0, 0)))
+    assert body.halts > 0
+    body.force_n = np.zeros(3)
+    with pytest.raises(MotionError, match="recover"):
+        arm.execute(to())
+
+
+def test_a_hand_that_is_steered_goes_back_from_what_it_meets_and_no_further(feeling, body):
+    arm = Arm(feeling, tolerance=Tolerance(max_contact_force_n=20.0))
+    body.force_n = np.array([0.0, 0.0, 24.0])
+    before_m = body.position_m
+    with arm.steered() as steer:
+        assert "the hand met 24.0 N" in steer(np.array([0.01, 0.0, -0.01]), NOT)
+        np.testing.assert_array_equal(body.position_m, before_m)
+        assert steer(np.array([0.0, 0.0, 0.01]), NOT) == ""
+        assert body.position_m[2] > before_m[2]
+
+
+def test_a_bound_of_forces_needs_an_arm_that_tells_them(body, monkeypatch):
+    with pytest.raises(InvalidInputError, match=r"xArm .* reports no forces"):
+        Arm(MAKERS["xarm"](body, monkeypatch), tolerance=Tolerance(max_contact_force_n=20.0))
+    for wrong in (-1.0, float("nan"), "20"):
+        with pytest.raises(InvalidInputError, match=r"tolerance\.max_contact_force_n"):
+            Tolerance(max_contact_force_n=wrong)
+    with pytest.raises(InvalidInputError, match=r"tolerance\.position_m"):
+        Tolerance(position_m=None)
 
 
 def test_what_was_never_seen_on_an_arm_says_so_at_the_start(driver, caplog):

@@ -1,7 +1,11 @@
 """`roboprompt-robot` as a person at the robot's computer uses it."""
 
 import json
+import re
+import shlex
 import sys
+from contextlib import nullcontext
+from pathlib import Path
 
 import httpx
 import pytest
@@ -196,3 +200,23 @@ def test_a_file_that_is_not_there_is_said(service, monkeypatch, tmp_path, capsys
     words = ("upload", "--task", "pick", "--instruction", "pick", "--objects", "objects.json", "none.npz")
     assert run(monkeypatch, *words)[0] == 1
     assert "trajectory: cannot be read" in capsys.readouterr().err
+
+
+ROOT = Path(__file__).parents[2]
+BLOCK = re.compile(r"^```(?:bash)?\n(.*?)^```", re.MULTILINE | re.DOTALL)
+DOCUMENTED = sorted(
+    {
+        line.strip().removeprefix(".venv/bin/")
+        for page in (*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("client/*.md"))
+        for block in BLOCK.findall(page.read_text())
+        for line in block.replace("\\\n", " ").splitlines()
+        if re.match(r"\s*(?:\.venv/bin/)?roboprompt-robot ", line)
+    }
+)
+
+
+@pytest.mark.parametrize("line", DOCUMENTED)
+def test_every_command_of_the_docs_can_be_typed(line):
+    _, *words = shlex.split(line, comments=True)
+    with pytest.raises(SystemExit) if words == ["--help"] else nullcontext():
+        cli._parser().parse_args(words)

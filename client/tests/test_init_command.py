@@ -44,8 +44,21 @@ def guided(body, position_m):
 
 def test_a_file_that_opens(body, monkeypatch, tmp_path, capsys):
     path = tmp_path / "cell.json"
+    (tmp_path / "objects.json").write_text('[{"name": "cube", "position": [0.3, 0, 0.1]}]')
     corners = [guided(body, [0.2, -0.3, 0.0]), guided(body, [0.6, 0.3, 0.5])]
-    answers = ["nothing", "xarm", "192.168.1.5", "0.1 x", "0.1, 0, 0.6", "90", "y", *corners, "y"]
+    answers = [
+        "nothing",
+        "xarm",
+        "192.168.1.5",
+        "0.1 x",
+        "0.1, 0, 0.6",
+        "90",
+        "none.json",
+        "objects.json",
+        "y",
+        *corners,
+        "y",
+    ]
     assert run(monkeypatch, path, answers) == 0
     cell = json.loads(path.read_text())
     assert cell["options"] == {"address": "192.168.1.5"}
@@ -53,10 +66,11 @@ def test_a_file_that_opens(body, monkeypatch, tmp_path, capsys):
     np.testing.assert_allclose(cell["limits"]["workspace"]["min"], [-0.21, 0.19, 0.59], atol=1e-6)
     np.testing.assert_allclose(cell["limits"]["workspace"]["max"], [0.41, 0.61, 1.11], atol=1e-6)
     assert 0.05 < cell["open_width_m"] < 0.1
-    assert open_cell(path).observe().end_effector is not None
+    assert open_cell(path).observe().objects[0].name == "cube"
     said = capsys.readouterr().out
     assert "'nothing' is none of franka, ur, xarm" in said
     assert "'0.1 x' is not 3 numbers" in said
+    assert "none.json cannot be read" in said
 
 
 def test_cameras_that_are_plugged_in_are_asked_about(body, monkeypatch, tmp_path, capsys):
@@ -74,7 +88,7 @@ def test_cameras_that_are_plugged_in_are_asked_about(body, monkeypatch, tmp_path
 def test_corners_without_room_are_asked_for_again(body, monkeypatch, tmp_path, capsys):
     flat = [guided(body, [0.2, -0.3, 0.0]), guided(body, [0.6, 0.3, 0.01])]
     corners = [*flat, guided(body, [0.2, -0.3, 0.0]), guided(body, [0.6, 0.3, 0.4])]
-    assert run(monkeypatch, tmp_path / "cell.json", ["xarm", "a", "", "", "y", *corners, "n"]) == 0
+    assert run(monkeypatch, tmp_path / "cell.json", ["xarm", "a", "", "", "", "y", *corners, "n"]) == 0
     assert "every side needs 0.05 m" in capsys.readouterr().out
 
 
@@ -86,7 +100,9 @@ def test_nothing_is_overwritten(body, monkeypatch, tmp_path, capsys):
     assert path.read_text() == "mine"
 
 
-@pytest.mark.parametrize("answers", [["xarm"], ["xarm", "a", "", "", "y", ""]], ids=["before", "between two corners"])
+@pytest.mark.parametrize(
+    "answers", [["xarm"], ["xarm", "a", "", "", "", "y", ""]], ids=["before", "between two corners"]
+)
 def test_a_person_who_goes_away_leaves_no_file(body, monkeypatch, tmp_path, answers):
     assert run(monkeypatch, tmp_path / "cell.json", answers) == 1
     assert not (tmp_path / "cell.json").exists()

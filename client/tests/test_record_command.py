@@ -4,6 +4,8 @@ import json
 import os
 import pty
 import threading
+import time
+from contextlib import contextmanager
 from types import SimpleNamespace
 
 import httpx
@@ -18,7 +20,7 @@ from roboprompt_client.arms.cell import open_cell, open_robot
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.live_recording import record_live
-from roboprompt_client.motion_limits import MotionLimits
+from roboprompt_client.motion_limits import Box, MotionLimits
 from roboprompt_client.record_command import offer_correction
 from roboprompt_client.robot import Observation
 from roboprompt_client.trajectory import EndEffectorAction
@@ -111,11 +113,54 @@ def test_keys_move_the_gripper_while_it_records(keys, monkeypatch, tmp_path, cap
     assert " Hz  hand +" in capsys.readouterr().err
 
 
-def test_an_arm_that_cannot_be_guided_is_not_recorded(answers, monkeypatch, tmp_path, capsys):
+def test_keys_steer_the_hand_while_it_records(keys, monkeypatch, tmp_path, capsys):
+    body = Body()
+    arm = Arm(open_xarm(body, monkeypatch), limits=MotionLimits(Box((-1, -1, 0), (body.position_m[0] + 0.06, 1, 2))))
+    before_m = body.position_m
+    for after_s, typed in ((0.3, "c"), (0.6, "f"), (0.9, "a"), (1.2, "w" * 3), (1.4, "w"), (1.5, "w"), (2.0, "\n")):
+        threading.Timer(after_s, keys, [typed]).start()
+    trajectory = record_live(arm, tmp_path / "journal", 50.0, teleop="keyboard")
+    moved_m = trajectory.positions_m[-1] - before_m
+    assert 0.002 < -moved_m[2] < 0.03  # a tap: this arm goes on for 0.15 s whenever it is told to
+    assert 0.002 < moved_m[1] < 0.03
+    assert 0.01 < moved_m[0] < 0.06  # held, up to the bound
+    assert not trajectory.gripper_open[-1]
+    assert "away, nearer" in capsys.readouterr().err
+
+
+def test_a_hand_rests_a_fifth_of_a_second_after_the_last_key(keys, monkeypatch, tmp_path):
+    arm = Arm(open_xarm(Body(), monkeypatch))
+    steered, calls = arm.steered, []
+
+    @contextmanager
+    def noting():
+        with steered() as steer:
+            yield lambda velocity, turning: calls.append((time.monotonic(), velocity.any())) or steer(velocity, turning)
+
+    monkeypatch.setattr(arm, "steered", noting)
+    threading.Timer(0.5, lambda: (keys("w"), calls.append((time.monotonic(), None)))).start()
+    threading.Timer(1.3, keys, ["\n"]).start()
+    record_live(arm, tmp_path / "journal", 50.0, teleop="keyboard")
+    (pressed_s,) = (at_s for at_s, moves in calls if moves is None)
+    rested_s = [at_s for at_s, moves in calls if moves is not None and not moves]
+    assert all(at_s - pressed_s < 0.16 for at_s, moves in calls if moves)
+    assert rested_s[0] - pressed_s < 0.3  # 0.15 s held, and a tick; the rest is for a busy machine
+
+
+@pytest.mark.parametrize(
+    ("option", "why"),
+    [
+        (["--guide"], "cannot be guided by its driver"),
+        (["--teleop", "keyboard"], "--teleop: standard input is no terminal"),
+        (["--teleop", "spacemouse"], "--teleop: no SpaceMouse is plugged in"),
+    ],
+)
+def test_what_cannot_be_led_so_is_not_recorded(answers, monkeypatch, tmp_path, capsys, option, why):
     typed, _ = answers
     typed += ["", "q"]
-    assert run(monkeypatch, tmp_path, "--guide") == 0
-    assert "cannot be guided by its driver" in capsys.readouterr().out
+    monkeypatch.setattr("roboprompt_client.teleop.HIDRAW", tmp_path)
+    assert run(monkeypatch, tmp_path, *option) == 1
+    assert why in capsys.readouterr().err
     assert list((tmp_path / "spool").iterdir()) == []
 
 

@@ -18,6 +18,7 @@ from roboprompt_client.recorder import Recorder, trajectory_from_journal
 from roboprompt_client.robot import Observation
 from roboprompt_client.spool import JOURNAL, Spool
 from roboprompt_client.trajectory import ObjectPose
+from roboprompt_client.trajectory_npz import npz_from_trajectory, trajectory_from_npz
 
 FRONT = RgbdFrame(Camera("front", 5, 5, 2, 2, np.eye(4)), np.zeros((4, 4, 3), np.uint8), np.ones((4, 4), np.float32))
 SCENE = Observation(ObjectPose("cube", np.array([0.4, 0, 0.1])), FRONT)
@@ -40,7 +41,9 @@ class Guided:
         angles = None if self._joints == 0 else np.full(self._joints, t)
         width_m = 0.08 if t < 0.15 else 0.02
         gripper = self._gripper or {"gripper_width_m": width_m}
-        return ArmState(np.array([0.4, 0, 0.5 - t]), np.array([1.0, 0, 0, 0]), angles, None, **gripper)
+        felt = np.array([0, 0, 10 * t, 0, 0, 0.1]) if self._joints == 7 else None
+        hand = (np.array([0.4, 0, 0.5 - t]), np.array([1.0, 0, 0, 0]))
+        return ArmState(*hand, angles, None, wrench_n_nm=felt, **gripper)
 
 
 def record(arm, journal, seconds=0.3):
@@ -48,6 +51,14 @@ def record(arm, journal, seconds=0.3):
     recorder.start()
     time.sleep(seconds)
     return recorder.stop()
+
+
+def test_forces_are_recorded_and_uploaded_where_the_arm_tells_them(tmp_path):
+    trajectory = record(Guided(7), tmp_path / "journal")
+    felt = trajectory_from_npz(npz_from_trajectory(trajectory)).wrenches_n_nm
+    np.testing.assert_allclose(felt[:, 2], 10 * (0.5 - trajectory.positions_m[:, 2]))
+    np.testing.assert_array_equal(felt[:, 5], 0.1)
+    assert record(Guided(), tmp_path / "without").wrenches_n_nm is None
 
 
 def test_a_guided_arm_with_measured_fingers(tmp_path):

@@ -1,6 +1,7 @@
 """The kept OpenAPI document is true, and its examples can be sent as they are."""
 
 import json
+from functools import cache
 from pathlib import Path
 
 from app.bootstrap import build_app
@@ -16,10 +17,12 @@ OPERATIONS = {
     "get_prediction_overlay",
     "get_metadata", "edit_episode", "get_task_stats", "get_upload",
     "get_job", "list_jobs",
-    "delete_prediction", "delete_task", "plan",
+    "delete_prediction", "delete_task", "plan", "report_run", "end_run", "list_runs", "stop_run",
+    "keep_case", "drop_case",
 }  # fmt: skip
 
 
+@cache
 def openapi_text():
     """As `make openapi` writes it."""
     return json.dumps(build_app(Settings()).openapi(), indent=2, sort_keys=True) + "\n"

@@ -71,12 +71,6 @@ def test_streamed_samples_come_together(http):
     assert events[-2:] == ["event: action", "event: done"]
 
 
-def test_permuted_demonstrations_are_seen_in_several_orders(http):
-    answer = ask(http, num_samples=5, permute_demonstrations=True).json()
-    assert answer["samples"]["used"] == 3
-    assert answer["demonstration_ids"] == ask(http, dry_run=True).json()["demonstration_ids"]
-
-
 def test_samples_and_closed_loops_exclude_each_other(http):
     response = ask(http, num_samples=2, closed_loop=True)
     assert response.status_code == 422
@@ -131,6 +125,13 @@ def test_stats_by_configuration(http):
     np.testing.assert_allclose(by_selection["first"]["interval"], [0.2077, 0.9385], atol=1e-3)
     assert (by_selection["recent"]["predictions"], by_selection["recent"]["success_rate"]) == (2, 1.0)
     assert {item["model"] for item in stats["configurations"]} == {"regression"}
+    assert all(item["is_yardstick"] and item["tokens"][0] > 0 for item in stats["configurations"])
+    both = [by_selection[name]["id"] for name in ("first", "recent")]
+    (compared,) = http.get("/tasks/counted/stats", params={"compare": both}).json()["comparisons"]
+    assert [compared[name] for name in ("one", "other", "alike", "may_stop")] == [*both, 1, False]
+    assert compared["difference"][0] < 0 < compared["difference"][1]
+    refused = http.get("/tasks/counted/stats", params={"compare": "none"})
+    assert (refused.status_code, refused.json()["errors"][0]["field"]) == (422, "compare")
 
 
 def test_stats_of_an_unknown_task(http):

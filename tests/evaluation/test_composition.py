@@ -126,10 +126,10 @@ def test_what_the_scene_decides_is_shown_and_not_averaged(service, tmp_path):
 
 
 def test_models_are_asked_alike_and_the_yardsticks_have_no_other_rules():
-    *models, by_itself, copy, regression, replay = SWEEP.with_models([MODEL])
+    *models, by_itself, copy, regression, parts, replay = SWEEP.with_models([MODEL])
     assert [method.options["model"] for method in models] == [*EMBEDDED, MODEL]
     assert all(method.options == {**OPEN.options, "model": method.options["model"]} for method in models)
-    assert all(method.settings == OPEN.settings for method in (*models, copy, regression))
-    assert by_itself == Method("default", {"timeout_s": 300.0, "model": MODEL})
-    assert all(method.options["unfamiliar"] == "allow" for method in (copy, regression))
+    assert all(method.settings == OPEN.settings for method in (*models, copy, regression, parts))
+    assert by_itself == Method("default", {"timeout_s": 600.0, "model": MODEL})
+    assert all(method.options["unfamiliar"] == "allow" for method in (copy, regression, parts))
     assert chosen(SWEEP.with_models([]), ["nearest", "replay"], []) == (copy, replay)

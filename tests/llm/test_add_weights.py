@@ -13,10 +13,11 @@ from app.cli import application
 from app.llm.base import ModelUnavailableError
 from app.llm.llama import add_weights, weights
 from app.llm.llama.add_weights import WeightsError, WrongWeightsError, fetch
-from app.llm.llama.known_models import KNOWN, KnownModel, Release
+from app.llm.llama.known_models import KNOWN, KnownModel, Release, profile_of
 from app.llm.llama.weights import find_weights
 from app.llm.llm_settings import LlmSettings
 from app.llm.registry import ModelRegistry
+from app.services.predict.request import MAX_TIMEOUT_S, PredictOptions
 from roboprompt_client.client import LONGEST_S
 
 CONTENTS = (b"GGUF the first part, ", b"the second, ", b"and the last")
@@ -171,7 +172,7 @@ def test_a_model_is_offered_once_it_is_added_and_until_it_is_removed(index, tiny
     after = offer(tiny, "tiny")
     assert after.available
     profile = after.profile
-    assert (profile.style, profile.representation, profile.prompt_format) == ("chat", "absolute", "paper")
+    assert (profile.style, profile.representation, profile.prompt_format) == ("chat", "object_frame", "paper")
     assert (profile.system_prompt, profile.grammar, profile.timeout_s) == ("a", True, 300.0)
     assert "embedded/tiny  here  0 MB  MIT  tiny, for tests" in command("list")
     assert "tiny is removed" in command("remove", "tiny")
@@ -210,7 +211,11 @@ def test_names_that_cannot_be_added(words):
 
 
 def test_robots_wait_as_long_as_the_slowest_model_is_given():
-    assert max(model.timeout_s for model in KNOWN.values()) == LONGEST_S
+    assert MAX_TIMEOUT_S == LONGEST_S
+    slowest = profile_of("qwen2.5-coder-1.5b")
+    assert PredictOptions().deadline_s(slowest, 4_000) == 420  # ten demonstrations, none of them read: 213 s were seen
+    assert PredictOptions().deadline_s(slowest, 100_000) == MAX_TIMEOUT_S
+    assert PredictOptions(timeout_s=30).deadline_s(slowest, 4_000) == 30
 
 
 def test_a_file_that_is_no_gguf_is_refused(tiny):

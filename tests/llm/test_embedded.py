@@ -10,7 +10,7 @@ from dataclasses import replace
 import httpx
 import pytest
 
-from app.llm.base import ModelProfile, ModelResponseError, ModelUnavailableError, complete
+from app.llm.base import ModelProfile, ModelResponseError, ModelUnavailableError, Reading, complete
 from app.llm.llama.embedded import EmbeddedModel, EmbeddedOptions
 from app.llm.llama.process import LlamaOptions, LlamaProcess
 from app.llm.llama.weights import find_trimmed_weights
@@ -241,3 +241,14 @@ def test_the_server_ends_with_its_parents_input(settings):
     assert not process.running
     with pytest.raises(ConnectionRefusedError):
         socket.create_connection((host, int(port)))
+
+
+def test_it_tells_how_much_of_a_prompt_it_has_read(gemma, run):
+    async def readings():
+        pieces = [piece async for piece in gemma.stream(asking(Prompt("", "a b c d " * 100, ""), max_tokens=1))]
+        return [piece for piece in pieces if isinstance(piece, Reading)]
+
+    read = run(readings())
+    assert {item.of for item in read} == {read[-1].tokens}
+    assert [item.tokens for item in read] == sorted({item.tokens for item in read})
+    assert len(read) > 1

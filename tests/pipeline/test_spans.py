@@ -9,7 +9,8 @@ from app.pipeline.spans import prompt_spans
 from app.pipeline.workspace import Workspace
 from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
 
-FORMATS = [(representation, form) for representation in REPRESENTATIONS for form in PROMPT_FORMATS]
+COLORED = [name for name in REPRESENTATIONS if name != "parts"]
+FORMATS = [(representation, form) for representation in COLORED for form in PROMPT_FORMATS]
 DOWN = [1.0, 0.0, 0.0, 0.0]
 LEVEL = [0.0, 0.0, 0.0, 1.0]
 # what looks like structure: digits in names, an apostrophe, a quotation, an instruction that ends like an object

@@ -104,11 +104,11 @@ WORDS = st.sampled_from(
     ["[", "]", "[[", "]]", ", ", ";", ":", " ", "\n", "```", "json", "A", "w", "o", "1", "36", "-", "+0"]
 )
 NUMBERS = st.integers(-200, 200).map(str) | st.floats().map(str) | st.sampled_from(["1e999", "٣", "0x10", "9" * 5000])
-ROWS = ["[46, 74, 55, 54, 36, 37, 1]", "1 A w: +0 +0 +20 0 36 36 1; ", "2 A o: -10 +2 +40 71 36 0 0"]
+ROWS = ["[46, 74, 55, 54, 36, 37, 1]", "1 A w: +0 +0 +20 0 36 36 1; ", "2 A o: -10 +2 +40 71 36 0 0", "1. grasp cup\n"]
 TEXTS = st.lists(WORDS | NUMBERS | st.sampled_from(ROWS) | st.text(max_size=3), max_size=30).map("".join)
 
 
-@pytest.mark.parametrize("representation", ["absolute", "object_frame", "action_tokens"])
+@pytest.mark.parametrize("representation", ["absolute", "object_frame", "action_tokens", "parts"])
 def test_reply(representation):
     prompt_format = "kat" if representation == "action_tokens" else "paper"
     codec = fit_codec(representation, prompt_format, [SHOWN], WORKSPACE)

@@ -72,7 +72,7 @@ def test_a_key_that_is_pressed_once_moves_the_hand_a_little_and_it_rests(arm):
 def test_q_turns_the_hand_to_the_left(arm):
     before = arm.hand.rotation
     for _ in range(50):
-        arm.tick(np.array([0, 0, 0, 1.0]))
+        arm.tick(np.array([0, 0, 0, 0, 0, 1.0]))
     turned = (arm.hand.rotation * before.inv()).as_rotvec()
     assert 0.4 < turned[2] < 0.8
     assert np.abs(turned[:2]).max() < 0.02
@@ -81,15 +81,15 @@ def test_q_turns_the_hand_to_the_left(arm):
 def test_against_the_table_and_at_the_end_of_its_reach_it_stays_where_it_is(arm):
     def go(direction, ticks):
         for _ in range(ticks):
-            arm.tick(np.array(direction))
+            arm.tick(np.array([*direction, 0, 0, 0]))
         return arm.hand.position_m
 
-    height_m = go([0, 0, -1.0, 0], 400)[2]
+    height_m = go([0, 0, -1.0], 400)[2]
     assert TABLE_TOP_M - 0.01 < height_m < TABLE_TOP_M + 0.01
-    assert go([0, 0, 1.0, 0], 100)[2] > height_m + 0.1
-    far_m = go([1.0, 0, 0, 0], 500)[0]
+    assert go([0, 0, 1.0], 100)[2] > height_m + 0.1
+    far_m = go([1.0, 0, 0], 500)[0]
     assert 0.4 < far_m < 0.6
-    assert go([-1.0, 0, 0, 0], 100)[0] < far_m - 0.1
+    assert go([-1.0, 0, 0], 100)[0] < far_m - 0.1
 
 
 def test_what_touches_no_key_is_no_recording(arm):

@@ -77,7 +77,7 @@ NEXT_REVISION = """
 import sqlalchemy as sa
 from alembic import op
 
-revision, down_revision = "0002", "1.0"
+revision, down_revision = "0002", "1.1"
 
 
 def upgrade() -> None:
@@ -124,7 +124,7 @@ def test_a_filled_database_is_upgraded_by_the_next_revision_and_back(
     with migration_transaction(either) as connection:
         config = Config(next_release / "alembic.ini")
         config.attributes["connection"] = connection
-        command.downgrade(config, "1.0")
+        command.downgrade(config, "1.1")
     with either.read() as connection:
         assert compare_metadata(MigrationContext.configure(connection), metadata) == []
     with store.read() as connection:

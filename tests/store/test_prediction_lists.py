@@ -1,6 +1,7 @@
 import pytest
 
-from app.store import prediction_lists, predictions
+from app.store import configurations, prediction_lists, predictions
+from app.store.configurations import Configuration, Counts
 from app.store.prediction_lists import FATES, PredictionFilter
 from app.store.store import Store
 
@@ -63,11 +64,21 @@ def test_a_summary_tells_how_it_ended(store, mixed):
 
 
 def test_configurations_are_counted(store, mixed):
-    predict(store, prediction_draft(model="regression"))
+    predict(store, prediction_draft(model="regression", request={"episode_ids": ["e"]}, samples=({}, {})))
+    predict(store, prediction_draft(model="regression", request={"selection": "recent"}))
     with store.read() as connection:
-        often, rare = prediction_lists.configurations(connection, TASK)
-        assert prediction_lists.configurations(connection, "nothing") == ()
-        ids = prediction_lists.ids_of(connection, [often.newest_failure, rare.newest])
-    assert (often.predictions, often.successes, often.failures, often.refused) == (12, 3, 3, 3)
-    assert (rare.model, rare.predictions, rare.num_demonstrations, rare.newest_failure) == ("regression", 1, 2, None)
-    assert ids[often.newest_failure] == mixed["failure"][0]
+        counted = configurations.counts(connection, TASK)
+        assert configurations.counts(connection, "nothing") == {}
+        latest = configurations.latest(connection, TASK)
+        records = predictions.list_page(connection).items
+    assert [(way.model, way.selection, way.num_samples) for way in latest] == [
+        ("embedded/gemma-3-270m", "first", 1),
+        ("regression", None, 2),
+        ("regression", "recent", 1),
+    ]
+    often = next(iter(counted))
+    assert counted[often] == Counts(12, 3, 3, 3)
+    assert counted.keys() == latest.keys() == {Configuration.of(record) for record in records}
+    assert len({way.id for way in counted}) == 3
+    assert [trial.success for trial in latest[often]] == [True, None, None, False] * 3
+    assert latest[often][0].llm_ms == records[-1].timings_ms.get("llm")

@@ -50,7 +50,13 @@ def test_an_arm_of_other_than_seven_joints(num_joints: int) -> None:
     joints = np.random.default_rng(num_joints).normal(size=(len(usual["positions_m"]), num_joints))
     widths = np.linspace(0, 0.08, len(joints))
     recorded = Trajectory(
-        **{**usual, "joint_velocities_rad_s": joints, "joint_positions_rad": joints, "gripper_width_m": widths}
+        **{
+            **usual,
+            "joint_velocities_rad_s": joints,
+            "joint_positions_rad": joints,
+            "gripper_width_m": widths,
+            "wrenches_n_nm": np.outer(widths, np.arange(6)),
+        }
     )
     assert_same_bits(recorded, trajectories.unpack(trajectories.pack(recorded), "e1"))
 

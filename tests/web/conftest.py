@@ -100,7 +100,6 @@ def browser():
 
 @pytest.fixture(scope="package")
 def context(browser, url):
-    """Shared, so that plotly.js comes from the browser's cache after its first use."""
     context = browser.new_context(base_url=url)
     yield context
     context.close()
@@ -108,7 +107,7 @@ def context(browser, url):
 
 @pytest.fixture(scope="package")
 def tab(context):
-    """One for all tests: a new one is a process of the browser that compiles every script again, also plotly.js."""
+    """One for all tests: a new one is a process of the browser that compiles every script again."""
     tab = context.new_page()
     yield tab
     tab.close()

@@ -7,12 +7,20 @@ from playwright.sync_api import expect
 from tests.episodes import arrays, metadata, multipart, npz, pick_trajectory
 from tests.web.conftest import PLACES_M, teach, until, until_pictures_are_there
 
-DRAWN = "document.getElementById('speed').layout?.shapes?.length > 0"
-
 
 def see_the_plot(page):
     page.locator("#speed").scroll_into_view_if_needed()
-    until(page, DRAWN)
+    page.locator("#speed .curve").wait_for(state="attached")
+
+
+def xs(page, lines):
+    """Where upright lines of the plot stand, as shares of its width."""
+    return page.locator(f"#speed {lines}").evaluate_all(
+        """(lines) => {
+          const { width } = document.querySelector("#speed .open, #speed .closed").parentNode.viewBox.baseVal;
+          return lines.map((line) => (line.getAttribute("x1") - 56) / (width - 56 - 16));
+        }"""
+    )
 
 
 @pytest.fixture
@@ -52,15 +60,16 @@ def test_the_camera_s_image_is_shown_with_the_poses(page, episode):
 
 def test_the_plot_has_speed_threshold_gripper_and_keyframes_in_both_modes(page, episode):
     see_the_plot(page)
-    shapes = page.evaluate("document.getElementById('speed').layout.shapes")
-    assert shapes[0]["y0"] == 0.1
-    assert [shape["type"] for shape in shapes].count("rect") == 2
-    marked = [shape["x0"] for shape in shapes if shape["type"] == "line" and shape["xref"] == "x"]
-    assert marked == [keyframe["index"] / 20 for keyframe in episode["keyframes"]]
-    assert page.evaluate("document.getElementById('speed').data[0].y.length") == episode["num_frames"]
-    light = page.evaluate("document.getElementById('speed').data[0].line.color")
+    plot = page.locator("#speed")
+    assert plot.locator("line.threshold").get_attribute("data-rad-s") == "0.1"
+    assert plot.locator("rect").count() == 2
+    last = episode["num_frames"] - 1
+    assert xs(page, ".keyframe") == pytest.approx([item["index"] / last for item in episode["keyframes"]])
+    assert len(plot.locator(".curve").get_attribute("points").split()) == episode["num_frames"]
+    stroke = "getComputedStyle(document.querySelector('#speed .curve')).stroke"
+    light = page.evaluate(stroke)
     page.emulate_media(color_scheme="dark")
-    until(page, "light => document.getElementById('speed').data[0].line.color !== light", light)
+    until(page, f"light => {stroke} !== light", light)
 
 
 def test_the_slider_shows_at_once_what_would_be_found(page, episode, http):
@@ -68,7 +77,7 @@ def test_the_slider_shows_at_once_what_would_be_found(page, episode, http):
     assert frames(page) == [6, 11, 20]
     set_slider(page, 0)
     expect(page.locator("#table [role=status]")).to_contain_text("gone")
-    until(page, "document.getElementById('speed').layout.shapes[0].y0 === 1")
+    until(page, "!(document.querySelector('#speed line.threshold')?.dataset.radS < 1)")
     assert page.get_by_label("rad/s").input_value() == "1"
     assert "delta_rad_s=1" in page.url
     page.reload()
@@ -86,7 +95,7 @@ def test_another_rule_shows_its_own_fields(page, episode):
     assert frames(page) == [7, 14, 20, 6, 11]
     expect(page.locator("#delta")).to_be_hidden()
     see_the_plot(page)
-    assert page.evaluate("document.getElementById('speed').layout.shapes.every((shape) => shape.xref !== 'paper')")
+    assert page.locator("#speed line.threshold").count() == 0
 
 
 def test_the_slider_moves_by_keyboard(page, episode):

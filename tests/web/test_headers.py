@@ -9,7 +9,6 @@ import pytest
 from fastapi import FastAPI
 
 from app.web import page
-from app.web.page import PLOTLY_ADDRESS
 from app.web.routes import install_pages
 
 
@@ -22,12 +21,9 @@ def test_pages_may_load_nothing_from_elsewhere(http):
     assert answer.headers["x-content-type-options"] == "nosniff"
 
 
-def test_assets_are_kept_forever_and_plotly_is_served(http):
+def test_assets_are_kept_forever(http):
     style = re.search(r'href="(/ui/static/\w+/style\.css)"', http.get("/ui/tasks").text)[1]
     assert "immutable" in http.get(style).headers["cache-control"]
-    plotly = http.get(PLOTLY_ADDRESS)
-    assert plotly.headers["content-type"].startswith("text/javascript")
-    assert "immutable" in plotly.headers["cache-control"]
 
 
 def test_pages_are_no_part_of_the_api(http):

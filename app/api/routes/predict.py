@@ -19,12 +19,13 @@ from app.api.problems import problem_of
 from app.api.routes import IdempotencyKey, Wired, problems
 from app.api.schemas.predictions import DryRunOut, PredictionOut, UnderstoodOut
 from app.api.schemas.requests import PredictBody
-from app.llm.base import TextDelta
+from app.llm.base import Reading, TextDelta
 from app.services.container import Services
 from app.services.limits import Limits
 from app.services.predict.part_reply import PredictedAction
 from app.services.predict.question import Question
 from app.services.predict.record import Prediction
+from app.services.predict.reply import Arriving
 from app.services.predict.request import PredictRequest
 from app.services.teach.upload import content_digest
 from app.store.errors import StoreError
@@ -74,7 +75,8 @@ async def predict(request: Request, services: Wired, idempotency_key: Idempotenc
     instruction was understood; then each action comes as an event `action` as soon as its row is complete, then `done`
     with the whole document; an event `error` with a problem document ends a reply that goes wrong in the middle. Where
     the store fails then, it says how many `actions_sent` are not `recorded`. With
-    `stream_text` the reply's pieces come as well, as events `text`, before it is known whether they are valid.
+    `stream_text` the reply's pieces come as well, as events `text`, before it is known whether they are valid, and
+    before them events `progress`, where the model tells how much of the prompt it has read.
     """
     body = await read_body(request, packed=True)
     streamed = _wants_events(request.headers.get("accept", ""))
@@ -132,7 +134,7 @@ async def _not_kept(document: JsonObject) -> JsonObject:
     return document
 
 
-_Item = PredictedAction | TextDelta | Prediction
+_Item = Arriving | Prediction
 
 
 async def _events(
@@ -169,6 +171,8 @@ async def _events(
 async def _event(item: _Item, keep: _Keep) -> bytes:
     if isinstance(item, TextDelta):
         return format_sse_event(event="text", data_str=json.dumps({"text": item.text}))
+    if isinstance(item, Reading):
+        return format_sse_event(event="progress", data_str=json.dumps({"tokens_read": item.tokens, "of": item.of}))
     if isinstance(item, PredictedAction):
         return format_sse_event(event="action", data_str=json.dumps(item.document))
     document = prediction_document(item)

@@ -10,6 +10,7 @@ from app.api.documents import stored_prediction_document
 from app.api.routes import Cursor, Limit, Wired, problems
 from app.api.schemas.predictions import PredictionPage, StoredPrediction
 from app.api.schemas.requests import OutcomeBody
+from app.store import cases as store_cases
 from app.store import erasure, predictions
 
 router = APIRouter(tags=["predictions"], route_class=UniqueKeysRoute)
@@ -25,13 +26,14 @@ def list_predictions(
     services: Wired,
     task: Annotated[str | None, Query(max_length=64, description="only of this task")] = None,
     outcome: Annotated[Literal["success", "failure", "unknown"] | None, Query(description="only with this")] = None,
+    cases: Annotated[bool, Query(description="only those that are kept to be asked again")] = False,
     limit: Limit = 50,
     cursor: Cursor = None,
 ) -> Response:
     """Predictions, newest first, failed ones included."""
     services.limits.check_page(limit)
     with services.store.read() as connection:
-        page = predictions.list_page(connection, task, outcome, limit, cursor)
+        page = predictions.list_page(connection, task, outcome, limit, cursor, cases=cases)
     documents = [stored_prediction_document(record) for record in page.items]
     return JSONResponse({"predictions": documents, "next_cursor": page.next_cursor})
 
@@ -62,6 +64,32 @@ def delete_prediction(services: Wired, prediction_id: str) -> Response:
     """
     with services.store.write() as connection:
         erasure.erase_prediction(connection, prediction_id)
+    return Response(status_code=204)
+
+
+@router.put(
+    "/predictions/{prediction_id}/case",
+    operation_id="keep_case",
+    status_code=204,
+    responses=problems(_404="no such prediction"),
+)
+def keep_case(services: Wired, prediction_id: str) -> Response:
+    """Keep the prediction as a case, which `roboprompt cases run` asks again; it is not deleted for its age or size."""
+    with services.store.write() as connection:
+        store_cases.keep(connection, prediction_id)
+    return Response(status_code=204)
+
+
+@router.delete(
+    "/predictions/{prediction_id}/case",
+    operation_id="drop_case",
+    status_code=204,
+    responses=problems(_404="no such prediction"),
+)
+def drop_case(services: Wired, prediction_id: str) -> Response:
+    """Let it be no case any more; the prediction stays."""
+    with services.store.write() as connection:
+        store_cases.drop(connection, prediction_id)
     return Response(status_code=204)
 
 

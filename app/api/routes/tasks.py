@@ -21,7 +21,7 @@ from app.perception.poses_wire import poses_document
 from app.pipeline.check.left_out import ReplyCheck
 from app.pipeline.check.report import EpisodeCheck, Off, PlanCheck, RowCheck
 from app.services.container import Services
-from app.services.predict.evidence import task_stats
+from app.services.predict.standing import task_stats
 from app.services.task_settings import TaskSettings
 from app.services.teach.check import CheckedTask
 from app.services.teach.try_model import Tried
@@ -163,14 +163,22 @@ def delete_task(services: Wired, name: str) -> Response:
     "/tasks/{name}/stats",
     operation_id="get_task_stats",
     response_model=TaskStatsOut,
-    responses=problems(_404="no such task"),
+    responses=problems(_404="no such task", _422="`compare` names what is no configuration of the task"),
 )
-def get_task_stats(services: Wired, name: str) -> Response:
+def get_task_stats(
+    services: Wired,
+    name: str,
+    compare: Annotated[list[str] | None, Query(description="ids of configurations: each with each other")] = None,
+) -> Response:
     """Success rates of the task's predictions by model and configuration, the surest first.
 
-    They count outcomes that robots reported; the interval is Wilson's, 95 %.
+    They count outcomes that robots reported; the interval is Wilson's, 95 %. Configurations that `compare` names are
+    compared pair by pair by a sequential test: it may be read after every outcome, and one may stop trying as soon as
+    `may_stop` says so. Decide which to compare before the trials, and try both equally often.
     """
-    return JSONResponse(stats_document(name, task_stats(services.store, name)))
+    with services.store.read() as connection:
+        stats = task_stats(connection, name)
+    return JSONResponse(stats_document(name, stats, compare or ()))
 
 
 @router.get(

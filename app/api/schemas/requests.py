@@ -114,7 +114,10 @@ class EpisodeMetadata(RequestModel):
     extra: Annotated[
         dict[str, Any],
         AfterValidator(_short_json),
-        Field(description="kept with the episode, not interpreted; at most 64 kB"),
+        Field(
+            description="kept with the episode, at most 64 kB; `commanded_positions` (T, 3), where the hand was sent,"
+            " may show contact, and the rest is not interpreted"
+        ),
     ] = {}
     left_out: Annotated[Truth, Field(description=LEFT_OUT)] = False
     note: Annotated[Note, Field(description="for people")] = ""
@@ -159,6 +162,10 @@ class TrajectoryIn(RequestModel):
         Field(description="(T, N, 3) m, of the objects in their order: for closed-loop predictions"),
     ] = None
     object_quaternions_xyzw: Annotated[list[list[list[Number]]] | None, Field(description="(T, N, 4)")] = None
+    wrenches: Annotated[
+        list[list[Number]] | None,
+        Field(description="(T, 6) N and Nm that act on the hand, along the world's axes: kept, not interpreted"),
+    ] = None
 
 
 class EpisodeJson(BaseModel):
@@ -180,6 +187,21 @@ class EndEffectorIn(RequestModel):
         """As the pipeline wants it; raises InvalidInputError for a quaternion that is none of unit length."""
         unit = unit_quaternions("end_effector.quaternion_xyzw", self.quaternion_xyzw, (4,))
         return Pose(self.position, tuple(unit.tolist()))
+
+
+class RunBody(RequestModel):
+    """Where a robot is with what it carries out."""
+
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+    task: Name
+    instruction: Instruction
+    prediction_id: Annotated[str | None, Field(max_length=64, description="left out while it is not known")] = None
+    action: Annotated[int | None, Field(ge=1, le=1000, description="the one that is carried out, from 1"), WHOLE] = None
+    target: Annotated[EndEffectorIn | None, Field(description="of that action")] = None
+    end_effector: Annotated[EndEffectorIn | None, Field(description="where it is, measured")] = None
+    joint_positions: Annotated[list[Number] | None, Field(max_length=16, description="rad")] = None
+    gripper_open: Truth | None = None
 
 
 class PredictBody(PredictOptions, RequestModel):

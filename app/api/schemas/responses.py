@@ -128,15 +128,35 @@ class StandingOut(BaseModel):
 class ConfigurationOut(StandingOut):
     """A way to ask, and how robots fared with it."""
 
+    id: Annotated[str, Field(description="for `compare`")]
     model: str
     representation: str
     prompt_format: str
-    selection: Annotated[
-        str | None,
-        Field(description="null where the request named its episodes; `other tasks` where it showed theirs"),
-    ]
+    selection: Annotated[str | None, Field(description="null where the request named its episodes")]
     num_demonstrations: int
     num_samples: int
+    is_yardstick: Annotated[bool, Field(description="replies are computed without an LLM, to hold models against")]
+    llm_ms: Annotated[float | None, Field(description="what the median of the latest replies took")]
+    tokens: Annotated[tuple[float, float] | None, Field(description="medians of the latest prompts and replies")]
+
+
+class ComparisonOut(BaseModel):
+    """Two configurations by their outcomes, the k-th of one with the k-th of the other."""
+
+    one: str
+    other: str
+    one_alone: Annotated[int, Field(description="pairs in which only the one succeeded")]
+    other_alone: int
+    alike: int
+    difference: Annotated[
+        tuple[float, float],
+        Field(description="95 % bounds of the one's rate minus the other's, which hold at every moment at once"),
+    ]
+    evidence: Annotated[float, Field(description="against equal rates; from 20 on they differ, with 95 % confidence")]
+    may_stop: bool
+    pairs_until_decided: Annotated[
+        int | None, Field(description="about how many more decide it if it goes on so; null where they may never")
+    ]
 
 
 class TaskStatsOut(StandingOut):
@@ -144,6 +164,30 @@ class TaskStatsOut(StandingOut):
 
     task: str
     configurations: list[ConfigurationOut]
+    comparisons: list[ComparisonOut]
+
+
+class RunOut(BaseModel):
+    """A robot that carries something out; `state` is what it said last."""
+
+    id: str
+    task: str
+    state: dict[str, Any]
+    stop: Annotated[bool, Field(description="whether somebody stopped it")]
+    created_at: datetime
+    heard_at: datetime
+
+
+class RunList(BaseModel):
+    """The robots that were heard of within a minute, the longest under way first."""
+
+    runs: list[RunOut]
+
+
+class RunAnswer(BaseModel):
+    """What a robot is told."""
+
+    stop: Annotated[bool, Field(description="hold still at once, and carry out nothing more of this run")]
 
 
 class JobOut(BaseModel):
@@ -180,6 +224,7 @@ class ModelOut(BaseModel):
     system_prompt: str
     description: str
     timeout_s: Annotated[float, Field(description="the deadline of a request that names none")]
+    reading_s: Annotated[float, Field(description="what that is longer for each 1,000 characters of the prompt")]
     default: bool
 
 

@@ -146,19 +146,21 @@ def trimmed(left: int, top: int, mask: Bools, depth_m: npt.NDArray[np.float32]) 
 
 def _together(frame: RgbdFrame, pieces: Sequence[Piece], size_m: Array) -> list[Piece]:
     """Pieces, the largest first, joined to an earlier one where both fit into one object."""
-    joined: list[Piece] = []
+    joined: list[tuple[Piece, Array]] = []
     for piece in pieces:
-        for index, other in enumerate(joined):
-            if _fits_into_one(frame, piece, other, size_m):
-                joined[index] = _union(frame, piece, other)
+        points_m = piece_points_m(frame, replace(piece, mask=inner(piece.mask)))
+        for index, (other, others_m) in enumerate(joined):
+            both_m = np.concatenate([others_m, points_m])
+            if _fits(both_m, size_m):
+                joined[index] = (_union(frame, piece, other), both_m)
                 break
         else:
-            joined.append(piece)
-    return joined
+            joined.append((piece, points_m))
+    return [piece for piece, _ in joined]
 
 
-def _fits_into_one(frame: RgbdFrame, piece: Piece, other: Piece, size_m: Array) -> bool:
-    points_m = np.concatenate([piece_points_m(frame, replace(item, mask=inner(item.mask))) for item in (piece, other)])
+def _fits(points_m: Array, size_m: Array) -> bool:
+    """Whether an upright object of the size could have all of the points, but for noise."""
     if not len(points_m):
         return False
     low, high = np.percentile(points_m, [2, 98], axis=0)

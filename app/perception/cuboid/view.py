@@ -15,10 +15,14 @@ DEPTH_SIGMA_FLOOR_M = 0.001
 INDEPENDENT_PIXELS = 12  # neighboring depths err alike: so many count as one
 MAX_POINTS, MAX_RAYS = 150, 120
 MARGIN_PX = 16  # around the object, to see what it stands on
+MIN_AROUND = 12  # pixels on lower ground, for a level to show
 PROBE_PX = 3  # how far outside of the outline its neighbor is looked at
 BEHIND_M = 0.015  # what is farther than the object by this much is behind it
+GROUND_STRIDE = 2  # of every so many rows and columns a pixel is enough to see what it stands on
 GROUND_BIN_M = 0.004
 GROUND_NEAR_M = 0.012
+Pixels = npt.NDArray[np.intp]
+NEIGHBORS: Pixels = np.array([(0, 1), (0, -1), (1, 0), (-1, 0)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,23 +55,33 @@ def view_of(frame: RgbdFrame, piece: Piece) -> View:
     """What the camera sees of the piece."""
     assert frame.depth_m is not None
     camera = frame.camera
-    left, top = max(piece.left_px - MARGIN_PX, 0), max(piece.top_px - MARGIN_PX, 0)
-    right = piece.left_px + piece.mask.shape[1] + MARGIN_PX
-    bottom = piece.top_px + piece.mask.shape[0] + MARGIN_PX
-    depth_m = frame.depth_m[top:bottom, left:right]
-    mask = piece.mask_in(left, top, depth_m.shape)
-    rows, columns = np.indices(mask.shape).reshape(2, -1)
-    points_m = pixels_to_world(camera, rows + top, columns + left, depth_m.ravel()).reshape(*mask.shape, 3)
-    surface_m = points_m[inner(mask) & (depth_m > 0)]
-    ground_m = _ground_m(points_m[~mask & (depth_m > 0)][:, 2], surface_m[:, 2])
-    edges = _outline(mask, depth_m, points_m[..., 2], ground_m)
-    eye_m = camera.camera_to_world[:3, 3]
-    stride = max(1, round(len(surface_m) / MAX_POINTS))
+    corner = np.maximum((piece.top_px - MARGIN_PX, piece.left_px - MARGIN_PX), 0)
+    bottom, right = np.add((piece.top_px, piece.left_px), piece.mask.shape) + MARGIN_PX
+    depth_m = frame.depth_m[corner[0] : bottom, corner[1] : right]
+    mask = piece.mask_in(int(corner[1]), int(corner[0]), depth_m.shape)
+
+    def points_m(pixels: Pixels) -> Array:
+        rows, columns = pixels.T
+        return pixels_to_world(camera, rows + corner[0], columns + corner[1], depth_m[rows, columns])
+
+    surface = np.argwhere(inner(mask) & (depth_m > 0))
+    stride = max(1, round(len(surface) / MAX_POINTS))
+    surface_m = points_m(surface[::stride])
+    around = GROUND_STRIDE * np.argwhere((~mask & (depth_m > 0))[::GROUND_STRIDE, ::GROUND_STRIDE])
+    ground_m = _ground_m(points_m(around)[:, 2], surface_m[:, 2])
+    rim, outward = _rim(mask)
+    probe = np.clip(rim + PROBE_PX * outward, 0, np.array(mask.shape) - 1)
+    rim_depth_m, probe_depth_m = depth_m[tuple(rim.T)], depth_m[tuple(probe.T)]
+    behind = probe_depth_m > np.where(rim_depth_m > 0, rim_depth_m, piece.distance_m) + BEHIND_M
+    if ground_m is not None:
+        behind |= np.abs(points_m(probe)[:, 2] - ground_m) < GROUND_NEAR_M
+    # an edge towards what stands before or on it is not its outline
+    edges = (rim + outward / 2)[behind & ~mask[tuple(probe.T)]]
     return View(
-        surface_m[::stride],
+        surface_m,
         _sigma_m(piece.distance_m) * max(1.0, np.sqrt(INDEPENDENT_PIXELS / stride)),
-        eye_m,
-        _rays(camera, edges + np.array([top, left]))[:: max(1, round(len(edges) / MAX_RAYS))],
+        camera.camera_to_world[:3, 3],
+        _rays(camera, edges + corner)[:: max(1, round(len(edges) / MAX_RAYS))],
         piece.distance_m / camera.fx_px,
         ground_m,
     )
@@ -80,7 +94,7 @@ def _sigma_m(distance_m: float) -> float:
 def _ground_m(around_m: Array, object_m: Array) -> float | None:
     """The height that most of what surrounds the object has; None if there is no such level."""
     below = around_m[around_m < np.median(object_m) + GROUND_NEAR_M]
-    if len(below) < 50:
+    if len(below) < MIN_AROUND:
         return None
     counts, edges = np.histogram(below, np.arange(below.min(), below.max() + 2 * GROUND_BIN_M, GROUND_BIN_M))
     peak = edges[np.argmax(counts)] + GROUND_BIN_M / 2
@@ -88,30 +102,12 @@ def _ground_m(around_m: Array, object_m: Array) -> float | None:
     return float(np.median(near)) if len(near) > 0.2 * len(below) else None
 
 
-def _outline(mask: Bools, depth_m: npt.NDArray[np.float32], height_m: Array, ground_m: float | None) -> Array:
-    """(M, 2) row and column of the edges between the object and what is behind or below it.
-
-    An edge towards what stands before or on it is not its outline.
-    """
-    found = [np.zeros((0, 2))]
-    object_depth_m = float(np.median(depth_m[mask & (depth_m > 0)]))
-    rim = np.nonzero(mask & ~eroded(mask, CROSS))
-    for down, right in ((0, 1), (0, -1), (1, 0), (-1, 0)):
-        rows, columns = rim
-        inside = (rows + down >= 0) & (rows + down < mask.shape[0])
-        inside &= (columns + right >= 0) & (columns + right < mask.shape[1])
-        rows, columns = rows[inside], columns[inside]
-        edge = ~mask[rows + down, columns + right]
-        rows, columns = rows[edge], columns[edge]
-        probe_rows = np.clip(rows + PROBE_PX * down, 0, mask.shape[0] - 1)
-        probe_columns = np.clip(columns + PROBE_PX * right, 0, mask.shape[1] - 1)
-        depth = depth_m[rows, columns]
-        behind = depth_m[probe_rows, probe_columns] > np.where(depth > 0, depth, object_depth_m) + BEHIND_M
-        if ground_m is not None:
-            behind |= np.abs(height_m[probe_rows, probe_columns] - ground_m) < GROUND_NEAR_M
-        behind &= ~mask[probe_rows, probe_columns]
-        found.append(np.column_stack([rows + down / 2, columns + right / 2])[behind])
-    return np.concatenate(found)
+def _rim(mask: Bools) -> tuple[Pixels, Pixels]:
+    """(M, 2) row and column of pixels with a neighbor that is not in the mask, and the way (M, 2) to the neighbor."""
+    rim = np.argwhere(mask & ~eroded(mask, CROSS))
+    beside = rim + NEIGHBORS[:, None]
+    direction, pixel = np.nonzero(~np.pad(mask, 1, mode="edge")[beside[..., 0] + 1, beside[..., 1] + 1])
+    return rim[pixel], NEIGHBORS[direction]
 
 
 def _rays(camera: Camera, pixels: Array) -> Array:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from app.perception.registered.candidates import candidates
+from app.perception.registered.causes import causes
 from app.perception.registered.cloud import Index
 from app.perception.registered.hypotheses import Hypothesis, hypotheses
 from app.perception.registered.poses import angle_deg
@@ -50,21 +51,25 @@ class Found:
         return seeing or (max(self.shares, key=self.shares.__getitem__),)
 
 
-def find(name: str, template: Template, lit: LitScene) -> Found:
+def find(name: str, template: Template, lit: LitScene, elsewhere: Index | None = None) -> Found:
     """Where the object is.
+
+    Args:
+        elsewhere: points of the scene where it is not looked for: outside of its masks, where it has some.
 
     Raises:
         ObjectNotVisibleError: if nothing has its colors and shape.
         UncertainPoseError: if too little of it is seen, it lies, or another place looks like it.
     """
-    parts = candidates(template, lit)
+    parts = candidates(template, lit, without=elsewhere)
     places = sorted((hypotheses(template, lit, part) for part in parts), key=lambda place: -_rank(place[0]))
     if not places:
-        raise ObjectNotVisibleError(name, _no_colors(template, lit), HELP_SEE)
+        within = "" if elsewhere is None else " within its masks"
+        raise ObjectNotVisibleError(name, _no_colors(template, lit) + within + causes(template, lit), HELP_SEE)
     best = places[0][0]
     shares = shares_seen(template, lit, best.pose)
     _check(name, template, lit, best, shares, parts)
-    rivals = [place[0] for place in places[1:]] + _leftover(template, lit, best)
+    rivals = [place[0] for place in places[1:]] + _leftover(template, lit, best, elsewhere)
     _check_alone(name, template, best, rivals)
     turned = yaw_rivals(template, places[0])
     spread_m = max((float(np.linalg.norm(rival.origin_m - best.origin_m)) for rival in turned), default=0.0)
@@ -109,7 +114,8 @@ def _check(
             raise UncertainPoseError(name, "it seems to lie on its side, and is found upright only", "it upright")
         message = f"what looks most like it scores {best.value:.2f} of at least {least_score(template):.2f}"
         remedy = "it upright on the table, uncovered; or labelled views in this light and from this side"
-        raise ObjectNotVisibleError(name, f"{message} (of its facing side agree: {seen})", remedy)
+        message += f" (of its facing side agree: {seen}){causes(template, lit)}"
+        raise ObjectNotVisibleError(name, message, remedy)
     if best.support < MIN_SUPPORT:
         message = f"only {100 * best.support:.0f} % of the side that faces the cameras is seen ({seen})"
         raise UncertainPoseError(name, f"{message}, at least {100 * MIN_SUPPORT:.0f} % is needed", HELP_SEE)
@@ -134,12 +140,15 @@ def _place(hypothesis: Hypothesis) -> str:
     return f"x = {x_m:.2f}, y = {y_m:.2f} m (score {hypothesis.value:.2f})"
 
 
-def _leftover(template: Template, lit: LitScene, best: Hypothesis) -> list[Hypothesis]:
+def _leftover(template: Template, lit: LitScene, best: Hypothesis, elsewhere: Index | None) -> list[Hypothesis]:
     """The best poses in what the found object does not explain: another that touches it."""
     places_m = best.pose.to_template(lit.scene.points_m)[0]
     off_m = np.linalg.norm(places_m - template.points_m[template.closest(places_m)], axis=1)
-    own = np.flatnonzero(off_m < EXPLAINED_M)
-    return [hypotheses(template, lit, part)[0] for part in candidates(template, lit, without=own)]
+    explained = off_m < EXPLAINED_M
+    if elsewhere is not None:
+        explained[elsewhere] = True
+    parts = candidates(template, lit, without=np.flatnonzero(explained))
+    return [hypotheses(template, lit, part)[0] for part in parts]
 
 
 def _lies(template: Template, lit: LitScene, part: Index, upright: Hypothesis) -> bool:

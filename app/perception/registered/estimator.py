@@ -3,21 +3,26 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
 from scipy.spatial.transform import Rotation
 
 from app.perception.base import ObjectQuery, model_of
 from app.perception.object_model import ObjectModelError
+from app.perception.registered.cloud import Index
 from app.perception.registered.decide import HELP_SEE, SAME_PLACE_M, Found, find
 from app.perception.registered.model import RegisteredModel, yaw_symmetry_deg
 from app.perception.registered.scene import Scene
 from app.perception.registered.template import Template
 from app.pipeline.errors import UncertainPoseError
 from app.pipeline.geometry import canonical_pose
+from roboprompt_client.arrays import Array
 from roboprompt_client.camera import RgbdFrame
+from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.trajectory import ObjectPose
 
 NAME = "registered"
 TAUGHT = "a model that POST /tasks/{name}/labels/learn made"
+SAME_SURFACE_M = 0.02  # a pixel whose depth differs by more shows something before or behind a point
 WELL_SEEN = 0.6  # support from which on nothing lowers the confidence
 
 
@@ -30,6 +35,8 @@ class TaughtQuery(ObjectQuery):
 
 class RegisteredPoses:
     """Registers templates to what stands on the table; the images are prepared once for all objects.
+
+    An object with `mask_ids` is looked for in its masks alone: a detector may say which of several alike is meant.
 
     Objects stand upright, as in the views that taught them. An object's origin is the middle of what was seen of it, on
     the axis of a round one.
@@ -47,7 +54,7 @@ class RegisteredPoses:
         templates = [_template_of(query) for query in objects]
         scene = Scene.of(frames)
         return tuple(
-            _pose(query.name, model, template, scene)
+            _pose(query.name, model, template, scene, outside_masks(query, frames, scene.points_m))
             for query, model, template in zip(objects, models, templates, strict=True)
         )
 
@@ -61,8 +68,34 @@ def _template_of(query: ObjectQuery) -> Template:
     return query.template
 
 
-def _pose(name: str, model: RegisteredModel, template: Template, scene: Scene) -> ObjectPose:
-    found = find(name, template, scene.in_light_of(template.table_rgb))
+def outside_masks(query: ObjectQuery, frames: Sequence[RgbdFrame], points_m: Array) -> Index | None:
+    """Those of the points (N, 3) that no camera sees in the object's masks; None if it has none.
+
+    Raises:
+        InvalidInputError: if it has mask ids, and no camera has masks.
+    """
+    if not query.mask_ids:
+        return None
+    masked = [frame for frame in frames if frame.mask is not None]
+    if not masked:
+        raise InvalidInputError(f"objects[{query.name}].mask_ids", "is given, but no camera has a mask", "mask_NAME")
+    outside = np.ones(len(points_m), np.bool_)
+    for frame in masked:
+        assert frame.mask is not None
+        assert frame.depth_m is not None
+        pixels, point_depth_m = frame.camera.project(points_m)
+        height, width = frame.mask.shape
+        inside = np.flatnonzero(
+            (point_depth_m > 0) & ((pixels > -0.5) & (pixels < (width - 0.5, height - 0.5))).all(axis=1)
+        )
+        columns, rows = np.rint(pixels[inside]).astype(np.intp).T
+        is_seen = np.abs(frame.depth_m[rows, columns] - point_depth_m[inside]) < SAME_SURFACE_M
+        outside[inside[is_seen & np.isin(frame.mask[rows, columns], query.mask_ids)]] = False
+    return np.flatnonzero(outside)
+
+
+def _pose(name: str, model: RegisteredModel, template: Template, scene: Scene, elsewhere: Index | None) -> ObjectPose:
+    found = find(name, template, scene.in_light_of(template.table_rgb), elsewhere)
     symmetry_deg = yaw_symmetry_deg(model.symmetric)
     unknown = "" if symmetry_deg == 0 else _why_no_yaw(found)
     _check_yaw(name, model, found, unknown)

@@ -54,9 +54,9 @@ class Scene:
         points_m, rgb, eyes_m = (np.concatenate(parts) for parts in zip(*map(_points, views), strict=True))
         table = find_table(points_m, rgb)
         if table is None:
-            names = ", ".join(f"depth_{view.camera.name}" for view in views)
+            seen = ", ".join(f"depth_{view.camera.name} ({_unknown(view)} unknown)" for view in views)
             remedy = "images in which a level table fills at least a tenth; camera_to_world in a world whose z is up"
-            raise InvalidInputError("cameras", f"no level surface is seen in {names}", remedy)
+            raise InvalidInputError("cameras", f"no level surface is seen in {seen}", remedy)
         height_m = table.height_m(points_m)
         up = (height_m > ABOVE_TABLE_M[0]) & (height_m < ABOVE_TABLE_M[1])
         up[up] = table.holds(points_m[up])
@@ -103,6 +103,10 @@ def scaled_lab(lab_uint8: npt.NDArray[np.uint8]) -> Array:
 def _lab_image(rgb: RgbImage, gain: Array) -> npt.NDArray[np.uint8]:
     brighter = np.clip(np.arange(256)[:, None] * gain + 0.5, 0, 255).astype(np.uint8)
     return np.asarray(cv2.cvtColor(cv2.LUT(rgb, brighter[None]), cv2.COLOR_RGB2LAB), np.uint8)
+
+
+def _unknown(view: View) -> str:
+    return f"{np.mean(view.depth_m == 0):.0%}"
 
 
 def _points(view: View) -> tuple[Array, Array, Array]:

@@ -72,6 +72,7 @@ NEW_INSTRUCTION = Rule("new-instruction", info=ALWAYS, source="its form was taug
 NEW_ROLE = Rule(
     "new-role", "1 where taught words have the object in another part, else 0", warning=0.0, danger=1.0, source="words"
 )
+PARTS_NOT_SHOWN = Rule("parts-not-shown", danger=ALWAYS, source="the reply is not held to demonstrations")
 
 UNCERTAIN_POSE = Rule("uncertain-pose", "1 below a confidence of 0.7, else 0", info=0.0, warning=1.0)
 OTHER_SOURCE = Rule(
@@ -104,6 +105,7 @@ SIDES = Rule("objects-arranged-otherwise", "on the side where no demonstration h
 CHANGED_PLACES = Rule("objects-changed-places", danger=ALWAYS, source="no hand exchanges two objects in one step")
 
 OTHER_OBJECTS = Rule("other-objects", info=ALWAYS, source="no row follows them and no words name them")
+NUMBERED = Rule("numbered-by-place", info=ALWAYS, source="docs/instructions.md")
 PLAN_OF_SCENE = Rule("plan-of-this-scene", info=ALWAYS, source="docs/plans.md")
 SCENE_BETWEEN = Rule("scene-between-plans", warning=ALWAYS, source="docs/plans.md")
 SCENE_BEYOND = Rule("scene-beyond-plans", danger=ALWAYS, source="docs/plans.md")
@@ -140,6 +142,7 @@ FAR_FROM_ALL = Rule("acts-far-from-objects", "from the nearest object", "m", war
 BESIDE = Rule("beside-the-object", "from the object's vertical axis", "m", danger=0.05)
 W_FIRST = Rule("w-first", "of the hand's rotations from their mean", "degrees", danger=6.0)
 
+GRIPPER_TURNED = Rule("gripper-turned", info=ALWAYS, source="docs/plans.md")
 STRAYING = Rule("straying-action", info=ALWAYS)
 PASSES_CLOSE = Rule("passes-close", "from an object's centre", "m", warning=0.08, danger=0.03, nearer=True)
 UNSUPPORTED = Rule("unsupported-action", danger=ALWAYS)
@@ -152,6 +155,7 @@ RULES = (
     UNFAMILIAR_INSTRUCTION,
     NEW_INSTRUCTION,
     NEW_ROLE,
+    PARTS_NOT_SHOWN,
     UNCERTAIN_POSE,
     OTHER_SOURCE,
     ONE_PLACE,
@@ -166,6 +170,7 @@ RULES = (
     SIDES,
     CHANGED_PLACES,
     OTHER_OBJECTS,
+    NUMBERED,
     PLAN_OF_SCENE,
     SCENE_BETWEEN,
     SCENE_BEYOND,
@@ -189,6 +194,7 @@ RULES = (
     BESIDE,
     W_FIRST,
     PATH_LEFT,
+    GRIPPER_TURNED,
     STRAYING,
     PASSES_CLOSE,
     UNSUPPORTED,

@@ -34,7 +34,7 @@ def refusal(taught: Taught, phrases: NounPhrases, meanings: Sequence[str]) -> In
         message = f"the words {', '.join(unknown)} of {instruction!r} are not understood"
         return UnfamiliarInstructionError(FIELD, message, valid)
     what = "says what not to do in a way that is not understood"
-    if not _forbids(words):
+    if not forbids(words):
         what = "is no order in a form that was taught: another place, direction, number, role or sequence, or a report"
     return UnfamiliarInstructionError(FIELD, f"{instruction!r} {what}", valid)
 
@@ -47,7 +47,7 @@ def passed_on(taught: Taught, phrases: NounPhrases) -> tuple[str, Sequence[NounP
             something: which object is acted on would be chance.
     """
     valid, instruction, words = _valid(taught), phrases.instruction, phrases.words
-    if _forbids(words):
+    if forbids(words):
         raise UngroundedInstructionError(FIELD, f"{instruction!r} says what not to do", valid)
     if (missed := _missed(phrases) or _unknown_thing(words)) is not None:
         raise _ungrounded(phrases, missed, valid)
@@ -60,7 +60,7 @@ def passed_on(taught: Taught, phrases: NounPhrases) -> tuple[str, Sequence[NounP
     return text, found
 
 
-def _forbids(words: Sequence[Word]) -> bool:
+def forbids(words: Sequence[Word]) -> bool:
     """Whether it says what not to do."""
     texts = [word.text for word in words]
     tables = (vocabulary.NOT, vocabulary.SKIP, vocabulary.RATHER)

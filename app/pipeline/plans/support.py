@@ -2,7 +2,8 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import chain, product
 
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.errors import UnsupportedActionError
@@ -12,6 +13,8 @@ from app.pipeline.representation.anchors import Anchor, anchor_frame, tilted_obj
 from roboprompt_client import quaternions
 from roboprompt_client.arrays import Array
 from roboprompt_client.trajectory import EndEffectorAction
+
+MAX_STRUNG = 64  # combinations of the plans of several clauses
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,19 +95,27 @@ class Support:
         return cls(plans, tilted_objects(everything))
 
     def placed(self, query: Query) -> tuple[PlacedPlan, ...] | None:
-        """The plans in the query's scene: those that ask for the same, or all where none does.
+        """The plans in the query's scene that are like the query (see `alike`).
 
-        None where the query strings more or fewer clauses together than demonstrations do: then it is not known which
-        rows follow each other.
+        Several clauses are plans of one clause after the other, if demonstrations carry out a single one each. None
+        where they string more or fewer together: then it is not known which rows are asked for.
         """
-        asked = query.order
-        if any(len(group[0].order.clauses) != len(asked.clauses) for group, _ in self.plans):
+        alike, clauses = self.alike(query.order), query.order.clauses
+        number = len(alike[0][0][0].order.clauses) if alike else len(clauses)
+        if number == len(clauses):
+            return tuple(_placed_plan(rows, group[0], query, self.tilted) for group, rows in alike)
+        if number > 1:
             return None
-        return tuple(_placed_plan(rows, group[0], query, self.tilted) for group, rows in self.alike(asked))
+        each = [self.placed(replace(query, instruction=clause.text)) or () for clause in clauses]
+        if math.prod(map(len, each)) > MAX_STRUNG:
+            return None
+        return tuple(tuple(chain.from_iterable(plans)) for plans in product(*each))
 
     def alike(self, asked: Order) -> tuple[tuple[tuple[Demonstration, ...], tuple[PlanRow, ...]], ...]:
-        """The plans that ask for the same, or all where none does."""
-        return tuple(plan for plan in self.plans if plan[0][0].order.form == asked.form) or self.plans
+        """The plans that ask for the same; where none does those with as many clauses, failing these all."""
+        same = tuple(plan for plan in self.plans if plan[0][0].order.form == asked.form)
+        as_long = (plan for plan in self.plans if len(plan[0][0].order.clauses) == len(asked.clauses))
+        return same or tuple(as_long) or self.plans
 
 
 def _placed_plan(rows: Sequence[PlanRow], shown: Demonstration, query: Query, tilted: frozenset[str]) -> PlacedPlan:

@@ -7,12 +7,13 @@ from app.pipeline.representation.absolute import AbsoluteCodec
 from app.pipeline.representation.action_tokens import ActionTokensCodec, KatCodec
 from app.pipeline.representation.base import Codec
 from app.pipeline.representation.object_frame import ObjectFrameCodec
+from app.pipeline.representation.parts import PartsCodec
 from app.pipeline.workspace import Workspace
 from roboprompt_client.errors import InvalidInputError
 
 PROMPT_FORMATS = ("paper", "authors")  # RoboPrompt's: every representation has them
 KAT_FORMAT = "kat"  # KAT's own, of its action tokens only
-REPRESENTATIONS = ("absolute", "object_frame", "action_tokens")
+REPRESENTATIONS = ("absolute", "object_frame", "action_tokens", "parts")
 
 
 def fit_codec(
@@ -29,8 +30,8 @@ def fit_codec(
         first_row: the number of the first row, where rows are numbered: in a closed loop it goes on over steps.
 
     Raises:
-        InvalidInputError: for an unknown name, a format that the representation does not have, or without
-            demonstrations.
+        InvalidInputError: for an unknown name, a format that the representation does not have, without
+            demonstrations, or for `parts` that the demonstrations do not have in common.
     """
     check_style(representation, prompt_format)
     if not demonstrations:
@@ -38,6 +39,8 @@ def fit_codec(
     with_instruction = prompt_format == "paper"
     if representation == "object_frame":
         return ObjectFrameCodec.fit(demonstrations, workspace, with_instruction, first_row)
+    if representation == "parts":
+        return PartsCodec.fit(demonstrations, with_instruction)
     codec = AbsoluteCodec if representation == "absolute" else ActionTokensCodec
     if prompt_format == KAT_FORMAT:
         codec = KatCodec

@@ -238,7 +238,7 @@ def _beyond_objects(group: Sequence[Demonstration]) -> list[list[Anchor]]:
 
 def _spreads_m(group: Sequence[Demonstration], anchors: Sequence[Anchor], tilted: frozenset[str]) -> list[float]:
     """How far each action differs over the group relative to the anchors; rotations weigh in as metres."""
-    relative = [_relative_poses(d, anchor, tilted) for d, anchor in zip(group, anchors, strict=True)]
+    relative = [relative_poses(d, anchor, tilted) for d, anchor in zip(group, anchors, strict=True)]
     offsets_m = np.array([offsets for offsets, _ in relative])  # (N, K, 3)
     if len(group) == 1:
         alone: list[float] = (np.linalg.norm(offsets_m[0], axis=1) + _oblique_m(relative[0][1])).tolist()
@@ -260,7 +260,7 @@ def _oblique_m(hands: Rotation) -> Array:
     return oblique
 
 
-def _relative_poses(demonstration: Demonstration, anchor: Anchor, tilted: frozenset[str]) -> tuple[Array, Rotation]:
+def relative_poses(demonstration: Demonstration, anchor: Anchor, tilted: frozenset[str]) -> tuple[Array, Rotation]:
     """Every action relative to the anchor: offsets (K, 3) in metres along its axes, and K rotations."""
     origin_m, axes = anchor_frame(anchor, demonstration, tilted)
     actions, to_anchor = demonstration.actions, axes.inv()

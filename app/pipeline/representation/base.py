@@ -85,3 +85,9 @@ def row_count_bounds(demonstrations: Sequence[Demonstration], order: Order, max_
     counts = [(asked * len(d.actions), len(d.order.clauses)) for d in demonstrations]
     fewest, most = min(rows // shown for rows, shown in counts), max(-(-rows // shown) for rows, shown in counts)
     return min(max(fewest, 1), max_actions), min(most, max_actions)
+
+
+def clause_by_clause(demonstrations: Sequence[Demonstration], order: Order) -> tuple[str, ...]:
+    """The clauses of an order where every demonstration carries out a single one: small models do not compose."""
+    single = all(len(d.order.clauses) == 1 for d in demonstrations)
+    return tuple(clause.text for clause in order.clauses) if single else (order.text,)

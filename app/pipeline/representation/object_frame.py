@@ -31,7 +31,7 @@ from app.pipeline.representation.anchors import (
     anchor_frame,
     tilted_objects,
 )
-from app.pipeline.representation.base import Decoder
+from app.pipeline.representation.base import Decoder, clause_by_clause
 from app.pipeline.representation.object_grammar import any_rows_grammar, plans_grammar, plans_of
 from app.pipeline.representation.object_rows import (
     OFFSET_UNIT_M,
@@ -94,9 +94,7 @@ class ObjectFrameCodec:
         return cls(workspace, tuple(demonstrations), with_instruction, tilted, tuple(table), first_row)
 
     def questions(self, order: Order) -> tuple[str, ...]:
-        """Clause by clause where every demonstration carries out a single one: small models do not compose."""
-        single = all(len(d.order.clauses) == 1 for d in self.demonstrations)
-        return tuple(clause.text for clause in order.clauses) if single else (order.text,)
+        return clause_by_clause(self.demonstrations, order)
 
     def observation_text(self, query: Query) -> str:
         ordered = enumerate(query.ordered_objects)

@@ -68,12 +68,15 @@ Table = Sequence[Sequence[Row]]  # [demonstration][row]
 def plans_of(demonstrations: Sequence[Demonstration], table: Table, asked: Order) -> list[Plan] | None:
     """What each plan's rows may say; None where the rows of several demonstrations must be strung together.
 
-    Plans of demonstrations that ask for the same as the order, or of all where none does.
+    Plans of demonstrations that ask for the same as the order, or where none does of those with as many clauses.
     """
-    if any(len(d.order.clauses) != len(asked.clauses) for d in demonstrations):
-        return None
     groups = groups_of(demonstrations)
-    chosen = [places for (form, *_), places in groups.items() if form == asked.form] or list(groups.values())
+    as_long = [
+        places for places in groups.values() if len(demonstrations[places[0]].order.clauses) == len(asked.clauses)
+    ]
+    if not as_long:
+        return None
+    chosen = [places for (form, *_), places in groups.items() if form == asked.form] or as_long
     return [
         _patterns([demonstrations[place] for place in places], [table[place] for place in places], asked)
         for places in chosen

@@ -13,7 +13,7 @@ from uuid import uuid4
 
 import anyio.to_thread
 
-from app.llm.base import LanguageModelError, TextDelta
+from app.llm.base import LanguageModelError
 from app.llm.registry import ModelRegistry
 from app.pipeline.errors import InstructionError, ReplyParseError, UnsupportedActionError
 from app.services.limits import Limits
@@ -22,10 +22,9 @@ from app.services.predict.findings import doubted
 from app.services.predict.instruction import ask_meaning
 from app.services.predict.known import KnownReader
 from app.services.predict.motion_check import CurrentLimits, MotionCheck
-from app.services.predict.part_reply import PredictedAction
 from app.services.predict.question import Question
 from app.services.predict.record import Prediction, PredictionRecorder
-from app.services.predict.reply import Reply
+from app.services.predict.reply import Arriving, Reply
 from app.services.predict.request import PredictRequest
 from app.services.predict.warm import PrefixWarmer
 from app.services.predict.write import write_question
@@ -104,7 +103,7 @@ class PredictActions:
 
     async def _meaning(self, request: PredictRequest, error: InstructionError) -> str | None:
         """The instruction that an unclear one stands for, if the request's model finds it."""
-        if not error.choices:
+        if not error.choices or request.alike:  # a model that sees no places would guess which one
             return None
         with timed("words"):
             profile = self._known.profile_of(request.options.model)
@@ -125,7 +124,7 @@ class PredictActions:
             await reply.whole()
         return await self._recorded(reply, motion)
 
-    async def stream(self, question: Question) -> AsyncGenerator[PredictedAction | TextDelta | Prediction, None]:
+    async def stream(self, question: Question) -> AsyncGenerator[Arriving | Prediction, None]:
         """The actions (and, if asked for, pieces of text) as they become complete, then the prediction, recorded.
 
         Raises:
@@ -176,7 +175,7 @@ async def _watched(notes: UnderWayNotes, question: Question) -> AsyncIterator[No
     request, started_s, ended = question.request, time.time(), asyncio.Event()
 
     def show() -> None:
-        deadline_s = started_s + request.options.deadline_s(question.profile) + GRACE_S
+        deadline_s = started_s + question.deadline_s + GRACE_S
         note = UnderWay(uuid4().hex, request.task, request.instruction, question.profile.name, started_s, deadline_s)
         showing = asyncio.create_task(_show(notes, note, ended))
         _showing.add(showing)

@@ -1,29 +1,24 @@
-"""What recorded predictions are judged by: their demonstrations, the robot's path, and how robots fared with them.
+"""What recorded predictions are judged by: their demonstrations and the robot's path."""
 
-A prediction is compared with its demonstrations; successes are counted by model and configuration of a task.
-"""
-
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from app.pipeline.deviation import ActionDeviation, ObjectReach, action_deviations, object_reach
 from app.pipeline.episode import Demonstration
-from app.pipeline.success_rate import SuccessRate
 from app.services.predict.demonstrations import Demonstrations
 from app.services.predict.select import in_all
 from app.services.task_settings import TaskSettings
-from app.store import predictions, tasks
-from app.store.records import ConfigurationCounts, PredictionRecord
-from app.store.store import Store
+from app.store.records import PredictionRecord
 from roboprompt_client import quaternions
 from roboprompt_client.arms.calibration import Calibration
 from roboprompt_client.arms.panda import PandaGeometry
 from roboprompt_client.arms.preview import Previewed, preview_plan
 from roboprompt_client.arrays import Array
 from roboprompt_client.errors import MotionError
+from roboprompt_client.motion_limits import Pose
 from roboprompt_client.trajectory import EndEffectorAction
 
 
@@ -69,19 +64,29 @@ def path_of(record: PredictionRecord, settings: TaskSettings) -> tuple[Previewed
     The arm, where the settings name one, is thought to come from its maker's ready pose straight to where the request
     said that the hand was.
     """
+    hand = record.request.get("end_effector")
+    pose = None if hand is None else Pose(tuple(hand["position"]), tuple(hand["quaternion_xyzw"]))
+    return previewed(list(_actions(record)), settings, pose)
+
+
+def previewed(actions: Sequence[EndEffectorAction], settings: TaskSettings, hand: Pose | None) -> tuple[Previewed, ...]:
+    """The same of actions that may become a prediction.
+
+    Args:
+        hand: where it is before the first, where that is known.
+    """
     base = Calibration(np.array(settings.robot_base), quaternions.IDENTITY)
     geometry = None if settings.arm is None else PandaGeometry(settings.arm)
-    hand = record.request.get("end_effector")
     joints = None if geometry is None else _start(geometry, base, hand)
-    start_m = None if hand is None else hand["position"]
-    limits, actions = settings.limits_of_motion(), list(_actions(record))
+    start_m = None if hand is None else hand.position_m
+    limits = settings.limits_of_motion()
     return preview_plan(actions, base, limits, geometry=geometry, joints_rad=joints, start_m=start_m)
 
 
-def _start(geometry: PandaGeometry, base: Calibration, hand: Mapping[str, Any] | None) -> Array:
+def _start(geometry: PandaGeometry, base: Calibration, hand: Pose | None) -> Array:
     if hand is None:
         return geometry.ready_rad
-    position_m, quaternion = np.array(hand["position"]), np.array(hand["quaternion_xyzw"])
+    position_m, quaternion = np.array(hand.position_m), np.array(hand.quaternion_xyzw)
     try:
         return geometry.way(geometry.ready_rad, *base.to_base(position_m, quaternion))
     except MotionError:
@@ -97,7 +102,6 @@ def configuration(record: PredictionRecord) -> dict[str, Any]:
         "closed_loop",
         "num_samples",
         "temperature",
-        "permute_demonstrations",
     )
     return {
         "model": record.model,
@@ -106,49 +110,3 @@ def configuration(record: PredictionRecord) -> dict[str, Any]:
         "num_demonstrations": len(record.demonstration_ids),
         **{name: record.request[name] for name in asked if name in record.request},
     }
-
-
-@dataclass(frozen=True)
-class Standing:
-    """What became of the predictions of one configuration."""
-
-    counts: ConfigurationCounts
-
-    @property
-    def rate(self) -> SuccessRate:
-        """Of the predictions whose outcome is known."""
-        return SuccessRate(self.counts.successes, self.counts.successes + self.counts.failures)
-
-
-@dataclass(frozen=True)
-class TaskStats:
-    """A task's predictions: together, and of each configuration, the surest success first."""
-
-    total: Standing
-    configurations: tuple[Standing, ...]
-
-
-def task_stats(store: Store, task: str) -> TaskStats:
-    """The stored outcomes of the task, summed up. Synchronous: call it in a thread.
-
-    Raises:
-        NotFoundError: if there is no such task.
-    """
-    with store.read() as connection:
-        tasks.get(connection, task)
-        counted = predictions.configuration_counts(connection, task)
-    standings = sorted(map(Standing, counted), key=lambda standing: standing.rate.interval[0], reverse=True)
-    return TaskStats(Standing(_sum(counted)), tuple(standings))
-
-
-def _sum(counted: Iterable[ConfigurationCounts]) -> ConfigurationCounts:
-    total = ConfigurationCounts()
-    for item in counted:
-        total = replace(
-            total,
-            predictions=total.predictions + item.predictions,
-            errors=total.errors + item.errors,
-            successes=total.successes + item.successes,
-            failures=total.failures + item.failures,
-        )
-    return total

@@ -12,6 +12,7 @@ from app.pipeline.findings.rules import (
     MODEL_FAILED,
     NEW_INSTRUCTION,
     NEW_ROLE,
+    PARTS_NOT_SHOWN,
     UNFAMILIAR_INSTRUCTION,
     UNPARSABLE,
     UNSAFE,
@@ -41,10 +42,10 @@ def doubted(question: Question, known: Sequence[Finding]) -> Question:
         known: what was found before it was written.
     """
     taught, order, seen = question.taught, question.grounded, question.seen
-    followed, words = taught.followed(order), _words(order, question.prefix.instructions)
+    followed, words = taught.followed(order), (*_words(order, question.prefix.instructions), *_parts(question))
     sources = source_findings(_that_matter(seen, followed), taught.demonstrations, taught.compared)
     scene = scene_findings(seen, taught.scenes, followed, taught.needed)
-    return replace(question, findings=(*known, *words, *sources, *taught.findings(order), *scene))
+    return replace(question, findings=(*known, *words, *sources, *taught.findings(order), *scene, *question.findings))
 
 
 def _that_matter(seen: Query, followed: frozenset[str]) -> tuple[ObjectPose, ...]:
@@ -71,6 +72,15 @@ def _words(order: Order, shown: Sequence[str]) -> Iterator[Finding]:
         message = f"No demonstration has this instruction, {order.text!r}; they have {listed}."
         yield NEW_INSTRUCTION.finding(message, "instruction")
         yield from _new_roles(order, taught)
+
+
+def _parts(question: Question) -> Iterator[Finding]:
+    """The parts of the instruction that no demonstration shows alone, or strung together like this."""
+    for part in question.parts:
+        if part.instruction in question.plans and question.plans[part.instruction] is None:
+            number = len(part.order.clauses)
+            message = f"No demonstration carries out {number} part{'s' * (number > 1)} as {part.instruction!r} asks."
+            yield PARTS_NOT_SHOWN.finding(message, "instruction")
 
 
 def _new_roles(order: Order, taught: Sequence[str]) -> Iterator[Finding]:

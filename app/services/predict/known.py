@@ -1,10 +1,10 @@
 """What the store knows of a request, read in one transaction: task, settings, the step before, and demonstrations."""
 
-import random
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from app.llm.base import ModelProfile
+from app.pipeline.alike import alike_findings
 from app.pipeline.findings import Finding
 from app.pipeline.findings.arrangement import changed_places
 from app.pipeline.findings.demonstrations import Taught
@@ -14,7 +14,7 @@ from app.services.pose_servers import PoseServers
 from app.services.predict.closed_loop import PreviousStep, previous_step
 from app.services.predict.observe import Scene, look, observed
 from app.services.predict.prefix import Prefix
-from app.services.predict.request import PredictOptions, PredictRequest, PromptStyle
+from app.services.predict.request import PredictRequest, PromptStyle
 from app.services.predict.task_reading import Kept, TaskReading
 from app.services.task_settings import TaskSettings
 from app.store.store import Store
@@ -28,7 +28,6 @@ class Known:
     Attributes:
         scene: as it was observed.
         end_effector: where it is before the first action: as the robot tells, else where the last step sent it.
-        prefixes: one for all samples, or one for each.
         taught: all demonstrations of the task, which an answer is held against.
         findings: which of the demonstrated plans the first shows, and why; which objects are others than demonstrated.
     """
@@ -39,7 +38,7 @@ class Known:
     scene: Scene
     profile: ModelProfile
     style: PromptStyle
-    prefixes: Sequence[Prefix]
+    prefix: Prefix
     taught: Taught
     findings: tuple[Finding, ...] = ()
 
@@ -91,11 +90,11 @@ class KnownReader:
                 taught, ids = task.taught(style), _ids(task, request, scene, previous)
                 if scene.absent:
                     taught = task.taught_of([pose.name for pose in scene.objects], taught, ids)
-                prefixes, findings = _shown(task, request, style, scene, ids)
+                prefix, findings = _shown(task, request, style, scene, ids)
         others = other_objects(scene.absent, [pose.name for pose in scene.bystanders])
         moved = changed_places(previous.objects, scene.objects) if previous else ()
-        found = (*findings, *others, *moved)
-        return Known(settings, previous, end_effector, scene, profile, style, prefixes, taught, found)
+        findings = (*findings, *others, *moved, *alike_findings(request.alike))
+        return Known(settings, previous, end_effector, scene, profile, style, prefix, taught, findings)
 
     def usual_prefixes(self, task_name: str) -> list[Prefix]:
         """What requests that name nothing but the task show in scenes of its usual plans, the most usual first.
@@ -127,25 +126,13 @@ def _ids(task: TaskReading, request: PredictRequest, scene: Scene, previous: Pre
 
 def _shown(
     task: TaskReading, request: PredictRequest, style: PromptStyle, scene: Scene, ids: tuple[str, ...]
-) -> tuple[list[Prefix], tuple[Finding, ...]]:
-    """The demonstrations of those ids, once for each order of them, and why the first shows the plans that it shows.
+) -> tuple[Prefix, tuple[Finding, ...]]:
+    """The demonstrations of those ids, and why it shows the plans that it shows.
 
     Of several plans those that the scene calls for, unless somebody chose the demonstrations.
     """
     named = request.options.episode_ids is not None and request.options.after is None
-    orders = _orders(ids, request.options)
-    choosers = [None if named or style.closed_loop else task.plans(order) for order in orders]
-    choices = [None if plans is None else plans(scene.objects) for plans in choosers]
-    prefixes = [
-        task.prefix(style, order, choice, scene.absent, all_of_them=named)
-        for order, choice in zip(orders, choices, strict=True)
-    ]
-    return prefixes, () if choices[0] is None else choices[0].findings
-
-
-def _orders(ids: tuple[str, ...], options: PredictOptions) -> list[tuple[str, ...]]:
-    """The order of the demonstrations for each sample that has one of its own."""
-    if not options.permute_demonstrations:
-        return [ids]
-    others = [random.Random(options.seed + k) for k in range(1, options.num_samples)]
-    return [ids, *(tuple(other.sample(ids, len(ids))) for other in others)]
+    plans = None if named or style.closed_loop else task.plans(ids)
+    choice = None if plans is None else plans(scene.objects)
+    prefix = task.prefix(style, ids, choice, scene.absent, all_of_them=named)
+    return prefix, () if choice is None else choice.findings

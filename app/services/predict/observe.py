@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from app.perception.registry import estimate_poses
+from app.pipeline.errors import ObjectSetError
 from app.pipeline.findings.units import check_scene_units
 from app.pipeline.prompt import check_object_names
 from app.services.errors import NoDemonstrationsError
@@ -77,6 +78,9 @@ def observed(request: PredictRequest, task: TaskRecord, settings: TaskSettings, 
     if names is None:
         raise NoDemonstrationsError(task.name)
     check_object_names(sent, names, needed=())
+    if called := next((alike.called for alike in request.alike if alike.called in names), None):
+        message = f"given twice: {called}, of which demonstrations have one"
+        raise ObjectSetError("objects", message, "the one that is meant alone, or demonstrations with several")
     queries = with_templates(settings.with_models(request.objects), blobs)
     poses = estimate_poses(settings.pose_estimator, queries, request.frames, given_first=True)
     check_scene_units([pose for pose in poses if pose.name in names], settings.workspace.workspace())

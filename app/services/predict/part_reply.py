@@ -9,6 +9,7 @@ from app.pipeline.episode import Query
 from app.pipeline.errors import ReplyParseError, UnsupportedActionError
 from app.pipeline.findings.actions import ActionDoubt
 from app.pipeline.plans.support import PlacedRow, SupportGuard
+from app.pipeline.plans.turn import half_turned
 from app.pipeline.reply import ReplyReader
 from app.pipeline.workspace import ROTATION_BIN_DEG, DiscreteAction, discretize_actions
 from app.services.measures import timed
@@ -147,6 +148,8 @@ class PartReply:
                 new = list(self._reader.finish(piece.text)[self._num_read :])
                 self.complete = True
         self._num_read += len(new)
+        if self._question.turned:
+            new = [half_turned(action) for action in new]
         return predicted(new, [self.support.check(action) for action in new], self._question)
 
 

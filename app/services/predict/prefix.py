@@ -14,6 +14,7 @@ from app.pipeline.representation import fit_codec
 from app.pipeline.representation.base import Codec
 from app.pipeline.workspace import Workspace
 from app.services.predict.request import PromptStyle
+from roboprompt_client.errors import InvalidInputError
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +72,8 @@ def _template(
     names = (style.representation, style.prompt_format)
     if not style.closed_loop:
         return PromptTemplate.write(fit_codec(*names, demonstrations, workspace), demonstrations, system)
+    if style.representation == "parts":
+        raise InvalidInputError("representation", "is 'parts' in a closed loop", "one that writes single actions")
 
     def fit(shown: Sequence[Demonstration], step: int) -> Codec:
         return fit_codec(*names, shown, workspace, first_row=step + 1)

@@ -38,6 +38,7 @@ class Question:
         step: of a closed loop, from 0; None without one.
         prompt: asks for the first of the parts.
         plans: by instruction of a part, the demonstrated rows in the observed scene; None where they are unknown.
+        turned: whether actions have the hand turned by half a turn from what a reply says, as `plans` have.
         findings: what is doubtful before anything is asked.
         samples: where several replies are asked for, the same question for each, with a seed of its own.
     """
@@ -58,5 +59,11 @@ class Question:
     step: int | None
     prompt: Prompt
     plans: Mapping[str, tuple[PlacedPlan, ...] | None]
+    turned: bool = False
     findings: tuple[Finding, ...] = ()
     samples: tuple["Question", ...] = ()
+
+    @property
+    def deadline_s(self) -> float:
+        """How long the answer may take."""
+        return self.request.options.deadline_s(self.profile, len(self.prompt.system) + len(self.prompt.user))

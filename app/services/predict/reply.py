@@ -14,6 +14,7 @@ from app.llm.base import (
     CompletionRequest,
     LanguageModel,
     ModelTimeoutError,
+    Reading,
     TextDelta,
     Usage,
     complete,
@@ -32,6 +33,7 @@ from app.store.values import JsonObject
 
 AGAIN_TEMPERATURE = 0.3  # of the second try: a greedy one would say the same again
 MAX_TOKENS_PER_ACTION = 80  # more than any representation needs for a row, a token for each digit
+Arriving = PredictedAction | TextDelta | Reading
 
 
 class Reply:
@@ -63,7 +65,7 @@ class Reply:
         self._model = model
         self._motion = motion
         self._temperature = question.request.options.sampling_temperature
-        self._deadline_s = time.monotonic() + question.request.options.deadline_s(question.profile)
+        self._deadline_s = time.monotonic() + question.deadline_s
 
     @property
     def findings(self) -> tuple[Finding, ...]:
@@ -96,8 +98,8 @@ class Reply:
                 actions = await self._supported(asked)
             await self._take(actions)
 
-    async def stream(self) -> AsyncGenerator[PredictedAction | TextDelta, None]:
-        """Each action as soon as its row is complete, and the text, if the request asks for it.
+    async def stream(self) -> AsyncGenerator[Arriving, None]:
+        """Each action as soon as its row is complete; if the request asks for it, progress of reading and the text.
 
         Not for several samples, of which nothing can come before all are complete.
 
@@ -110,6 +112,10 @@ class Reply:
                 while not part.complete:
                     with timed("llm"):
                         piece = await anext(pieces)
+                    if isinstance(piece, Reading):
+                        if self.question.request.options.stream_text:
+                            yield piece
+                        continue
                     said = len(self.text or "")
                     text = piece.text if isinstance(piece, Completion) else text + piece.text
                     self.text = _joined(before, text)
@@ -215,7 +221,7 @@ class Reply:
         question, options = self.question, self.question.request.options
         timeout_s = self._deadline_s - time.monotonic()
         if timeout_s <= 0:
-            within_s = options.deadline_s(question.profile)
+            within_s = round(question.deadline_s, 1)
             raise ModelTimeoutError(f"{question.profile.name} did not answer within {within_s:g} s")
         return CompletionRequest(
             self.prompt,

@@ -7,18 +7,22 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from app.llm.base import ModelProfile
-from app.perception.base import ObjectQuery
+from app.perception.base import ObjectQuery, numbered_queries
 from app.perception.images import ImageBytes
 from app.perception.strict import WHOLE, Number, Truth
+from app.pipeline.alike import Alike
+from app.pipeline.errors import ObjectSetError
 from app.pipeline.representation import KAT_FORMAT
 from app.services.task_settings import PromptFormat, Representation, SystemPrompt, TaskSettings
 from app.store.values import JsonObject
+from roboprompt_client.arrays import settle
 from roboprompt_client.camera import Camera, RgbdFrame
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.motion_limits import MAX_ACTIONS, Pose
 
 Selection = Literal["first", "recent", "random", "nearest", "diverse"]
 SAMPLES_TEMPERATURE = 0.5
+MAX_TIMEOUT_S = 600.0  # `roboprompt_client` waits as long
 MAX_ACTIONS_ASKED = 100  # that a request may raise `max_actions` to
 Doubtful = Literal["refuse", "allow"]
 
@@ -47,12 +51,9 @@ class PredictOptions(BaseModel):
         ),
         WHOLE,
     ] = 1
-    temperature: Annotated[
-        Number | None, Field(ge=0, le=2, description="left out: 0, or 0.5 for several samples of the same prompt")
-    ] = None
-    permute_demonstrations: Annotated[
-        Truth, Field(description="every sample but the first sees the demonstrations in an order of its own")
-    ] = False
+    temperature: Annotated[Number | None, Field(ge=0, le=2, description="left out: 0, or 0.5 for several samples")] = (
+        None
+    )
     episode_ids: Annotated[
         tuple[str, ...] | None,
         Field(min_length=1, max_length=100, description="exactly these demonstrations, in this order"),
@@ -78,27 +79,32 @@ class PredictOptions(BaseModel):
         ),
     ] = "refuse"
     max_actions: Annotated[int, Field(ge=1, le=MAX_ACTIONS_ASKED), WHOLE] = MAX_ACTIONS
-    timeout_s: Annotated[Number | None, Field(ge=0.1, le=600, description="default: the model's, see GET /models")] = (
-        None
-    )
+    timeout_s: Annotated[
+        Number | None, Field(ge=0.1, le=MAX_TIMEOUT_S, description="default: the model's, see GET /models")
+    ] = None
     unsupported: Annotated[
         Doubtful,
         Field(description="allow: actions unlike what was demonstrated are answered with a finding instead of refused"),
     ] = "refuse"
     stream_text: Annotated[
-        Truth, Field(description="with `Accept: text/event-stream`: the reply's text, too, in events `text`")
+        Truth,
+        Field(
+            description="with `Accept: text/event-stream`: the reply's text, too, in events `text`; before it events "
+            "`progress`, of models that tell how much of the prompt they have read"
+        ),
     ] = False
 
-    def deadline_s(self, profile: ModelProfile) -> float:
-        """How long the answer may take: as asked for, else what the model needs."""
-        return profile.timeout_s if self.timeout_s is None else self.timeout_s
+    def deadline_s(self, profile: ModelProfile, prompt_chars: int = 0) -> float:
+        """How long the answer may take: as asked for, else what the model needs, for a prompt that it has not read."""
+        needed_s = profile.timeout_s + profile.reading_s * prompt_chars / 1000
+        return min(needed_s, MAX_TIMEOUT_S) if self.timeout_s is None else self.timeout_s
 
     @property
     def sampling_temperature(self) -> float:
-        """As asked for; several samples of the same prompt must differ."""
+        """As asked for; several samples must differ."""
         if self.temperature is not None:
             return self.temperature
-        return 0.0 if self.num_samples == 1 or self.permute_demonstrations else SAMPLES_TEMPERATURE
+        return 0.0 if self.num_samples == 1 else SAMPLES_TEMPERATURE
 
 
 @dataclass(frozen=True)
@@ -113,6 +119,7 @@ class PredictRequest:
         end_effector: where the robot's end effector is, where the robot tells.
         meaning: the instruction of the task that `instruction` means, where an LLM was asked for it.
         as_sent: the request as it came, to be stored with the prediction.
+        alike: the objects that came with one name, and are numbered in `objects`.
     """
 
     task: str
@@ -125,9 +132,16 @@ class PredictRequest:
     meaning: str | None = None
     options: PredictOptions = PredictOptions()  # noqa: RUF009  it is frozen
     as_sent: JsonObject = field(default_factory=dict)
+    alike: tuple[Alike, ...] = ()
 
     def __post_init__(self) -> None:
         options = self.options
+        objects, alike = numbered_queries(self.objects)
+        if alike and (options.closed_loop or options.after is not None):
+            called = alike[0].called
+            raise ObjectSetError("objects", f"given twice: {called}, in a closed loop", "a name for each: they move")
+        if alike:
+            settle(self, objects=objects, alike=alike)
         if options.num_samples > 1 and (options.closed_loop or options.after is not None):
             raise InvalidInputError("num_samples", f"is {options.num_samples} in a closed loop", "1")
 
@@ -165,7 +179,7 @@ class PromptStyle:
         prompt_format = options.prompt_format or settings.prompt_format or profile.prompt_format
         system_prompt = options.system_prompt or settings.system_prompt
         if system_prompt is None:  # the one that describes the prompt: the paper's are about lists of actions
-            lists = profile.style == "chat" and representation != "object_frame"
+            lists = profile.style == "chat" and representation not in ("object_frame", "parts")
             system_prompt = "none" if not lists else "kat" if prompt_format == KAT_FORMAT else profile.system_prompt
         started = request.end_effector is not None and not options.closed_loop
         return cls(representation, prompt_format, system_prompt, options.closed_loop, started)

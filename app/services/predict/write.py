@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from app.pipeline.alike import check_named
 from app.pipeline.episode import Query
 from app.pipeline.order.order import Order
 from app.pipeline.plans.support import PlacedPlan
@@ -16,6 +17,7 @@ from app.services.predict.known import Known
 from app.services.predict.prefix import Prefix
 from app.services.predict.question import Question
 from app.services.predict.request import MAX_ACTIONS_ASKED, PredictRequest
+from app.services.predict.turn import turned_plans
 from app.services.predict.within_bounds import require_within_workspace
 from app.store.errors import ConflictError
 from roboprompt_client.errors import InvalidInputError
@@ -38,9 +40,11 @@ def write_question(request: PredictRequest, instruction: str, known: Known, limi
         InvalidInputError: if the prompt is too long, an object lacks a rotation that demonstrations have, or the parts
             of the instruction take more actions than the request allows.
     """
-    prefix, style, previous, observed = known.prefixes[0], known.style, known.previous, known.scene.objects
+    prefix, style, previous, observed = known.prefix, known.style, known.previous, known.scene.objects
     with timed("words"):
         grounded = understood(request, instruction, known)
+        if request.alike:
+            check_named(grounded, known.taught.followed(grounded), request.alike)
     step = None if not style.closed_loop else 0 if previous is None else previous.step + 1
     template = prefix.at_step(step or 0)
     so_far = "" if previous is None else _so_far(previous, prefix)
@@ -48,9 +52,10 @@ def write_question(request: PredictRequest, instruction: str, known: Known, limi
     start = _start(known.end_effector) if style.from_start else None
     seen, objects, support = Query(grounded.text, observed, start=start), template.posed(observed), prefix.support
     parts = tuple(Query(part, objects, start=start) for part in template.codec.questions(grounded))
-    plans = {} if support is None else {part.instruction: support.placed(part) for part in parts}
+    placed = {} if support is None else {part.instruction: support.placed(part) for part in parts}
     if request.options.unsupported == "refuse":
-        require_within_workspace(plans.values(), known.settings.limits_of_motion())
+        require_within_workspace(placed.values(), known.settings.limits_of_motion())
+    plans, turned = turned_plans(placed, known.taught, known.settings, known.end_effector)
     _check_number([plans.get(part.instruction) for part in parts], request.options.max_actions)
     question = Question(
         request=request.without_frames(),
@@ -69,11 +74,12 @@ def write_question(request: PredictRequest, instruction: str, known: Known, limi
         step=step,
         prompt=template.ask(parts[0], request.options.max_actions, so_far),
         plans=plans,
+        turned=bool(turned),
+        findings=tuple(turned),
     )
     if request.options.num_samples == 1:
         return question
-    own = known.prefixes if len(known.prefixes) > 1 else [prefix] * request.options.num_samples
-    return replace(question, samples=tuple(_sample(question, k, shown) for k, shown in enumerate(own)))
+    return replace(question, samples=tuple(_sample(question, k) for k in range(request.options.num_samples)))
 
 
 def understood(request: PredictRequest, instruction: str, known: Known) -> Order:
@@ -86,7 +92,7 @@ def understood(request: PredictRequest, instruction: str, known: Known) -> Order
     """
     if known.previous is not None and known.previous.instruction == request.instruction:
         return known.previous.grounded
-    return ground_instruction(request, instruction, known.prefixes[0].instructions, known.settings, known.scene)
+    return ground_instruction(request, instruction, known.prefix.instructions, known.settings, known.scene)
 
 
 def _so_far(previous: PreviousStep, prefix: Prefix) -> str:
@@ -117,14 +123,7 @@ def _start(end_effector: Pose | None) -> EndEffectorAction | None:
     return EndEffectorAction(np.array(end_effector.position_m), np.array(end_effector.quaternion_xyzw), True)
 
 
-def _sample(question: Question, number: int, prefix: Prefix) -> Question:
-    """The question for one of several replies: with a seed of its own, and demonstrations in an order of its own."""
-    options = question.request.options
-    template = prefix.at_step(0)
-    return replace(
-        question,
-        request=question.request.with_options(seed=(options.seed + number) % SEEDS),
-        prefix=prefix,
-        template=template,
-        prompt=template.ask(question.parts[0], options.max_actions, question.so_far),
-    )
+def _sample(question: Question, number: int) -> Question:
+    """The question for one of several replies, with a seed of its own."""
+    seed = (question.request.options.seed + number) % SEEDS
+    return replace(question, request=question.request.with_options(seed=seed))

@@ -1,10 +1,12 @@
-"""Which objects an upload may have: those of its task, and others that nothing depends on."""
+"""Which objects an upload may have, those of its task and others that nothing depends on, and which it is about."""
 
 from collections.abc import Sequence
 
 import numpy as np
 
 from app.perception.base import ObjectQuery
+from app.pipeline.alike import Alike
+from app.pipeline.episode import Episode
 from app.pipeline.errors import ObjectSetError
 from app.pipeline.findings import Finding
 from app.pipeline.findings.arrangement import FEWEST
@@ -12,14 +14,18 @@ from app.pipeline.findings.demonstrations import Taught
 from app.pipeline.findings.scene import other_objects
 from app.pipeline.keyframes import Motion
 from app.pipeline.order.order import Order
+from app.pipeline.order.space import Layout
+from app.pipeline.order.which import with_numbers
 from app.pipeline.plans.alignment import GRASPED_M
 from app.pipeline.prompt import check_object_names
 from app.services.predict.demonstrations import Demonstrations, recordings_of
+from app.services.predict.instruction import is_english
 from app.services.task_settings import TaskSettings
 from app.store import episodes
 from app.store.records import TaskRecord
 from app.store.store import Store
 from roboprompt_client.arrays import Array
+from roboprompt_client.trajectory import ObjectPose
 
 MAX_LOOKED_AT = 50  # demonstrations that say what a scene must have
 
@@ -53,6 +59,20 @@ def check_objects(
     if matter:
         raise ObjectSetError("objects", f"not of this task: {', '.join(sorted(matter))}", ", ".join(names))
     return other_objects([name for name in names if name not in sent], [query.name for query in new])
+
+
+def saying_which(episode: Episode, poses: Sequence[ObjectPose], alike: Sequence[Alike], settings: TaskSettings) -> str:
+    """The instruction, with the number of each of several objects of one name that it is about.
+
+    Args:
+        poses: of all objects, by their numbers.
+
+    Raises:
+        UngroundedInstructionError: if it is not clear which is meant, or the hand goes to another.
+    """
+    acts_m = _acts_at_m(settings.motion_of(episode.trajectory, episode.control_frequency_hz))
+    layout = Layout({pose.name: pose.position_m for pose in poses}, np.array(settings.robot_base))
+    return with_numbers(episode.instruction, layout, acts_m, alike, is_english)
 
 
 def _is_acted_on(query: ObjectQuery, objects: Sequence[ObjectQuery], motion: Motion) -> bool:

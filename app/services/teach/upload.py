@@ -9,10 +9,12 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 from sqlalchemy import Connection
 
-from app.perception.base import ObjectQuery
+from app.perception.base import ObjectQuery, numbered_queries
 from app.perception.images import ImageBytes
+from app.pipeline.alike import Alike, alike_findings
 from app.pipeline.episode import Episode
 from app.pipeline.findings import Finding
+from app.pipeline.findings.contact import contact_findings
 from app.pipeline.findings.recording import check_moves
 from app.pipeline.findings.units import check_recording_units
 from app.pipeline.findings.unlike import unlike_findings
@@ -23,13 +25,14 @@ from app.services.scene_images import put_images
 from app.services.task_settings import TaskSettings
 from app.services.teach.configure import record_limits
 from app.services.teach.extract import Extracted, extract
-from app.services.teach.objects import check_objects
+from app.services.teach.objects import check_objects, saying_which
 from app.services.teach.room import FIRST, room_findings, uploaded
 from app.store import episodes, idempotency, predictions, tasks, trajectories
 from app.store.errors import ConflictError, NotFoundError
 from app.store.records import DemonstrationRecord, EpisodeDraft, EpisodeFields, StoredResponse, TaskRecord
 from app.store.store import Store
 from app.store.values import CameraRecord, JsonObject
+from roboprompt_client.arrays import settle
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.trajectory import ObjectPose
 from roboprompt_client.wording import checked_name
@@ -47,6 +50,7 @@ class Upload:
         images: per camera of `episode.frames`, by name.
         prediction_id: of the prediction that the robot carried out in this episode.
         left_out, note, uploaded_instruction: see `EpisodeFields`; of an episode that was edited elsewhere.
+        alike: the objects that came with one name, and are numbered in `objects`.
         digest: of the request's content; a repeated `idempotency_key` must come with the same.
     """
 
@@ -60,9 +64,13 @@ class Upload:
     left_out: bool = False
     note: str = ""
     uploaded_instruction: str | None = None
+    alike: tuple[Alike, ...] = ()
 
     def __post_init__(self) -> None:
         checked_name("task", self.task)
+        if not self.alike:
+            objects, alike = numbered_queries(self.objects)
+            settle(self, objects=objects, alike=alike)
         if not self.objects:
             raise InvalidInputError("objects", "is empty", "at least one object with its name and pose or mask_ids")
         names = [query.name for query in self.objects]
@@ -133,6 +141,7 @@ class UploadEpisode:
                     seen = tasks.get(connection, upload.task)
                 first = () if seen is None else episodes.demonstrations(connection, upload.task, FIRST)
             settings = _settings_of(seen, upload.objects)
+            upload = _saying_which(upload, settings)
             extracted = self._extract(upload, seen, settings)
             calibrated = [frame.camera for frame in upload.episode.frames]
             cameras = put_images(self._store.blobs, calibrated, upload.images)
@@ -155,7 +164,9 @@ class UploadEpisode:
         check_recording_units(motion, _given(upload.objects), [frame.camera for frame in episode.frames])
         extracted = extract(motion, upload.objects, episode.frames, settings, names, self._store.blobs)
         unlike = () if task is None else self._unlike(task.name, episode.instruction, extracted)
-        return replace(extracted, findings=(*others, *extracted.findings, *unlike))
+        alike = alike_findings(upload.alike, episode.instruction)
+        contact = contact_findings(motion, [query.name for query in upload.objects], episode.extra)
+        return replace(extracted, findings=(*others, *alike, *extracted.findings, *contact, *unlike))
 
     def _unlike(self, task: str, instruction: str, extracted: Extracted) -> tuple[Finding, ...]:
         with self._store.read() as connection:
@@ -188,6 +199,16 @@ class UploadEpisode:
                 idempotency.save(connection, SCOPE, key, upload.digest, StoredResponse(201, answer))
             record_limits(connection, upload.task, task.settings, settings)
         return answer
+
+
+def _saying_which(upload: Upload, settings: TaskSettings) -> Upload:
+    """The upload with an instruction that says by its number which of several objects of one name is meant."""
+    if not upload.alike or upload.uploaded_instruction is not None:
+        return upload
+    said = upload.episode.instruction
+    text = saying_which(upload.episode, _given(upload.objects), upload.alike, settings)
+    episode = replace(upload.episode, instruction=text)
+    return replace(upload, episode=episode, uploaded_instruction=None if text == said else said)
 
 
 def _given(objects: Sequence[ObjectQuery]) -> tuple[ObjectPose, ...]:

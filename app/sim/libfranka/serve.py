@@ -1,4 +1,4 @@
-"""Serves one scene in a process of its own: `python -m app.sim.libfranka.serve TASK SEED VARIATION`.
+"""Serves one scene in a process of its own: `python -m app.sim.libfranka.serve TASK SEED VARIATION [ADDRESS]`.
 
 It prints the loopback address on which libfranka's protocol is served. A line on its standard input asks for judgement:
 things come to rest, and it prints whether the task is solved. It ends with its input.
@@ -21,11 +21,11 @@ ENDED = ""
 
 def main() -> None:
     """Step the scene in real time until the input ends."""
-    name, seed, variation = sys.argv[1:]
+    name, seed, variation, *address = sys.argv[1:]
     task = make_task(name, int(seed), int(variation))
     asked: SimpleQueue[str] = SimpleQueue()
     Thread(target=_listen, args=(asked,), daemon=True).start()
-    with SceneSimulator(task) as simulator, franky_sim.SimulationServer(simulator, addresses()) as server:
+    with SceneSimulator(task) as simulator, franky_sim.SimulationServer(simulator, address or addresses()) as server:
         _say(server.robot_servers[0].hostname)
         while True:
             server.run_once()

@@ -22,12 +22,16 @@ END_S = 5.0
 class ServedScene:
     """A task's scene behind libfranka's protocol on a loopback address; a context manager.
 
+    Args:
+        address: None: a free one.
+
     Raises:
         MotionError: if its process does not start, or has ended.
     """
 
-    def __init__(self, task: str, seed: int, variation: int) -> None:
-        command = [sys.executable, "-m", "app.sim.libfranka.serve", task, str(seed), str(variation)]
+    def __init__(self, task: str, seed: int, variation: int, address: str | None = None) -> None:
+        scene = (task, str(seed), str(variation), *([] if address is None else [address]))
+        command = [sys.executable, "-m", "app.sim.libfranka.serve", *scene]
         paths = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
         # A session of its own: Ctrl-C is for the robot's program, which stops the arm over the protocol.
         self._process = subprocess.Popen(

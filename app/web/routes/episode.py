@@ -13,6 +13,7 @@ from fastapi.responses import JSONResponse
 from starlette.responses import Response
 
 from app.api.documents import episode_document
+from app.api.image_work import image_work
 from app.api.routes import Wired
 from app.llm.base import LanguageModelError
 from app.pipeline.episode import Demonstration, stretches
@@ -21,15 +22,18 @@ from app.pipeline.representation import KAT_FORMAT, REPRESENTATIONS, fit_codec
 from app.pipeline.spans import Span, prompt_spans
 from app.services.container import Services
 from app.services.predict.demonstrations import Demonstrations, recordings_of
+from app.services.scene_images import read_frame
 from app.services.setting_parts import KeyframeSettings
 from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks
+from app.store.errors import NotFoundError
 from app.store.records import DemonstrationRecord, EpisodeRecord, TaskRecord
 from app.store.trajectories import get_trajectory
 from app.store.values import JsonObject
 from app.web.keyframe_preview import Preview, preview
 from app.web.page import HEADERS, PageRoute, render, render_part
 from app.web.play import recorded_motion
+from app.web.point_cloud import point_cloud
 from app.web.scene import scene
 from roboprompt_client.arrays import Array
 from roboprompt_client.errors import InvalidInputError
@@ -158,6 +162,9 @@ def episode_motion(services: Wired, episode_id: str) -> Response:
     times_s, trajectory = recording.motion.times_s, recording.motion.trajectory
     by_gripper = stretches(trajectory.gripper_open)
     ends_s = np.append(times_s, times_s[-1])
+    shown = scene(recording.settings.workspace, recording.record.objects, (), trajectory.positions_m)
+    if any(camera.has_rgbd for camera in recording.record.cameras):
+        shown["points"] = f"/ui/episodes/{episode_id}/points"
     document: JsonObject = {
         "has_joints": trajectory.num_joints > 0,
         "times_s": times_s.round(4).tolist(),
@@ -165,10 +172,27 @@ def episode_motion(services: Wired, episode_id: str) -> Response:
         "speed_rad_s": recording.motion.joint_speeds_rad_s.round(5).tolist(),
         "fastest_joint_rad_s": np.abs(trajectory.joint_velocities_rad_s).max(axis=1, initial=0.0).round(5).tolist(),
         "gripper": [[float(ends_s[first]), float(ends_s[end]), is_open] for first, end, is_open in by_gripper],
-        "scene": scene(recording.settings.workspace, recording.record.objects, (), trajectory.positions_m),
+        "scene": shown,
         "play": recorded_motion(trajectory, times_s, recording.settings),
     }
     return JSONResponse(document, headers=HEADERS)
+
+
+@documents.get("/ui/episodes/{episode_id}/points")
+async def episode_points(request: Request, services: Wired, episode_id: str) -> Response:
+    """What the first camera with color and depth saw, as `point_cloud` writes it."""
+    data = await image_work(request).run(request, _points, services, episode_id)
+    return Response(data, media_type="application/octet-stream", headers=HEADERS)
+
+
+def _points(services: Services, episode_id: str) -> bytes:
+    with services.store.read() as connection:
+        record = episodes.get(connection, episode_id)
+        settings = TaskSettings.model_validate(tasks.get(connection, record.task).settings)
+    camera = next((item for item in record.cameras if item.has_rgbd), None)
+    if camera is None:
+        raise NotFoundError("picture with color and depth of episode", episode_id)
+    return point_cloud(read_frame(services.store.blobs, camera), settings.workspace)
 
 
 def _hand_m_s(trajectory: Trajectory, times_s: Array) -> Array:

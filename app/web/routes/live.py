@@ -5,18 +5,25 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
+import numpy as np
 from fastapi import APIRouter, Request
-from fastapi.responses import HTMLResponse
+from fastapi.responses import HTMLResponse, JSONResponse
 from sqlalchemy import Connection
 from starlette.responses import Response
 
 from app.api.routes import Wired
 from app.services.container import Services
-from app.store import jobs, prediction_lists
+from app.services.task_settings import TaskSettings
+from app.store import jobs, prediction_lists, runs, tasks
 from app.store.processes import UnderWay
 from app.store.records import JobRecord
+from app.store.runs import RunRecord
+from app.store.values import JsonObject
 from app.store.visibility import present
 from app.web.page import HEADERS, PageRoute, render, render_part
+from app.web.play import JOINTS
+from app.web.scene import scene
+from roboprompt_client.arms.panda import skeleton
 
 NUM_JOBS = 10  # the newest
 router = APIRouter(route_class=PageRoute)
@@ -82,6 +89,36 @@ def live_part(request: Request, services: Wired) -> Response:
     root = request.scope.get("root_path", "")
     running, listed = _now(services)
     return HTMLResponse(render_part("live_now.html", running=running, jobs=listed, root=root), headers=HEADERS)
+
+
+@documents.get("/ui/live/runs")
+def live_runs(services: Wired) -> Response:
+    """The robots under way, each with where its arm is, as the 3D view draws it."""
+    with services.store.read() as connection:
+        listed = [_run(connection, record) for record in runs.living(connection)]
+    return JSONResponse({"runs": listed}, headers=HEADERS)
+
+
+def _run(connection: Connection, record: RunRecord) -> JsonObject:
+    settings = TaskSettings.model_validate(tasks.get(connection, record.task).settings)
+    state, joints = record.state, record.state.get("joint_positions", ())
+    arm = None
+    if settings.arm is not None and len(joints) == JOINTS:
+        arm = (skeleton(np.array(joints)) + settings.robot_base).round(3).tolist()
+    return {
+        "id": record.id,
+        "task": record.task,
+        "instruction": state["instruction"],
+        "prediction_id": state.get("prediction_id"),
+        "action": state.get("action"),
+        "hand": state.get("end_effector") or state.get("target"),
+        "is_measured": "end_effector" in state,
+        "open": state.get("gripper_open", True),
+        "arm": arm,
+        "stop": record.stop,
+        "silent_s": round((datetime.now(UTC) - record.heard_at).total_seconds(), 1),
+        "scene": scene(settings.workspace, (), ()),
+    }
 
 
 def _now(services: Services) -> tuple[list[Running], list[JobProgress]]:

@@ -1,4 +1,4 @@
-"""What was predicted and how it went: the list, one prediction, two side by side."""
+"""What was predicted and how it went: the list, one prediction, two side by side, configurations."""
 
 import re
 from typing import Annotated, Literal
@@ -9,7 +9,8 @@ from starlette.responses import Response
 
 from app.api.routes import Wired
 from app.llm.baselines import YARDSTICKS
-from app.store import prediction_lists, tasks
+from app.services.predict.standing import task_stats
+from app.store import cases, prediction_lists, tasks
 from app.store.prediction_lists import FATES, Fate, ListCursor, Order, PredictionFilter
 from app.web.over_time import over_time
 from app.web.page import HEADERS, PageRoute, render, render_part
@@ -57,10 +58,6 @@ def predictions_page(
     with services.store.read() as connection:
         page = prediction_lists.list_page(connection, chosen, order, PAGE_SIZE, _cursor(cursor))
         names = list(tasks.counts(connection))
-        configurations = prediction_lists.configurations(connection, task or None)
-        successes = prediction_lists.outcomes(connection, PredictionFilter(task=task or None))
-        wanted = [n for item in configurations for n in (item.newest, item.newest_failure) if n is not None]
-        ids = prediction_lists.ids_of(connection, wanted)
     query = {k: v for k, v in request.query_params.items() if v and k != "cursor"}
     return render(
         request,
@@ -74,9 +71,6 @@ def predictions_page(
         models=[name for name in models if name not in YARDSTICKS],
         measures=[name for name in models if name in YARDSTICKS],
         yardsticks=yardsticks,
-        configurations=configurations,
-        over_time={key: over_time(values) for key, values in successes.items()},
-        ids=ids,
         fates=FATES,
     )
 
@@ -89,6 +83,29 @@ def _cursor(text: str) -> ListCursor | None:
     return ListCursor(int(match[1]), int(match[2]))
 
 
+@router.get("/ui/predictions/configurations")
+def configurations_page(
+    request: Request,
+    services: Wired,
+    task: Text = "",
+    ids: Annotated[list[str] | None, Query(alias="compare")] = None,
+) -> Response:
+    """How each configuration fares, and those that were chosen against each other."""
+    with services.store.read() as connection:
+        stats = task_stats(connection, task or None)
+        names = list(tasks.counts(connection))
+    return render(
+        request,
+        "configurations.html",
+        task=task,
+        names=names,
+        stats=stats,
+        chosen=ids or (),
+        comparisons=stats.comparisons(ids or ()),
+        over_time={item.configuration: over_time(item.outcomes) for item in stats.standings},
+    )
+
+
 @router.get("/ui/predictions/compare")
 def compare_page(
     request: Request, services: Wired, ids: Annotated[list[str] | None, Query(alias="id")] = None
@@ -98,8 +115,8 @@ def compare_page(
         raise InvalidInputError("id", f"{len(ids or ())} predictions were chosen", "two")
     with services.store.read() as connection:
         one, other = (view_prediction(connection, id_) for id_ in ids)
-        counts = [prediction_lists.configurations(connection, view.record.task) for view in (one, other)]
-    return render(request, "compare.html", compared=compare(one, other, counts[0], counts[1]))
+        compared = compare(connection, one, other)
+    return render(request, "compare.html", compared=compared)
 
 
 @router.get("/ui/predictions/{prediction_id}")
@@ -109,7 +126,9 @@ def prediction_page(request: Request, services: Wired, prediction_id: str) -> Re
         view = view_prediction(connection, prediction_id)
         of_task = PredictionFilter(task=view.record.task)
         others = prediction_lists.list_page(connection, of_task, "newest", NUM_OTHERS).items
-    return render(request, "prediction.html", view=view, others=[item for item in others if item.id != prediction_id])
+        is_case = cases.is_case(connection, prediction_id)
+    others = tuple(item for item in others if item.id != prediction_id)
+    return render(request, "prediction.html", view=view, others=others, is_case=is_case)
 
 
 @documents.get("/ui/predictions/{prediction_id}/result")

@@ -4,7 +4,6 @@ import { call, root, send } from "./api.js";
 import { confirmed, data, debounced, element, say, sayProblem } from "./dom.js";
 import { drawMotion } from "./motion_plot.js";
 import { mountPlayer } from "./player.js";
-import { inBothModes, whenNear } from "./plot.js";
 import { drawScene } from "./scene3d.js";
 
 const PAUSE_MS = 60;
@@ -49,9 +48,7 @@ function followNumber() {
 
 async function drawSpeed() {
   try {
-    const drawn = await motion;
-    byId("speed").querySelector("p")?.remove();
-    await drawMotion(byId("speed"), drawn, preview, chosenRule());
+    drawMotion(byId("speed"), await motion, preview, chosenRule());
   } catch (error) {
     sayProblem(byId("speed"), error);
   }
@@ -162,5 +159,5 @@ for (const image of document.querySelectorAll(".cameras img")) {
 }
 followNumber();
 arrange();
-whenNear(byId("speed"), () => inBothModes(drawSpeed));
+drawSpeed();
 drawSpace();

@@ -1,9 +1,11 @@
-// Joint speed over time, with the threshold, the gripper's state and the keyframes.
+// Joint speed over time, with the threshold, the gripper's state and the keyframes, as SVG in the page's colors.
 
-import { CONFIG, color, layout, plotly } from "./plot.js";
+import { svg } from "./dom.js";
 
+const [LEFT, RIGHT, TOP, BOTTOM, HEIGHT, BAND] = [56, 16, 24, 44, 340, 22];
 const HEADROOM = 1.12;
-const looksAtRest = ({ rule }) => !["uniform", "waypoints"].includes(rule);
+const TICKS = [60, 40]; // pixels between lines, about: along and up
+const shown = new WeakMap(); // what is drawn in a place, for when it changes its width
 
 /**
  * Draw into `place`.
@@ -11,88 +13,52 @@ const looksAtRest = ({ rule }) => !["uniform", "waypoints"].includes(rule);
  * @param preview what /ui/episodes/ID/keyframes answers
  * @param rule {rule, delta_rad_s}: `authors` looks at the fastest joint, the others at the norm of all
  */
-export async function drawMotion(place, motion, preview, rule) {
-  const Plotly = await plotly();
-  const { name, unit, speeds } = speedOf(motion, rule);
-  const top = Math.max(...speeds, 1e-6) * HEADROOM;
-  const threshold = looksAtRest(rule) && motion.has_joints ? [thresholdLine(rule.delta_rad_s)] : [];
-  const shapes = [...threshold, ...gripperBand(motion.gripper), ...keyframeLines(preview)];
-  const curve = {
-    type: motion.times_s.length > 5000 ? "scattergl" : "scatter",
-    x: motion.times_s,
-    y: speeds,
-    mode: "lines",
-    line: { color: color("curve"), width: 1.8 },
-    hovertemplate: `%{x:.2f} s: %{y:.3f} ${unit}<extra></extra>`,
-  };
-  await Plotly.react(place, [curve], figure(motion, name, top, shapes, annotations(motion, preview, rule, top)), CONFIG);
+export function drawMotion(place, motion, preview, rule) {
+  if (!shown.has(place)) new ResizeObserver(() => paint(place, ...shown.get(place))).observe(place);
+  shown.set(place, [motion, preview, rule]);
+  paint(place, motion, preview, rule);
+}
+
+function paint(place, motion, { keyframes, dropped_s }, rule) {
+  const { name, speeds } = speedOf(motion, rule);
+  const [end_s, top, width] = [motion.times_s.at(-1) || 1, Math.max(...speeds, 1e-6) * HEADROOM, place.clientWidth];
+  const [floor, bottom] = [HEIGHT - BOTTOM - BAND, HEIGHT - BOTTOM];
+  const x = (time_s) => LEFT + ((width - LEFT - RIGHT) * time_s) / end_s;
+  const y = (speed) => floor - 8 - ((floor - 8 - TOP) * speed) / top;
+  const line = (from, to, name, more = {}) => svg("line", { x1: from[0], y1: from[1], x2: to[0], y2: to[1], class: name, ...more });
+  const word = (words, at, name) => svg("text", { x: at[0], y: at[1], class: name }, words);
+  const points = motion.times_s.map((time_s, k) => `${x(time_s).toFixed(1)},${y(speeds[k]).toFixed(1)}`);
+  const rests = motion.has_joints && !["uniform", "waypoints"].includes(rule.rule) && rule.delta_rad_s <= top;
+  const drawn = [
+    ...ticks(top, (floor - TOP) / TICKS[1]).flatMap((value) => [line([LEFT, y(value)], [width - RIGHT, y(value)], "grid"), word(String(value), [LEFT - 6, y(value) + 4], "end")]),
+    ...ticks(end_s, (width - LEFT) / TICKS[0]).flatMap((value) => [line([x(value), TOP], [x(value), bottom], "grid"), word(String(value), [x(value), bottom + 16])]),
+    ...motion.gripper.map(([start, end, isOpen]) =>
+      svg("rect", { class: isOpen ? "open" : "closed", x: x(start), y: floor, width: Math.max(0, x(end) - x(start)), height: BAND }),
+    ),
+    ...motion.gripper.filter(([start, end]) => x(end) - x(start) > 60).map(([start, end, isOpen]) => word(isOpen ? "open" : "closed", [x((start + end) / 2), floor + 16])),
+    ...dropped_s.map((time_s) => line([x(time_s), TOP], [x(time_s), bottom], "dropped")),
+    ...keyframes.map((item) => line([x(item.time_s), TOP], [x(item.time_s), bottom], item.new ? "keyframe new" : "keyframe")),
+    ...keyframes.map((item) => word(String(item.number), [x(item.time_s), TOP - 6], item.new ? "new" : "")),
+    svg("polyline", { class: "curve", points: points.join(" ") }),
+    ...(rests ? [line([LEFT, y(rule.delta_rad_s)], [width - RIGHT, y(rule.delta_rad_s)], "threshold", { "data-rad-s": rule.delta_rad_s })] : []),
+    ...(rests ? [word(`at rest below ${rule.delta_rad_s}`, [width - RIGHT, y(rule.delta_rad_s) - 5], "end threshold")] : []),
+    word(name, [LEFT, 12], "start"),
+    word("time, s", [width / 2, HEIGHT - 8]),
+  ];
+  place.replaceChildren(svg("svg", { viewBox: `0 0 ${width} ${HEIGHT}`, height: HEIGHT, "aria-hidden": "true" }, ...drawn));
 }
 
 /** What the rule looks at; the hand's speed where no joints were recorded. */
 function speedOf(motion, rule) {
-  if (!motion.has_joints) return { name: "speed of the hand, m/s", unit: "m/s", speeds: motion.hand_m_s };
-  if (rule.rule === "authors") return { name: "fastest joint, rad/s", unit: "rad/s", speeds: motion.fastest_joint_rad_s };
-  return { name: "joint speed ‖q̇‖, rad/s", unit: "rad/s", speeds: motion.speed_rad_s };
+  if (!motion.has_joints) return { name: "speed of the hand, m/s", speeds: motion.hand_m_s };
+  if (rule.rule === "authors") return { name: "fastest joint, rad/s", speeds: motion.fastest_joint_rad_s };
+  return { name: "joint speed ‖q̇‖, rad/s", speeds: motion.speed_rad_s };
 }
 
-function figure(motion, name, top, shapes, words) {
-  const grid = { gridcolor: color("line"), zerolinecolor: color("line"), color: color("muted") };
-  return layout({
-    uirevision: "kept",
-    showlegend: false,
-    height: 340,
-    shapes,
-    annotations: words,
-    xaxis: { ...grid, title: { text: "time, s" }, range: [0, motion.times_s.at(-1)], anchor: "y2" },
-    yaxis: { ...grid, title: { text: name }, range: [0, top], domain: [0.16, 1], fixedrange: true },
-    yaxis2: { domain: [0, 0.1], range: [0, 1], visible: false, fixedrange: true },
-  });
-}
-
-const along = (y) => ({ type: "line", xref: "paper", x0: 0, x1: 1, yref: "y", y0: y, y1: y });
-
-const thresholdLine = (delta) => ({ ...along(delta), line: { color: color("threshold"), width: 1.5, dash: "dash" } });
-
-function gripperBand(stretches) {
-  return stretches.map(([start, end, isOpen]) => ({
-    type: "rect",
-    xref: "x",
-    x0: start,
-    x1: end,
-    yref: "y2",
-    y0: 0,
-    y1: 1,
-    line: { width: 0 },
-    fillcolor: color(isOpen ? "open" : "closed"),
-    opacity: 0.45,
-  }));
-}
-
-function keyframeLines({ keyframes, dropped_s }) {
-  const upright = (x, line) => ({ type: "line", xref: "x", x0: x, x1: x, yref: "paper", y0: 0, y1: 1, line });
-  return [
-    ...dropped_s.map((x) => upright(x, { color: color("bad"), width: 1, dash: "dot" })),
-    ...keyframes.map((item) => upright(item.time_s, { color: color(item.new ? "good" : "text"), width: item.new ? 2 : 1.2 })),
-  ];
-}
-
-function annotations(motion, { keyframes }, rule, top) {
-  const small = { showarrow: false, font: { size: 12, color: color("text") } };
-  const numbers = keyframes.map((item) => ({
-    ...small,
-    text: String(item.number),
-    xref: "x",
-    x: item.time_s,
-    yref: "paper",
-    y: 1.02,
-    yanchor: "bottom",
-    font: { size: 12, color: color(item.new ? "good" : "text") },
-  }));
-  const total = motion.times_s.at(-1) || 1;
-  const words = motion.gripper
-    .filter(([start, end]) => (end - start) / total > 0.07)
-    .map(([start, end, isOpen]) => ({ ...small, text: isOpen ? "open" : "closed", x: (start + end) / 2, yref: "y2", y: 0.5 }));
-  if (!motion.has_joints || !looksAtRest(rule) || rule.delta_rad_s > top) return [...numbers, ...words];
-  const rest = { ...small, text: `at rest below ${rule.delta_rad_s}`, xref: "paper", x: 1, xanchor: "right", y: rule.delta_rad_s, yanchor: "bottom" };
-  return [...numbers, ...words, { ...rest, bgcolor: color("card"), font: { size: 12, color: color("threshold") } }];
+/** Round numbers from 0 to `end`, about so many. */
+function ticks(end, number) {
+  const least = end / Math.max(1, number);
+  const power = 10 ** Math.floor(Math.log10(least));
+  const step = [1, 2, 5, 10].map((times) => times * power).find((value) => value >= least);
+  return Array.from({ length: Math.floor(end / step) + 1 }, (_, k) => Number((k * step).toPrecision(6)));
 }

@@ -13,6 +13,7 @@ const byId = (id) => document.getElementById(id);
 const form = byId("ask");
 let running = null; // the AbortController of what runs
 let scene = null;
+let [before, last] = [null, form.dataset.again || null]; // ids of predictions
 
 function draw() {
   byId("space").hidden = false;
@@ -80,12 +81,15 @@ async function showPrompt(body, signal) {
   mountPlayer(byId("space-view"), null);
 }
 
+/** The links and the result; the prediction that was asked for before, on this page or on the way to it, to compare. */
 async function showResult(id) {
+  if (id !== last) [before, last] = [last, id];
   const { html, scene: found } = await call(`/ui/predictions/${id}/result`);
   const links = element(
     "p",
     { className: "row" },
     element("a", { className: "button plain", href: `${root}/ui/predictions/${id}` }, "Open this prediction"),
+    ...(before ? [element("a", { className: "button plain", href: `${root}/ui/predictions/compare?id=${before}&id=${id}` }, "Beside the one before")] : []),
   );
   byId("coming").hidden = true;
   byId("result").innerHTML = html;

@@ -3,6 +3,7 @@
 
 import { element, svg } from "./dom.js";
 import { arm, gripper } from "./hand3d.js";
+import { loadPoints, paintPoints } from "./points3d.js";
 import { View, steer } from "./view3d.js";
 
 const FRAME_M = 0.05;
@@ -25,7 +26,7 @@ const metres = (point) => `${point.map((value) => value.toFixed(3)).join(", ")} 
 
 /** Draw `scene` into `place`, over what was there; the view that a person turned it to stays. */
 export function drawScene(place, scene) {
-  if (!states.has(place)) prepare(place, scene.boxes ? WHOLE : scene.play?.arm ? ARM : CLOSE);
+  if (!states.has(place)) prepare(place, scene.boxes ? WHOLE : scene.play?.arm ? ARM : CLOSE, scene.points);
   const state = states.get(place);
   state.scene = scene;
   state.armButton.hidden = !scene.play?.arm;
@@ -43,19 +44,19 @@ function paintMoment({ moving, projection, moment }) {
   moving.replaceChildren(...(moment?.arm ? [arm(moment.arm, projection)] : []), ...(moment ? [gripper(moment, projection, "hand")] : []));
 }
 
-function prepare(place, first) {
-  const state = { view: new View(), shows: first, scene: null, moment: null };
+function prepare(place, first, points) {
+  const state = { view: new View(), shows: first, scene: null, moment: null, cloud: null };
   state.redraw = () => paint(place, state);
   states.set(place, state);
   place.replaceChildren();
   place.tabIndex = 0;
   steer(place, state.view, state.redraw);
   new ResizeObserver(state.redraw).observe(place);
-  addButtons(place, state);
+  addButtons(place, state, points);
 }
 
-/** Buttons above the view that say what it shows. */
-function addButtons(place, state) {
+/** Buttons above the view that say what it shows; `points` is the address of a point cloud, if there is one. */
+function addButtons(place, state, points) {
   const button = (text, press, more = {}) => {
     const made = element("button", { type: "button", className: "plain small", ...more }, text);
     made.addEventListener("click", () => {
@@ -76,7 +77,25 @@ function addButtons(place, state) {
     button("+", () => state.view.scale(1.3), { ariaLabel: "Zoom in" }),
     button("−", () => state.view.scale(1 / 1.3), { ariaLabel: "Zoom out" }),
   ];
-  place.before(element("div", { className: "row views", role: "group", ariaLabel: "What the 3D view shows" }, ...views, ...zooms));
+  const cloud = points ? [cloudButton(state, points)] : [];
+  place.before(element("div", { className: "row views", role: "group", ariaLabel: "What the 3D view shows" }, ...views, ...cloud, ...zooms));
+}
+
+/** A button that shows and hides the point cloud, which is fetched when it is wanted first. */
+function cloudButton(state, address) {
+  const made = element("button", { type: "button", className: "plain small", ariaPressed: "false" }, "Point cloud");
+  let loading = null;
+  made.addEventListener("click", async () => {
+    const on = made.ariaPressed !== "true";
+    made.ariaPressed = String(on);
+    try {
+      state.cloud = on ? await (loading ??= loadPoints(address)) : null;
+    } catch (error) {
+      [loading, made.disabled, made.textContent] = [null, true, `Point cloud: ${error.message}`];
+    }
+    state.redraw();
+  });
+  return made;
 }
 
 const titled = (node, text) => (node.append(svg("title", {}, text)), node);
@@ -91,7 +110,10 @@ function paint(place, state) {
   const write = writer(width, height);
   state.projection = projection;
   state.moving = svg("g", { class: "moving" });
+  const cloud = state.cloud ? [element("canvas", { width, height, ariaHidden: "true" })] : [];
+  if (state.cloud) paintPoints(cloud[0], state.cloud, projection);
   place.replaceChildren(
+    ...cloud,
     svg(
       "svg",
       { viewBox: `0 0 ${width} ${height}`, "aria-hidden": "true" },

@@ -16,8 +16,8 @@ export function drawTimeline(motion, marks_s, seek) {
     "svg",
     { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, preserveAspectRatio: "none", "aria-hidden": "true" },
     ...gripperBand(motion, x),
-    curve(motion.times_s, heights, x, 0),
-    curve(motion.times_s, motion.speeds_m_s, x, LANE + GAP),
+    curve(motion.times_s, heights, x, 0, "height"),
+    curve(motion.times_s, motion.speeds_m_s, x, LANE + GAP, "speed"),
     ...upright,
     now,
   );
@@ -31,17 +31,21 @@ export function drawTimeline(motion, marks_s, seek) {
   });
   drawing.addEventListener("pointermove", (event) => event.buttons && to(event));
   const range = (values, digits) => `${Math.min(...values).toFixed(digits)} to ${Math.max(...values).toFixed(digits)}`;
-  const names = [`height ${range(heights, 2)} m`, `speed of the hand, at most ${Math.max(...motion.speeds_m_s).toFixed(2)} m/s`];
-  const labels = [...names, "gripper: green open, gray closed"].map((words) => element("span", {}, words));
+  const names = {
+    height: `height ${range(heights, 2)} m`,
+    speed: `speed of the hand, at most ${Math.max(...motion.speeds_m_s).toFixed(2)} m/s`,
+    band: "gripper: green open, gray closed",
+  };
+  const labels = Object.entries(names).map(([className, words]) => element("span", { className }, words));
   const place = element("div", { className: "timeline" }, drawing, element("p", { className: "note row" }, ...labels));
   return { place, at: (time_s) => ["x1", "x2"].forEach((end) => now.setAttribute(end, x(time_s))) };
 }
 
-function curve(times_s, values, x, top) {
+function curve(times_s, values, x, top, name) {
   const [low, high] = [Math.min(...values), Math.max(...values)];
   const y = (value) => top + LANE - (LANE * (value - low)) / Math.max(high - low, 1e-6);
   const points = times_s.map((time_s, k) => `${x(time_s).toFixed(1)},${y(values[k]).toFixed(1)}`);
-  return svg("polyline", { points: points.join(" ") });
+  return svg("polyline", { class: name, points: points.join(" ") });
 }
 
 function gripperBand({ times_s, open }, x) {

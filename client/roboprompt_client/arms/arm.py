@@ -5,18 +5,22 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 
+from roboprompt_client import quaternions as rotations
+from roboprompt_client.arms.arrival import TOLERANCE, Tolerance
 from roboprompt_client.arms.calibration import Calibration
-from roboprompt_client.arms.driver import ArmState, Driver, Guidable, pose_matrix
+from roboprompt_client.arms.driver import ArmState, Driver, Guidable, Steerable, pose_matrix
 from roboprompt_client.arms.geometry import Geometry, KnowsItsJoints
 from roboprompt_client.arms.preview import Previewed, preview_plan
+from roboprompt_client.arms.steering import Steer, problem_ahead
 from roboprompt_client.arrays import Array
 from roboprompt_client.cameras.rig import Rig
 from roboprompt_client.cameras.viewpoints import ConfirmViewpoint, look_around
 from roboprompt_client.errors import InvalidInputError, MotionError, UnsafeActionError
+from roboprompt_client.live import OnLost
 from roboprompt_client.motion_guard import MotionGuard
 from roboprompt_client.motion_limits import MotionLimits, Pose
 from roboprompt_client.robot import Observation
@@ -24,19 +28,6 @@ from roboprompt_client.trajectory import EndEffectorAction
 
 log = logging.getLogger(__name__)
 MAX_START_S = 0.2
-
-
-@dataclass(frozen=True)
-class Tolerance:
-    """How near the end effector must come, and how long a motion may take."""
-
-    position_m: float = 0.005
-    rotation_deg: float = 2.0
-    width_m: float = 0.004
-    motion_s: float = 120.0
-
-
-TOLERANCE = Tolerance()
 
 
 class Arm:
@@ -52,6 +43,10 @@ class Arm:
         reach_m: how far from its base the hand gets, for the preview of an arm whose joints are not known.
         cameras: whose pictures `observe` takes; None: none.
         viewpoints: to which the hand goes for the pictures of cameras that it carries.
+        on_lost: what a watched run does without the service (`Live`).
+
+    Raises:
+        InvalidInputError: for a bound of forces where the driver reports none.
 
     Attributes:
         to_find: the names of objects that the service is to find in the pictures, as `Observation` has them.
@@ -71,20 +66,23 @@ class Arm:
         reach_m: float | None = None,
         cameras: Rig | None = None,
         viewpoints: Sequence[Pose] = (),
+        on_lost: OnLost = "continue",
     ) -> None:
         self.driver = driver
         self.cameras, self.viewpoints = cameras, tuple(viewpoints)
+        self.on_lost = on_lost
         self.to_find: tuple[str, ...] = ()
         self.confirm_viewpoint: ConfirmViewpoint | None = None
         self._calibration = calibration or Calibration.none()
-        self._observe_scene = observe_scene
         self._limits = limits or MotionLimits(hand_radius_m=0.0)
-        self._tolerance = tolerance
-        self._stopped = threading.Event()
-        self._moving = threading.Lock()
+        self._observe_scene, self._tolerance = observe_scene, tolerance
+        self._stopped, self._moving = threading.Event(), threading.Lock()
         self._starting = threading.Lock()  # a stop comes before a motion begins or after it, never in between
         self._open_width_m = open_width_m
         self._known_geometry, self._reach_m = geometry, reach_m
+        if tolerance.max_contact_force_n is not None and driver.state().wrench_n_nm is None:
+            remedy = "an arm that reports them, such as a Franka or UR"
+            raise InvalidInputError("max_contact_force_n", f"is set, but {driver.name} reports no forces", remedy)
         if not driver.proven:
             log.warning("%s: untested on hardware: keep a hand on the emergency stop", driver.name)
 
@@ -108,16 +106,7 @@ class Arm:
 
     def state(self) -> ArmState:
         """The arm as it is now, in the world frame; safe to call from another thread."""
-        state = self.driver.state()
-        position_m, quaternion = self._calibration.to_world(state.position_m, state.quaternion_xyzw)
-        return ArmState(
-            position_m,
-            quaternion,
-            state.joint_positions_rad,
-            state.joint_velocities_rad_s,
-            state.gripper_width_m,
-            state.gripper_open,
-        )
+        return self._calibration.state_to_world(self.driver.state())
 
     def observe(self) -> Observation:
         """The scene as it is now; the hand goes to the viewpoints first. Raises as `look_around`."""
@@ -127,7 +116,7 @@ class Arm:
         seen = Observation() if self._observe_scene is None else self._observe_scene()
         known = {item.name for item in seen.objects}
         to_find = dict.fromkeys((*seen.to_find, *(name for name in self.to_find if name not in known)))
-        return Observation(seen.objects, (*seen.frames, *frames), to_find, _pose(self.state()))
+        return Observation(seen.objects, (*seen.frames, *frames), to_find, self.state().pose())
 
     def preview(self, actions: Sequence[EndEffectorAction], limits: MotionLimits) -> tuple[Previewed, ...]:
         """What a plan asks of the arm from where it is; nothing moves.
@@ -150,6 +139,9 @@ class Arm:
             joints_rad=state.joint_positions_rad,
             start_m=state.position_m.tolist(),
         )
+
+    def _check_reach(self, action: EndEffectorAction) -> None:
+        self.driver.check(*self._calibration.to_base(action.position_m, action.quaternion_xyzw))
 
     def _geometry(self) -> Geometry | None:
         if self._known_geometry is None and isinstance(self.driver, KnowsItsJoints):
@@ -176,8 +168,8 @@ class Arm:
         """Why the hand cannot go to a pose; empty: nothing is known."""
         there = _at(pose)
         try:
-            MotionGuard(self._limits, before=_pose(self.state())).check(there)
-            self.driver.check(*self._calibration.to_base(there.position_m, there.quaternion_xyzw))
+            MotionGuard(self._limits, before=self.state().pose()).check(there)
+            self._check_reach(there)
         except (UnsafeActionError, MotionError) as error:
             return str(error)
         return self.preview([there], MotionLimits(hand_radius_m=0.0))[0].warning
@@ -197,6 +189,35 @@ class Arm:
             with self.driver.guided():
                 yield
             self._refuse_if_stopped()
+
+    @contextmanager
+    def steered(self) -> Iterator[Steer]:
+        """While it lasts a person steers the hand; it rests afterwards.
+
+        Yields a function of a velocity (3,) m/s and a turning (3,) rad/s along and about the world's axes: the hand
+        moves so for 0.15 s at most. It returns why the hand rests instead, such as a bound of the cell ahead.
+
+        Raises:
+            InvalidInputError: if the driver cannot follow velocities.
+            MotionError: if the arm moves, was stopped, or refuses; the arm is stopped.
+        """
+        if not isinstance(driver := self.driver, Steerable):
+            raise InvalidInputError("teleop", f"{driver.name} cannot be steered by its driver", "another arm")
+
+        def steer(velocity_m_s: Array, turning_rad_s: Array) -> str:
+            now, back = self.state(), rotations.inverse(self._calibration.quaternion_xyzw)
+            problem = self._tolerance.contact(now, velocity_m_s)
+            problem = problem or problem_ahead(now, velocity_m_s, turning_rad_s, self._limits, self._check_reach)
+            wanted = (np.zeros(3), np.zeros(3)) if problem else (velocity_m_s, turning_rad_s)
+            with self._starting:
+                self._refuse_if_stopped()
+                driver.steer(*(rotations.rotated(back, vector) for vector in wanted))
+            return problem
+
+        with self._alone():
+            yield steer
+            steer(np.zeros(3), np.zeros(3))
+            self._wait(replace(self._tolerance, max_contact_force_n=None))  # what it rests against is no error
 
     def set_gripper(self, *, is_open: bool) -> None:
         """Open or close the gripper where the arm is, also while it is guided.
@@ -247,15 +268,15 @@ class Arm:
         """Go to the action's pose; returns the arm as it was before."""
         self._refuse_if_stopped()
         before = self.state()
-        MotionGuard(self._limits, before=_pose(before)).check(action)
+        MotionGuard(self._limits, before=before.pose()).check(action)
         wanted = self._calibration.to_base(action.position_m, action.quaternion_xyzw)
         self.driver.check(*wanted)
         with self._starting:
             self._refuse_if_stopped()
             self.driver.start(*wanted)
         self._refuse_if_stopped()
-        self._wait()
-        self._check_arrival(action)
+        self._wait(self._tolerance)
+        self._tolerance.check_pose(self.state(), action)
         self._refuse_if_stopped()
         return before
 
@@ -263,36 +284,21 @@ class Arm:
         if self._stopped.is_set():
             raise MotionError("the arm was stopped: call recover() once a person has looked")
 
-    def _wait(self) -> None:
-        end_s = time.monotonic() + self._tolerance.motion_s
+    def _wait(self, tolerance: Tolerance) -> None:
+        end_s = time.monotonic() + tolerance.motion_s
         while not self.driver.finished():
             self._refuse_if_stopped()
+            tolerance.check_contact(self.state)
             if time.monotonic() > end_s:
-                raise MotionError(f"the motion did not end within {self._tolerance.motion_s:g} s")
+                raise MotionError(f"the motion did not end within {tolerance.motion_s:g} s")
         self._refuse_if_stopped()
-
-    def _check_arrival(self, action: EndEffectorAction) -> None:
-        off_m, off_deg = self.state().distance_to(action.position_m, action.quaternion_xyzw)
-        if not (off_m <= self._tolerance.position_m and off_deg <= self._tolerance.rotation_deg):
-            raise MotionError(f"the motion ended {1000 * off_m:.1f} mm and {off_deg:.1f} degrees off its target")
 
     def _check_gripper(self, before_m: float | None, *, is_open: bool) -> None:
         width_m = self.driver.state().gripper_width_m
-        if width_m is None or before_m is None:
-            return
-        self._open_width_m = max(width_m, before_m, self._open_width_m or 0.0)
-        open_m, near_m = self._open_width_m, self._tolerance.width_m
-        if is_open and width_m < open_m - near_m:
-            raise MotionError(f"the gripper was to open, but measures {1000 * width_m:.1f} of {1000 * open_m:.1f} mm")
-        if not is_open and width_m > open_m - near_m:
-            raise MotionError(f"the gripper was to close, but still measures {1000 * width_m:.1f} mm")
+        if width_m is not None and before_m is not None:
+            self._open_width_m = max(width_m, before_m, self._open_width_m or 0.0)
+            self._tolerance.check_gripper(width_m, self._open_width_m, is_open=is_open)
 
 
 def _at(pose: Pose) -> EndEffectorAction:
     return EndEffectorAction(np.array(pose.position_m), np.array(pose.quaternion_xyzw), gripper_open=True)
-
-
-def _pose(state: ArmState) -> Pose:
-    if not np.isfinite(state.position_m).all():
-        raise InvalidInputError("end_effector", f"is {state.position_m.tolist()}", "finite numbers")
-    return Pose(tuple(state.position_m.tolist()), tuple(state.quaternion_xyzw.tolist()))

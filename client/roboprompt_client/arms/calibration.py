@@ -1,11 +1,12 @@
 """Where an arm's base stands in the world."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from roboprompt_client import quaternions as rotations
+from roboprompt_client.arms.driver import ArmState
 from roboprompt_client.arrays import Array, finite_array, settle, unit_quaternions
 from roboprompt_client.errors import InvalidInputError
 
@@ -43,6 +44,14 @@ class Calibration:
         """A pose in the base frame, in the world frame."""
         turned = rotations.product(self.quaternion_xyzw, quaternion_xyzw)
         return self.position_m + rotations.rotated(self.quaternion_xyzw, position_m), rotations.canonical(turned)
+
+    def state_to_world(self, state: ArmState) -> ArmState:
+        """An arm's state in the base frame, in the world frame."""
+        position_m, quaternion = self.to_world(state.position_m, state.quaternion_xyzw)
+        wrench = state.wrench_n_nm
+        if wrench is not None:
+            wrench = np.concatenate([rotations.rotated(self.quaternion_xyzw, part) for part in np.split(wrench, 2)])
+        return replace(state, position_m=position_m, quaternion_xyzw=quaternion, wrench_n_nm=wrench)
 
     def to_base(self, position_m: Array, quaternion_xyzw: Array) -> tuple[Array, Array]:
         """A pose in the world frame, in the base frame."""

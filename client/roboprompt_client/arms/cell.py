@@ -3,13 +3,13 @@
     {"arm": "franka", "options": {"address": "172.16.0.2"},
      "base_to_world": {"position": [0, 0, 0.6], "quaternion_xyzw": [0, 0, 0, 1]},
      "limits": {"workspace": {"min": [0.2, -0.4, 0.6], "max": [0.7, 0.4, 1.2]}},
-     "objects": "objects.json", "tolerance": {"position_m": 0.005}, "open_width_m": 0.08,
+     "objects": "objects.json", "tolerance": {"position_m": 0.005, "max_contact_force_n": 30}, "open_width_m": 0.08,
      "reach_m": 0.85, "urdf": {"file": "arm.urdf", "frame": "tool0"},
      "cameras": [{"name": "front", "driver": "realsense", "camera_to_world": [[...], ...]}],
-     "viewpoints": [{"position": [0.4, 0, 1.1], "quaternion_xyzw": [1, 0, 0, 0]}]}
+     "lost_contact": "stop", "viewpoints": [{"position": [0.4, 0, 1.1], "quaternion_xyzw": [1, 0, 0, 0]}]}
 
-Only `arm` is needed. `arm` may also be MODULE:FACTORY, a callable that returns a Robot or a driver for `Arm`.
-Cameras: `roboprompt_client.cameras.cell`.
+Only `arm` is needed; it may also be MODULE:FACTORY, a callable that returns a Robot or a driver for `Arm`.
+Cameras: `roboprompt_client.cameras.cell`. Without the service a run goes on unless `lost_contact` is "stop".
 """
 
 import json
@@ -19,13 +19,15 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from roboprompt_client.arms.arm import Arm, Tolerance
+from roboprompt_client.arms.arm import Arm
+from roboprompt_client.arms.arrival import Tolerance
 from roboprompt_client.arms.calibration import Calibration
 from roboprompt_client.arms.urdf import UrdfGeometry
 from roboprompt_client.cameras.cell import rig_from_json, viewpoints_from_json
 from roboprompt_client.cameras.rig import Rig
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.extras import make_driver
+from roboprompt_client.live import checked_on_lost
 from roboprompt_client.motion_limits import MotionLimits, checked_bound
 from roboprompt_client.robot import Observation, Robot, observation_from_file
 
@@ -34,6 +36,7 @@ DRIVERS = {
     "ur": "roboprompt_client.arms.ur:UR",
     "xarm": "roboprompt_client.arms.xarm:XArm",
     "lerobot": "roboprompt_client.arms.lerobot:LeRobotArm",
+    "ros": "roboprompt_client.arms.ros:Ros",
 }
 CELL_FIELDS = (
     "arm",
@@ -48,6 +51,7 @@ CELL_FIELDS = (
     "cameras",
     "viewpoints",
     "table",
+    "lost_contact",
 )
 
 
@@ -113,6 +117,7 @@ def _robot(cell: Mapping[str, Any], folder: Path, rig: Rig | None) -> Robot:
         reach_m=checked_bound("reach_m", cell["reach_m"]) if "reach_m" in cell else None,
         cameras=rig,
         viewpoints=viewpoints,
+        on_lost=checked_on_lost(cell.get("lost_contact", "continue")),
     )
 
 

@@ -1,6 +1,7 @@
 """What an arm's interface must offer: meters, radians, x y z w, all in the arm's base frame."""
 
 import math
+from collections.abc import Iterator
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
@@ -8,7 +9,18 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from roboprompt_client.arrays import Array
-from roboprompt_client.quaternions import angle_between_rad, to_matrix
+from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.motion_limits import Pose
+from roboprompt_client.quaternions import (
+    angle_between_rad,
+    from_rotation_vector,
+    inverse,
+    product,
+    to_matrix,
+    to_rotation_vector,
+)
+
+STEERED_S = 0.15  # that a velocity holds: what commands the arm may hang, or be cut off
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,6 +33,7 @@ class ArmState:
         joint_velocities_rad_s: (J,), or None.
         gripper_width_m: measured between the fingers; None without fingers that are measured.
         gripper_open: where there is no width: what was commanded last; None without a gripper.
+        wrench_n_nm: (6,) force and torque that act on the hand from outside, along the frame's axes; None.
     """
 
     position_m: Array
@@ -29,11 +42,28 @@ class ArmState:
     joint_velocities_rad_s: Array | None = None
     gripper_width_m: float | None = None
     gripper_open: bool | None = None
+    wrench_n_nm: Array | None = None
+
+    @property
+    def force_n(self) -> float:
+        """How strong the force on the hand is; 0 where the arm does not say."""
+        return 0.0 if self.wrench_n_nm is None else float(np.linalg.norm(self.wrench_n_nm[:3]))
 
     def distance_to(self, position_m: Array, quaternion_xyzw: Array) -> tuple[float, float]:
         """How far the end effector is from a pose (3,), (4,) in the same frame: meters and degrees."""
         turn_rad = angle_between_rad(self.quaternion_xyzw, quaternion_xyzw)
         return float(np.linalg.norm(self.position_m - position_m)), math.degrees(turn_rad)
+
+    def pose(self) -> Pose:
+        """Of the end effector; raises InvalidInputError where it is not finite."""
+        if not np.isfinite(self.position_m).all():
+            raise InvalidInputError("end_effector", f"is {self.position_m.tolist()}", "finite numbers")
+        return Pose(tuple(self.position_m.tolist()), tuple(self.quaternion_xyzw.tolist()))
+
+    def moved(self, velocity_m_s: Array, turning_rad_s: Array, for_s: float) -> tuple[Array, Array]:
+        """The end effector's pose (3,), (4,) after it has moved with velocities (3,), (3,) of the same frame."""
+        turn = from_rotation_vector(for_s * turning_rad_s)
+        return self.position_m + for_s * velocity_m_s, product(turn, self.quaternion_xyzw)
 
 
 class Driver(Protocol):
@@ -109,9 +139,35 @@ class Guidable(Protocol):
         ...
 
 
+@runtime_checkable
+class Steerable(Protocol):
+    """A driver whose arm follows velocities that are said again and again."""
+
+    def steer(self, velocity_m_s: Array, turning_rad_s: Array) -> None:
+        """Move the hand with a velocity (3,) and a turning (3,) along and about the base's axes, and return.
+
+        It comes to rest by itself after `STEERED_S`, unless a further call takes this one's place; zeros: at once.
+
+        Raises:
+            MotionError: if the arm refuses, or stopped meanwhile.
+        """
+        ...
+
+
 def pose_matrix(position_m: Array, quaternion_xyzw: Array) -> Array:
     """(4, 4) of a position (3,) and a rotation (4,)."""
     matrix = np.eye(4)
     matrix[:3, :3] = to_matrix(quaternion_xyzw)
     matrix[:3, 3] = position_m
     return matrix
+
+
+def straight_way(
+    here: ArmState, position_m: Array, quaternion_xyzw: Array, step_m: float, step_rad: float
+) -> Iterator[tuple[Array, Array]]:
+    """The poses on the way to one (3,), (4,) in the same frame, each at most a step from the one before."""
+    way_m = position_m - here.position_m
+    turn = to_rotation_vector(product(quaternion_xyzw, inverse(here.quaternion_xyzw)))
+    steps = math.ceil(max(float(np.linalg.norm(way_m)) / step_m, float(np.linalg.norm(turn)) / step_rad, 1.0))
+    for part in np.arange(1, steps + 1) / steps:
+        yield here.moved(way_m, turn, part)

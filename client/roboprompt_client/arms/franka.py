@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from roboprompt_client.arms.driver import ArmState
+from roboprompt_client.arms.driver import STEERED_S, ArmState
 from roboprompt_client.arms.panda import LIMITS_RAD, PandaGeometry
 from roboprompt_client.arrays import Array
 from roboprompt_client.errors import InvalidInputError, MotionError
@@ -25,6 +25,7 @@ POLL_S = 0.05
 CONNECT_S = 10.0
 WIDTH_TOLERANCE_M = 0.001
 POSE_TOLERANCE = 1e-6  # meters and radians
+DYNAMICS_MARGIN = 0.95  # franky's planner fails on velocities at its limit
 
 
 class Franka:
@@ -60,7 +61,7 @@ class Franka:
         if not 0 < dynamics <= 1:
             raise InvalidInputError("dynamics", f"is {dynamics!r:.40}", "above 0 and at most 1")
         self._franky = franky = import_extra("franky", "franky-control", "franka")
-        self._model, self._grasp_n = model, grasp_n
+        self._model, self._grasp_n, self._dynamics = model, grasp_n, dynamics
         self._gripping = self._going = False
         kernel = franky.RealtimeConfig.Enforce if realtime else franky.RealtimeConfig.Ignore
         with self._errors(f"connect {address}"):
@@ -72,6 +73,7 @@ class Franka:
     def state(self) -> ArmState:
         with self._errors("state"):
             now, pose = self._robot.current_joint_state, self._robot.current_pose.end_effector_pose
+            wrench = np.array(self._robot.state.O_F_ext_hat_K, float).reshape(6)
             width_m = None if self._gripper is None else float(self._gripper.width)
         return ArmState(
             np.array(pose.translation, float).reshape(3),
@@ -79,6 +81,7 @@ class Franka:
             np.array(now.position, float).reshape(7),
             np.array(now.velocity, float).reshape(7),
             width_m,
+            wrench_n_nm=wrench,
         )
 
     def check(self, position_m: Array, quaternion_xyzw: Array) -> None:
@@ -115,6 +118,22 @@ class Franka:
         if not ended:
             time.sleep(POLL_S)
         return ended
+
+    def steer(self, velocity_m_s: Array, turning_rad_s: Array) -> None:
+        """Slower where the arm's dynamics say so; the motion that the arm is given ends at rest by itself."""
+        franky, robot = self._franky, self._robot
+        with self._errors("steer"):
+            limits = (robot.translation_velocity_limit, robot.rotation_velocity_limit)
+            most = [DYNAMICS_MARGIN * self._dynamics * float(limit.get()) for limit in limits]
+            speeds = [float(np.linalg.norm(vector)) for vector in (velocity_m_s, turning_rad_s)]
+            slower = 1 / max(1.0, *(speed / fastest for speed, fastest in zip(speeds, most, strict=True)))
+            twists = (franky.Twist(slower * velocity_m_s, slower * turning_rad_s), franky.Twist())
+            held, rest = map(franky.RobotVelocity, twists)
+            hold = franky.Duration(round(1000 * STEERED_S))
+            points = [franky.CartesianVelocityWaypoint(held, hold_target_duration=hold)] if any(speeds) else []
+            points.append(franky.CartesianVelocityWaypoint(rest))
+            robot.move(franky.CartesianVelocityWaypointMotion(points), asynchronous=True)
+        self._going = True
 
     def set_gripper(self, *, is_open: bool) -> None:
         if (hand := self._gripper) is None:

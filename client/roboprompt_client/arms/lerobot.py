@@ -6,7 +6,6 @@ last one is refused there, so that a motion is sent in steps. An arm of five joi
 `Arm` a tolerance that its orientation can keep.
 """
 
-import math
 import threading
 import time
 from collections.abc import Iterator, Mapping
@@ -15,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from roboprompt_client import quaternions as rotations
-from roboprompt_client.arms.driver import ArmState
+from roboprompt_client.arms.driver import STEERED_S, ArmState, straight_way
 from roboprompt_client.arrays import Array
 from roboprompt_client.errors import MotionError
 
@@ -71,7 +70,7 @@ class LeRobotArm:
 
     def start(self, position_m: Array, quaternion_xyzw: Array) -> None:
         self._halted = False
-        self._steps = _straight(self.state(), position_m, quaternion_xyzw)
+        self._steps = straight_way(self.state(), position_m, quaternion_xyzw, STEP_M, STEP_RAD)
 
     def finished(self) -> bool:
         grip = float(self._observed()[GRIPPER])
@@ -81,6 +80,13 @@ class LeRobotArm:
                 self._send(*step, grip)
         time.sleep(SETTLE_S if step is None else 1 / RATE_HZ)
         return step is None
+
+    def steer(self, velocity_m_s: Array, turning_rad_s: Array) -> None:
+        """By poses a little ahead, of which the last one is where the arm rests."""
+        self._steps, now = iter(()), self.state()
+        with self._sending:
+            self._halted = False
+            self._send(*now.moved(velocity_m_s, turning_rad_s, STEERED_S), float(self._observed()[GRIPPER]))
 
     def set_gripper(self, *, is_open: bool) -> None:
         now = self.state()
@@ -116,13 +122,3 @@ class LeRobotArm:
             return getattr(self._robot, method)(*arguments)
         except Exception as error:  # whatever the plugin and its motors raise
             raise MotionError(f"{self.name}: {method}: {error or type(error).__name__}") from error
-
-
-def _straight(here: ArmState, position_m: Array, quaternion_xyzw: Array) -> Iterator[tuple[Array, Array]]:
-    """Poses on the way, each at most a step from the one before."""
-    way_m = position_m - here.position_m
-    turn = rotations.to_rotation_vector(rotations.product(quaternion_xyzw, rotations.inverse(here.quaternion_xyzw)))
-    steps = math.ceil(max(float(np.linalg.norm(way_m)) / STEP_M, float(np.linalg.norm(turn)) / STEP_RAD, 1.0))
-    for part in np.arange(1, steps + 1) / steps:
-        turned = rotations.product(rotations.from_rotation_vector(part * turn), here.quaternion_xyzw)
-        yield here.position_m + part * way_m, turned

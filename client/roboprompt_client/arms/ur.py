@@ -5,13 +5,14 @@ import time
 import numpy as np
 
 from roboprompt_client import quaternions as rotations
-from roboprompt_client.arms.driver import ArmState
+from roboprompt_client.arms.driver import STEERED_S, ArmState
 from roboprompt_client.arrays import Array
 from roboprompt_client.errors import MotionError
 from roboprompt_client.extras import import_extra
 
 SPEED_M_S, ACCELERATION_M_S2 = 0.1, 0.3
 STOP_M_S2 = 2.0
+SERVO_LOOKAHEAD_S, SERVO_GAIN = 0.1, 300.0
 POLL_S, GRIPPER_S = 0.05, 1.0
 
 
@@ -64,6 +65,7 @@ class UR:
             np.array(self._receive.getActualQ()),
             np.array(self._receive.getActualQd()),
             gripper_open=self._gripper_open,
+            wrench_n_nm=np.array(self._receive.getActualTCPForce()),
         )
 
     def check(self, position_m: Array, quaternion_xyzw: Array) -> None:
@@ -90,6 +92,17 @@ class UR:
             return True
         time.sleep(POLL_S)
         return False
+
+    def steer(self, velocity_m_s: Array, turning_rad_s: Array) -> None:
+        """By poses a little ahead, of which the last one is where the arm rests."""
+        self._require_ready()
+        self._progress_before = 0  # no motion is under way whose end would be a progress of its own
+        if not (velocity_m_s.any() or turning_rad_s.any()):
+            self._control.servoStop(STOP_M_S2)
+            return
+        pose = _pose(*self.state().moved(velocity_m_s, turning_rad_s, STEERED_S))
+        if not self._control.servoL(pose, 0.0, 0.0, STEERED_S, SERVO_LOOKAHEAD_S, SERVO_GAIN):
+            raise MotionError(f"{self.name}: the motion was refused")
 
     def set_gripper(self, *, is_open: bool) -> None:
         if self._outputs is None or is_open == self._gripper_open:

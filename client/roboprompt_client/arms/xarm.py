@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from roboprompt_client import quaternions as rotations
-from roboprompt_client.arms.driver import ArmState
+from roboprompt_client.arms.driver import STEERED_S, ArmState
 from roboprompt_client.arrays import Array
 from roboprompt_client.errors import MotionError
 from roboprompt_client.extras import import_extra
@@ -15,7 +15,8 @@ SPEED_MM_S, ACCELERATION_MM_S2 = 100.0, 500.0
 MM = 1000.0
 PULSES_PER_MM = 10.0  # of the xArm Gripper: 850 is 85 mm open
 OPEN_PULSES, CLOSED_PULSES = 850, 0
-POSITION_MODE, READY, MOVING, STOP = 0, 0, 1, 4
+POSITION_MODE, VELOCITY_MODE = 0, 5
+READY, MOVING, STOP = 0, 1, 4
 POLL_S, START_S = 0.05, 0.2
 
 
@@ -75,6 +76,8 @@ class XArm:
             raise MotionError(f"{self.name}: the pose is beyond a joint's limit")
 
     def start(self, position_m: Array, quaternion_xyzw: Array) -> None:
+        if self._mode != POSITION_MODE:
+            self._set_mode(POSITION_MODE)
         pose = _pose(position_m, quaternion_xyzw)
         how = {"speed": self._speed, "mvacc": self._acceleration, "is_radian": True, "wait": False}
         self._do("set_position", *pose, **how)
@@ -89,6 +92,15 @@ class XArm:
             return False
         return True
 
+    def steer(self, velocity_m_s: Array, turning_rad_s: Array) -> None:
+        """The control box ends the motion where no further call comes, with firmware 1.8.0 or later."""
+        self._require_ready()
+        if self._mode != VELOCITY_MODE:
+            self._set_mode(VELOCITY_MODE)
+        speeds = [*(MM * velocity_m_s).tolist(), *turning_rad_s.tolist()]
+        self._do("vc_set_cartesian_velocity", speeds, is_radian=True, is_tool_coord=False, duration=STEERED_S)
+        self._started_s = time.monotonic()
+
     def set_gripper(self, *, is_open: bool) -> None:
         if self._has_gripper:
             self._do("set_gripper_position", OPEN_PULSES if is_open else CLOSED_PULSES, wait=True)
@@ -101,8 +113,7 @@ class XArm:
         self._do("clean_error")
         self._do("clean_warn")
         self._do("motion_enable", enable=True)
-        self._do("set_mode", POSITION_MODE)
-        self._do("set_state", READY)
+        self._set_mode(POSITION_MODE)
         if self._has_gripper:
             self._do("set_gripper_enable", True)
 
@@ -113,6 +124,11 @@ class XArm:
         error, _ = self._result("get_err_warn_code")
         if error:
             raise MotionError(f"{self.name}: the arm reports error {error}: call recover() once a person has looked")
+
+    def _set_mode(self, mode: int) -> None:
+        self._do("set_mode", mode)
+        self._do("set_state", READY)
+        self._mode = mode
 
     def _result(self, method: str, *arguments: Any, **named: Any) -> Any:  # noqa: ANN401
         code, value = getattr(self._arm, method)(*arguments, **named)

@@ -214,3 +214,54 @@ def test_two_parts_of_one_object_are_one():
     apart = replace(narrow, points_m=narrow.points_m + np.outer(right, (0.06, 0, 0)))
     assert gap_m(narrow) == 0.008
     assert gap_m(apart) > 0.06
+
+
+def masked(name, where, *numbers):
+    """A question with masks of the objects of that name and numbers, as boxes around them: a detector's."""
+    views = list(frames(where, 3))
+    for number in numbers:
+        for k, seen in enumerate(frames(where, 3, of=(name, number))):
+            boxed = np.zeros_like(seen.mask) if views[k].mask is None else views[k].mask.copy()
+            rows, columns = np.nonzero(seen.mask)
+            boxed[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1] = 7
+            views[k] = replace(views[k], mask=boxed)
+    return replace(query("carton"), mask_ids=(7,)), views
+
+
+@pytest.mark.parametrize("number", [0, 1])
+def test_masks_say_which_of_two_alike_is_meant(number):
+    places = {"carton": (-0.08, 0.02, 0.3), "carton_2": (0.1, -0.02, 1.9)}
+    asked, views = masked("carton", layout(**places), number)
+    (pose,) = RegisteredPoses().estimate([asked], views)
+    np.testing.assert_allclose(pose.position_m[:2], list(places.values())[number][:2], atol=0.02)
+
+
+def test_masks_of_both_or_of_something_else_are_refused():
+    both, views = masked("carton", layout(carton=(-0.08, 0.02, 0.3), carton_2=(0.1, -0.02, 1.9)), 0, 1)
+    with pytest.raises(UncertainPoseError, match="two places"):
+        RegisteredPoses().estimate([both], views)
+    other, views = masked("jar", layout(**ALL), 0)
+    with pytest.raises((ObjectNotVisibleError, UncertainPoseError), match=r"within its masks|scores"):
+        RegisteredPoses().estimate([other], views)
+
+
+def test_a_refusal_names_what_is_wrong_with_the_images():
+    views = frames(layout(**ALL), 3)
+    swapped = [replace(view, rgb=view.rgb[..., ::-1].copy()) for view in views]
+    with pytest.raises(ObjectNotVisibleError, match=r"BGR images\?"):
+        RegisteredPoses().estimate([query("carton")], swapped)
+    shiny = [
+        replace(view, depth_m=np.where(view.mask > 0, 0, view.depth_m))
+        for view in frames(layout(**ALL), 3, of=("jar", 0))
+    ]
+    with pytest.raises(ObjectNotVisibleError, match=r"front has no depth for \d+ % of the pixels of its colors"):
+        RegisteredPoses().estimate([query("jar")], shiny)
+    few = [
+        replace(view, depth_m=np.where(np.random.default_rng(0).random(view.depth_m.shape) < 0.7, 0, view.depth_m))
+        for view in views
+    ]
+    with pytest.raises(InvalidInputError, match=r"depth_front \(\d+% unknown\)"):
+        RegisteredPoses().estimate([query("jar")], few)
+    unmasked = [replace(view, mask=None) for view in views]
+    with pytest.raises(InvalidInputError, match="no camera has a mask"):
+        RegisteredPoses().estimate([replace(query("jar"), mask_ids=(1,))], unmasked)

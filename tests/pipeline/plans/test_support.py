@@ -196,11 +196,29 @@ def test_an_object_that_was_not_demonstrated_is_expected_at_its_own_place():
     assert refused(shown, [action((0.0, 0.0, 0.9))], seen, instruction="lift the blue cube").field == "actions[0]"
 
 
-def test_the_rows_of_several_clauses_are_unknown_unless_they_were_shown():
-    ways, *_ = two_plans()
-    support = Support.of(by_plan(ways))
-    assert support.placed(Query(f"{INSTRUCTION}, then {INSTRUCTION}", SMALL)) is None
-    assert len(support.placed(Query(INSTRUCTION, SMALL))) == 2
+def test_the_rows_of_one_clause_of_several_are_unknown():
+    _, left, _ = two_plans()
+    both = replace(demonstration(f"{INSTRUCTION}, then {INSTRUCTION}", SMALL, [*left, *left]), plan=1)
+    assert Support.of(by_plan([both])).placed(Query(INSTRUCTION, SMALL)) is None
+
+
+def test_plans_of_one_clause_support_several():
+    ways, left, right = two_plans()
+    placed = Support.of(by_plan(ways)).placed(Query(f"{INSTRUCTION}, then {INSTRUCTION}", SMALL))
+    assert [len(plan) for plan in placed] == [4] * 4
+    check(ways, [*left, *right], SMALL, f"{INSTRUCTION}, then {INSTRUCTION}")
+    error = refused(ways, [left[0], right[1], *left], SMALL, instruction=f"{INSTRUCTION}, then {INSTRUCTION}")
+    assert error.field == "actions[1]"
+
+
+def test_demonstrations_with_as_many_clauses_support_an_instruction():
+    (way, _), left, _ = two_plans()
+    both = replace(demonstration(f"{INSTRUCTION}, then {INSTRUCTION}", SMALL, [*left, *left]), plan=1)
+    support = Support.of(by_plan([way, both]))
+    placed = [
+        support.placed(Query(", then ".join([text] * n), SMALL)) for text in ("lift it", INSTRUCTION) for n in (1, 2)
+    ]
+    assert [[len(plan) for plan in plans] for plans in placed] == [[2], [4], [2], [4]]
 
 
 def test_a_row_tells_how_far_demonstrations_scatter():

@@ -22,7 +22,7 @@ def test_successes_come_first_and_failures_where_they_are_asked_for(page):
 
 def test_yardsticks_are_listed_where_they_are_asked_for(page):
     page.goto("/ui/predictions?task=pick")
-    assert "without the yardsticks regression" in page.get_by_role("status").inner_text()
+    assert "without the yardstick regression" in page.get_by_role("status").inner_text()
     assert "regression" not in page.locator("td.model").all_inner_texts()
     page.get_by_label("Yardsticks, too").check()
     page.get_by_role("button", name="Filter").click()
@@ -146,6 +146,15 @@ def test_an_outcome_is_told_with_a_note(page, http):
     assert http.get(f"/predictions/{id_}").json()["outcome"]["note"] == "dropped it"
 
 
+def test_a_prediction_is_kept_as_a_case(page, http, seeded):
+    page.goto(f"/ui/predictions/{seeded['success']}")
+    for pressed in ("true", "false"):
+        page.get_by_role("button", name="Case to ask again").click()
+        expect(page.locator("#case")).to_have_attribute("aria-pressed", pressed)
+        kept = http.get("/predictions", params={"cases": True}).json()["predictions"]
+        assert [item["id"] for item in kept] == [seeded["success"]] * (pressed == "true")
+
+
 def test_two_are_compared(page, seeded):
     page.goto("/ui/predictions?task=pick&demonstrations=4&yardsticks=true")
     for fate in ("failure", "success"):
@@ -168,6 +177,8 @@ def test_one_alone_is_not_compared(page, seeded):
 
 def test_configurations_are_counted(page):
     page.goto("/ui/predictions?task=pick")
+    page.get_by_role("link", name="How each model and configuration fares").click()
+    page.wait_for_url("**/configurations?task=pick")
     table = page.get_by_role("table", name="Success of yardsticks")
     row = table.get_by_role("row").filter(has_text="regression").filter(has_text="object_frame")
     assert "100" in row.locator("td[data-label=Success]").inner_text()
@@ -177,12 +188,35 @@ def test_configurations_are_counted(page):
     assert fates(page) == ["succeeded"]
 
 
+def test_several_configurations_are_compared(page, http, seeded):
+    for success in (True, True, False):
+        ask(http, success=success, model="nearest")
+        ask(http, success=not success, model="nearest", num_demonstrations=3)
+    page.goto("/ui/predictions/configurations?task=pick")
+    for box in page.get_by_label("Compare nearest").all():
+        box.check()
+    page.get_by_label("Compare regression").first.check()
+    page.get_by_role("button", name="Compare the chosen").click()
+    page.wait_for_url("**compare=**compare=**")
+    rows = page.get_by_role("table", name="Configurations by pairs").locator("tbody tr")
+    assert rows.count() == 3
+    among = rows.filter(has_text="first 4").filter(has_text="first 3").first.inner_text()
+    assert "not yet" in among
+    assert "about" in among or "no difference so far" in among
+
+
 @pytest.mark.parametrize(("scheme", "width"), [pytest.param("light", 1280, marks=pytest.mark.long), ("dark", 375)])
 def test_all_can_be_read_by_everyone(page, seeded, check_accessibility, scheme, width):
     page.emulate_media(color_scheme=scheme)
     page.set_viewport_size({"width": width, "height": 800})
     pair = f"id={seeded['failure']}&id={seeded['success']}"
-    for address in ("", "?outcome=success&model=scripted", f"/{seeded['failure']}", f"/compare?{pair}"):
+    for address in (
+        "",
+        "?outcome=success&model=scripted",
+        f"/{seeded['failure']}",
+        f"/compare?{pair}",
+        "/configurations?task=pick",
+    ):
         page.goto(f"/ui/predictions{address}")
         check_accessibility(page)
         assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), address

@@ -7,16 +7,16 @@ import json
 import resource
 import signal
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from traceback import walk_tb
 from typing import Any
 
+from app.evaluation.baselines.voxposer.program.arguments import CommandError
 from app.evaluation.baselines.voxposer.program.commands import Commands
-from app.evaluation.baselines.voxposer.program.interpreter import Interpreter
-from app.evaluation.baselines.voxposer.program.syntax import ProgramError, parsed
+from app.evaluation.baselines.voxposer.program.syntax import PROGRAM, ProgramError, compiled
 
 MEMORY_BYTES = 192 * 2**20  # of addresses; Python alone takes about 20 MB of them
-CPU_S = 3
-FRAMES = 20_000  # of Python's stack, more than nested expressions in nested functions take
+CPU_S = 1
 NO_MOVE = "the program has no move: it must call move(affordance, ...)"
 
 
@@ -33,14 +33,13 @@ def give_up_rights() -> None:
     for limit, most in limits.items():
         resource.setrlimit(limit, (most, most))
     resource.setrlimit(resource.RLIMIT_CPU, (CPU_S, CPU_S + 1))  # the second limit cannot be caught
-    sys.setrecursionlimit(FRAMES)
 
 
 def answer_to(asked: Mapping[str, Any]) -> dict[str, Any]:
     """The moves of the program, or why there are none."""
     try:
         commands = Commands(asked["scene"])
-        Interpreter(commands.by_name()).run(parsed(asked["program"]))
+        run(asked["program"], commands.by_name())
         if not commands.moves:
             raise ProgramError(NO_MOVE)
     except ProgramError as error:
@@ -50,6 +49,20 @@ def answer_to(asked: Mapping[str, Any]) -> dict[str, Any]:
     except MemoryError:
         return {"error": "the program takes too much memory"}
     return {"moves": commands.moves}
+
+
+def run(program: str, commands: Mapping[str, Callable[..., object]]) -> None:
+    """Carry out the program, which has these commands and no builtins.
+
+    Raises:
+        ProgramError: names the line.
+    """
+    code = compiled(program)
+    try:
+        exec(code, {"__builtins__": {}, **commands})  # noqa: S102
+    except (CommandError, ArithmeticError, AttributeError, LookupError, NameError, TypeError, ValueError) as error:
+        lines = [line for frame, line in walk_tb(error.__traceback__) if frame.f_code.co_filename == PROGRAM]
+        raise ProgramError(str(error), lines[-1]) from None
 
 
 def main() -> None:

@@ -4,9 +4,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from app.evaluation.baselines.voxposer.program.interpreter import Readable, Target
-from app.evaluation.baselines.voxposer.program.operations import (
-    PLAIN,
+from app.evaluation.baselines.voxposer.program.arguments import (
     CommandError,
     axis_number,
     finite,
@@ -23,10 +21,11 @@ MAX_VOLUME = 300 * SIZE**3  # voxels that moves ask for: what painting them cost
 KINDS = ("affordance", "avoidance", "rotation", "velocity", "gripper")
 EVERYWHERE: Box = ((0, SIZE), (0, SIZE), (0, SIZE))
 NO_TURN = (0.0, 0.0, 0.0, 1.0)
+PLAIN: tuple[Callable[..., object], ...] = (range, len, enumerate, zip, min, max, sum, abs, round, int)
 
 
 @dataclass(frozen=True, eq=False)
-class Thing(Readable):
+class Thing:
     """What `detect` gives.
 
     Attributes:
@@ -70,7 +69,7 @@ class Thing(Readable):
 
 
 @dataclass(eq=False)
-class ValueMap(Target):
+class ValueMap:
     """A map as a list of painted boxes; what is painted later lies on top.
 
     Attributes:
@@ -81,7 +80,7 @@ class ValueMap(Target):
     commands: "Commands"
     painted: list[tuple[Box, object]] = field(default_factory=list)
 
-    def paint(self, index: object, value: object) -> None:
+    def __setitem__(self, index: object, value: object) -> None:
         """Set the voxels at an index like [x, y, z] or [:, :, 10:20]."""
         parts = index if isinstance(index, tuple) else (index,)
         if not 1 <= len(parts) <= 3:
@@ -118,7 +117,7 @@ class Commands:
         maps = {f"empty_{kind}_map": self._map_maker(kind) for kind in KINDS}
         own = (self.detect, self.hand, self.shifted, self.shifted_along, self.set_voxels, self.set_object)
         more = (self.cm_to_voxels, self.voxels_to_cm, self.pointing_down, self.move)
-        return {**{call.__name__: call for call in (*own, *more)}, **maps, **PLAIN}
+        return {**{call.__name__: call for call in (*PLAIN, *own, *more)}, **maps}
 
     def count_painted(self) -> None:
         """Note that a box is painted."""
@@ -215,6 +214,7 @@ def _a_map(command: str, value: object) -> ValueMap:
 def _voxel(value: object) -> Voxel:
     if isinstance(value, Thing):
         return value.position
-    if isinstance(value, tuple) and len(value) == 3 and all(is_index(number) for number in value):
-        return value
+    if isinstance(value, tuple | list) and len(value) == 3 and all(is_index(number) for number in value):
+        x, y, z = value
+        return x, y, z
     raise CommandError(f"a position is three whole numbers (x, y, z), each 0..{SIZE - 1}, or an object from detect")

@@ -1,0 +1,92 @@
+"""Queries on runs: robots that carry something out now. Each runs on the caller's transaction."""
+
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+from sqlalchemy import Connection, Row, and_, delete, insert, select, update
+
+from app.store import audit, tables, tasks
+from app.store.errors import NotFoundError
+from app.store.values import JsonObject
+from app.store.visibility import of_visible_tasks, present
+
+LIVING = timedelta(minutes=1)  # a run that is not heard of for so long has ended without a word
+_RUNS = tables.runs
+
+
+@dataclass(frozen=True)
+class RunRecord:
+    """A robot under way; `state` is what it said last, `stop` whether somebody stopped it."""
+
+    id: str
+    task: str
+    state: JsonObject
+    stop: bool
+    created_at: datetime
+    heard_at: datetime
+
+
+def report(connection: Connection, run_id: str, task: str, state: JsonObject) -> bool:
+    """Write down what the robot says, of a new run or one that is known; returns whether it shall stop.
+
+    A run belongs to the key that began it.
+
+    Raises:
+        NotFoundError: if there is no such task, or the run is another key's or task's.
+    """
+    present().require_task(task)
+    now = datetime.now(UTC)
+    row = connection.execute(select(_RUNS).where(_RUNS.c.id == run_id)).first()
+    if row is None:
+        tasks.get(connection, task)
+        connection.execute(delete(_RUNS).where(_RUNS.c.heard_at < now - LIVING))
+        values = {"id": run_id, "task": task, "key_id": present().key_id or None, "stop": False, "created_at": now}
+        connection.execute(insert(_RUNS).values(**values, state=state, heard_at=now))
+        return False
+    if (row.task, row.key_id) != (task, present().key_id or None):
+        raise NotFoundError("run", run_id)
+    connection.execute(update(_RUNS).where(_RUNS.c.id == run_id).values(state=state, heard_at=now))
+    return bool(row.stop)
+
+
+def end(connection: Connection, run_id: str) -> bool:
+    """Forget a run of the present key; returns whether somebody had stopped it.
+
+    Raises:
+        NotFoundError: if the key has none of that id.
+    """
+    own = and_(_RUNS.c.id == run_id, _RUNS.c.key_id == (present().key_id or None))
+    stopped = connection.scalar(select(_RUNS.c.stop).where(own).with_for_update())
+    if stopped is None:
+        raise NotFoundError("run", run_id)
+    connection.execute(delete(_RUNS).where(own))
+    return bool(stopped)
+
+
+def stop(connection: Connection, run_id: str) -> RunRecord:
+    """Let the robot be told to stop; it stays so, and the audit log has it.
+
+    Raises:
+        NotFoundError: if there is none of that id that is seen.
+    """
+    row = connection.execute(select(_RUNS).where(_RUNS.c.id == run_id)).first()
+    if row is None or not present().has_prediction(row.task, row.key_id):
+        raise NotFoundError("run", run_id)
+    if not row.stop:
+        connection.execute(update(_RUNS).where(_RUNS.c.id == run_id).values(stop=True))
+        audit.record(connection, "run.stopped", run_id, {"task": row.task})
+    return _record(row, stop=True)
+
+
+def living(connection: Connection) -> tuple[RunRecord, ...]:
+    """The runs that are seen and were heard of within a minute, the longest under way first."""
+    since = datetime.now(UTC) - LIVING
+    query = of_visible_tasks(select(_RUNS).where(_RUNS.c.heard_at >= since), _RUNS.c.task).order_by(_RUNS.c.created_at)
+    rows = connection.execute(query)
+    return tuple(_record(row) for row in rows if present().has_prediction(row.task, row.key_id))
+
+
+def _record(row: Row[Any], **changes: Any) -> RunRecord:  # noqa: ANN401
+    values = {name: value for name, value in row._mapping.items() if name != "key_id"}
+    return RunRecord(**{**values, **changes})

@@ -1,0 +1,11 @@
+// A button that works once so many are chosen as it asks for: `data-least` and `data-most` of its form.
+
+for (const form of document.querySelectorAll("form[data-least]")) {
+  const { least, most = Infinity } = form.dataset;
+  const look = () => {
+    const number = form.querySelectorAll("input[type=checkbox]:checked").length;
+    for (const button of form.querySelectorAll("button")) button.disabled = number < least || number > most;
+  };
+  form.addEventListener("change", look);
+  look();
+}

@@ -1,0 +1,38 @@
+"""Runs: robots that carry out a prediction now, and whether somebody stopped them; cases: predictions to ask again."""
+
+import sqlalchemy as sa
+from alembic import op
+
+revision = "1.1"
+down_revision = "1.0"
+branch_labels = None
+depends_on = None
+
+UTC_DATE_TIME = sa.DateTime(timezone=True)
+
+
+def upgrade() -> None:
+    op.create_table(
+        "runs",
+        sa.Column("id", sa.String(32), nullable=False),
+        sa.Column("task", sa.String(64), nullable=False),
+        sa.Column("key_id", sa.String(16)),
+        sa.Column("state", sa.JSON(none_as_null=True), nullable=False),
+        sa.Column("stop", sa.Boolean(), nullable=False),
+        sa.Column("created_at", UTC_DATE_TIME, nullable=False),
+        sa.Column("heard_at", UTC_DATE_TIME, nullable=False),
+        sa.ForeignKeyConstraint(["task"], ["tasks.name"], name="fk_runs_task_tasks"),
+        sa.PrimaryKeyConstraint("id", name="pk_runs"),
+    )
+    op.create_table(
+        "cases",
+        sa.Column("prediction_id", sa.String(32), nullable=False),
+        sa.Column("created_at", UTC_DATE_TIME, nullable=False),
+        sa.ForeignKeyConstraint(["prediction_id"], ["predictions.id"], name="fk_cases_prediction_id_predictions"),
+        sa.PrimaryKeyConstraint("prediction_id", name="pk_cases"),
+    )
+
+
+def downgrade() -> None:
+    op.drop_table("cases")
+    op.drop_table("runs")
