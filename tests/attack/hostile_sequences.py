@@ -787,3 +787,88 @@ def a_misspelt_name(a):
     a.teach_picks()
     places = a.places(RED, BLUE)
     return a.ask("pick up the rde cube", places), places[RED]
+
+
+def _shown_are_odd(odd, options, off_m=(0.12, 0.0, 0.0), fault=lambda trajectory: trajectory):
+    """Of ten picks the last ones, which the request chooses, are beside the cube, or have a fault."""
+
+    def tried(a):
+        for k in range(10):
+            places = a.places(RED, BLUE)
+            place, wrong = places[RED], k >= 10 - odd
+            a.teach(PICK_RED, places, fault(pick(shift(place, *off_m))) if wrong else pick(place))
+        asked = {name: shift(place, 0.01, 0.0, 0.0) for name, place in places.items()}
+        return a.ask(PICK_RED, asked, **options(a)), asked[RED]
+
+    return tried
+
+
+for _name, _arguments in {
+    "nearest": (1, lambda a: {"num_demonstrations": 1, "selection": "nearest"}),
+    "named": (1, lambda a: {"episode_ids": a.episodes()[-1:]}),
+    "7_cm_off": (1, lambda a: {"episode_ids": a.episodes()[-1:]}, (0.07, 0.0, 0.0)),
+    "newest_two": (2, lambda a: {"num_demonstrations": 2, "selection": "recent"}, (0.1, 0.0, 0.0)),
+    "open": (1, lambda a: {"num_demonstrations": 1, "selection": "recent"}, (0.0, 0.0, 0.0), opened),
+}.items():
+    sequence(
+        _shown_are_odd(*_arguments), f"the_odd_one_is_shown_{_name}", "A prompt shows the wrong ones of ten alone."
+    )
+
+
+@sequence
+def objects_that_change_places_in_a_closed_loop(a):
+    """At the second step each cube is where the other was."""
+    for _ in range(8):
+        places = a.places(RED, BLUE)
+        a.teach(PICK_RED, places, pick(places[RED]), tracked=True)
+    arm = {"position": [0.1, 0.0, 1.2], "quaternion_xyzw": [1.0, 0.0, 0.0, 0.0]}
+    places = a.places(RED, BLUE)
+    first = a.ask(PICK_RED, places, closed_loop=True, end_effector=arm).json()["id"]
+    return a.ask(PICK_RED, {RED: places[BLUE], BLUE: places[RED]}, closed_loop=True, after=first), None
+
+
+@sequence
+def left_and_right_the_other_way_round(a):
+    """The left cup was always on the left."""
+
+    def ordered():
+        return sorted(a.places("one", "other").values(), key=lambda place: -place[1])
+
+    for _ in range(10):
+        left, right = ordered()
+        a.teach("pick up the left cup", {"left cup": left, "right cup": right}, pick(left))
+    left, right = ordered()
+    return a.ask("pick up the left cup", {"left cup": right, "right cup": left}), left
+
+
+@sequence
+def the_scene_of_a_recording(a):
+    """What is asked about stands where one recording had it, to the last digit."""
+    a.teach_picks(9)
+    places = a.places(RED, BLUE)
+    a.teach(PICK_RED, places, pick(places[RED]))
+    return a.ask(PICK_RED, places), None
+
+
+@sequence
+def words_of_half_of_the_recordings_edited(a):
+    """Presses of the red cube are said to be of the blue one afterwards."""
+    for _ in range(10):
+        places = a.places(RED, BLUE)
+        a.teach(f"press the {RED}", places, press(places[RED]))
+    for episode in a.episodes()[:5]:
+        a.http.patch(f"/episodes/{episode}", json={"instruction": f"press the {BLUE}"})
+    places = a.places(RED, BLUE)
+    return a.ask(f"press the {BLUE}", places), places[BLUE]
+
+
+@sequence
+def quaternions_of_either_sign(a):
+    """Every second frame of half of the recordings has the same rotation with the other sign."""
+    for k in range(10):
+        places = a.places(RED, BLUE)
+        given = pick(places[RED])
+        signs = np.where(np.arange(len(given)) % 2, 1.0 - 2.0 * (k % 2), 1.0)
+        a.teach(PICK_RED, places, replace(given, quaternions_xyzw=signs[:, None] * given.quaternions_xyzw))
+    places = a.places(RED, BLUE)
+    return a.ask(PICK_RED, places), places[RED]

@@ -14,7 +14,7 @@ from roboprompt_client.client import RoboPromptClient
 
 TASKS = ("push_button", "stack_cube", "close_jar", "open_drawer", "put_in_safe", "place_wine", "slide_block")
 # Measured: docs/results/safety.md. Wanted are 2 % silent failures and 5 % false alarms.
-BOUNDS = {"silent_failure_rate": 0.14, "contradictory_silent_failure_rate": 0.06, "false_alarm_rate": 0.05}
+BOUNDS = {"silent_failure_rate": 0.10, "contradictory_silent_failure_rate": 0.04, "false_alarm_rate": 0.05}
 SHORT = (
     *[*RIGHT][:3],
     "hand shifted in half",

@@ -13,6 +13,8 @@ import numpy as np
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.findings import Finding
 from app.pipeline.findings.rules import ARRANGED, CHANGED_PLACES, PARTED, SIDES
+from app.pipeline.order.lexicon import phrase_of
+from app.pipeline.order.vocabulary import PLACE_WORDS
 from app.pipeline.representation.anchors import OBJECT_FRAMES, Frame, object_rotation, tilted_objects
 from roboprompt_client.arrays import Array
 from roboprompt_client.trajectory import ObjectPose
@@ -145,12 +147,16 @@ def sides(shown: Sequence[Demonstration]) -> tuple[Side, ...]:
 
 
 def sided_findings(query: Query, known: Sequence[Side], followed: frozenset[str]) -> Iterator[Finding]:
-    """Of the pairs with an object that the motion follows, or words name, the one farthest on its wrong side."""
+    """Of the objects that the motion follows, or words name, the pair that is farthest on its wrong side.
+
+    One of them is enough where names say which stands on which side; others come and go.
+    """
     matter = followed.union(query.order.objects)
     off = [
         (-side.sign * float((query.object(side.one).position_m - query.object(side.other).position_m)[side.axis]), side)
         for side in known
-        if not matter.isdisjoint((side.one, side.other))
+        if {side.one, side.other} <= matter
+        or (not matter.isdisjoint((side.one, side.other)) and _without_place(side.one) == _without_place(side.other))
     ]
     off_m, side = max(off, key=lambda item: item[0], default=(0.0, None))
     if side is not None and SIDES.severity(off_m) is not None:
@@ -159,6 +165,11 @@ def sided_findings(query: Query, known: Sequence[Side], followed: frozenset[str]
             " in every demonstration: is one taken for the other?"
         )
         yield SIDES.finding(message, f"objects[{side.one}]", {"off_m": off_m}, value=off_m)
+
+
+def _without_place(name: str) -> list[str]:
+    """The words of a name but those that say where it stands: of a left and a right cup both times `cup`."""
+    return [word for word in phrase_of(name) if word not in PLACE_WORDS]
 
 
 def changed_places(before: Sequence[ObjectPose], now: Sequence[ObjectPose]) -> Iterator[Finding]:

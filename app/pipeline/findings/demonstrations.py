@@ -8,7 +8,7 @@ from app.pipeline.episode import Demonstration, Query
 from app.pipeline.findings import Finding
 from app.pipeline.findings.actions import ShownWays
 from app.pipeline.findings.arrangement import FEWEST, rigid_pairs
-from app.pipeline.findings.elsewhere import PLACE_WORDS, answer_findings, elsewhere_findings, from_shown_m
+from app.pipeline.findings.elsewhere import answer_findings, elsewhere_findings, from_shown_m
 from app.pipeline.findings.exchanged import exchanged_findings
 from app.pipeline.findings.hand import RecordedHand
 from app.pipeline.findings.implausible import dropping_findings, hand_findings
@@ -19,6 +19,7 @@ from app.pipeline.findings.scatter import scatter_findings
 from app.pipeline.findings.sources import Compared
 from app.pipeline.findings.turns import turning_findings
 from app.pipeline.order.order import Order
+from app.pipeline.order.vocabulary import PLACE_WORDS
 from app.pipeline.plans import Group, by_plan, shown_together, usual_ways, words_decide
 from app.pipeline.plans.agreement import two_ways
 from app.pipeline.plans.by_scene import parting
@@ -174,7 +175,7 @@ class Taught:
             alike = self._alike[form]
             off_m = [self._off_m(item) for item in alike]
             left_out = [id(item) not in self._shown_off_m for item in alike]
-            yield from ways_findings(alike, declared=self.several_ways)
+            yield from ways_findings(alike, self.round_objects, declared=self.several_ways)
             yield from () if self.several_ways else exchanged_findings(alike)
             yield from elsewhere_findings(alike, off_m, left_out, declared=self.several_ways)
             hands = [self._hands[id(item)] for item in alike if id(item) in self._hands]
@@ -196,7 +197,9 @@ def _followed(support: Support, asked: Order) -> frozenset[str]:
     return frozenset(anchor.object_name for anchor in anchors if anchor.object_name)
 
 
-def ways_findings(alike: Sequence[Demonstration], *, declared: bool) -> Iterator[Finding]:
+def ways_findings(
+    alike: Sequence[Demonstration], round_objects: frozenset[str] = frozenset(), *, declared: bool
+) -> Iterator[Finding]:
     """Demonstrations of one instruction that go several ways, where neither words nor scene tell which.
 
     A fault of half of the recordings looks like this: another base frame, an inverted gripper. That neighbouring scenes
@@ -204,9 +207,11 @@ def ways_findings(alike: Sequence[Demonstration], *, declared: bool) -> Iterator
 
     Args:
         alike: that ask for the same.
+        round_objects: whose yaw the task says means nothing, or little: a hand turned otherwise does the same there.
         declared: whether the task says that there are several ways.
     """
-    ways = [] if words_decide(alike) or parting(alike) is not None else _acting_otherwise(usual_ways(alike))
+    decided = words_decide(alike) or parting(alike) is not None
+    ways = [] if decided else _acting_otherwise(usual_ways(alike), round_objects)
     if len(ways) < 2:
         return
     numbers = " and ".join(str(len(way)) for way in ways)
@@ -222,11 +227,11 @@ def ways_findings(alike: Sequence[Demonstration], *, declared: bool) -> Iterator
     yield SEVERAL_WAYS.finding(message, "demonstrations", {"num_ways": len(ways)}, value=0.0 if declared else 1.0)
 
 
-def _acting_otherwise(ways: Sequence[Group]) -> list[Group]:
+def _acting_otherwise(ways: Sequence[Group], round_objects: frozenset[str]) -> list[Group]:
     """The ways, of those that differ only in how the hand gets there one: they are together one way."""
     found: list[Group] = []
     for way in ways:
-        same = next((k for k, other in enumerate(found) if _act_alike(other, way)), None)
+        same = next((k for k, other in enumerate(found) if _act_alike(other, way, round_objects)), None)
         if same is None:
             found.append(way)
         else:
@@ -234,14 +239,16 @@ def _acting_otherwise(ways: Sequence[Group]) -> list[Group]:
     return found
 
 
-def _act_alike(one: Group, other: Group) -> bool:
+def _act_alike(one: Group, other: Group, round_objects: frozenset[str]) -> bool:
     """Whether the demonstrations do the same with the gripper, and act in one place."""
     if _gripper(one[0]) != _gripper(other[0]) or len(one[0].actions) != len(other[0].actions):
         return False
     rows = plan_rows([*one, *other])
-    return all(
-        two_ways(rows[k]) is None and CONTRADICTING.severity(rows[k].way_off_m) is None for k in acting_rows(rows)
-    )
+    acting = [
+        row.unturned if row.anchors[0].object_name in round_objects else row
+        for row in (rows[k] for k in acting_rows(rows))
+    ]
+    return all(two_ways(row) is None and CONTRADICTING.severity(row.way_off_m) is None for row in acting)
 
 
 def _gripper(demonstration: Demonstration) -> list[bool]:

@@ -12,7 +12,7 @@ from app.pipeline.episode import Demonstration, Query
 from app.pipeline.findings import Finding
 from app.pipeline.findings.missed import NEVER_M, off_from_m
 from app.pipeline.findings.rules import ELSEWHERE
-from app.pipeline.order.vocabulary import COUNTED_FROM, FAR, NEAR, PLACE_ADJECTIVES
+from app.pipeline.order.vocabulary import PLACE_WORDS
 from app.pipeline.plans.agreement import TWO_WAYS_M
 from app.pipeline.plans.rows import BEYOND_NOISE_M, WAY_SHARE, PlanRow, acting_rows
 from app.pipeline.plans.support import Support
@@ -21,7 +21,6 @@ from roboprompt_client.trajectory import EndEffectorAction
 
 SCATTERS = 2.0  # times the median scatter of a row, within which a demonstration does the same
 LISTED = 3  # ids that a sentence names
-PLACE_WORDS = frozenset({*COUNTED_FROM, *FAR, *NEAR, *PLACE_ADJECTIVES})  # that say which of several objects
 
 
 def elsewhere_findings(
@@ -82,7 +81,10 @@ def from_shown_m(support: Support, other: Demonstration) -> float:
 
     One that comes there by another way, or does more besides, does the same.
     """
-    plans, placed = support.alike(other.order), support.placed(other) or ()
+    plans = support.alike(other.order)
+    if any(len(group[0].order.clauses) != len(other.order.clauses) for group, _ in plans):
+        return 0.0  # then it is not known which rows are asked for
+    placed = support.placed(other) or ()
     acts = (
         [(plan[k].action, rows[k]) for k in acting_rows(rows)] for (_, rows), plan in zip(plans, placed, strict=False)
     )

@@ -190,3 +190,6 @@ FUNCTION_WORDS = (
 def look_alike(one: str, other: str) -> bool:
     """Whether two color words may be said of one thing."""
     return not COLORS[one].isdisjoint(COLORS[other])
+
+
+PLACE_WORDS = frozenset({*COUNTED_FROM, *FAR, *NEAR, *PLACE_ADJECTIVES})  # that say which of several objects

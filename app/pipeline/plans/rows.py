@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -73,6 +73,12 @@ class PlanRow:
     def way_off_m(self) -> float:
         """How far from the centre more than a third of the demonstrations are at least: they do it another way."""
         return float(np.sort(self.off_m)[-1 - int(WAY_SHARE * len(self.off_m))])
+
+    @property
+    def unturned(self) -> "PlanRow":
+        """The row as if it did not matter how the hand is turned."""
+        as_it_is = Rotation.identity()
+        return replace(self, rotations=Rotation.concatenate([as_it_is] * len(self.anchors)), mean_rotation=as_it_is)
 
     @property
     def center_off_m(self) -> float:
