@@ -8,7 +8,7 @@ Needs numpy, httpx and httpx-sse. Meters, radians, seconds; poses in the world f
 
 from roboprompt_client.answers import Outcome, PlannedStep, PredictedActions
 from roboprompt_client.camera import Camera, RgbdFrame
-from roboprompt_client.client import RoboPromptClient
+from roboprompt_client.client import AsyncRoboPromptClient, RoboPromptClient
 from roboprompt_client.errors import (
     DangerError,
     InvalidAnswerError,
@@ -33,6 +33,7 @@ from roboprompt_client.robot import Observation, Robot
 from roboprompt_client.trajectory import EndEffectorAction, ObjectPose, Trajectory
 
 __all__ = [
+    "AsyncRoboPromptClient",
     "Box",
     "Camera",
     "DangerError",

@@ -1,24 +1,52 @@
-"""The service as a robot sees it."""
+"""The service as a robot sees it: one client that waits, and one for asyncio."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import Any
+import os
+from collections.abc import AsyncIterator, Callable, Coroutine, Iterator
+from functools import wraps
+from typing import Any, Concatenate, ParamSpec, TypeVar
 
-from roboprompt_client.answers import PlannedStep, PredictedActions, findings_in
-from roboprompt_client.camera import RgbdFrame
-from roboprompt_client.encoding import prediction_request
-from roboprompt_client.errors import ServiceProblemError, ServiceUnreachableError
-from roboprompt_client.motion_guard import action_from_json
+import httpx
+
+from roboprompt_client.answers import PredictedActions
+from roboprompt_client.connection import AsyncConnection, Connection, Request, http_options
+from roboprompt_client.encoding import ImageFormat
+from roboprompt_client.errors import ServiceUnreachableError
+from roboprompt_client.requests import CUT_OFF, OnFindings, StreamReader
 from roboprompt_client.robot import Observation
-from roboprompt_client.service import DEFAULT_URL
-from roboprompt_client.teaching import Teaching
-from roboprompt_client.trajectory import EndEffectorAction, ObjectPose, object_from_json, object_json
+from roboprompt_client.teaching import TeachingRequests
+from roboprompt_client.trajectory import EndEffectorAction
 
-__all__ = ["DEFAULT_URL", "RoboPromptClient"]
-LONGEST_S = 600.0  # that the service gives a model where a request names no deadline
-MARGIN_S = 10.0  # the service answers within the request's own deadline; this is for the way there and back
+P = ParamSpec("P")
+Answer = TypeVar("Answer")
+OfKind = TypeVar("OfKind", bound="RoboPromptClient")
+OfAsyncKind = TypeVar("OfAsyncKind", bound="AsyncRoboPromptClient")
+Asked = TeachingRequests
+Ask = Callable[Concatenate[TeachingRequests, P], Request[Answer]]
+KEY_VARIABLE = "ROBOPROMPT_API_KEY"
+DEFAULT_URL = os.environ.get("ROBOPROMPT_URL") or "http://127.0.0.1:8000"
 
 
-class RoboPromptClient(Teaching):
+def _sent(ask: Ask[P, Answer]) -> Callable[Concatenate["RoboPromptClient", P], Answer]:
+    """The method that sends a request and waits for what is answered."""
+
+    @wraps(ask)
+    def send(self: "RoboPromptClient", /, *arguments: P.args, **named: P.kwargs) -> Answer:
+        return self._http.send(ask(self._requests, *arguments, **named))
+
+    return send
+
+
+def _awaited(ask: Ask[P, Answer]) -> Callable[Concatenate["AsyncRoboPromptClient", P], Coroutine[Any, Any, Answer]]:
+    """The same as a coroutine."""
+
+    @wraps(ask)
+    async def send(self: "AsyncRoboPromptClient", /, *arguments: P.args, **named: P.kwargs) -> Answer:
+        return await self._http.send(ask(self._requests, *arguments, **named))
+
+    return send
+
+
+class RoboPromptClient:
     """Uploads demonstrations and asks for actions. Use it as a context manager, or call `close`.
 
     Args:
@@ -29,63 +57,52 @@ class RoboPromptClient(Teaching):
             which saves both sides the time to encode and decode them. None: compressed where the extra is installed.
     """
 
-    def plan(self, instruction: str, objects: Iterable[ObjectPose | str]) -> tuple[PlannedStep, ...]:
-        """The steps of a sentence over tasks that were taught apart (`POST /plans`); `run_plan` carries them out.
-
-        Args:
-            objects: all of the scene, or their names; words of place need poses.
-
-        Raises:
-            ServiceProblemError, ServiceUnreachableError: a problem names the part that is not what one task does.
-        """
-        listed = [{"name": item} if isinstance(item, str) else object_json(item) for item in objects]
-        steps = self._http.document("POST", "/plans", json={"instruction": instruction, "objects": listed})["steps"]
-        return tuple(PlannedStep(step["task"], step["instruction"]) for step in steps)
-
-    def predict(
+    def __init__(
         self,
-        task: str | None,
-        instruction: str,
-        observation: Observation,
+        url: str = DEFAULT_URL,
+        connection: httpx.Client | None = None,
         *,
-        mask_ids: Mapping[str, Sequence[int]] | None = None,
-        timeout_s: float | None = None,
-        **options: Any,  # noqa: ANN401
-    ) -> PredictedActions:
-        """The actions for what the robot sees now.
+        api_key: str | None = None,
+        compress: bool | None = None,
+    ) -> None:
+        self._http = Connection(connection or httpx.Client(**http_options(url, _key(api_key))))
+        self._requests = TeachingRequests(ImageFormat.chosen(compress))
 
-        Args:
-            task: None: the one task of these objects that does what the instruction says; `response["task"]` names it.
-            timeout_s: the service answers or gives up within it; None: within what the model needs, see `GET /models`.
-            options: `model`, `representation`, `num_demonstrations` ..., see `POST /predict`.
+    def __enter__(self: OfKind) -> OfKind:
+        return self
 
-        Raises:
-            ServiceProblemError: if the service refuses, or the LLM's reply is no list of actions.
-            ServiceUnreachableError: if the service does not answer.
-            UnsafeActionError: if what it answers is no action: a number that is not finite, no unit quaternion ...
-        """
-        asked = options if timeout_s is None else {"timeout_s": timeout_s, **options}
-        body = prediction_request(task, instruction, observation, mask_ids, asked, self._images)
-        return PredictedActions.from_json(self._http.document("POST", "/predict", timeout=_wait_s(timeout_s), **body))
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
-    def dry_run(
-        self,
-        task: str | None,
-        instruction: str,
-        observation: Observation,
-        **options: Any,  # noqa: ANN401
-    ) -> dict[str, Any]:
-        """The prompt that `predict` with the same options asks an LLM with; none is asked.
+    @property
+    def url(self) -> str:
+        """Where the service listens."""
+        return str(self._http.client.base_url)
 
-        Raises:
-            ServiceProblemError: if the service refuses.
-            ServiceUnreachableError: if it does not answer.
-        """
-        return self._http.document(
-            "POST",
-            "/predict",
-            **prediction_request(task, instruction, observation, None, {**options, "dry_run": True}, self._images),
-        )
+    def close(self) -> None:
+        """Close the connections."""
+        self._http.client.close()
+
+    ping = _sent(Asked.ping)
+    get = _sent(Asked.get)
+    post = _sent(Asked.post)
+    get_bytes = _sent(Asked.get_bytes)
+    plan = _sent(Asked.plan)
+    predict = _sent(Asked.predict)
+    dry_run = _sent(Asked.dry_run)
+    find_poses = _sent(Asked.find_poses)
+    record_outcome = _sent(Asked.record_outcome)
+    report_run = _sent(Asked.report_run)
+    end_run = _sent(Asked.end_run)
+    configure_task = _sent(Asked.configure_task)
+    motion_limits = _sent(Asked.motion_limits)
+    upload = _sent(Asked.upload)
+    upload_parts = _sent(Asked.upload_parts)
+    edit_episode = _sent(Asked.edit_episode)
+    check = _sent(Asked.check)
+    learn_object_models = _sent(Asked.learn_object_models)
+    label_object = _sent(Asked.label_object)
+    learn_from_labels = _sent(Asked.learn_from_labels)
 
     def stream(
         self,
@@ -93,74 +110,98 @@ class RoboPromptClient(Teaching):
         instruction: str,
         observation: Observation,
         *,
-        mask_ids: Mapping[str, Sequence[int]] | None = None,
-        timeout_s: float | None = None,
-        on_findings: Callable[[Sequence[Mapping[str, Any]]], None] | None = None,
+        on_findings: OnFindings | None = None,
         **options: Any,  # noqa: ANN401
     ) -> Iterator[EndEffectorAction | PredictedActions]:
         """Each action as soon as the LLM has written it, then the whole answer.
 
         Args:
             on_findings: called with what the service doubts beforehand, ahead of the first action.
+            options: as of `predict`.
 
         Raises:
             RoboPromptError: as `predict`; also after actions were given, if the rest of the reply is missing.
             InvalidAnswerError: with `on_findings`, if the findings are not well formed.
         """
-        asked = options if timeout_s is None else {"timeout_s": timeout_s, **options}
-        body = prediction_request(task, instruction, observation, mask_ids, asked, self._images)
-        index = 0
-        for name, document in self._http.events("POST", "/predict", timeout=_wait_s(timeout_s), **body):
-            if name == "findings" and on_findings is not None:
-                on_findings(findings_in(document))
-            elif name == "action":
-                yield action_from_json(index, document)
-                index += 1
-            elif name == "done":
-                yield PredictedActions.from_json(document)
+        reader = StreamReader(on_findings)
+        request = self._requests.predict(task, instruction, observation, **options)
+        for event in self._http.events(request):
+            if (item := reader.read(*event)) is not None:
+                yield item
+            if isinstance(item, PredictedActions):
                 return
-            elif name == "error":
-                raise ServiceProblemError(document.get("status", 502), document)
-        raise ServiceUnreachableError("POST /predict: the stream ended before it was complete")
-
-    def find_poses(
-        self, frames: Sequence[RgbdFrame], object_models: Mapping[str, Mapping[str, Any]]
-    ) -> tuple[ObjectPose, ...]:
-        """Where objects are in images (`POST /poses`), apart from any task; nothing is stored.
-
-        Args:
-            object_models: by name, as `object_models` of a task.
-
-        Raises:
-            ServiceProblemError: if one of them is not found.
-            ServiceUnreachableError: if it does not answer.
-        """
-        objects = [{"name": name, "model": dict(model)} for name, model in object_models.items()]
-        return tuple(map(object_from_json, self.post("/poses", {"objects": objects}, frames)["poses"]))
-
-    def record_outcome(self, prediction_id: str, success: bool, note: str | None = None) -> dict[str, Any]:
-        """Tell the service how the robot fared with a prediction."""
-        return self.post(f"/predictions/{prediction_id}/outcome", {"success": success, "note": note})
-
-    def report_run(self, run_id: str, state: Mapping[str, Any], timeout_s: float) -> bool:
-        """Tell where the robot is with a run (`PUT /runs/{run_id}`); returns whether it shall stop.
-
-        Raises:
-            ServiceProblemError, ServiceUnreachableError: it is not known whether it shall.
-        """
-        return self._stop("PUT", run_id, timeout_s, json=dict(state))
-
-    def end_run(self, run_id: str, timeout_s: float) -> bool:
-        """Tell that a run has ended; returns whether it was to be stopped, and raises, as `report_run`."""
-        return self._stop("DELETE", run_id, timeout_s)
-
-    def _stop(self, method: str, run_id: str, timeout_s: float, **body: Any) -> bool:  # noqa: ANN401
-        answer = self._http.document(method, f"/runs/{run_id}", timeout=timeout_s, **body)
-        if not isinstance(stop := answer.get("stop"), bool):
-            raise ServiceUnreachableError(f"{method} /runs/{run_id}: what answers there is no RoboPrompt service")
-        return stop
+        raise ServiceUnreachableError(CUT_OFF)
 
 
-def _wait_s(timeout_s: float | None) -> float:
-    """How long the connection may be silent."""
-    return (LONGEST_S if timeout_s is None else timeout_s) + MARGIN_S
+class AsyncRoboPromptClient:
+    """`RoboPromptClient` for asyncio: the same methods, each to be awaited; `async with`, or await `close`.
+
+    Args:
+        url, api_key, compress: as there.
+        connection: an httpx.AsyncClient to use instead of an own one.
+    """
+
+    def __init__(
+        self,
+        url: str = DEFAULT_URL,
+        connection: httpx.AsyncClient | None = None,
+        *,
+        api_key: str | None = None,
+        compress: bool | None = None,
+    ) -> None:
+        self._http = AsyncConnection(connection or httpx.AsyncClient(**http_options(url, _key(api_key))))
+        self._requests = TeachingRequests(ImageFormat.chosen(compress))
+
+    async def __aenter__(self: OfAsyncKind) -> OfAsyncKind:
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        await self.close()
+
+    async def close(self) -> None:
+        """Close the connections."""
+        await self._http.client.aclose()
+
+    ping = _awaited(Asked.ping)
+    get = _awaited(Asked.get)
+    post = _awaited(Asked.post)
+    get_bytes = _awaited(Asked.get_bytes)
+    plan = _awaited(Asked.plan)
+    predict = _awaited(Asked.predict)
+    dry_run = _awaited(Asked.dry_run)
+    find_poses = _awaited(Asked.find_poses)
+    record_outcome = _awaited(Asked.record_outcome)
+    report_run = _awaited(Asked.report_run)
+    end_run = _awaited(Asked.end_run)
+    configure_task = _awaited(Asked.configure_task)
+    motion_limits = _awaited(Asked.motion_limits)
+    upload = _awaited(Asked.upload)
+    upload_parts = _awaited(Asked.upload_parts)
+    edit_episode = _awaited(Asked.edit_episode)
+    check = _awaited(Asked.check)
+    learn_object_models = _awaited(Asked.learn_object_models)
+    label_object = _awaited(Asked.label_object)
+    learn_from_labels = _awaited(Asked.learn_from_labels)
+
+    async def stream(
+        self,
+        task: str,
+        instruction: str,
+        observation: Observation,
+        *,
+        on_findings: OnFindings | None = None,
+        **options: Any,  # noqa: ANN401
+    ) -> AsyncIterator[EndEffectorAction | PredictedActions]:
+        """As `RoboPromptClient.stream`, with `async for`."""
+        reader = StreamReader(on_findings)
+        request = self._requests.predict(task, instruction, observation, **options)
+        async for event in self._http.events(request):
+            if (item := reader.read(*event)) is not None:
+                yield item
+            if isinstance(item, PredictedActions):
+                return
+        raise ServiceUnreachableError(CUT_OFF)
+
+
+def _key(api_key: str | None) -> str:
+    return os.environ.get(KEY_VARIABLE, "") if api_key is None else api_key

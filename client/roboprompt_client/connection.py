@@ -2,16 +2,20 @@
 
 import ipaddress
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import AsyncIterator, Callable, Iterator, Mapping
 from contextlib import contextmanager
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
 from urllib.parse import urlsplit
 
 import httpx
-from httpx_sse import EventSource
+from httpx_sse import EventSource, ServerSentEvent
 
 from roboprompt_client.errors import ServiceProblemError, ServiceUnreachableError
 
+Answer = TypeVar("Answer")
+Other = TypeVar("Other")
+Event = tuple[str, dict[str, Any]]
 MAX_PORT = 65535
 EVENT_STREAM = "text/event-stream"
 DEFAULT_TIMEOUT_S = 60.0
@@ -45,8 +49,8 @@ def without_proxy(url: str) -> dict[str, None] | None:
     return {"http://": None, "https://": None} if is_own_machine(url) else None
 
 
-def open_http(url: str, api_key: str) -> httpx.Client:
-    """An HTTP client for a service.
+def http_options(url: str, api_key: str) -> dict[str, Any]:
+    """The arguments of an HTTP client, blocking or not, for a service.
 
     Args:
         api_key: empty for none.
@@ -60,67 +64,121 @@ def open_http(url: str, api_key: str) -> httpx.Client:
         parsed = httpx.URL(url)
         if parsed.scheme not in ("http", "https") or not parsed.host or (parsed.port or 0) > MAX_PORT:
             raise ServiceUnreachableError(refusal)
-        limits = httpx.Limits(keepalive_expiry=KEEPALIVE_S)
-        mounts = without_proxy(url)
-        return httpx.Client(base_url=parsed, timeout=DEFAULT_TIMEOUT_S, headers=headers, mounts=mounts, limits=limits)
     except (httpx.InvalidURL, ValueError) as error:
         raise ServiceUnreachableError(refusal) from error
+    limits = httpx.Limits(keepalive_expiry=KEEPALIVE_S)
+    proxies = without_proxy(url)
+    return {"base_url": parsed, "timeout": DEFAULT_TIMEOUT_S, "headers": headers, "mounts": proxies, "limits": limits}
+
+
+@dataclass(frozen=True)
+class Request(Generic[Answer]):
+    """What is asked of a service, and how its answer is read; how it gets there is the connection's.
+
+    Attributes:
+        arguments: as of `httpx.Client.request`.
+        read: raises ServiceProblemError if the service refused or failed, and ServiceUnreachableError if what answers
+            is no RoboPrompt service.
+    """
+
+    method: str
+    path: str
+    arguments: Mapping[str, Any]
+    read: Callable[[httpx.Response], Answer]
+
+    def then(self, read: Callable[[Answer], Other]) -> "Request[Other]":
+        """The same, what was read being read further."""
+        return Request(self.method, self.path, self.arguments, lambda response: read(self.read(response)))
 
 
 class Connection:
-    """Sends requests; arguments beside method and path are those of `httpx.Client.request`.
-
-    Every method raises ServiceProblemError if the service refuses or fails, and ServiceUnreachableError if it does not
-    answer, or what answers is no RoboPrompt service.
-    """
+    """Sends requests and waits. Methods raise as `Request.read`, and ServiceUnreachableError without an answer."""
 
     def __init__(self, client: httpx.Client) -> None:
         self.client = client
 
-    def request(self, method: str, path: str, **arguments: Any) -> httpx.Response:  # noqa: ANN401
-        """The response, whatever its body is."""
-        with self._transport_errors(method, path):
-            response = self.client.request(method, path, **arguments)
-        if response.is_error:
-            raise ServiceProblemError(response.status_code, _problem(response))
-        return response
+    def send(self, request: Request[Answer]) -> Answer:
+        """What is answered."""
+        with _transport_errors(self.client.base_url, request):
+            response = self.client.request(request.method, request.path, **request.arguments)
+        return request.read(response)
 
-    def document(self, method: str, path: str, **arguments: Any) -> dict[str, Any]:  # noqa: ANN401
-        """The JSON object that is answered."""
-        document = _json(self.request(method, path, **arguments).content)
-        if not isinstance(document, dict):
-            what = f"{method} {self._address(path)}: what answers there is no RoboPrompt service"
-            raise ServiceUnreachableError(what)
-        return document
-
-    def events(self, method: str, path: str, **arguments: Any) -> Iterator[tuple[str, dict[str, Any]]]:  # noqa: ANN401
+    def events(self, request: Request[Any]) -> Iterator[Event]:
         """The name and the JSON object of each server-sent event, as soon as it is complete."""
-        headers = {**arguments.pop("headers", {}), "Accept": EVENT_STREAM}
         with (
-            self._transport_errors(method, path),
-            self.client.stream(method, path, headers=headers, **arguments) as response,
+            _transport_errors(self.client.base_url, request),
+            self.client.stream(request.method, request.path, **_streamed(request)) as response,
         ):
             if response.is_error:
                 response.read()
-                raise ServiceProblemError(response.status_code, _problem(response))
-            for event in EventSource(response).iter_sse():
-                if not event.data:  # then it is none (HTML standard, 9.2.6)
-                    continue
-                if not isinstance(document := _json(event.data), dict):
-                    what = f"the data of the event {event.event!r:.40} are no JSON object: {event.data!r:.80}"
-                    raise ServiceUnreachableError(f"{method} {self._address(path)}: {what}")
-                yield event.event, document
+            for event in EventSource(require_success(response)).iter_sse():
+                yield from _documents(event, response)
 
-    @contextmanager
-    def _transport_errors(self, method: str, path: str) -> Iterator[None]:
-        try:
-            yield
-        except httpx.TransportError as error:  # httpx-sse's SSEError, too
-            what = f"{method} {self._address(path)}: {error or type(error).__name__}"
-            raise ServiceUnreachableError(what, timed_out=isinstance(error, httpx.TimeoutException)) from error
 
-    def _address(self, path: str) -> str:
-        return f"{str(self.client.base_url).rstrip('/')}/{path.lstrip('/')}"
+class AsyncConnection:
+    """The same without waiting in the caller's thread."""
+
+    def __init__(self, client: httpx.AsyncClient) -> None:
+        self.client = client
+
+    async def send(self, request: Request[Answer]) -> Answer:
+        """What is answered; a task that is cancelled closes the connection, so that the service stops, too."""
+        with _transport_errors(self.client.base_url, request):
+            response = await self.client.request(request.method, request.path, **request.arguments)
+        return request.read(response)
+
+    async def events(self, request: Request[Any]) -> AsyncIterator[Event]:
+        """As `Connection.events`."""
+        with _transport_errors(self.client.base_url, request):
+            async with self.client.stream(request.method, request.path, **_streamed(request)) as response:
+                if response.is_error:
+                    await response.aread()
+                async for event in EventSource(require_success(response)).aiter_sse():
+                    for item in _documents(event, response):
+                        yield item
+
+
+def require_success(response: httpx.Response) -> httpx.Response:
+    """The same response; raises ServiceProblemError if the service refused or failed."""
+    if response.is_error:
+        raise ServiceProblemError(response.status_code, _problem(response))
+    return response
+
+
+def document_in(response: httpx.Response) -> dict[str, Any]:
+    """The JSON object that was answered; raises as `Request.read`."""
+    document = _json(require_success(response).content)
+    if not isinstance(document, dict):
+        raise ServiceUnreachableError(f"{_asked(response)}: what answers there is no RoboPrompt service")
+    return document
+
+
+def _streamed(request: Request[Any]) -> dict[str, Any]:
+    headers = {**request.arguments.get("headers", {}), "Accept": EVENT_STREAM}
+    return {**request.arguments, "headers": headers}
+
+
+def _documents(event: ServerSentEvent, response: httpx.Response) -> Iterator[Event]:
+    """The event's name and JSON object; none of an event without data (HTML standard, 9.2.6)."""
+    if event.data:
+        if not isinstance(document := _json(event.data), dict):
+            what = f"the data of the event {event.event!r:.40} are no JSON object: {event.data!r:.80}"
+            raise ServiceUnreachableError(f"{_asked(response)}: {what}")
+        yield event.event, document
+
+
+def _asked(response: httpx.Response) -> str:
+    return f"{response.request.method} {response.url.copy_with(query=None)}"
+
+
+@contextmanager
+def _transport_errors(base_url: httpx.URL, request: Request[Any]) -> Iterator[None]:
+    try:
+        yield
+    except httpx.TransportError as error:  # httpx-sse's SSEError, too
+        address = f"{str(base_url).rstrip('/')}/{request.path.lstrip('/')}"
+        what = f"{request.method} {address}: {error or type(error).__name__}"
+        raise ServiceUnreachableError(what, timed_out=isinstance(error, httpx.TimeoutException)) from error
 
 
 def _problem(response: httpx.Response) -> Mapping[str, Any]:

@@ -104,7 +104,7 @@ class Live:
                 if self._client.report_run(self.id, {**self._said, **self._state()}, LOST_S):
                     self._stop(BY_A_PERSON)
                 heard_s, warned = time.monotonic(), False
-            except (ServiceProblemError, ServiceUnreachableError) as error:
+            except Exception as error:  # whatever it is, the thread that can stop the robot goes on
                 if time.monotonic() - heard_s >= LOST_S and not warned:
                     warned = True
                     log.warning("the service does not hear of this run: %s", error)

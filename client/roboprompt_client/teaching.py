@@ -1,29 +1,30 @@
-"""What a robot teaches: a task's settings, its demonstrations, and what its objects look like."""
+"""Requests by which a robot teaches: a task's settings, its demonstrations, and what its objects look like."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 from uuid import uuid4
 
+from roboprompt_client.connection import Request
 from roboprompt_client.encoding import Part, request_parts, scene_json
 from roboprompt_client.motion_limits import MotionLimits
+from roboprompt_client.requests import LEARNING_TIMEOUT_S, Requests, ask
 from roboprompt_client.robot import Observation
-from roboprompt_client.service import LEARNING_TIMEOUT_S, Service
 from roboprompt_client.trajectory import Trajectory
 from roboprompt_client.trajectory_npz import npz_from_trajectory
 
 CHECK_TIMEOUT_S = 1260.0  # ten predictions of at most two minutes each
 
 
-class Teaching(Service):
-    """The calls of a service that are about tasks and their episodes."""
+class TeachingRequests(Requests):
+    """The requests that are about tasks and their episodes."""
 
-    def configure_task(self, task: str, **settings: Any) -> dict[str, Any]:  # noqa: ANN401
+    def configure_task(self, /, task: str, **settings: Any) -> Request[dict[str, Any]]:  # noqa: ANN401
         """Set a task's settings, see `PUT /tasks/{name}`; returns all of them."""
-        return self._http.document("PUT", f"/tasks/{task}", json=settings)
+        return ask("PUT", f"/tasks/{task}", json=settings)
 
-    def motion_limits(self, task: str) -> MotionLimits:
+    def motion_limits(self, task: str) -> Request[MotionLimits]:
         """What the task allows an action."""
-        return MotionLimits.from_task(self.get(f"/tasks/{task}"))
+        return self.get(f"/tasks/{task}").then(MotionLimits.from_task)
 
     def upload(
         self,
@@ -36,7 +37,7 @@ class Teaching(Service):
         mask_ids: Mapping[str, Sequence[int]] | None = None,
         extra: Mapping[str, Any] | None = None,
         prediction_id: str | None = None,
-    ) -> dict[str, Any]:
+    ) -> Request[dict[str, Any]]:
         """Store a demonstration; returns the service's description of it.
 
         Args:
@@ -60,7 +61,7 @@ class Teaching(Service):
         parts["trajectory"] = ("trajectory.npz", npz_from_trajectory(trajectory), "application/octet-stream")
         return self.upload_parts(parts, uuid4().hex)
 
-    def upload_parts(self, parts: Mapping[str, Part], idempotency_key: str) -> dict[str, Any]:
+    def upload_parts(self, parts: Mapping[str, Part], idempotency_key: str) -> Request[dict[str, Any]]:
         """Store a demonstration that is encoded already: the parts of `POST /episodes`.
 
         Args:
@@ -69,11 +70,11 @@ class Teaching(Service):
         Raises:
             ServiceProblemError, ServiceUnreachableError: as `upload`.
         """
-        return self._http.document("POST", "/episodes", files=parts, headers={"Idempotency-Key": idempotency_key})
+        return ask("POST", "/episodes", files=parts, headers={"Idempotency-Key": idempotency_key})
 
     def edit_episode(
         self, episode_id: str, *, instruction: str | None = None, left_out: bool | None = None, note: str | None = None
-    ) -> dict[str, Any]:
+    ) -> Request[dict[str, Any]]:
         """Correct an episode; what is None stays. Returns the episode.
 
         Args:
@@ -85,9 +86,9 @@ class Teaching(Service):
         """
         wanted = {"instruction": instruction, "left_out": left_out, "note": note}
         changes = {name: value for name, value in wanted.items() if value is not None}
-        return self._http.document("PATCH", f"/episodes/{episode_id}", json=changes)
+        return ask("PATCH", f"/episodes/{episode_id}", json=changes)
 
-    def check(self, task: str, model: str | None = None) -> dict[str, Any]:
+    def check(self, task: str, model: str | None = None) -> Request[dict[str, Any]]:
         """Predict each of a task's demonstrations from the others, see `GET /tasks/{name}/check`.
 
         Args:
@@ -98,11 +99,11 @@ class Teaching(Service):
             ServiceUnreachableError: if it does not answer.
         """
         asked = {} if model is None else {"model": model}
-        return self._http.document("GET", f"/tasks/{task}/check", params=asked, timeout=CHECK_TIMEOUT_S)
+        return ask("GET", f"/tasks/{task}/check", params=asked, timeout=CHECK_TIMEOUT_S)
 
     def learn_object_models(
         self, task: str, objects: Sequence[str] | None = None, episodes: int = 10
-    ) -> dict[str, Any]:
+    ) -> Request[dict[str, Any]]:
         """Let the service learn what the task's objects look like from its labeled episodes.
 
         Returns `object_models`, and in `refused` why nothing was learned of an object.
@@ -118,7 +119,7 @@ class Teaching(Service):
         asked = {"objects": None if objects is None else list(objects), "episodes": episodes}
         return self.post(f"/tasks/{task}/object_models/learn", asked)
 
-    def label_object(self, task: str, name: str, episode_id: str, **where: Any) -> dict[str, Any]:  # noqa: ANN401
+    def label_object(self, /, task: str, name: str, episode_id: str, **where: Any) -> Request[dict[str, Any]]:  # noqa: ANN401
         """Say where an object is in an episode's images, see `POST /tasks/{name}/labels`.
 
         Args:
@@ -128,9 +129,9 @@ class Teaching(Service):
             ServiceProblemError, ServiceUnreachableError.
         """
         asked = {"object": name, "episode_id": episode_id, **where}
-        return self._http.document("POST", f"/tasks/{task}/labels", json=asked)
+        return ask("POST", f"/tasks/{task}/labels", json=asked)
 
-    def learn_from_labels(self, task: str, name: str, symmetric: str | float = "none") -> dict[str, Any]:
+    def learn_from_labels(self, task: str, name: str, symmetric: str | float = "none") -> Request[dict[str, Any]]:
         """Let the service learn what a labeled object looks like, see `POST /tasks/{name}/labels/learn`.
 
         Args:
@@ -141,4 +142,4 @@ class Teaching(Service):
             ServiceUnreachableError.
         """
         asked = {"object": name, "symmetric": symmetric}
-        return self._http.document("POST", f"/tasks/{task}/labels/learn", json=asked, timeout=LEARNING_TIMEOUT_S)
+        return ask("POST", f"/tasks/{task}/labels/learn", json=asked, timeout=LEARNING_TIMEOUT_S)

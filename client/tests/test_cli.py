@@ -38,7 +38,7 @@ class Service:
     """A service that has one prediction, and notes what it is told."""
 
     def __init__(self):
-        self.urls, self.outcomes, self.down = [], [], False
+        self.urls, self.outcomes, self.runs, self.down, self.stops = [], [], [], False, False
 
     def __call__(self, request):
         path = request.url.path
@@ -53,6 +53,9 @@ class Service:
             after = json.loads(request.read()).get("after")
             document = {"id": "p2" if after else "p1", "actions": [] if after else [ACTION], "findings": []}
             return httpx.Response(200, json=document)
+        if path.startswith("/runs/"):
+            self.runs.append(request.method)
+            return httpx.Response(200, json={"stop": self.stops})
         if self.down:
             raise httpx.ConnectError("refused")
         self.outcomes.append((path, json.loads(request.read())))
@@ -122,6 +125,15 @@ def test_after_a_run_the_person_says_whether_it_worked(service, monkeypatch, ans
     status, asked = run(monkeypatch, *RUN, answers=answers)
     assert (status, len(asked)) == (0, len(answers))
     assert service.outcomes == [("/predictions/p1/outcome", recorded)]
+
+
+@pytest.mark.parametrize("words", [(), ("--closed-loop",)])
+def test_the_service_hears_of_a_run_and_may_stop_it(service, monkeypatch, capsys, words):
+    assert run(monkeypatch, *RUN, *words, answers=["y"])[0] == 0
+    assert {"PUT", "DELETE"} == set(service.runs)
+    service.stops = True
+    assert run(monkeypatch, *RUN, *words, answers=["y"])[0] == 1
+    assert "a person stopped the robot" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("answers", [[""], []])

@@ -6,6 +6,7 @@ import pytest
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.connection import Connection, is_own_machine, without_proxy
 from roboprompt_client.errors import ServiceUnreachableError
+from roboprompt_client.requests import ask
 from roboprompt_client.robot import Observation
 
 
@@ -42,7 +43,7 @@ EXPECTED = [("action", {"a": 1}), ("text", {"t": "é\u2028x"})]
 def events(pieces, kind="text/event-stream"):
     """The events of an answer that arrives in these pieces."""
     answer = httpx.MockTransport(lambda _: httpx.Response(200, content=iter(pieces), headers={"content-type": kind}))
-    return Connection(httpx.Client(transport=answer, base_url="http://robots")).events("POST", "/predict")
+    return Connection(httpx.Client(transport=answer, base_url="http://robots")).events(ask("POST", "/predict"))
 
 
 @pytest.mark.parametrize("size", [1, 2, 3, 7, 1000])

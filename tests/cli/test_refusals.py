@@ -206,10 +206,9 @@ def test_models_of_a_running_service(monkeypatch):
         {"name": "openai/gpt-4o", "available": False, "reason": "set a key"},
         {"name": "nearest", "available": True},
     )
-    answers = {"/healthz": {"status": "ok", "checks": {}}, "/models": {"models": list(offered)}}
-    monkeypatch.setattr(
-        "roboprompt_client.client.RoboPromptClient.get", lambda self, path: json.loads(json.dumps(answers[path]))
-    )
+    client = "roboprompt_client.client.RoboPromptClient"
+    monkeypatch.setattr(f"{client}.ping", lambda self: None)
+    monkeypatch.setattr(f"{client}.get", lambda self, path: json.loads(json.dumps({"models": offered})))
     for model, expected in (
         ("openai/gpt-4o", "openai/gpt-4o: set a key"),
         ("gpt-5", "there are openai/gpt-4o, nearest"),

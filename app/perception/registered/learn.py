@@ -12,8 +12,8 @@ from app.perception.object_model import ObjectModelError
 from app.perception.registered.cloud import Index, thinned, unit
 from app.perception.registered.decide import MIN_SCORE, yaw_rivals
 from app.perception.registered.free_space import free_views_of
-from app.perception.registered.hypotheses import hypotheses
-from app.perception.registered.scene import LitScene, Scene
+from app.perception.registered.hypotheses import Hypothesis, hypotheses
+from app.perception.registered.scene import Scene
 from app.perception.registered.score import NEAR_M
 from app.perception.registered.symmetry import centered, completed, looks_alike_all_around, looks_alike_turned
 from app.perception.registered.template import Template
@@ -97,7 +97,7 @@ def learn(name: str, views: Sequence[LabelledView], symmetry_deg: float | None, 
     root = seen[best.merged[0]]
     if merged_deg != symmetry_deg:
         best = replace(best, template=completed(name, replace(best.template, yaw_symmetry_deg=symmetry_deg)))
-    if symmetry_deg and not _looks_alike_turned(root, symmetry_deg):
+    if symmetry_deg and not _look_alike_turned([seen[number] for number in best.merged], symmetry_deg):
         message = f"turned by {symmetry_deg:g} degrees it looks otherwise"
         raise ObjectModelError(name, message, 'symmetric: "none"')
     lit = root.scene.in_light_of(best.template.table_rgb)
@@ -107,10 +107,23 @@ def learn(name: str, views: Sequence[LabelledView], symmetry_deg: float | None, 
     return replace(best, template=centered(best.template), refused={**best.refused, **refused})
 
 
-def _looks_alike_turned(root: _Seen, symmetry_deg: float) -> bool:
-    template = _first(root, None)
-    lit = root.scene.in_light_of(template.table_rgb)
-    return looks_alike_turned(template, lit, root.index, root.yaw_deg or 0.0, symmetry_deg)
+def _look_alike_turned(views: Sequence[_Seen], symmetry_deg: float) -> bool:
+    """Whether the first view fits itself turned, or all others fit it so: its own noise fits it unturned only."""
+    template = _first(views[0], None)
+
+    def looks_alike(view: _Seen, yaw_deg: float) -> bool:
+        lit = view.scene.in_light_of(template.table_rgb)
+        return looks_alike_turned(template, lit, view.index, yaw_deg, symmetry_deg)
+
+    if looks_alike(views[0], views[0].yaw_deg or 0.0):
+        return True
+    return len(views) > 1 and all(looks_alike(view, _yaw_deg(template, view, views[0])) for view in views[1:])
+
+
+def _yaw_deg(template: Template, seen: _Seen, root: _Seen) -> float:
+    """At which the object stands in a view."""
+    rotation = _found(template, seen, root)[0].rotation
+    return float(np.degrees(np.arctan2(rotation[1, 0], rotation[0, 0])))
 
 
 def labelled_points(scene: Scene) -> Index:
@@ -164,22 +177,25 @@ def _first(seen: _Seen, symmetry_deg: float | None) -> Template:
     return Template(local_m, normals, scene.rgb[seen.index], free, scene.table.rgb, 0.0, (), symmetry_deg)
 
 
+def _found(template: Template, seen: _Seen, root: _Seen) -> Sequence[Hypothesis]:
+    """The poses that a view allows the template, whose yaw was that of the root's arrow; the best first."""
+    has_arrows = seen.yaw_deg is not None and root.yaw_deg is not None
+    arrows = seen.yaw_deg + ARROW_ERROR_DEG if has_arrows else None
+    return hypotheses(template, seen.scene.in_light_of(template.table_rgb), seen.index, arrows)
+
+
 def _with(template: Template, seen: _Seen, root: _Seen) -> Template | str:
     """The template with a view's points, or why the view does not fit."""
-    lit = seen.scene.in_light_of(template.table_rgb)
-    arrows = None
-    if seen.yaw_deg is not None and root.yaw_deg is not None:
-        arrows = seen.yaw_deg + ARROW_ERROR_DEG
-    found = hypotheses(template, lit, seen.index, arrows)
+    found = _found(template, seen, root)
     if found[0].value < MIN_SCORE:
         return f"it agrees with the others to {found[0].value:.2f}, at least {MIN_SCORE:.2f} is needed"
-    if arrows is None and (rivals := yaw_rivals(template, found)):
+    if (seen.yaw_deg is None or root.yaw_deg is None) and (rivals := yaw_rivals(template, found)):
         return f"{len(rivals) + 1} yaws fit the other views: a yaw with each label would decide"
-    return _merged(template, lit, seen.index, found[0].pose.matrix(0), found[0].value)
+    return _merged(template, seen, found[0].pose.matrix(0), found[0].value)
 
 
-def _merged(template: Template, lit: LitScene, index: Index, pose: Array, value: float) -> Template:
-    scene = lit.scene
+def _merged(template: Template, seen: _Seen, pose: Array, value: float) -> Template:
+    scene, index = seen.scene, seen.index
     gain = template.table_rgb / np.maximum(scene.table.rgb, 1)
     local_m = (scene.points_m[index] - pose[:3, 3]) @ pose[:3, :3]
     points_m, rgb, normals = thinned(

@@ -29,6 +29,7 @@ ALONG_DEG, ACROSS_DEG = 25.0, 60.0
 MAX_CAMERA_M = 20.0  # from the hand
 NEAR_OBJECT_M = 0.3  # the farthest in recordings that were right: 0.07 m, to a door's hinge
 FEW_FRAMES = 5
+MANY_FRAMES, MAX_FRAME_S = 20, 5.0  # so many poses, so far apart, no person waits for
 MAX_TRACK_M = 0.1  # between an object's pose and its track at the first frame: many times what estimators err
 MIN_OPENING_M = 0.003
 UNITS_PER_M = {"millimetres": 1000.0, "centimetres": 100.0}
@@ -44,6 +45,7 @@ def check_recording_units(motion: Motion, objects: Sequence[ObjectPose], cameras
     Raises:
         InvalidInputError: naming the field and what the numbers probably are.
     """
+    _check_times(motion.trajectory)
     _check_positions(motion.trajectory.positions_m, objects, cameras)
     _check_tracks(motion.trajectory, objects)
     _check_fingers(motion.trajectory)
@@ -88,6 +90,14 @@ def check_scene_units(objects: Sequence[ObjectPose], workspace: Workspace) -> No
                 message = f"is {pose.position_m.round(3).tolist()}, which is likely in {unit}"
                 raise InvalidInputError(f"objects[{pose.name}].position", message, "metres, world frame")
     _check_objects_order(objects)
+
+
+def _check_times(trajectory: Trajectory) -> None:
+    if trajectory.timestamps_s is None or len(trajectory) < MANY_FRAMES:
+        return
+    if (usual_s := float(np.median(np.diff(trajectory.timestamps_s)))) > MAX_FRAME_S:
+        message = f"has {len(trajectory)} frames {usual_s:.4g} apart: likely milliseconds"
+        raise InvalidInputError("trajectory.timestamps", message, "seconds")
 
 
 def _check_positions(positions_m: Array, objects: Sequence[ObjectPose], cameras: Sequence[Camera]) -> None:

@@ -60,13 +60,14 @@ def with_numbers(instruction: str, layout: Layout, acts_m: Array, groups: Sequen
     for group, went in zip(groups, gone, strict=True):
         said = tuple(name for name in named if name in group.positions_m)
         if said != went:
-            means, goes = (
-                ", then ".join(str(name or "one that is not clear") for name in each) for each in (said, went)
-            )
-            no = f"no {group.called}"
-            message = f"{instruction!r} means {means or no}, but the hand goes to {goes or no}"
+            means, goes = _listed(said, group), _listed(went, group)
+            message = f"{instruction!r} means {means}, but the hand goes to {goes}"
             raise UngroundedInstructionError(FIELD, message, valid)
     return text
+
+
+def _listed(names: Sequence[str | None], group: Alike) -> str:
+    return ", then ".join(name or "one that is not clear" for name in names) or f"no {group.called}"
 
 
 def _speaks_of(instruction: str, lexicon: Lexicon, groups: Sequence[Alike]) -> bool:

@@ -203,12 +203,12 @@ class UploadEpisode:
 
 def _saying_which(upload: Upload, settings: TaskSettings) -> Upload:
     """The upload with an instruction that says by its number which of several objects of one name is meant."""
-    if not upload.alike or upload.uploaded_instruction is not None:
+    if not upload.alike:
         return upload
     said = upload.episode.instruction
     text = saying_which(upload.episode, _given(upload.objects), upload.alike, settings)
-    episode = replace(upload.episode, instruction=text)
-    return replace(upload, episode=episode, uploaded_instruction=None if text == said else said)
+    first = upload.uploaded_instruction or (None if text == said else said)
+    return replace(upload, episode=replace(upload.episode, instruction=text), uploaded_instruction=first)
 
 
 def _given(objects: Sequence[ObjectQuery]) -> tuple[ObjectPose, ...]:

@@ -12,7 +12,7 @@ import numpy as np
 from roboprompt_client import quaternions as rotations
 from roboprompt_client.arms.arrival import TOLERANCE, Tolerance
 from roboprompt_client.arms.calibration import Calibration
-from roboprompt_client.arms.driver import ArmState, Driver, Guidable, Steerable, pose_matrix
+from roboprompt_client.arms.driver import ArmState, Driver, Guidable, Steerable
 from roboprompt_client.arms.geometry import Geometry, KnowsItsJoints
 from roboprompt_client.arms.preview import Previewed, preview_plan
 from roboprompt_client.arms.steering import Steer, problem_ahead
@@ -68,9 +68,8 @@ class Arm:
         viewpoints: Sequence[Pose] = (),
         on_lost: OnLost = "continue",
     ) -> None:
-        self.driver = driver
+        self.driver, self.on_lost = driver, on_lost
         self.cameras, self.viewpoints = cameras, tuple(viewpoints)
-        self.on_lost = on_lost
         self.to_find: tuple[str, ...] = ()
         self.confirm_viewpoint: ConfirmViewpoint | None = None
         self._calibration = calibration or Calibration.none()
@@ -101,8 +100,7 @@ class Arm:
 
     def hand_to_world(self) -> Array:
         """The hand's pose (4, 4) in the world now."""
-        state = self.state()
-        return pose_matrix(state.position_m, state.quaternion_xyzw)
+        return self.state().matrix()
 
     def state(self) -> ArmState:
         """The arm as it is now, in the world frame; safe to call from another thread."""
@@ -157,7 +155,10 @@ class Arm:
                 arrive, or if the gripper did not do as commanded. The arm is stopped.
         """
         with self._alone():
-            self._execute(action)
+            before_m = self._move(action).gripper_width_m
+            self.driver.set_gripper(is_open=action.gripper_open)
+            self._refuse_if_stopped()
+            self._check_gripper(before_m, is_open=action.gripper_open)
 
     def go_to(self, pose: Pose) -> None:
         """Move as `execute` does, and leave the gripper as it is; raises as `execute`."""
@@ -257,12 +258,6 @@ class Arm:
             raise
         finally:
             self._moving.release()
-
-    def _execute(self, action: EndEffectorAction) -> None:
-        before_m = self._move(action).gripper_width_m
-        self.driver.set_gripper(is_open=action.gripper_open)
-        self._refuse_if_stopped()
-        self._check_gripper(before_m, is_open=action.gripper_open)
 
     def _move(self, action: EndEffectorAction) -> ArmState:
         """Go to the action's pose; returns the arm as it was before."""

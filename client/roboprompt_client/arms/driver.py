@@ -60,6 +60,10 @@ class ArmState:
             raise InvalidInputError("end_effector", f"is {self.position_m.tolist()}", "finite numbers")
         return Pose(tuple(self.position_m.tolist()), tuple(self.quaternion_xyzw.tolist()))
 
+    def matrix(self) -> Array:
+        """(4, 4), the end effector's pose."""
+        return pose_matrix(self.position_m, self.quaternion_xyzw)
+
     def moved(self, velocity_m_s: Array, turning_rad_s: Array, for_s: float) -> tuple[Array, Array]:
         """The end effector's pose (3,), (4,) after it has moved with velocities (3,), (3,) of the same frame."""
         turn = from_rotation_vector(for_s * turning_rad_s)

@@ -36,7 +36,9 @@ def problem_ahead(
     try:
         MotionGuard(_widened(limits, now.position_m), before=now.pose()).check(ahead)
         check(ahead)
-    except (UnsafeActionError, MotionError) as error:
+    except UnsafeActionError as error:
+        return f"ahead {error.field.partition('.')[2]} {error.message} (allowed: {error.bound})"
+    except MotionError as error:
         return str(error)
     return ""
 

@@ -79,6 +79,14 @@ def test_commanded_positions_of_another_shape_are_refused(commanded):
         found(pushing(), {"commanded_positions": commanded})
 
 
+@pytest.mark.parametrize(("force_n", "frames", "code"), [(20.0, 10, "contact"), (20.0, 2, None), (4.0, 10, None)])
+def test_forces_that_last_are_contact(force_n, frames, code):
+    trajectory = pushing()
+    wrenches = np.full((len(trajectory), 6), 3.0)  # of the hand's own weight, say
+    wrenches[20 : 20 + frames, 1] += force_n
+    assert list(found(replace(trajectory, wrenches_n_nm=wrenches))) == ([code] if code else [])
+
+
 def test_a_recording_that_ends_in_motion_should_have_gone_on():
     trajectory = pushing()
     assert found(trajectory) == {}
