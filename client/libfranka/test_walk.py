@@ -122,7 +122,7 @@ def teach(person, seed, folder):
     """One demonstration, steered by keys."""
     button_m = written(folder, make_task("push_button", seed, 0))
     with ServedScene("push_button", seed, 0, ADDRESS) as scene:
-        person.begin(documented("roboprompt-robot record"))
+        person.begin(documented("roboprompt-robot record --robot cell.json"))
         person.answer("Enter to record")
         person.wait_for("Enter: keep")
         person.press("c")
@@ -172,10 +172,10 @@ def test_from_an_empty_folder_to_a_right_motion(person, tmp_path, capsys):
     person.lines.append("objects.json, by an editor")
     written(folder, make_task("push_button", ASKED, 0))
     with ServedScene("push_button", ASKED, 0, ADDRESS) as scene:
-        person.begin(documented("roboprompt-robot predict"))
+        person.begin(documented("roboprompt-robot predict --robot cell.json"))
         answer = json.loads(person.end())
         assert {finding["severity"] for finding in answer["findings"]} <= {"info", "warning"}, answer["findings"]
-        person.begin(documented("roboprompt-robot run"))
+        person.begin(documented("roboprompt-robot run --robot cell.json"))
         for number in range(1, len(answer["actions"]) + 1):
             person.answer(f"action {number}:", "y")
         person.answer("Did it work?", "y")
