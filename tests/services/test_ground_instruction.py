@@ -177,8 +177,7 @@ def test_a_closed_loop_goes_on_with_what_its_first_step_understood(services):
         0, "base", first.style, (), "", "", Pose((0, 0, 1), (1, 0, 0, 0)), "push the leftmost button", first.grounded
     )
     swapped = Scene(tuple(replace(pose, position_m=pose.position_m * [1, -1, 1]) for pose in first.seen.objects))
-    prefixes = [first.prefix]
-    known = Known(first.settings, previous, None, swapped, first.profile, first.style, prefixes, first.taught)
+    known = Known(first.settings, previous, None, swapped, first.profile, first.style, first.prefix, first.taught)
 
     def later(said):
         return understood(replace(REQUEST, instruction=said), said, known).text

@@ -33,7 +33,7 @@ class PreviousStep:
     end_effector: Pose
     instruction: str
     grounded: Order
-    objects: tuple[ObjectPose, ...]
+    objects: tuple[ObjectPose, ...] = ()
 
 
 def previous_step(connection: Connection, request: PredictRequest) -> PreviousStep | None:
