@@ -52,7 +52,7 @@ test: dev
 
 # What takes long and fails seldom: hostile requests and files, trouble and crashes, container and supply chain checks.
 ROBUSTNESS := tests/attack tests/reliability tests/test_docker.py tests/test_no_pickles.py tests/test_supply_chain.py tests/test_wheels.py \
-	tests/e2e/test_numbers.py tests/e2e/test_extremes.py tests/e2e/test_bounded_protocol.py tests/evaluation/test_sweep_run.py
+	tests/benchmarks/metaworld tests/e2e/test_numbers.py tests/e2e/test_extremes.py tests/e2e/test_bounded_protocol.py tests/evaluation/test_sweep_run.py
 PYTEST := $(BIN)/python -m pytest --numprocesses 3 --dist loadfile --no-loadscope-reorder
 
 # Collected once beforehand where nothing is compiled yet: each of the processes would compile it all.

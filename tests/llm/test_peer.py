@@ -5,7 +5,7 @@ import json
 import pytest
 
 from app.llm.backends import BUILT_IN
-from app.llm.base import Completion, TextDelta, complete
+from app.llm.base import Completion, Reading, TextDelta, complete
 from app.llm.llm_settings import LlmSettings
 from app.llm.registry import ModelRegistry
 from app.pipeline.prompt import Prompt
@@ -44,7 +44,7 @@ def test_completion_within_the_grammar_streamed_and_cached(peer, run):
 
     *deltas, completion = run(ask(1))
     assert isinstance(completion, Completion)
-    assert all(isinstance(delta, TextDelta) for delta in deltas)
+    assert all(isinstance(delta, TextDelta | Reading) for delta in deltas)
     assert len(deltas) > 3
     assert completion.text.rstrip() == REPLY
     usage = run(ask(2))[-1].usage

@@ -84,7 +84,7 @@ def test_a_trajectory_that_does_not_fit_is_refused(changes, field):
 
 
 def test_a_valid_trajectory_is_kept_and_read_only():
-    recorded = Trajectory(**VALID)
+    recorded = Trajectory(**VALID, wrenches_n_nm=np.zeros((T, 6)))
     assert len(recorded) == T
     assert recorded.gripper_open.dtype == np.bool_
     np.testing.assert_array_equal(recorded.quaternions_xyzw, VALID["quaternions_xyzw"])

@@ -29,6 +29,7 @@ def trajectory(num_frames: int = 30, seed: int = 0, optional_arrays: bool = True
         object_positions_m=rng.normal(size=(num_frames, 3, 3)) if optional_arrays else None,
         object_quaternions_xyzw=np.tile([0.0, 0.6, 0.0, 0.8], (num_frames, 3, 1)) if optional_arrays else None,
         gripper_width_m=rng.uniform(0, 0.08, num_frames) if optional_arrays else None,
+        wrenches_n_nm=rng.normal(size=(num_frames, 6)) if optional_arrays else None,
     )
 
 
