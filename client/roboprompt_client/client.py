@@ -137,7 +137,7 @@ class AsyncRoboPromptClient:
     """`RoboPromptClient` for asyncio: the same methods, each to be awaited; `async with`, or await `close`.
 
     Args:
-        url, api_key, compress: as there.
+        url: as there; `api_key` and `compress`, too.
         connection: an httpx.AsyncClient to use instead of an own one.
     """
 
