@@ -18,7 +18,8 @@ BODIES = {
     "/tasks/{name}": SETTINGS,
     "/poses": POSES,
 }
-NOT_FOUND = {"name": TASK, "episode_id": "0" * 32, "prediction_id": "0" * 32, "job_id": "0" * 32}
+IDS = ("episode_id", "prediction_id", "job_id", "run_id")
+NOT_FOUND = {"name": TASK, **dict.fromkeys(IDS, "0" * 32)}
 ANY = "cube"  # a key of objects that take any
 
 
