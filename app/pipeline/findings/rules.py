@@ -118,6 +118,9 @@ SCATTERED = Rule("scattered-demonstrations", "that their centre may be off", inf
 MISSED = Rule(
     "scattered-demonstrations", "that the centre may be off where the hand takes or presses", "m", danger=0.012
 )
+TURNED_ALONG = Rule(
+    "scattered-demonstrations", "rms of places that turn with an object while hands do not", "m", danger=0.006
+)
 CONTRADICTING = Rule(
     "scattered-demonstrations", "of more than a third from the centre where the hand acts", "m", danger=BEYOND_NOISE_M
 )
@@ -180,6 +183,7 @@ RULES = (
     MANY_ROWS,
     SCATTERED,
     MISSED,
+    TURNED_ALONG,
     CONTRADICTING,
     SEVERAL_WAYS,
     EXCHANGED,

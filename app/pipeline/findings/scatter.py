@@ -3,14 +3,20 @@
 from collections.abc import Iterator, Sequence
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
+from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding
-from app.pipeline.findings.rules import CONTRADICTING, MISSED, ON_A_CIRCLE, SCATTERED
+from app.pipeline.findings.rules import CONTRADICTING, MISSED, ON_A_CIRCLE, SCATTERED, TURNED_ALONG
+from app.pipeline.geometry import yaw_rad
 from app.pipeline.order.order import Order
 from app.pipeline.plans.rows import PlanRow, acting_rows
 from app.pipeline.plans.support import Support, asked_anchor
+from roboprompt_client.arrays import Array
 
 SCATTER_M = 0.01  # what people and pose estimators do at their best
+ALONG_SHARE = 0.4  # of their spread in the world, that offsets have along the object's axes if they turn with it
+MIN_TURNED = 3  # demonstrations that show whether offsets turn with an object
 CIRCLE_SHARE = 0.25  # of their scatter, within which half of the demonstrations have one distance from the axis
 
 
@@ -29,6 +35,22 @@ def scatter_findings(support: Support, asked: Order, round_objects: frozenset[st
         for shown, rows in support.alike(asked)
         for k in acting_rows(rows)
     ]
+    along = [
+        (spread_m, shown[0].order, k, rows[k])
+        for shown, rows in support.alike(asked)
+        for k in acting_rows(rows)
+        if (spread_m := _turned_along_m(shown, rows[k], round_objects)) > 0
+    ]
+    if along:
+        spread_m, order, k, row = max(along, key=lambda item: item[0])
+        message = (
+            f"Where {len(row.off_m)} demonstrations act (action {k + 1}) turns with"
+            f" {_seen_from(row, order, asked)}, and the hand does not turn: no row says both, and the place may be"
+            f" {200 * spread_m:.1f} cm off. Turn the hand with the object in demonstrations, or name the place as an"
+            " object of its own."
+        )
+        yield TURNED_ALONG.finding(message, f"actions[{k}]", _numbers(row), value=spread_m)
+        return
     if not acting:
         return
     order, k, row, _ = max(acting, key=lambda item: item[2].way_off_m)
@@ -61,6 +83,24 @@ def scatter_findings(support: Support, asked: Order, round_objects: frozenset[st
             f" {100 * row.center_off_m:.1f} cm off: poses are noisy, or what it follows is not among the objects."
         )
         yield rule.finding(message, f"actions[{k}]", _numbers(row), value=row.center_off_m)
+
+
+def _turned_along_m(shown: Sequence[Demonstration], row: PlanRow, round_objects: frozenset[str]) -> float:
+    """How far offsets in the world's axes spread (rms) that are alike along the object's own; 0 if they are not."""
+    if row.anchors[0].frame != "w" or len(shown) < MIN_TURNED or row.anchors[0].object_name in round_objects:
+        return 0.0
+    poses = [item.object(anchor.object_name) for item, anchor in zip(shown, row.anchors, strict=True)]
+    if any(pose.quaternion_xyzw is None for pose in poses):
+        return 0.0
+    yaws_rad = np.array([yaw_rad(Rotation.from_quat(pose.quaternion_xyzw)) for pose in poses])
+    along_m = Rotation.from_euler("z", -yaws_rad[:, None]).apply(row.offsets_m)
+    spread_m = _spread_m(row.offsets_m)
+    turned = _spread_m(along_m) < ALONG_SHARE * spread_m and TURNED_ALONG.severity(spread_m) is not None
+    return spread_m if turned else 0.0
+
+
+def _spread_m(offsets_m: Array) -> float:
+    return float(np.sqrt(((offsets_m - offsets_m.mean(axis=0)) ** 2).sum(axis=1).mean()))
 
 
 def _on_a_circle(row: PlanRow, round_objects: frozenset[str]) -> bool:

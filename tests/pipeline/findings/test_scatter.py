@@ -77,3 +77,25 @@ def test_more_than_a_third_that_are_far_off_are_a_danger_and_a_slip_is_none():
 
     assert [finding.severity for finding in found(with_wrong(4))] == ["danger"]
     assert found(with_wrong(3)) == []
+
+
+def beside(off_m, number, turned_deg=40):
+    """The cube is turned further each time; the hand, which is not, goes to a place of the cube off its centre."""
+    group = []
+    for k in range(number):
+        yaw_rad = np.radians(turned_deg * k)
+        at_m = 0.03 * k + off_m * np.cos(yaw_rad), off_m * np.sin(yaw_rad)
+        rows = [action((*at_m, z_m), gripper_open=is_open) for z_m, is_open in ((0.9, True), (0.8, False))]
+        group.append(demonstration(INSTRUCTION, (pose("cube", (0.03 * k, 0, 0.8), turned_deg * k),), rows))
+    return group
+
+
+@pytest.mark.parametrize(("off_m", "number"), [(0.012, 4), (0.02, 3), (0.03, 10)])
+def test_a_place_that_turns_with_an_object_while_the_hand_does_not_is_a_danger(off_m, number):
+    (finding,) = found(beside(off_m, number))
+    assert (finding.severity, finding.where) == ("danger", "actions[1]")
+    assert "turns with cube" in finding.message
+
+
+def test_a_place_at_the_centre_or_beside_an_object_that_does_not_turn_is_none():
+    assert found(beside(0.003, 10)) == found(beside(0.03, 10, turned_deg=0)) == []
