@@ -1,13 +1,14 @@
 """Demonstrations that scatter where the hand acts: poses are noisy, or the motion follows what is not known."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding
-from app.pipeline.findings.rules import CONTRADICTING, MISSED, ON_A_CIRCLE, SCATTERED, TURNED_ALONG
+from app.pipeline.findings.rules import CONTRADICTING, MISSED, ON_A_CIRCLE, SCATTERED, TURNED_ALONG, Rule
 from app.pipeline.geometry import yaw_rad
 from app.pipeline.order.order import Order
 from app.pipeline.plans.rows import PlanRow, acting_rows
@@ -18,6 +19,28 @@ SCATTER_M = 0.01  # what people and pose estimators do at their best
 ALONG_SHARE = 0.4  # of their spread in the world, that offsets have along the object's axes if they turn with it
 MIN_TURNED = 3  # demonstrations that show whether offsets turn with an object
 CIRCLE_SHARE = 0.25  # of their scatter, within which half of the demonstrations have one distance from the axis
+
+
+@dataclass(frozen=True, eq=False)
+class _Acting:
+    """A row at which the hand acts.
+
+    Attributes:
+        seen_from: what the row is relative to, as it is called in the scene that is asked about.
+        along_m: see `_turned_along_m`.
+        releases: whether the hand lets something go: that may have no one place, as in a bin.
+    """
+
+    index: int
+    row: PlanRow
+    seen_from: str
+    along_m: float
+    releases: bool
+
+    def finding(self, rule: Rule, message: str, value: float) -> Finding:
+        row = self.row
+        numbers = {"scatter_m": row.scatter_m, "way_off_m": row.way_off_m, "center_off_m": row.center_off_m}
+        return rule.finding(message, f"actions[{self.index}]", numbers, value=value)
 
 
 def scatter_findings(support: Support, asked: Order, round_objects: frozenset[str] = frozenset()) -> Iterator[Finding]:
@@ -31,58 +54,66 @@ def scatter_findings(support: Support, asked: Order, round_objects: frozenset[st
         round_objects: whose yaw the task says means nothing.
     """
     acting = [
-        (shown[0].order, k, rows[k], _releases(rows, k))
+        _Acting(
+            k,
+            rows[k],
+            _seen_from(rows[k], shown[0].order, asked),
+            _turned_along_m(shown, rows[k], round_objects),
+            releases=k > 0 and rows[k].gripper_open and not rows[k - 1].gripper_open,
+        )
         for shown, rows in support.alike(asked)
         for k in acting_rows(rows)
     ]
-    along = [
-        (spread_m, shown[0].order, k, rows[k])
-        for shown, rows in support.alike(asked)
-        for k in acting_rows(rows)
-        if (spread_m := _turned_along_m(shown, rows[k], round_objects)) > 0
-    ]
-    if along:
-        spread_m, order, k, row = max(along, key=lambda item: item[0])
-        message = (
-            f"Where {len(row.off_m)} demonstrations act (action {k + 1}) turns with"
-            f" {_seen_from(row, order, asked)}, and the hand does not turn: no row says both, and the place may be"
-            f" {200 * spread_m:.1f} cm off. Turn the hand with the object in demonstrations, or name the place as an"
-            " object of its own."
-        )
-        yield TURNED_ALONG.finding(message, f"actions[{k}]", _numbers(row), value=spread_m)
-        return
-    if not acting:
-        return
-    order, k, row, _ = max(acting, key=lambda item: item[2].way_off_m)
-    if CONTRADICTING.severity(row.way_off_m) is not None:
-        message = (
-            f"More than a third of {len(row.off_m)} demonstrations are {100 * row.way_off_m:.1f} cm or more from where"
-            f" the others act (action {k + 1}, seen from {_seen_from(row, order, asked)}): no noise does that. They do"
-            " it in several ways, were recorded in another frame, or what they follow is not among the objects."
-        )
-        yield CONTRADICTING.finding(message, f"actions[{k}]", _numbers(row), value=row.way_off_m)
-        return
-    turned = [item for item in acting if _on_a_circle(item[2], round_objects)]
+    turned = [item for item in acting if item.along_m > 0]
+    contradicting = [item for item in acting if CONTRADICTING.severity(item.row.way_off_m) is not None]
+    on_a_circle = [item for item in acting if _on_a_circle(item.row, round_objects)]
+    scattered = [item for item in acting if item.row.scatter_m > SCATTER_M]
     if turned:
-        order, k, row, _ = max(turned, key=lambda item: item[2].scatter_m)
-        message = (
-            f"{len(row.off_m)} demonstrations act at one distance from {_seen_from(row, order, asked)}, on several"
-            f" sides of it (action {k + 1}), and their centre is on none: they follow how it is turned, though"
-            " it is declared symmetric. Correct the task's yaw_symmetry_deg."
-        )
-        yield ON_A_CIRCLE.finding(message, f"actions[{k}]", _numbers(row), value=row.scatter_m)
-        return
-    scattered = [item for item in acting if item[2].scatter_m > SCATTER_M]
-    missed = [item for item in scattered if not item[3] and MISSED.severity(item[2].center_off_m) is not None]
-    if scattered:
-        rule = MISSED if missed else SCATTERED
-        order, k, row, _ = max(missed or scattered, key=lambda item: item[2].center_off_m)
-        message = (
-            f"{len(row.off_m)} demonstrations scatter by {100 * row.scatter_m:.1f} cm where the hand acts (action"
-            f" {k + 1}, seen from {_seen_from(row, order, asked)}), and their centre may be"
-            f" {100 * row.center_off_m:.1f} cm off: poses are noisy, or what it follows is not among the objects."
-        )
-        yield rule.finding(message, f"actions[{k}]", _numbers(row), value=row.center_off_m)
+        yield _turned_finding(max(turned, key=lambda item: item.along_m))
+    elif contradicting:
+        yield _contradicting_finding(max(contradicting, key=lambda item: item.row.way_off_m))
+    elif on_a_circle:
+        yield _circle_finding(max(on_a_circle, key=lambda item: item.row.scatter_m))
+    elif scattered:
+        yield _scattered_finding(scattered)
+
+
+def _turned_finding(item: _Acting) -> Finding:
+    message = (
+        f"Where {len(item.row.off_m)} demonstrations act (action {item.index + 1}) turns with {item.seen_from}, and the"
+        f" hand does not turn: no row says both, and the place may be {200 * item.along_m:.1f} cm off. Turn the hand"
+        " with the object in demonstrations, or name the place as an object of its own."
+    )
+    return item.finding(TURNED_ALONG, message, item.along_m)
+
+
+def _contradicting_finding(item: _Acting) -> Finding:
+    message = (
+        f"More than a third of {len(item.row.off_m)} demonstrations are {100 * item.row.way_off_m:.1f} cm or more from"
+        f" where the others act (action {item.index + 1}, seen from {item.seen_from}): no noise does that. They do it"
+        " in several ways, were recorded in another frame, or what they follow is not among the objects."
+    )
+    return item.finding(CONTRADICTING, message, item.row.way_off_m)
+
+
+def _circle_finding(item: _Acting) -> Finding:
+    message = (
+        f"{len(item.row.off_m)} demonstrations act at one distance from {item.seen_from}, on several sides of it"
+        f" (action {item.index + 1}), and their centre is on none: they follow how it is turned, though it is declared"
+        " symmetric. Correct the task's yaw_symmetry_deg."
+    )
+    return item.finding(ON_A_CIRCLE, message, item.row.scatter_m)
+
+
+def _scattered_finding(scattered: Sequence[_Acting]) -> Finding:
+    missed = [item for item in scattered if not item.releases and MISSED.severity(item.row.center_off_m) is not None]
+    item = max(missed or scattered, key=lambda item: item.row.center_off_m)
+    message = (
+        f"{len(item.row.off_m)} demonstrations scatter by {100 * item.row.scatter_m:.1f} cm where the hand acts (action"
+        f" {item.index + 1}, seen from {item.seen_from}), and their centre may be {100 * item.row.center_off_m:.1f} cm"
+        " off: poses are noisy, or what it follows is not among the objects."
+    )
+    return item.finding(MISSED if missed else SCATTERED, message, item.row.center_off_m)
 
 
 def _turned_along_m(shown: Sequence[Demonstration], row: PlanRow, round_objects: frozenset[str]) -> float:
@@ -112,15 +143,6 @@ def _on_a_circle(row: PlanRow, round_objects: frozenset[str]) -> bool:
     return off_circle_m < CIRCLE_SHARE * row.scatter_m
 
 
-def _releases(rows: Sequence[PlanRow], k: int) -> bool:
-    """Whether the hand lets something go: that may have no one place, as in a bin."""
-    return k > 0 and rows[k].gripper_open and not rows[k - 1].gripper_open
-
-
 def _seen_from(row: PlanRow, shown: Order, asked: Order) -> str:
     anchor = asked_anchor(row.anchors[0], shown, asked)
     return anchor.object_name or f"the {anchor.frame}"
-
-
-def _numbers(row: PlanRow) -> dict[str, float]:
-    return {"scatter_m": row.scatter_m, "way_off_m": row.way_off_m, "center_off_m": row.center_off_m}
