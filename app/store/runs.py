@@ -7,6 +7,7 @@ from typing import Any
 from sqlalchemy import Connection, Row, and_, delete, insert, select, update
 
 from app.store import audit, tables, tasks
+from app.store.database import lock
 from app.store.errors import NotFoundError
 from app.store.values import JsonObject
 from app.store.visibility import of_visible_tasks, present
@@ -36,6 +37,7 @@ def report(connection: Connection, run_id: str, task: str, state: JsonObject) ->
         NotFoundError: if there is no such task, or the run is another key's or task's.
     """
     present().require_task(task)
+    lock(connection, f"run {run_id}")  # a client that gave up waiting says it again
     now = datetime.now(UTC)
     row = connection.execute(select(_RUNS).where(_RUNS.c.id == run_id)).first()
     if row is None:
@@ -65,7 +67,7 @@ def end(connection: Connection, run_id: str) -> bool:
 
 
 def stop(connection: Connection, run_id: str) -> RunRecord:
-    """Let the robot be told to stop; it stays so, and the audit log has it.
+    """Let the next answer to the robot say that it shall stop; that stays so, and the audit log has it.
 
     Raises:
         NotFoundError: if there is none of that id that is seen.

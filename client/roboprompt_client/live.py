@@ -2,7 +2,8 @@
 
     run_task(client, robot, "pick", "pick up the cube", watch=partial(Live, client, robot, on_lost="stop"))
 
-A person who presses Stop on the service's page `Now` reaches the robot within 0.3 s. This replaces no emergency stop.
+Where a person presses Stop on the service's page `Now` the answer to the next report says so, at most 0.2 s later on a
+machine and a network that are not busy. This replaces no emergency stop.
 """
 
 import logging
@@ -99,7 +100,7 @@ class Live:
         while not self._ended.is_set():
             begun_s = time.monotonic()
             if self._stopped_by:  # again: a motion may have begun between a check and the first stop
-                self._robot.stop()
+                self._stop(self._stopped_by)
             try:
                 if self._client.report_run(self.id, {**self._said, **self._state()}, LOST_S):
                     self._stop(BY_A_PERSON)
@@ -114,7 +115,10 @@ class Live:
 
     def _stop(self, why: str) -> None:
         self._stopped_by = why
-        self._robot.stop()
+        try:
+            self._robot.stop()
+        except Exception as error:  # the next turn tries again
+            log.warning("the robot does not stop: %s", error)
 
     def _state(self) -> Mapping[str, Any]:
         """Where the robot is, if it says so."""

@@ -46,7 +46,7 @@ class CanBeSteered(Protocol):
     """What follows a person's keys, such as an `Arm`."""
 
     def steered(self) -> AbstractContextManager[Steer]:
-        """While it lasts the hand moves as it is told."""
+        """While it lasts the hand follows the velocities that are sent."""
         ...
 
 
@@ -83,7 +83,7 @@ def record_live(
 
 
 def _led(arm: HasState, led: ExitStack, *, guide: bool, steers: bool) -> Steer | None:
-    """How the hand is told to move, if it is; what begins ends with `led`."""
+    """The velocity that the hand follows, if any; what begins ends with `led`."""
     if guide:
         if not isinstance(arm, CanBeGuided):
             raise InvalidInputError("--guide", "this robot cannot be guided", AN_ARM)

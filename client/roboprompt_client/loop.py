@@ -32,7 +32,7 @@ log = logging.getLogger(__name__)
 
 
 def watch_nothing(task: str, instruction: str) -> AbstractContextManager[CarryingOut]:
-    """A watch that nobody keeps."""
+    """No watch."""
     return nullcontext(lambda *_: nullcontext())
 
 

@@ -141,8 +141,8 @@ def opened(device: str) -> Iterator[Read]:
 def _space_mouse() -> Path:
     """The device of one that is plugged in."""
     for device in sorted(HIDRAW.glob("hidraw*")):
-        told = (device / "device/uevent").read_text()
-        if re.search(MADE_BY_3DCONNEXION, told):
+        uevent = (device / "device/uevent").read_text()
+        if re.search(MADE_BY_3DCONNEXION, uevent):
             return Path("/dev") / device.name
     raise InvalidInputError("--teleop", "no SpaceMouse is plugged in", "Linux, and a 3Dconnexion SpaceMouse")
 

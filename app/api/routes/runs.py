@@ -1,4 +1,4 @@
-"""Robots under way: they say where they are, and are told whether somebody stopped them."""
+"""Robots under way: they say where they are, and the answers say whether somebody stopped them."""
 
 from typing import Annotated
 
@@ -58,7 +58,7 @@ def list_runs(services: Wired) -> Response:
     "/runs/{run_id}/stop", operation_id="stop_run", response_model=RunOut, responses=problems(_404="no such run")
 )
 def stop_run(services: Wired, run_id: RunId) -> Response:
-    """Stop the robot: it is told with the answer to what it says next. This replaces no emergency stop."""
+    """Stop the robot: the answer to its next report says so. This replaces no emergency stop."""
     with services.store.write() as connection:
         record = runs.stop(connection, run_id)
     return JSONResponse(run_document(record))

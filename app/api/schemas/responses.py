@@ -185,7 +185,7 @@ class RunList(BaseModel):
 
 
 class RunAnswer(BaseModel):
-    """What a robot is told."""
+    """Whether the robot shall stop."""
 
     stop: Annotated[bool, Field(description="hold still at once, and carry out nothing more of this run")]
 

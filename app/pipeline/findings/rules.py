@@ -118,8 +118,11 @@ SCATTERED = Rule("scattered-demonstrations", "that their centre may be off", inf
 MISSED = Rule(
     "scattered-demonstrations", "that the centre may be off where the hand takes or presses", "m", danger=0.012
 )
-TURNED_ALONG = Rule(
-    "scattered-demonstrations", "rms of places that turn with an object while hands do not", "m", danger=0.006
+APART = Rule(
+    "scattered-demonstrations",
+    "rms of places where only the hand, or only the place, turns with an object",
+    "m",
+    danger=0.006,
 )
 CONTRADICTING = Rule(
     "scattered-demonstrations", "of more than a third from the centre where the hand acts", "m", danger=BEYOND_NOISE_M
@@ -183,7 +186,7 @@ RULES = (
     MANY_ROWS,
     SCATTERED,
     MISSED,
-    TURNED_ALONG,
+    APART,
     CONTRADICTING,
     SEVERAL_WAYS,
     EXCHANGED,

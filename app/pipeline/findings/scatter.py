@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding
-from app.pipeline.findings.rules import CONTRADICTING, MISSED, ON_A_CIRCLE, SCATTERED, TURNED_ALONG, Rule
+from app.pipeline.findings.rules import APART, CONTRADICTING, MISSED, ON_A_CIRCLE, SCATTERED, Rule
 from app.pipeline.geometry import yaw_rad
 from app.pipeline.order.order import Order
 from app.pipeline.plans.rows import PlanRow, acting_rows
@@ -16,7 +16,7 @@ from app.pipeline.plans.support import Support, asked_anchor
 from roboprompt_client.arrays import Array
 
 SCATTER_M = 0.01  # what people and pose estimators do at their best
-ALONG_SHARE = 0.4  # of their spread in the world, that offsets have along the object's axes if they turn with it
+OTHER_SHARE = 0.4  # of their spread, that offsets have along the other axes, the object's or the world's, if these hold
 MIN_TURNED = 3  # demonstrations that show whether offsets turn with an object
 CIRCLE_SHARE = 0.25  # of their scatter, within which half of the demonstrations have one distance from the axis
 
@@ -27,14 +27,14 @@ class _Acting:
 
     Attributes:
         seen_from: what the row is relative to, as it is called in the scene that is asked about.
-        along_m: see `_turned_along_m`.
+        apart_m: see `_apart_m`.
         releases: whether the hand lets something go: that may have no one place, as in a bin.
     """
 
     index: int
     row: PlanRow
     seen_from: str
-    along_m: float
+    apart_m: float
     releases: bool
 
     def finding(self, rule: Rule, message: str, value: float) -> Finding:
@@ -58,18 +58,18 @@ def scatter_findings(support: Support, asked: Order, round_objects: frozenset[st
             k,
             rows[k],
             _seen_from(rows[k], shown[0].order, asked),
-            _turned_along_m(shown, rows[k], round_objects),
+            _apart_m(shown, rows[k], round_objects),
             releases=k > 0 and rows[k].gripper_open and not rows[k - 1].gripper_open,
         )
         for shown, rows in support.alike(asked)
         for k in acting_rows(rows)
     ]
-    turned = [item for item in acting if item.along_m > 0]
+    apart = [item for item in acting if item.apart_m > 0]
     contradicting = [item for item in acting if CONTRADICTING.severity(item.row.way_off_m) is not None]
     on_a_circle = [item for item in acting if _on_a_circle(item.row, round_objects)]
     scattered = [item for item in acting if item.row.scatter_m > SCATTER_M]
-    if turned:
-        yield _turned_finding(max(turned, key=lambda item: item.along_m))
+    if apart:
+        yield _apart_finding(max(apart, key=lambda item: item.apart_m))
     elif contradicting:
         yield _contradicting_finding(max(contradicting, key=lambda item: item.row.way_off_m))
     elif on_a_circle:
@@ -78,13 +78,16 @@ def scatter_findings(support: Support, asked: Order, round_objects: frozenset[st
         yield _scattered_finding(scattered)
 
 
-def _turned_finding(item: _Acting) -> Finding:
+def _apart_finding(item: _Acting) -> Finding:
+    place, hand = "turns with", "does not turn"
+    if item.row.anchors[0].frame == "o":
+        place, hand = "does not turn with", "turns"
     message = (
-        f"Where {len(item.row.off_m)} demonstrations act (action {item.index + 1}) turns with {item.seen_from}, and the"
-        f" hand does not turn: no row says both, and the place may be {200 * item.along_m:.1f} cm off. Turn the hand"
-        " with the object in demonstrations, or name the place as an object of its own."
+        f"Where {len(item.row.off_m)} demonstrations act (action {item.index + 1}) {place} {item.seen_from}, and the"
+        f" hand {hand}: no row says both, and the place may be {200 * item.apart_m:.1f} cm off. Turn the hand as the"
+        " place turns in demonstrations, or name the place as an object of its own."
     )
-    return item.finding(TURNED_ALONG, message, item.along_m)
+    return item.finding(APART, message, item.apart_m)
 
 
 def _contradicting_finding(item: _Acting) -> Finding:
@@ -116,18 +119,22 @@ def _scattered_finding(scattered: Sequence[_Acting]) -> Finding:
     return item.finding(MISSED if missed else SCATTERED, message, item.row.center_off_m)
 
 
-def _turned_along_m(shown: Sequence[Demonstration], row: PlanRow, round_objects: frozenset[str]) -> float:
-    """How far offsets in the world's axes spread (rms) that are alike along the object's own; 0 if they are not."""
-    if row.anchors[0].frame != "w" or len(shown) < MIN_TURNED or row.anchors[0].object_name in round_objects:
+def _apart_m(shown: Sequence[Demonstration], row: PlanRow, round_objects: frozenset[str]) -> float:
+    """How far offsets spread (rms) along the row's axes that are alike along the object's others; 0 if they are not.
+
+    Rotations decide the frame of such a row: of its place it is the wrong one.
+    """
+    name, frame = row.anchors[0]
+    if not name or len(shown) < MIN_TURNED or name in round_objects or {a.frame for a in row.anchors} != {frame}:
         return 0.0
     poses = [item.object(anchor.object_name) for item, anchor in zip(shown, row.anchors, strict=True)]
     if any(pose.quaternion_xyzw is None for pose in poses):
         return 0.0
     yaws_rad = np.array([yaw_rad(Rotation.from_quat(pose.quaternion_xyzw)) for pose in poses])
-    along_m = Rotation.from_euler("z", -yaws_rad[:, None]).apply(row.offsets_m)
+    to_other = Rotation.from_euler("z", (yaws_rad if frame == "o" else -yaws_rad)[:, None])
     spread_m = _spread_m(row.offsets_m)
-    turned = _spread_m(along_m) < ALONG_SHARE * spread_m and TURNED_ALONG.severity(spread_m) is not None
-    return spread_m if turned else 0.0
+    apart = _spread_m(to_other.apply(row.offsets_m)) < OTHER_SHARE * spread_m
+    return spread_m if apart and APART.severity(spread_m) is not None else 0.0
 
 
 def _spread_m(offsets_m: Array) -> float:

@@ -31,7 +31,7 @@ class Standing:
 
     @property
     def outcomes(self) -> tuple[bool, ...]:
-        """Whether robots succeeded, oldest first; only where they told."""
+        """Whether robots succeeded, oldest first; only where that was recorded."""
         return tuple(trial.success for trial in self.latest if trial.success is not None)
 
     @property

@@ -4,6 +4,7 @@ One turn holds for all actions of an answer: nothing spins while it is held, nor
 """
 
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from app.services.predict.evidence import previewed
 from app.services.task_settings import TaskSettings
 from roboprompt_client.motion_limits import Pose
 
+MAX_TASKS = 64  # whose demonstrated wrist angles are kept
 Plans = Mapping[str, tuple[PlacedPlan, ...] | None]
 
 
@@ -30,8 +32,7 @@ def turned_plans(
     every = [plan for found in plans.values() for plan in found or ()] if settings.gripper_symmetry_deg else []
     if not every:
         return plans, []
-    base_m = None if settings.arm is None else np.array(settings.robot_base)
-    wrist = WristRange(taught.demonstrations, base_m)
+    wrist = _wrist(taught, None if settings.arm is None else tuple(settings.robot_base))
     other = [half_turned_plan(plan) for plan in every]
     beyond_deg, turned_deg = (wrist.beyond_deg(row.action for plan in item for row in plan) for item in (every, other))
     missed, turned_missed = (_out_of_reach(item, settings, hand) for item in (every, other))
@@ -47,6 +48,12 @@ def turned_plans(
     numbers = {"beyond_deg": beyond_deg, "turned_beyond_deg": turned_deg}
     turned = {name: found and tuple(map(half_turned_plan, found)) for name, found in plans.items()}
     return turned, [GRIPPER_TURNED.finding(message, "actions", numbers)]
+
+
+@lru_cache(MAX_TASKS)
+def _wrist(taught: Taught, base_m: tuple[float, ...] | None) -> WristRange:
+    """Kept for each version of a task, as `taught` is."""
+    return WristRange(taught.demonstrations, None if base_m is None else np.array(base_m))
 
 
 def _out_of_reach(plans: Sequence[PlacedPlan], settings: TaskSettings, hand: Pose | None) -> int:

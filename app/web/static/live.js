@@ -7,7 +7,7 @@ import { axesOf, drawScene, showMoment } from "./scene3d.js";
 const [PAUSE_MS, RUNS_MS] = [1000, 250];
 const SILENT_S = 2; // longer than any robot that is well
 const byId = (id) => document.getElementById(id);
-const nobody = byId("runs").firstElementChild;
+const none = byId("runs").firstElementChild;
 const cards = new Map(); // of robots, by the id of their run
 
 /** Do it now and, while the page is seen, a pause after each time that it was done. */
@@ -41,8 +41,8 @@ async function lookAtRobots() {
     if (!cards.has(run.id)) cards.set(run.id, new Card(run));
     cards.get(run.id).show(run);
   }
-  if (cards.size) nobody.remove();
-  else byId("runs").append(nobody);
+  if (cards.size) none.remove();
+  else byId("runs").append(none);
 }
 
 /** One robot: what it carries out, where it is, and the button that stops it. */
@@ -66,7 +66,7 @@ class Card {
     try {
       await call(`/runs/${this.id}/stop`, { method: "POST" });
       this.stop.disabled = true;
-      this.stop.textContent = "Told to stop";
+      this.stop.textContent = "Stopping";
     } catch (error) {
       sayProblem(this.problem, error);
     }
@@ -88,7 +88,7 @@ class Card {
     const whose = run.hand && !run.is_measured ? "; the hand is drawn at its target" : "";
     this.where.textContent = `${run.task}: ${action}${whose}${silent}`;
     this.stop.disabled ||= run.stop;
-    if (run.stop) this.stop.textContent = "Told to stop";
+    if (run.stop) this.stop.textContent = "Stopping";
     drawScene(this.view, { ...this.scene, play: run.arm && { arm: [run.arm] } });
     const { hand, open, arm } = run;
     showMoment(this.view, hand && { position: hand.position, axes: axesOf(hand.quaternion_xyzw), open, arm });

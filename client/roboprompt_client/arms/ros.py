@@ -51,7 +51,7 @@ class Ros:
 
     Raises:
         InvalidInputError: for options that cannot be.
-        MotionError: if nobody answers, or no pose comes.
+        MotionError: if nothing answers, or no pose comes.
     """
 
     name = "ROS 2 (rosbridge)"

@@ -1,11 +1,14 @@
 """Demonstrations that scatter where the gripper acts."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from app.pipeline.findings.demonstrations import scatter_findings
 from app.pipeline.plans.support import Support
-from tests.pipeline.scenes import action, demonstration, pose
+from tests.pipeline.scenes import action, demonstration, pose, rotated
 
 INSTRUCTION = "pick up the cube"
 
@@ -79,23 +82,30 @@ def test_more_than_a_third_that_are_far_off_are_a_danger_and_a_slip_is_none():
     assert found(with_wrong(3)) == []
 
 
-def beside(off_m, number, turned_deg=40):
-    """The cube is turned further each time; the hand, which is not, goes to a place of the cube off its centre."""
+def beside(off_m, number, *, place_turns=True, hand_turns=False, turned_deg=40):
+    """The cube is turned further each time; the hand goes to a place beside its centre."""
     group = []
     for k in range(number):
-        yaw_rad = np.radians(turned_deg * k)
-        at_m = 0.03 * k + off_m * np.cos(yaw_rad), off_m * np.sin(yaw_rad)
-        rows = [action((*at_m, z_m), gripper_open=is_open) for z_m, is_open in ((0.9, True), (0.8, False))]
+        way = Rotation.from_euler("z", turned_deg * k * place_turns, degrees=True).apply([off_m, 0, 0])
+        turn = rotated(180, 0, turned_deg * k * hand_turns).as_quat()
+        rows = [
+            replace(action(np.add(way, [0.03 * k, 0, z_m]), gripper_open=is_open), quaternion_xyzw=turn)
+            for z_m, is_open in ((0.9, True), (0.8, False))
+        ]
         group.append(demonstration(INSTRUCTION, (pose("cube", (0.03 * k, 0, 0.8), turned_deg * k),), rows))
     return group
 
 
 @pytest.mark.parametrize(("off_m", "number"), [(0.012, 4), (0.02, 3), (0.03, 10)])
-def test_a_place_that_turns_with_an_object_while_the_hand_does_not_is_a_danger(off_m, number):
-    (finding,) = found(beside(off_m, number))
+@pytest.mark.parametrize(
+    ("place_turns", "message"), [(True, "turns with cube, and the hand does not"), (False, "does not turn with cube")]
+)
+def test_a_place_and_a_hand_of_which_one_turns_with_an_object_are_a_danger(off_m, number, place_turns, message):
+    (finding,) = found(beside(off_m, number, place_turns=place_turns, hand_turns=not place_turns))
     assert (finding.severity, finding.where) == ("danger", "actions[1]")
-    assert "turns with cube" in finding.message
+    assert message in finding.message
 
 
-def test_a_place_at_the_centre_or_beside_an_object_that_does_not_turn_is_none():
+def test_a_place_and_a_hand_that_turn_alike_are_none():
     assert found(beside(0.003, 10)) == found(beside(0.03, 10, turned_deg=0)) == []
+    assert found(beside(0.03, 10, hand_turns=True)) == found(beside(0.03, 10, place_turns=False)) == []
