@@ -83,9 +83,10 @@ class Lexicon:
         """The objects that are called so."""
         return frozenset(name for name, phrases in self.phrases.items() if any(noun_of(p) == noun for p in phrases))
 
-    def colors_of(self, name: str) -> set[str]:
-        """The color words in an object's name and aliases."""
-        return {word for phrase in self.phrases[name] for word in phrase if word in vocabulary.COLORS}
+    def of_color(self, color: str) -> frozenset[str]:
+        """The objects whose name or alias has a word for a like color."""
+        own = [word for word in self.objects_of if word in vocabulary.COLORS and vocabulary.look_alike(color, word)]
+        return frozenset(name for word in own for name in self.objects_of[word])
 
     def _word(self, token: Token) -> Word:
         if (known := self._known(token.text)) is not None:

@@ -5,16 +5,15 @@ from dataclasses import dataclass, replace
 from itertools import islice, product
 
 from app.pipeline.errors import UnfamiliarInstructionError
-from app.pipeline.order.clause_parser import DIRECT, ParsedClause
+from app.pipeline.order.clauses import DIRECT, INSTRUMENT, ParsedClause
 from app.pipeline.order.descriptions import MEANS
-from app.pipeline.order.frames import INSTRUMENT, Frame
 from app.pipeline.order.noun_phrases import NounPhrase, NounPhrases, TooInvolvedError
 from app.pipeline.order.order import Grounding, Order
 from app.pipeline.order.refusals import passed_on, refusal
-from app.pipeline.order.sentences import PICKING, Sentences
+from app.pipeline.order.sentences import Sentences
 from app.pipeline.order.space import Layout
-from app.pipeline.order.taught import Taught
-from app.pipeline.order.verbs import DESTINATIONS
+from app.pipeline.order.taught import Frame, Taught
+from app.pipeline.order.verbs import PICKING
 
 MAX_READINGS = 64  # that are compared; an instruction with more is ambiguous
 _JOINT = ", then "
@@ -47,9 +46,8 @@ def read(instruction: str, taught: Taught, layout: Layout | None = None, *, allo
 
 def _groundings(phrases: NounPhrases, named: Sequence[NounPhrase]) -> tuple[Grounding, ...]:
     """What each phrase was taken for."""
-    return tuple(
-        Grounding(phrases.text_of(phrase), phrase.name, phrase.by) for phrase in named if phrase.name is not None
-    )
+    found = [phrase for phrase in named if phrase.name is not None]
+    return tuple(Grounding(phrases.text_of(each.start, each.end), each.name, each.by) for each in found if each.name)
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,22 +57,6 @@ class Filled:
     frame: Frame
     objects: Mapping[str, str]
     clause: ParsedClause
-
-    @property
-    def is_as_taught(self) -> bool:
-        return all(mine == other for mine, other in self.objects.items())
-
-    @property
-    def has_instrument(self) -> bool:
-        return len(self.frame.clause.objects_in(INSTRUMENT)) == len(self.clause.objects_in(INSTRUMENT))
-
-    @property
-    def has_verb(self) -> bool:
-        return self.frame.clause.verb == self.clause.verb
-
-    @property
-    def has_words(self) -> bool:
-        return self.frame.clause.fixed_phrases == self.clause.fixed_phrases
 
 
 def _meanings(taught: Taught, phrases: NounPhrases) -> list[Order]:
@@ -104,7 +86,7 @@ def _plans(taught: Taught, reading: Sequence[ParsedClause]) -> Iterator[tuple[Fi
     per_clause = [_choices(taught, clause) for clause in reading]
     for choice in islice(product(*per_clause), MAX_READINGS):
         plan = tuple(filled for part in choice for filled in part)
-        signatures = tuple(filled.frame.signature for filled in plan)
+        signatures = tuple(filled.frame.clause.signature for filled in plan)
         alone = all(filled.frame.may_stand_alone for filled in plan)
         if any(signatures == frame.plan for frame in taught.frames) or (alone and not _wants_moved(plan)):
             yield plan
@@ -122,24 +104,28 @@ def _choices(taught: Taught, clause: ParsedClause) -> list[tuple[Filled, ...]]:
 
 
 def _best(taught: Taught, clause: ParsedClause) -> list[Filled]:
-    """The clause as frames have it: with its own verb, if that was taught, and as many of its words as possible."""
+    """The clause as frames have it, one for each thing that it may ask for: with the objects that were taught first."""
     every = [
         Filled(frame, objects, clause)
         for frame in taught.frames
         if (objects := frame.filled(clause, taught.names)) is not None
     ]
-    every = closest(every)
     by_signature: dict[object, Filled] = {}
-    for filled in sorted(every, key=lambda filled: not filled.is_as_taught):
-        by_signature.setdefault(filled.frame.signature, filled)
+    for filled in sorted(closest(every), key=lambda filled: any(a != b for a, b in filled.objects.items())):
+        by_signature.setdefault(filled.frame.clause.signature, filled)
     return list(by_signature.values())
 
 
 def closest(every: list[Filled]) -> list[Filled]:
     """Those with the clause's own instrument, verb and words, where some have them."""
-    every = [filled for filled in every if filled.has_instrument] or every
-    every = [filled for filled in every if filled.has_verb] or every
-    return [filled for filled in every if filled.has_words] or every
+    with_instrument = [
+        each
+        for each in every
+        if len(each.frame.clause.objects_in(INSTRUMENT)) == len(each.clause.objects_in(INSTRUMENT))
+    ]
+    every = with_instrument or every
+    every = [each for each in every if each.frame.clause.verb == each.clause.verb] or every
+    return [each for each in every if each.frame.clause.fixed_phrases == each.clause.fixed_phrases] or every
 
 
 def _canonical(taught: Taught, plan: Sequence[Filled]) -> str | None:
@@ -161,6 +147,6 @@ def _wants_moved(plan: Sequence[Filled]) -> bool:
         again = picks and k > 0 and filled.objects == plan[k - 1].objects and filled.frame is plan[k - 1].frame
         if not again and not moved.isdisjoint(phrase.name for phrase in filled.clause.phrases if phrase.name):
             return True
-        if picks or any(role in DESTINATIONS or role == "off" for role, _ in filled.clause.roles):
+        if picks or filled.clause.takes_somewhere:
             moved |= {phrase.name for phrase in filled.clause.objects_in(DIRECT) if phrase.name}
     return False

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 
 from app.pipeline.errors import InstructionError, UnfamiliarInstructionError, UngroundedInstructionError
 from app.pipeline.order import verbs, vocabulary
-from app.pipeline.order.clause_parser import DIRECT
 from app.pipeline.order.noun_phrases import NounPhrase, NounPhrases, Unmatched
 from app.pipeline.order.order import clause_of
 from app.pipeline.order.taught import Taught
@@ -52,9 +51,9 @@ def passed_on(taught: Taught, phrases: NounPhrases) -> tuple[str, Sequence[NounP
     if (missed := _missed(phrases) or _unknown_thing(words)) is not None:
         raise _ungrounded(phrases, missed, valid)
     found = _longest(phrases)
-    if taught.names_objects and not found:
+    if not found and any(clause_of(text, taught.names).objects for text in taught.instructions):
         raise UngroundedInstructionError(FIELD, f"{instruction!r} names no object of the task", valid)
-    text = _with_names(phrases, found)
+    text = phrases.with_names(phrase for phrase in found if phrase.by != "name")
     if clause_of(text, taught.names).objects != tuple(dict.fromkeys(phrase.name for phrase in found)):
         raise UngroundedInstructionError(FIELD, f"{instruction!r} names its objects in an unclear way", valid)
     return text, found
@@ -76,15 +75,6 @@ def _longest(phrases: NounPhrases) -> list[NounPhrase]:
     return found
 
 
-def _with_names(phrases: NounPhrases, found: Sequence[NounPhrase]) -> str:
-    text = phrases.instruction
-    for phrase in reversed(found):
-        start, end = phrases.words[phrase.start].token.start, phrases.words[phrase.end - 1].token.end
-        if phrase.by != "name" and phrase.name:
-            text = f"{text[:start]}the {phrase.name.replace('_', ' ')}{text[end:]}"
-    return text
-
-
 def _missed(phrases: NounPhrases) -> Unmatched | None:
     """The longest phrase that reads like an object and is none, unless it is a part of one that is."""
     found = _longest(phrases)
@@ -94,7 +84,7 @@ def _missed(phrases: NounPhrases) -> Unmatched | None:
 
     return max(
         (missed for missed in phrases.unmatched if not is_part(missed)),
-        key=lambda missed: (missed.end - missed.start, -missed.start),
+        key=lambda missed: (missed.end - missed.start, -missed.start, missed.candidates),
         default=None,
     )
 
@@ -120,16 +110,14 @@ def _asks_for_taught(taught: Taught, words: Sequence[Word]) -> bool:
     if not said:
         return bool(words) and (words[0].known or words[0].text in DETERMINERS)
     return any(
-        verb == clause.verb
-        or (clause.verb or "").split()[:1] == [verb]
-        or verbs.common_families(verb, clause.verb or "", {role for role, _ in clause.roles if role != DIRECT})
+        verb == clause.verb or (clause.verb or "").split()[:1] == [verb] or clause.families_with(verb)
         for verb in said
         for clause in clauses
     )
 
 
 def _ungrounded(phrases: NounPhrases, missed: Unmatched, valid: str) -> UngroundedInstructionError:
-    text = phrases.text_of(missed)
+    text = phrases.text_of(missed.start, missed.end)
     if missed.candidates:
         return UngroundedInstructionError(FIELD, f"{text!r} may be {', '.join(missed.candidates)}", valid)
     return UngroundedInstructionError(FIELD, f"{text!r} is none of the task's objects", valid)

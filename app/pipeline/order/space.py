@@ -50,22 +50,13 @@ def extreme(side: str, place: int = 1) -> Pick:
     return pick
 
 
-def nearest_to(other: str | None, place: int = 1) -> Pick:
-    """The candidate that is nearest to an object, or to the robot."""
+def by_distance(other: str | None, place: int = 1, *, farthest: bool = False) -> Pick:
+    """The `place`-th (from 1) of the candidates by their distance from an object, or from the robot."""
 
     def pick(layout: Layout, names: Names) -> Names:
         others = tuple(name for name in names if name != other)
-        return _nth(others, lambda name: layout.distance_m(name, other), place)
-
-    return pick
-
-
-def farthest_from(other: str | None, place: int = 1) -> Pick:
-    """The candidate that is farthest from an object, or from the robot."""
-
-    def pick(layout: Layout, names: Names) -> Names:
-        others = tuple(name for name in names if name != other)
-        return _nth(others, lambda name: -layout.distance_m(name, other), place)
+        sign = -1 if farthest else 1
+        return _nth(others, lambda name: sign * layout.distance_m(name, other), place)
 
     return pick
 

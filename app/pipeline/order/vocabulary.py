@@ -94,8 +94,7 @@ COUNTED_FROM = {
     "leftmost": "left", "rightmost": "right", "left": "left", "right": "right", "top": "top", "bottom": "bottom",
     "above": "top", "below": "bottom", "highest": "top", "lowest": "bottom",
 }  # fmt: skip
-NEAR = frozenset({"closest", "nearest"})
-FAR = frozenset({"farthest", "furthest"})
+REACHES = {"closest": "near", "nearest": "near", "farthest": "far", "furthest": "far"}
 ROBOT = _phrases("robot,robot arm,arm,robot base,base,you,yourself,your base,robot's base")
 BEING = _phrases(
     "that is,which is,that stands,which stands,that lies,which lies,that sits,which sits,located,placed,standing,lying,"
@@ -183,7 +182,7 @@ NEVER_LOOSE = DETERMINERS | GENERIC_NOUNS | {word for phrase in PREPOSITIONS for
 } | {"and", "or", "not", "it", "is"}  # fmt: skip
 FUNCTION_WORDS = (
     frozenset(word for table in _TABLES for phrase in table for word in phrase)
-    | {*DETERMINERS, *COLORED, *ORDINALS, *NEAR, *FAR, *MARKS, *_ALONE}
+    | {*DETERMINERS, *COLORED, *ORDINALS, *REACHES, *MARKS, *_ALONE}
 )  # fmt: skip
 
 
@@ -192,4 +191,4 @@ def look_alike(one: str, other: str) -> bool:
     return not COLORS[one].isdisjoint(COLORS[other])
 
 
-PLACE_WORDS = frozenset({*COUNTED_FROM, *FAR, *NEAR, *PLACE_ADJECTIVES})  # that say which of several objects
+PLACE_WORDS = frozenset({*COUNTED_FROM, *REACHES, *PLACE_ADJECTIVES})  # that say which of several objects

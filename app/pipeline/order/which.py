@@ -9,14 +9,14 @@ from collections.abc import Iterator, Sequence
 from app.pipeline.alike import Alike, gone_to
 from app.pipeline.errors import UngroundedInstructionError
 from app.pipeline.order import vocabulary
-from app.pipeline.order.clause_parser import DIRECT, ParsedClause
-from app.pipeline.order.frames import taught_verb
+from app.pipeline.order.clauses import DIRECT, ParsedClause
 from app.pipeline.order.lexicon import Lexicon
 from app.pipeline.order.noun_phrases import NounPhrase, NounPhrases, TooInvolvedError
 from app.pipeline.order.order import clause_texts
 from app.pipeline.order.refusals import forbids
 from app.pipeline.order.sentences import Sentences
 from app.pipeline.order.space import Layout
+from app.pipeline.order.taught import taught_verb
 from app.pipeline.order.verbs import DESTINATIONS
 from app.pipeline.order.words import IsWord
 from roboprompt_client.arrays import Array
@@ -92,7 +92,7 @@ def _readings(instruction: str, lexicon: Lexicon, layout: Layout | None) -> Iter
             if all(map(_is_whole, clauses)):
                 said = [phrase for clause in clauses for phrase in _in_order(clause)]
                 named = dict.fromkeys(phrase.name for phrase in said if phrase.name)
-                yield len(clauses), _written(phrases, said), tuple(named)
+                yield len(clauses), phrases.with_names(said), tuple(named)
     except TooInvolvedError:
         return
 
@@ -107,12 +107,3 @@ def _in_order(clause: ParsedClause) -> list[NounPhrase]:
     """Its objects, what is acted on before where it goes."""
     direct = clause.objects_in(DIRECT)
     return [*direct, *(phrase for phrase in clause.phrases if phrase not in direct)]
-
-
-def _written(phrases: NounPhrases, said: Sequence[NounPhrase]) -> str:
-    text = phrases.instruction
-    for phrase in sorted(set(said), key=lambda phrase: -phrase.start):
-        if phrase.name is not None:
-            start, end = phrases.words[phrase.start].token.start, phrases.words[phrase.end - 1].token.end
-            text = f"{text[:start]}the {phrase.name.replace('_', ' ')}{text[end:]}"
-    return text

@@ -4,10 +4,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import combinations, pairwise
 
-from app.pipeline.order.clause_parser import DIRECT, ParsedClause, without
+from app.pipeline.order.clauses import DIRECT, ParsedClause, without
 from app.pipeline.order.noun_phrases import NounPhrase
-from app.pipeline.order.sentences import PICKING, Unit
-from app.pipeline.order.verbs import DESTINATIONS
+from app.pipeline.order.sentences import Unit
+from app.pipeline.order.verbs import PICKING
 from app.pipeline.order.vocabulary import ORDERING
 from app.pipeline.order.words import NUMBERS
 
@@ -99,6 +99,6 @@ def is_placed_after_moving(clauses: Sequence[ParsedClause]) -> bool:
     """Whether an object is told by its place after something was moved: only where objects are now is known."""
     return any(
         any(phrase.by == "relation" for phrase in later.phrases)
-        and (earlier.verb in PICKING or any(role in DESTINATIONS or role == "off" for role, _ in earlier.roles))
+        and (earlier.verb in PICKING or earlier.takes_somewhere)
         for earlier, later in combinations(clauses, 2)
     )
