@@ -13,7 +13,7 @@ from app.pipeline.order.clauses import DIRECT, ParsedClause
 from app.pipeline.order.lexicon import Lexicon
 from app.pipeline.order.noun_phrases import NounPhrase, NounPhrases, TooInvolvedError
 from app.pipeline.order.order import clause_texts
-from app.pipeline.order.refusals import forbids
+from app.pipeline.order.reading import FIELD, forbids
 from app.pipeline.order.sentences import Sentences
 from app.pipeline.order.space import Layout
 from app.pipeline.order.taught import taught_verb
@@ -21,7 +21,6 @@ from app.pipeline.order.verbs import DESTINATIONS
 from app.pipeline.order.words import IsWord
 from roboprompt_client.arrays import Array
 
-FIELD = "instruction"
 # What is done with a thing where it is, and what takes it somewhere: "press the button next to the plate" says which
 # button, "put the bowl next to the plate" where to. "Push" and "take" may mean either.
 STAYING = frozenset({

@@ -15,8 +15,7 @@ from app.pipeline.findings.scene import strangers
 from app.pipeline.order.clauses import DIRECT, ParsedClause
 from app.pipeline.order.noun_phrases import NounPhrase, NounPhrases, TooInvolvedError
 from app.pipeline.order.order import Order, clause_of
-from app.pipeline.order.reading import Filled, closest
-from app.pipeline.order.refusals import FIELD, refusal
+from app.pipeline.order.reading import FIELD, Filled, closest, refusal
 from app.pipeline.order.sentences import Sentences, Unit, wanted
 from app.pipeline.order.space import Layout
 from app.pipeline.order.taught import Frame, Taught
