@@ -8,16 +8,13 @@ from app.pipeline.episode import Demonstration, Query
 from app.pipeline.findings import Finding
 from app.pipeline.findings.actions import ShownWays
 from app.pipeline.findings.arrangement import FEWEST, rigid_pairs
-from app.pipeline.findings.elsewhere import answer_findings, elsewhere_findings, from_shown_m
-from app.pipeline.findings.exchanged import exchanged_findings
-from app.pipeline.findings.hand import RecordedHand
-from app.pipeline.findings.implausible import dropping_findings, hand_findings
-from app.pipeline.findings.missed import Kept
+from app.pipeline.findings.elsewhere import answer_findings, elsewhere_findings, exchanged_findings, from_shown_m
+from app.pipeline.findings.hand import Kept, RecordedHand
+from app.pipeline.findings.implausible import dropping_findings, hand_findings, turning_findings
 from app.pipeline.findings.places import ShownScenes
 from app.pipeline.findings.rules import CONTRADICTING, PATH_LEFT, PATH_NOT_KEPT, SEVERAL_WAYS
 from app.pipeline.findings.scatter import scatter_findings
 from app.pipeline.findings.sources import Compared
-from app.pipeline.findings.turns import turning_findings
 from app.pipeline.order.order import Order
 from app.pipeline.order.vocabulary import PLACE_WORDS
 from app.pipeline.plans import Group, by_plan, shown_together, usual_ways, words_decide

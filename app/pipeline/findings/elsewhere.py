@@ -5,14 +5,17 @@ Prompts leave out a rare plan, and move each row to where most demonstrations of
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import groupby, permutations
 
 import numpy as np
 
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.findings import Finding
-from app.pipeline.findings.missed import NEVER_M, off_from_m
-from app.pipeline.findings.rules import ELSEWHERE
+from app.pipeline.findings.hand import NEVER_M, off_from_m
+from app.pipeline.findings.rules import ELSEWHERE, EXCHANGED, LEFT_OUT
 from app.pipeline.order.vocabulary import PLACE_WORDS
+from app.pipeline.plans import RARE_SHARE
 from app.pipeline.plans.agreement import TWO_WAYS_M
 from app.pipeline.plans.rows import BEYOND_NOISE_M, WAY_SHARE, PlanRow, acting_rows
 from app.pipeline.plans.support import Support
@@ -21,6 +24,8 @@ from roboprompt_client.trajectory import EndEffectorAction
 
 SCATTERS = 2.0  # times the median scatter of a row, within which a demonstration does the same
 LISTED = 3  # ids that a sentence names
+SAME_M = BEYOND_NOISE_M / 2  # from where the usual plan would act: does the same
+MIN_OTHERS = 3  # demonstrations that tell what is usual
 
 
 def elsewhere_findings(
@@ -136,3 +141,65 @@ def role_of(demonstration: Demonstration, name: str) -> str:
     """The object's place in the instruction, or its name."""
     mentioned = demonstration.order.objects
     return f"<{mentioned.index(name)}>" if name in mentioned else name
+
+
+def exchanged_findings(alike: Sequence[Demonstration]) -> Iterator[Finding]:
+    """The two objects whose exchange explains most of the demonstrations that act elsewhere than the usual plan.
+
+    Their scenes differ with the names, so that plans seem to follow from the scenes. One object must be in the
+    instruction, which says what to act on; where no word names either, a scene may well decide between them.
+
+    Args:
+        alike: that ask for the same.
+    """
+    kinds = Counter(demonstration.kind for demonstration in alike)
+    usual = kinds.most_common(1)[0][0]
+    if len(kinds) == 1 or not all(demonstration.actions for demonstration in alike):
+        return
+    support = Support.of([[item for item in alike if item.kind == usual]])
+    others = [d for d in alike if d.kind != usual and from_shown_m(support, d) > BEYOND_NOISE_M]
+    explained: Counter[tuple[str, str]] = Counter()
+    for other in others:
+        for one, second in permutations((pose.name for pose in other.objects), 2):
+            if one in other.order.objects and from_shown_m(support, _exchanged(other, one, second)) < SAME_M:
+                explained[one, second] += 1
+    if not explained:
+        return
+    (one, second), number = explained.most_common(1)[0]
+    if EXCHANGED.severity(number / len(alike)) is not None:
+        message = (
+            f"{number} of {len(alike)} demonstrations of {alike[0].instruction!r} do what the others do if {one} and"
+            f" {second} have each other's names there. Correct or delete those that are named wrongly."
+        )
+        yield EXCHANGED.finding(message, "demonstrations", {"share": number / len(alike)}, value=number / len(alike))
+
+
+def _exchanged(shown: Demonstration, one: str, other: str) -> Demonstration:
+    names = {one: other, other: one}
+    return replace(shown, objects=tuple(replace(p, name=names.get(p.name, p.name)) for p in shown.objects))
+
+
+def unlike_findings(new: Demonstration, others: Sequence[Demonstration]) -> Iterator[Finding]:
+    """Says so where its gripper opens and closes otherwise than in most demonstrations that ask for the same.
+
+    Args:
+        new, others: with the keyframes of their recordings.
+    """
+    ways = Counter(_way(shown) for shown in others if shown.order.form == new.order.form)
+    if ways.total() < MIN_OTHERS:
+        return
+    own, (usual, number) = _way(new), ways.most_common(1)[0]
+    ways[own] += 1
+    if own != usual and ways[own] <= RARE_SHARE * ways.total():
+        message = (
+            f"The gripper switches {len(own) - 1} times, in {number} of the {ways.total() - 1} other demonstrations"
+            f" {len(usual) - 1} times: prompts leave this one out, unless more are like it or its scene tells when to"
+            " do so. Was something dropped, or grasped twice? Then delete it."
+        )
+        yield LEFT_OUT.finding(message, "trajectory.gripper_open", {"alike": ways[own], "demonstrations": ways.total()})
+
+
+def _way(shown: Demonstration) -> tuple[bool, ...]:
+    """What the gripper does, from the state in which the hand is on its way."""
+    states = [state for state, _ in groupby(action.gripper_open for action in shown.actions)]
+    return tuple(states if states[:1] == [True] else [True, *states])

@@ -5,14 +5,28 @@ A gripper that is said to be open where it is closed, a motion that runs backwar
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding
 from app.pipeline.findings.elsewhere import role_of
 from app.pipeline.findings.hand import AT_OBJECT_M, RecordedHand
-from app.pipeline.findings.rules import BACKWARDS, BROKEN_OFF, DROPS, FAR_FROM_ALL, IMPLAUSIBLE_GRIPPER, Rule
+from app.pipeline.findings.rules import (
+    BACKWARDS,
+    BESIDE,
+    BROKEN_OFF,
+    DROPS,
+    FAR_FROM_ALL,
+    IMPLAUSIBLE_GRIPPER,
+    W_FIRST,
+    Rule,
+)
+from app.pipeline.order.order import Order
+from app.pipeline.plans.rows import PlanRow, acting_rows
+from app.pipeline.plans.support import Support, asked_anchor
 from roboprompt_client import quaternions
 from roboprompt_client.arrays import Array
 
@@ -27,6 +41,9 @@ ACTED_M = 0.08  # a hand that comes no nearer to any object has not acted yet
 FEWEST = 4  # recordings that tell what their ends share from chance
 SLIPS = 0.2  # share of the recordings that may be odd
 ONE_PLACE_M, PLACES_M = 0.02, 0.05  # spread of ends that are one, of starts that are several
+MIN_TURNED = 5  # demonstrations that show how hands turn with objects
+TURNS_DEG = 8.0  # what turns by less has hardly been turned
+MUCH_LESS = 1 / 3
 
 UNHELD = (
     "the hand starts closed and empty, opens at an object and goes on with open fingers: is gripper_open inverted, or"
@@ -176,3 +193,75 @@ def _seen_by_role(demonstration: Demonstration, place_m: Array) -> Mapping[tuple
 def _spread_m(places_m: Array) -> float:
     """How far most places (N, 3) are from their median."""
     return float(np.quantile(np.linalg.norm(places_m - np.median(places_m, axis=0), axis=1), 0.8))
+
+
+class Turning(NamedTuple):
+    """A row in which the hand acts on an object whose rotations are known.
+
+    Attributes:
+        name: of the object, as it is asked for.
+        hands_xyzw, objects_xyzw: (N, 4) in the demonstrations.
+    """
+
+    row: PlanRow
+    name: str
+    hands_xyzw: Array
+    objects_xyzw: Array
+
+    def beside_m(self) -> float:
+        """How far beside the object the hand acts, where it turns with the object and its place does not; else 0."""
+        with_object_deg, with_world_deg = self._scatters_deg(self.hands_xyzw)
+        turns_with_it = with_world_deg > TURNS_DEG and with_object_deg < MUCH_LESS * with_world_deg
+        is_beside = turns_with_it and self.row.anchors[0].frame == "w"
+        return float(np.linalg.norm(self.row.centre_m[:2])) if is_beside else 0.0
+
+    def astray_deg(self) -> float:
+        """How far the hand scatters about object and world, where it would about neither if w came first; else 0."""
+        as_read_deg = min(self._scatters_deg(self.hands_xyzw))
+        as_meant_deg = min(self._scatters_deg(np.roll(self.hands_xyzw, -1, axis=1)))
+        return as_read_deg if as_meant_deg < MUCH_LESS * as_read_deg else 0.0
+
+    def _scatters_deg(self, hands_xyzw: Array) -> tuple[float, float]:
+        """How far rotations of the hand scatter, seen from the object and seen from the world."""
+        hands, objects = Rotation.from_quat(hands_xyzw), Rotation.from_quat(self.objects_xyzw)
+        return _scatter_deg(objects.inv() * hands), _scatter_deg(hands)
+
+
+def turning_findings(support: Support, asked: Order) -> Iterator[Finding]:
+    """At most one doubt of each kind about the rows in which the hand acts on an object."""
+    turning = list(_turning(support, asked))
+    if not turning:
+        return
+    item = max(turning, key=Turning.beside_m)
+    if BESIDE.severity(far_m := item.beside_m()) is not None:
+        message = (
+            f"The hand turns with {item.name}, but acts {100 * far_m:.0f} cm beside it, on one side as the world has"
+            " it, however it is turned: are hand and objects in one frame?"
+        )
+        yield BESIDE.finding(message, f"objects[{item.name}]", {"beside_m": far_m}, value=far_m)
+    item = max(turning, key=Turning.astray_deg)
+    if W_FIRST.severity(off_deg := item.astray_deg()) is not None:
+        message = (
+            f"Where the hand acts, it is turned by {off_deg:.0f} degrees this way and that; with w first in its"
+            f" quaternions it would turn as {item.name} does. They must be x y z w."
+        )
+        yield W_FIRST.finding(message, "demonstrations", {"off_deg": off_deg}, value=off_deg)
+
+
+def _turning(support: Support, asked: Order) -> Iterator[Turning]:
+    for group, rows in support.alike(asked):
+        for k in acting_rows(rows) if len(group) >= MIN_TURNED else ():
+            names = [anchor.object_name for anchor in rows[k].anchors]
+            if not all(names):
+                continue
+            turned = [d.object(name).quaternion_xyzw for d, name in zip(group, names, strict=True)]
+            objects_xyzw = [turn for turn in turned if turn is not None]
+            if len(objects_xyzw) == len(group):
+                hands_xyzw = np.array([demonstration.actions[k].quaternion_xyzw for demonstration in group])
+                name = asked_anchor(rows[k].anchors[0], group[0].order, asked).object_name
+                yield Turning(rows[k], name, hands_xyzw, np.array(objects_xyzw))
+
+
+def _scatter_deg(rotations: Rotation) -> float:
+    """How far the median rotation is from their mean."""
+    return float(np.degrees(np.median((rotations.mean().inv() * rotations).magnitude())))

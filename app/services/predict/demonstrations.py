@@ -7,8 +7,7 @@ from sqlalchemy import Connection
 
 from app.perception.base import ObjectQuery
 from app.pipeline.episode import Demonstration
-from app.pipeline.findings.hand import RecordedHand
-from app.pipeline.findings.missed import kept
+from app.pipeline.findings.hand import RecordedHand, kept
 from app.pipeline.findings.sources import Compared
 from app.pipeline.plans import Recording, agreeing, demonstrated, shown_together
 from app.services.predict.select import in_all
