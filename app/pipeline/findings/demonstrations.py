@@ -1,7 +1,7 @@
 """What is doubtful about demonstrations of what is asked: they contradict each other, or scatter where it matters."""
 
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from app.pipeline.episode import Demonstration, Query
@@ -45,6 +45,8 @@ class Taught:
     round_objects: frozenset[str] = frozenset()
     moves: bool = False
     compared: tuple[Compared, ...] = ()
+    _restricted: dict[frozenset[str], "Taught"] = field(default_factory=dict, init=False, repr=False)
+    _known: dict[tuple[str, tuple[str, ...]], tuple[Finding, ...]] = field(default_factory=dict, init=False, repr=False)
 
     @cached_property
     def usual(self) -> tuple[Demonstration, ...]:
@@ -90,10 +92,6 @@ class Taught:
         return found
 
     @cached_property
-    def _restricted(self) -> dict[frozenset[str], "Taught"]:
-        return {}
-
-    @cached_property
     def support(self) -> Support:
         """Their plans."""
         return Support.of(by_plan(self.usual))
@@ -110,7 +108,14 @@ class Taught:
 
     def findings(self, asked: Order) -> tuple[Finding, ...]:
         """What is doubtful about the demonstrations that ask for the same, or about all where none does."""
-        return self._of(asked).findings
+        form = asked.form if asked.form in self._alike else ""
+        if (known := self._known.get((form, asked.objects))) is None:
+            scattered = scatter_findings(self.support, asked, self.round_objects)
+            strung = len(asked.clauses) > 1 and not form
+            dropped = dropping_findings(self.hands) if strung else ()
+            known = (*self._of_forms(form), *scattered, *turning_findings(self.support, asked), *dropped)
+            self._known[form, asked.objects] = known
+        return known
 
     def of_answer(
         self, parts: Sequence[Query], actions: Sequence[EndEffectorAction], shown_ids: Collection[str]
@@ -122,21 +127,9 @@ class Taught:
 
     def followed(self, asked: Order) -> frozenset[str]:
         """The objects that rows of the asked motion are relative to."""
-        return self._of(asked).followed
-
-    def _of(self, asked: Order) -> "_Asked":
-        form = asked.form if asked.form in self._alike else ""
-        if (known := self._known.get((form, asked.objects))) is None:
-            scattered = scatter_findings(self.support, asked, self.round_objects)
-            strung = len(asked.clauses) > 1 and not form
-            dropped = dropping_findings(self.hands) if strung else ()
-            findings = (*self._of_forms(form), *scattered, *turning_findings(self.support, asked), *dropped)
-            known = self._known[form, asked.objects] = _Asked(findings, _followed(self.support, asked))
-        return known
-
-    @cached_property
-    def _known(self) -> dict[tuple[str, tuple[str, ...]], "_Asked"]:
-        return {}
+        plans = self.support.alike(asked)
+        anchors = [asked_anchor(row.anchors[0], group[0].order, asked) for group, rows in plans for row in rows]
+        return frozenset(anchor.object_name for anchor in anchors if anchor.object_name)
 
     @cached_property
     def _alike(self) -> dict[str, list[Demonstration]]:
@@ -180,22 +173,8 @@ class Taught:
             yield from hand_findings(alike, hands)
 
 
-@dataclass(frozen=True)
-class _Asked:
-    """What demonstrations say of one thing that is asked for: their doubts, and the objects that rows follow."""
-
-    findings: tuple[Finding, ...]
-    followed: frozenset[str]
-
-
-def _followed(support: Support, asked: Order) -> frozenset[str]:
-    plans = support.alike(asked)
-    anchors = [asked_anchor(row.anchors[0], group[0].order, asked) for group, rows in plans for row in rows]
-    return frozenset(anchor.object_name for anchor in anchors if anchor.object_name)
-
-
 def ways_findings(
-    alike: Sequence[Demonstration], round_objects: frozenset[str] = frozenset(), *, declared: bool
+    alike: Sequence[Demonstration], round_objects: frozenset[str], *, declared: bool
 ) -> Iterator[Finding]:
     """Demonstrations of one instruction that go several ways, where neither words nor scene tell which.
 

@@ -19,7 +19,6 @@ from app.pipeline.plans import RARE_SHARE
 from app.pipeline.plans.agreement import TWO_WAYS_M
 from app.pipeline.plans.rows import BEYOND_NOISE_M, WAY_SHARE, PlanRow, acting_rows
 from app.pipeline.plans.support import Support
-from roboprompt_client.arrays import Array
 from roboprompt_client.trajectory import EndEffectorAction
 
 SCATTERS = 2.0  # times the median scatter of a row, within which a demonstration does the same
@@ -48,7 +47,7 @@ def elsewhere_findings(
     others = {k for k, far_m in enumerate(off_m) if left_out[k] and far_m > TWO_WAYS_M}
     is_way = len(others) > WAY_SHARE * len(alike)
     found = {k for k, far_m in enumerate(off_m) if far_m > BEYOND_NOISE_M}.union(others if is_way else ())
-    at_others = _at_other_objects(_distances_m(alike)) if by_place and compared else []
+    at_others = _at_other_objects(alike) if by_place and compared else []
     elsewhere = sorted(found.union(at_others))
     if not elsewhere:
         return
@@ -90,9 +89,8 @@ def from_shown_m(support: Support, other: Demonstration) -> float:
     if any(len(group[0].order.clauses) != len(other.order.clauses) for group, _ in plans):
         return 0.0  # then it is not known which rows are asked for
     placed = support.placed(other) or ()
-    acts = (
-        [(plan[k].action, rows[k]) for k in acting_rows(rows)] for (_, rows), plan in zip(plans, placed, strict=False)
-    )
+    both = zip((rows for _, rows in plans), placed, strict=False)
+    acts = ([(plan[k].action, rows[k]) for k in acting_rows(rows)] for rows, plan in both)
     return min((_missed_m(acted, other) for acted in acts), default=0.0)
 
 
@@ -105,36 +103,19 @@ def _missed_m(acts: Sequence[tuple[EndEffectorAction, PlanRow]], demonstration: 
     return float(best_m[-1]) if len(best_m) else NEVER_M
 
 
-def _distances_m(alike: Sequence[Demonstration]) -> list[dict[str, float]]:
-    """Of each, by role how far from its objects the hand acts."""
-    acted_m = [_acts_at_m(demonstration) for demonstration in alike]
-    return [
-        {role_of(d, pose.name): float(np.linalg.norm(pose.position_m - at_m)) for pose in d.objects}
-        for d, at_m in zip(alike, acted_m, strict=True)
-    ]
+def _at_other_objects(alike: Sequence[Demonstration]) -> list[int]:
+    """Those that clearly act at another object than most; any is right where words have the usual one elsewhere."""
+    away_m = [_away_by_role_m(demonstration) for demonstration in alike]
+    nearest_m = [min(roles.values()) for roles in away_m]
+    usual = Counter(min(roles, key=roles.__getitem__) for roles in away_m).most_common(1)[0][0]
+    return [k for k, m in enumerate(nearest_m) if away_m[k].get(usual, m) > m + BEYOND_NOISE_M]
 
 
-def _usual_role(distances_m: Sequence[dict[str, float]]) -> str:
-    """The one that most act nearest to."""
-    return Counter(min(roles, key=roles.__getitem__) for roles in distances_m).most_common(1)[0][0]
-
-
-def _from(role: str, distances_m: dict[str, float]) -> float:
-    """The distance from an object; from the nearest where the instruction has that object in another role."""
-    return distances_m.get(role, min(distances_m.values()))
-
-
-def _at_other_objects(distances_m: Sequence[dict[str, float]]) -> list[int]:
-    """Those that clearly act at another object than most."""
-    usual = _usual_role(distances_m)
-    return [k for k, roles in enumerate(distances_m) if _from(usual, roles) > min(roles.values()) + BEYOND_NOISE_M]
-
-
-def _acts_at_m(demonstration: Demonstration) -> Array:
-    """(3,) where the gripper first switches; without a switch where the hand is lowest."""
-    actions = demonstration.actions
-    lowest = int(np.argmin([action.position_m[2] for action in actions]))
-    return actions[next(iter(demonstration.switches), lowest)].position_m
+def _away_by_role_m(shown: Demonstration) -> dict[str, float]:
+    """How far from each object the gripper first switches; without a switch, where the hand is lowest."""
+    lowest = int(np.argmin([action.position_m[2] for action in shown.actions]))
+    at_m = shown.actions[next(iter(shown.switches), lowest)].position_m
+    return {role_of(shown, pose.name): float(np.linalg.norm(pose.position_m - at_m)) for pose in shown.objects}
 
 
 def role_of(demonstration: Demonstration, name: str) -> str:
@@ -166,12 +147,12 @@ def exchanged_findings(alike: Sequence[Demonstration]) -> Iterator[Finding]:
     if not explained:
         return
     (one, second), number = explained.most_common(1)[0]
-    if EXCHANGED.severity(number / len(alike)) is not None:
-        message = (
-            f"{number} of {len(alike)} demonstrations of {alike[0].instruction!r} do what the others do if {one} and"
-            f" {second} have each other's names there. Correct or delete those that are named wrongly."
-        )
-        yield EXCHANGED.finding(message, "demonstrations", {"share": number / len(alike)}, value=number / len(alike))
+    share = number / len(alike)
+    message = (
+        f"{number} of {len(alike)} demonstrations of {alike[0].instruction!r} do what the others do if {one} and"
+        f" {second} have each other's names there. Correct or delete those that are named wrongly."
+    )
+    yield from EXCHANGED.findings(share, message, "demonstrations", {"share": share})
 
 
 def _exchanged(shown: Demonstration, one: str, other: str) -> Demonstration:

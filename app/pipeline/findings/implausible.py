@@ -1,6 +1,7 @@
 """What no recorded hand can have done, or not with these words: all recordings may agree on it and be wrong.
 
-A gripper that is said to be open where it is closed, a motion that runs backwards in time, recordings that break off.
+A gripper that is said to be open where it is closed, a motion that runs backwards in time, recordings that break off, a
+hand in another frame than the objects, quaternions with w first.
 """
 
 import re
@@ -11,19 +12,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration
-from app.pipeline.findings import Finding
+from app.pipeline.findings import Finding, rules
 from app.pipeline.findings.elsewhere import role_of
 from app.pipeline.findings.hand import AT_OBJECT_M, RecordedHand
-from app.pipeline.findings.rules import (
-    BACKWARDS,
-    BESIDE,
-    BROKEN_OFF,
-    DROPS,
-    FAR_FROM_ALL,
-    IMPLAUSIBLE_GRIPPER,
-    W_FIRST,
-    Rule,
-)
+from app.pipeline.findings.rules import Rule
 from app.pipeline.order.order import Order
 from app.pipeline.plans.rows import PlanRow, acting_rows
 from app.pipeline.plans.support import Support, asked_anchor
@@ -71,14 +63,14 @@ def hand_findings(alike: Sequence[Demonstration], hands: Sequence[RecordedHand])
     found = [_fault(demonstration, hand) for demonstration, hand in zip(alike, hands, strict=True)]
     for rule, fault in dict.fromkeys(item for item in found if item is not None):
         number = sum(item is not None and item[1] == fault for item in found)
-        yield from _finding(rule, f"In {number} of {len(alike)} recordings {fault}", number / len(alike))
+        message, share = f"In {number} of {len(alike)} recordings {fault}", number / len(alike)
+        yield from rule.findings(share, message, "demonstrations", {"share": share})
     far_m = float(np.median([_acts_away_m(item, hand) for item, hand in zip(alike, hands, strict=True)]))
-    if FAR_FROM_ALL.severity(far_m) is not None:
-        message = (
-            f"Where it should act, the hand is {100 * far_m:.0f} cm from the nearest object in most recordings: are"
-            " hand and objects in one frame, and are all objects listed?"
-        )
-        yield FAR_FROM_ALL.finding(message, "demonstrations", {"nearest_m": far_m}, value=far_m)
+    message = (
+        f"Where it should act, the hand is {100 * far_m:.0f} cm from the nearest object in most recordings: are hand"
+        " and objects in one frame, and are all objects listed?"
+    )
+    yield from rules.FAR_FROM_ALL.findings(far_m, message, "demonstrations", {"nearest_m": far_m})
     yield from _backwards(alike, hands)
 
 
@@ -91,7 +83,7 @@ def dropping_findings(hands: Sequence[RecordedHand]) -> Iterator[Finding]:
     holding = sum(hand.ends_holding and hand.starts_open for hand in hands)
     if 2 * holding > len(hands):
         message = "Demonstrations end with something in the hand: it falls when the next part begins with open fingers."
-        yield DROPS.finding(message, "instruction")
+        yield rules.DROPS.finding(message, "instruction")
 
 
 def _acts_away_m(demonstration: Demonstration, hand: RecordedHand) -> float:
@@ -101,21 +93,16 @@ def _acts_away_m(demonstration: Demonstration, hand: RecordedHand) -> float:
     return closed_m[0] if takes else hand.nearest_m
 
 
-def _finding(rule: Rule, message: str, share: float) -> Iterator[Finding]:
-    if rule.severity(share) is not None:
-        yield rule.finding(message, "demonstrations", {"share": share}, value=share)
-
-
 def _fault(demonstration: Demonstration, hand: RecordedHand) -> tuple[Rule, str] | None:
     """The first thing that is implausible in one recording, in words."""
     verb = demonstration.order.clauses[0].verb
     if (fault := _gripper_fault(demonstration, hand)) is not None:
-        return IMPLAUSIBLE_GRIPPER, fault
+        return rules.IMPLAUSIBLE_GRIPPER, fault
     if verb in PUTTING and hand.ends_holding and not any(act.opens for act in hand.acts):
-        return BROKEN_OFF, KEEPS_HOLD
+        return rules.BROKEN_OFF, KEEPS_HOLD
     carries = hand.ends_holding and verb not in TAKING
     moves = hand.end_speed_m_s > MOVES_M_S
-    return (BROKEN_OFF, CUT_OFF) if moves and (carries or hand.nearest_m > ACTED_M) else None
+    return (rules.BROKEN_OFF, CUT_OFF) if moves and (carries or hand.nearest_m > ACTED_M) else None
 
 
 def _gripper_fault(demonstration: Demonstration, hand: RecordedHand) -> str | None:
@@ -156,7 +143,7 @@ def _backwards(alike: Sequence[Demonstration], hands: Sequence[RecordedHand]) ->
     number = _end_where_others_start(starts_m, ends_m)
     if number > SLIPS * len(hands):
         message = f"{number} of {len(hands)} recordings end where others start, and start elsewhere: backwards in time?"
-        yield BACKWARDS.finding(message, "demonstrations")
+        yield rules.BACKWARDS.finding(message, "demonstrations")
         return
     if _spread_m(ends_m) > ONE_PLACE_M or _spread_m(starts_m) < PLACES_M:
         return
@@ -167,7 +154,7 @@ def _backwards(alike: Sequence[Demonstration], hands: Sequence[RecordedHand]) ->
             "The recordings end with the hand in one place, and start with it where an object implies: do they run"
             " backwards in time?"
         )
-        yield BACKWARDS.finding(message, "demonstrations")
+        yield rules.BACKWARDS.finding(message, "demonstrations")
 
 
 def _end_where_others_start(starts_m: Array, ends_m: Array) -> int:
@@ -233,19 +220,19 @@ def turning_findings(support: Support, asked: Order) -> Iterator[Finding]:
     if not turning:
         return
     item = max(turning, key=Turning.beside_m)
-    if BESIDE.severity(far_m := item.beside_m()) is not None:
-        message = (
-            f"The hand turns with {item.name}, but acts {100 * far_m:.0f} cm beside it, on one side as the world has"
-            " it, however it is turned: are hand and objects in one frame?"
-        )
-        yield BESIDE.finding(message, f"objects[{item.name}]", {"beside_m": far_m}, value=far_m)
+    far_m = item.beside_m()
+    message = (
+        f"The hand turns with {item.name}, but acts {100 * far_m:.0f} cm beside it, on one side as the world has it,"
+        " however it is turned: are hand and objects in one frame?"
+    )
+    yield from rules.BESIDE.findings(far_m, message, f"objects[{item.name}]", {"beside_m": far_m})
     item = max(turning, key=Turning.astray_deg)
-    if W_FIRST.severity(off_deg := item.astray_deg()) is not None:
-        message = (
-            f"Where the hand acts, it is turned by {off_deg:.0f} degrees this way and that; with w first in its"
-            f" quaternions it would turn as {item.name} does. They must be x y z w."
-        )
-        yield W_FIRST.finding(message, "demonstrations", {"off_deg": off_deg}, value=off_deg)
+    off_deg = item.astray_deg()
+    message = (
+        f"Where the hand acts, it is turned by {off_deg:.0f} degrees this way and that; with w first in its"
+        f" quaternions it would turn as {item.name} does. They must be x y z w."
+    )
+    yield from rules.W_FIRST.findings(off_deg, message, "demonstrations", {"off_deg": off_deg})
 
 
 def _turning(support: Support, asked: Order) -> Iterator[Turning]:

@@ -56,13 +56,10 @@ def recording_findings(motion: Motion, keyframes: Sequence[Keyframe], rule: Keyf
         rule: by which the keyframes were found.
     """
     return (
-        *_jumps(motion),
-        *_coarse(motion),
-        *_short(motion),
-        *_idle(motion),
+        *_steps(motion),
+        *_times(motion),
         *_gripper(motion),
-        *_rule(motion, keyframes, rule),
-        *_keyframes(keyframes),
+        *_keyframes(motion, keyframes, rule),
     )
 
 
@@ -79,7 +76,7 @@ def compared_findings(compared: Sequence[Compared]) -> Iterator[Finding]:
             yield Finding("given-pose-unlike-images", "warning", message, where, numbers)
 
 
-def _jumps(motion: Motion) -> Iterator[Finding]:
+def _steps(motion: Motion) -> Iterator[Finding]:
     steps_m = np.linalg.norm(np.diff(motion.trajectory.positions_m, axis=0), axis=1)
     speeds_m_s = steps_m / np.maximum(np.diff(motion.times_s), 1e-9)
     jumps = np.flatnonzero((steps_m > JUMP_M) & (speeds_m_s > JUMP_M_S))
@@ -91,10 +88,6 @@ def _jumps(motion: Motion) -> Iterator[Finding]:
         )
         numbers = {"frame": frame, "jump_m": float(steps_m[frame - 1]), "num_jumps": len(jumps)}
         yield Finding("jump", "warning", message, "trajectory.end_effector_positions", numbers)
-
-
-def _coarse(motion: Motion) -> Iterator[Finding]:
-    steps_m = np.linalg.norm(np.diff(motion.trajectory.positions_m, axis=0), axis=1)
     moving_m = steps_m[steps_m > MIN_MOTION_M]
     if len(moving_m) and (usual_m := float(np.quantile(moving_m, 0.75))) > COARSE_M:
         rate_hz = len(steps_m) / max(float(motion.times_s[-1] - motion.times_s[0]), 1e-9)
@@ -105,17 +98,13 @@ def _coarse(motion: Motion) -> Iterator[Finding]:
         yield Finding("coarse-recording", "warning", message, "trajectory", {"rate_hz": rate_hz, "step_m": usual_m})
 
 
-def _short(motion: Motion) -> Iterator[Finding]:
+def _times(motion: Motion) -> Iterator[Finding]:
     duration_s = float(motion.times_s[-1])
     if duration_s < SHORT_S:
         message = f"The recording takes {duration_s:.2f} s in {len(motion)} frames: is control_frequency_hz right?"
         yield Finding("short-recording", "info", message, "trajectory", {"duration_s": duration_s})
-
-
-def _idle(motion: Motion) -> Iterator[Finding]:
-    times_s = motion.times_s
     idle = [(first, end) for first, end, still in stretches(motion.hand_speeds_m_s < IDLE_M_S) if still]
-    longest_s = max((float(times_s[end - 1] - times_s[first]) for first, end in idle), default=0.0)
+    longest_s = max((float(motion.times_s[end - 1] - motion.times_s[first]) for first, end in idle), default=0.0)
     if longest_s > IDLE_S:
         message = f"The hand stands still for {longest_s:.0f} s; this leaves no keyframe."
         yield Finding("long-rest", "info", message, "trajectory", {"rest_s": longest_s})
@@ -138,22 +127,19 @@ def _gripper(motion: Motion) -> Iterator[Finding]:
         yield Finding("gripper-switches-in-motion", "info", message, "trajectory.gripper_open", numbers)
 
 
-def _keyframes(keyframes: Sequence[Keyframe]) -> Iterator[Finding]:
-    if len(keyframes) > MAX_KEYFRAMES:
-        message = (
-            f"{len(keyframes)} keyframes are more than the {MAX_KEYFRAMES} actions that a prediction may have by"
-            " default: record shorter tasks, or use the rule auto."
-        )
-        yield Finding("too-many-keyframes", "warning", message, "keyframes", {"num_keyframes": len(keyframes)})
-
-
-def _rule(motion: Motion, keyframes: Sequence[Keyframe], rule: KeyframeRule) -> Iterator[Finding]:
+def _keyframes(motion: Motion, keyframes: Sequence[Keyframe], rule: KeyframeRule) -> Iterator[Finding]:
     if rule.rule == "merged" and manner_of(motion, rule.delta_rad_s) != "rests":
         message = (
             f"The recording does not rest at its keyframes: the rule merged finds {len(keyframes)}, which may miss"
             " what the hand does between. Use the rule auto or waypoints."
         )
         yield Finding("keyframes-miss-the-path", "warning", message, "keyframes", {"num_keyframes": len(keyframes)})
+    if len(keyframes) > MAX_KEYFRAMES:
+        message = (
+            f"{len(keyframes)} keyframes are more than the {MAX_KEYFRAMES} actions that a prediction may have by"
+            " default: record shorter tasks, or use the rule auto."
+        )
+        yield Finding("too-many-keyframes", "warning", message, "keyframes", {"num_keyframes": len(keyframes)})
 
 
 def contact_findings(motion: Motion, names: Sequence[str], extra: Mapping[str, Any]) -> Iterator[Finding]:
