@@ -139,18 +139,14 @@ def find_causes(plans: Sequence[PlanCheck], rule: KeyframeRule) -> tuple[tuple[F
 
 
 def _by_instruction(plans: Sequence[PlanCheck]) -> list[list[PlanCheck]]:
-    groups: dict[str, list[PlanCheck]] = defaultdict(list)
-    for plan in plans:
-        groups[plan.asks_for].append(plan)
-    return list(groups.values())
+    asked = dict.fromkeys(plan.asks_for for plan in plans)
+    return [[plan for plan in plans if plan.asks_for == each] for each in asked]
 
 
 def _by_gripper(group: Sequence[PlanCheck]) -> list[list[PlanCheck]]:
     """Plans of the same grasps and releases together."""
-    alike: dict[tuple[bool, ...], list[PlanCheck]] = defaultdict(list)
-    for plan in group:
-        alike[plan.gripper].append(plan)
-    return list(alike.values())
+    ways = dict.fromkeys(plan.gripper for plan in group)
+    return [[plan for plan in group if plan.gripper == way] for way in ways]
 
 
 def _episodes(group: Sequence[PlanCheck]) -> list[EpisodeCheck]:
