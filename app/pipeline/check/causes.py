@@ -144,7 +144,6 @@ def _by_instruction(plans: Sequence[PlanCheck]) -> list[list[PlanCheck]]:
 
 
 def _by_gripper(group: Sequence[PlanCheck]) -> list[list[PlanCheck]]:
-    """Plans of the same grasps and releases together."""
     ways = dict.fromkeys(plan.gripper for plan in group)
     return [[plan for plan in group if plan.gripper == way] for way in ways]
 

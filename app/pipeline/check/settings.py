@@ -111,7 +111,6 @@ def symmetry_findings(recordings: Sequence[Recording]) -> Iterator[Finding]:
 
 
 def _of_symmetry(name: str, turns_deg: Array, symmetry_deg: float) -> Finding | None:
-    """The suggestion, if grasps from several sides are one by this symmetry."""
     left_deg = _off_mean_deg(turns_deg, symmetry_deg)
     whole = np.round((turns_deg - left_deg - (turns_deg - left_deg)[0]) / symmetry_deg)
     sides = np.bincount((whole % round(360 / symmetry_deg)).astype(int))

@@ -133,7 +133,6 @@ class Taught:
 
     @cached_property
     def _alike(self) -> dict[str, list[Demonstration]]:
-        """By form of instruction."""
         found: dict[str, list[Demonstration]] = {}
         for demonstration in self.demonstrations:
             found.setdefault(demonstration.order.form, []).append(demonstration)
@@ -216,7 +215,6 @@ def _acting_otherwise(ways: Sequence[Group], round_objects: frozenset[str]) -> l
 
 
 def _act_alike(one: Group, other: Group, round_objects: frozenset[str]) -> bool:
-    """Whether the demonstrations do the same with the gripper, and act in one place."""
     if _gripper(one[0]) != _gripper(other[0]) or len(one[0].actions) != len(other[0].actions):
         return False
     rows = plan_rows([*one, *other])

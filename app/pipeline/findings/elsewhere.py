@@ -181,6 +181,5 @@ def unlike_findings(new: Demonstration, others: Sequence[Demonstration]) -> Iter
 
 
 def _way(shown: Demonstration) -> tuple[bool, ...]:
-    """What the gripper does, from the state in which the hand is on its way."""
     states = [state for state, _ in groupby(action.gripper_open for action in shown.actions)]
     return tuple(states if states[:1] == [True] else [True, *states])

@@ -94,7 +94,6 @@ def _acts_away_m(demonstration: Demonstration, hand: RecordedHand) -> float:
 
 
 def _fault(demonstration: Demonstration, hand: RecordedHand) -> tuple[Rule, str] | None:
-    """The first thing that is implausible in one recording, in words."""
     verb = demonstration.order.clauses[0].verb
     if (fault := _gripper_fault(demonstration, hand)) is not None:
         return rules.IMPLAUSIBLE_GRIPPER, fault
@@ -158,7 +157,6 @@ def _backwards(alike: Sequence[Demonstration], hands: Sequence[RecordedHand]) ->
 
 
 def _end_where_others_start(starts_m: Array, ends_m: Array) -> int:
-    """How many, where several start in one place."""
     near = np.linalg.norm(starts_m[:, None] - starts_m[None], axis=2) < ONE_PLACE_M
     home_m = starts_m[near.sum(axis=1).argmax()]
     away_m, back_m = (np.linalg.norm(places_m - home_m, axis=1) for places_m in (starts_m, ends_m))
@@ -250,5 +248,4 @@ def _turning(support: Support, asked: Order) -> Iterator[Turning]:
 
 
 def _scatter_deg(rotations: Rotation) -> float:
-    """How far the median rotation is from their mean."""
     return float(np.degrees(np.median((rotations.mean().inv() * rotations).magnitude())))

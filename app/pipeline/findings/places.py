@@ -171,7 +171,6 @@ def estimated_error_m(observed: Sequence[ObjectPose], places: Sequence[ShownPlac
 
 
 def _wrapped_deg(angles_rad: Array) -> Array:
-    """The same angles from -180 to 180 degrees."""
     wrapped: Array = np.degrees((angles_rad + np.pi) % (2 * np.pi) - np.pi)
     return wrapped
 

@@ -203,7 +203,6 @@ def strangers(asked: Order, taught: Sequence[str]) -> Iterator[Stranger]:
 
 
 def _kind(name: str) -> frozenset[str]:
-    """Its noun and those of the same kind."""
     words = [word for word in phrase_of(name) if word not in ADJECTIVES and len(word) > 1]
     noun = words[-1] if words else name
     return frozenset({noun}).union(*(kind for kind in NOUN_KINDS if noun in kind))

@@ -86,7 +86,6 @@ class ClauseParser:
         return True
 
     def _clauses_at(self, at: int, *, forbidden: bool) -> Iterator[tuple[ParsedClause, int]]:
-        """The clauses that begin here, and where each ends."""
         for verb, end in self._verb(at):
             yield from self._arguments(end, ParsedClause(verb), forbidden)
         yield from self._arguments(at, ParsedClause(None), forbidden)
@@ -151,7 +150,7 @@ class ClauseParser:
         word = self._fixed_word(start)
         wanted = (*((f"{role}:",) if role else ()), word)
         if word and (self._fixed is None or self._fixed.issuperset(wanted)):
-            yield from self._arguments(start + 1, replace(clause, fixed=(*clause.fixed, *wanted)), forbidden)
+            yield from self._arguments(start + 1, clause.with_fixed(role, word), forbidden)
 
     def _fixed_word(self, at: int) -> str:
         """The word as clauses keep it: in the form in which it stands, for "blocks" are more than a block."""
@@ -171,7 +170,6 @@ class ClauseParser:
         return vocabulary.ROLES[tuple(self._texts[at:end])], end
 
     def _objects(self, at: int, forbidden: bool) -> Iterator[tuple[tuple[NounPhrase, ...], int]]:
-        """One object or several: "the red, the blue and the green button"."""
         if self._of_steps and not forbidden and self._text(at) in vocabulary.QUANTIFIERS:
             yield from self._each(at)
         if self._of_steps and self._text(at) == "them":

@@ -31,8 +31,6 @@ _DIRECTIONS = frozenset({
 })  # fmt: skip
 _DECIDING = _ALTERING | _DIRECTIONS | ADJECTIVES | set(NUMBERS.values())
 _PLACES = frozenset({"on", "in", "at", "of", "under", "above", "next to", "behind", "in front of", "by", "against"})
-# Marks among a clause's fixed words: an object stands here, after its article or right after the word before.
-OBJECT, MODIFIED_OBJECT = "", "+"
 
 
 class FixedPhrase(NamedTuple):
@@ -56,25 +54,6 @@ class FixedPhrase(NamedTuple):
 
 
 Signature = tuple[str | None, tuple[tuple[str, int], ...], tuple[FixedPhrase, ...]]
-
-
-def fixed_phrases(fixed: Sequence[str]) -> tuple[FixedPhrase, ...]:
-    """The phrases among a clause's fixed words, in which "to:" stands for a preposition; in any order the same."""
-    found: list[FixedPhrase] = []
-    role, words = "", tuple[str, ...]()
-
-    def close(*, describes: bool = False) -> None:
-        if words:
-            found.append(FixedPhrase(role, words, describes and not role))
-
-    for word in fixed:
-        if word in (OBJECT, MODIFIED_OBJECT) or word.endswith(":"):
-            close(describes=word == MODIFIED_OBJECT)
-            role, words = word.removesuffix(":") if word.endswith(":") else "", ()
-        else:
-            words = (*words, word)
-    close()
-    return tuple(sorted(found))
 
 
 def fits(asked: Sequence[FixedPhrase], taught: Sequence[FixedPhrase]) -> bool:
@@ -111,13 +90,14 @@ class ParsedClause:
     Attributes:
         verb: in its base form, with its particle; None where a noun phrase stands alone.
         roles: by preposition (see `vocabulary.PREPOSITIONS`) or `DIRECT` the objects, in their order.
-        fixed: words of taught instructions that are no objects, as "the dirt" in "sweep the dirt to the dustpan", with
-            marks between (see `fixed_phrases`).
+        fixed: what of taught instructions is no object, as "the dirt" in "sweep the dirt to the dustpan".
+        goes_on: whether a further word belongs to the last of `fixed`: no object stands between.
     """
 
     verb: str | None
     roles: tuple[tuple[str, tuple[NounPhrase, ...]], ...] = ()
-    fixed: tuple[str, ...] = ()
+    fixed: tuple[FixedPhrase, ...] = ()
+    goes_on: bool = False
 
     def objects_in(self, role: str) -> tuple[NounPhrase, ...]:
         """Those of a role; none if it is not filled."""
@@ -145,13 +125,20 @@ class ParsedClause:
 
     @cached_property
     def fixed_phrases(self) -> tuple[FixedPhrase, ...]:
-        """What it says besides."""
-        return fixed_phrases(self.fixed)
+        """What it says besides; in any order the same."""
+        return tuple(sorted(self.fixed))
+
+    def with_fixed(self, role: str, word: str) -> "ParsedClause":
+        """With a word that is no object, after a preposition or without one."""
+        *others, last = self.fixed if self.goes_on and not role else (*self.fixed, FixedPhrase(role, ()))
+        return replace(self, fixed=(*others, last._replace(words=(*last.words, word))), goes_on=True)
 
     def with_objects(self, role: str, phrases: tuple[NounPhrase, ...], *, after_article: bool) -> "ParsedClause":
         """With further objects, which fixed words right before them describe unless an article stands between."""
-        mark = OBJECT if role or after_article else MODIFIED_OBJECT
-        return replace(self, roles=(*self.roles, (role, phrases)), fixed=(*self.fixed, mark))
+        fixed = self.fixed
+        if self.goes_on and not (role or after_article or fixed[-1].role):
+            fixed = (*fixed[:-1], fixed[-1]._replace(describes=True))
+        return replace(self, roles=(*self.roles, (role, phrases)), fixed=fixed, goes_on=False)
 
     def about(self, phrase: NounPhrase) -> "ParsedClause":
         """With a direct object instead of "it" or none."""

@@ -187,7 +187,6 @@ class NounPhrases:
             yield said._replace(reach=reach, means=said.means | {"relation"})
 
     def _relations(self, said: Description) -> Iterator[Description]:
-        """With what follows the noun."""
         introduced = vocabulary.BEING.end_at(self._texts, said.end)
         if introduced is not None:
             for more in self._modified(said._replace(end=introduced)):
@@ -202,7 +201,6 @@ class NounPhrases:
         yield from self._of_several(said)
 
     def _reaching(self, at: int, said: Description) -> Iterator[Description]:
-        """Nearest to, farthest from: the robot or an object."""
         reach = vocabulary.REACHES.get(self._text(at))
         if reach and said.reach is None:
             said, at = said._replace(reach=reach, means=said.means | {"relation"}), at + 1
@@ -233,7 +231,6 @@ class NounPhrases:
                 yield phrase.name, phrase.end
 
     def _beside(self, at: int, said: Description) -> Iterator[Description]:
-        """Next to, behind, left of an object; between two."""
         if (end := vocabulary.RELATIONS.end_at(self._texts, at)) is not None:
             side = vocabulary.SIDES_OF.get(tuple(self._texts[at:end]))
             for name, after in self._single(end):

@@ -63,7 +63,6 @@ class Filled:
 
 
 def _meanings(taught: Taught, phrases: NounPhrases) -> list[Order]:
-    """Every different thing that the instruction may ask for."""
     sentences = Sentences(phrases, taught.fixed_words, taught.verbs)
     found: dict[str, Order] = {}
     try:
@@ -80,7 +79,6 @@ def _meanings(taught: Taught, phrases: NounPhrases) -> list[Order]:
 
 
 def _uncertainty(order: Order) -> tuple[int, int]:
-    """Less for readings that guess less."""
     return max((MEANS.index(each.by) for each in order.phrases), default=0), -len(order.phrases)
 
 
@@ -265,7 +263,6 @@ def _ungrounded(phrases: NounPhrases, missed: Unmatched, valid: str) -> Unground
 
 
 def _valid(taught: Taught) -> str:
-    """What the task knows."""
     objects = [
         f"{name} (or {', '.join(taught.aliases[name])})" if taught.aliases.get(name) else name for name in taught.names
     ]

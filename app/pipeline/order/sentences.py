@@ -150,7 +150,6 @@ def _same_verb(forbidden: ParsedClause, wanted: ParsedClause) -> bool:
 
 
 def _contradict(forbidden: ParsedClause, wanted: ParsedClause) -> bool:
-    """Whether what is wanted has the objects that are forbidden, in the same roles."""
     names = {role: {phrase.name for phrase in phrases} for role, phrases in wanted.roles}
     return all({p.name for p in phrases} & names.get(role, set()) for role, phrases in forbidden.roles)
 
@@ -158,7 +157,6 @@ def _contradict(forbidden: ParsedClause, wanted: ParsedClause) -> bool:
 def _unit(
     clause: ParsedClause, units: Sequence[Unit], mood: Mood, joined: frozenset[str], start: int, end: int
 ) -> Unit:
-    """A unit that has the verb of the one before where it has none of its own."""
     before = next((unit.clause.verb for unit in reversed(units) if unit.clause.verb), None)
     with_verb = clause if clause.verb else replace(clause, verb=before)
     return Unit(with_verb, mood, clause.verb is not None, joined, start, end)

@@ -209,7 +209,8 @@ class Taught:
     @cached_property
     def fixed_words(self) -> frozenset[str]:
         """What taught clauses say besides verb and objects."""
-        return frozenset(word for frame in self.frames for word in frame.clause.fixed)
+        said = [phrase for frame in self.frames for phrase in frame.clause.fixed]
+        return frozenset(word for phrase in said for word in (f"{phrase.role}:", *phrase.words))
 
     @cached_property
     def verbs(self) -> frozenset[str]:

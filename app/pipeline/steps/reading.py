@@ -124,8 +124,6 @@ def _listed(texts: Sequence[str]) -> str:
 
 
 class _Reader:
-    """Reads one sentence."""
-
     def __init__(self, scene: Scene, phrases: NounPhrases) -> None:
         self._scene = scene
         self._phrases = phrases
@@ -162,7 +160,6 @@ class _Reader:
         self._missed = max(self._missed, (place, f"the part {part!r} {why}"), key=lambda missed: missed[0])
 
     def _of_units(self, units: Sequence[Unit]) -> Iterator[tuple[Step, ...]]:
-        """The steps of one reading."""
         forbidden = {unit: self._choices(unit.clause) for unit in units if unit.mood == "not"}
         left_out = {step for choices in forbidden.values() for steps in choices for step in steps}
         done = wanted(without_excepted([unit for unit in units if not forbidden.get(unit)]))

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import combinations, pairwise
 
-from app.pipeline.order.clauses import DIRECT, ParsedClause, without
+from app.pipeline.order.clauses import DIRECT, FixedPhrase, ParsedClause, without
 from app.pipeline.order.noun_phrases import NounPhrase
 from app.pipeline.order.sentences import Unit
 from app.pipeline.order.verbs import PICKING
@@ -31,9 +31,12 @@ def with_objects(clause: ParsedClause, meant: Sequence[NounPhrase]) -> ParsedCla
 
 def counted(clause: ParsedClause) -> tuple[ParsedClause, int]:
     """The clause without how often it is to be done, and that."""
+    *others, last = clause.fixed if clause.goes_on else (FixedPhrase("", ()),)
     for words, times in TIMES.items():
-        if clause.fixed[-len(words) :] == words:
-            return replace(clause, fixed=clause.fixed[: -len(words)]), times
+        if last.words[-len(words) :] == words:
+            left = last.words[: -len(words)]
+            kept = (*others, last._replace(words=left)) if left else tuple(others)
+            return replace(clause, fixed=kept, goes_on=bool(left)), times
     return clause, 1
 
 
