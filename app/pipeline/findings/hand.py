@@ -84,9 +84,9 @@ class Act(NamedTuple):
         return min(self.away_m.values())
 
     @property
-    def approaches(self) -> bool:
-        """Whether the hand is on its way to the nearest object, not at it."""
-        return self.later_m < self.nearest_m - NEARER_M
+    def at_object(self) -> bool:
+        """Whether the hand is at the nearest object, not on its way to it."""
+        return self.nearest_m < AT_OBJECT_M and self.later_m >= self.nearest_m - NEARER_M
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,16 +115,14 @@ class RecordedHand:
     @property
     def ends_holding(self) -> bool:
         """Whether it closed on an object at last; a fist that then comes nearer to the object closed on nothing."""
-        if not self.acts or self.acts[-1].opens:
-            return False
-        act = self.acts[-1]
-        return act.nearest_m < AT_OBJECT_M and not act.approaches
+        return bool(self.acts) and not self.acts[-1].opens and self.acts[-1].at_object
 
     @classmethod
     def of(cls, motion: Motion, shown: Demonstration, kept: Kept) -> "RecordedHand":
         """What the demonstration's recording has."""
         trajectory, acting = motion.trajectory, motion.acting_switches
-        away_m = _away_m(trajectory.positions_m, shown)
+        objects_m = np.array([pose.position_m for pose in shown.objects])
+        away_m = np.linalg.norm(trajectory.positions_m[:, None] - objects_m[None], axis=2)  # (T, N)
         ends = [*(switch.frame for switch in acting[1:]), len(trajectory) - 1]
         starts_open = not acting[0].opens if acting else bool(trajectory.gripper_open[-1])
         return cls(
@@ -139,21 +137,10 @@ class RecordedHand:
         )
 
 
-def _away_m(positions_m: Array, shown: Demonstration) -> Array:
-    """(T, N) from each object's place before the motion."""
-    objects_m = np.array([pose.position_m for pose in shown.objects])
-    away: Array = np.linalg.norm(positions_m[:, None] - objects_m[None], axis=2)
-    return away
-
-
 def _act(trajectory: Trajectory, switch: Switch, end: int, shown: Demonstration, away_m: Array) -> Act:
-    place, frame = int(away_m[switch.frame].argmin()), switch.frame
-    way_m = trajectory.positions_m[end] - trajectory.positions_m[frame]
-    before, after = trajectory.quaternions_xyzw[frame], trajectory.quaternions_xyzw[end]
-    turn_rad = quaternions.angle_between_rad(before, after)
-    return Act(
-        switch.opens,
-        dict(zip((pose.name for pose in shown.objects), away_m[frame].tolist(), strict=True)),
-        float(away_m[frame : end + 1, place].min()),
-        float(np.linalg.norm(way_m)) + M_PER_RAD * turn_rad,
-    )
+    frame = switch.frame
+    of_name = dict(zip((pose.name for pose in shown.objects), away_m[frame].tolist(), strict=True))
+    later_m = float(away_m[frame : end + 1, away_m[frame].argmin()].min())
+    way_m = float(np.linalg.norm(trajectory.positions_m[end] - trajectory.positions_m[frame]))
+    turn_rad = quaternions.angle_between_rad(trajectory.quaternions_xyzw[frame], trajectory.quaternions_xyzw[end])
+    return Act(switch.opens, of_name, later_m, way_m + M_PER_RAD * turn_rad)

@@ -107,7 +107,8 @@ def _fault(demonstration: Demonstration, hand: RecordedHand) -> tuple[Rule, str]
 def _gripper_fault(demonstration: Demonstration, hand: RecordedHand) -> str | None:
     verb, taken = demonstration.order.clauses[0].verb, _taken(demonstration)
     closings = [act for act in hand.acts if not act.opens]
-    if _opens_unheld(hand):
+    lets_go = bool(hand.acts) and hand.acts[0].opens and hand.acts[0].at_object and hand.acts[0].moved_m > CARRIES_M
+    if lets_go and not hand.may_hold:  # nor comes to take it
         return UNHELD
     if verb in PRESSING and hand.acts and not closings and not hand.may_hold:
         return PRESSES_OPEN
@@ -124,14 +125,6 @@ def _taken(demonstration: Demonstration) -> str | None:
     """The object that the instruction says to take, where it follows right upon such a verb."""
     found = DIRECT_OBJECT.match(demonstration.order.clauses[0].form)
     return demonstration.order.clauses[0].objects[0] if found and found["verb"] in TAKING | PUTTING else None
-
-
-def _opens_unheld(hand: RecordedHand) -> bool:
-    """Whether the first act lets something go that the hand neither held, nor then comes to take."""
-    if not hand.acts or not hand.acts[0].opens or hand.may_hold:
-        return False
-    act = hand.acts[0]
-    return act.nearest_m < AT_OBJECT_M and not act.approaches and act.moved_m > CARRIES_M
 
 
 def _backwards(alike: Sequence[Demonstration], hands: Sequence[RecordedHand]) -> Iterator[Finding]:
