@@ -111,13 +111,22 @@ def symmetry_findings(recordings: Sequence[Recording]) -> Iterator[Finding]:
 
 
 def _of_symmetry(name: str, turns_deg: Array, symmetry_deg: float) -> Finding | None:
-    left_deg = _off_mean_deg(turns_deg, symmetry_deg)
+    """The suggestion, if grasps from several sides are one by this symmetry."""
+    phases = np.exp(2j * math.pi * turns_deg / symmetry_deg)
+    left_deg = np.angle(phases / phases.mean()) * symmetry_deg / (2 * math.pi)  # (N,) from the circular mean
+    most_deg = float(np.abs(left_deg).max())
     whole = np.round((turns_deg - left_deg - (turns_deg - left_deg)[0]) / symmetry_deg)
     sides = np.bincount((whole % round(360 / symmetry_deg)).astype(int))
     # a side that one demonstration takes may be a slip
-    if np.abs(left_deg).max() > ALIKE_DEG or len(turns_deg) - sides.max() < MIN_OF_OTHER_SIDES:
+    if most_deg > ALIKE_DEG or len(turns_deg) - sides.max() < MIN_OF_OTHER_SIDES:
         return None
-    return _finding(name, symmetry_deg, len(turns_deg), float(np.abs(left_deg).max()))
+    message = (
+        f"The {len(turns_deg)} grasps of {name} are from several sides, within {most_deg:.0f} degrees of turns by"
+        f" {symmetry_deg:g} degrees. If {name} looks the same turned so, set the task's yaw_symmetry_deg to"
+        f' {{"{name}": {symmetry_deg:g}}}: the grasps are then one way.'
+    )
+    numbers = {"symmetry_deg": symmetry_deg, "grasps": len(turns_deg), "left_deg": round(most_deg, 1)}
+    return Finding("object-may-be-symmetric", "info", message, f"yaw_symmetry_deg[{name}]", numbers)
 
 
 def _grasps(recording: Recording) -> Iterator[tuple[str, Rotation]]:
@@ -135,20 +144,3 @@ def _turns_deg(hands: Rotation) -> Array:
     turns: Array = (hands * hands[0].inv()).as_rotvec(degrees=True)
     about: Array = turns[np.linalg.norm(turns[:, :2], axis=1) <= ALIKE_DEG, 2]
     return about
-
-
-def _off_mean_deg(turns_deg: Array, period_deg: float) -> Array:
-    """(N,) the turns from their circular mean, modulo a period, as near to 0 as they come."""
-    phases = np.exp(2j * math.pi * turns_deg / period_deg)
-    off: Array = np.angle(phases / phases.mean()) * period_deg / (2 * math.pi)
-    return off
-
-
-def _finding(name: str, symmetry_deg: float, number: int, left_deg: float) -> Finding:
-    message = (
-        f"The {number} grasps of {name} are from several sides, within {left_deg:.0f} degrees of turns by"
-        f" {symmetry_deg:g} degrees. If {name} looks the same turned so, set the task's yaw_symmetry_deg to"
-        f' {{"{name}": {symmetry_deg:g}}}: the grasps are then one way.'
-    )
-    numbers = {"symmetry_deg": symmetry_deg, "grasps": number, "left_deg": round(left_deg, 1)}
-    return Finding("object-may-be-symmetric", "info", message, f"yaw_symmetry_deg[{name}]", numbers)
