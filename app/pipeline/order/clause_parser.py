@@ -109,7 +109,7 @@ class ClauseParser:
             if self._has_form(at, phrase[0], passive=passive):
                 yield " ".join(phrase), at + len(phrase)
         text = self._text(at)
-        base = text if text in self._verbs else verbs.forms().get(text, "")  # "placed" is a word of places, too
+        base = text if text in self._verbs else verbs.FORMS.get(text, "")  # "placed" is a word of places, too
         if base and (base != text or base not in verbs.PHRASES) and self._has_form(at, base, passive=passive):
             yield base, at + 1
 
