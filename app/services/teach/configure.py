@@ -33,14 +33,19 @@ class ConfigureTask:
         self._pose_servers = pose_servers
         self._max_at_once = max_at_once
 
-    def __call__(self, name: str, changes: Mapping[str, Any]) -> TaskRecord:
+    def __call__(
+        self, name: str, changes: Mapping[str, Any], learned: Mapping[str, Mapping[str, Any]] | None = None
+    ) -> TaskRecord:
         """Set the named settings and keep the others; a new task has the defaults.
+
+        Args:
+            learned: object models that the task is given beside those that it has by now.
 
         Raises:
             InvalidInputError: if a stored episode cannot be extracted with the new settings; nothing is changed.
             ConflictError: if the task changed meanwhile.
         """
-        before, old, new = self._planned(name, changes)
+        before, old, new = self._planned(name, changes, learned)
         if before is None:
             return self._create(name, new.model_dump(mode="json"))
         with self._store.read() as connection:
@@ -79,7 +84,9 @@ class ConfigureTask:
                     return job
         return self(name, changes)
 
-    def _planned(self, name: str, changes: Mapping[str, Any]) -> tuple[TaskRecord | None, TaskSettings, TaskSettings]:
+    def _planned(
+        self, name: str, changes: Mapping[str, Any], learned: Mapping[str, Mapping[str, Any]] | None = None
+    ) -> tuple[TaskRecord | None, TaskSettings, TaskSettings]:
         """The task as it is, and its settings as they are and as they will be."""
         checked_name("task", name)
         with self._store.read() as connection:
@@ -87,7 +94,7 @@ class ConfigureTask:
             with suppress(NotFoundError):
                 before = tasks.get(connection, name)
         old = TaskSettings() if before is None else TaskSettings.model_validate(before.settings)
-        new = old.changed(changes)
+        new = old.changed({**changes, "object_models": {**old.object_models, **learned}} if learned else changes)
         new.workspace.workspace()
         self._pose_servers.check(new.object_models)
         if before is not None and before.object_names is not None:
