@@ -2,13 +2,13 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
 from app.pipeline.episode import Demonstration
-from app.pipeline.findings.arrangement import RigidPair, Side, rigid_pairs, sides
+from app.pipeline.findings.arrangement import RigidPair, Side, outside_m, rigid_pairs, sides
 from app.pipeline.noise import MEAN_ERROR_M, MEAN_ERROR_RAD, MEAN_LENGTH
 from roboprompt_client import quaternions
 from roboprompt_client.arrays import Array
@@ -66,8 +66,7 @@ class ShownPlaces:
 
     def beyond_m(self, pose: ObjectPose) -> Array:
         """(3,) how far the pose lies outside of the box."""
-        beyond: Array = np.maximum(pose.position_m - self.high_m, 0) + np.maximum(self.low_m - pose.position_m, 0)
-        return beyond
+        return outside_m(pose.position_m, self.low_m, self.high_m)
 
     def lifted_m(self, pose: ObjectPose) -> float:
         """How far the pose lies above or below; 0 where demonstrations have the object at different heights."""
@@ -128,10 +127,8 @@ class ShownScenes:
     """The scenes of demonstrations; what they say of an object is computed once."""
 
     demonstrations: tuple[Demonstration, ...]
-
-    @cached_property
-    def _places(self) -> dict[str, ShownPlaces]:
-        return {}
+    _places: dict[str, ShownPlaces] = field(default_factory=dict, init=False, repr=False)
+    _least_apart_m: dict[tuple[str, str], float] = field(default_factory=dict, init=False, repr=False)
 
     def places(self, name: str) -> ShownPlaces:
         """Where the object is in all of them, at least one."""
@@ -148,10 +145,6 @@ class ShownScenes:
     def sides(self) -> tuple[Side, ...]:
         """The objects that stand on one side of each other."""
         return sides(self.demonstrations)
-
-    @cached_property
-    def _least_apart_m(self) -> dict[tuple[str, str], float]:
-        return {}
 
     def least_apart_m(self, one: str, other: str) -> float:
         """The least distance between two objects in any of them."""
@@ -178,7 +171,6 @@ def estimated_error_m(observed: Sequence[ObjectPose], places: Sequence[ShownPlac
 
 
 def _wrapped_deg(angles_rad: Array) -> Array:
-    """The same angles from -180 to 180 degrees."""
     wrapped: Array = np.degrees((angles_rad + np.pi) % (2 * np.pi) - np.pi)
     return wrapped
 
