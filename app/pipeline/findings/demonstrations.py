@@ -22,6 +22,7 @@ from app.pipeline.plans.agreement import two_ways
 from app.pipeline.plans.by_scene import parting
 from app.pipeline.plans.rows import WAY_SHARE, acting_rows, plan_rows
 from app.pipeline.plans.support import Support, asked_anchor
+from app.pipeline.representation.anchors import START, Anchor
 from roboprompt_client.trajectory import EndEffectorAction
 
 
@@ -127,9 +128,15 @@ class Taught:
 
     def followed(self, asked: Order) -> frozenset[str]:
         """The objects that rows of the asked motion are relative to."""
+        return frozenset(anchor.object_name for anchor in self._anchors(asked) if anchor.object_name)
+
+    def follows_start(self, asked: Order) -> bool:
+        """Whether rows of the asked motion are relative to where the hand starts."""
+        return START in self._anchors(asked)
+
+    def _anchors(self, asked: Order) -> list[Anchor]:
         plans = self.support.alike(asked)
-        anchors = [asked_anchor(row.anchors[0], group[0].order, asked) for group, rows in plans for row in rows]
-        return frozenset(anchor.object_name for anchor in anchors if anchor.object_name)
+        return [asked_anchor(row.anchors[0], group[0].order, asked) for group, rows in plans for row in rows]
 
     @cached_property
     def _alike(self) -> dict[str, list[Demonstration]]:

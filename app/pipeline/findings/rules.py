@@ -93,6 +93,9 @@ BEYOND = Rule(
     danger=0.10,
     source="of 4510 right scenes a danger in 0.4 % with ten demonstrations, 3.6 % with five, 2.8 % with three",
 )
+START_BEYOND = Rule(
+    "start-beyond-demonstrations", "as `object-beyond-demonstrations`, of the hand", "m", warning=0.10, danger=0.20
+)
 TURNED = Rule("object-turned", "beyond the demonstrations", "degrees", warning=10.0)
 NOISY = Rule("noisy-observation", "the average error of poses", "m", warning=0.016, danger=0.04)
 ARRANGED = Rule("objects-arranged-otherwise", "off what all demonstrations share", "m", warning=0.035)

@@ -56,6 +56,18 @@ def scene_findings(
     return (*uncertain, *found)
 
 
+def start_findings(query: Query, scenes: ShownScenes) -> tuple[Finding, ...]:
+    """Of a motion with rows relative to where the hand starts: it starts where no demonstration does."""
+    if query.start is None or len(scenes.demonstrations) < MIN_DEMONSTRATIONS or scenes.starts is None:
+        return ()
+    off = scenes.starts.off_box(query.start.position_m)
+    message = (
+        f"The end effector starts {100 * off.far_m:.0f} cm beyond the demonstrations along {off.axis}, which start"
+        f" from {off.range_text}, and rows are relative to its start. Is `end_effector` in the world frame?"
+    )
+    return rules.START_BEYOND.findings(off.doubtful_m, message, "end_effector", {"beyond_m": off.far_m})
+
+
 def other_objects(absent: Sequence[str], new: Sequence[str]) -> tuple[Finding, ...]:
     """Says that a scene has other objects than the task's, by their names."""
     if not (absent or new):
@@ -138,16 +150,12 @@ def _place(pose: ObjectPose, places: ShownPlaces) -> list[Finding]:
 
 
 def _beyond(pose: ObjectPose, places: ShownPlaces) -> tuple[Finding, ...]:
-    beyond_m = places.beyond_m(pose)
-    axis = int(np.argmax(beyond_m - places.slack_m))
-    far_m = float(beyond_m[axis])
+    off = places.off_box(pose.position_m)
     message = (
-        f"{pose.name} lies {100 * far_m:.0f} cm beyond the demonstrations along {'xyz'[axis]}: they have it from"
-        f" {places.low_m[axis]:.3f} to {places.high_m[axis]:.3f} m. Is it another object? If not, demonstrate"
-        " nearer to it."
+        f"{pose.name} lies {100 * off.far_m:.0f} cm beyond the demonstrations along {off.axis}: they have it from"
+        f" {off.range_text}. Is it another object? If not, demonstrate nearer to it."
     )
-    doubtful_m = far_m - float(places.slack_m[axis])
-    return rules.BEYOND.findings(doubtful_m, message, f"objects[{pose.name}]", {"beyond_m": far_m})
+    return rules.BEYOND.findings(off.doubtful_m, message, f"objects[{pose.name}]", {"beyond_m": off.far_m})
 
 
 def _turned(pose: ObjectPose, places: ShownPlaces) -> tuple[Finding, ...]:
