@@ -62,11 +62,7 @@ def read_bytes(stream: IO[bytes], max_bytes: int) -> bytes:
 
 
 def read_frame(stream: IO[bytes], max_bytes: int) -> dict[str, Any]:
-    """A message in MessagePack.
-
-    Raises:
-        EOFError, ValueError: as `read_bytes`, or if it is no such message.
-    """
+    """A message in MessagePack; raises EOFError, ValueError as `read_bytes`, or if it is no such message."""
     message = msgpack.unpackb(read_bytes(stream, max_bytes))
     if not isinstance(message, dict):
         raise ValueError("a message that is no mapping")

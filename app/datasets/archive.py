@@ -30,11 +30,7 @@ def looks_like(path: Path) -> bool:
 
 
 def write_archive(target: Path, task: str, settings: Mapping[str, Any], parcels: Iterable[Parcel]) -> int:
-    """Write the task; returns the number of episodes.
-
-    Raises:
-        DatasetError: if the file exists or cannot be written.
-    """
+    """Write the task; returns the number of episodes. Raises DatasetError if the file exists or cannot be written."""
     digests: dict[str, str] = {}
     number = 0
     with in_one_step(target) as unfinished, zipfile.ZipFile(unfinished, "w") as archive:

@@ -64,11 +64,7 @@ def looks_like(path: Path) -> bool:
 
 
 def open_mcap(path: Path, options: ImportOptions) -> Dataset:
-    """The file, or the folder's files by name.
-
-    Raises:
-        DamagedError: if one of the folder's is a link out of it.
-    """
+    """The file, or the folder's files by name; raises DamagedError if one of the folder's is a link out of it."""
     files = [path] if path.is_file() else sorted(inside(path.resolve(), file.name) for file in path.glob(f"*{SUFFIX}"))
     return Dataset("MCAP", tuple(Entry(file.stem, partial(_read, file, path, options)) for file in files))
 

@@ -46,11 +46,7 @@ class KnownObjects:
 
 
 def read_objects(path: Path) -> KnownObjects:
-    """Read such a file.
-
-    Raises:
-        DatasetError: naming the file and what is wrong with it.
-    """
+    """Read such a file; raises DatasetError naming the file and what is wrong with it."""
     try:
         document = json.loads(path.read_text())
         if isinstance(document, list):

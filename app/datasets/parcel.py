@@ -33,11 +33,7 @@ def depth_png(depth_m: Array) -> tuple[bytes, float]:
 
 
 def mask_png(ids: npt.NDArray[np.integer]) -> bytes:
-    """(H, W) ids below 65536 -> a 16-bit PNG.
-
-    Raises:
-        DamagedError: for larger ids.
-    """
+    """(H, W) ids below 65536 -> a 16-bit PNG; raises DamagedError for larger ids."""
     if ids.min(initial=0) < 0 or ids.max(initial=0) > _MAX_UNITS:
         raise DamagedError("mask", f"has ids from {ids.min()} to {ids.max()}, expected 0 to {_MAX_UNITS}")
     return _png(ids.astype(np.uint16))

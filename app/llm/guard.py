@@ -64,11 +64,7 @@ class Places:
 
     @asynccontextmanager
     async def one(self) -> AsyncGenerator[None, None]:
-        """A place, as soon as one is free.
-
-        Raises:
-            ModelBusyError: the queue is full.
-        """
+        """A place, as soon as one is free; raises ModelBusyError."""
         if self._num_inside >= self._limits.concurrent + self._limits.queued:
             taken = f"{self._limits.concurrent} requests are under way and {self._limits.queued} wait"
             raise ModelBusyError(f"{self._provider} is busy: {taken}", retry_after_s=BUSY_RETRY_AFTER_S)
@@ -99,11 +95,7 @@ class Circuit:
 
     @contextmanager
     def passage(self) -> Iterator[None]:
-        """Leave to ask; say inside whether the provider `answered` or `failed`.
-
-        Raises:
-            ModelUnavailableError: the circuit is open.
-        """
+        """Leave to ask; say inside whether the provider `answered` or `failed`. Raises ModelUnavailableError."""
         if self.is_open:
             wait_s = max(self._closes_at_s - self._clock(), 1.0)
             raise ModelUnavailableError(

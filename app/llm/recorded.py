@@ -167,11 +167,7 @@ T = TypeVar("T")
 
 
 def _read(path: Path, kind: TypeAdapter[T], missing: str) -> T:
-    """What a file of a recording holds.
-
-    Raises:
-        ModelUnavailableError: it is not there, or damaged.
-    """
+    """What a file of a recording holds; raises ModelUnavailableError if it is not there, or damaged."""
     try:
         return kind.validate_json(path.read_bytes())
     except FileNotFoundError:

@@ -61,11 +61,7 @@ def valid(connection: Connection) -> tuple[ApiKeyRecord, ...]:
 
 
 def revoke(connection: Connection, key_id: str) -> None:
-    """Take a key back; revoking twice changes nothing.
-
-    Raises:
-        NotFoundError: if there is no key of that id.
-    """
+    """Take a key back; revoking twice changes nothing. Raises NotFoundError."""
     name: str | None = connection.scalar(select(_KEYS.c.name).where(_KEYS.c.id == key_id))
     if name is None:
         raise NotFoundError("API key", key_id)

@@ -10,22 +10,14 @@ _CASES = tables.cases
 
 
 def keep(connection: Connection, prediction_id: str) -> None:
-    """Make the prediction a case, also if it is one; it is not deleted for its age or size.
-
-    Raises:
-        NotFoundError: if there is none of that id that is seen.
-    """
+    """Make the prediction a case, also if it is one; it is not deleted for its age or size. Raises NotFoundError."""
     predictions.get(connection, prediction_id)
     if not is_case(connection, prediction_id):
         connection.execute(insert(_CASES).values(prediction_id=prediction_id, created_at=datetime.now(UTC)))
 
 
 def drop(connection: Connection, prediction_id: str) -> None:
-    """Let the prediction be no case any more; it stays.
-
-    Raises:
-        NotFoundError: as `keep`.
-    """
+    """Let the prediction be no case any more; it stays. Raises NotFoundError."""
     predictions.get(connection, prediction_id)
     connection.execute(delete(_CASES).where(_CASES.c.prediction_id == prediction_id))
 

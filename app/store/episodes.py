@@ -48,11 +48,7 @@ def add(connection: Connection, draft: EpisodeDraft) -> EpisodeRecord:
 
 
 def get(connection: Connection, episode_id: str) -> EpisodeRecord:
-    """The episode without its trajectory.
-
-    Raises:
-        NotFoundError: if there is none of that id.
-    """
+    """The episode without its trajectory; raises NotFoundError."""
     row = connection.execute(select(*_WITHOUT_TRAJECTORY).where(_EPISODES.c.id == episode_id)).first()
     if row is None or not present().has_task(row.task):
         raise NotFoundError("episode", episode_id)

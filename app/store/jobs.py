@@ -26,12 +26,7 @@ class LostClaimError(Exception):
 
 
 def add(connection: Connection, task: str, changes: JsonObject) -> JobRecord:
-    """A new job.
-
-    Raises:
-        ConflictError: if the task has one that is not finished.
-        NotFoundError: if there is no task of that name.
-    """
+    """A new job; raises ConflictError if the task has one that is not finished, NotFoundError."""
     tasks.lock(connection, task)
     open_job = connection.scalar(select(_JOBS.c.id).where(_JOBS.c.task == task, _OPEN))
     if open_job is not None:
@@ -52,11 +47,7 @@ def add(connection: Connection, task: str, changes: JsonObject) -> JobRecord:
 
 
 def get(connection: Connection, job_id: str) -> JobRecord:
-    """The job.
-
-    Raises:
-        NotFoundError: if there is none of that id.
-    """
+    """The job; raises NotFoundError."""
     row = connection.execute(select(_JOBS).where(_JOBS.c.id == job_id)).first()
     if row is None or not present().has_task(row.task):
         raise NotFoundError("job", job_id)
@@ -98,11 +89,7 @@ def pending(connection: Connection, job: JobRecord, limit: int) -> tuple[Episode
 
 
 def stage(connection: Connection, job: JobRecord, extractions: Sequence[Extraction], lease: timedelta) -> None:
-    """Keep a batch and renew the claim.
-
-    Raises:
-        LostClaimError: if the claim has expired and another process has the job.
-    """
+    """Keep a batch and renew the claim; raises LostClaimError."""
     rows = [
         {"job": job.id, "episode": item.episode_id, **episodes.extraction_json(item.keyframes, item.objects)}
         for item in extractions
@@ -115,11 +102,7 @@ def stage(connection: Connection, job: JobRecord, extractions: Sequence[Extracti
 
 
 def release(connection: Connection, job: JobRecord) -> None:
-    """Let another process go on at once.
-
-    Raises:
-        LostClaimError.
-    """
+    """Let another process go on at once; raises LostClaimError."""
     _change(connection, job, {"claimed_until": datetime.now(UTC)})
 
 
@@ -145,11 +128,7 @@ def finish(connection: Connection, job: JobRecord, settings: JsonObject) -> None
 
 
 def fail(connection: Connection, job: JobRecord, error: str) -> None:
-    """Give up; the task stays as it was.
-
-    Raises:
-        LostClaimError.
-    """
+    """Give up; the task stays as it was. Raises LostClaimError."""
     _end(connection, job, {"status": "failed", "error": error})
 
 

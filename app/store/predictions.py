@@ -36,11 +36,7 @@ def add(connection: Connection, draft: PredictionDraft) -> PredictionRecord:
 
 
 def get(connection: Connection, prediction_id: str) -> PredictionRecord:
-    """The prediction.
-
-    Raises:
-        NotFoundError: if there is none of that id that is seen.
-    """
+    """The prediction; raises NotFoundError."""
     row = connection.execute(select(_PREDICTIONS).where(_PREDICTIONS.c.id == prediction_id)).first()
     if row is None or not present().has_prediction(row.task, row.key_id):
         raise NotFoundError("prediction", prediction_id)
@@ -67,12 +63,7 @@ def list_page(
 
 
 def record_outcome(connection: Connection, prediction_id: str, success: bool, note: str | None) -> PredictionRecord:
-    """Write down how the robot fared; a later outcome replaces an earlier one.
-
-    Raises:
-        NotFoundError: if there is no prediction of that id that is seen.
-        ForbiddenError: if another key asked for it.
-    """
+    """Write down how the robot fared; a later outcome replaces an earlier one. Raises NotFoundError, ForbiddenError."""
     present().require_own(get(connection, prediction_id).key_id)
     values = {"outcome_success": success, "outcome_note": note, "outcome_at": datetime.now(UTC)}
     connection.execute(update(_PREDICTIONS).where(_PREDICTIONS.c.id == prediction_id).values(values))

@@ -57,11 +57,7 @@ def private_folder(path: Path) -> None:
 
 
 def require_ours(path: Path, mode: int) -> None:
-    """Refuse a folder whose mode is not ours to change.
-
-    Raises:
-        StoreUnavailableError.
-    """
+    """Refuse a folder whose mode is not ours to change; raises StoreUnavailableError."""
     opened = f"data directory {path} is open to others (mode {mode:03o})"
     owner = path.stat().st_uid
     if owner != os.geteuid() and os.geteuid() != 0:

@@ -85,11 +85,7 @@ class UnderWayNotes:
         self._folder = folder
 
     def begin(self, note: UnderWay) -> None:
-        """Let others see it.
-
-        Raises:
-            StoreUnavailableError: if it cannot be written.
-        """
+        """Let others see it; raises StoreUnavailableError."""
         path = self._path(note.id)
         unfinished = path.with_suffix(".tmp")
         try:

@@ -53,11 +53,7 @@ def report(connection: Connection, run_id: str, task: str, state: JsonObject) ->
 
 
 def end(connection: Connection, run_id: str) -> bool:
-    """Forget a run of the present key; returns whether somebody had stopped it.
-
-    Raises:
-        NotFoundError: if the key has none of that id.
-    """
+    """Forget a run of the present key; returns whether somebody had stopped it. Raises NotFoundError."""
     own = and_(_RUNS.c.id == run_id, _RUNS.c.key_id == (present().key_id or None))
     stopped = connection.scalar(select(_RUNS.c.stop).where(own).with_for_update())
     if stopped is None:

@@ -71,11 +71,7 @@ class WriterQueue:
 
     @contextmanager
     def turn(self) -> Iterator[None]:
-        """Wait for the others.
-
-        Raises:
-            StoreUnavailableError: if that takes too long.
-        """
+        """Wait for the others; raises StoreUnavailableError."""
         if not self._lock.acquire(timeout=self._timeout_s):
             raise StoreUnavailableError(f"the database was busy with other writers for {self._timeout_s:g} s")
         try:

@@ -86,11 +86,7 @@ class Store:
         return self._database.write()
 
     def ping(self) -> None:
-        """Make sure that the database answers.
-
-        Raises:
-            StoreUnavailableError: if it does not.
-        """
+        """Make sure that the database answers; raises StoreUnavailableError."""
         with self.read() as connection:
             connection.execute(select(tables.tasks.c.name).limit(1)).first()
 

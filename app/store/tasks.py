@@ -21,12 +21,7 @@ _VERSION = select(_TASKS.c.version).where(_TASKS.c.name == bindparam("name"))
 
 
 def get(connection: Connection, name: str) -> TaskRecord:
-    """The task.
-
-    Raises:
-        NotFoundError: if there is none of that name.
-        ForbiddenTaskError: if the key that asks is for others.
-    """
+    """The task; raises NotFoundError, ForbiddenTaskError."""
     present().require_task(name)
     if (row := connection.execute(_GET, {"name": name}).first()) is None:
         raise NotFoundError("task", name)
@@ -34,22 +29,14 @@ def get(connection: Connection, name: str) -> TaskRecord:
 
 
 def version(connection: Connection, name: str) -> int:
-    """The task's version, which grows with every change; it costs less to read than the task.
-
-    Raises:
-        NotFoundError: if there is none of that name.
-    """
+    """The task's version, which grows with every change; it costs less to read than the task. Raises NotFoundError."""
     if (number := connection.execute(_VERSION, {"name": name}).scalar()) is None:
         raise NotFoundError("task", name)
     return int(number)
 
 
 def lock(connection: Connection, name: str) -> TaskRecord:
-    """The task, which no other transaction changes until this one ends.
-
-    Raises:
-        NotFoundError: if there is none of that name.
-    """
+    """The task, which no other transaction changes until this one ends; raises NotFoundError."""
     if (task := _locked(connection, name)) is None:
         raise NotFoundError("task", name)
     return task
@@ -99,11 +86,7 @@ def get_or_create(connection: Connection, name: str, settings: JsonObject) -> Ta
 
 
 def update_settings(connection: Connection, name: str, settings: JsonObject) -> TaskRecord:
-    """Replace the task's settings; the version grows if they differ.
-
-    Raises:
-        NotFoundError: if there is no task of that name.
-    """
+    """Replace the task's settings; the version grows if they differ. Raises NotFoundError."""
     task = lock(connection, name)
     if task.settings != settings:
         change(connection, name, {"settings": settings})

@@ -92,11 +92,7 @@ def _shape_of_frame(name: str, num_joints: int, num_objects: int) -> tuple[int, 
 
 
 def get_trajectories(connection: Connection, ids: Sequence[str]) -> tuple[Trajectory, ...]:
-    """The trajectories of several episodes, in the order of `ids`.
-
-    Raises:
-        NotFoundError, CorruptDataError: as `get_trajectory`.
-    """
+    """The trajectories of several episodes, in the order of `ids`; raises NotFoundError, CorruptDataError."""
     query = select(_EPISODES.c.id, _EPISODES.c.trajectory).where(_EPISODES.c.id.in_(ids))
     found: dict[str, bytes] = {row.id: row.trajectory for row in connection.execute(query)}
     for episode_id in ids:
@@ -106,12 +102,7 @@ def get_trajectories(connection: Connection, ids: Sequence[str]) -> tuple[Trajec
 
 
 def get_trajectory(connection: Connection, episode_id: str) -> Trajectory:
-    """The episode's trajectory, as it was stored.
-
-    Raises:
-        NotFoundError: if there is no episode of that id.
-        CorruptDataError: if the stored bytes are damaged.
-    """
+    """The episode's trajectory, as it was stored; raises NotFoundError, CorruptDataError."""
     query = select(_EPISODES.c.trajectory).where(_EPISODES.c.id == episode_id)
     blob = connection.scalar(of_visible_tasks(query, _EPISODES.c.task))
     if blob is None:

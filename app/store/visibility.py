@@ -51,20 +51,12 @@ class Visibility:
         return self.has_task(task) and (self.others or key_id == self.key_id)
 
     def require_own(self, key_id: str | None) -> None:
-        """Refuse to record the outcome of what another key asked for.
-
-        Raises:
-            ForbiddenError.
-        """
+        """Refuse to record the outcome of what another key asked for; raises ForbiddenError."""
         if not self.judges_others and key_id != self.key_id:
             raise ForbiddenError("another key asked for this prediction: that key records its outcome, or an admin key")
 
     def require_demonstrations(self) -> None:
-        """Refuse to show what was taught to who may not read it.
-
-        Raises:
-            ForbiddenError.
-        """
+        """Refuse to show what was taught to who may not read it; raises ForbiddenError."""
         if not self.demonstrations:
             raise ForbiddenError("a dry run shows the demonstrations: this needs a key with the scope read, too")
 
@@ -89,11 +81,7 @@ def seeing(visibility: Visibility) -> Iterator[None]:
 
 
 def of_visible_tasks(query: Select[Any], task: ColumnElement[Any], name: str | None = None) -> Select[Any]:
-    """`query`, narrowed to a task, or to those that are seen.
-
-    Raises:
-        ForbiddenTaskError: if `name` is a task that is not.
-    """
+    """`query`, narrowed to a task, or to those that are seen; raises ForbiddenTaskError."""
     if name is not None:
         present().require_task(name)
         return query.where(task == name)

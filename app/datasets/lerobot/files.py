@@ -108,11 +108,7 @@ class Place:
 
 
 def read_info(root: Path, budget: Budget) -> Info:
-    """The dataset's description.
-
-    Raises:
-        DatasetError: if it is damaged or of another version.
-    """
+    """The dataset's description; raises DatasetError if it is damaged or of another version."""
     try:
         document = json.loads(read_inside(root, INFO, budget))
         info = Info(

@@ -63,11 +63,7 @@ class Tensor:
     data: bytes
 
     def take_rows(self, indices: Sequence[int]) -> "Tensor":
-        """The rows of a Q8_0 matrix at `indices`.
-
-        Raises:
-            ValueError: it has another element type.
-        """
+        """The rows of a Q8_0 matrix at `indices`; raises ValueError if it has another element type."""
         if self.kind != Q8_0:
             raise ValueError(f"rows of a tensor of type {self.kind} cannot be taken (valid: {Q8_0}, Q8_0)")
         numbers, size = Q8_0_BLOCK
@@ -84,11 +80,7 @@ class GgufFile:
     tensors: dict[str, Tensor]
 
     def array(self, name: str) -> Array:
-        """The array of that name.
-
-        Raises:
-            ValueError: there is none.
-        """
+        """The array of that name; raises ValueError."""
         if not isinstance(found := self.values.get(name), Array):
             raise ValueError(f"the GGUF file has no array {name!r}")
         return found

@@ -178,11 +178,7 @@ def _assemble(path: Path, assemble: Callable[[Path], object]) -> None:
 
 
 def _verify(path: Path, sha256: str, cache_folder: Path) -> None:
-    """Compare the file's hash and note that it was equal.
-
-    Raises:
-        ModelUnavailableError: if it differs.
-    """
+    """Compare the file's hash and note that it was equal; raises ModelUnavailableError."""
     before = _fingerprint(path, sha256)
     with path.open("rb") as file:
         found = hashlib.file_digest(file, "sha256").hexdigest()
