@@ -59,8 +59,7 @@ def list_page(
 ) -> Page[JobRecord]:
     """Jobs, newest first, of one task or of all that are seen."""
     query = of_visible_tasks(select(_JOBS), _JOBS.c.task, task)
-    rows, next_cursor = fetch_page(connection, _JOBS, query, limit, cursor)
-    return Page(tuple(map(_record, rows)), next_cursor)
+    return fetch_page(connection, _JOBS, query, limit, cursor, _record)
 
 
 def has_open(connection: Connection, task: str) -> bool:
@@ -90,10 +89,7 @@ def pending(connection: Connection, job: JobRecord, limit: int) -> tuple[Episode
 
 def stage(connection: Connection, job: JobRecord, extractions: Sequence[Extraction], lease: timedelta) -> None:
     """Keep a batch and renew the claim; raises LostClaimError."""
-    rows = [
-        {"job": job.id, "episode": item.episode_id, **episodes.extraction_json(item.keyframes, item.objects)}
-        for item in extractions
-    ]
+    rows = [{"job": job.id, "episode": item.episode_id, **episodes.extraction_json(item)} for item in extractions]
     _change(connection, job, {"claimed_until": datetime.now(UTC) + lease})
     connection.execute(insert(_STAGED), rows)
     number = select(func.count()).select_from(_STAGED).where(_STAGED.c.job == job.id).scalar_subquery()

@@ -101,14 +101,6 @@ class EpisodeRecord(EpisodeFields):
 
 
 @dataclass(frozen=True)
-class SceneRecord:
-    """Where an episode's objects stood at its first frame."""
-
-    id: str
-    objects: tuple[ObjectRecord, ...]
-
-
-@dataclass(frozen=True)
 class DemonstrationRecord:
     """What a prompt needs of an episode."""
 

@@ -11,12 +11,10 @@ from typer.testing import CliRunner
 
 from app.cli import application
 from app.store import episodes, idempotency, predictions
-from app.store.backup import back_up
+from app.store.backup import back_up, restore
 from app.store.errors import ConflictError, CorruptDataError, SchemaVersionError, StoreUnavailableError
 from app.store.records import StoredResponse
-from app.store.references import blob_digests
-from app.store.restore import restore
-from app.store.store import Store
+from app.store.store import Store, blob_digests
 from app.store.tables import metadata
 from tests.postgres import PostgresServer
 

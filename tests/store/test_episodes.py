@@ -9,8 +9,7 @@ from sqlalchemy import Connection, event, update
 from app.store import episodes, tables, tasks
 from app.store.errors import ConflictError, CorruptDataError, NotFoundError
 from app.store.records import Extraction
-from app.store.references import blob_digests
-from app.store.store import Store
+from app.store.store import Store, blob_digests
 from app.store.trajectories import get_trajectory
 from app.store.values import CameraRecord, KeyframeRecord, ObjectRecord
 
@@ -145,18 +144,14 @@ def test_demonstrations(store: Store) -> None:
     upload(store, episode_draft(task="other"))
     with store.read() as connection:
 
-        def chosen(*arguments: Any, **options: Any) -> list[str]:
-            return [record.id for record in episodes.demonstrations(connection, TASK, *arguments, **options)]
+        def chosen(*arguments: Any) -> list[str]:
+            return [record.id for record in episodes.demonstrations(connection, TASK, *arguments)]
 
         assert chosen() == ids
         assert chosen(2) == chosen(2, "first") == ids[:2]
         assert chosen(2, "recent") == ids[3:]
         assert chosen(100, "recent") == ids
-        assert chosen(instruction="open the top drawer") == [ids[0], ids[2], ids[4]]
-        assert chosen(1, "recent", instruction="open the bottom drawer") == [ids[3]]
-        assert chosen(instruction="fly") == []
         assert episodes.list_ids(connection, TASK) == tuple(ids)
-        assert episodes.list_ids(connection, TASK, "open the bottom drawer") == (ids[1], ids[3])
         (record,) = episodes.demonstrations(connection, TASK, 1)
     assert (record.instruction, record.objects) == (drafts[0].instruction, drafts[0].objects)
     assert record.keyframes == drafts[0].keyframes
@@ -187,7 +182,6 @@ def plan_of(store: Store, ask: Callable[[Connection], object]) -> str:
 
 
 OF_TASK = "SEARCH episodes USING INDEX ix_episodes_task_sequence (task=?)"
-OF_INSTRUCTION = "SEARCH episodes USING INDEX ix_episodes_task_instruction_sequence (task=? AND instruction=?)"
 
 
 @pytest.mark.parametrize(
@@ -195,8 +189,6 @@ OF_INSTRUCTION = "SEARCH episodes USING INDEX ix_episodes_task_instruction_seque
     [
         (lambda connection: episodes.demonstrations(connection, TASK, 10), OF_TASK),
         (lambda connection: episodes.demonstrations(connection, TASK, 10, "recent"), OF_TASK),
-        (lambda connection: episodes.demonstrations(connection, TASK, 10, "first", "open it"), OF_INSTRUCTION),
-        (lambda connection: episodes.demonstrations(connection, TASK, 10, "recent", "open it"), OF_INSTRUCTION),
         (lambda connection: episodes.list_page(connection, TASK, 10, 5), OF_TASK.replace("?", "? AND sequence<?")),
         (
             lambda connection: episodes.demonstrations_by_id(connection, TASK, episodes.list_ids(connection, TASK)),

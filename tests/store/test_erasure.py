@@ -5,7 +5,7 @@ from datetime import UTC, datetime, timedelta
 import pytest
 from sqlalchemy import func, select, update
 
-from app.store import audit, cases, episodes, erasure, idempotency, jobs, labels, predictions, tables, tasks
+from app.store import audit, episodes, erasure, idempotency, jobs, labels, predictions, tables, tasks
 from app.store.errors import NotFoundError
 from app.store.records import Extraction, StoredResponse
 from app.store.store import Store
@@ -132,7 +132,7 @@ def test_the_oldest_predictions_are_beyond_an_age_and_a_size(store: Store) -> No
         assert erasure.predictions_beyond(connection, 30_000, sizes) == (first.id,)  # an episode has the others
         assert erasure.predictions_beyond(connection, 100_000, sizes) == ()
     with store.write() as connection:
-        cases.keep(connection, first.id)
+        predictions.keep_as_case(connection, first.id)
         assert erasure.predictions_before(connection, now + timedelta(1), 2) == (second.id, third.id)
         assert erasure.predictions_beyond(connection, 5_000, sizes) == (second.id, third.id)
 

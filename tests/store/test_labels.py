@@ -6,8 +6,7 @@ import pytest
 
 from app.store import labels, tasks
 from app.store.errors import NotFoundError
-from app.store.references import blob_digests
-from app.store.store import Store
+from app.store.store import Store, blob_digests
 
 from .drafts import SETTINGS, TASK, camera_record
 

@@ -7,10 +7,9 @@ import httpx
 import obstore
 import pytest
 
-from app.store.backup import back_up
+from app.store.backup import back_up, restore
 from app.store.errors import CorruptDataError, StoreUnavailableError
 from app.store.object_store import ObjectBlobStore
-from app.store.restore import restore
 from app.store.store import Store
 from tests.e2e.processes import running_server
 from tests.reliability.service import ENVIRONMENT, image_of, upload_files

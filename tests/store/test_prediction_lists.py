@@ -1,8 +1,7 @@
 import pytest
 
-from app.store import configurations, prediction_lists, predictions
-from app.store.configurations import Configuration, Counts
-from app.store.prediction_lists import FATES, PredictionFilter
+from app.store import prediction_lists, predictions
+from app.store.prediction_lists import FATES, Configuration, Counts, PredictionFilter
 from app.store.store import Store
 
 from .drafts import TASK, predict, prediction_draft
@@ -67,9 +66,9 @@ def test_configurations_are_counted(store, mixed):
     predict(store, prediction_draft(model="regression", request={"episode_ids": ["e"]}, samples=({}, {})))
     predict(store, prediction_draft(model="regression", request={"selection": "recent"}))
     with store.read() as connection:
-        counted = configurations.counts(connection, TASK)
-        assert configurations.counts(connection, "nothing") == {}
-        latest = configurations.latest(connection, TASK)
+        counted = prediction_lists.counts_by_configuration(connection, TASK)
+        assert prediction_lists.counts_by_configuration(connection, "nothing") == {}
+        latest = prediction_lists.latest_by_configuration(connection, TASK)
         records = predictions.list_page(connection).items
     assert [(way.model, way.selection, way.num_samples) for way in latest] == [
         ("embedded/gemma-3-270m", "first", 1),

@@ -9,8 +9,7 @@ import pytest
 
 from app.store import episodes
 from app.store.errors import StoreUnavailableError
-from app.store.references import blob_digests
-from app.store.store import Store
+from app.store.store import Store, blob_digests
 
 from .drafts import camera_record, episode_draft, predict, prediction_draft, upload
 
