@@ -12,7 +12,7 @@ from typing import Any
 from pydantic import BaseModel, Field, ValidationError
 
 from app.llm.base import CompletionRequest, ModelProfile, ModelResponseError, Usage
-from app.llm.sse import SseEndpoint, SseModel
+from app.llm.sse import Server, SseModel
 from app.llm.streaming import Chunk, error_message
 
 # ("Versions" of the documentation) The newer one has no field `temperature` for any model.
@@ -174,27 +174,9 @@ class AnthropicModel(SseModel):
     """One Claude model.
 
     Args:
-        base_url: up to and including the version, e.g. ``https://api.anthropic.com/v1``.
         model: Anthropic's name of the model.
-        key_variable, url_variable: what to set when the server refuses the key or cannot be reached, for messages.
     """
 
-    def __init__(
-        self,
-        profile: ModelProfile,
-        base_url: str,
-        model: str,
-        api_key: str,
-        *,
-        key_variable: str = "",
-        url_variable: str = "",
-    ) -> None:
-        endpoint = SseEndpoint(
-            profile.name,
-            f"{base_url.rstrip('/')}/messages",
-            request_headers(model, api_key),
-            api_key,
-            key_variable=key_variable,
-            url_variable=url_variable,
-        )
-        super().__init__(profile, endpoint, partial(request_body, model=model), EventParser)
+    def __init__(self, profile: ModelProfile, server: Server, model: str) -> None:
+        headers = request_headers(model, server.key)
+        super().__init__(profile, server, "messages", headers, partial(request_body, model=model), EventParser)

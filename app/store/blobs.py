@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Protocol
 from uuid import uuid4
 
-from app.store.errors import CorruptDataError, StoreUnavailableError, disk_unavailable
+from app.store.errors import CorruptDataError, StoreUnavailableError, disk_errors
 from app.store.private import FILE_MODE, FOLDER_MODE, private_opener
 
 _TEMPORARY_PREFIX = ".tmp-"
@@ -77,7 +77,7 @@ class FileBlobStore:
     def put(self, data: bytes) -> str:
         digest = hashlib.sha256(data).hexdigest()
         path = self._path(digest)
-        with _disk_errors():
+        with disk_errors("blob storage"):
             if not self._renew(path):
                 for folder in (path.parent.parent, path.parent):
                     folder.mkdir(FOLDER_MODE, exist_ok=True)
@@ -87,19 +87,18 @@ class FileBlobStore:
         return digest
 
     def read(self, digest: str) -> bytes:
-        try:
-            data = self._path(digest).read_bytes()
-        except FileNotFoundError as error:
-            raise CorruptDataError("blob", digest, "its file is gone") from error
-        except OSError as error:
-            raise disk_unavailable("blob storage", error) from error
+        with disk_errors("blob storage"):
+            try:
+                data = self._path(digest).read_bytes()
+            except FileNotFoundError as error:
+                raise CorruptDataError("blob", digest, "its file is gone") from error
         if hashlib.sha256(data).hexdigest() != digest:
             raise CorruptDataError("blob", digest, "its bytes do not match the digest")
         return data
 
     def sizes(self) -> dict[str, int]:
         found: dict[str, int] = {}
-        with _disk_errors():
+        with disk_errors("blob storage"):
             for path in self._root.glob("??/??/*"):
                 with suppress(FileNotFoundError):  # renamed to its digest, or swept
                     found[path.name] = path.stat().st_size
@@ -107,7 +106,7 @@ class FileBlobStore:
 
     def sweep(self, referenced: Set[str], older_than: timedelta) -> int:
         limit = time.time() - older_than.total_seconds()
-        with _disk_errors():
+        with disk_errors("blob storage"):
             leftovers = [path for path in self._root.glob("??/??/*") if path.name not in referenced]
             return sum(self._remove_if_older(path, limit) for path in leftovers)
 
@@ -183,11 +182,3 @@ def _sync_folder(folder: Path) -> None:
         os.fsync(descriptor)
     finally:
         os.close(descriptor)
-
-
-@contextmanager
-def _disk_errors() -> Iterator[None]:
-    try:
-        yield
-    except OSError as error:
-        raise disk_unavailable("blob storage", error) from error

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -72,7 +72,8 @@ class Database:
         Raises:
             StoreUnavailableError, CorruptDataError: see `errors`.
         """
-        with self.errors(), self._turn(), self.engine.connect() as connection, begin_write(connection):
+        turn = self._writers.turn() if self._writers else nullcontext()
+        with self.errors(), turn, self.engine.connect() as connection, begin_write(connection):
             yield connection
 
     def close(self) -> None:
@@ -108,9 +109,6 @@ class Database:
             return unavailable("database", reason, f"{self.name}: {error.orig}")
         file_name = Path(self.engine.url.database or "").name
         return CorruptDataError("database", file_name, reason) if damaged else error
-
-    def _turn(self) -> AbstractContextManager[None]:
-        return self._writers.turn() if self._writers else nullcontext()
 
 
 def _engine(url: str, connections: int, timeout_s: float, *, ping: bool) -> Engine:

@@ -1,7 +1,8 @@
 """What the store can refuse; a branch of the tree in `app.pipeline.errors`."""
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 from roboprompt_client.errors import RoboPromptError
 
@@ -89,9 +90,13 @@ def unavailable(what: str, reason: str, detail: str) -> StoreUnavailableError:
     return StoreUnavailableError(f"{what}: {reason}{remedy and f': {remedy}'}")
 
 
-def disk_unavailable(what: str, error: OSError) -> StoreUnavailableError:
-    """As `unavailable`, for what the operating system says."""
-    return unavailable(what, error.strerror or type(error).__name__, str(error))
+@contextmanager
+def disk_errors(what: str) -> Iterator[None]:
+    """What the operating system says, as `unavailable`."""
+    try:
+        yield
+    except OSError as error:
+        raise unavailable(what, error.strerror or type(error).__name__, str(error)) from error
 
 
 class SchemaVersionError(StoreError):

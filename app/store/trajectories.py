@@ -81,14 +81,16 @@ def _flags(names: Sequence[str]) -> int:
 
 
 def _shape_of_frame(name: str, num_joints: int, num_objects: int) -> tuple[int, ...]:
-    match name:
-        case "joint_velocities_rad_s" | "joint_positions_rad":
-            return (num_joints,)
-        case "object_positions_m":
-            return (num_objects, 3)
-        case "object_quaternions_xyzw":
-            return (num_objects, 4)
-    return {"positions_m": (3,), "quaternions_xyzw": (4,), "wrenches_n_nm": (6,)}.get(name, ())
+    shapes = {
+        "joint_velocities_rad_s": (num_joints,),
+        "joint_positions_rad": (num_joints,),
+        "positions_m": (3,),
+        "quaternions_xyzw": (4,),
+        "object_positions_m": (num_objects, 3),
+        "object_quaternions_xyzw": (num_objects, 4),
+        "wrenches_n_nm": (6,),
+    }
+    return shapes.get(name, ())
 
 
 def get_trajectories(connection: Connection, ids: Sequence[str]) -> tuple[Trajectory, ...]:

@@ -40,6 +40,5 @@ def llama_server(settings):
     path = find_trimmed_weights("gemma-3-270m", settings)()
     options = LlamaOptions(str(path), slots=2, context_tokens=2048, threads=1)
     process = LlamaProcess(options)
-    process.api_key = options.api_key
-    yield process
+    yield process.server
     process.stop()

@@ -29,10 +29,7 @@ LLMS = ("embedded", "completion", "chat")
 def models(gemma, llama_server, run):
     profiles = {style: ModelProfile(style, style, grammar=True, representation="object_frame") for style in LLMS[1:]}
     made = {
-        style: OpenAiCompatibleModel(
-            profile, llama_server.base_url, "gemma", llama_server.api_key, quirks=LLAMA_CPP, trust_env=False
-        )
-        for style, profile in profiles.items()
+        style: OpenAiCompatibleModel(profile, llama_server, "gemma", LLAMA_CPP) for style, profile in profiles.items()
     }
     made |= {
         "embedded": gemma,
@@ -120,7 +117,7 @@ def test_the_papers_format_is_answered(model, run):
 @pytest.mark.parametrize("backend", ["completion", "chat"])
 def test_a_closed_model_refuses(backend, llama_server, run):
     profile = ModelProfile(backend, backend, grammar=True, representation="absolute")
-    model = OpenAiCompatibleModel(profile, llama_server.base_url, "gemma", llama_server.api_key)
+    model = OpenAiCompatibleModel(profile, llama_server, "gemma")
     run(model.aclose())
     with pytest.raises(ModelUnavailableError, match="is closed"):
         run(complete(model, asking(object_frame_prompt())))

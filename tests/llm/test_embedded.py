@@ -182,8 +182,8 @@ def test_more_tasks_than_slots_keep_their_prefixes(gemma, run):
 async def client_of(llama_server):
     """A model of the server, and a function that tells how many of its slots are at work."""
     profile = ModelProfile("cancelled", "completion", grammar=True, representation="object_frame")
-    key = llama_server.api_key
-    model = OpenAiCompatibleModel(profile, llama_server.base_url, "x", key, quirks=LLAMA_CPP, trust_env=False)
+    key = llama_server.key
+    model = OpenAiCompatibleModel(profile, llama_server, "x", LLAMA_CPP)
     url = llama_server.base_url.replace("/v1", "/slots")
 
     async def num_busy():
@@ -233,7 +233,7 @@ def test_strangers_on_the_machine_are_refused(llama_server):
 def test_the_server_ends_with_its_parents_input(settings):
     path = find_trimmed_weights("gemma-3-270m", settings)()
     process = LlamaProcess(LlamaOptions(str(path), slots=1, context_tokens=512, threads=1))
-    host, port = process.base_url.removeprefix("http://").removesuffix("/v1").split(":")
+    host, port = process.server.base_url.removeprefix("http://").removesuffix("/v1").split(":")
     assert process.running
     started = time.monotonic()
     process.stop()

@@ -108,7 +108,7 @@ def test_among_others(model, run, question, answer):
 def next_tokens(llama_server, prompt, **options):
     """The text that follows, one token unless `options` say otherwise, and the most probable tokens after it."""
     body = {"prompt": prompt, "n_predict": 1, "temperature": 0, "n_probs": 20, **options}
-    key = {"Authorization": f"Bearer {llama_server.api_key}"}
+    key = {"Authorization": f"Bearer {llama_server.key}"}
     url = llama_server.base_url.replace("/v1", "/completion")
     answer = httpx.post(url, json=body, headers=key, timeout=120, trust_env=False).raise_for_status().json()
     last = answer["completion_probabilities"][-1]

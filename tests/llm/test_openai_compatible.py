@@ -20,7 +20,7 @@ from app.llm.base import (
     complete,
 )
 from app.llm.openai_compatible import LLAMA_CPP, OpenAiCompatibleModel
-from app.llm.sse import MAX_WIRE_BYTES
+from app.llm.sse import MAX_WIRE_BYTES, Server
 from app.llm.streaming import MAX_REPLY_CHARACTERS
 from app.pipeline.prompt import Prompt
 from tests.llm.loopback import SSE_HEAD, chunk, delta, event, hang_up, loopback, status, streamed, text, usage
@@ -32,15 +32,8 @@ PROMPT = Prompt("Be brief.", "a>1, ", "b>", stop=("\n",), grammar='root ::= "1"'
 
 def model_at(base_url, style="completion", quirks=None):
     profile = ModelProfile(f"some/{style}", style, grammar=False, representation="absolute")
-    return OpenAiCompatibleModel(
-        profile,
-        base_url,
-        "little",
-        KEY,
-        key_variable="ROBOPROMPT_SOME_KEY",
-        url_variable="ROBOPROMPT_SOME_URL",
-        quirks=quirks,
-    )
+    server = Server(base_url, KEY, "ROBOPROMPT_SOME_KEY", "ROBOPROMPT_SOME_URL")
+    return OpenAiCompatibleModel(profile, server, "little", quirks)
 
 
 def ask(answer, style="completion", quirks=None, **options):
@@ -194,7 +187,7 @@ def test_a_key_with_a_stray_line_break_is_not_shown():
     async def run():
         async with loopback(streamed(text("4", "stop"))) as (base_url, _):
             profile = ModelProfile("some/model", "chat", grammar=False, representation="absolute")
-            await complete(OpenAiCompatibleModel(profile, base_url, "little", f"{KEY}\n"), asking(PROMPT))
+            await complete(OpenAiCompatibleModel(profile, Server(base_url, f"{KEY}\n"), "little"), asking(PROMPT))
 
     with pytest.raises(ModelResponseError, match=r"Illegal header value .*\[key\]") as caught:
         asyncio.run(run())

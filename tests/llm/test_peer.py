@@ -23,7 +23,7 @@ def peer(llama_server, run):
     def registry(style, server="llama_cpp"):
         settings = LlmSettings(
             compatible_base_url=llama_server.base_url,
-            compatible_api_key=llama_server.api_key,
+            compatible_api_key=llama_server.key,
             compatible_style=style,
             compatible_server=server,
         )

@@ -74,7 +74,7 @@ def test_every_variable_that_a_message_names_is_a_setting():
     assert variable("openai_api_key") == "ROBOPROMPT_OPENAI_API_KEY"
     sources = [path.read_text() for path in Path(backends.__file__).parent.rglob("*.py")]
     named = {name for source in sources for name in re.findall(r"variable\([\"'](\w+)", source)}
-    assert {"openai_api_key", "packages_folder"} <= named
+    assert {"packages_folder", "scripted_replies"} <= named
     assert named <= set(LlmSettings.model_fields)
 
 

@@ -23,6 +23,7 @@ from app.llm.computed import ScriptedModel
 from app.llm.guard import Guard, Limits
 from app.llm.openai_compatible import OpenAiCompatibleModel
 from app.llm.resilient import ResilientModel
+from app.llm.sse import Server
 from app.pipeline.prompt import Prompt
 from tests.llm import claude
 from tests.llm.claude import claude_at
@@ -62,7 +63,7 @@ class Provider:
 async def provider_at(answer, limits=LIMITS):
     async with loopback(answer) as (base_url, server):
         profile = ModelProfile("some/model", "completion", grammar=False, representation="absolute")
-        provider = Provider(OpenAiCompatibleModel(profile, base_url, "little", "k", trust_env=False), limits)
+        provider = Provider(OpenAiCompatibleModel(profile, Server(base_url, "k", trust_env=False), "little"), limits)
         try:
             yield provider, server
         finally:
@@ -203,7 +204,7 @@ def test_a_refused_connection_is_tried_again_and_then_named():
         async def run():
             profile = ModelProfile("some/model", "chat", grammar=False, representation="absolute")
             address = f"http://127.0.0.1:{taken.getsockname()[1]}/v1"
-            provider = Provider(OpenAiCompatibleModel(profile, address, "x", trust_env=False))
+            provider = Provider(OpenAiCompatibleModel(profile, Server(address, trust_env=False), "x"))
             with pytest.raises(ModelUnavailableError, match="cannot reach some/model"):
                 await provider.ask()
             return len(provider.waits_s)

@@ -4,8 +4,8 @@ import asyncio
 
 import pytest
 
-from app.llm.llama import warm_slots
-from app.llm.llama.warm_slots import WarmSlots
+from app.llm.llama import embedded
+from app.llm.llama.embedded import WarmSlots
 
 
 class Requests:
@@ -45,7 +45,7 @@ async def settled():
 
 @pytest.fixture
 def patience(monkeypatch):
-    monkeypatch.setattr(warm_slots, "PATIENCE_S", 0.1)
+    monkeypatch.setattr(embedded, "PATIENCE_S", 0.1)
 
 
 def test_one_after_the_other_in_the_order_of_coming():
