@@ -103,9 +103,7 @@ def _parcel(
     if options.task is None and metadata["task"] != task:
         mismatch = f"the episode is of task {metadata['task']!r}, the archive of task {task!r}"
         raise InvalidInputError("task", mismatch, "one task in both, or --task NAME for every episode")
-    given = {"task": options.task, "instruction": options.instruction}
-    metadata.update({name: value for name, value in given.items() if value is not None})
-    return Parcel(metadata, parts)
+    return Parcel({**metadata, **options.given}, parts)
 
 
 def _read(archive: zipfile.ZipFile, name: str, digests: Mapping[str, str], budget: Budget) -> bytes:

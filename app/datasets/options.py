@@ -53,15 +53,13 @@ def read_objects(path: Path) -> KnownObjects:
             return KnownObjects(_objects(document))
         if unknown := set(document) - {"default", "variations", "episodes"}:
             raise ValueError(f"{sorted(unknown)[0]!r} is none of default, variations, episodes")
-        groups = [{name: _objects(items) for name, items in document.get(kind, {}).items()} for kind in _GROUPS]
-        return KnownObjects(_objects(document.get("default", [])), *groups)
+        groups = (document.get(kind, {}) for kind in ("variations", "episodes"))
+        named = [{name: _objects(items) for name, items in group.items()} for group in groups]
+        return KnownObjects(_objects(document.get("default", [])), *named)
     except (OSError, ValueError, TypeError, AttributeError) as error:
         raise DatasetError(
             f"{path}: {error}; it must be a list of objects or have default, variations, episodes"
-        ) from (error)
-
-
-_GROUPS = ("variations", "episodes")
+        ) from error
 
 
 def _objects(items: list[Mapping[str, Any]]) -> Objects:
@@ -101,6 +99,12 @@ class ImportOptions:
     cameras: tuple[str, ...] | None = None
     features: Mapping[str, Any] = field(default_factory=dict)
     limits: ReadLimits = field(default_factory=ReadLimits)
+
+    @property
+    def given(self) -> dict[str, str]:
+        """Of an episode's metadata, what the user says instead."""
+        said = {"task": self.task, "instruction": self.instruction}
+        return {name: value for name, value in said.items() if value is not None}
 
     def wants(self, camera: str) -> bool:
         """Whether the camera's images are to be imported."""

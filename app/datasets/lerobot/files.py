@@ -16,7 +16,7 @@ from typing import Any
 
 from app.datasets.bounds import Budget, DamagedError, DatasetError, inside, read_inside
 from app.datasets.lerobot.parquet import column_names, read_table
-from app.datasets.parcel import canonical_json, checked_metadata
+from app.datasets.parcel import Parcel, canonical_json, checked_metadata
 
 FOLDER = Path("meta/roboprompt")
 METADATA = "metadata.json"
@@ -26,16 +26,8 @@ _PLACE = re.compile(r"\{(?P<name>\w+)(?::0?(?P<width>\d))?(?P<decimal>d?)\}")
 _NUMBERS = ("float16", "float32", "float64", "int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "bool")
 
 
-@dataclass(frozen=True, eq=False)
-class Scene:
-    """An episode's metadata and its image files by the names of their parts."""
-
-    metadata: Mapping[str, Any]
-    images: Mapping[str, bytes]
-
-
-def read_scene(root: Path, index: int, budget: Budget) -> Scene | None:
-    """The scene of the episode, or None if the dataset does not carry it.
+def read_scene(root: Path, index: int, budget: Budget) -> tuple[dict[str, Any], dict[str, bytes]] | None:
+    """The episode's metadata and its images by the names of their parts, or None if the dataset does not carry them.
 
     Raises:
         DamagedError: naming the file that cannot be read.
@@ -49,16 +41,17 @@ def read_scene(root: Path, index: int, budget: Budget) -> Scene | None:
     except ValueError as error:
         raise DamagedError(path, f"is not JSON: {error}") from error
     names = sorted(item.name for item in folder.iterdir() if item.name != METADATA)
-    return Scene(metadata, {name: read_inside(root, folder / name, budget) for name in names})
+    return metadata, {name: read_inside(root, folder / name, budget) for name in names}
 
 
-def write_scene(root: Path, index: int, scene: Scene) -> None:
+def write_scene(root: Path, index: int, parcel: Parcel) -> None:
     """The inverse of `read_scene`."""
     folder = _folder(root, index)
     folder.mkdir(parents=True)
-    (folder / METADATA).write_bytes(canonical_json(scene.metadata))
-    for name, data in scene.images.items():
-        (folder / name).write_bytes(data)
+    (folder / METADATA).write_bytes(canonical_json(parcel.metadata))
+    for name, data in parcel.files.items():
+        if name != "trajectory":
+            (folder / name).write_bytes(data)
 
 
 def _folder(root: Path, index: int) -> Path:
@@ -162,7 +155,10 @@ def _places_3(root: Path, info: Info, budget: Budget) -> list[Place]:
     files = sorted(inside(root, path) for path in (root / "meta/episodes").glob("*/*.parquet"))
     if not files:
         raise DatasetError(f"{root / 'meta/episodes'}: has no parquet files")
-    rows = [row for path in files for row in read_table(path, _columns_3(path), budget).to_pylist()]
+    rows = []
+    for path in files:
+        columns = [name for name in column_names(path) if not name.startswith("stats/")]
+        rows += read_table(path, columns, budget).to_pylist()
     starts: dict[Path, int] = {}
     places = []
     for row in sorted(rows, key=lambda item: int(item["episode_index"])):
@@ -173,10 +169,6 @@ def _places_3(root: Path, info: Info, budget: Budget) -> list[Place]:
         first_row = row["dataset_from_index"] - start
         places.append(Place(row["episode_index"], row["length"], tasks[0], path, first_row, row))
     return places
-
-
-def _columns_3(path: Path) -> list[str]:
-    return [name for name in column_names(path) if not name.startswith("stats/")]
 
 
 def _places_2(root: Path, info: Info, budget: Budget) -> list[Place]:
