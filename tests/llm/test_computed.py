@@ -22,22 +22,14 @@ def test_a_script_replies_in_turn_and_raises_its_errors():
     asyncio.run(run())
 
 
-def test_a_script_may_be_a_function_of_the_request():
+def test_a_script_may_be_a_function_of_the_request_and_slow():
     async def run():
         seen = []
         request = asking(Prompt("s", "p ", "q"))
-        model = ScriptedModel(lambda asked: seen.append(asked) or asked.prompt.query)
-        assert [(await complete(model, request)).text for _ in range(3)] == ["q"] * 3
-        assert seen == [replace(request, piecewise=False)] * 3
-
-    asyncio.run(run())
-
-
-def test_a_script_can_be_a_function_and_slow():
-    async def run():
-        model = ScriptedModel(lambda request: request.prompt.query.upper(), delay_s=0.02)
+        model = ScriptedModel(lambda asked: seen.append(asked) or asked.prompt.query, delay_s=0.02)
         started = time.perf_counter()
-        assert (await complete(model, asking(Prompt("", "", "a b c")))).text == "A B C"
+        assert [(await complete(model, request)).text for _ in range(3)] == ["q"] * 3
         assert time.perf_counter() - started >= 0.06
+        assert seen == [replace(request, piecewise=False)] * 3
 
     asyncio.run(run())

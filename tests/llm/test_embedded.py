@@ -225,11 +225,6 @@ def test_a_cancelled_request_stops_llama_cpp(llama_server, request_, other_words
     assert asyncio.run(run()) < 2
 
 
-def test_strangers_on_the_machine_are_refused(llama_server):
-    answer = httpx.post(f"{llama_server.base_url}/completions", json={"prompt": "a"}, trust_env=False)
-    assert answer.status_code == 401
-
-
 def test_the_server_ends_with_its_parents_input(settings):
     path = find_trimmed_weights("gemma-3-270m", settings)()
     process = LlamaProcess(LlamaOptions(str(path), slots=1, context_tokens=512, threads=1))

@@ -110,19 +110,12 @@ def test_profiles_suit_the_models(make_registry):
     assert registry.get("regression").profile.representation == "absolute"
 
 
-def test_a_llama_cpp_server_that_continues_text_is_asked_like_an_embedded_model(make_registry):
-    server = {"compatible_base_url": "http://127.0.0.1:9/v1", "compatible_style": "completion"}
-    profile = make_registry(**server, compatible_server="llama_cpp").get("openai_compatible/x").profile
-    assert (profile.grammar, profile.representation, profile.system_prompt) == (True, "object_frame", "none")
-    profile = make_registry(**server).get("openai_compatible/x").profile
-    assert (profile.grammar, profile.representation, profile.system_prompt) == (False, "absolute", "none")
-
-
-@pytest.mark.parametrize("server", ["llama_cpp", "vllm", "old_vllm", "sglang"])
+@pytest.mark.parametrize("server", ["llama_cpp", "vllm", "old_vllm", "sglang", "other"])
 def test_a_server_that_takes_grammars_is_asked_like_an_embedded_model(make_registry, server):
     address = {"compatible_base_url": "http://127.0.0.1:9/v1", "compatible_style": "completion"}
     profile = make_registry(**address, compatible_server=server).get("openai_compatible/x").profile
-    assert (profile.grammar, profile.representation) == (True, "object_frame")
+    expected = (False, "absolute") if server == "other" else (True, "object_frame")
+    assert (profile.grammar, profile.representation, profile.system_prompt) == (*expected, "none")
 
 
 PROMPT = object_frame_prompt()
@@ -178,7 +171,8 @@ def test_a_request_survives_the_death_of_an_embedded_models_process(make_registr
     async def run():
         registry = make_registry(embedded_threads=1, embedded_slots=1, embedded_context_tokens=512)
         before = child_pids()
-        await registry.warm_up()
+        assert not await registry.warm_up("regression")
+        assert await registry.warm_up()
         (pid,) = child_pids() - before
         os.kill(pid, signal.SIGKILL)
         answer = await complete(registry.get(), asking(PROMPT, max_tokens=1))
@@ -272,15 +266,3 @@ def test_another_package_adds_a_backend_but_replaces_none(monkeypatch):
     assert found["openai"] is BUILT_IN["openai"]
     registry = ModelRegistry(LlmSettings(), found)
     assert asyncio.run(complete(registry.get("own/hello"), asking(object_frame_prompt()))).text == "hello"
-
-
-def test_warming_up_starts_what_needs_a_start(make_registry):
-    async def run():
-        registry = make_registry(embedded_threads=1, embedded_slots=1, embedded_context_tokens=512)
-        await registry.warm_up("regression")
-        await registry.warm_up()
-        answer = await complete(registry.get(), asking(object_frame_prompt(), max_tokens=1, timeout_s=30))
-        await registry.aclose()
-        return answer
-
-    assert asyncio.run(run()).usage.completion_tokens == 1

@@ -22,19 +22,15 @@ from app.llm.base import (
 from app.llm.computed import ScriptedModel
 from app.llm.guard import Guard, Limits
 from app.llm.openai_compatible import OpenAiCompatibleModel
-from app.llm.resilient import ResilientModel
+from app.llm.resilient import ResilientModel, within_deadline
 from app.llm.sse import Server
 from app.pipeline.prompt import Prompt
-from tests.llm import claude
-from tests.llm.claude import claude_at
 from tests.llm.loopback import after, hang_up, in_turn, loopback, status, streamed, text
-from tests.llm.texts import asking
+from tests.llm.texts import as_asked, asking
 
 PROMPT = Prompt("Be brief.", "a>1, ", "b>")
 LIMITS = Limits(concurrent=4, queued=4, retries=2, backoff_s=0.5, failures=5, pause_s=10.0)
 OK = streamed(text("4"), text("2", "stop"), "[DONE]")
-OVERLOADED = streamed(claude.failed("overloaded_error", "Full"))
-CLAUDE_OK = streamed(claude.started(), claude.said("42"), claude.ended(), claude.STOP)
 
 
 class Provider:
@@ -84,18 +80,7 @@ def ask(answer, limits=LIMITS, **options):
     return asyncio.run(run())
 
 
-@pytest.mark.parametrize(
-    "fault",
-    [
-        status(429),
-        status(500),
-        status(503),
-        status(529),
-        hang_up,
-        streamed(),
-        streamed(end=b"400\r\ndata: {"),
-    ],
-)
+@pytest.mark.parametrize("fault", [status(429), status(500), hang_up, streamed()])
 def test_what_may_pass_is_tried_again(fault):
     outcome, num_asked, waits_s = ask(in_turn(fault, fault, OK))
     assert outcome == Completion("42")
@@ -106,15 +91,10 @@ def test_what_may_pass_is_tried_again(fault):
 @pytest.mark.parametrize(
     ("fault", "error_type"),
     [
-        (status(400, b'{"error": {"message": "bad"}}'), ModelResponseError),
+        (status(400), ModelResponseError),
         (status(401), ModelUnavailableError),
-        (status(404), ModelUnavailableError),
-        (status(429, b'{"error": {"code": "insufficient_quota"}}'), ModelUnavailableError),
-        (status(200, b'{"choices": []}'), ModelResponseError),
         (streamed("garbage"), ModelResponseError),
-        (status(500, b"a" * 10 * 2**20), ModelResponseError),
     ],
-    ids=["400", "401", "404", "no money", "content type", "garbage", "10 MB"],
 )
 def test_what_will_not_pass_is_not_tried_again(fault, error_type):
     outcome, num_asked, waits_s = ask(in_turn(fault, OK))
@@ -184,17 +164,6 @@ def test_a_whole_reply_that_breaks_off_is_asked_for_anew():
     broken = streamed(text("4"), end=b"400\r\ndata: {")
     outcome, num_asked, _ = ask(in_turn(broken, OK))
     assert (outcome, num_asked) == (Completion("42"), 2)
-
-
-def test_claude_is_tried_again_as_well():
-    async def run():
-        async with loopback(in_turn(status(529), OVERLOADED, CLAUDE_OK)) as (base_url, server):
-            provider = Provider(claude_at(base_url))
-            completion = await provider.ask()
-            await provider.model.aclose()
-            return completion.text, len(server.requests)
-
-    assert asyncio.run(run()) == ("42", 3)
 
 
 def test_a_refused_connection_is_tried_again_and_then_named():
@@ -329,31 +298,28 @@ def test_an_abandoned_reply_frees_its_place():
     asyncio.run(run())
 
 
-def test_many_requests_against_a_flaky_server_are_all_answered():
-    """A fifth of the answers fail; with ten tries none of a hundred requests does."""
-    rng = random.Random(7)
-
-    async def answer(writer):
-        await rng.choice([OK, OK, OK, OK, OK, OK, OK, OK, status(500), hang_up])(writer)
-
+def test_the_deadline_counts_while_the_consumer_thinks():
     async def run():
-        async with provider_at(answer, Limits(8, 100, retries=9, backoff_s=0.1)) as (provider, server):
-            outcomes = await asyncio.gather(*(provider.ask() for _ in range(100)))
-            return outcomes, len(server.requests)
-
-    outcomes, num_asked = asyncio.run(run())
-    assert outcomes == [Completion("42")] * 100
-    assert 110 < num_asked < 150
-
-
-def test_models_that_share_a_guard_share_its_places():
-    async def run():
-        guard = Guard("some", Limits(concurrent=1, queued=0))
-        slow, other = (ResilientModel(ScriptedModel(["a b"], delay_s=0.05), guard) for _ in range(2))
-        first = asyncio.create_task(complete(slow, asking(PROMPT)))
-        await asyncio.sleep(0.01)
-        with pytest.raises(ModelBusyError):
-            await complete(other, asking(PROMPT))
-        assert (await first).text == "a b"
+        model = as_asked(ScriptedModel(["a b c d"], delay_s=0.05))
+        pieces = model.stream(asking(Prompt("", "", ""), timeout_s=0.2))
+        await anext(pieces)
+        await asyncio.sleep(0.3)
+        with pytest.raises(ModelTimeoutError):
+            await anext(pieces)
 
     asyncio.run(run())
+
+
+def test_a_timeout_closes_what_it_waits_for():
+    closed = []
+
+    async def endless():
+        try:
+            await asyncio.sleep(60)
+            yield TextDelta("late")
+        finally:
+            closed.append(True)
+
+    with pytest.raises(ModelTimeoutError, match=r"slow did not answer within 0\.05 s"):
+        asyncio.run(anext(within_deadline(endless(), 0.05, "slow")))
+    assert closed == [True]
