@@ -40,11 +40,7 @@ _STATM = Path("/proc/self/statm")
 
 @contextmanager
 def open_apart(path: Path, options: ImportOptions, name: str | None = None) -> Iterator[Dataset]:
-    """As `open_dataset`; its entries are read in as many processes as threads read them at once.
-
-    Raises:
-        DatasetError: as `open_dataset`, or if a process dies or takes too long over the list of episodes.
-    """
+    """As `open_dataset`, in as many processes as threads read at once; raises DatasetError also if one of them dies."""
     readers = _Readers(path, options, name)
     try:
         with readers.one() as reader:
@@ -110,11 +106,7 @@ class _Reader:
         self._send(request)
 
     def ask(self, question: dict[str, Any], title: str) -> dict[str, Any]:
-        """The answer.
-
-        Raises:
-            what the process reports; DamagedError: if it dies or takes too long over it.
-        """
+        """The answer; raises what the process reports, and DamagedError if it dies or takes too long."""
         late = threading.Event()
 
         def give_up() -> None:

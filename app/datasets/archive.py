@@ -51,11 +51,7 @@ def write_archive(target: Path, task: str, settings: Mapping[str, Any], parcels:
 
 
 def open_archive(path: Path, options: ImportOptions) -> Dataset:
-    """The archive's episodes and its task's settings.
-
-    Raises:
-        DatasetError: if it is no such archive, or the settings are damaged.
-    """
+    """The episodes and the task's settings; raises DatasetError if it is no such archive, or they are damaged."""
     budget = Budget(path, options.limits)
     try:
         archive = zipfile.ZipFile(path)  # stays open while the dataset is read, from several threads

@@ -34,14 +34,7 @@ FORMATS: dict[str, Format] = {
 
 
 def open_dataset(path: Path, options: ImportOptions, name: str | None = None) -> Dataset:
-    """The dataset at `path`.
-
-    Args:
-        name: of its format; None to find out.
-
-    Raises:
-        DatasetError: if there is no file or folder, or none of a known format.
-    """
+    """The dataset at `path`, of the named format or of what it looks like; raises DatasetError if it is none."""
     if not path.exists():
         raise DatasetError(f"{path} does not exist")
     if name is not None:

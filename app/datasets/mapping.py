@@ -36,13 +36,9 @@ class TrackedObject:
 
 @dataclass(frozen=True)
 class MappedCamera:
-    """A calibrated camera and the columns of its images.
+    """A calibrated camera and the columns of its images."""
 
-    Attributes:
-        calibration: as an upload's metadata has it: name, intrinsics, camera_to_world, depth_scale.
-    """
-
-    calibration: Mapping[str, Any]
+    calibration: Mapping[str, Any]  # as an upload's metadata has it: name, intrinsics, camera_to_world, depth_scale
     rgb: str | None = None
     depth: str | None = None
 
@@ -80,11 +76,7 @@ class FeatureMap:
             raise InvalidInputError("mapping.rotation_format", f"is {self.rotation_format!r}", remedy)
 
     def changed(self, changes: Mapping[str, Any]) -> "FeatureMap":
-        """With those parts replaced that `changes`, a JSON document, names.
-
-        Raises:
-            DatasetError: for a part that does not exist.
-        """
+        """With those parts replaced that a JSON document names; raises DatasetError for a part that does not exist."""
         known = [item.name for item in fields(self)]
         if unknown := set(changes) - set(known):
             raise DatasetError(f"mapping: {sorted(unknown)[0]!r} is none of {', '.join(known)}")
@@ -102,11 +94,7 @@ class FeatureMap:
 
 
 def read_changes(path: Path | None, pairs: tuple[str, ...]) -> dict[str, Any]:
-    """What the user says of the mapping: the JSON file's document, and over it pairs `part=column`.
-
-    Raises:
-        DatasetError: naming the file or the pair.
-    """
+    """The document of the user's JSON file, and over it pairs `part=column`; raises DatasetError naming either."""
     changes: dict[str, Any] = {}
     if path is not None:
         try:

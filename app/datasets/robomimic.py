@@ -95,11 +95,7 @@ def looks_like(path: Path) -> bool:
 
 
 def open_robomimic(path: Path, options: ImportOptions) -> Dataset:
-    """The file's demonstrations in the order of their numbers.
-
-    Raises:
-        DatasetError: if it cannot be read or has no group `data`; MissingPackageError without h5py.
-    """
+    """The demonstrations in the order of their numbers; raises DatasetError if it cannot be read or has no `data`."""
     try:
         with open_file(path) as file:
             data = child(file, "data")

@@ -25,17 +25,11 @@ RETRYABLE = ("overloaded_error", "api_error", "rate_limit_error")  # errors with
 
 @dataclass(frozen=True)
 class Quirks:
-    """What a model takes. A pattern to continue needs no thinking, and greedy decoding suits it best.
+    """What a model takes. A pattern to continue needs no thinking, and greedy decoding suits it best."""
 
-    Attributes:
-        fields: of every request; they turn thinking off, or down where it cannot be turned off.
-        thinks: thinking stays on.
-        temperature: the model can be asked to decode greedily.
-    """
-
-    fields: Mapping[str, Any]
-    thinks: bool = False
-    temperature: bool = False
+    fields: Mapping[str, Any]  # of every request; they turn thinking off, or down where it cannot be turned off
+    thinks: bool = False  # thinking stays on
+    temperature: bool = False  # the model can be asked to decode greedily
 
 
 _OFF = Quirks({"thinking": {"type": "disabled"}})
@@ -136,11 +130,7 @@ class EventParser:
         self._usage = Usage()
 
     def __call__(self, data: str) -> Chunk | None:
-        """What the `data` of one event says; None at the end.
-
-        Raises:
-            ModelResponseError: if it is an error, or not in Anthropic's format.
-        """
+        """What the `data` of one event says; None at the end. Raises ModelResponseError, also for another format."""
         try:
             event = _Event.model_validate_json(data)
         except ValidationError:
@@ -171,11 +161,7 @@ class EventParser:
 
 
 class AnthropicModel(SseModel):
-    """One Claude model.
-
-    Args:
-        model: Anthropic's name of the model.
-    """
+    """One Claude model, by Anthropic's name of it."""
 
     def __init__(self, profile: ModelProfile, server: Server, model: str) -> None:
         headers = request_headers(model, server.key)

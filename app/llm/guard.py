@@ -15,37 +15,22 @@ BUSY_RETRY_AFTER_S = 1.0  # a reply takes a few seconds, and several are under w
 
 @dataclass(frozen=True)
 class Limits:
-    """How a provider is treated.
+    """How a provider is treated."""
 
-    Attributes:
-        concurrent: requests at once.
-        queued: requests that wait for a place; more are refused.
-        retries: how often it is asked again after an error that may pass.
-        backoff_s: wait before the first retry; doubles with each.
-        failures: so many in a row open the circuit; None: it never opens.
-        pause_s: how long the circuit stays open.
-        each_model: these are the limits of each model rather than of all the provider's models together.
-    """
-
-    concurrent: int
-    queued: int
-    retries: int = 0
-    backoff_s: float = 0.0
-    failures: int | None = None
-    pause_s: float = 0.0
-    each_model: bool = False
+    concurrent: int  # requests at once
+    queued: int  # requests that wait for a place; more are refused
+    retries: int = 0  # how often it is asked again after an error that may pass
+    backoff_s: float = 0.0  # wait before the first retry; doubles with each
+    failures: int | None = None  # so many in a row open the circuit; None: it never opens
+    pause_s: float = 0.0  # how long the circuit stays open
+    each_model: bool = False  # these are the limits of each model rather than of all the provider's models together
 
 
 NO_LIMITS = Limits(concurrent=sys.maxsize, queued=0)
 
 
 class Guard:
-    """The places and the circuit that a provider's models share.
-
-    Args:
-        provider: its name, for messages.
-        clock: seconds.
-    """
+    """The places and the circuit that the models of a provider share; its name is for messages."""
 
     def __init__(self, provider: str, limits: Limits, clock: Callable[[], float] = time.monotonic) -> None:
         self.limits = limits

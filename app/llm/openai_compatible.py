@@ -125,11 +125,7 @@ def quirks_of(base_url: str) -> Quirks:
 
 
 def request_body(request: CompletionRequest, model: str, style: Style, quirks: Quirks) -> dict[str, Any]:
-    """The JSON body that asks for `request` as a stream with usage.
-
-    Args:
-        model: the server's name of the model.
-    """
+    """The JSON body that asks for `request` as a stream with usage; `model` is the server's name of it."""
     prompt, thinks = request.prompt, REASONING_MODELS.match(model)
     if quirks.openai and _version(model) >= EXPLICIT_CACHE_SINCE:
         quirks = replace(quirks, prefix_mark=EXPLICIT_CACHE.prefix_mark, extra=EXPLICIT_CACHE.extra)
@@ -183,11 +179,7 @@ def _user_content(request: CompletionRequest, quirks: Quirks) -> str | list[dict
 
 
 def parse_event(data: str) -> Chunk | None:
-    """What the `data` of one event says; None at the end.
-
-    Raises:
-        ModelResponseError: if it is an error, or not in OpenAI's format.
-    """
+    """What the `data` of one event says; None at the end. Raises ModelResponseError for an error or another format."""
     if data == END:
         return None
     try:
@@ -212,12 +204,7 @@ def _usage(usage: _Usage) -> Usage:
 
 
 class OpenAiCompatibleModel(SseModel):
-    """One model of one server.
-
-    Args:
-        model: the server's name of the model.
-        quirks: how the server differs; by its host if None.
-    """
+    """One model of one server, by the server's name of it; without `quirks` the server's host tells them."""
 
     def __init__(self, profile: ModelProfile, server: Server, model: str, quirks: Quirks | None = None) -> None:
         quirks = quirks_of(server.base_url) if quirks is None else quirks

@@ -127,11 +127,7 @@ class ResilientModel:
 
 
 async def within_deadline(pieces: Pieces, timeout_s: float, model: str) -> Pieces:
-    """`pieces` as they come, all of them within `timeout_s` of the first being asked for.
-
-    Raises:
-        ModelTimeoutError: at the deadline; `pieces` is closed by then.
-    """
+    """`pieces` as they come; `timeout_s` after the first was asked for it closes them and raises ModelTimeoutError."""
     # The deadline surrounds each wait but no `yield`: there it would interrupt the consumer instead (PEP 789). It is
     # anyio's and not asyncio's: httpx shields the closing of a connection from the former only.
     deadline = anyio.current_time() + timeout_s

@@ -47,8 +47,7 @@ def back_up(store: Store, path: Path) -> BackupSummary:
     """Write everything of one moment to `path`, which appears when it is complete and on disk.
 
     Raises:
-        StoreUnavailableError: if it cannot be written.
-        CorruptDataError: if a stored blob is damaged or gone.
+        StoreUnavailableError, CorruptDataError: if it cannot be written, or a stored blob is damaged or gone.
     """
     temporary = path.with_name(f".{path.name}.tmp")
     try:

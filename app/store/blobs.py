@@ -26,23 +26,18 @@ _QUOTED_DIGEST = re.compile(r'"([0-9a-f]{64})"')
 
 
 class BlobStore(Protocol):
-    """Immutable bytes under their SHA-256. Safe for concurrent use by threads and processes."""
+    """Immutable bytes under their SHA-256. Safe for concurrent use by threads and processes.
+
+    Raises:
+        StoreUnavailableError: in every method, if the disk is full, read-only or gone.
+    """
 
     def put(self, data: bytes) -> str:
-        """Store `data` so that it survives a power cut; returns its digest. What is there already is not rewritten.
-
-        Raises:
-            StoreUnavailableError: if the disk is full, read-only or gone.
-        """
+        """Store `data` so that it survives a power cut; returns its digest. What is there already is not rewritten."""
         ...
 
     def read(self, digest: str) -> bytes:
-        """The bytes of that digest.
-
-        Raises:
-            CorruptDataError: if they are gone or no longer match the digest.
-            StoreUnavailableError: if they cannot be read.
-        """
+        """The bytes of that digest; raises CorruptDataError if they are gone or no longer match it."""
         ...
 
     def sizes(self) -> dict[str, int]:
@@ -59,11 +54,7 @@ class BlobStore(Protocol):
 
 
 class FileBlobStore:
-    """A BlobStore in a folder of the local disk: `root/ab/cd/abcd...`.
-
-    Args:
-        root: created if it is not there.
-    """
+    """A BlobStore in a folder of the local disk, which is created if it is not there: `root/ab/cd/abcd...`."""
 
     def __init__(self, root: Path) -> None:
         self._root = root
@@ -153,11 +144,7 @@ def digests_in(texts: Iterable[str]) -> Iterator[str]:
 
 
 def digest_path(digest: str) -> str:
-    """Where a blob lies below its root: in 65,536 folders, so that none grows large.
-
-    Raises:
-        CorruptDataError: if it is no digest.
-    """
+    """Where a blob lies below its root: in 65,536 folders, none of them large; raises CorruptDataError."""
     if not _DIGEST.fullmatch(digest):
         raise CorruptDataError("blob", digest, "not a SHA-256 in hexadecimal")
     return f"{digest[:2]}/{digest[2:4]}/{digest}"

@@ -139,7 +139,7 @@ def list_ids(connection: Connection, task: str) -> tuple[str, ...]:
 
 
 def edit(connection: Connection, record: EpisodeRecord, changes: Mapping[str, Any]) -> EpisodeRecord:
-    """The episode with other values of `instruction`, `left_out` or `note`; its task's version grows with prompts.
+    """The episode with another `instruction`, `left_out` or `note`; with prompts its task's version grows.
 
     Raises:
         NotFoundError: if the episode was deleted since.
@@ -162,7 +162,7 @@ def edit(connection: Connection, record: EpisodeRecord, changes: Mapping[str, An
 
 
 def remove(connection: Connection, episode_id: str) -> str:
-    """Delete the episode and return its task, whose version grows; without episodes it forgets its object names.
+    """Delete an episode; returns its task, whose version grows, and whose object names go with the last episode.
 
     Raises:
         NotFoundError: if there is none of that id.
@@ -206,11 +206,7 @@ def scenes(connection: Connection, task: str) -> dict[str, tuple[ObjectRecord, .
 
 
 def demonstrations_by_id(connection: Connection, task: str, ids: Sequence[str]) -> tuple[DemonstrationRecord, ...]:
-    """Those episodes of the task as prompts need them, in the order of `ids`.
-
-    Raises:
-        NotFoundError: naming the first id that is no episode of this task.
-    """
+    """Those episodes of the task as prompts need them, in the order of `ids`; raises NotFoundError naming one."""
     # The task is compared here: in the statement it would tempt SQLite to walk through the whole task.
     query = select(*_FOR_PROMPTS).where(_EPISODES.c.id.in_(ids))
     found = {row.id: _demonstration(row) for row in connection.execute(query) if row.task == task}
@@ -231,12 +227,9 @@ def replace_extractions(
 ) -> None:
     """Put newly extracted keyframes and poses in the place of the old; the task's version grows once.
 
-    Args:
-        expected_version: the task's version when the caller began to extract: an episode uploaded meanwhile would keep
-            what the old settings made of it.
-
     Raises:
-        ConflictError: if the task changed since.
+        ConflictError: if the version is not the expected one, that of when the caller began to extract: an episode
+            uploaded meanwhile would keep what the old settings made of it.
     """
     tasks.require_version(connection, task, expected_version)
     query = update(_EPISODES).where(_EPISODES.c.id == bindparam("episode_id"), _EPISODES.c.task == task)

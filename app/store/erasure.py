@@ -22,11 +22,7 @@ _TEXTS = ("request", "prompt_system", "prompt_user", "reply_text", "actions", "s
 
 
 def erase_prediction(connection: Connection, prediction_id: str) -> None:
-    """Delete the prediction with its outcome and the answer that is kept for a repeated request.
-
-    Raises:
-        NotFoundError: if there is none of that id.
-    """
+    """Delete a prediction with its outcome and the answer kept for a repeated request; raises NotFoundError."""
     seen = of_visible_predictions(select(_PREDICTIONS.c.id).where(_PREDICTIONS.c.id == prediction_id))
     if connection.scalar(seen) is None or not erase_predictions(connection, [prediction_id]):
         raise NotFoundError("prediction", prediction_id)
@@ -42,11 +38,7 @@ def erase_predictions(connection: Connection, ids: Sequence[str] | Select[tuple[
 
 
 def erase_task(connection: Connection, name: str) -> None:
-    """Delete the task with its episodes, predictions, outcomes, labels, jobs, and the answers to repeats.
-
-    Raises:
-        NotFoundError: if there is none of that name.
-    """
+    """Delete a task with its episodes, predictions, labels, jobs and the answers to repeats; raises NotFoundError."""
     present().require_task(name)
     # A request that adds an episode or a prediction waits, and then finds no task.
     if connection.execute(select(_TASKS.c.name).where(_TASKS.c.name == name).with_for_update()).first() is None:

@@ -23,12 +23,7 @@ class StoreError(RoboPromptError):
 
 
 class NotFoundError(StoreError):
-    """Nothing of that kind and id is stored.
-
-    Args:
-        kind: `task`, `episode` or `prediction`.
-        id: the name or id that was asked for.
-    """
+    """Nothing of that kind (`task`, `episode`, ...) and id is stored."""
 
     def __init__(self, kind: str, id: str) -> None:  # noqa: A002
         super().__init__(f"there is no {kind} {id!r}")
@@ -45,12 +40,7 @@ class ForbiddenError(StoreError):
 
 
 class ForbiddenTaskError(ForbiddenError):
-    """The key that asks is for other tasks.
-
-    Args:
-        task: the one that was asked for.
-        allowed: those that the key is for.
-    """
+    """The key that asks is for other tasks, the `allowed`."""
 
     def __init__(self, task: str, allowed: Sequence[str]) -> None:
         super().__init__(f"the key is not for the task {task!r}, only for {', '.join(map(repr, allowed))}")
@@ -104,13 +94,7 @@ class SchemaVersionError(StoreError):
 
 
 class CorruptDataError(StoreError):
-    """A stored value is damaged or gone.
-
-    Args:
-        kind: `trajectory`, `blob` or `database`.
-        id: which one.
-        reason: what is wrong with it.
-    """
+    """A stored value of a kind (`trajectory`, `blob`, `database`) and id is damaged or gone, for a reason."""
 
     def __init__(self, kind: str, id: str, reason: str) -> None:  # noqa: A002
         super().__init__(f"stored {kind} {id} is damaged: {reason}; restore it from a backup")

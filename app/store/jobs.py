@@ -103,12 +103,9 @@ def release(connection: Connection, job: JobRecord) -> None:
 
 
 def finish(connection: Connection, job: JobRecord, settings: JsonObject) -> None:
-    """Put what was extracted in the place of the old, and the task's settings with it.
+    """Put what was extracted in the place of the old, and the task's settings with it; raises LostClaimError.
 
     Call it after `tasks.lock` and when nothing is `pending`, in the same write transaction.
-
-    Raises:
-        LostClaimError.
     """
     staged = select(_STAGED.c.keyframes).where(_STAGED.c.job == job.id, _STAGED.c.episode == _EPISODES.c.id)
     connection.execute(

@@ -16,22 +16,15 @@ _LABELS = tables.labels
 
 @dataclass(frozen=True)
 class LabelRecord:
-    """One view of an object.
-
-    Attributes:
-        cameras: with the images of the view; the masks are this object's: 1 where it is.
-        num_pixels: of the mask, by camera.
-        yaw_deg: of the object's x axis about the vertical, to within ten degrees, or None.
-        episode_id: whose first frame it is; None for images of its own.
-    """
+    """One view of an object."""
 
     id: str
     task: str
     object: str
-    cameras: tuple[CameraRecord, ...]
-    num_pixels: Mapping[str, int]
-    yaw_deg: float | None
-    episode_id: str | None
+    cameras: tuple[CameraRecord, ...]  # with the images of the view; the masks are this object's: 1 where it is
+    num_pixels: Mapping[str, int]  # of the mask, by camera
+    yaw_deg: float | None  # of the object's x axis about the vertical, to within ten degrees, or None
+    episode_id: str | None  # whose first frame it is; None for images of its own
     created_at: datetime
 
 

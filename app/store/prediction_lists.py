@@ -65,11 +65,7 @@ _SUMMARY = [
 
 @dataclass(frozen=True, kw_only=True)
 class PredictionFilter:
-    """Which predictions; None does not narrow.
-
-    Attributes:
-        without_models: whose predictions are left out.
-    """
+    """Which predictions; None does not narrow."""
 
     task: str | None = None
     model: str | None = None
@@ -77,7 +73,7 @@ class PredictionFilter:
     prompt_format: str | None = None
     num_demonstrations: int | None = None
     fate: Fate | None = None
-    without_models: tuple[str, ...] = ()
+    without_models: tuple[str, ...] = ()  # whose predictions are left out
 
     def narrow(self, query: Select[Any]) -> Select[Any]:
         """`query` on predictions, of those that fit and are seen."""
@@ -147,16 +143,12 @@ def _summaries(found: Sequence[tuple[int, Row[Any]]]) -> tuple[PredictionSummary
 
 @dataclass(frozen=True)
 class Configuration:
-    """A way to ask for predictions.
-
-    Attributes:
-        selection: None where the request named its episodes.
-    """
+    """A way to ask for predictions."""
 
     model: str
     representation: str
     prompt_format: str
-    selection: str | None
+    selection: str | None  # None where the request named its episodes
     num_demonstrations: int
     num_samples: int
 

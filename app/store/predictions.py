@@ -20,11 +20,7 @@ _OUTCOMES = {"success": True, "failure": False, "unknown": None}
 
 
 def add(connection: Connection, draft: PredictionDraft) -> PredictionRecord:
-    """Store a prediction; it belongs to the key whose request this is.
-
-    Raises:
-        NotFoundError: if its task has been deleted since it was asked for.
-    """
+    """Store a prediction, of the key whose request this is; raises NotFoundError if its task was deleted meanwhile."""
     values = {**vars(draft), "id": uuid4().hex, "created_at": datetime.now(UTC), "key_id": present().key_id or None}
     objects = [item.to_json() for item in draft.objects]
     seen = {"objects": objects, "cameras": [item.to_json() for item in draft.cameras] or None}

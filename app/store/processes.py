@@ -43,11 +43,7 @@ class Turns:
         self._folder = folder
 
     def take(self, name: str) -> Turn | None:
-        """The turn of that name, or None while it is held elsewhere.
-
-        Raises:
-            StoreUnavailableError: if the folder cannot be written.
-        """
+        """The turn of that name, or None while it is held elsewhere; raises StoreUnavailableError."""
         path = self._folder / hashlib.sha256(name.encode(errors="surrogatepass")).hexdigest()
         with disk_errors("turns of requests"):
             self._folder.mkdir(FOLDER_MODE, exist_ok=True)

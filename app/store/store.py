@@ -96,11 +96,7 @@ class Store:
         return self.blobs.sweep(referenced, older_than)
 
     def sweep_once(self, first: Callable[[], None] = lambda: None) -> int:
-        """`sweep`, unless another process of this data directory does it or has done it within the hour.
-
-        Args:
-            first: called before, by the process that sweeps.
-        """
+        """`sweep`, after `first`, unless another process of this data folder does it or has done it within the hour."""
         path = self._data_dir / ".swept"
         with open(path, "a+", opener=private_opener) as note:
             try:

@@ -103,19 +103,14 @@ def require_version(connection: Connection, name: str, version: int) -> None:
     """Make sure that nothing changed since the caller read the task, and that nothing changes until the commit.
 
     Raises:
-        ConflictError: if something did; read again and repeat the work.
-        NotFoundError: if there is no task of that name.
+        ConflictError, NotFoundError: if something did: read again and repeat the work.
     """
     if (current := lock(connection, name).version) != version:
         raise ConflictError(f"task {name!r} is at version {current}, no longer {version}: read it again and repeat")
 
 
 def counts(connection: Connection, without_models: Collection[str] = ()) -> dict[str, TaskCounts]:
-    """How much is stored of every task that is seen.
-
-    Args:
-        without_models: whose predictions are not counted.
-    """
+    """How much is stored of every task that is seen, without the predictions of `without_models`."""
     episodes, predictions = tables.episodes, tables.predictions
     episode_counts = connection.execute(select(episodes.c.task, func.count()).group_by(episodes.c.task))
     outcomes = select(

@@ -49,11 +49,7 @@ def pack(trajectory: Trajectory) -> bytes:
 
 
 def unpack(blob: bytes, episode_id: str) -> Trajectory:
-    """The Trajectory that `pack` was given.
-
-    Raises:
-        CorruptDataError: naming `episode_id`, if the blob is damaged or of an unknown layout.
-    """
+    """The Trajectory that `pack` was given; raises CorruptDataError, naming `episode_id`, for any other bytes."""
     if not blob.startswith(_MAGIC):
         raise CorruptDataError("trajectory", episode_id, f"unknown layout {blob[: len(_MAGIC)]!r}")
     try:

@@ -17,32 +17,20 @@ _PREDICTIONS = tables.predictions
 
 @dataclass(frozen=True)
 class Visibility:
-    """What one key may see; without arguments everything.
+    """What one key may see; without arguments everything."""
 
-    Attributes:
-        key_id: whose request it is.
-        tasks: the only tasks that the key is for; None: any.
-        others: whether predictions that others asked for are seen.
-        demonstrations: whether what was taught is seen: prompts, which hold it, too.
-        judges_others: whether the outcome of others' predictions may be recorded.
-    """
-
-    key_id: str = NO_KEY
-    tasks: tuple[str, ...] | None = None
-    others: bool = True
-    demonstrations: bool = True
-    judges_others: bool = True
+    key_id: str = NO_KEY  # whose request it is
+    tasks: tuple[str, ...] | None = None  # the only tasks that the key is for; None: any
+    others: bool = True  # whether predictions that others asked for are seen
+    demonstrations: bool = True  # whether what was taught is seen: prompts, which hold it, too
+    judges_others: bool = True  # whether the outcome of others' predictions may be recorded
 
     def has_task(self, name: str) -> bool:
         """Whether the key is for this task."""
         return self.tasks is None or name in self.tasks
 
     def require_task(self, name: str) -> None:
-        """Refuse a task that the key is not for, whether or not there is one of that name.
-
-        Raises:
-            ForbiddenTaskError.
-        """
+        """Refuse a task that the key is not for, whether or not there is one; raises ForbiddenTaskError."""
         if self.tasks is not None and name not in self.tasks:
             raise ForbiddenTaskError(name, self.tasks)
 
@@ -90,11 +78,7 @@ def of_visible_tasks(query: Select[Any], task: ColumnElement[Any], name: str | N
 
 
 def of_visible_predictions(query: Select[Any], task: str | None = None) -> Select[Any]:
-    """`query` on predictions, narrowed to those of a task, or of all tasks, that are seen.
-
-    Raises:
-        ForbiddenTaskError: if `task` is not seen.
-    """
+    """`query` on predictions, narrowed to those that are seen, of a task or of all; raises ForbiddenTaskError."""
     query = of_visible_tasks(query, _PREDICTIONS.c.task, task)
     visibility = present()
     return query if visibility.others else query.where(_PREDICTIONS.c.key_id == visibility.key_id)

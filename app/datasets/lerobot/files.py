@@ -27,11 +27,7 @@ _NUMBERS = ("float16", "float32", "float64", "int8", "int16", "int32", "int64", 
 
 
 def read_scene(root: Path, index: int, budget: Budget) -> tuple[dict[str, Any], dict[str, bytes]] | None:
-    """The episode's metadata and its images by the names of their parts, or None if the dataset does not carry them.
-
-    Raises:
-        DamagedError: naming the file that cannot be read.
-    """
+    """The episode's metadata, and its images by the names of their parts; None if there are none, or DamagedError."""
     folder = _folder(root, index)
     if not folder.exists():
         return None
@@ -60,15 +56,11 @@ def _folder(root: Path, index: int) -> Path:
 
 @dataclass(frozen=True)
 class Info:
-    """What meta/info.json says.
-
-    Attributes:
-        features: by name, with dtype, shape and names.
-    """
+    """What meta/info.json says."""
 
     version: str
     fps: float
-    features: Mapping[str, Mapping[str, Any]]
+    features: Mapping[str, Mapping[str, Any]]  # by name, with dtype, shape and names
     data_path: str
     video_path: str | None
     chunks_size: int
@@ -85,19 +77,14 @@ class Info:
 
 @dataclass(frozen=True)
 class Place:
-    """Where an episode is.
-
-    Attributes:
-        first_row: in the data file; None in v2.1, whose files hold one episode each.
-        row: of meta/episodes, where v3.0 says in which video file an episode begins when.
-    """
+    """Where an episode is."""
 
     index: int
     length: int
     instruction: str | None
     data_file: Path
-    first_row: int | None
-    row: Mapping[str, Any]
+    first_row: int | None  # in the data file; None in v2.1, whose files hold one episode each
+    row: Mapping[str, Any]  # of meta/episodes, where v3.0 says in which video file an episode begins when
 
 
 def read_info(root: Path, budget: Budget) -> Info:
@@ -122,11 +109,7 @@ def read_info(root: Path, budget: Budget) -> Info:
 
 
 def read_places(root: Path, info: Info, budget: Budget) -> list[Place]:
-    """Every episode of the dataset.
-
-    Raises:
-        DatasetError, DamagedError: if the lists of episodes and tasks cannot be read, or name files elsewhere.
-    """
+    """Every episode; raises DatasetError if their list cannot be read, or names files elsewhere."""
     try:
         return _places_3(root, info, budget) if info.version == "v3.0" else _places_2(root, info, budget)
     except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:

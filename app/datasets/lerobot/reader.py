@@ -45,12 +45,7 @@ FILES_IN_MEMORY = 2  # neighboring episodes share a file of up to 100 MB
 
 
 def first_image(root: Path, info: Info, place: Place, budget: Budget, feature: str) -> bytes:
-    """The encoded first image of the episode.
-
-    Raises:
-        DamagedError: if it is not where it should be.
-        MissingPackageError: for a video without the package that decodes it.
-    """
+    """The encoded first image of the episode; raises DamagedError, or MissingPackageError for a video without av."""
     if feature not in info.features:
         raise DamagedError(root, f"has no images {feature}")
     if info.features[feature]["dtype"] == "image":
@@ -106,11 +101,7 @@ def looks_like(path: Path) -> bool:
 
 
 def open_lerobot(root: Path, options: ImportOptions) -> Dataset:
-    """The dataset's episodes.
-
-    Raises:
-        DatasetError: if its description or its list of episodes cannot be read, or for a mapping of another form.
-    """
+    """The episodes; raises DatasetError if their list cannot be read, or for a mapping of another form."""
     root = root.resolve()
     budget = Budget(root, options.limits)
     info = read_info(root, budget)

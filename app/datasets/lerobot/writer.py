@@ -115,7 +115,7 @@ def write_lerobot(target: Path, parcels: Iterable[Parcel]) -> int:
     """Write the dataset; returns the number of episodes.
 
     Raises:
-        DatasetError: if there are no episodes, their rates differ or are no whole numbers, or the folder exists.
+        DatasetError: if there are none, their rates differ or are no whole numbers, or the folder exists.
     """
     with in_one_step(target) as root:
         trajectories, instructions, rates_hz = [], [], []

@@ -27,14 +27,7 @@ _LARGEST_PIXEL_BYTES = 8
 
 
 def camera_of(name: str, misc: Mapping[str, Any], size_px: tuple[int, int], depth_scale: float) -> Camera:
-    """The camera in OpenCV's convention.
-
-    Args:
-        misc: of an observation.
-
-    Raises:
-        InvalidInputError: if its calibration is no calibration.
-    """
+    """The camera in OpenCV's convention, of an observation's `misc`; raises InvalidInputError for no calibration."""
     matrix = finite_array(f"{name}_camera_intrinsics", misc[f"{name}_camera_intrinsics"], (3, 3))
     pose = finite_array(f"{name}_camera_extrinsics", misc[f"{name}_camera_extrinsics"], (None, 4))
     camera_to_world = np.eye(4)
@@ -56,10 +49,7 @@ def calibrated_cameras(misc: Mapping[str, Any]) -> list[str]:
 def read_images(
     root: Path, folder: Path, name: str, misc: Mapping[str, Any], budget: Budget
 ) -> tuple[Camera, dict[str, bytes]] | None:
-    """The camera and the images of the first frame that the episode's folder has; None if it has none.
-
-    Args:
-        root: the files must be below it.
+    """The camera and the images of the first frame that the folder, below `root`, has; None if it has none.
 
     Raises:
         DamagedError: naming the file that does not decode, or the plane that its depth needs.

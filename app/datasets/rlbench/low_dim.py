@@ -26,11 +26,7 @@ MAX_DIMENSIONS = 8
 
 
 class DtypeStandIn:
-    """`numpy.dtype` of one kind of number.
-
-    Raises:
-        pickle.UnpicklingError: for any other type.
-    """
+    """`numpy.dtype` of one kind of number; raises pickle.UnpicklingError for any other type."""
 
     def __init__(self, spec: object, *_flags: object) -> None:
         if not isinstance(spec, str) or not _NUMBER.fullmatch(spec):
@@ -119,10 +115,7 @@ class Record:
 
 
 def load_demo(root: Path, path: Path, budget: Budget) -> list[Record]:
-    """The observations of a recorded `rlbench.demo.Demo`, at least one.
-
-    Args:
-        root: the file must be below it.
+    """The observations of a recorded `rlbench.demo.Demo`, at least one, in a file below `root`.
 
     Raises:
         DamagedError: naming the file: it cannot be read, names something else than such a demonstration, or is empty.

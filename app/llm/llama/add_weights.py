@@ -64,12 +64,7 @@ def fetch(release: Release, cache_folder: Path, tell: Callable[[int], None]) -> 
 
 
 def copy(source: Path, target: Path, release: Release | None) -> None:
-    """Copy a GGUF file; one of `release` is verified.
-
-    Raises:
-        WeightsError: it is no GGUF file or not that of `release`, or the disk is too small.
-        OSError: a file cannot be read or written.
-    """
+    """Copy a GGUF file; one of `release` is verified. Raises OSError, WeightsError for another file or a small disk."""
     with source.open("rb") as file:
         if file.read(len(gguf.MAGIC)) != gguf.MAGIC:
             raise WeightsError(f"{source} is not a GGUF file")

@@ -73,11 +73,7 @@ class EmbeddedModel:
             raise
 
     async def warm_up(self) -> None:
-        """Start the model unless it runs; the event loop goes on meanwhile.
-
-        Raises:
-            ModelUnavailableError: if the weights are missing or llama.cpp cannot serve them.
-        """
+        """Start it unless it runs; the event loop goes on. Raises ModelUnavailableError if it cannot be served."""
         await self._running()
 
     async def aclose(self) -> None:
@@ -148,11 +144,7 @@ class WarmSlots:
 
     @asynccontextmanager
     async def turn(self, prefix: str) -> AsyncIterator[None]:
-        """Inside the block one of the slots that know the prefix is this request's.
-
-        Args:
-            prefix: its name; requests with an empty one never wait.
-        """
+        """Inside the block one of the slots that know the prefix is this request's; for an empty one nobody waits."""
         if not prefix:
             yield
             return

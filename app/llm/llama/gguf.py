@@ -50,17 +50,11 @@ def text(content: str) -> Scalar:
 
 @dataclass(frozen=True)
 class Tensor:
-    """A matrix or vector.
+    """A matrix or vector."""
 
-    Attributes:
-        shape: the innermost dimension first.
-        kind: ggml's number of the element type.
-        data: its bytes, padded to `ALIGNMENT`.
-    """
-
-    shape: tuple[int, ...]
-    kind: int
-    data: bytes
+    shape: tuple[int, ...]  # the innermost dimension first
+    kind: int  # ggml's number of the element type
+    data: bytes  # its bytes, padded to `ALIGNMENT`
 
     def take_rows(self, indices: Sequence[int]) -> "Tensor":
         """The rows of a Q8_0 matrix at `indices`; raises ValueError if it has another element type."""
@@ -87,11 +81,7 @@ class GgufFile:
 
 
 def read(data: bytes | mmap) -> GgufFile:
-    """The parts of a file.
-
-    Raises:
-        ValueError: it is not a GGUF file of version 3, little endian, with the usual alignment.
-    """
+    """The parts of a file; raises ValueError unless it is version 3, little endian, with the usual alignment."""
     reader = _Reader(data)
     if reader.take(4) != MAGIC or reader.number(4) != VERSION:
         raise ValueError(f"not a GGUF file of version {VERSION}")
