@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from app.datasets.mapping import FeatureMap, RotationFormat
-from app.datasets.options import ImportOptions
+from app.datasets.options import FeatureMap, ImportOptions, RotationFormat
 from app.datasets.parcel import ObjectEntry, Parcel
 from roboprompt_client.arrays import Array
 from roboprompt_client.camera import Camera, camera_from_json

@@ -22,8 +22,7 @@ import numpy as np
 
 from app.datasets.bounds import Budget, DamagedError, MissingPackageError, inside
 from app.datasets.columns import parcel_of
-from app.datasets.mapping import FeatureMap
-from app.datasets.options import ImportOptions, as_name
+from app.datasets.options import FeatureMap, ImportOptions, as_name
 from app.datasets.parcel import Dataset, Entry, Parcel
 from roboprompt_client.arrays import Array
 from roboprompt_client.errors import InvalidInputError

@@ -18,8 +18,7 @@ import numpy as np
 
 from app.datasets.bounds import Budget, DamagedError, DatasetError, MissingPackageError
 from app.datasets.columns import parcel_of
-from app.datasets.mapping import FeatureMap
-from app.datasets.options import ImportOptions, as_name
+from app.datasets.options import FeatureMap, ImportOptions, as_name
 from app.datasets.parcel import Dataset, Entry, Parcel, depth_png, rgb_png
 
 MAX_LINKS = 8  # of soft links one after the other: they may lead in a circle

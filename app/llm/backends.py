@@ -11,13 +11,13 @@ from app.llm import baselines
 from app.llm.anthropic import AnthropicModel
 from app.llm.base import LanguageModel, ModelProfile, ModelUnavailableError, UnknownModelError
 from app.llm.computed import SCRIPTED, ScriptedModel
-from app.llm.guard import Limits
-from app.llm.llama.embedded import EmbeddedModel, EmbeddedOptions
+from app.llm.llama.embedded import EmbeddedModel
 from app.llm.llama.known_models import KNOWN, profile_of
 from app.llm.llama.vocabulary import TrimmedModel
 from app.llm.llama.weights import find_trimmed_weights, find_weights, own_models
 from app.llm.llm_settings import LlmSettings, variable
 from app.llm.openai_compatible import SERVERS, OpenAiCompatibleModel, Quirks, quirks_of
+from app.llm.resilient import Limits
 from app.llm.sse import Server
 
 ENTRY_POINT_GROUP = "roboprompt.llm"
@@ -69,12 +69,10 @@ def _embedded(model: str, settings: LlmSettings) -> LanguageModel:
     weights = find_weights(model, settings)
     if importlib.util.find_spec("xllamacpp") is None:
         raise ModelUnavailableError("embedded models need llama.cpp: pip install xllamacpp")
-    sizes = (settings.embedded_threads, settings.embedded_slots, settings.embedded_context_tokens)
-    options = EmbeddedOptions(*sizes, settings.embedded_shared_folder)
-    whole = EmbeddedModel(profile_of(model), weights, options)
+    whole = EmbeddedModel(profile_of(model), weights, settings)
     if (trimmed := find_trimmed_weights(model, settings)) is None:
         return whole
-    return TrimmedModel(EmbeddedModel(profile_of(model), trimmed, options), whole)
+    return TrimmedModel(EmbeddedModel(profile_of(model), trimmed, settings), whole)
 
 
 def _embedded_offered(settings: LlmSettings) -> list[ModelProfile]:

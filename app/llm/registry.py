@@ -16,10 +16,9 @@ from app.llm.base import (
     StartedModel,
     UnknownModelError,
 )
-from app.llm.guard import NO_LIMITS, Guard
 from app.llm.llm_settings import LlmSettings
 from app.llm.recorded import RecordingModel, ReplayedModel
-from app.llm.resilient import ResilientModel
+from app.llm.resilient import NO_LIMITS, Guard, ResilientModel
 
 # Names come from requests, and each model holds connections or a process: so many are kept beside those that backends
 # offer and the default one, which always have a place.

@@ -11,9 +11,10 @@ import httpx
 import pytest
 
 from app.llm.base import ModelProfile, ModelResponseError, ModelUnavailableError, Reading, complete
-from app.llm.llama.embedded import EmbeddedModel, EmbeddedOptions
+from app.llm.llama.embedded import EmbeddedModel
 from app.llm.llama.process import LlamaOptions, LlamaProcess
 from app.llm.llama.weights import find_trimmed_weights
+from app.llm.llm_settings import LlmSettings
 from app.llm.openai_compatible import LLAMA_CPP, OpenAiCompatibleModel
 from app.pipeline.prompt import Prompt
 from tests.llm.processes import child_pids
@@ -21,7 +22,7 @@ from tests.llm.texts import ENDLESS, asking, object_frame_prompt
 
 PROFILE = ModelProfile("embedded/gemma", "completion", grammar=True, representation="object_frame")
 LONG_PROMPT = Prompt("", "a b c d " * 450, "")
-OPTIONS = EmbeddedOptions(threads=1, slots=2, context_tokens=512)
+OPTIONS = LlmSettings(embedded_threads=1, embedded_slots=2, embedded_context_tokens=512)
 
 
 @asynccontextmanager

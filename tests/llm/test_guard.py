@@ -4,7 +4,7 @@ from dataclasses import replace
 import pytest
 
 from app.llm.base import ModelBusyError, ModelUnavailableError
-from app.llm.guard import Circuit, Limits, Places
+from app.llm.resilient import Circuit, Limits, Places
 
 LIMITS = Limits(concurrent=2, queued=1, failures=3, pause_s=10.0)
 

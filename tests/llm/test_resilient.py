@@ -20,9 +20,8 @@ from app.llm.base import (
     complete,
 )
 from app.llm.computed import ScriptedModel
-from app.llm.guard import Guard, Limits
 from app.llm.openai_compatible import OpenAiCompatibleModel
-from app.llm.resilient import ResilientModel, within_deadline
+from app.llm.resilient import Guard, Limits, ResilientModel, within_deadline
 from app.llm.sse import Server
 from app.pipeline.prompt import Prompt
 from tests.llm.loopback import after, hang_up, in_turn, loopback, status, streamed, text

@@ -16,8 +16,7 @@ from app.datasets.bounds import Budget, DamagedError, MissingPackageError, read_
 from app.datasets.columns import Columns, parcel_of, trajectory_of
 from app.datasets.lerobot.files import INFO, Info, Place, path_of, read_info, read_places, read_scene
 from app.datasets.lerobot.parquet import numbers_of, read_table, read_value
-from app.datasets.mapping import FeatureMap
-from app.datasets.options import ImportOptions, as_name
+from app.datasets.options import FeatureMap, ImportOptions, as_name
 from app.datasets.parcel import Dataset, Entry, Parcel, rgb_png
 from roboprompt_client.trajectory_npz import npz_from_trajectory
 

@@ -15,28 +15,12 @@ from pathlib import Path
 from app.llm.base import CompletionRequest, LanguageModelError, ModelProfile, ModelUnavailableError, Pieces
 from app.llm.llama.process import LlamaOptions, LlamaProcess, SharedLlama
 from app.llm.llama.weights import Weights
+from app.llm.llm_settings import LlmSettings
 from app.llm.openai_compatible import LLAMA_CPP, OpenAiCompatibleModel
 
 DYING_S = 1.0  # frees some hundred MB
 # Reading ten demonstrations takes as long on two cores; another slot that knows them hardly speeds replies up there.
 PATIENCE_S = 5.0
-
-
-@dataclass(frozen=True)
-class EmbeddedOptions:
-    """How an embedded model is served.
-
-    Attributes:
-        threads: CPU threads; None for one per core that this process may use.
-        slots: requests answered at once; each keeps the prefix of its last prompt.
-        context_tokens: longest prompt plus reply of a slot.
-        shared_folder: where processes tell each other of running models; None: this process has its own.
-    """
-
-    threads: int | None = None
-    slots: int = 4
-    context_tokens: int = 8192
-    shared_folder: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -46,13 +30,13 @@ class _Running:
 
 
 class EmbeddedModel:
-    """One GGUF model, served by one child process."""
+    """One GGUF model, served by one child process, as the settings `embedded_...` say."""
 
-    def __init__(self, profile: ModelProfile, weights: Weights, options: EmbeddedOptions) -> None:
+    def __init__(self, profile: ModelProfile, weights: Weights, settings: LlmSettings) -> None:
         self._profile = profile
         self._weights = weights
-        self._options = options
-        self._slots = WarmSlots(options.slots)
+        self._settings = settings
+        self._slots = WarmSlots(settings.embedded_slots)
         self._start: asyncio.Task[_Running] | None = None
         self._closed = False
 
@@ -96,11 +80,11 @@ class EmbeddedModel:
         path = await asyncio.to_thread(self._weights)
         options = LlamaOptions(
             model=str(path),
-            slots=self._options.slots,
-            context_tokens=self._options.context_tokens,
-            threads=self._options.threads or usable_cores(),
+            slots=self._settings.embedded_slots,
+            context_tokens=self._settings.embedded_context_tokens,
+            threads=self._settings.embedded_threads or usable_cores(),
         )
-        process = await asyncio.to_thread(_launch, options, self._options.shared_folder)
+        process = await asyncio.to_thread(_launch, options, self._settings.embedded_shared_folder)
         client = OpenAiCompatibleModel(self._profile, process.server, self._profile.name, LLAMA_CPP)
         return _Running(process, client)
 
