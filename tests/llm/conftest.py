@@ -9,6 +9,12 @@ from app.llm.llm_settings import LlmSettings
 from app.llm.registry import ModelRegistry
 
 
+@pytest.fixture
+def anyio_backend():
+    """Of tests that are coroutines, each in an event loop of its own."""
+    return "asyncio"
+
+
 @pytest.fixture(scope="session")
 def run():
     """Runs a coroutine; all of a session's in one event loop, to which started models belong."""

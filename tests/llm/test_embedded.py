@@ -20,6 +20,8 @@ from app.pipeline.prompt import Prompt
 from tests.llm.processes import child_pids
 from tests.llm.texts import ENDLESS, asking, object_frame_prompt
 
+pytestmark = pytest.mark.anyio
+
 PROFILE = ModelProfile("embedded/gemma", "completion", grammar=True, representation="object_frame")
 LONG_PROMPT = Prompt("", "a b c d " * 450, "")
 OPTIONS = LlmSettings(embedded_threads=1, embedded_slots=2, embedded_context_tokens=512)
@@ -78,49 +80,40 @@ def test_a_chat_model_is_asked_with_a_template_and_keeps_to_the_grammar(settings
     assert asyncio.run(run()).text == "none"
 
 
-def test_giving_up_on_the_start_does_not_stop_it_for_others(settings):
-    async def run():
-        async with started(settings) as model:
-            impatient = asyncio.create_task(model.warm_up())
-            patient = asyncio.create_task(model.warm_up())
-            await asyncio.sleep(0.1)
-            impatient.cancel()
-            await patient
-
-    asyncio.run(run())
+async def test_giving_up_on_the_start_does_not_stop_it_for_others(settings):
+    async with started(settings) as model:
+        impatient = asyncio.create_task(model.warm_up())
+        patient = asyncio.create_task(model.warm_up())
+        await asyncio.sleep(0.1)
+        impatient.cancel()
+        await patient
 
 
-def test_a_model_whose_process_died_is_started_anew(settings):
+async def test_a_model_whose_process_died_is_started_anew(settings):
     others = child_pids()
 
-    async def run():
-        async with started(settings) as model:
-            await model.warm_up()
-            (pid,) = child_pids() - others
-            pieces = model.stream(asking(object_frame_prompt(num_demonstrations=1, grammar=ENDLESS), max_tokens=400))
-            await anext(pieces)
-            os.kill(pid, 9)
-            with pytest.raises(ModelResponseError, match="cannot be read"):
-                _ = [piece async for piece in pieces]
-            assert (await complete(model, asking(object_frame_prompt(), max_tokens=2))).text
-            assert child_pids() - others != {pid}
-
-    asyncio.run(run())
+    async with started(settings) as model:
+        await model.warm_up()
+        (pid,) = child_pids() - others
+        pieces = model.stream(asking(object_frame_prompt(num_demonstrations=1, grammar=ENDLESS), max_tokens=400))
+        await anext(pieces)
+        os.kill(pid, 9)
+        with pytest.raises(ModelResponseError, match="cannot be read"):
+            _ = [piece async for piece in pieces]
+        assert (await complete(model, asking(object_frame_prompt(), max_tokens=2))).text
+        assert child_pids() - others != {pid}
 
 
-def test_closing_ends_the_process_and_refuses_what_comes_later(settings):
+async def test_closing_ends_the_process_and_refuses_what_comes_later(settings):
     others = child_pids()
 
-    async def run():
-        async with started(settings) as model:
-            await model.warm_up()
-            assert child_pids() != others
-            await model.aclose()
-            assert child_pids() == others
-            with pytest.raises(ModelUnavailableError, match="embedded/gemma is closed"):
-                await complete(model, asking(object_frame_prompt()))
-
-    asyncio.run(run())
+    async with started(settings) as model:
+        await model.warm_up()
+        assert child_pids() != others
+        await model.aclose()
+        assert child_pids() == others
+        with pytest.raises(ModelUnavailableError, match="embedded/gemma is closed"):
+            await complete(model, asking(object_frame_prompt()))
 
 
 def test_closing_during_the_start_leaves_nothing(settings):
@@ -137,18 +130,15 @@ def test_closing_during_the_start_leaves_nothing(settings):
     assert child_pids() == others
 
 
-def test_weights_that_llama_cpp_cannot_read_are_named(tmp_path):
+async def test_weights_that_llama_cpp_cannot_read_are_named(tmp_path):
     path = tmp_path / "broken.gguf"
     path.write_bytes(b"GGUF" + bytes(1000))
 
-    async def run():
-        model = EmbeddedModel(PROFILE, lambda: path, OPTIONS)
-        for _ in range(2):  # the second is a start of its own
-            with pytest.raises(ModelUnavailableError, match=r"llama\.cpp cannot serve .*broken\.gguf"):
-                await model.warm_up()
-        await model.aclose()
-
-    asyncio.run(run())
+    model = EmbeddedModel(PROFILE, lambda: path, OPTIONS)
+    for _ in range(2):  # the second is a start of its own
+        with pytest.raises(ModelUnavailableError, match=r"llama\.cpp cannot serve .*broken\.gguf"):
+            await model.warm_up()
+    await model.aclose()
 
 
 def test_a_prompt_beyond_the_context_says_how_long_it_is_and_may_be(gemma, run):
@@ -203,27 +193,24 @@ async def client_of(llama_server):
         pytest.param(asking(LONG_PROMPT), "i j k l ", id="reading", marks=pytest.mark.long),
     ],
 )
-def test_a_cancelled_request_stops_llama_cpp(llama_server, request_, other_words):
+async def test_a_cancelled_request_stops_llama_cpp(llama_server, request_, other_words):
     """1500 tokens take 30 s to write, LONG_PROMPT takes 7 s to read; a piece of it takes half a second.
 
     How fast a machine is at the time shows in how long it reads a third as much as LONG_PROMPT.
     """
 
-    async def run():
-        async with client_of(llama_server) as (model, num_busy):
-            began = time.monotonic()
-            await complete(model, asking(Prompt("", other_words * 150, ""), max_tokens=1))
-            third_s = time.monotonic() - began
-            answer = asyncio.create_task(complete(model, request_))
-            while not await num_busy():
-                await asyncio.sleep(0.02)
-            answer.cancel()
-            cancelled = time.monotonic()
-            while await num_busy():
-                await asyncio.sleep(0.02)
-            return (time.monotonic() - cancelled) / third_s
-
-    assert asyncio.run(run()) < 2
+    async with client_of(llama_server) as (model, num_busy):
+        began = time.monotonic()
+        await complete(model, asking(Prompt("", other_words * 150, ""), max_tokens=1))
+        third_s = time.monotonic() - began
+        answer = asyncio.create_task(complete(model, request_))
+        while not await num_busy():
+            await asyncio.sleep(0.02)
+        answer.cancel()
+        cancelled = time.monotonic()
+        while await num_busy():
+            await asyncio.sleep(0.02)
+        assert (time.monotonic() - cancelled) / third_s < 2
 
 
 def test_the_server_ends_with_its_parents_input(settings):

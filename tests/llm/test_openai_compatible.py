@@ -25,6 +25,8 @@ from app.pipeline.prompt import Prompt
 from tests.llm.loopback import SSE_HEAD, chunk, delta, event, hang_up, loopback, status, streamed, text, usage
 from tests.llm.texts import asking
 
+pytestmark = pytest.mark.anyio
+
 KEY = "sk-very-secret"
 PROMPT = Prompt("Be brief.", "a>1, ", "b>", stop=("\n",), grammar='root ::= "1"')
 
@@ -180,31 +182,25 @@ def test_a_key_with_a_stray_line_break_is_not_shown():
     assert KEY not in str(caught.value)
 
 
-def test_a_cancelled_request_leaves_the_server():
-    async def run():
-        async with loopback(streamed(text("a"), delay_s=30)) as (base_url, server):
-            model = model_at(base_url)
-            task = asyncio.create_task(complete(model, asking(PROMPT)))
-            while not server.requests:
-                await asyncio.sleep(0.01)
-            task.cancel()
-            await asyncio.wait_for(server.gone.wait(), 2)
-            await model.aclose()
-
-    asyncio.run(run())
+async def test_a_cancelled_request_leaves_the_server():
+    async with loopback(streamed(text("a"), delay_s=30)) as (base_url, server):
+        model = model_at(base_url)
+        task = asyncio.create_task(complete(model, asking(PROMPT)))
+        while not server.requests:
+            await asyncio.sleep(0.01)
+        task.cancel()
+        await asyncio.wait_for(server.gone.wait(), 2)
+        await model.aclose()
 
 
-def test_an_abandoned_stream_leaves_the_server():
-    async def run():
-        async with loopback(streamed(text("a"), text("b"), delay_s=30)) as (base_url, server):
-            model = model_at(base_url)
-            pieces = model.stream(asking(PROMPT))
-            await anext(pieces)
-            await pieces.aclose()
-            await asyncio.wait_for(server.gone.wait(), 2)
-            await model.aclose()
-
-    asyncio.run(run())
+async def test_an_abandoned_stream_leaves_the_server():
+    async with loopback(streamed(text("a"), text("b"), delay_s=30)) as (base_url, server):
+        model = model_at(base_url)
+        pieces = model.stream(asking(PROMPT))
+        await anext(pieces)
+        await pieces.aclose()
+        await asyncio.wait_for(server.gone.wait(), 2)
+        await model.aclose()
 
 
 @pytest.mark.parametrize(
@@ -245,19 +241,16 @@ def test_text_in_many_events_of_one_packet_arrives_in_pieces():
 
 @pytest.mark.parametrize(("num_kept", "num_connections"), [(20, 1), (0, 4)])
 @pytest.mark.parametrize("delay_s", [0.0, 0.01])
-def test_a_kept_connection_serves_one_request_after_the_other(monkeypatch, num_kept, num_connections, delay_s):
+async def test_a_kept_connection_serves_one_request_after_the_other(monkeypatch, num_kept, num_connections, delay_s):
     """As over TLS, where a handshake takes longer than all else that is not the model's."""
     monkeypatch.setitem(sse.KEPT_CONNECTIONS, "http", num_kept)
     answer = streamed(text("4"), text("2", "stop"), "[DONE]", delay_s=delay_s)
 
-    async def run():
-        async with loopback(answer, keep_alive=True) as (base_url, server):
-            model = model_at(base_url)
-            replies = [(await complete(model, asking(PROMPT))).text for _ in range(4)]
-            await model.aclose()
-            return replies, server.num_connections
-
-    assert asyncio.run(run()) == (["42"] * 4, num_connections)
+    async with loopback(answer, keep_alive=True) as (base_url, server):
+        model = model_at(base_url)
+        replies = [(await complete(model, asking(PROMPT))).text for _ in range(4)]
+        await model.aclose()
+        assert (replies, server.num_connections) == (["42"] * 4, num_connections)
 
 
 def test_a_server_that_does_not_end_its_message_does_not_hold_up_the_reply(monkeypatch):

@@ -25,6 +25,8 @@ from tests.llm.loopback import after, loopback, status
 from tests.llm.processes import child_pids
 from tests.llm.texts import asking, object_frame_prompt
 
+pytestmark = pytest.mark.anyio
+
 
 @pytest.fixture
 def make_registry(tmp_path):
@@ -137,34 +139,28 @@ def test_models_of_one_account_share_its_limits(make_registry):
     assert asyncio.run(run()) == (ModelResponseError, ModelBusyError, said, 1)
 
 
-def test_a_provider_is_retried_and_left_alone_as_the_settings_say(make_registry):
-    async def run():
-        async with loopback(status(500)) as (base_url, server):
-            registry = make_registry(
-                anthropic_api_key="k", anthropic_base_url=base_url, llm_retries=1, llm_backoff_s=0.0, llm_failures=4
-            )
-            model = registry.get("anthropic/claude-haiku-5-5")
-            for _ in range(2):
-                with pytest.raises(ModelResponseError, match="HTTP 500"):
-                    await complete(model, asking(PROMPT))
-            other = registry.get("anthropic/claude-opus-5-5")
-            with pytest.raises(ModelUnavailableError, match="anthropic failed 4 times in a row"):
-                await complete(other, asking(PROMPT))
-            await registry.aclose()
-            return len(server.requests)
-
-    assert asyncio.run(run()) == 4
-
-
-def test_an_embedded_model_has_as_many_places_as_slots(make_registry):
-    async def run():
-        registry = make_registry(embedded_threads=1, embedded_slots=1, llm_queued_requests=1)
-        asked = [complete(registry.get(), asking(PROMPT, max_tokens=1)) for _ in range(3)]
-        *answered, refused = await asyncio.gather(*asked, return_exceptions=True)
+async def test_a_provider_is_retried_and_left_alone_as_the_settings_say(make_registry):
+    async with loopback(status(500)) as (base_url, server):
+        registry = make_registry(
+            anthropic_api_key="k", anthropic_base_url=base_url, llm_retries=1, llm_backoff_s=0.0, llm_failures=4
+        )
+        model = registry.get("anthropic/claude-haiku-5-5")
+        for _ in range(2):
+            with pytest.raises(ModelResponseError, match="HTTP 500"):
+                await complete(model, asking(PROMPT))
+        other = registry.get("anthropic/claude-opus-5-5")
+        with pytest.raises(ModelUnavailableError, match="anthropic failed 4 times in a row"):
+            await complete(other, asking(PROMPT))
         await registry.aclose()
-        return [item.usage.completion_tokens for item in answered], type(refused)
+        assert len(server.requests) == 4
 
-    assert asyncio.run(run()) == ([1, 1], ModelBusyError)
+
+async def test_an_embedded_model_has_as_many_places_as_slots(make_registry):
+    registry = make_registry(embedded_threads=1, embedded_slots=1, llm_queued_requests=1)
+    asked = [complete(registry.get(), asking(PROMPT, max_tokens=1)) for _ in range(3)]
+    *answered, refused = await asyncio.gather(*asked, return_exceptions=True)
+    await registry.aclose()
+    assert ([item.usage.completion_tokens for item in answered], type(refused)) == ([1, 1], ModelBusyError)
 
 
 def test_a_request_survives_the_death_of_an_embedded_models_process(make_registry):

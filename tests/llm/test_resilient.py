@@ -27,6 +27,8 @@ from app.pipeline.prompt import Prompt
 from tests.llm.loopback import after, hang_up, in_turn, loopback, status, streamed, text
 from tests.llm.texts import as_asked, asking
 
+pytestmark = pytest.mark.anyio
+
 PROMPT = Prompt("Be brief.", "a>1, ", "b>")
 LIMITS = Limits(concurrent=4, queued=4, retries=2, backoff_s=0.5, failures=5, pause_s=10.0)
 OK = streamed(text("4"), text("2", "stop"), "[DONE]")
@@ -147,16 +149,13 @@ def test_waits_grow_to_a_limit():
     assert max(waits_s) <= resilient.MAX_BACKOFF_S
 
 
-def test_nothing_is_tried_again_once_a_piece_has_come():
-    async def run():
-        async with provider_at(in_turn(streamed(text("4"), end=b"400\r\ndata: {"), OK)) as (provider, server):
-            async with aclosing(provider.model.stream(asking(PROMPT))) as pieces:
-                assert await anext(pieces) == TextDelta("4")
-                with pytest.raises(ModelResponseError, match="cannot be read"):
-                    await anext(pieces)
-            assert len(server.requests) == 1
-
-    asyncio.run(run())
+async def test_nothing_is_tried_again_once_a_piece_has_come():
+    async with provider_at(in_turn(streamed(text("4"), end=b"400\r\ndata: {"), OK)) as (provider, server):
+        async with aclosing(provider.model.stream(asking(PROMPT))) as pieces:
+            assert await anext(pieces) == TextDelta("4")
+            with pytest.raises(ModelResponseError, match="cannot be read"):
+                await anext(pieces)
+        assert len(server.requests) == 1
 
 
 def test_a_whole_reply_that_breaks_off_is_asked_for_anew():
@@ -183,130 +182,103 @@ def test_a_refused_connection_is_tried_again_and_then_named():
 @pytest.mark.parametrize(
     "slow", [after(30, OK), streamed(*[text("a")] * 100, delay_s=0.05)], ids=["first byte", "drip"]
 )
-def test_a_slow_server_meets_the_deadline_and_is_left(slow):
-    async def run():
-        async with provider_at(slow) as (provider, server):
-            with pytest.raises(ModelTimeoutError, match=r"within 0\.2 s"):
-                await provider.ask(timeout_s=0.2)
-            await asyncio.wait_for(server.gone.wait(), 2)
-            assert len(server.requests) == 1
-
-    asyncio.run(run())
+async def test_a_slow_server_meets_the_deadline_and_is_left(slow):
+    async with provider_at(slow) as (provider, server):
+        with pytest.raises(ModelTimeoutError, match=r"within 0\.2 s"):
+            await provider.ask(timeout_s=0.2)
+        await asyncio.wait_for(server.gone.wait(), 2)
+        assert len(server.requests) == 1
 
 
-def test_a_dead_provider_is_left_alone_until_the_pause_is_over():
-    async def run():
-        async with provider_at(in_turn(*[status(500)] * 5, OK)) as (provider, server):
-            for _ in range(2):
-                with pytest.raises(ModelResponseError, match="HTTP 500"):
-                    await provider.ask()
-            assert len(server.requests) == 5  # the circuit opened before the sixth try
-            with pytest.raises(ModelUnavailableError, match=r"some failed 5 times in a row .* another 10 s.*HTTP 500"):
+async def test_a_dead_provider_is_left_alone_until_the_pause_is_over():
+    async with provider_at(in_turn(*[status(500)] * 5, OK)) as (provider, server):
+        for _ in range(2):
+            with pytest.raises(ModelResponseError, match="HTTP 500"):
                 await provider.ask()
-            assert len(server.requests) == 5
-            provider.now_s += 10
-            assert (await provider.ask()).text == "42"
-            assert (await provider.ask()).text == "42"
+        assert len(server.requests) == 5  # the circuit opened before the sixth try
+        with pytest.raises(ModelUnavailableError, match=r"some failed 5 times in a row .* another 10 s.*HTTP 500"):
+            await provider.ask()
+        assert len(server.requests) == 5
+        provider.now_s += 10
+        assert (await provider.ask()).text == "42"
+        assert (await provider.ask()).text == "42"
 
-    asyncio.run(run())
 
-
-def test_an_answer_between_failures_keeps_the_circuit_closed():
-    async def run():
-        failures = [status(500)] * 4
-        async with provider_at(in_turn(*failures, OK, *failures, OK), Limits(1, 0, failures=5, pause_s=10.0)) as (
-            provider,
-            server,
-        ):
-            for outcome in [False] * 4 + [True] + [False] * 4 + [True]:
-                try:
-                    assert ((await provider.ask()).text == "42") == outcome
-                except ModelResponseError:
-                    assert not outcome
-            assert len(server.requests) == 10
-
-    asyncio.run(run())
+async def test_an_answer_between_failures_keeps_the_circuit_closed():
+    failures = [status(500)] * 4
+    async with provider_at(in_turn(*failures, OK, *failures, OK), Limits(1, 0, failures=5, pause_s=10.0)) as (
+        provider,
+        server,
+    ):
+        for outcome in [False] * 4 + [True] + [False] * 4 + [True]:
+            try:
+                assert ((await provider.ask()).text == "42") == outcome
+            except ModelResponseError:
+                assert not outcome
+        assert len(server.requests) == 10
 
 
 @pytest.mark.parametrize("answer", [status(429), status(400)])
-def test_a_provider_that_refuses_is_not_dead(answer):
-    async def run():
-        async with provider_at(answer) as (provider, _):
-            for _ in range(6):
-                with pytest.raises((ModelBusyError, ModelResponseError)):
-                    await provider.ask()
-
-    asyncio.run(run())
+async def test_a_provider_that_refuses_is_not_dead(answer):
+    async with provider_at(answer) as (provider, _):
+        for _ in range(6):
+            with pytest.raises((ModelBusyError, ModelResponseError)):
+                await provider.ask()
 
 
 @pytest.mark.parametrize(("patience_s", "opens"), [(0.05, True), (10.0, False)])
-def test_silence_counts_if_the_provider_had_time_to_speak(monkeypatch, patience_s, opens):
+async def test_silence_counts_if_the_provider_had_time_to_speak(monkeypatch, patience_s, opens):
     monkeypatch.setattr(resilient, "PATIENCE_S", patience_s)
 
-    async def run():
-        async with provider_at(after(30, OK), Limits(1, 0, failures=1, pause_s=10.0)) as (provider, _):
-            for error in (ModelTimeoutError, ModelUnavailableError if opens else ModelTimeoutError):
-                with pytest.raises(error):
-                    await provider.ask(timeout_s=0.1)
-
-    asyncio.run(run())
-
-
-def test_robots_at_once_take_turns_and_too_many_are_refused():
-    async def run():
-        most, now = 0, 0
-
-        async def answer(writer):
-            nonlocal most, now
-            now += 1
-            most = max(most, now)
-            await asyncio.sleep(0.05)
-            await OK(writer)
-            now -= 1
-
-        async with provider_at(answer, Limits(concurrent=2, queued=3)) as (provider, server):
-            outcomes = await asyncio.gather(*(provider.ask() for _ in range(8)), return_exceptions=True)
-            assert outcomes[:5] == [Completion("42")] * 5
-            assert all(isinstance(outcome, ModelBusyError) and outcome.retry_after_s for outcome in outcomes[5:])
-            assert (most, len(server.requests)) == (2, 5)
-            assert (await provider.ask()).text == "42"
-
-    asyncio.run(run())
-
-
-def test_waiting_for_a_place_counts_against_the_deadline():
-    async def run():
-        async with provider_at(after(0.5, OK), Limits(concurrent=1, queued=1)) as (provider, server):
-            first = asyncio.create_task(provider.ask())
-            await asyncio.sleep(0)
-            with pytest.raises(ModelTimeoutError, match=r"some/model did not answer within 0\.1 s"):
+    async with provider_at(after(30, OK), Limits(1, 0, failures=1, pause_s=10.0)) as (provider, _):
+        for error in (ModelTimeoutError, ModelUnavailableError if opens else ModelTimeoutError):
+            with pytest.raises(error):
                 await provider.ask(timeout_s=0.1)
-            assert (await first).text == "42"
-            assert len(server.requests) == 1
-
-    asyncio.run(run())
 
 
-def test_an_abandoned_reply_frees_its_place():
-    async def run():
-        async with provider_at(streamed(text("4"), text("2", "stop"), delay_s=0.3), Limits(1, 0)) as (provider, _):
-            async with aclosing(provider.model.stream(asking(PROMPT))) as pieces:
-                await anext(pieces)
-            assert (await provider.ask()).text == "42"
+async def test_robots_at_once_take_turns_and_too_many_are_refused():
+    most, now = 0, 0
 
-    asyncio.run(run())
+    async def answer(writer):
+        nonlocal most, now
+        now += 1
+        most = max(most, now)
+        await asyncio.sleep(0.05)
+        await OK(writer)
+        now -= 1
+
+    async with provider_at(answer, Limits(concurrent=2, queued=3)) as (provider, server):
+        outcomes = await asyncio.gather(*(provider.ask() for _ in range(8)), return_exceptions=True)
+        assert outcomes[:5] == [Completion("42")] * 5
+        assert all(isinstance(outcome, ModelBusyError) and outcome.retry_after_s for outcome in outcomes[5:])
+        assert (most, len(server.requests)) == (2, 5)
+        assert (await provider.ask()).text == "42"
 
 
-def test_the_deadline_counts_while_the_consumer_thinks():
-    async def run():
-        model = as_asked(ScriptedModel(["a b c d"], delay_s=0.05))
-        pieces = model.stream(asking(Prompt("", "", ""), timeout_s=0.2))
-        await anext(pieces)
-        await asyncio.sleep(0.3)
-        with pytest.raises(ModelTimeoutError):
+async def test_waiting_for_a_place_counts_against_the_deadline():
+    async with provider_at(after(0.5, OK), Limits(concurrent=1, queued=1)) as (provider, server):
+        first = asyncio.create_task(provider.ask())
+        await asyncio.sleep(0)
+        with pytest.raises(ModelTimeoutError, match=r"some/model did not answer within 0\.1 s"):
+            await provider.ask(timeout_s=0.1)
+        assert (await first).text == "42"
+        assert len(server.requests) == 1
+
+
+async def test_an_abandoned_reply_frees_its_place():
+    async with provider_at(streamed(text("4"), text("2", "stop"), delay_s=0.3), Limits(1, 0)) as (provider, _):
+        async with aclosing(provider.model.stream(asking(PROMPT))) as pieces:
             await anext(pieces)
+        assert (await provider.ask()).text == "42"
 
-    asyncio.run(run())
+
+async def test_the_deadline_counts_while_the_consumer_thinks():
+    model = as_asked(ScriptedModel(["a b c d"], delay_s=0.05))
+    pieces = model.stream(asking(Prompt("", "", ""), timeout_s=0.2))
+    await anext(pieces)
+    await asyncio.sleep(0.3)
+    with pytest.raises(ModelTimeoutError):
+        await anext(pieces)
 
 
 def test_a_timeout_closes_what_it_waits_for():
