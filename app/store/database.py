@@ -96,8 +96,7 @@ class Database:
         else:
             from app.store import postgres
 
-            passing, damaged = postgres.is_unavailable(error), postgres.is_damaged(error)
-            reason = postgres.reason_of(error)
+            passing, damaged, reason = postgres.meaning(error)
         if passing or isinstance(error, exc.OperationalError):
             return unavailable("database", reason, f"{self.name}: {error.orig}")
         file_name = Path(self.engine.url.database or "").name

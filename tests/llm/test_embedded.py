@@ -28,9 +28,9 @@ OPTIONS = LlmSettings(embedded_threads=1, embedded_slots=2, embedded_context_tok
 
 
 @asynccontextmanager
-async def started(settings):
-    """A model of its own, and the processes that it starts."""
-    model = EmbeddedModel(PROFILE, find_trimmed_weights("gemma-3-270m", settings), OPTIONS)
+async def started(settings, profile=PROFILE):
+    """A model of its own."""
+    model = EmbeddedModel(profile, find_trimmed_weights("gemma-3-270m", settings), OPTIONS)
     try:
         yield model
     finally:
@@ -48,36 +48,22 @@ async def longest_pause(while_running):
     return longest / (time.perf_counter() - begun)
 
 
-def test_concurrent_first_requests_share_one_start_and_the_loop_goes_on(settings, capfd):
+async def test_concurrent_first_requests_share_one_start_and_the_loop_goes_on(settings, capfd):
     others = child_pids()
-
-    async def run():
-        async with started(settings) as model:
-            assert child_pids() == others
-            request = asking(object_frame_prompt(num_demonstrations=1), max_tokens=2)
-            pause = await longest_pause(
-                asyncio.wait_for(asyncio.gather(model.warm_up(), *(complete(model, request) for _ in range(3))), 120)
-            )
-            assert len(child_pids() - others) == 1
-            return pause
-
-    assert asyncio.run(run()) < 0.5
+    async with started(settings) as model:
+        assert child_pids() == others
+        request = asking(object_frame_prompt(num_demonstrations=1), max_tokens=2)
+        first = asyncio.gather(model.warm_up(), *(complete(model, request) for _ in range(3)))
+        assert await longest_pause(asyncio.wait_for(first, 120)) < 0.5
+        assert len(child_pids() - others) == 1
     assert child_pids() == others
     assert capfd.readouterr() == ("", "")
 
 
-def test_a_chat_model_is_asked_with_a_template_and_keeps_to_the_grammar(settings):
-    profile = replace(PROFILE, style="chat")
-
-    async def run():
-        model = EmbeddedModel(profile, find_trimmed_weights("gemma-3-270m", settings), OPTIONS)
-        try:
-            prompt = replace(object_frame_prompt(grammar='root ::= "none"'), system="You are a robot.")
-            return await complete(model, asking(prompt, max_tokens=8))
-        finally:
-            await model.aclose()
-
-    assert asyncio.run(run()).text == "none"
+async def test_a_chat_model_is_asked_with_a_template_and_keeps_to_the_grammar(settings):
+    prompt = replace(object_frame_prompt(grammar='root ::= "none"'), system="You are a robot.")
+    async with started(settings, replace(PROFILE, style="chat")) as model:
+        assert (await complete(model, asking(prompt, max_tokens=8))).text == "none"
 
 
 async def test_giving_up_on_the_start_does_not_stop_it_for_others(settings):
@@ -116,17 +102,13 @@ async def test_closing_ends_the_process_and_refuses_what_comes_later(settings):
             await complete(model, asking(object_frame_prompt()))
 
 
-def test_closing_during_the_start_leaves_nothing(settings):
+async def test_closing_during_the_start_leaves_nothing(settings):
     others = child_pids()
-
-    async def run():
-        async with started(settings) as model:
-            start = asyncio.create_task(model.warm_up())
-            await asyncio.sleep(0.1)
-            await model.aclose()
-            await start
-
-    asyncio.run(run())
+    async with started(settings) as model:
+        start = asyncio.create_task(model.warm_up())
+        await asyncio.sleep(0.1)
+        await model.aclose()
+        await start
     assert child_pids() == others
 
 

@@ -8,6 +8,7 @@ import struct
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from mmap import mmap
+from pathlib import Path
 from typing import BinaryIO
 
 MAGIC = b"GGUF"
@@ -78,6 +79,12 @@ class GgufFile:
         if not isinstance(found := self.values.get(name), Array):
             raise ValueError(f"the GGUF file has no array {name!r}")
         return found
+
+
+def is_gguf(path: Path) -> bool:
+    """Whether the file begins as one; raises OSError."""
+    with path.open("rb") as file:
+        return file.read(len(MAGIC)) == MAGIC
 
 
 def read(data: bytes | mmap) -> GgufFile:

@@ -95,17 +95,12 @@ def find_trimmed_weights(model: str, settings: LlmSettings) -> Weights | None:
 def _file_weights(path: Path) -> Weights:
     """A file of the operator's, taken as it is."""
     try:
-        is_gguf = path.is_file() and _first_bytes(path) == gguf.MAGIC
+        is_gguf = path.is_file() and gguf.is_gguf(path)
     except OSError:
         is_gguf = False
     if not is_gguf:
         raise ModelUnavailableError(f"{path} is not a GGUF file that can be read")
     return lambda: path
-
-
-def _first_bytes(path: Path) -> bytes:
-    with path.open("rb") as file:
-        return file.read(len(gguf.MAGIC))
 
 
 def _gemma_weights(settings: LlmSettings) -> Weights:
