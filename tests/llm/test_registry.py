@@ -123,20 +123,18 @@ def test_a_server_that_takes_grammars_is_asked_like_an_embedded_model(make_regis
 PROMPT = object_frame_prompt()
 
 
-def test_models_of_one_account_share_its_limits(make_registry):
-    async def run():
-        async with loopback(after(0.2, status(400))) as (base_url, server):
-            registry = make_registry(
-                openai_api_key="k", openai_base_url=base_url, llm_concurrent_requests=1, llm_queued_requests=0
-            )
-            names = ("openai/gpt-4o", "openai/gpt-4o-mini")
-            asked = [complete(registry.get(name), asking(PROMPT)) for name in names]
-            first, second = await asyncio.gather(*asked, return_exceptions=True)
-            await registry.aclose()
-            return type(first), type(second), str(second), len(server.requests)
-
-    said = "openai is busy: 1 requests are under way and 0 wait"
-    assert asyncio.run(run()) == (ModelResponseError, ModelBusyError, said, 1)
+async def test_models_of_one_account_share_its_limits(make_registry):
+    async with loopback(after(0.2, status(400))) as (base_url, server):
+        registry = make_registry(
+            openai_api_key="k", openai_base_url=base_url, llm_concurrent_requests=1, llm_queued_requests=0
+        )
+        asked = [complete(registry.get(f"openai/{name}"), asking(PROMPT)) for name in ("gpt-4o", "gpt-4o-mini")]
+        first, second = await asyncio.gather(*asked, return_exceptions=True)
+        await registry.aclose()
+    assert isinstance(first, ModelResponseError)
+    assert isinstance(second, ModelBusyError)
+    assert str(second) == "openai is busy: 1 requests are under way and 0 wait"
+    assert len(server.requests) == 1
 
 
 async def test_a_provider_is_retried_and_left_alone_as_the_settings_say(make_registry):
@@ -163,19 +161,16 @@ async def test_an_embedded_model_has_as_many_places_as_slots(make_registry):
     assert ([item.usage.completion_tokens for item in answered], type(refused)) == ([1, 1], ModelBusyError)
 
 
-def test_a_request_survives_the_death_of_an_embedded_models_process(make_registry):
-    async def run():
-        registry = make_registry(embedded_threads=1, embedded_slots=1, embedded_context_tokens=512)
-        before = child_pids()
-        assert not await registry.warm_up("regression")
-        assert await registry.warm_up()
-        (pid,) = child_pids() - before
-        os.kill(pid, signal.SIGKILL)
-        answer = await complete(registry.get(), asking(PROMPT, max_tokens=1))
-        await registry.aclose()
-        return answer
-
-    assert asyncio.run(run()).usage.completion_tokens == 1
+async def test_a_request_survives_the_death_of_an_embedded_models_process(make_registry):
+    registry = make_registry(embedded_threads=1, embedded_slots=1, embedded_context_tokens=512)
+    before = child_pids()
+    assert not await registry.warm_up("regression")
+    assert await registry.warm_up()
+    (pid,) = child_pids() - before
+    os.kill(pid, signal.SIGKILL)
+    answer = await complete(registry.get(), asking(PROMPT, max_tokens=1))
+    await registry.aclose()
+    assert answer.usage.completion_tokens == 1
 
 
 def test_all_models_are_closed_together():
@@ -206,7 +201,7 @@ def test_names_from_requests_fill_neither_the_memory_nor_the_places(make_registr
     assert registry.get("openai/1") is not second
 
 
-def test_what_is_in_use_keeps_its_place_and_what_is_not_is_closed(make_registry):
+async def test_what_is_in_use_keeps_its_place_and_what_is_not_is_closed():
     class Closable(ScriptedModel):
         closed = False
 
@@ -219,23 +214,18 @@ def test_what_is_in_use_keeps_its_place_and_what_is_not_is_closed(make_registry)
         made[model] = Closable([model])
         return made[model]
 
-    async def run():
-        registry = ModelRegistry(LlmSettings(default_model="own/default"), {"own": Backend(create, lambda _: [])})
-        default = registry.get()
-        async with AsyncExitStack() as used:
-            for number in range(MAX_MODELS):
-                await used.enter_async_context(registry.using(f"own/{number}"))
-            with pytest.raises(ModelBusyError, match="32 other models are in use"):
-                registry.get("own/one-more")
-            assert registry.get() is default
-        async with registry.using("own/0"), registry.using("own/one-more"):
-            closed = {name for name, model in made.items() if model.closed}
-        await registry.aclose()
-        return closed, all(model.closed for model in made.values())
-
-    closed, at_the_end = asyncio.run(run())
-    assert closed == {"1"}
-    assert at_the_end
+    registry = ModelRegistry(LlmSettings(default_model="own/default"), {"own": Backend(create, lambda _: [])})
+    default = registry.get()
+    async with AsyncExitStack() as used:
+        for number in range(MAX_MODELS):
+            await used.enter_async_context(registry.using(f"own/{number}"))
+        with pytest.raises(ModelBusyError, match="32 other models are in use"):
+            registry.get("own/one-more")
+        assert registry.get() is default
+    async with registry.using("own/0"), registry.using("own/one-more"):
+        assert {name for name, model in made.items() if model.closed} == {"1"}
+    await registry.aclose()
+    assert all(model.closed for model in made.values())
 
 
 def test_a_profile_keeps_nothing_and_what_is_offered_has_a_place_of_its_own(make_registry):
