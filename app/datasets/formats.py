@@ -4,12 +4,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from app.datasets import archive, mcap_log, robomimic
+from app.datasets import archive, mcap_log, rlbench, robomimic
 from app.datasets.bounds import DatasetError
 from app.datasets.lerobot import reader as lerobot
 from app.datasets.options import ImportOptions
 from app.datasets.parcel import Dataset
-from app.datasets.rlbench import reader as rlbench
 
 
 @dataclass(frozen=True)

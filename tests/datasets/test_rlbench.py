@@ -7,7 +7,7 @@ from app.datasets.bounds import Budget, DamagedError, DatasetError, ReadLimits
 from app.datasets.formats import open_dataset
 from app.datasets.options import ImportOptions, KnownObjects
 from app.datasets.parcel import ObjectEntry
-from app.datasets.rlbench.low_dim import load_demo
+from app.datasets.rlbench_pickle import load_demo
 from app.perception.images import ImageBytes, decode_frame
 from app.pipeline.geometry import backproject
 from app.pipeline.keyframes import KeyframeRule, Motion, find_keyframes
