@@ -1,6 +1,9 @@
+import hashlib
+
 import pytest
 
 from app.store.store import Store
+from tests.s3 import BUCKET
 
 
 @pytest.fixture(params=["sqlite", "postgres"])
@@ -24,3 +27,10 @@ def sqlite_store(tmp_path):
     opened = Store.open(tmp_path / "data")
     yield opened
     opened.close()
+
+
+@pytest.fixture
+def s3_url(s3_environment, monkeypatch, request):
+    for name, value in s3_environment.items():
+        monkeypatch.setenv(name, value)
+    return f"s3://{BUCKET}/{hashlib.sha256(request.node.name.encode()).hexdigest()[:8]}"
