@@ -37,7 +37,7 @@ def restore(
     env_file: EnvFile = None,
 ) -> None:
     """Put a backup into an empty store, of the same or another kind of database. Its API keys are left out."""
-    from app.store.restore import restore
+    from app.store.backup import restore
 
     _run(data, env_file, lambda store: restore(store, file, with_keys=with_keys))
 

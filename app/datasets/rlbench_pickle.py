@@ -26,11 +26,7 @@ MAX_DIMENSIONS = 8
 
 
 class DtypeStandIn:
-    """`numpy.dtype` of one kind of number.
-
-    Raises:
-        pickle.UnpicklingError: for any other type.
-    """
+    """`numpy.dtype` of one kind of number; raises pickle.UnpicklingError for any other type."""
 
     def __init__(self, spec: object, *_flags: object) -> None:
         if not isinstance(spec, str) or not _NUMBER.fullmatch(spec):
@@ -44,11 +40,7 @@ class DtypeStandIn:
         self._dtype = self._dtype.newbyteorder(state[1])
 
     def array(self, data: object, shape: object, order: object) -> np.ndarray[Any, Any]:
-        """The array of exactly these bytes.
-
-        Raises:
-            pickle.UnpicklingError: if data and shape do not fit.
-        """
+        """The array of exactly these bytes; raises pickle.UnpicklingError if data and shape do not fit."""
         if not isinstance(shape, tuple) or len(shape) > MAX_DIMENSIONS:
             raise pickle.UnpicklingError("it has an array without a shape")
         if not all(isinstance(size, int) and size >= 0 for size in shape) or order not in ("C", "F"):
@@ -123,10 +115,7 @@ class Record:
 
 
 def load_demo(root: Path, path: Path, budget: Budget) -> list[Record]:
-    """The observations of a recorded `rlbench.demo.Demo`, at least one.
-
-    Args:
-        root: the file must be below it.
+    """The observations of a recorded `rlbench.demo.Demo`, at least one, in a file below `root`.
 
     Raises:
         DamagedError: naming the file: it cannot be read, names something else than such a demonstration, or is empty.
@@ -141,11 +130,7 @@ def load_demo(root: Path, path: Path, budget: Budget) -> list[Record]:
 
 
 def load_descriptions(root: Path, path: Path, budget: Budget) -> list[str]:
-    """The phrasings of an instruction in `variation_descriptions.pkl`.
-
-    Raises:
-        DamagedError: naming the file.
-    """
+    """The phrasings of an instruction in `variation_descriptions.pkl`; raises DamagedError."""
     value = _load(root, path, budget)
     if not isinstance(value, list) or not value or not all(isinstance(item, str) for item in value):
         raise DamagedError(path, "is not a list of instructions")
@@ -153,11 +138,7 @@ def load_descriptions(root: Path, path: Path, budget: Budget) -> list[str]:
 
 
 def load_number(root: Path, path: Path, budget: Budget) -> int:
-    """The number in `variation_number.pkl`.
-
-    Raises:
-        DamagedError: naming the file.
-    """
+    """The number in `variation_number.pkl`; raises DamagedError."""
     value = _load(root, path, budget)
     if not isinstance(value, int):
         raise DamagedError(path, "is not a number")
