@@ -6,9 +6,8 @@ import pytest
 from app.perception.models import model_from_json
 from app.perception.object_model import ObjectModelError
 from app.perception.registered import symmetry
-from app.perception.registered.click import masks_from_marks
 from app.perception.registered.learn import LabelledView, learn
-from app.perception.registered.marks import Marks, outlines, yaw_of_arrow_deg
+from app.perception.registered.marks import Marks, masks_from_marks, outlines, yaw_of_arrow_deg
 from app.perception.registered.model import RegisteredModel
 from app.perception.registered.scene import Scene
 from app.perception.registered.template import Template
