@@ -1,6 +1,6 @@
 """Pixels of an object in an image -> what a fit needs of them: surface points, outline, ground."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -47,8 +47,7 @@ class View:
 
     def thinned(self, factor: int) -> "View":
         """Every `factor`-th point and ray."""
-        points_m, rays = self.points_m[::factor], self.rays[::factor]
-        return View(points_m, self.point_sigma_m, self.eye_m, rays, self.footprint_m, self.ground_m)
+        return replace(self, points_m=self.points_m[::factor], rays=self.rays[::factor])
 
 
 def view_of(frame: RgbdFrame, piece: Piece) -> View:
@@ -77,18 +76,15 @@ def view_of(frame: RgbdFrame, piece: Piece) -> View:
         behind |= np.abs(points_m(probe)[:, 2] - ground_m) < GROUND_NEAR_M
     # an edge towards what stands before or on it is not its outline
     edges = (rim + outward / 2)[behind & ~mask[tuple(probe.T)]]
+    sigma_m = float(np.hypot(DEPTH_SIGMA_AT_1_M * piece.distance_m**2, DEPTH_SIGMA_FLOOR_M))
     return View(
         surface_m,
-        _sigma_m(piece.distance_m) * max(1.0, np.sqrt(INDEPENDENT_PIXELS / stride)),
+        sigma_m * max(1.0, np.sqrt(INDEPENDENT_PIXELS / stride)),
         camera.camera_to_world[:3, 3],
         _rays(camera, edges + corner)[:: max(1, round(len(edges) / MAX_RAYS))],
         piece.distance_m / camera.fx_px,
         ground_m,
     )
-
-
-def _sigma_m(distance_m: float) -> float:
-    return float(np.hypot(DEPTH_SIGMA_AT_1_M * distance_m**2, DEPTH_SIGMA_FLOOR_M))
 
 
 def _ground_m(around_m: Array, object_m: Array) -> float | None:
