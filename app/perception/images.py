@@ -102,7 +102,8 @@ def _decode(
         raise InvalidInputError(field, f"begins with {data[:8]!r}", _VALID[kind])
     if (image_headers.PNG_END if is_png else image_headers.JPEG_END) not in data[-64:]:
         raise InvalidInputError(field, f"is cut off after {len(data)} bytes", _VALID[kind])
-    data = _decodable_png(field, data, max_pixels) if is_png else _decodable_jpeg(field, data, max_pixels)
+    _check_pixels(field, num_pixels(data), max_pixels)
+    data = _decodable_png(field, data) if is_png else _decodable_jpeg(field, data)
     try:
         image = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
     except cv2.error as error:
@@ -125,20 +126,16 @@ def num_pixels(data: bytes) -> int:
     return width * height
 
 
-def _decodable_png(field: str, data: bytes, max_pixels: int) -> bytes:
+def _decodable_png(field: str, data: bytes) -> bytes:
     """What of the file is to be decoded."""
-    width, height = image_headers.png_size(data)
-    _check_pixels(field, width * height, max_pixels)
     if (pixels := image_headers.pixels_only(data)) is None:
         most = image_headers.MAX_CHUNKS
         fault = f"is damaged: it has more than {most} chunks, or one that claims more bytes than the file has"
-        raise InvalidInputError(field, fault, f"at most {image_headers.MAX_CHUNKS} chunks, all of them within the file")
+        raise InvalidInputError(field, fault, f"at most {most} chunks, all of them within the file")
     return pixels
 
 
-def _decodable_jpeg(field: str, data: bytes, max_pixels: int) -> bytes:
-    width, height = image_headers.jpeg_size(data)
-    _check_pixels(field, width * height, max_pixels)
+def _decodable_jpeg(field: str, data: bytes) -> bytes:
     if (scans := image_headers.num_scans(data)) > image_headers.MAX_SCANS:
         raise InvalidInputError(field, f"has {scans} scans", f"a JPEG of at most {image_headers.MAX_SCANS} scans")
     return data

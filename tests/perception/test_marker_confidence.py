@@ -6,7 +6,7 @@ import pytest
 from app.perception.markers.estimator import confidence, depth_contradiction
 from app.perception.markers.fit import MarkerFit
 from app.perception.markers.model import Marker
-from app.perception.markers.view import MarkerView
+from app.perception.markers.view import MarkerView, SeenMarker
 from roboprompt_client.camera import Camera
 
 CAMERA = Camera("front", 600, 600, 320, 240, np.eye(4))
@@ -16,7 +16,7 @@ GOOD = MarkerFit(np.eye(4), 5.0, 0.1, 0.001, np.radians(1))
 def view(depth_m):
     """A marker of 4 cm that faces the camera, 24 px wide: 1 m away by its size."""
     corners_px = np.array([[308.0, 228], [332, 228], [332, 252], [308, 252]])
-    return MarkerView(Marker(3, 0.04), corners_px, 0.1, np.full((20, 3), depth_m))
+    return MarkerView(Marker(3, 0.04), SeenMarker(3, corners_px, 0.1), np.full((20, 3), depth_m))
 
 
 def test_a_good_fit_is_trusted():

@@ -9,7 +9,6 @@ from app.perception.cuboid.model import Shape
 from app.perception.cuboid.pieces import SQUARE, Piece, window
 from app.perception.cuboid.view import View
 from app.perception.sightings import Sighting
-from app.pipeline.geometry import pixels_to_world
 from roboprompt_client.arrays import Array
 from roboprompt_client.camera import RgbdFrame
 from roboprompt_client.flat_surface import DEPTH_SIGMA_AT_1_M
@@ -69,7 +68,7 @@ def _shares(frame: RgbdFrame, piece: Piece, shape: Shape, candidate: Array) -> t
     mask, depth_m = piece.mask_in(left, top, canvas.shape), window(frame.depth_m, left, top, canvas.shape)
     common = int(np.count_nonzero(filled & mask))
     rows, columns = np.nonzero(filled & ~mask & (depth_m > 0))
-    points_m = pixels_to_world(frame.camera, rows + top, columns + left, depth_m[rows, columns])
+    points_m = frame.camera.deproject(rows + top, columns + left, depth_m[rows, columns])
     apart = surface_distances_m(shape, candidate[None], points_m)[0] > SURFACE_M
     before = apart & (depth_m[rows, columns] < frame.camera.project(candidate[:3])[1])
     rim = (filled & (cv2.erode(canvas, SQUARE) == 0))[rows, columns]  # the outline's outermost pixels

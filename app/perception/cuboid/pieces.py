@@ -9,7 +9,6 @@ import numpy as np
 import numpy.typing as npt
 
 from app.perception.cuboid.model import ColorModel, Shape
-from app.pipeline.geometry import pixels_to_world
 from roboprompt_client.arrays import Array
 from roboprompt_client.camera import Camera, RgbdFrame
 
@@ -196,4 +195,4 @@ def piece_points_m(frame: RgbdFrame, piece: Piece) -> Array:
     height, width = piece.mask.shape
     depth_m = frame.depth_m[piece.top_px : piece.top_px + height, piece.left_px : piece.left_px + width]
     rows, columns = np.nonzero(piece.mask & (depth_m > 0))
-    return pixels_to_world(frame.camera, rows + piece.top_px, columns + piece.left_px, depth_m[rows, columns])
+    return frame.camera.deproject(rows + piece.top_px, columns + piece.left_px, depth_m[rows, columns])

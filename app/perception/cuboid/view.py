@@ -6,7 +6,6 @@ import numpy as np
 import numpy.typing as npt
 
 from app.perception.cuboid.pieces import CROSS, Bools, Piece, eroded, inner
-from app.pipeline.geometry import pixels_to_world
 from roboprompt_client.arrays import Array
 from roboprompt_client.camera import Camera, RgbdFrame
 from roboprompt_client.flat_surface import DEPTH_SIGMA_AT_1_M
@@ -61,7 +60,7 @@ def view_of(frame: RgbdFrame, piece: Piece) -> View:
 
     def points_m(pixels: Pixels) -> Array:
         rows, columns = pixels.T
-        return pixels_to_world(camera, rows + corner[0], columns + corner[1], depth_m[rows, columns])
+        return camera.deproject(rows + corner[0], columns + corner[1], depth_m[rows, columns])
 
     surface = np.argwhere(inner(mask) & (depth_m > 0))
     stride = max(1, round(len(surface) / MAX_POINTS))
@@ -109,7 +108,7 @@ def _rim(mask: Bools) -> tuple[Pixels, Pixels]:
 def _rays(camera: Camera, pixels: Array) -> Array:
     """(M, 3) unit vectors in the world frame through (row, column) pixels."""
     rows, columns = pixels[:, 0], pixels[:, 1]
-    ends_m = pixels_to_world(camera, rows, columns, np.ones(len(pixels)))
+    ends_m = camera.deproject(rows, columns, np.ones(len(pixels)))
     offsets = ends_m - camera.camera_to_world[:3, 3]
     rays: Array = offsets / np.linalg.norm(offsets, axis=1, keepdims=True)
     return rays

@@ -29,7 +29,7 @@ CONVERGED = 1e-5  # rad and m
 
 
 @dataclass(frozen=True, eq=False)
-class MarkerData:
+class _MarkerData:
     """Everything measured: C corners, and P points with the face on which each lies, in the object's frame.
 
     Attributes:
@@ -55,8 +55,8 @@ class MarkerData:
         corners_m = [v.corners_marker_m @ t[:3, :3].T + t[:3, 3] for v, t in zip(views, to_object, strict=True)]
         return cls(
             camera,
-            np.concatenate([view.corners_px for view in views]),
-            np.repeat([view.corner_sigma_px for view in views], 4),
+            np.concatenate([view.seen.corners_px for view in views]),
+            np.repeat([view.seen.corner_sigma_px for view in views], 4),
             np.concatenate(corners_m),
             np.concatenate(points_m),
             np.repeat([t[:3, 3] for t in to_object], counts, axis=0),
@@ -66,7 +66,7 @@ class MarkerData:
         )
 
 
-def marker_errors(data: MarkerData, pose: Array) -> tuple[Array, Array]:
+def _errors(data: _MarkerData, pose: Array) -> tuple[Array, Array]:
     """Errors (E,) in standard deviations, and their slopes (E, 6) by turn and shift."""
     parts = [_corner_errors(data, pose), _depth_errors(data, pose)]
     if data.up_camera is not None:
@@ -75,7 +75,7 @@ def marker_errors(data: MarkerData, pose: Array) -> tuple[Array, Array]:
     return np.concatenate(errors), np.concatenate(slopes)
 
 
-def _corner_errors(data: MarkerData, pose: Array) -> tuple[Array, Array]:
+def _corner_errors(data: _MarkerData, pose: Array) -> tuple[Array, Array]:
     camera = data.camera
     places = data.corners_m @ pose[:3, :3].T + pose[:3, 3]
     x, y, z = places.T
@@ -84,12 +84,12 @@ def _corner_errors(data: MarkerData, pose: Array) -> tuple[Array, Array]:
     by_place = np.zeros((len(places), 2, 3))
     by_place[:, 0, 0], by_place[:, 1, 1] = focal[0] / z, focal[1] / z
     by_place[:, 0, 2], by_place[:, 1, 2] = -focal[0] * x / z**2, -focal[1] * y / z**2
-    slopes = np.concatenate([-by_place @ cross_matrices(places), by_place], axis=2)
+    slopes = np.concatenate([-by_place @ _cross_matrices(places), by_place], axis=2)
     sigmas_px = data.corner_sigmas_px[:, None]
     return ((seen - data.corners_px) / sigmas_px).ravel(), (slopes / sigmas_px[..., None]).reshape(-1, 6)
 
 
-def _depth_errors(data: MarkerData, pose: Array) -> tuple[Array, Array]:
+def _depth_errors(data: _MarkerData, pose: Array) -> tuple[Array, Array]:
     """The points' distances from their faces; outliers all err alike, and pull at nothing."""
     normals = data.face_normals @ pose[:3, :3].T
     on_face = data.face_points_m @ pose[:3, :3].T + pose[:3, 3]
@@ -117,7 +117,7 @@ def _cross(one: Array, other: Array) -> Array:
     return product
 
 
-def cross_matrices(vectors: Array) -> Array:
+def _cross_matrices(vectors: Array) -> Array:
     """(N, 3, 3) matrices that do the cross product with (N, 3) vectors from the left."""
     matrices = np.zeros((len(vectors), 3, 3))
     matrices[:, [2, 0, 1], [1, 2, 0]] = vectors
@@ -154,7 +154,7 @@ def fit_markers(camera: Camera, views: Sequence[MarkerView], up_camera: Array | 
     Args:
         up_camera: (3,) where the object's z axis points, in the camera's frame; None where that is not known.
     """
-    data = MarkerData.of(camera, views, up_camera)
+    data = _MarkerData.of(camera, views, up_camera)
     fits = [_refined(data, start) for start in _starts(camera, views, up_camera)]
     best = min(fits, key=lambda fit: fit.cost)
     rivals = [fit.cost for fit in fits if _angle_rad(fit.object_to_camera, best.object_to_camera) > RIVAL_RAD]
@@ -182,16 +182,16 @@ def _between(one: Array, other: Array) -> Array:
     return np.asarray(cv2.Rodrigues(axis / max(sine, TINY) * angle_rad)[0], np.float64)
 
 
-def _refined(data: MarkerData, start: Array) -> MarkerFit:
+def _refined(data: _MarkerData, start: Array) -> MarkerFit:
     """Levenberg-Marquardt on a small turn and shift in the camera's frame."""
     pose, damping = start, FIRST_DAMPING
-    errors, slopes = marker_errors(data, pose)
+    errors, slopes = _errors(data, pose)
     for _ in range(MAX_ROUNDS):
         normal = slopes.T @ slopes
         damped = normal + damping * np.diag(np.diag(normal))
         step: Array = np.linalg.solve(damped, -slopes.T @ errors).astype(np.float64, copy=False)
         moved = _moved(pose, step)
-        new_errors, new_slopes = marker_errors(data, moved)
+        new_errors, new_slopes = _errors(data, moved)
         if not new_errors @ new_errors <= errors @ errors:  # not a number, either
             damping *= 10
             continue
@@ -201,10 +201,10 @@ def _refined(data: MarkerData, start: Array) -> MarkerFit:
     return _fit(data, pose, errors, slopes)
 
 
-def _fit(data: MarkerData, pose: Array, errors: Array, slopes: Array) -> MarkerFit:
+def _fit(data: _MarkerData, pose: Array, errors: Array, slopes: Array) -> MarkerFit:
     corners = errors[: data.corners_px.size].reshape(-1, 2) * data.corner_sigmas_px[:, None]
     spread = np.linalg.inv(slopes.T @ slopes)
-    of_origin = np.hstack([-cross_matrices(pose[None, :3, 3])[0], np.eye(3)])
+    of_origin = np.hstack([-_cross_matrices(pose[None, :3, 3])[0], np.eye(3)])
     return MarkerFit(
         pose,
         float(errors @ errors),

@@ -18,7 +18,6 @@ from scipy.spatial import cKDTree
 from app.perception.registered.candidates import parts_of
 from app.perception.registered.geometry import VOXEL_M, Bools, Index
 from app.perception.registered.scene import ABOVE_TABLE_M, Scene, to_lab
-from app.pipeline.geometry import pixels_to_world
 from roboprompt_client.arrays import Array
 from roboprompt_client.camera import RgbdFrame
 from roboprompt_client.errors import InvalidInputError
@@ -176,7 +175,7 @@ def _mask(scene: Scene, tree: cKDTree, is_own: Mask, frame: RgbdFrame) -> Mask:
     right, bottom = np.clip(np.ceil(pixels[before].max(axis=0)) + 4, 0, mask.shape[::-1]).astype(int)
     rows, columns = np.nonzero(frame.depth_m[top:bottom, left:right])
     rows, columns = rows + top, columns + left
-    points_m = pixels_to_world(frame.camera, rows, columns, frame.depth_m[rows, columns])
+    points_m = frame.camera.deproject(rows, columns, frame.depth_m[rows, columns])
     distance_m, nearest = tree.query(points_m, distance_upper_bound=2 * VOXEL_M)
     own = np.isfinite(distance_m) & (scene.table.height_m(points_m) > ABOVE_TABLE_M[0])
     own[own] = is_own[nearest[own]]
@@ -195,7 +194,7 @@ def yaw_of_arrow_deg(frame: RgbdFrame, tail: Pixel, head: Pixel) -> float:
     where = f"arrows[{frame.camera.name}]"
     tail_m = _point_m(frame, tail, where)
     eye_m = frame.camera.camera_to_world[:3, 3]
-    ray = _at(frame, head[1], head[0], 1.0) - eye_m
+    ray = frame.camera.deproject([head[1]], [head[0]], [1.0])[0] - eye_m
     reach = (tail_m[2] - eye_m[2]) / ray[2] if ray[2] else np.inf
     way_m = eye_m + reach * ray - tail_m
     if not (reach > 0 and MIN_ARROW_M <= np.hypot(*way_m[:2]) <= MAX_ARROW_M):
@@ -217,12 +216,7 @@ def _point_m(frame: RgbdFrame, pixel: Pixel, where: str) -> Array:
         raise InvalidInputError(where, f"is {[x, y]}, where {frame.camera.name} knows no depth", HELP)
     nearest = int(np.hypot(rows + top - y, columns + left - x).argmin())
     row, column = rows[nearest] + top, columns[nearest] + left
-    return _at(frame, row, column, frame.depth_m[row, column])
-
-
-def _at(frame: RgbdFrame, row: float, column: float, depth_m: float) -> Array:
-    """(3,) the point of the world at a pixel and depth."""
-    (place_m,) = pixels_to_world(frame.camera, np.array([row]), np.array([column]), np.array([depth_m]))
+    (place_m,) = frame.camera.deproject([row], [column], [frame.depth_m[row, column]])
     return np.asarray(place_m)
 
 

@@ -9,7 +9,6 @@ import numpy as np
 from app.perception.frame_checks import check_cameras, check_level
 from app.perception.registered.geometry import Bools, Index, normals_of, thinned
 from app.perception.registered.view import FARTHEST_M, RgbImage, View
-from app.pipeline.geometry import pixels_to_world
 from roboprompt_client.arrays import Array
 from roboprompt_client.camera import RgbdFrame
 from roboprompt_client.errors import InvalidInputError
@@ -197,5 +196,5 @@ def _points(view: View) -> tuple[Array, Array, Array]:
     depth_m = view.depth_m[::step, ::step]
     rows, columns = np.nonzero((depth_m > 0) & (depth_m < FARTHEST_M))
     rows, columns = step * rows, step * columns
-    points_m = pixels_to_world(view.camera, rows, columns, view.depth_m[rows, columns])
+    points_m = view.camera.deproject(rows, columns, view.depth_m[rows, columns])
     return points_m, view.rgb[rows, columns].astype(np.float64), np.broadcast_to(view.eye_m, points_m.shape)
