@@ -107,16 +107,15 @@ def learn(name: str, views: Sequence[LabelledView], symmetry_deg: float | None, 
 
 
 def _look_alike_turned(views: Sequence[_Seen], symmetry_deg: float) -> bool:
-    """Whether the first view fits itself turned, or all others fit it so: its own noise fits it unturned only."""
+    """Whether most views fit the first one turned. Its own noise fits it unturned: that it does not, says nothing."""
     template = _first(views[0], None)
-
-    def looks_alike(view: _Seen, yaw_deg: float) -> bool:
-        lit = view.scene.in_light_of(template.table_rgb)
-        return looks_alike_turned(template, lit, view.index, yaw_deg, symmetry_deg)
-
-    if looks_alike(views[0], views[0].yaw_deg or 0.0):
-        return True
-    return len(views) > 1 and all(looks_alike(view, _found(template, view, views[0])[0].yaw_deg) for view in views[1:])
+    yaws_deg = [views[0].yaw_deg or 0.0, *(_found(template, view, views[0])[0].yaw_deg for view in views[1:])]
+    first, *others = (
+        looks_alike_turned(template, view.scene.in_light_of(template.table_rgb), view.index, yaw_deg, symmetry_deg)
+        for view, yaw_deg in zip(views, yaws_deg, strict=True)
+    )
+    votes = [first, *others] if first else others
+    return sum(votes) > len(votes) / 2
 
 
 def labelled_points(scene: Scene) -> Index:
