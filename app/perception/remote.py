@@ -166,13 +166,13 @@ class RemotePoses:
         servers: dict[PoseServer, list[Asked]] = {}
         for query, model in asked:
             servers.setdefault(PoseServer(model.url, model.timeout_s), []).append((query, model))
-        poses = {pose.name: pose for pose in asyncio.run(_ask_all(servers, frames))}
+        poses = asyncio.run(_ask_all(servers, frames))
         return tuple(poses[query.name] for query in objects)
 
 
-async def _ask_all(servers: Mapping[PoseServer, Sequence[Asked]], frames: Sequence[RgbdFrame]) -> list[ObjectPose]:
+async def _ask_all(servers: Mapping[PoseServer, Sequence[Asked]], frames: Sequence[RgbdFrame]) -> dict[str, ObjectPose]:
     answers = await asyncio.gather(*(_ask(server, asked, frames) for server, asked in servers.items()))
-    return [pose for poses in answers for pose in poses]
+    return {pose.name: pose for poses in answers for pose in poses}
 
 
 async def _ask(server: PoseServer, asked: Sequence[Asked], frames: Sequence[RgbdFrame]) -> list[ObjectPose]:

@@ -14,7 +14,7 @@ from app.perception.base import ObjectQuery, model_of
 from app.perception.cuboid.fit import fit_upright
 from app.perception.cuboid.judge import judged
 from app.perception.cuboid.model import CuboidModel
-from app.perception.cuboid.pieces import HsvImage, Piece, color_mask, find_pieces, to_hsv
+from app.perception.cuboid.pieces import HsvImage, color_mask, find_pieces, to_hsv
 from app.perception.cuboid.view import view_of
 from app.perception.frame_checks import check_cameras, check_level
 from app.perception.object_model import ObjectModelError
@@ -97,8 +97,14 @@ class _Search:
 def _sighted(frame: RgbdFrame, hsv: HsvImage, looks: CuboidModel) -> Sequence[Sighting | Miss]:
     assert frame.depth_m is not None
     mask = color_mask(hsv, looks.color)
-    if pieces := find_pieces(frame, mask, np.array(looks.size_m), looks.shape):
-        return [_sighting(frame, piece, looks) for piece in pieces]
+    size_m, yaw_range_rad = np.array(looks.size_m), np.radians(looks.shape_symmetry_deg) or FULL_TURN_RAD
+    sightings = []
+    for piece in find_pieces(frame, mask, size_m, looks.shape):
+        view = view_of(frame, piece)
+        fit = fit_upright(view, looks.shape, size_m, yaw_range_rad=yaw_range_rad)
+        sightings.append(judged(frame, piece, view, looks.shape, fit))
+    if sightings:
+        return sightings
     count = int(np.count_nonzero(mask))
     if not count:
         reason = "no pixel has its color"
@@ -107,13 +113,6 @@ def _sighted(frame: RgbdFrame, hsv: HsvImage, looks: CuboidModel) -> Sequence[Si
     else:
         reason = f"{count} pixels have its color, but none of their patches is large enough"
     return [Miss(frame.camera.name, reason)]
-
-
-def _sighting(frame: RgbdFrame, piece: Piece, looks: CuboidModel) -> Sighting:
-    view = view_of(frame, piece)
-    yaw_range_rad = np.radians(looks.shape_symmetry_deg) or FULL_TURN_RAD
-    fit = fit_upright(view, looks.shape, np.array(looks.size_m), yaw_range_rad=yaw_range_rad)
-    return judged(frame, piece, view, looks.shape, fit)
 
 
 def _in_order(models: dict[str, CuboidModel]) -> list[str]:

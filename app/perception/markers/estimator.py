@@ -30,7 +30,6 @@ RANGE_DISAGREEMENT = (0.05, 0.15)
 RIVAL_SCALE = 4.0  # confidence tanh(d / 4) is 2 p - 1, p the better pose's probability when costs differ by d
 MIN_FACE_POINTS = 8
 
-Seen = Mapping[str, Sequence[SeenMarker]]
 EXAMPLE = '{"estimator": "markers", "dictionary": "DICT_4X4_50", "markers": [{"id": 0, "size_m": 0.04}]}'
 
 
@@ -48,16 +47,15 @@ class MarkerPoses:
         for model in models:
             wanted.setdefault(model.dictionary, set()).update(marker.id for marker in model.markers)
         seen = [
-            {dictionary: find_markers(frame.rgb, dictionary, ids) for dictionary, ids in wanted.items()}
+            (frame, {dictionary: find_markers(frame.rgb, dictionary, ids) for dictionary, ids in wanted.items()})
             for frame in frames
             if frame.rgb is not None
         ]
-        return tuple(_pose(query, model, frames, seen) for query, model in zip(objects, models, strict=True))
-
-
-def _pose(query: ObjectQuery, model: MarkersModel, frames: Sequence[RgbdFrame], seen: Sequence[Seen]) -> ObjectPose:
-    found = [_look(model, frame, markers[model.dictionary]) for frame, markers in zip(frames, seen, strict=True)]
-    return fused(query, found, estimator="markers", min_confidence=model.min_confidence)
+        poses = []
+        for query, model in zip(objects, models, strict=True):
+            found = [_look(model, frame, markers[model.dictionary]) for frame, markers in seen]
+            poses.append(fused(query, found, estimator="markers", min_confidence=model.min_confidence))
+        return tuple(poses)
 
 
 def _check_shared(objects: Sequence[ObjectQuery], models: Sequence[MarkersModel]) -> None:

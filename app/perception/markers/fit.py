@@ -70,7 +70,9 @@ def _errors(data: _MarkerData, pose: Array) -> tuple[Array, Array]:
     """Errors (E,) in standard deviations, and their slopes (E, 6) by turn and shift."""
     parts = [_corner_errors(data, pose), _depth_errors(data, pose)]
     if data.up_camera is not None:
-        parts.append(_upright_errors(data.up_camera, pose[:3, 2]))
+        up, z_axis = data.up_camera, pose[:3, 2]
+        tilting = np.hstack([(up @ z_axis) * np.eye(3) - np.outer(z_axis, up), np.zeros((3, 3))])
+        parts.append((_cross(up, z_axis) / UPRIGHT_SIGMA_RAD, tilting / UPRIGHT_SIGMA_RAD))
     errors, slopes = zip(*parts, strict=True)
     return np.concatenate(errors), np.concatenate(slopes)
 
@@ -103,12 +105,6 @@ def _depth_errors(data: _MarkerData, pose: Array) -> tuple[Array, Array]:
     errors = np.where(inliers, distances / sigmas, OUTLIER_SIGMAS) * counts
     slopes = np.hstack([_cross(normals, points), -normals]) * (inliers * counts / sigmas)[:, None]
     return errors, slopes
-
-
-def _upright_errors(up: Array, z_axis: Array) -> tuple[Array, Array]:
-    slopes = np.zeros((3, 6))
-    slopes[:, :3] = (up @ z_axis) * np.eye(3) - np.outer(z_axis, up)
-    return _cross(up, z_axis) / UPRIGHT_SIGMA_RAD, slopes / UPRIGHT_SIGMA_RAD
 
 
 def _cross(one: Array, other: Array) -> Array:
@@ -168,14 +164,14 @@ def _starts(camera: Camera, views: Sequence[MarkerView], up_camera: Array | None
         for marker_to_camera in view.starts(camera):
             start = marker_to_camera @ inverse(view.marker_to_object)
             if up_camera is not None:
-                start[:3, :3] = _between(start[:3, 2], up_camera) @ start[:3, :3]
+                start[:3, :3] = _smallest_turn(start[:3, 2], up_camera) @ start[:3, :3]
             if all(_angle_rad(start, other) > RIVAL_RAD for other in starts):
                 starts.append(start)
     return starts
 
 
-def _between(one: Array, other: Array) -> Array:
-    """The smallest turn (3, 3) that brings one unit vector to another."""
+def _smallest_turn(one: Array, other: Array) -> Array:
+    """(3, 3) that brings one unit vector to another."""
     axis = np.cross(one, other)
     sine = float(np.linalg.norm(axis))
     angle_rad = np.arctan2(sine, one @ other)
@@ -190,7 +186,9 @@ def _refined(data: _MarkerData, start: Array) -> MarkerFit:
         normal = slopes.T @ slopes
         damped = normal + damping * np.diag(np.diag(normal))
         step: Array = np.linalg.solve(damped, -slopes.T @ errors).astype(np.float64, copy=False)
-        moved = _moved(pose, step)
+        turn = cv2.Rodrigues(step[:3])[0]
+        moved = np.eye(4)
+        moved[:3, :3], moved[:3, 3] = turn @ pose[:3, :3], turn @ pose[:3, 3] + step[3:]
         new_errors, new_slopes = _errors(data, moved)
         if not new_errors @ new_errors <= errors @ errors:  # not a number, either
             damping *= 10
@@ -198,10 +196,6 @@ def _refined(data: _MarkerData, start: Array) -> MarkerFit:
         pose, errors, slopes, damping = moved, new_errors, new_slopes, damping / 10
         if np.abs(step).max() < CONVERGED:
             break
-    return _fit(data, pose, errors, slopes)
-
-
-def _fit(data: _MarkerData, pose: Array, errors: Array, slopes: Array) -> MarkerFit:
     corners = errors[: data.corners_px.size].reshape(-1, 2) * data.corner_sigmas_px[:, None]
     spread = np.linalg.inv(slopes.T @ slopes)
     of_origin = np.hstack([-_cross_matrices(pose[None, :3, 3])[0], np.eye(3)])
@@ -212,14 +206,6 @@ def _fit(data: _MarkerData, pose: Array, errors: Array, slopes: Array) -> Marker
         float(np.sqrt(np.trace(of_origin @ spread @ of_origin.T))),
         float(np.sqrt(np.trace(spread[:3, :3]))),
     )
-
-
-def _moved(pose: Array, step: Array) -> Array:
-    turn = cv2.Rodrigues(step[:3])[0]
-    moved = np.eye(4)
-    moved[:3, :3] = turn @ pose[:3, :3]
-    moved[:3, 3] = turn @ pose[:3, 3] + step[3:]
-    return moved
 
 
 def _angle_rad(one: Array, other: Array) -> float:

@@ -104,9 +104,9 @@ def find_markers(rgb: npt.NDArray[np.uint8], dictionary: str, wanted: Collection
     640x480.
     """
     grey = np.asarray(cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY), np.uint8)
-    found = [item for item in _detected(grey, dictionary, _options()) if item[0] in wanted]
+    found = [item for item in _detected(grey, dictionary) if item[0] in wanted]
     if not {id_ for id_, _ in found}.issuperset(wanted) and grey.size <= MAX_ENLARGED_PIXELS:
-        larger = [item for item in _enlarged(grey, dictionary) if item[0] in wanted]
+        larger = [item for item in _detected(grey, dictionary, enlarged=True) if item[0] in wanted]
         seen = {id_ for id_, _ in larger}
         found = larger + [item for item in found if item[0] not in seen]
     if not found:
@@ -118,29 +118,22 @@ def find_markers(rgb: npt.NDArray[np.uint8], dictionary: str, wanted: Collection
     return tuple(map(SeenMarker, ids, corners_px, sigmas_px.tolist()))
 
 
-def _detected(grey: GreyImage, dictionary: str, options: cv2.aruco.DetectorParameters) -> list[tuple[int, Array]]:
-    """Ids and (4, 2) corners as OpenCV has them."""
-    quads, ids, _ = cv2.aruco.ArucoDetector(marker_dictionary(dictionary), options).detectMarkers(grey)
-    if not quads:
-        return []
-    corners = np.array(quads, np.float64).reshape(-1, 4, 2)
-    return [(int(id_), quad) for id_, quad in zip(np.ravel(ids), corners, strict=True)]
-
-
-def _enlarged(grey: GreyImage, dictionary: str) -> list[tuple[int, Array]]:
-    options = _options()
-    options.adaptiveThreshWinSizeMin, options.adaptiveThreshWinSizeMax = ENLARGED_WINDOWS_PX
-    options.adaptiveThreshWinSizeStep = ENLARGED_WINDOWS_PX[1] - ENLARGED_WINDOWS_PX[0]
-    larger = np.asarray(cv2.resize(grey, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC), np.uint8)
-    # pixel centers are whole numbers: two small ones share the place of the larger one between them
-    return [(id_, (corners_px + 0.5) / 2 - 0.5) for id_, corners_px in _detected(larger, dictionary, options)]
-
-
-def _options() -> cv2.aruco.DetectorParameters:
+def _detected(grey: GreyImage, dictionary: str, *, enlarged: bool = False) -> list[tuple[int, Array]]:
+    """Ids and (4, 2) corners as OpenCV has them, in the image or at twice its size."""
     options = cv2.aruco.DetectorParameters()
     options.perspectiveRemovePixelPerCell = PIXELS_PER_CELL
     options.perspectiveRemoveIgnoredMarginPerCell = CELL_MARGIN
-    return options
+    if enlarged:
+        options.adaptiveThreshWinSizeMin, options.adaptiveThreshWinSizeMax = ENLARGED_WINDOWS_PX
+        options.adaptiveThreshWinSizeStep = ENLARGED_WINDOWS_PX[1] - ENLARGED_WINDOWS_PX[0]
+        grey = np.asarray(cv2.resize(grey, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC), np.uint8)
+    quads, ids, _ = cv2.aruco.ArucoDetector(marker_dictionary(dictionary), options).detectMarkers(grey)
+    if not quads:
+        return []
+    corners_px = np.array(quads, np.float64).reshape(-1, 4, 2)
+    if enlarged:  # pixel centers are whole numbers: two small ones share the place of the larger one between them
+        corners_px = (corners_px + 0.5) / 2 - 0.5
+    return [(int(id_), quad) for id_, quad in zip(np.ravel(ids), corners_px, strict=True)]
 
 
 @dataclass(frozen=True, eq=False)
