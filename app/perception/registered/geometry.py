@@ -1,12 +1,16 @@
-"""Point clouds: one point a voxel, and surface normals that face the camera."""
+"""Clouds of points, one point a voxel with a normal that faces the camera; and many poses of a template at once."""
+
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
 
 from roboprompt_client.arrays import Array
 
 Index = npt.NDArray[np.intp]
+Bools = npt.NDArray[np.bool_]
 
 VOXEL_M = 0.004
 MAX_VOXELS = 2**20  # along an axis, about 4 km
@@ -43,3 +47,43 @@ def unit(vectors: Array) -> Array:
     lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
     result: Array = vectors / np.maximum(lengths, 1e-12)
     return result
+
+
+@dataclass(frozen=True, eq=False)
+class Poses:
+    """S poses, template -> world: `rotations` (S, 3, 3) and `origins_m` (S, 3)."""
+
+    rotations: Array
+    origins_m: Array
+
+    def __len__(self) -> int:
+        return len(self.rotations)
+
+    def __getitem__(self, index: npt.ArrayLike | slice) -> "Poses":
+        """Those at an index array or slice."""
+        return Poses(self.rotations[index], self.origins_m[index])  # type: ignore[index]
+
+    def to_world(self, points_m: Array) -> Array:
+        """(S, P, 3) of points (P, 3) of the template."""
+        moved: Array = points_m @ self.rotations.transpose(0, 2, 1) + self.origins_m[:, None]
+        return moved
+
+    def to_template(self, points_m: Array) -> Array:
+        """(S, P, 3) of points (P, 3) of the world."""
+        moved: Array = (points_m - self.origins_m[:, None]) @ self.rotations
+        return moved
+
+
+def about_z(degrees: npt.ArrayLike) -> Array:
+    """(S, 3, 3) rotations about the vertical."""
+    matrices: Array = Rotation.from_euler("z", np.atleast_1d(degrees).reshape(-1, 1), degrees=True).as_matrix()
+    return matrices
+
+
+def angle_deg(one: Array, other: Array, symmetry_deg: float | None = None) -> float:
+    """Between two rotations (3, 3), as small as a symmetry about z allows; with 0 between their z axes."""
+    if symmetry_deg == 0:
+        return float(np.degrees(np.arccos(np.clip(one[:, 2] @ other[:, 2], -1, 1))))
+    turns = about_z(np.arange(0, 360, symmetry_deg or 360))
+    traces = np.einsum("ij,tij->t", one, other @ turns)
+    return float(np.degrees(np.arccos(np.clip((traces.max() - 1) / 2, -1, 1))))
