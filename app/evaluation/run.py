@@ -17,7 +17,6 @@ from typing import Any, Literal, TypeVar
 
 from rich.progress import Progress
 
-from app.evaluation.baselines.models import Models
 from app.evaluation.costs import Purse, estimates
 from app.evaluation.failures import BudgetSpentError, NotLearnedError, ServiceLostError
 from app.evaluation.foreign import ForeignExecutor
@@ -29,6 +28,7 @@ from app.evaluation.results import Crash, Evaluation, Trial
 from app.evaluation.server import service
 from app.evaluation.teach import FIRST_LABELLED_SEED, LABELLED_SCENES, Lesson, record, suffix_of, upload, variants
 from app.evaluation.trials import PlannedTrial, TrialRunner
+from app.evaluation.voxposer.ask import Models
 from app.evaluation.world import World
 from app.executors import Executor, LocalExecutor
 from app.sim.outcomes import RecordedDemonstration

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from app.evaluation.baselines.nearest import replayed
 from app.evaluation.results import TaughtEpisode
+from app.evaluation.trials import replayed
 from app.sim.outcomes import RecordedDemonstration, SceneView
 from roboprompt_client.trajectory import ObjectPose, Trajectory, object_json
 
