@@ -101,7 +101,7 @@ def _check_names(tasks: list[str] | None, representation: str | None, model: str
 
 def _report(evaluation: "Evaluation", folder: Path, console: Console) -> dict[str, object]:
     """Print the results and write the report; the same figures for programs."""
-    from app.evaluation.report import write_report
+    from app.evaluation.report.page import write_report
     from app.evaluation.scores import errors_of, reached
     from app.evaluation.tables import results_table, sweep_summary
 

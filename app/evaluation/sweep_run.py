@@ -15,7 +15,7 @@ from app.evaluation.ledger import Ledger
 from app.evaluation.panda import Panda
 from app.evaluation.plan import Plan, evaluation_of
 from app.evaluation.plots import write_plots
-from app.evaluation.report import write_report
+from app.evaluation.report.page import write_report
 from app.evaluation.results import Evaluation
 from app.evaluation.run import Run, Timing, executor_of
 from app.evaluation.run_record import RunRecord, Session

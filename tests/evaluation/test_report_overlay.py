@@ -3,7 +3,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from app.drawing import AXIS_COLORS, AXIS_M, Canvas
-from app.evaluation.report.drawing import ACTION_COLOR, draw_scene
+from app.evaluation.report.pictures import ACTION_COLOR, draw_scene
 from app.pipeline.geometry import backproject
 from app.sim.world import calibrated
 from roboprompt_client.camera import RgbdFrame
