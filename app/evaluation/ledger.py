@@ -61,7 +61,7 @@ def outcome_of(document: Document) -> Trial | Crash:
     if num_executed is not None:
         succeeded = document["status"] == "success"
         misses = tuple((off_m, off_deg) for off_m, off_deg in document["misses"])
-        execution = RolloutResult(task, seed, num_executed, succeeded, document["failure"], (), misses)
+        execution = RolloutResult(num_executed, succeeded, document["failure"], misses=misses)
     return Trial(
         task,
         seed,

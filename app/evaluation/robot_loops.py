@@ -165,6 +165,6 @@ def run_loop(url: str, name: str, task: str, seed: int, method: Method) -> LoopR
         failure_text = error or blocked or judge(panda)
         for predicted in client.predicted:
             client.record_outcome(predicted.id, not failure_text, failure_text or None)
-    execution = RolloutResult(task, seed, robot.num_done, not failure_text, failure_text, ())
+    execution = RolloutResult(robot.num_done, not failure_text, failure_text)
     answer = _together(client.predicted)
     return LoopResult(tuple(robot.actions), answer, error, execution, time.perf_counter() - started)

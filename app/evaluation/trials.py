@@ -199,8 +199,8 @@ def _replay_expert(runner: TrialRunner, planned: PlannedTrial, lesson: Lesson, s
 def _perform_expert(runner: TrialRunner, planned: PlannedTrial, lesson: Lesson, scene: SceneView) -> Trial:
     """The scene solved as demonstrations are: how often could it be taught at all?"""
     solved, seconds = call(runner.executor, timed, runner.world.solve, planned.task, planned.seed)
-    actions, outcome = solved.expert_actions, (solved.succeeded, solved.failure)
-    execution = RolloutResult(planned.task, planned.seed, len(actions), *outcome, film_strip=())
+    actions = solved.expert_actions
+    execution = RolloutResult(len(actions), solved.succeeded, solved.failure)
     return Trial(*planned.key, scene, execution=execution, execute_s=seconds, actions=actions)
 
 

@@ -82,16 +82,9 @@ def record_demonstration(
     film, _, error = _perform(robot, moves, film_strip=film_strip)
     trajectory = sampler.trajectory(gripper or GRIPPER_STATES[recordings])
     failure = error or judge(robot)
-    return RecordedDemonstration(
-        scene,
-        trajectory,
-        control_frequency_hz,
-        len(moves),
-        not failure,
-        failure,
-        tuple(film.images),
-        tuple(map(action_from_move, moves)),
-    )
+    actions = tuple(map(action_from_move, moves))
+    pictures = tuple(film.images)
+    return RecordedDemonstration(scene, trajectory, control_frequency_hz, not failure, failure, actions, pictures)
 
 
 def rollout(
@@ -118,7 +111,7 @@ def rollout(
         shift_free_objects(robot.task, shift_m, seed)
     film, num_executed, error = _perform(robot, moves_from_actions(actions), film_strip=film_strip)
     failure = error or judge(robot)
-    return RolloutResult(task_name, seed, num_executed, not failure, failure, tuple(film.images))
+    return RolloutResult(num_executed, not failure, failure, tuple(film.images))
 
 
 def robot_in_scene(

@@ -36,7 +36,7 @@ def test_the_longest_sequence_succeeds():
     longest = SEQUENCES.index(("red", "yellow", "green", "blue", "red", "red"))
     demonstration = record_demonstration(NAME, 1, variation=longest, images=False)
     assert demonstration.succeeded, demonstration.failure
-    assert len(merged(Motion.of(demonstration.trajectory))) == demonstration.num_expert_poses
+    assert len(merged(Motion.of(demonstration.trajectory))) == len(demonstration.expert_actions)
 
 
 def test_the_order_and_the_number_of_presses_count():

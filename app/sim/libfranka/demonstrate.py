@@ -38,9 +38,7 @@ def record_demonstration(
         _, error = _perform(arm, actions, rest_s=REST_S)
         trajectory = recorder.stop()
         failure = error or served.judge()
-    return RecordedDemonstration(
-        scene, trajectory, control_frequency_hz, len(actions), not failure, failure, (), actions
-    )
+    return RecordedDemonstration(scene, trajectory, control_frequency_hz, not failure, failure, actions)
 
 
 def rollout(
@@ -57,7 +55,7 @@ def rollout(
     with _served(task, seed, variation) as served, served.open_arm() as arm:
         misses, error = _perform(arm, actions)
         failure = error or served.judge()
-    return RolloutResult(task, seed, len(misses), not failure, failure, (), tuple(misses))
+    return RolloutResult(len(misses), not failure, failure, misses=tuple(misses))
 
 
 def _served(task: str, seed: int, variation: int | None = None) -> ServedScene:
