@@ -161,7 +161,8 @@ class Run:
             ServiceLostError, BudgetSpentError: what is under way still ends; NotConfirmedError.
         """
         remaining = self.plan.remaining(self.ledger)
-        runner = self._runner(lessons)
+        asking = threading.Semaphore(self.plan.predictions_at_once)
+        runner = TrialRunner(self.client, self.executor, self.plan.world, asking, self.models)
         if self.purse is not None and remaining:
             of_trial = lambda planned: self._lesson(lessons, planned)  # noqa: E731
             self.purse.expect(estimates(self.client, remaining, of_trial, runner.look, self.purse.prices))
@@ -183,10 +184,6 @@ class Run:
                 raise ServiceLostError(str(future.exception()))
 
         in_threads(run, remaining, self.plan.predictions_at_once + self.executor.workers + 1, on_done)
-
-    def _runner(self, lessons: Mapping[str, Lessons]) -> TrialRunner:
-        asking = threading.Semaphore(self.plan.predictions_at_once)
-        return TrialRunner(self.client, self.executor, self.plan.world, asking, self.models)
 
     def _lesson(self, lessons: Mapping[str, Lessons], planned: PlannedTrial) -> Lesson | Exception:
         return lessons[planned.task][suffix_of(planned.method, self.plan.methods)]

@@ -128,19 +128,7 @@ def _without_actions(client: RoboPromptClient, error: ServiceProblemError) -> di
 def _ask_and_act(runner: TrialRunner, planned: PlannedTrial, lesson: Lesson, scene: SceneView) -> Trial:
     """With the robot's own loop, in one worker: it asks before every action, or once and perhaps looks again."""
     with runner.asking:
-        result = call(runner.executor, run_loop, runner.client.url, lesson.name, *planned)
-    predict_s = 0.0 if result.answer is None else result.answer["timings_ms"]["total"] / 1000
-    return Trial(
-        *planned.key,
-        scene,
-        answer=result.answer,
-        error=result.error,
-        execution=None if result.error else result.execution,
-        predict_s=predict_s,
-        execute_s=result.duration_s - predict_s,
-        actions=result.actions,
-        shift_m=planned.method.shift_m,
-    )
+        return call(runner.executor, run_loop, runner.client.url, lesson.name, planned.seed, planned.method, scene)
 
 
 def _replay_nearest(runner: TrialRunner, planned: PlannedTrial, lesson: Lesson, scene: SceneView) -> Trial:

@@ -4,12 +4,13 @@ Arguments and results can be pickled: call these functions from worker processes
 """
 
 from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from typing import Literal
 
 from app.sim.guided import GuidedPanda, Habits
 from app.sim.moves import Move, action_from_move, moves_from_actions
-from app.sim.outcomes import RecordedDemonstration, RolloutResult, SceneView
-from app.sim.rendering import FilmStrip
+from app.sim.outcomes import RecordedDemonstration, RgbImage, RolloutResult, SceneView
+from app.sim.rendering import CAMERA, open_renderer
 from app.sim.robot import DWELL_S, SimulatedPanda
 from app.sim.sampler import GripperState, TrajectorySampler
 from app.sim.shift import shift_free_objects
@@ -83,8 +84,7 @@ def record_demonstration(
     trajectory = sampler.trajectory(gripper or GRIPPER_STATES[recordings])
     failure = error or judge(robot)
     actions = tuple(map(action_from_move, moves))
-    pictures = tuple(film.images)
-    return RecordedDemonstration(scene, trajectory, control_frequency_hz, not failure, failure, actions, pictures)
+    return RecordedDemonstration(scene, trajectory, control_frequency_hz, not failure, failure, actions, tuple(film))
 
 
 def rollout(
@@ -111,7 +111,7 @@ def rollout(
         shift_free_objects(robot.task, shift_m, seed)
     film, num_executed, error = _perform(robot, moves_from_actions(actions), film_strip=film_strip)
     failure = error or judge(robot)
-    return RolloutResult(num_executed, not failure, failure, tuple(film.images))
+    return RolloutResult(num_executed, not failure, failure, tuple(film))
 
 
 def robot_in_scene(
@@ -138,21 +138,26 @@ def _view(robot: SimulatedPanda, seed: int) -> SceneView:
     )
 
 
-def _perform(robot: SimulatedPanda, moves: Sequence[Move], *, film_strip: bool) -> tuple[FilmStrip, int, str]:
-    """The film, the number of moves carried out and the error that ended them (empty: none)."""
-    num_done = 0
+def _perform(robot: SimulatedPanda, moves: Sequence[Move], *, film_strip: bool) -> tuple[list[RgbImage], int, str]:
+    """The film strip if wanted, the number of moves carried out and the error that ended them (empty: none)."""
+    task, images, num_done = robot.task, list[RgbImage](), 0
+    with open_renderer(task.model) if film_strip else nullcontext() as renderer:
 
-    def after_move(index: int) -> None:
-        nonlocal num_done
-        num_done = index + 1
-        film.shoot()
+        def shoot() -> None:
+            if renderer is not None:
+                images.append(renderer.rgb(task.data, CAMERA))
 
-    with FilmStrip(robot.task.model, robot.task.data, wanted=film_strip) as film:
+        def after_move(index: int) -> None:
+            nonlocal num_done
+            num_done = index + 1
+            shoot()
+
+        shoot()
         try:
             robot.perform(moves, after_move)
         except MotionError as error:
-            return film, num_done, str(error)
-    return film, num_done, ""
+            return images, num_done, str(error)
+    return images, num_done, ""
 
 
 def judge(robot: SimulatedPanda) -> str:
