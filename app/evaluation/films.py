@@ -17,6 +17,7 @@ from app.evaluation.failures import ExpertFailedError
 from app.evaluation.report.pictures import captions, film_grid, film_tiles
 from app.evaluation.server import service
 from app.sim.demonstrate import judge, record_demonstration, robot_in_scene
+from app.sim.moves import moves_from_actions
 from app.sim.outcomes import RecordedDemonstration
 from app.sim.rendering import CAMERA, open_renderer
 from app.sim.robot import SimulatedPanda
@@ -153,7 +154,7 @@ def _carry_out(
             pictures.append((shoot(), len(done)))
 
     robot.after_step.append(after_step)
-    robot.execute_sequence(actions, done.append)
+    robot.perform(moves_from_actions(actions), done.append)
     robot.after_step.remove(after_step)
     return [*pictures, (shoot(), len(done))]
 

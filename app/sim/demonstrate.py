@@ -3,7 +3,7 @@
 Arguments and results can be pickled: call these functions from worker processes.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import nullcontext
 from typing import Literal
 
@@ -12,7 +12,7 @@ from app.sim.moves import Move, action_from_move, moves_from_actions
 from app.sim.outcomes import RecordedDemonstration, RgbImage, RolloutResult, SceneView
 from app.sim.rendering import CAMERA, open_renderer
 from app.sim.robot import DWELL_S, SimulatedPanda
-from app.sim.sampler import GripperState, TrajectorySampler
+from app.sim.sampler import TrajectorySampler
 from app.sim.shift import shift_free_objects
 from app.sim.tasks import make_task
 from app.sim.tasks.base import FINAL_HOLD_S, NOT_SOLVED
@@ -24,7 +24,6 @@ from roboprompt_client.trajectory import EndEffectorAction
 Recordings = Literal["rests", "continuous"]
 # What moves the arm: the simulation itself, or a Franka's driver over libfranka's protocol (`app.sim.libfranka`)
 RobotName = Literal["simulated", "franka"]
-GRIPPER_STATES: Mapping[Recordings, GripperState] = {"rests": "commanded", "continuous": "measured"}
 DWELL_SAMPLES = 2  # of every rest, so that keyframe rules see it at any rate
 
 
@@ -56,14 +55,13 @@ def record_demonstration(
     images: bool = True,
     film_strip: bool = False,
     recordings: Recordings = "rests",
-    gripper: GripperState | None = None,
     cameras: Sequence[str] = CAMERA_NAMES,
 ) -> RecordedDemonstration:
     """Let the task's expert solve the scene of a seed, and record it. A demonstration that failed says so.
 
     Args:
-        recordings: whether the arm rests at each of the expert's poses, or passes them as a person does.
-        gripper: None records what was commanded where the arm rests, otherwise what the fingers have done.
+        recordings: whether the arm rests at each of the expert's poses, or passes them as a person does. The gripper's
+            state is what was commanded where it rests, otherwise what the fingers have done.
         cameras: as for `view_scene`.
 
     Raises:
@@ -81,7 +79,7 @@ def record_demonstration(
     scene = _view(robot, seed)
     moves = task.expert()
     film, _, error = _perform(robot, moves, film_strip=film_strip)
-    trajectory = sampler.trajectory(gripper or GRIPPER_STATES[recordings])
+    trajectory = sampler.trajectory("commanded" if recordings == "rests" else "measured")
     failure = error or judge(robot)
     actions = tuple(map(action_from_move, moves))
     return RecordedDemonstration(scene, trajectory, control_frequency_hz, not failure, failure, actions, tuple(film))
