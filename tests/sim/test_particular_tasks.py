@@ -1,10 +1,11 @@
-"""Sequences of presses are asked for in tests only, and their order counts."""
+"""What single tasks have of their own: sequences of presses, whose order counts, and a socket that holds its plug."""
 
 from app.pipeline.keyframes import Motion, merged
 from app.sim.demonstrate import record_demonstration, rollout
+from app.sim.moves import action_from_move
+from app.sim.robot import SimulatedPanda
 from app.sim.tasks import make_task
 from app.sim.tasks.buttons import MAX_PRESSES, SEQUENCES, PushMultipleButtons
-from roboprompt_client.trajectory import EndEffectorAction
 
 NAME = PushMultipleButtons.name
 YELLOW_THEN_RED = SEQUENCES.index(("yellow", "red"))
@@ -12,10 +13,7 @@ RED_TWICE = SEQUENCES.index(("red", "red"))
 
 
 def expert_actions(variation):
-    return [
-        EndEffectorAction(move.pose.position_m, move.pose.rotation.as_quat(), move.gripper_open)
-        for move in make_task(NAME, 0, variation).expert()
-    ]
+    return [action_from_move(move) for move in make_task(NAME, 0, variation).expert()]
 
 
 def test_demonstrations_press_one_button():
@@ -36,7 +34,7 @@ def test_the_longest_sequence_succeeds():
     longest = SEQUENCES.index(("red", "yellow", "green", "blue", "red", "red"))
     demonstration = record_demonstration(NAME, 1, variation=longest, images=False)
     assert demonstration.succeeded, demonstration.failure
-    assert len(merged(Motion.of(demonstration.trajectory))) == demonstration.num_expert_poses
+    assert len(merged(Motion.of(demonstration.trajectory))) == len(demonstration.expert_actions)
 
 
 def test_the_order_and_the_number_of_presses_count():
@@ -46,3 +44,16 @@ def test_the_order_and_the_number_of_presses_count():
     wrong_order = yellow_then_red[3:] + yellow_then_red[:3]
     assert not rollout(NAME, 0, wrong_order, variation=YELLOW_THEN_RED).succeeded
     assert not rollout(NAME, 0, red_twice[:3], variation=RED_TWICE).succeeded
+
+
+def test_grasping_the_plug_does_not_unplug_it():
+    task = make_task("unplug_cable", 0)
+    above, grasp, out, _ = task.expert()
+    robot = SimulatedPanda(task, cameras=())
+    plugged_m = task.position_m("cable")
+    robot.perform([above, grasp])
+    assert task.events == []
+    assert abs(task.position_m("cable") - plugged_m).max() < 0.002
+    robot.perform([out])
+    assert task.events == ["unplugged"]
+    assert task.succeeded()

@@ -1,27 +1,27 @@
-"""What a program can call: find objects, paint value maps, and move. Everything it asks for is plain data."""
+"""What a program can call: find objects, paint value maps, and move. Everything it asks for is plain data.
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+A call with a wrong argument raises CommandError, which says what is valid.
+"""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
-from app.evaluation.baselines.voxposer.program.arguments import (
-    CommandError,
-    axis_number,
-    finite,
-    is_index,
-    length_cm,
-    map_value,
-    span,
-)
-from app.evaluation.baselines.voxposer.program.voxels import SIZE, Box, Voxel, Voxels, pointing_down, turned, yaw_deg
+from app.evaluation.voxposer.voxels import AXES, SIZE, Box, Voxel, Voxels, pointing_down, turned, yaw_deg
 
+MAX_CM = 1_000.0
 MAX_MOVES = 40
-MAX_PAINTED = 5_000  # boxes that are painted, and those that moves ask for
-MAX_VOLUME = 300 * SIZE**3  # voxels that moves ask for: what painting them costs the service
+MAX_PAINTED = 5_000  # boxes that moves ask for
 KINDS = ("affordance", "avoidance", "rotation", "velocity", "gripper")
 EVERYWHERE: Box = ((0, SIZE), (0, SIZE), (0, SIZE))
 NO_TURN = (0.0, 0.0, 0.0, 1.0)
 PLAIN: tuple[Callable[..., object], ...] = (range, len, enumerate, zip, min, max, sum, abs, round, int)
+
+
+class CommandError(Exception):
+    """A command that cannot be carried out as it was called."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,23 +48,19 @@ class Thing:
     def read(cls, value: Mapping[str, Any], voxels: Voxels) -> "Thing":
         """An object as the scene has it."""
         points = tuple((x, y, z) for x, y, z in value["voxels"])
-        low, high = (tuple(pick(axis) for axis in zip(*points, strict=True)) for pick in (min, max))
-        size_cm = tuple(
-            round(100 * step * (last - first + 1), 1)
-            for first, last, step in zip(low, high, voxels.step_m, strict=True)
-        )
+        low, high = (_voxel([pick(axis) for axis in zip(*points, strict=True)]) for pick in (min, max))
+        steps = zip(low, high, voxels.step_m, strict=True)
         turn = tuple(value["quaternion_xyzw"] or NO_TURN)
-        at = voxels.at(value["position_m"])
         return cls(
-            value["name"],
-            at,
-            (low[0], low[1], low[2]),
-            (high[0], high[1], high[2]),
-            size_cm,
-            points,
-            round(yaw_deg(turn), 1),
-            tuple(value["position_m"]),
-            turn,
+            name=value["name"],
+            position=voxels.at(value["position_m"]),
+            low=low,
+            high=high,
+            size_cm=tuple(round(100 * step * (last - first + 1), 1) for first, last, step in steps),
+            voxels=points,
+            yaw_deg=round(yaw_deg(turn), 1),
+            position_m=tuple(value["position_m"]),
+            quaternion_xyzw=turn,
         )
 
 
@@ -77,7 +73,6 @@ class ValueMap:
     """
 
     kind: str
-    commands: "Commands"
     painted: list[tuple[Box, object]] = field(default_factory=list)
 
     def __setitem__(self, index: object, value: object) -> None:
@@ -85,15 +80,14 @@ class ValueMap:
         parts = index if isinstance(index, tuple) else (index,)
         if not 1 <= len(parts) <= 3:
             raise CommandError("a map has three indices: [x, y, z]")
-        x, y, z = (*(span(part) for part in parts), *EVERYWHERE[len(parts) :])
+        x, y, z = (*(_span(part) for part in parts), *EVERYWHERE[len(parts) :])
         self.add((x, y, z), value)
 
     def add(self, box: Box, value: object) -> None:
         """Set the voxels of a box."""
-        self.commands.count_painted()
         if box == EVERYWHERE:
             self.painted.clear()  # it would have no effect
-        self.painted.append((box, map_value(self.kind, value)))
+        self.painted.append((box, _map_value(self.kind, value)))
 
 
 class Commands:
@@ -108,25 +102,14 @@ class Commands:
         self._things = {item["name"]: Thing.read(item, self._voxels) for item in scene["objects"]}
         self._hand = Thing.read(scene["hand"], self._voxels)
         self._num_painted = 0
-        self._num_asked = 0
-        self._volume = 0
         self.moves: list[dict[str, list[tuple[Box, object]]]] = []
 
     def by_name(self) -> dict[str, Callable[..., object]]:
         """What a program can call."""
-        maps = {f"empty_{kind}_map": self._map_maker(kind) for kind in KINDS}
+        maps = {f"empty_{kind}_map": partial(ValueMap, kind) for kind in KINDS}
         own = (self.detect, self.hand, self.shifted, self.shifted_along, self.set_voxels, self.set_object)
         more = (self.cm_to_voxels, self.voxels_to_cm, self.pointing_down, self.move)
         return {**{call.__name__: call for call in (*PLAIN, *own, *more)}, **maps}
-
-    def count_painted(self) -> None:
-        """Note that a box is painted."""
-        self._num_painted += 1
-        if self._num_painted > MAX_PAINTED:
-            raise CommandError(f"the maps are painted in more than {MAX_PAINTED} places")
-
-    def _map_maker(self, kind: str) -> Callable[[], ValueMap]:
-        return lambda: ValueMap(kind, self)
 
     def detect(self, name: object) -> Thing:
         """The object of that name in the first image."""
@@ -150,31 +133,31 @@ class Commands:
 
     def _moved(self, where: object, by_cm: Sequence[object], turn: Sequence[float]) -> Voxel:
         start_m = where.position_m if isinstance(where, Thing) else self._voxels.centre_m(_voxel(where))
-        by_m = turned(turn, [length_cm(value) / 100 for value in by_cm])
+        by_m = turned(turn, [_length_cm(value) / 100 for value in by_cm])
         return self._voxels.at([start + by for start, by in zip(start_m, by_m, strict=True)])
 
     def set_voxels(self, map: object, position: object, value: object = 1, radius_cm: object = 0) -> None:  # noqa: A002
         """Paint the box of that radius about a voxel."""
         at = _voxel(position)
-        _a_map("set_voxels", map).add(self._voxels.around(at, at, abs(length_cm(radius_cm))), value)
+        _a_map("set_voxels", map).add(self._voxels.around(at, at, abs(_length_cm(radius_cm))), value)
 
     def set_object(self, map: object, thing: object, value: object = 1, margin_cm: object = 0) -> None:  # noqa: A002
         """Paint the bounding box of an object, and a margin about it."""
         if not isinstance(thing, Thing):
             raise CommandError("set_object takes a map, then an object from detect")
-        _a_map("set_object", map).add(self._voxels.around(thing.low, thing.high, abs(length_cm(margin_cm))), value)
+        _a_map("set_object", map).add(self._voxels.around(thing.low, thing.high, abs(_length_cm(margin_cm))), value)
 
     def cm_to_voxels(self, cm: object, axis: object = "z") -> int:
         """How many voxels a length has along an axis."""
-        return self._voxels.count(length_cm(cm), axis_number(axis))
+        return self._voxels.count(_length_cm(cm), _axis_number(axis))
 
     def voxels_to_cm(self, voxels: object, axis: object = "z") -> float:
         """How long so many voxels are along an axis."""
-        return 100 * finite(voxels, "a number of voxels") * self._voxels.step_m[axis_number(axis)]
+        return 100 * _finite(voxels, "a number of voxels") * self._voxels.step_m[_axis_number(axis)]
 
     def pointing_down(self, yaw_deg: object = 0, tilt_deg: object = 0) -> tuple[float, ...]:
         """A rotation of the gripper, its fingers closing at right angles to the yaw."""
-        return pointing_down(finite(yaw_deg, "a yaw in degrees"), finite(tilt_deg, "a tilt in degrees"))
+        return pointing_down(_finite(yaw_deg, "a yaw in degrees"), _finite(tilt_deg, "a tilt in degrees"))
 
     def move(
         self,
@@ -189,20 +172,15 @@ class Commands:
         for kind, value in given.items():
             if value is not None and not (isinstance(value, ValueMap) and value.kind == kind):
                 raise CommandError(f"move: {kind} is no {kind} map (valid: empty_{kind}_map())")
-        maps = {kind: value.painted for kind, value in given.items() if isinstance(value, ValueMap)}
+        maps = {kind: list(value.painted) for kind, value in given.items() if isinstance(value, ValueMap)}
         if not any(isinstance(value, int | float) and value > 0 for _, value in maps.get("affordance", ())):
             raise CommandError("move: no voxel of the affordance map is above 0 (valid: set_voxels(map, position))")
         if len(self.moves) == MAX_MOVES:
             raise CommandError(f"the program moves more than {MAX_MOVES} times")
-        self._count_asked(box for painted in maps.values() for box, _ in painted)
-        self.moves.append({kind: list(painted) for kind, painted in maps.items()})
-
-    def _count_asked(self, boxes: Iterable[Box]) -> None:
-        for (x0, x1), (y0, y1), (z0, z1) in boxes:
-            self._num_asked += 1
-            self._volume += (x1 - x0) * (y1 - y0) * (z1 - z0)
-        if self._num_asked > MAX_PAINTED or self._volume > MAX_VOLUME:
-            raise CommandError(f"move: the maps hold more than {MAX_PAINTED} places or {MAX_VOLUME:.0e} voxels")
+        self._num_painted += sum(map(len, maps.values()))
+        if self._num_painted > MAX_PAINTED:
+            raise CommandError(f"the maps of the moves are painted in more than {MAX_PAINTED} places")
+        self.moves.append(maps)
 
 
 def _a_map(command: str, value: object) -> ValueMap:
@@ -214,7 +192,59 @@ def _a_map(command: str, value: object) -> ValueMap:
 def _voxel(value: object) -> Voxel:
     if isinstance(value, Thing):
         return value.position
-    if isinstance(value, tuple | list) and len(value) == 3 and all(is_index(number) for number in value):
+    if isinstance(value, tuple | list) and len(value) == 3 and all(map(_is_index, value)):
         x, y, z = value
         return x, y, z
     raise CommandError(f"a position is three whole numbers (x, y, z), each 0..{SIZE - 1}, or an object from detect")
+
+
+def _finite(value: object, what: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise CommandError(f"{what} is a number, not {type(value).__name__}")
+    return value
+
+
+def _length_cm(value: object) -> float:
+    if abs(length := _finite(value, "a length in cm")) > MAX_CM:
+        raise CommandError(f"a length is {length:g} cm (valid: at most {MAX_CM:g})")
+    return length
+
+
+def _axis_number(value: object) -> int:
+    if value not in AXES:
+        raise CommandError(f"there is no such axis (valid: {', '.join(map(repr, AXES))})")
+    return AXES.index(str(value))
+
+
+def _is_index(value: object) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and 0 <= value < SIZE
+
+
+def _span(part: object) -> tuple[int, int]:
+    """The voxels along one axis that an index means."""
+    if isinstance(part, slice) and part.step in (None, 1):
+        first, last, _ = part.indices(SIZE)
+        if first < last:
+            return first, last
+    elif isinstance(part, int) and _is_index(part):
+        return part, part + 1
+    raise CommandError(f"an index of a map is a whole number 0..{SIZE - 1} or a slice of them")
+
+
+def _map_value(kind: str, value: object) -> object:
+    """`value`, if a map of that kind holds such values."""
+    if kind == "rotation":
+        if not (isinstance(value, tuple | list) and len(value) == 4):
+            raise CommandError("a rotation map holds quaternions (valid: pointing_down(yaw_deg))")
+        quaternion = tuple(_finite(part, "a part of a quaternion") for part in value)
+        if abs(math.hypot(*quaternion) - 1) > 1e-3:
+            raise CommandError("a quaternion of a rotation map is not of length 1")
+        return quaternion
+    number = _finite(value, f"a value of the {kind} map")
+    if kind == "gripper" and number not in (0, 1):
+        raise CommandError(f"a gripper map holds {number:g} (valid: 1 open, 0 closed)")
+    if kind == "velocity" and not 0 < number <= 1:
+        raise CommandError(f"a velocity map holds {number:g} (valid: above 0, up to 1, the usual speed)")
+    if kind in ("affordance", "avoidance") and not 0 <= number <= 1:
+        raise CommandError(f"an {kind} map holds {number:g} (valid: 0 to 1)")
+    return number

@@ -1,11 +1,15 @@
-"""Value maps of 100^3 voxels, and the published planner: greedy descent over their cost, smoothed.
+"""A program's moves -> value maps of 100^3 voxels -> a way -> end-effector actions.
 
-The weights are those of its authors' demo: the cost is twice the distance to the nearest target plus the blurred
-obstacles, each between 0 and 1.
+The way is the published planner's: greedy descent over the maps' cost, smoothed. The weights are those of its authors'
+demo: the cost is twice the distance to the nearest target plus the blurred obstacles, each between 0 and 1.
+
+A robot goes straight from action to action, so that a way is sent by its corners and by the points where the rotation
+or the gripper changes. An action has no speed: programs may paint velocity maps, which nothing reads.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -13,9 +17,13 @@ import numpy.typing as npt
 from scipy.ndimage import distance_transform_edt, gaussian_filter
 from scipy.signal import savgol_filter
 
-from app.evaluation.baselines.voxposer.program.voxels import SIZE
-from roboprompt_client.arrays import Array
+from app.evaluation.failures import ProgramRefusedError
+from app.evaluation.voxposer.sandbox import Scene
+from app.evaluation.voxposer.voxels import SIZE
+from roboprompt_client.arrays import Array, unit_quaternions
+from roboprompt_client.trajectory import EndEffectorAction
 
+MAX_ACTIONS = 100  # the way over value maps has more corners than a list of keyframes has rows
 TARGET_WEIGHT, OBSTACLE_WEIGHT = 2.0, 1.0
 BLUR_VOXELS = 10.0
 REACH = 2  # voxels that one step may go along each axis
@@ -23,6 +31,8 @@ MAX_STEPS = 300
 STOP_BELOW = 0.001  # a step must promise more than to go by this much upwards
 VISITED = 1.0  # added to the cost of a voxel that was passed
 SMOOTHED_OVER, SMOOTH_ORDER = 19, 3
+CORNER_VOXELS = 1.0  # a way that strays by less from the straight line is one
+SAME_TURN = 1e-6  # between quaternions, of numbers with 32 bits
 Index = npt.NDArray[np.int_]
 Values = npt.NDArray[np.float32]
 Painted = Sequence[tuple[Any, Any]]
@@ -77,6 +87,65 @@ def _map(painted: Painted, background: Any) -> Values:  # noqa: ANN401
     for ((x0, x1), (y0, y1), (z0, z1)), value in painted:
         values[x0:x1, y0:y1, z0:z1] = value
     return values
+
+
+def plan_moves(moves: Sequence[Mapping[str, Painted]], scene: Scene) -> tuple[EndEffectorAction, ...]:
+    """The actions of all moves, one after the other.
+
+    Raises:
+        ProgramRefusedError: if a move has no target, or there are more than MAX_ACTIONS actions.
+    """
+    now, actions = scene.start, list[EndEffectorAction]()
+    for number, move in enumerate(moves, start=1):
+        maps = ValueMaps.painted(move, now.quaternion_xyzw, gripper_open=now.gripper_open)
+        if not maps.targets.any():
+            raise ProgramRefusedError(f"move {number} has no target: zeros were painted over its affordance map")
+        way = plan_way(maps, np.array(scene.voxels.at(now.position_m.tolist())))
+        actions += _corners(way, [_action_at(point, maps, scene) for point in way], now)
+        now = actions[-1]
+        if len(actions) > MAX_ACTIONS:
+            raise ProgramRefusedError(f"the program takes more than max_actions = {MAX_ACTIONS} actions")
+    return tuple(actions)
+
+
+def _action_at(point: Array, maps: ValueMaps, scene: Scene) -> EndEffectorAction:
+    """What the maps say at a point (3,) in voxels, not rounded."""
+    x, y, z = np.clip(np.rint(point), 0, SIZE - 1).astype(int).tolist()
+    turn = unit_quaternions("rotation map", maps.rotation[x, y, z].astype(float), (4,))
+    position_m = np.array(scene.voxels.centre_m(point.tolist()))
+    return EndEffectorAction(position_m, turn, bool(maps.gripper[x, y, z] > 0.5))
+
+
+def _corners(way: Array, actions: Sequence[EndEffectorAction], now: EndEffectorAction) -> list[EndEffectorAction]:
+    """The actions that stand for a way (N, 3); one that switches the gripper at its start begins where the hand is."""
+    if len(way) == 1:
+        return [actions[0]]
+    switched = actions[0].gripper_open != now.gripper_open
+    first = [replace(now, gripper_open=actions[0].gripper_open)] if switched else []
+    changes = [k for k in range(1, len(way)) if _differs(actions[k - 1], actions[k])]
+    ends = sorted({0, *changes, len(way) - 1})
+    kept = {k for low, high in pairwise(ends) for k in _strays(way, low, high)}
+    return [*first, *(actions[k] for k in sorted({*kept, *ends} - {0}))]
+
+
+def _differs(a: EndEffectorAction, b: EndEffectorAction) -> bool:
+    turned = 1 - abs(float(a.quaternion_xyzw @ b.quaternion_xyzw)) > SAME_TURN
+    return turned or a.gripper_open != b.gripper_open
+
+
+def _strays(points: Array, low: int, high: int) -> list[int]:
+    """The points between two that lie off the straight line, by Ramer, Douglas and Peucker."""
+    if high - low < 2:
+        return []
+    along = points[high] - points[low]
+    length = float(np.linalg.norm(along)) or 1.0
+    offset = points[low + 1 : high] - points[low]
+    across = offset - np.outer(offset @ along / length**2, along)
+    distance = np.linalg.norm(across, axis=1)
+    if distance.max() <= CORNER_VOXELS:
+        return []
+    worst = low + 1 + int(distance.argmax())
+    return [*_strays(points, low, worst), worst, *_strays(points, worst, high)]
 
 
 def cost_map(maps: ValueMaps) -> Array:

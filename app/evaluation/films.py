@@ -1,29 +1,78 @@
-"""The whole method as one moving picture: what the LLM reads, what it replies, and the arm that carries it out."""
+"""Pictures for people: a film strip of each simulated task's expert on one page, and the whole method as a GIF.
 
-from collections.abc import Callable, Sequence
+The GIF shows what the LLM reads, what it replies, and the arm that carries it out.
+"""
+
+import inspect
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from textwrap import wrap
 
+import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from app.drawing import RgbImage
 from app.evaluation.failures import ExpertFailedError
+from app.evaluation.report.pictures import captions, film_grid, film_tiles
 from app.evaluation.server import service
 from app.sim.demonstrate import judge, record_demonstration, robot_in_scene
-from app.sim.rendering import open_renderer
+from app.sim.moves import moves_from_actions
+from app.sim.outcomes import RecordedDemonstration
+from app.sim.rendering import CAMERA, open_renderer
 from app.sim.robot import SimulatedPanda
+from app.sim.tasks import TASKS
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.robot import Observation
 from roboprompt_client.trajectory import EndEffectorAction
 
-CAMERA = "front"
+JPEG_QUALITY = 80
+MAX_TILES = 8
+INTRODUCTION = """# The simulated tasks
+
+MuJoCo counterparts of the paper's 16 RLBench tasks and 6 real-robot tasks, not RLBench itself. Objects are held by
+friction alone. Each strip shows the expert on the scene of seed {seed}; `roboprompt films` makes this page.
+"""
+
 SHOT_S = 0.3  # of simulated time, between two pictures
 FRAME_MS, ROW_MS, LAST_MS = 90, 300, 4000
 SCENE_PX, TEXT_WIDTH_PX, MARGIN_PX = (480, 360), 500, 14
 FONT_PX, LINE_PX, LINE_CHARS = 13, 18, 68
 COLORS = 96
 BACKGROUND, TITLE, TEXT, DONE = "#181c22", "#8fb8ff", "#c3c9d1", "#7fd18b"
+
+
+def film_task(task: str, seed: int, folder: Path) -> RecordedDemonstration:
+    """Let the expert solve the scene of a seed, and save TASK.jpg: at most eight pictures from first to last."""
+    recorded = record_demonstration(task, seed, images=False, film_strip=True)
+    images = recorded.film_strip
+    tiles = film_tiles(images, captions(len(images), len(recorded.expert_actions)))
+    shown = np.linspace(0, len(tiles) - 1, min(len(tiles), MAX_TILES)).round().astype(int)
+    folder.mkdir(parents=True, exist_ok=True)
+    strip = Image.fromarray(film_grid([tiles[k] for k in shown]))
+    strip.save(folder / f"{task}.jpg", quality=JPEG_QUALITY, optimize=True)
+    return recorded
+
+
+def write_page(filmed: Mapping[str, RecordedDemonstration], seed: int, folder: Path) -> Path:
+    """`README.md` in the folder: of each task the instruction, what its scene varies, and the strip."""
+    page = folder / "README.md"
+    sections = (_section(task, recorded) for task, recorded in filmed.items())
+    page.write_text("\n".join([INTRODUCTION.format(seed=seed), *sections]))
+    return page
+
+
+def _section(task: str, recorded: RecordedDemonstration) -> str:
+    names = ", ".join(pose.name for pose in recorded.scene.objects)
+    about = inspect.getdoc(TASKS[task]) or ""
+    return f"""## {task}
+
+"{recorded.scene.instruction}" ({names})
+
+{about}
+
+![The expert solves {task}, from the first picture to the last]({task}.jpg)
+"""
 
 
 @dataclass(frozen=True)
@@ -105,7 +154,7 @@ def _carry_out(
             pictures.append((shoot(), len(done)))
 
     robot.after_step.append(after_step)
-    robot.execute_sequence(actions, done.append)
+    robot.perform(moves_from_actions(actions), done.append)
     robot.after_step.remove(after_step)
     return [*pictures, (shoot(), len(done))]
 
