@@ -9,9 +9,10 @@ from typing import Annotated, Any
 import typer
 from rich.console import Console
 
+from app.cli.shared import URL_HELP, service_at
 from roboprompt_client import quaternions
 from roboprompt_client.client import DEFAULT_URL, RoboPromptClient
-from roboprompt_client.errors import ServiceProblemError, ServiceUnreachableError
+from roboprompt_client.errors import ServiceProblemError
 
 MOVED_M, MOVED_DEG = 0.0005, 0.05
 # Of a request beside its objects: images are not sent again, and a closed loop has no beginning of its own.
@@ -22,7 +23,7 @@ Document = Mapping[str, Any]
 
 @application.command()
 def run(
-    url: Annotated[str, typer.Option(help="of the running service")] = DEFAULT_URL,
+    url: Annotated[str, typer.Option(help=URL_HELP)] = DEFAULT_URL,
     task: Annotated[str | None, typer.Option(help="only the cases of this task")] = None,
     model: Annotated[str | None, typer.Option(help="ask this LLM instead of each case's own")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="print one JSON object a case")] = False,
@@ -33,17 +34,13 @@ def run(
     answer moved.
     """
     console, moved = Console(), 0
-    try:
-        with RoboPromptClient(url) as client:
-            for case in cases_of(client, task):
-                said = compare(case, ask_again(client, case, model))
-                moved += said != "same"
-                where = f"{case['id'][:8]} {case['task']}: {case['instruction']}"
-                line = json.dumps({"id": case["id"], "moved": said}) if as_json else f"{said}\t{where}"
-                console.print(line, markup=False, highlight=False, soft_wrap=True)
-    except (ServiceProblemError, ServiceUnreachableError) as error:
-        Console(stderr=True).print(str(error), markup=False, soft_wrap=True)
-        raise typer.Exit(1) from error
+    with service_at(url) as client:
+        for case in cases_of(client, task):
+            said = compare(case, ask_again(client, case, model))
+            moved += said != "same"
+            where = f"{case['id'][:8]} {case['task']}: {case['instruction']}"
+            line = json.dumps({"id": case["id"], "moved": said}) if as_json else f"{said}\t{where}"
+            console.print(line, markup=False, highlight=False, soft_wrap=True)
     raise typer.Exit(1 if moved else 0)
 
 

@@ -9,17 +9,18 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from roboprompt_client.client import DEFAULT_URL, RoboPromptClient
-from roboprompt_client.errors import ServiceProblemError, ServiceUnreachableError
+from app.cli.shared import URL_HELP, service_at
+from roboprompt_client.client import DEFAULT_URL
 
 COLORS = {"info": "cyan", "warning": "yellow", "danger": "red"}
+FIGURES = ("Row", "Error", "Worst", "Varies", "Path")  # columns of numbers
 SHOWN_CHARS = 8  # of an episode's id
 Document = Mapping[str, Any]
 
 
 def check(
     task: Annotated[str, typer.Argument(help="a task with demonstrations")],
-    url: Annotated[str, typer.Option(help="of the running service")] = DEFAULT_URL,
+    url: Annotated[str, typer.Option(help=URL_HELP)] = DEFAULT_URL,
     model: Annotated[str | None, typer.Option(help="ask this LLM as well, see GET /models; some seconds each")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="print the service's answer as one line of JSON")] = False,
     strict: Annotated[bool, typer.Option(help="exit with status 1 if there is a warning or a danger")] = False,
@@ -28,12 +29,8 @@ def check(
 
     Without --model this asks no LLM. The exit status is 0 whatever is found, unless --strict says otherwise.
     """
-    try:
-        with RoboPromptClient(url) as client:
-            answer = client.check(task, model)
-    except (ServiceProblemError, ServiceUnreachableError) as error:
-        Console(stderr=True).print(str(error), markup=False, soft_wrap=True)
-        raise typer.Exit(1) from error
+    with service_at(url) as client:
+        answer = client.check(task, model)
     if as_json:
         print(json.dumps(answer))  # noqa: T201
     else:
@@ -69,58 +66,45 @@ def _title(plan: Document) -> str:
 
 
 def _row_table(rows: Sequence[Document]) -> Table:
-    table = _table()
-    for name in ("Row", "Follows", "Gripper", "Error", "Worst", "Varies"):
-        table.add_column(name, justify="left" if name in ("Follows", "Gripper") else "right")
+    table = _table("Row", "Follows", "Gripper", "Error", "Worst", "Varies")
     for number, row in enumerate(rows, start=1):
+        follows = _several(row["objects"]) if row["objects"] else f"the {row['frame']}"
         gripper = ("opens" if row["gripper_open"] else "closes") if row["switches"] else ""
         errors = [_off(row[f"{name}_cm"], row[f"{name}_deg"]) for name in ("error", "worst", "varies")]
-        table.add_row(f"{number}", _follows(row), gripper, *errors)
+        table.add_row(f"{number}", follows, gripper, *errors)
     return table
 
 
-def _follows(row: Document) -> str:
-    if not row["objects"]:
-        return f"the {row['frame']}"
-    return _several(row["objects"])
-
-
 def _episode_table(plan: Document) -> Table:
-    table = _table()
-    for name in ("Demonstration", "Manner", "Worst row", "Error", "Path"):
-        table.add_column(name, justify="right" if name in ("Error", "Path") else "left")
+    table = _table("Demonstration", "Manner", "Worst row", "Error", "Path")
     for episode in plan["episodes"]:
-        worst = _worst(episode)
         name = f"{episode['id'][:SHOWN_CHARS]}{' [yellow]unlike the others[/]' if episode['unlike_others'] else ''}"
-        row, error = ("", "") if worst is None else (f"{worst + 1}", _off_at(episode, worst))
-        table.add_row(name, episode["manner"], row, error, f"{episode['path_cm']:.1f} cm")
+        table.add_row(name, episode["manner"], *_worst(episode), f"{episode['path_cm']:.1f} cm")
     return table
 
 
 def _reply_table(replies: Sequence[Document]) -> Table:
-    table = _table()
-    for name in ("Demonstration", "Worst row", "Error", ""):
-        table.add_column(name, justify="right" if name == "Error" else "left")
+    table = _table("Demonstration", "Worst row", "Error", "")
     for reply in replies:
-        worst = _worst(reply)
-        row, error = ("", "") if worst is None else (f"{worst + 1}", _off_at(reply, worst))
         said = reply["problem"] or ("too far off" if reply["wrong"] else "")
-        table.add_row(reply["episode_id"][:SHOWN_CHARS], row, error, escape(said))
+        table.add_row(reply["episode_id"][:SHOWN_CHARS], *_worst(reply), escape(said))
     return table
 
 
-def _table() -> Table:
-    return Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+def _table(*columns: str) -> Table:
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    for name in columns:
+        table.add_column(name, justify="right" if name in FIGURES else "left")
+    return table
 
 
-def _worst(errors: Document) -> int | None:
-    """The row with the largest distance; None where nothing was compared."""
-    found: list[float] = errors["error_cm"]
-    return max(range(len(found)), key=found.__getitem__) if found else None
-
-
-def _off_at(errors: Document, row: int) -> str:
-    return _off(errors["error_cm"][row], errors["error_deg"][row])
+def _worst(errors: Document) -> tuple[str, str]:
+    """The number of the row with the largest distance, and how far it is off; empty where nothing was compared."""
+    pairs = list(zip(errors["error_cm"], errors["error_deg"], strict=True))
+    if not pairs:
+        return "", ""
+    worst = max(range(len(pairs)), key=lambda row: pairs[row][0])
+    return f"{worst + 1}", _off(*pairs[worst])
 
 
 def _off(distance_cm: float | None, angle_deg: float | None) -> str:

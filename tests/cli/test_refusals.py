@@ -2,15 +2,16 @@
 
 import json
 import sqlite3
+import subprocess
+import sys
 import threading
 from contextlib import closing
 from http.server import BaseHTTPRequestHandler, HTTPServer
 
 import pytest
-import typer
 from typer.testing import CliRunner
 
-from app.cli import application
+from app.cli import COMMANDS, application, load
 from app.evaluation.server import free_port
 from roboprompt_client import cli as script
 from roboprompt_client.version import VERSION
@@ -181,6 +182,15 @@ def test_version():
     assert (run.exit_code, run.output) == (0, f"roboprompt {VERSION}\n")
 
 
+def test_the_list_imports_no_command():
+    code = "import sys; from app.cli import application as run; run(['--help'], standalone_mode=False)"
+    code += "; print('app.cli.serve' in sys.modules)"
+    listed = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert listed.endswith("False\n")
+    for name in COMMANDS:
+        assert name in listed
+
+
 def test_one_name_for_the_address():
     for command in ("import", "export", "teach-objects", "eval"):
         help_text = CliRunner().invoke(application, [command, "--help"]).output
@@ -195,8 +205,8 @@ def test_nothing_is_hidden():
         for inner in getattr(command, "commands", {}).values():
             yield from commands_below(inner)
 
-    everything = list(commands_below(typer.main.get_command(application)))
-    assert len(everything) > 10
+    everything = [found for name in COMMANDS for found in commands_below(load(name))]
+    assert len(everything) > 20
     assert not [item.name for item in everything if item.hidden]
     assert not [item.name for command in everything for item in command.params if getattr(item, "hidden", False)]
 
