@@ -11,8 +11,8 @@ from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import UploadFile
 from starlette.exceptions import HTTPException
 
-from app.api.body_limits import JSON, MSGPACK, MULTIPART, content_type_of
 from app.api.decoding import JsonBudget, check_only_json_types, json_object, msgpack_object
+from app.api.middleware import JSON, MSGPACK, MULTIPART, content_type_of
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.npy import is_packed_array, npy_from_packed
 

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from app.api.schemas.labels import LabelList, LabelOut, LabelPreviewOut, LearnedLabelsOut
-from app.api.schemas.poses import TriedModelOut
+from app.api.schemas.objects import LabelList, LabelOut, LabelPreviewOut, LearnedLabelsOut, TriedModelOut
 from benchmarks.object_scenes import Layout, Room, upright
 from roboprompt_client.camera import camera_json
 from roboprompt_client.encoding import request_parts

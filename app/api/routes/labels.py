@@ -10,9 +10,8 @@ from app.api.body import Body as RequestBody
 from app.api.body import read_body
 from app.api.decoding import UniqueKeysRoute
 from app.api.image_work import decode_frames, image_work, split_images
-from app.api.openapi import body_of
-from app.api.routes import Wired, problems
-from app.api.schemas.labels import LabelBody, LabelList, LabelOut, LabelPreviewOut, LearnedLabelsOut, LearnLabelsBody
+from app.api.routes import Wired, body_of, problems
+from app.api.schemas.objects import LabelBody, LabelList, LabelOut, LabelPreviewOut, LearnedLabelsOut, LearnLabelsBody
 from app.perception.frame_checks import check_rgbd
 from app.perception.images import decode_mask
 from app.perception.registered.marks import Marks, outlines
@@ -25,8 +24,7 @@ from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.wording import checked_name
 
 FEW_VIEWS = 3  # with fewer, advice asks for more
-router = APIRouter(tags=["labels"])
-learn_router = APIRouter(tags=["labels"], route_class=UniqueKeysRoute)
+router = APIRouter(tags=["labels"], route_class=UniqueKeysRoute)
 PATH = "/tasks/{name}/labels"
 _REFUSED = problems(
     _400="the body cannot be read",
@@ -38,12 +36,7 @@ _REFUSED = problems(
 
 
 @router.post(
-    PATH,
-    status_code=201,
-    operation_id="label_object",
-    response_model=LabelOut,
-    openapi_extra=body_of(LabelBody, LabelBody),
-    responses=_REFUSED,
+    PATH, status_code=201, response_model=LabelOut, openapi_extra=body_of(LabelBody, LabelBody), responses=_REFUSED
 )
 async def label_object(request: Request, services: Wired, name: str) -> Response:
     """Say where an object is in the images of an episode, or in images that are sent with it.
@@ -59,11 +52,7 @@ async def label_object(request: Request, services: Wired, name: str) -> Response
 
 
 @router.post(
-    PATH + "/preview",
-    operation_id="preview_label",
-    response_model=LabelPreviewOut,
-    openapi_extra=body_of(LabelBody, LabelBody),
-    responses=_REFUSED,
+    PATH + "/preview", response_model=LabelPreviewOut, openapi_extra=body_of(LabelBody, LabelBody), responses=_REFUSED
 )
 async def preview_label(request: Request, services: Wired, name: str) -> Response:
     """What a label would say: the object's mask in every camera. Nothing is stored."""
@@ -78,7 +67,7 @@ async def preview_label(request: Request, services: Wired, name: str) -> Respons
     return JSONResponse({"cameras": cameras, "yaw_deg": preview.yaw_deg})
 
 
-@router.get(PATH, operation_id="list_labels", response_model=LabelList, responses=problems(_404="no such task"))
+@router.get(PATH, response_model=LabelList, responses=problems(_404="no such task"))
 def list_labels(
     services: Wired,
     name: str,
@@ -90,12 +79,7 @@ def list_labels(
     return JSONResponse({"labels": [label_document(record) for record in records]})
 
 
-@router.delete(
-    PATH + "/{label_id}",
-    operation_id="delete_label",
-    status_code=204,
-    responses=problems(_404="no such task or label"),
-)
+@router.delete(PATH + "/{label_id}", status_code=204, responses=problems(_404="no such task or label"))
 def delete_label(services: Wired, name: str, label_id: str) -> Response:
     """Delete a label. What was learned from it stays until the object is learned again."""
     with services.store.write() as connection:
@@ -103,9 +87,8 @@ def delete_label(services: Wired, name: str, label_id: str) -> Response:
     return Response(status_code=204)
 
 
-@learn_router.post(
+@router.post(
     PATH + "/learn",
-    operation_id="learn_from_labels",
     response_model=LearnedLabelsOut,
     responses=problems(
         _404="no such task",

@@ -8,9 +8,8 @@ from fastapi.responses import JSONResponse
 
 from app.api.body import Body, read_body
 from app.api.image_work import decode_frames, image_work, split_images
-from app.api.openapi import body_of
-from app.api.routes import Wired, problems
-from app.api.schemas.poses import PosesBody, PosesOut
+from app.api.routes import Wired, body_of, problems
+from app.api.schemas.objects import PosesBody, PosesOut
 from app.perception.poses_wire import PoseQuestion, poses_document
 from app.services.limits import Limits
 from app.services.pose_servers import find_poses
