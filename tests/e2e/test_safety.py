@@ -147,23 +147,6 @@ def test_an_unsafe_action_in_the_middle_of_a_stream_stops_the_robot(client, taug
     assert [entry == "stop" for entry in arm.log] == [False, False, True]
 
 
-@pytest.mark.parametrize(
-    ("limits", "field"),
-    [
-        ({"keep_out": [{"min": [0, 0, 0], "max": [0, 1, 1]}]}, "motion_limits.keep_out[0]"),
-        ({"max_step_m": 0}, "motion_limits.max_step_m"),
-        ({"max_step_rotation_deg": 200}, "motion_limits.max_step_rotation_deg"),
-        ({"hand_radius_m": -0.01}, "motion_limits.hand_radius_m"),
-        ({"hand_radius_m": None}, "motion_limits.hand_radius_m"),
-        ({"max_speed": 1}, "motion_limits.max_speed"),
-    ],
-)
-def test_limits_that_make_no_sense_are_refused(client, limits, field):
-    with pytest.raises(ServiceProblemError) as caught:
-        client.configure_task("senseless", motion_limits=limits)
-    assert caught.value.problem["errors"][0]["field"] == field
-
-
 def test_the_robots_own_limits_hold_whatever_the_service_says(client, taught):
     arm = Arm()
     with pytest.raises(UnsafeActionError, match=r"action 0: position\.x is"):

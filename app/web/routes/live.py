@@ -1,7 +1,6 @@
 """What runs now, in every process of the service."""
 
 import time
-from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
@@ -122,15 +121,13 @@ def _run(connection: Connection, record: RunRecord) -> JsonObject:
 
 
 def _now(services: Services) -> tuple[list[Running], list[JobProgress]]:
-    notes = tuple(note for note in services.store.under_way.all() if present().has_task(note.task))
+    notes = [note for note in services.store.under_way.all() if present().has_task(note.task)]
     with services.store.read() as connection:
         latest = jobs.list_page(connection, limit=NUM_JOBS).items
-        return list(_timed(connection, notes)), [JobProgress.of(record) for record in latest]
-
-
-def _timed(connection: Connection, notes: tuple[UnderWay, ...]) -> Iterator[Running]:
-    now_s = time.time()
-    usual_ms = {model: prediction_lists.usual_llm_ms(connection, model) for model in {note.model for note in notes}}
+        usual_ms = {model: prediction_lists.usual_llm_ms(connection, model) for model in {note.model for note in notes}}
+    running = []
     for note in notes:
         milliseconds = usual_ms[note.model]
-        yield Running(note, now_s - note.started_s, None if milliseconds is None else milliseconds / 1000)
+        usual_s = None if milliseconds is None else milliseconds / 1000
+        running.append(Running(note, time.time() - note.started_s, usual_s))
+    return running, [JobProgress.of(record) for record in latest]
