@@ -14,7 +14,7 @@ from app.api.access_rules import COOKIE, HEALTH, accepted_scopes
 from app.api.image_work import ImageWork
 from app.api.middleware import BodyLimit, BodyLimits, OuterMiddleware
 from app.api.problems import CONTENT, install_problem_handlers
-from app.api.routes import episodes, labels, login, operations, poses, predict, predictions, tasks
+from app.api.routes import episodes, login, objects, operations, predict, predictions, tasks
 from app.api.schemas.objects import LabelBody, PosesBody
 from app.api.schemas.requests import EpisodeJson, EpisodeMetadata, PredictBody
 from app.api.schemas.responses import Problem
@@ -47,15 +47,11 @@ _REFUSALS = {name: {"description": meaning, "content": CONTENT} for name, meanin
 OpenServices = Callable[[], AbstractAsyncContextManager[Services]]
 
 
-def create_app(
-    open_services: OpenServices, version: str, body_limits: BodyLimits | None = None, access: Access | None = None
-) -> FastAPI:
+def create_app(open_services: OpenServices, version: str, body_limits: BodyLimits, access: Access) -> FastAPI:
     """The application.
 
     Args:
         open_services: entered at start-up, left at shutdown.
-        body_limits: None: the defaults.
-        access: None: no keys, no rate limit.
     """
 
     @asynccontextmanager
@@ -73,14 +69,14 @@ def create_app(
         generate_unique_id_function=lambda route: route.name,
     )
     # A robot waits for predictions. Overlays come before episodes, whose kinds of images would take their addresses.
-    for subject in (predict, poses, episodes, labels, tasks, predictions, operations, login):
+    for subject in (predict, objects, episodes, tasks, predictions, operations, login):
         app.include_router(subject.router)
     install_problem_handlers(app)
     install_openapi(app)
-    app.state.body_limits = body_limits or BodyLimits()
+    app.state.body_limits = body_limits
     app.state.image_work = ImageWork()
     app.add_middleware(BodyLimit, limits=app.state.body_limits)
-    app.add_middleware(AccessControl, owner=app, access=access or Access())
+    app.add_middleware(AccessControl, owner=app, access=access)
     app.add_middleware(OuterMiddleware, owner=app)
     return app
 

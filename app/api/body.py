@@ -102,14 +102,12 @@ def _metadata(data: bytes) -> dict[str, Any]:
 
 def _read_json(data: bytes, most: int) -> Body:
     document = json_object(data)
-    images = {name: document.pop(name) for name in [*document] if _is_image(name, document[name])}
+    names = [name for name in document if name.startswith(IMAGE_PREFIXES)]
+    # a label's `mask_ids` are no image
+    images = {name: document.pop(name) for name in names if name != "mask_ids" or not isinstance(document[name], list)}
     if TRAJECTORY not in document:
         _check_document(len(data) - sum(len(value) for value in images.values() if isinstance(value, str)), most)
     return Body(document, {name: _base64(name, value) for name, value in images.items()})
-
-
-def _is_image(name: str, value: object) -> bool:
-    return name.startswith(IMAGE_PREFIXES) and not (name == "mask_ids" and isinstance(value, list))
 
 
 def _read_packed(data: bytes, most: int) -> Body:

@@ -32,7 +32,7 @@ COMMANDS = {
     "export": ("export_data:export_data", "Export a task: --archive, --lerobot, --rerun."),
     "keys": ("administration:keys", "API keys: add, list, revoke."),
     "models": ("models:application", "LLMs that run on this machine: add, list, remove."),
-    "cases": ("cases:application", "Predictions that were kept as cases, to be asked again."),
+    "cases": ("check:cases", "Predictions that were kept as cases, to be asked again."),
 }
 
 

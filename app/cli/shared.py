@@ -5,11 +5,11 @@ Each refusal names the option and what would be valid.
 
 import re
 from collections import defaultdict
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from importlib.metadata import PackageNotFoundError, distribution, requires
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 from rich.console import Console
@@ -17,7 +17,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from app.settings import Settings, load_env_file
 from roboprompt_client.client import RoboPromptClient
-from roboprompt_client.errors import RoboPromptError
+from roboprompt_client.errors import RoboPromptError, ServiceProblemError
 
 if TYPE_CHECKING:
     from app.store.store import Store
@@ -70,6 +70,27 @@ def service_at(url: str) -> Iterator[RoboPromptClient]:
     """A client of the service; what goes wrong inside is said in a sentence, and the exit status is 1."""
     with refusals_said(), RoboPromptClient(url) as client:
         yield client
+
+
+def if_there(asked: Callable[[], T]) -> T | None:
+    """What the service answers; None where it says that there is no such thing."""
+    try:
+        return asked()
+    except ServiceProblemError as error:
+        if error.status == 404:
+            return None
+        raise
+
+
+def every(client: RoboPromptClient, path: str, **query: object) -> Iterator[dict[str, Any]]:
+    """Every item of a list that the service hands out in pages; what is None in the query is left out."""
+    asked = {name: value for name, value in query.items() if value is not None}
+    while True:
+        page = client.get(path, **asked)
+        yield from page[path.removeprefix("/")]
+        if page["next_cursor"] is None:
+            return
+        asked["cursor"] = page["next_cursor"]
 
 
 def _why_not(name: str) -> str | None:

@@ -39,11 +39,12 @@ def problems(**meanings: str) -> dict[int | str, dict[str, object]]:
 
 
 def body_of(
-    json_model: type[BaseModel], metadata_model: type[BaseModel], *files: str, packed: bool = False
+    json_model: type[BaseModel], metadata_model: type[BaseModel] | None = None, *files: str, packed: bool = False
 ) -> dict[str, Any]:
     """`openapi_extra` for a body that is one JSON document, or multipart with a part `metadata`.
 
     Args:
+        metadata_model: None: the same.
         files: names of further required parts.
         packed: MessagePack is read, too.
     """
@@ -52,7 +53,7 @@ def body_of(
     multipart = {
         "type": "object",
         "required": ["metadata", *files],
-        "properties": {"metadata": _reference(metadata_model), **dict.fromkeys(files, _BINARY), **images},
+        "properties": {"metadata": _reference(metadata_model or json_model), **dict.fromkeys(files, _BINARY), **images},
         "patternProperties": {f"^{kind}_.+$": _BINARY for kind in _IMAGES},
     }
     content: dict[str, dict[str, Any]] = {

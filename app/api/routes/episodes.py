@@ -84,18 +84,8 @@ def _read_upload(limits: Limits, body: Body, idempotency_key: str | None) -> Upl
     frames = decode_frames(metadata.cameras, images, limits.max_image_pixels)
     episode = Episode(metadata.instruction, trajectory, frames, metadata.control_frequency_hz, metadata.extra)
     objects = tuple(item.query() for item in metadata.objects)
-    return Upload(
-        metadata.task,
-        episode,
-        objects,
-        images,
-        digest,
-        idempotency_key,
-        metadata.prediction_id,
-        metadata.left_out,
-        metadata.note,
-        metadata.uploaded_instruction,
-    )
+    said = metadata.model_dump(include={"prediction_id", "left_out", "note", "uploaded_instruction"})
+    return Upload(metadata.task, episode, objects, images, digest, idempotency_key, **said)
 
 
 def _from_json(document: JsonObject, max_frames: int) -> tuple[EpisodeMetadata, Trajectory]:

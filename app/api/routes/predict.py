@@ -42,7 +42,7 @@ router = APIRouter(tags=["predictions"])
 @router.post(
     "/predict",
     response_model=PredictionOut | DryRunOut,
-    openapi_extra=body_of(PredictBody, PredictBody, packed=True),
+    openapi_extra=body_of(PredictBody, packed=True),
     responses=STREAMED
     | problems(
         _400="the body cannot be read",
