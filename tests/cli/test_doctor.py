@@ -1,15 +1,12 @@
 """Each row of `roboprompt doctor`, with what it looks at broken."""
 
-import json
 import shutil
 import socket
 import sqlite3
 import sys
-import threading
 from collections import namedtuple
 from contextlib import closing
 from datetime import UTC, datetime
-from http.server import BaseHTTPRequestHandler, HTTPServer
 
 import pytest
 from typer.testing import CliRunner
@@ -18,6 +15,7 @@ from app.cli import application, doctor, doctor_machine
 from app.cli.shared import packages_of_extras
 from app.settings import Settings
 from app.store.store import Store
+from tests.e2e.processes import answering
 
 GIGABYTES = 10**6  # in kB
 
@@ -138,27 +136,11 @@ def test_clock_before_the_release():
     assert doctor_machine.clock(datetime(1970, 1, 1, tzinfo=UTC)).state == "wrong"
 
 
-class Ours(BaseHTTPRequestHandler):
-    """What GET /healthz answers."""
-
-    def do_GET(self):
-        self.send_response(200)
-        self.end_headers()
-        self.wfile.write(json.dumps({"status": "ok", "checks": {}}).encode())
-
-    def log_message(self, *_):
-        pass
-
-
-def test_port_of_a_service_and_of_another_program():
-    with HTTPServer(("127.0.0.1", 0), Ours) as server:
-        threading.Thread(target=server.serve_forever, daemon=True).start()
-        assert doctor_machine.listening(server.server_port).state == "ok"
-        server.shutdown()
-    with HTTPServer(("127.0.0.1", 0), BaseHTTPRequestHandler) as other:
-        threading.Thread(target=other.serve_forever, daemon=True).start()
-        assert doctor_machine.listening(other.server_port).state == "wrong"
-        other.shutdown()
+@pytest.mark.parametrize(("answer", "state"), [((200, b'{"status": "ok", "checks": {}}'), "ok"), ((501, b""), "wrong")])
+def test_port_of_a_service_and_of_another_program(answer, state):
+    status, content = answer
+    with answering(lambda *_: (status, "application/json", content)) as url:
+        assert doctor_machine.listening(int(url.rpartition(":")[2])).state == state
 
 
 def test_opengl_that_is_switched_off(monkeypatch):

@@ -4,9 +4,7 @@ import json
 import sqlite3
 import subprocess
 import sys
-import threading
 from contextlib import closing
-from http.server import BaseHTTPRequestHandler, HTTPServer
 
 import pytest
 from typer.testing import CliRunner
@@ -15,6 +13,7 @@ from app.cli import COMMANDS, application, load
 from app.evaluation.server import free_port
 from roboprompt_client import cli as script
 from roboprompt_client.version import VERSION
+from tests.e2e.processes import answering
 
 
 def said(run):
@@ -69,30 +68,11 @@ def test_a_demo_is_not_taught_on_top_of_an_earlier_one(tmp_path):
     assert "holds what an earlier demo taught" in said(run)
 
 
-class Stranger(BaseHTTPRequestHandler):
-    """Some other server: pages for whoever asks, or a JSON document that is not the service's."""
-
-    def do_GET(self):
-        kind, body = self.server.answer
-        self.send_response(200)
-        self.send_header("Content-Type", kind)
-        self.end_headers()
-        self.wfile.write(body)
-
-    def log_message(self, *arguments):
-        """Nothing to say."""
-
-
 @pytest.fixture(params=[("text/html", b"<h1>It works!</h1>"), ("application/json", b'{"jobs": []}')])
 def stranger(request):
-    server = HTTPServer(("127.0.0.1", 0), Stranger)
-    server.answer = request.param
-    thread = threading.Thread(target=server.serve_forever, daemon=True)
-    thread.start()
-    yield f"http://127.0.0.1:{server.server_port}"
-    server.shutdown()
-    server.server_close()
-    thread.join()
+    """Some other server: pages for whoever asks, or a JSON document that is not the service's."""
+    with answering(lambda *_: (200, *request.param)) as url:
+        yield url
 
 
 def commands(url, folder):
