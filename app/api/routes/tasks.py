@@ -18,8 +18,7 @@ from app.api.schemas.objects import LearnBody, LearnedOut, TriedModelOut, TryMod
 from app.api.schemas.predictions import TaskCheckOut
 from app.api.schemas.responses import JobOut, TaskList, TaskOut, TaskStatsOut
 from app.perception.poses_wire import poses_document
-from app.pipeline.check.left_out import ReplyCheck
-from app.pipeline.check.report import EpisodeCheck, Off, PlanCheck, RowCheck
+from app.pipeline.check.report import EpisodeCheck, Off, PlanCheck, ReplyCheck, RowCheck
 from app.services.container import Services
 from app.services.predict.standing import task_stats
 from app.services.task_settings import TaskSettings

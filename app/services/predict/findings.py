@@ -18,7 +18,7 @@ from app.pipeline.findings.rules import (
     UNSUPPORTED,
     Rule,
 )
-from app.pipeline.findings.scene import scene_findings, strangers
+from app.pipeline.findings.scene import scene_findings, start_findings, strangers
 from app.pipeline.findings.sources import source_findings
 from app.pipeline.order.order import Order
 from app.services.predict.question import Question
@@ -43,6 +43,8 @@ def doubts_before(question: Question) -> Iterator[Finding]:
     yield from source_findings(_that_matter(seen, followed), taught.demonstrations, taught.compared)
     yield from taught.findings(order)
     yield from scene_findings(seen, taught.scenes, followed, taught.needed)
+    if taught.follows_start(order):
+        yield from start_findings(seen, taught.scenes)
 
 
 def _that_matter(seen: Query, followed: frozenset[str]) -> tuple[ObjectPose, ...]:

@@ -11,8 +11,7 @@ from app.pipeline.errors import ObjectSetError, UnfamiliarInstructionError
 from app.pipeline.order.lexicon import shared_aliases
 from app.pipeline.order.space import Layout
 from app.pipeline.prompt import check_object_names
-from app.pipeline.steps.reading import read_steps
-from app.pipeline.steps.skill import Scene, Skill, Step
+from app.pipeline.steps.reading import Scene, Skill, Step, read_steps
 from app.services.cache import Cache
 from app.services.predict.instruction import MAX_TASKS, is_english, taught_of
 from app.services.predict.request import PredictRequest

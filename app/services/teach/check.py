@@ -10,8 +10,7 @@ import anyio.to_thread
 from app.llm.base import ModelProfile
 from app.perception.base import ObjectQuery
 from app.pipeline.check import check_demonstrations
-from app.pipeline.check.left_out import ReplyCheck, check_reply, reply_findings
-from app.pipeline.check.report import EpisodeCheck, TaskCheck
+from app.pipeline.check.report import EpisodeCheck, ReplyCheck, TaskCheck, check_reply, reply_findings
 from app.pipeline.errors import ReplyParseError, UnsupportedActionError
 from app.pipeline.findings import Finding
 from app.pipeline.plans import Recording

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from app.perception.base import ObjectQuery
-from app.pipeline.alike import Alike
+from app.pipeline.alike import Alike, with_numbers
 from app.pipeline.errors import ObjectSetError
 from app.pipeline.findings import Finding
 from app.pipeline.findings.arrangement import FEWEST
@@ -14,7 +14,6 @@ from app.pipeline.findings.scene import other_objects
 from app.pipeline.keyframes import Motion
 from app.pipeline.order.order import Order
 from app.pipeline.order.space import Layout
-from app.pipeline.order.which import with_numbers
 from app.pipeline.plans.alignment import GRASPED_M
 from app.pipeline.prompt import check_object_names
 from app.services.predict.demonstrations import Demonstrations, recordings_of

@@ -14,10 +14,9 @@ from app.perception.images import ImageBytes
 from app.pipeline.alike import Alike, alike_findings
 from app.pipeline.episode import Episode
 from app.pipeline.findings import Finding
-from app.pipeline.findings.contact import contact_findings
-from app.pipeline.findings.recording import check_moves
+from app.pipeline.findings.elsewhere import unlike_findings
+from app.pipeline.findings.recording import check_moves, contact_findings
 from app.pipeline.findings.units import check_recording_units
-from app.pipeline.findings.unlike import unlike_findings
 from app.pipeline.keyframes import Motion
 from app.pipeline.prompt import check_object_names
 from app.services.measures import note
