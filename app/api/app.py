@@ -76,8 +76,8 @@ def create_app(open_services: OpenServices, version: str, body_limits: BodyLimit
     app.state.body_limits = body_limits
     app.state.image_work = ImageWork()
     app.add_middleware(BodyLimit, limits=app.state.body_limits)
-    app.add_middleware(AccessControl, owner=app, access=access)
-    app.add_middleware(OuterMiddleware, owner=app)
+    app.add_middleware(AccessControl, access=access)
+    app.add_middleware(OuterMiddleware)
     return app
 
 

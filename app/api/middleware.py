@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from http import HTTPMethod
 from uuid import uuid4
 
-from fastapi import FastAPI
 from starlette.exceptions import HTTPException
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
@@ -53,14 +52,10 @@ class OuterMiddleware:
 
     A request keeps the `X-Request-ID` that it came with, or gets one; the answer carries it. There is no CORS: scripts
     of other websites read no answer.
-
-    Args:
-        owner: whose `state.services` has the metrics.
     """
 
-    def __init__(self, app: ASGIApp, owner: FastAPI) -> None:
+    def __init__(self, app: ASGIApp) -> None:
         self._app = app
-        self._owner = owner
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] != "http":
@@ -81,15 +76,16 @@ class OuterMiddleware:
             try:
                 await self._app(scope, receive, watched_send)
             finally:
-                self._observe(scope, status, time.perf_counter() - started)
+                _observe(scope, status, time.perf_counter() - started)
 
-    def _observe(self, scope: Scope, status: int, seconds: float) -> None:
-        # An unknown method or path must not become a label: clients could invent any number of them.
-        method = scope["method"] if scope["method"] in METHODS else "other"
-        route = getattr(scope.get("route"), "path", "none")
-        self._owner.state.services.metrics.observe_request(method, route, status, seconds)
-        figures = {"method": method, "route": route, "status": status, "duration_ms": round(1000 * seconds, 2)}
-        logger.info("%s %s %d", method, route, status, extra=figures)
+
+def _observe(scope: Scope, status: int, seconds: float) -> None:
+    # An unknown method or path must not become a label: clients could invent any number of them.
+    method = scope["method"] if scope["method"] in METHODS else "other"
+    route = getattr(scope.get("route"), "path", "none")
+    scope["app"].state.services.metrics.observe_request(method, route, status, seconds)
+    figures = {"method": method, "route": route, "status": status, "duration_ms": round(1000 * seconds, 2)}
+    logger.info("%s %s %d", method, route, status, extra=figures)
 
 
 def _completed(headers: list[tuple[bytes, bytes]], scope: Scope) -> list[tuple[bytes, bytes]]:
