@@ -12,9 +12,8 @@ from app.llm.baselines import YARDSTICKS
 from app.services.predict.standing import task_stats
 from app.store import prediction_lists, predictions, tasks
 from app.store.prediction_lists import FATES, Fate, ListCursor, Order, PredictionFilter
-from app.web.over_time import over_time
 from app.web.page import HEADERS, PageRoute, render, render_part
-from app.web.prediction_views import compare, view_prediction
+from app.web.prediction_views import compare, over_time, view_prediction
 from roboprompt_client.errors import InvalidInputError
 
 PAGE_SIZE = 50

@@ -1,32 +1,47 @@
-"""Labels of a task's objects: masks in images, from which the estimator `registered` learns."""
+"""Objects in images: found in them, drawn over them, and shown in them for the estimator `registered` to learn.
 
+Another instance of the service, or any other client, may ask this one's estimators for poses. Labels are masks.
+"""
+
+from enum import Enum
 from typing import Annotated
 
-from fastapi import APIRouter, Body, Query, Request, Response
+from fastapi import APIRouter, Query, Request, Response
+from fastapi import Body as FromBody
 from fastapi.responses import JSONResponse
 from starlette.concurrency import run_in_threadpool
 
-from app.api.body import Body as RequestBody
-from app.api.body import read_body
+from app.api.body import Body, read_body
 from app.api.decoding import UniqueKeysRoute
 from app.api.image_work import decode_frames, image_work, split_images
-from app.api.openapi import body_of
-from app.api.routes import Wired, problems
-from app.api.schemas.labels import LabelBody, LabelList, LabelOut, LabelPreviewOut, LearnedLabelsOut, LearnLabelsBody
+from app.api.routes import Wired, body_of, problems
+from app.api.schemas.objects import (
+    LabelBody,
+    LabelList,
+    LabelOut,
+    LabelPreviewOut,
+    LearnedLabelsOut,
+    LearnLabelsBody,
+    PosesBody,
+    PosesOut,
+)
 from app.perception.frame_checks import check_rgbd
 from app.perception.images import decode_mask
+from app.perception.poses_wire import PoseQuestion, poses_document
 from app.perception.registered.marks import Marks, outlines
 from app.services.limits import Limits
+from app.services.pose_servers import find_poses
 from app.services.teach.label_masks import LabelDraft
 from app.store import labels
+from app.store.blobs import BlobStore
 from app.store.labels import LabelRecord
 from app.store.values import JsonObject
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.wording import checked_name
 
+router = APIRouter(route_class=UniqueKeysRoute)
+LABELS: list[str | Enum] = ["labels"]
 FEW_VIEWS = 3  # with fewer, advice asks for more
-router = APIRouter(tags=["labels"])
-learn_router = APIRouter(tags=["labels"], route_class=UniqueKeysRoute)
 PATH = "/tasks/{name}/labels"
 _REFUSED = problems(
     _400="the body cannot be read",
@@ -35,15 +50,72 @@ _REFUSED = problems(
     _415="neither multipart nor JSON",
     _422="a value is not valid, or no mask follows from it",
 )
+PNG = "image/png"
+_RESPONSES: dict[int | str, dict[str, object]] = {
+    200: {"description": "the image with masks, outlines, axes and names", "content": {PNG: {}}}
+}
 
 
 @router.post(
-    PATH,
-    status_code=201,
-    operation_id="label_object",
-    response_model=LabelOut,
-    openapi_extra=body_of(LabelBody, LabelBody),
-    responses=_REFUSED,
+    "/poses",
+    operation_id="find_poses",
+    tags=["poses"],
+    response_model=PosesOut,
+    openapi_extra=body_of(PosesBody),
+    responses=problems(
+        _400="the body cannot be read",
+        _413="the body is too large",
+        _415="neither multipart nor JSON",
+        _422="a value is not valid, an object is not in view, or its pose is not certain",
+    ),
+)
+async def poses(request: Request, services: Wired) -> Response:
+    """Find objects in calibrated RGB-D images; nothing is stored.
+
+    The protocol of the pose estimator `remote`: another instance's `object_models` may name this address. Multipart: a
+    part `metadata` with `objects` and `cameras`, and the cameras' images as in an upload.
+    """
+    body = await read_body(request)
+    async with image_work(request).room(request, body, services.limits) as decode:
+        return JSONResponse(await decode(_find, body, services.limits, services.store.blobs))
+
+
+def _find(body: Body, limits: Limits, blobs: BlobStore) -> JsonObject:
+    asked = PosesBody.model_validate(body.document)
+    limits.check_views([item.name for item in asked.objects], [item.name for item in asked.cameras])
+    frames = decode_frames(asked.cameras, split_images(asked.cameras, body.parts), limits.max_image_pixels)
+    questions = [PoseQuestion(item.name, item.mask_ids, item.model) for item in asked.objects]
+    return poses_document(find_poses(questions, frames, blobs))
+
+
+@router.get(
+    "/episodes/{episode_id}/images/{camera}/overlay",
+    operation_id="get_episode_overlay",
+    tags=["episodes"],
+    response_class=Response,
+    responses=_RESPONSES | problems(_404="no such episode or camera, or no color image"),
+)
+async def episode_overlay(request: Request, services: Wired, episode_id: str, camera: str) -> Response:
+    """A camera's first image with the objects as they were found."""
+    draw = services.draw_overlay.of_episode
+    return Response(await image_work(request).run(request, draw, episode_id, camera), media_type=PNG)
+
+
+@router.get(
+    "/predictions/{prediction_id}/images/{camera}/overlay",
+    operation_id="get_prediction_overlay",
+    tags=["predictions"],
+    response_class=Response,
+    responses=_RESPONSES | problems(_404="no such prediction or camera, or no color image"),
+)
+async def prediction_overlay(request: Request, services: Wired, prediction_id: str, camera: str) -> Response:
+    """What the robot saw when it asked, with the objects as they were found."""
+    draw = services.draw_overlay.of_prediction
+    return Response(await image_work(request).run(request, draw, prediction_id, camera), media_type=PNG)
+
+
+@router.post(
+    PATH, tags=LABELS, status_code=201, response_model=LabelOut, openapi_extra=body_of(LabelBody), responses=_REFUSED
 )
 async def label_object(request: Request, services: Wired, name: str) -> Response:
     """Say where an object is in the images of an episode, or in images that are sent with it.
@@ -59,11 +131,7 @@ async def label_object(request: Request, services: Wired, name: str) -> Response
 
 
 @router.post(
-    PATH + "/preview",
-    operation_id="preview_label",
-    response_model=LabelPreviewOut,
-    openapi_extra=body_of(LabelBody, LabelBody),
-    responses=_REFUSED,
+    PATH + "/preview", tags=LABELS, response_model=LabelPreviewOut, openapi_extra=body_of(LabelBody), responses=_REFUSED
 )
 async def preview_label(request: Request, services: Wired, name: str) -> Response:
     """What a label would say: the object's mask in every camera. Nothing is stored."""
@@ -78,7 +146,7 @@ async def preview_label(request: Request, services: Wired, name: str) -> Respons
     return JSONResponse({"cameras": cameras, "yaw_deg": preview.yaw_deg})
 
 
-@router.get(PATH, operation_id="list_labels", response_model=LabelList, responses=problems(_404="no such task"))
+@router.get(PATH, tags=LABELS, response_model=LabelList, responses=problems(_404="no such task"))
 def list_labels(
     services: Wired,
     name: str,
@@ -90,12 +158,7 @@ def list_labels(
     return JSONResponse({"labels": [label_document(record) for record in records]})
 
 
-@router.delete(
-    PATH + "/{label_id}",
-    operation_id="delete_label",
-    status_code=204,
-    responses=problems(_404="no such task or label"),
-)
+@router.delete(PATH + "/{label_id}", tags=LABELS, status_code=204, responses=problems(_404="no such task or label"))
 def delete_label(services: Wired, name: str, label_id: str) -> Response:
     """Delete a label. What was learned from it stays until the object is learned again."""
     with services.store.write() as connection:
@@ -103,9 +166,9 @@ def delete_label(services: Wired, name: str, label_id: str) -> Response:
     return Response(status_code=204)
 
 
-@learn_router.post(
+@router.post(
     PATH + "/learn",
-    operation_id="learn_from_labels",
+    tags=LABELS,
     response_model=LearnedLabelsOut,
     responses=problems(
         _404="no such task",
@@ -113,7 +176,7 @@ def delete_label(services: Wired, name: str, label_id: str) -> Response:
         _422="the labels do not give a template, or an episode cannot be extracted with it",
     ),
 )
-def learn_from_labels(services: Wired, name: str, body: Annotated[LearnLabelsBody, Body()]) -> Response:
+def learn_from_labels(services: Wired, name: str, body: Annotated[LearnLabelsBody, FromBody()]) -> Response:
     """Learn what an object looks like from its last ten labels, and find it by that from now on.
 
     Every stored episode is extracted again; if one cannot be, nothing changes. `left_out` of the model says which views
@@ -145,7 +208,7 @@ def label_document(record: LabelRecord) -> JsonObject:
     }
 
 
-def _draft(task: str, body: RequestBody, limits: Limits) -> LabelDraft:
+def _draft(task: str, body: Body, limits: Limits) -> LabelDraft:
     """A label, checked and decoded."""
     asked = LabelBody.model_validate(body.document)
     checked_name("object", asked.object)
