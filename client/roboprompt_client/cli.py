@@ -10,24 +10,23 @@ from functools import partial
 from pathlib import Path
 from typing import get_args
 
+from roboprompt_client.answers import OnDanger
 from roboprompt_client.arms.arm import Arm
-from roboprompt_client.arms.cell import closing_robot, open_robot
-from roboprompt_client.calibrate_command import add_calibrate
+from roboprompt_client.cell import closing_robot, open_robot
 from roboprompt_client.client import DEFAULT_URL, RoboPromptClient
-from roboprompt_client.danger import OnDanger
-from roboprompt_client.doctor import add_doctor
+from roboprompt_client.commands.calibrate import add_calibrate
+from roboprompt_client.commands.check import add_check
+from roboprompt_client.commands.init import run_init
+from roboprompt_client.commands.look import add_find, add_look, find_in_pictures
+from roboprompt_client.commands.record import add_record, offer_correction
+from roboprompt_client.commands.terminal import Person
 from roboprompt_client.errors import InvalidInputError, RoboPromptError
-from roboprompt_client.init_command import run_init
 from roboprompt_client.live import Live
-from roboprompt_client.look_command import add_find, add_look, find_in_pictures
 from roboprompt_client.loop import run_closed_loop, run_task, show_nothing
 from roboprompt_client.motion_limits import Box, MotionLimits, Pose
 from roboprompt_client.plans import run_plan
-from roboprompt_client.record_command import add_check, add_record, offer_correction
 from roboprompt_client.robot import OBJECTS, Observation, Robot, observation_from_file
-from roboprompt_client.terminal import Person
 from roboprompt_client.trajectory_npz import trajectory_from_npz
-from roboprompt_client.viewpoints_command import add_viewpoints
 
 DESCRIPTION = (
     "Teach a RoboPrompt service with recorded demonstrations, ask it for actions, and carry them out with an arm."
@@ -43,10 +42,10 @@ def main() -> int:
         with RoboPromptClient(arguments.url) as client:
             return int(arguments.command(client, arguments))
     except RoboPromptError as error:
-        print(error, file=sys.stderr)  # noqa: T201
+        print(error, file=sys.stderr)
         return 1
     except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)  # noqa: T201
+        print("interrupted", file=sys.stderr)
         return 128 + signal.SIGINT
 
 
@@ -85,10 +84,8 @@ def _parser() -> ArgumentParser:
     init.add_argument("file", type=Path, metavar="FILE", help="such as cell.json")
     add_record(add, ROBOT)
     add_check(add, ROBOT)
-    add_doctor(add, ROBOT)
     add_look(add)
     add_calibrate(add)
-    add_viewpoints(add)
     return parser
 
 
@@ -222,7 +219,7 @@ def _run_with(client: RoboPromptClient, robot: Robot, pinned: MotionLimits, argu
 
 
 def _print_json(document: object) -> int:
-    print(json.dumps(document, indent=2))  # noqa: T201
+    print(json.dumps(document, indent=2))
     return 0
 
 

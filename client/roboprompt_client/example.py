@@ -90,7 +90,7 @@ def teach_and_press(url: str) -> None:
 
 def say(text: str) -> None:
     """To the terminal."""
-    print(text)  # noqa: T201
+    print(text)
 
 
 if __name__ == "__main__":

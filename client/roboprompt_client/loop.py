@@ -7,9 +7,8 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
-from roboprompt_client.answers import Outcome, PredictedActions
+from roboprompt_client.answers import Confirm, OnDanger, Outcome, PredictedActions, checked_on_danger, require_allowed
 from roboprompt_client.client import RoboPromptClient
-from roboprompt_client.danger import Confirm, OnDanger, checked_on_danger, require_allowed
 from roboprompt_client.errors import (
     InvalidAnswerError,
     InvalidInputError,

@@ -3,8 +3,9 @@
 import httpx
 import pytest
 
-from roboprompt_client import cli, doctor
+from roboprompt_client import cli
 from roboprompt_client.client import RoboPromptClient
+from roboprompt_client.commands import check
 from roboprompt_client.version import VERSION
 
 
@@ -51,8 +52,8 @@ def test_no_service_and_no_arm(results, tmp_path):
     assert "FAIL  arm: robot" in said
 
 
-@pytest.mark.parametrize("extra", doctor.EXTRAS)
+@pytest.mark.parametrize("extra", check.EXTRAS)
 def test_missing_package_of_an_extra(extra, monkeypatch):
-    monkeypatch.setattr(doctor, "find_spec", lambda _: None)
-    result = doctor.look_at_extra(extra)
+    monkeypatch.setattr(check, "find_spec", lambda _: None)
+    result = check.look_at_extra(extra)
     assert (result.passed, result.detail.endswith(f"pip install 'roboprompt-client[{extra}]'")) == (None, True)

@@ -14,7 +14,7 @@ from roboprompt_client import cli
 from roboprompt_client.arms.arm import Arm
 from roboprompt_client.camera import Camera, RgbdFrame
 from roboprompt_client.cameras.rig import MountedCamera, Rig
-from roboprompt_client.cameras.sight import Sight, take_in
+from roboprompt_client.cameras.sight import Sight
 from roboprompt_client.cameras.table import Table
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import InvalidInputError
@@ -55,7 +55,7 @@ def service(monkeypatch, tmp_path):
     arm.cameras = Rig(
         [MountedCamera("above", Sensor(), mount=OVERHEAD), MountedCamera("wrist", Sensor(), True, np.eye(4))]
     )
-    for module in ("look_command", "cli", "record_command"):
+    for module in ("commands.look", "cli", "commands.record"):
         monkeypatch.setattr(f"roboprompt_client.{module}.open_robot", lambda name: arm)
     (tmp_path / "cell.json").write_text(json.dumps({"arm": "xarm"}))
     return SimpleNamespace(sent=sent, state=state, arm=arm, cell=tmp_path / "cell.json")
@@ -179,9 +179,7 @@ def sight(*mounts):
         RgbdFrame(Camera(f"cam{k}", 600, 600, 319.5, 239.5, mount), np.zeros((480, 640, 3), np.uint8), depth_m)
         for k, mount in enumerate(mounts)
     ]
-    seen = take_in(None, frames, {})
-    assert isinstance(seen, Sight)
-    return seen
+    return Sight.of(None, frames, {})
 
 
 def turned(degrees):

@@ -14,14 +14,13 @@ from roboprompt_client import (
 )
 from roboprompt_client import quaternions as rotations
 from roboprompt_client.arms.arm import Arm
-from roboprompt_client.arms.calibration import Calibration
-from roboprompt_client.arms.driver import ArmState
+from roboprompt_client.arms.driver import ArmState, Calibration
 from roboprompt_client.arms.geometry import nearest_limit
 from roboprompt_client.arms.panda import PandaGeometry, flange, franka_hand
-from roboprompt_client.arms.preview import preview_plan, table
+from roboprompt_client.arms.preview import preview_plan
+from roboprompt_client.commands.terminal import Person, plan_table
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.motion_limits import Box, MotionLimits
-from roboprompt_client.terminal import Person
 
 DOWN = np.array([1.0, 0, 0, 0])
 BASE_M = np.array([-0.3, 0.0, 0.75])
@@ -84,7 +83,7 @@ def test_without_joints_the_distance_is_held_against_the_reach():
 
 def test_the_table_has_a_row_for_each_action_and_warnings_below():
     plan = [to(0.45, 0, 0.2), to(1.2, 0, 0.4)]
-    lines = table(preview_plan(plan, AT_BASE, NO_LIMITS, geometry=PandaGeometry(), joints_rad=READY)).splitlines()
+    lines = plan_table(preview_plan(plan, AT_BASE, NO_LIMITS, geometry=PandaGeometry(), joints_rad=READY)).splitlines()
     assert lines[0].split("  ")[0] == "action"
     assert lines[1].startswith("1       0.150 0.000 0.950")
     assert " yes " in lines[1]

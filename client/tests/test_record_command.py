@@ -14,14 +14,13 @@ import pytest
 from makers import Body, open_xarm, xarm
 
 from roboprompt_client import cli
-from roboprompt_client.arm_check import ArmCheck
 from roboprompt_client.arms.arm import Arm
-from roboprompt_client.arms.cell import open_cell, open_robot
+from roboprompt_client.cell import open_robot
 from roboprompt_client.client import RoboPromptClient
+from roboprompt_client.commands.check import ArmCheck
+from roboprompt_client.commands.record import offer_correction, record_live
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.live_recording import record_live
 from roboprompt_client.motion_limits import Box, MotionLimits
-from roboprompt_client.record_command import offer_correction
 from roboprompt_client.robot import Observation
 from roboprompt_client.trajectory import EndEffectorAction
 
@@ -58,9 +57,9 @@ def answers(monkeypatch, tmp_path):
 
     monkeypatch.setattr(cli, "RoboPromptClient", client)
     monkeypatch.setattr("builtins.input", type_next)
-    monkeypatch.setattr("roboprompt_client.spool.WAITS_S", ())
+    monkeypatch.setattr("roboprompt_client.recording.spool.WAITS_S", ())
     monkeypatch.setattr(
-        "roboprompt_client.record_command.open_robot", lambda name, **_: Arm(open_xarm(Body(), monkeypatch))
+        "roboprompt_client.commands.record.open_robot", lambda name, **_: Arm(open_xarm(Body(), monkeypatch))
     )
     (tmp_path / "objects.json").write_text(json.dumps(OBJECTS))
     return typed, state
@@ -158,7 +157,7 @@ def test_a_hand_rests_a_fifth_of_a_second_after_the_last_key(keys, monkeypatch, 
 def test_what_cannot_be_led_so_is_not_recorded(answers, monkeypatch, tmp_path, capsys, option, why):
     typed, _ = answers
     typed += ["", "q"]
-    monkeypatch.setattr("roboprompt_client.teleop.HIDRAW", tmp_path)
+    monkeypatch.setattr("roboprompt_client.recording.teleop.HIDRAW", tmp_path)
     assert run(monkeypatch, tmp_path, *option) == 1
     assert why in capsys.readouterr().err
     assert list((tmp_path / "spool").iterdir()) == []
@@ -263,7 +262,7 @@ def test_a_cell_s_file(tmp_path, monkeypatch):
         "reach_m": 0.7,
     }
     cell.write_text(json.dumps(document))
-    arm = open_cell(cell)
+    arm = open_robot(str(cell))
     assert arm.observe().objects[0].name == "cube"
     assert arm.state().position_m[2] == pytest.approx(body.position_m[2] + 0.5)
     far = EndEffectorAction(np.array([0.71, 0, 0.5]), np.array([1.0, 0, 0, 0]), True)

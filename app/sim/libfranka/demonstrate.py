@@ -15,7 +15,7 @@ from app.sim.outcomes import RecordedDemonstration, RolloutResult
 from app.sim.tasks import ALL_TASKS, make_task
 from roboprompt_client.arms.arm import Arm
 from roboprompt_client.errors import MotionError
-from roboprompt_client.recorder import Recorder
+from roboprompt_client.recording.recorder import Recorder
 from roboprompt_client.trajectory import EndEffectorAction
 
 REST_S = 0.2  # after each pose, so that keyframe rules see it

@@ -10,24 +10,25 @@ from dataclasses import replace
 import numpy as np
 
 from roboprompt_client import quaternions as rotations
-from roboprompt_client.arms.arrival import TOLERANCE, Tolerance
-from roboprompt_client.arms.calibration import Calibration
-from roboprompt_client.arms.driver import ArmState, Driver, Guidable, Steerable
+from roboprompt_client.arms.driver import ArmState, Calibration, Driver, Guidable, Steerable
 from roboprompt_client.arms.geometry import Geometry, KnowsItsJoints
 from roboprompt_client.arms.preview import Previewed, preview_plan
-from roboprompt_client.arms.steering import Steer, problem_ahead
+from roboprompt_client.arms.tolerance import Tolerance, problem_ahead
 from roboprompt_client.arrays import Array
-from roboprompt_client.cameras.rig import Rig
-from roboprompt_client.cameras.viewpoints import ConfirmViewpoint, look_around
-from roboprompt_client.errors import InvalidInputError, MotionError, UnsafeActionError
+from roboprompt_client.camera import RgbdFrame
+from roboprompt_client.cameras.rig import SETTLE_S, Rig
+from roboprompt_client.errors import InvalidInputError, MotionError, NotConfirmedError, UnsafeActionError
 from roboprompt_client.live import OnLost
 from roboprompt_client.motion_guard import MotionGuard
 from roboprompt_client.motion_limits import MotionLimits, Pose
 from roboprompt_client.robot import Observation
 from roboprompt_client.trajectory import EndEffectorAction
 
+ConfirmViewpoint = Callable[[int, Pose], bool]
+Steer = Callable[[Array, Array], str]
 log = logging.getLogger(__name__)
 MAX_START_S = 0.2
+TOLERANCE = Tolerance()
 
 
 class Arm:
@@ -106,9 +107,35 @@ class Arm:
         """The arm as it is now, in the world frame; safe to call from another thread."""
         return self._calibration.state_to_world(self.driver.state())
 
+    def look_around(self) -> tuple[RgbdFrame, ...]:
+        """The frames of all cameras: of one in the hand one at each viewpoint, as NAME.1, NAME.2 ...
+
+        Cameras that stand still take theirs before the hand moves, and where there are no viewpoints, all take one.
+
+        Raises:
+            CameraError: naming the camera whose picture cannot be used.
+            NotConfirmedError: if a person did not let the hand go to a viewpoint.
+            MotionError, UnsafeActionError: as `execute`.
+        """
+        if (rig := self.cameras) is None:
+            return ()
+        carried = [camera for camera in rig.cameras if camera.in_hand]
+        if not self.viewpoints or not carried:
+            return rig.frames(self.hand_to_world)
+        frames = list(rig.frames(only=[camera.name for camera in rig.cameras if not camera.in_hand]))
+        for number, pose in enumerate(self.viewpoints, 1):
+            if self.confirm_viewpoint is not None and not self.confirm_viewpoint(number, pose):
+                raise NotConfirmedError(f"viewpoint {number} was not allowed: there is no picture from it")
+            self.go_to(pose)
+            time.sleep(SETTLE_S)
+            for camera in carried:
+                picture = rig.picture(camera, self.hand_to_world)
+                frames.append(camera.calibrated(*picture, name=f"{camera.name}.{number}"))
+        return tuple(frames)
+
     def observe(self) -> Observation:
         """The scene as it is now; the hand goes to the viewpoints first. Raises as `look_around`."""
-        frames = () if self.cameras is None else look_around(self, self.cameras)
+        frames = self.look_around()
         if self.cameras is not None and self.cameras.table is not None:
             self.cameras.table.check(frames)
         seen = Observation() if self._observe_scene is None else self._observe_scene()

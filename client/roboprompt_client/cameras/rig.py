@@ -17,6 +17,7 @@ MAX_UNKNOWN_DEPTH = 0.5  # share of the pixels
 MAX_SKEW_S = 0.25  # of a camera's clock against this computer's
 # Of the hand while its camera takes a picture: at 0.5 m an object then moves by 2 mm at most.
 MAX_HAND_MOTION_M, MAX_HAND_TURN_RAD = 0.001, 0.002
+SETTLE_S = 0.3  # after a motion: arms swing a little
 HandPose = Callable[[], Array]
 
 

@@ -19,7 +19,7 @@ from uuid import uuid4
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.encoding import Part, request_parts, scene_json
 from roboprompt_client.errors import InvalidInputError, ServiceProblemError, ServiceUnreachableError
-from roboprompt_client.recorder import create_private, trajectory_from_journal
+from roboprompt_client.recording.recorder import create_private, trajectory_from_journal
 from roboprompt_client.robot import Observation
 from roboprompt_client.trajectory import Trajectory
 from roboprompt_client.trajectory_npz import npz_from_trajectory
