@@ -1,7 +1,6 @@
 """A cell's file from answers and from what the arm measures."""
 
 import json
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,8 +13,7 @@ from roboprompt_client.cell import open_robot
 @pytest.fixture
 def body(monkeypatch):
     body = Body()
-    sdk = SimpleNamespace(XArmAPI=xarm(body))
-    monkeypatch.setattr("roboprompt_client.arms.xarm.import_extra", lambda *_: sdk)
+    monkeypatch.setattr("roboprompt_client.arms.xarm.import_extra", lambda *_: xarm(body))
     return body
 
 

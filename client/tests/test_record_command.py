@@ -6,7 +6,6 @@ import pty
 import threading
 import time
 from contextlib import contextmanager
-from types import SimpleNamespace
 
 import httpx
 import numpy as np
@@ -249,8 +248,7 @@ def test_a_place_that_is_not_touched_is_left_out(arm):
 
 def test_a_cell_s_file(tmp_path, monkeypatch):
     cell, body = tmp_path / "cell.json", Body()
-    sdk = SimpleNamespace(XArmAPI=xarm(body))
-    monkeypatch.setattr("roboprompt_client.arms.xarm.import_extra", lambda *_: sdk)
+    monkeypatch.setattr("roboprompt_client.arms.xarm.import_extra", lambda *_: xarm(body))
     (tmp_path / "objects.json").write_text(json.dumps(OBJECTS))
     document = {
         "arm": "xarm",

@@ -73,7 +73,7 @@ def problem_ahead(
     velocity_m_s: Array,
     turning_rad_s: Array,
     limits: MotionLimits,
-    check: Callable[[EndEffectorAction], None],
+    check: Callable[[EndEffectorAction], object],
 ) -> str:
     """Why the hand must rest; empty: it may go on. A hand outside of the workspace may come back into it.
 

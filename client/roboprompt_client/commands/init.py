@@ -13,6 +13,7 @@ import numpy as np
 from roboprompt_client import quaternions as rotations
 from roboprompt_client.arms.arm import Arm
 from roboprompt_client.arms.driver import Guidable
+from roboprompt_client.arms.panda import LIMITS_RAD
 from roboprompt_client.arrays import Array
 from roboprompt_client.cameras.realsense import realsense_serials
 from roboprompt_client.cell import open_robot, write_cell
@@ -73,7 +74,7 @@ def _arm() -> dict[str, Any]:
         return {"arm": name}
     options: dict[str, Any] = {"address": _answer("Its address, such as 172.16.0.2: ", str)}
     if name == "franka":
-        options["model"] = _answer("Its model [panda or fr3]: ", _one_of("panda", "fr3"))
+        options["model"] = _answer("Its model [panda or fr3]: ", _known_model)
         if not _realtime_kernel() and ask_yes(WITHOUT_REALTIME):
             options["realtime"] = False
     return {"arm": name, "options": options}
@@ -89,7 +90,7 @@ def _realtime_kernel() -> bool:
 
 def _base() -> dict[str, Any]:
     say("Where does the base stand in the frame in which objects are said? Enter: that frame is the base's own.")
-    position_m = _answer("x y z, meters: ", _three_numbers)
+    position_m = _answer("x y z, meters: ", lambda text: _numbers(text or "0 0 0", 3))
     (yaw_deg,) = _answer("Turned about z by, degrees: ", lambda text: _numbers(text or "0", 1))
     return {"position": position_m, "quaternion_xyzw": rotations.about_z(math.radians(yaw_deg)).tolist()}
 
@@ -106,22 +107,18 @@ def _objects_file(folder: Path, text: str) -> str:
 
 def _camera(serial: str) -> dict[str, Any]:
     """A camera that is plugged in, its pose not known yet; empty where it is left out."""
-    if not (name := _answer(f"A RealSense, {serial}. Its name, such as front [Enter: leave it out] ", _camera_name)):
+    question = f"A RealSense, {serial}. Its name, such as front [Enter: leave it out] "
+    if not (name := _answer(question, lambda text: checked_name("name", text) if text else "")):
         return {}
     mount = "camera_to_hand" if ask_yes("Does the hand carry it? [y/N] ") else "camera_to_world"
     return {"name": name, "driver": "realsense", "options": {"serial": serial}, mount: None}
 
 
-def _camera_name(text: str) -> str:
-    return checked_name("name", text) if text else ""
-
-
 def _measured(arm: Arm) -> dict[str, Any]:
     """What the arm says of itself: where the hand may be, and how wide the fingers are when open."""
     state = arm.state()
-    say(
-        f"\nThe arm answers: its hand is at {state.position_m.round(3).tolist()} m in that frame. Compare with a ruler."
-    )
+    place = state.position_m.round(3).tolist()
+    say(f"\nThe arm answers: its hand is at {place} m in that frame. Compare with a ruler.")
     found: dict[str, Any] = {}
     if ask_yes("Measure the space that the hand may use, by hand? [y/N] "):
         found["limits"] = {"workspace": _box(arm)}
@@ -171,17 +168,10 @@ def _known_arm(text: str) -> str:
     raise ValueError(f"{text!r:.40} is none of {', '.join(ADDRESSED)}, and no MODULE:FACTORY")
 
 
-def _one_of(*valid: str) -> Callable[[str], str]:
-    def read(text: str) -> str:
-        if text not in valid:
-            raise ValueError(f"{text!r:.40} is none of {', '.join(valid)}")
+def _known_model(text: str) -> str:
+    if text in LIMITS_RAD:
         return text
-
-    return read
-
-
-def _three_numbers(text: str) -> list[float]:
-    return _numbers(text or "0 0 0", 3)
+    raise ValueError(f"{text!r:.40} is none of {', '.join(LIMITS_RAD)}")
 
 
 def _numbers(text: str, count: int) -> list[float]:

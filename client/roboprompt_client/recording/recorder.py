@@ -4,10 +4,9 @@ import json
 import os
 import threading
 import time
-from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
-from typing import BinaryIO, Protocol
+from typing import BinaryIO, NamedTuple, Protocol
 
 import numpy as np
 
@@ -25,8 +24,7 @@ _FIXED_COLUMNS = 10  # time, position, quaternion, width, open; then joints' pos
 WRENCH = 6
 
 
-@dataclass(frozen=True)
-class Progress:
+class Progress(NamedTuple):
     """What a recording has so far: its frames, how long it takes, and the arm as it was seen last."""
 
     frames: int
@@ -176,10 +174,8 @@ def _gripper(widths_m: Array, states: Array) -> dict[str, Array]:
     """Measured fingers, else what was commanded; without a gripper it counts as open."""
     if np.isfinite(widths_m).all():
         still = float(np.ptp(widths_m)) < MIN_GRIPPER_TRAVEL_M
-        return {
-            "gripper_width": widths_m,
-            **({"gripper_open": (widths_m > OPEN_ABOVE_M).astype(np.float64)} if still else {}),
-        }
+        opened = {"gripper_open": (widths_m > OPEN_ABOVE_M).astype(np.float64)} if still else {}
+        return {"gripper_width": widths_m, **opened}
     return {"gripper_open": np.where(np.isfinite(states), states, 1.0)}
 
 

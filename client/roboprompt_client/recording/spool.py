@@ -11,9 +11,8 @@ import re
 import stat
 import time
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 from uuid import uuid4
 
 from roboprompt_client.client import RoboPromptClient
@@ -34,13 +33,8 @@ IMAGE = re.compile(r"(?:rgb|depth|mask)_.+\.npy")
 OWN_FOLDER = "a folder of roboprompt-robot record that belongs to this user alone"
 
 
-@dataclass(frozen=True)
-class Sent:
-    """A recording that the service answered.
-
-    Attributes:
-        answer: the episode's description, or the problem document of a refusal.
-    """
+class Sent(NamedTuple):
+    """A recording that the service answered: with the episode's description, or the problem document of a refusal."""
 
     folder: Path
     stored: bool
@@ -140,19 +134,18 @@ def _parts(folder: Path) -> dict[str, Part]:
         raise
     except (OSError, ValueError) as error:
         raise InvalidInputError("recording", f"{folder}: {error}", OWN_FOLDER) from error
-    whole = folder / TRAJECTORY
-    trajectory = _read(whole) if whole.exists() else npz_from_trajectory(_recorded(folder / JOURNAL))
+    whole, journal = folder / TRAJECTORY, folder / JOURNAL
+    if whole.exists():
+        trajectory = _read(whole)
+    else:
+        _require_own(journal, stat.S_ISREG)
+        trajectory = npz_from_trajectory(trajectory_from_journal(journal))
     images = sorted(path for path in folder.iterdir() if IMAGE.fullmatch(path.name))
     return {
         "metadata": ("metadata.json", json.dumps(scene).encode(), "application/json"),
         "trajectory": (TRAJECTORY, trajectory, "application/octet-stream"),
         **{path.stem: (path.name, _read(path), "application/octet-stream") for path in images},
     }
-
-
-def _recorded(journal: Path) -> Trajectory:
-    _require_own(journal, stat.S_ISREG)
-    return trajectory_from_journal(journal)
 
 
 def _read(path: Path) -> bytes:
