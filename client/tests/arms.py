@@ -3,6 +3,7 @@
 import numpy as np
 
 from roboprompt_client.answers import PredictedActions
+from roboprompt_client.loop import run_closed_loop, run_task
 from roboprompt_client.motion_limits import Box, MotionLimits
 from roboprompt_client.robot import Observation
 from roboprompt_client.trajectory import EndEffectorAction, ObjectPose
@@ -51,3 +52,18 @@ class Service:
 
 
 ANSWER = PredictedActions("p", ACTIONS, {"findings": []})
+
+
+def whole(*what, **how):
+    return run_task(*what, **how)
+
+
+def streamed(*what, **how):
+    return run_task(*what, stream=True, **how)
+
+
+def closed_loop(*what, **how):
+    return list(run_closed_loop(*what, **how))
+
+
+WAYS = (whole, streamed, closed_loop)

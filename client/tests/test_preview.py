@@ -2,15 +2,13 @@
 
 import numpy as np
 import pytest
-from arms import Service
+from arms import WAYS, Service
 
 from roboprompt_client import (
     EndEffectorAction,
     NotConfirmedError,
     PredictedActions,
     UnsafeActionError,
-    run_closed_loop,
-    run_task,
 )
 from roboprompt_client import quaternions as rotations
 from roboprompt_client.arms.arm import Arm
@@ -118,19 +116,7 @@ class Ready:
 BOX = Box((-0.05, -0.05, 0.8), (0.0, 0.05, 1.2))
 
 
-def whole(*what, **how):
-    return run_task(*what, **how)
-
-
-def streamed(*what, **how):
-    return run_task(*what, stream=True, **how)
-
-
-def closed_loop(*what, **how):
-    return list(run_closed_loop(*what, **how))
-
-
-@pytest.mark.parametrize("run", [whole, streamed, closed_loop])
+@pytest.mark.parametrize("run", WAYS)
 def test_a_plan_is_shown_before_it_is_refused_or_asked_about(run, capsys):
     driver = Ready()
     arm = Arm(driver, calibration=AT_BASE, limits=MotionLimits(hand_radius_m=0.0))
@@ -143,7 +129,7 @@ def test_a_plan_is_shown_before_it_is_refused_or_asked_about(run, capsys):
     assert driver.commands == ["halt"]
 
 
-@pytest.mark.parametrize("run", [whole, streamed, closed_loop])
+@pytest.mark.parametrize("run", WAYS)
 def test_a_person_hears_what_is_wrong_before_saying_yes(run, capsys, monkeypatch):
     asked = []
     monkeypatch.setattr("builtins.input", lambda question: asked.append((question, capsys.readouterr().err)) or "no")
