@@ -67,11 +67,7 @@ class ServiceProblemError(RoboPromptError):
 
 
 class ServiceUnreachableError(RoboPromptError):
-    """The service did not answer: wrong address, not started, gone, or too slow.
-
-    Attributes:
-        timed_out: whether it was too slow.
-    """
+    """The service did not answer: wrong address, not started, gone, or too slow (`timed_out`)."""
 
     def __init__(self, message: str, *, timed_out: bool = False) -> None:
         super().__init__(message)
@@ -93,11 +89,7 @@ class InvalidAnswerError(RoboPromptError):
 
 
 class ObjectLostError(RoboPromptError):
-    """An object that an action refers to cannot be seen any more; the robot was stopped.
-
-    Attributes:
-        object_name: which.
-    """
+    """An object that an action refers to, `object_name`, cannot be seen any more; the robot was stopped."""
 
     def __init__(self, object_name: str, reason: str) -> None:
         super().__init__(f"{object_name!r} is lost: {reason}")

@@ -74,11 +74,7 @@ class Live:
 
     @contextmanager
     def _carrying_out(self, index: int, action: EndEffectorAction, prediction_id: str | None) -> Iterator[None]:
-        """Around the motion of an action.
-
-        Raises:
-            StoppedError: before it or after it, if the run was stopped.
-        """
+        """Around the motion of an action; raises StoppedError before it or after it, if the run was stopped."""
         target = {"position": action.position_m.tolist(), "quaternion_xyzw": action.quaternion_xyzw.tolist()}
         known = {} if prediction_id is None else {"prediction_id": prediction_id}
         self._said = {**self._said, **known, "action": index + 1, "target": target}

@@ -10,7 +10,7 @@ import numpy as np
 
 from roboprompt_client import quaternions as rotations
 from roboprompt_client.arrays import Array, finite_array, settle, unit_quaternions
-from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.errors import InvalidInputError, MotionError
 from roboprompt_client.motion_limits import Pose
 
 CALIBRATION_JSON = '{"base_to_world": {"position": [x, y, z], "quaternion_xyzw": [x, y, z, w]}}, meters'
@@ -114,6 +114,8 @@ class Calibration:
 class Driver(Protocol):
     """A maker's interface. Only `halt` and `state` are called from another thread than the others.
 
+    Every method raises MotionError if the arm does not answer, refuses, or does not do as it was told.
+
     Attributes:
         name: for people.
         proven: on what it has been seen to work; empty: on nothing but its interface's documentation.
@@ -123,11 +125,7 @@ class Driver(Protocol):
     proven: str
 
     def state(self) -> ArmState:
-        """The arm as it is now.
-
-        Raises:
-            MotionError: if the arm does not answer.
-        """
+        """The arm as it is now."""
         ...
 
     def check(self, position_m: Array, quaternion_xyzw: Array) -> None:
@@ -135,27 +133,15 @@ class Driver(Protocol):
         ...
 
     def start(self, position_m: Array, quaternion_xyzw: Array) -> None:
-        """Begin to move the end effector to the pose in a straight line, and return.
-
-        Raises:
-            MotionError: if the arm refuses.
-        """
+        """Begin to move the end effector to the pose in a straight line, and return."""
         ...
 
     def finished(self) -> bool:
-        """Whether the motion has ended; waits for it up to some 50 ms.
-
-        Raises:
-            MotionError: if it ended otherwise than at its target.
-        """
+        """Whether the motion has ended at its target; waits for it up to some 50 ms."""
         ...
 
     def set_gripper(self, *, is_open: bool) -> None:
-        """Open or close the gripper, and return when it has done so; nothing without a gripper.
-
-        Raises:
-            MotionError: if it does not answer or says that it failed.
-        """
+        """Open or close the gripper, and return when it has done so; nothing without a gripper."""
         ...
 
     def halt(self) -> None:
@@ -176,11 +162,7 @@ class Guidable(Protocol):
     """A driver that lets a person move its arm by hand."""
 
     def guided(self) -> AbstractContextManager[None]:
-        """While it lasts the arm carries its own weight and yields to the hand; afterwards it holds still.
-
-        Raises:
-            MotionError: if the arm refuses, or stopped meanwhile.
-        """
+        """While it lasts the arm carries its own weight and yields to the hand; afterwards it holds still."""
         ...
 
 
@@ -192,11 +174,14 @@ class Steerable(Protocol):
         """Move the hand with a velocity (3,) and a turning (3,) along and about the base's axes, and return.
 
         It comes to rest by itself after `STEERED_S`, unless a further call takes this one's place; zeros: at once.
-
-        Raises:
-            MotionError: if the arm refuses, or stopped meanwhile.
         """
         ...
+
+
+def require_reach(position_m: Array, reach_m: float) -> None:
+    """Raise MotionError for a position (3,) that is further than that from the base."""
+    if (away_m := float(np.linalg.norm(position_m))) > reach_m:
+        raise MotionError(f"the pose is out of reach: {away_m:.3f} m from the base, at most {reach_m:g} m")
 
 
 def pose_matrix(position_m: Array, quaternion_xyzw: Array) -> Array:

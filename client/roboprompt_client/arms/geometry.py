@@ -48,11 +48,7 @@ class KnowsItsJoints(Protocol):
     """A driver whose arm's geometry is known."""
 
     def geometry(self) -> Geometry:
-        """With the tool that the arm has now.
-
-        Raises:
-            MotionError: if the arm does not answer.
-        """
+        """With the tool that the arm has now; raises MotionError if the arm does not answer."""
         ...
 
 

@@ -145,9 +145,8 @@ def _check_poses(name: str, views: Sequence[_View]) -> None:
     turns = [cv2.Rodrigues(views[0].carrier[:3, :3].T @ view.carrier[:3, :3])[0].ravel() for view in views]
     spread_deg = np.degrees(np.linalg.svd(np.array(turns), compute_uv=False) / np.sqrt(len(views)))
     if spread_deg[1] < MIN_TURN_DEG / 2:
-        message = (
-            f"the hand turned by about {2 * spread_deg[0]:.0f} and {2 * spread_deg[1]:.0f} degrees between the poses"
-        )
+        turned = " and ".join(f"{2 * spread:.0f}" for spread in spread_deg[:2])
+        message = f"the hand turned by about {turned} degrees between the poses"
         raise InvalidInputError(field, message, f"at least {MIN_TURN_DEG:g} about two axes: tilt the hand both ways")
 
 

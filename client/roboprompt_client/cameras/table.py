@@ -91,11 +91,7 @@ class Table:
 
     @classmethod
     def seen_in(cls, frames: Iterable[RgbdFrame]) -> "Table":
-        """The mean of what the cameras see.
-
-        Raises:
-            InvalidInputError: if none of them sees a level surface.
-        """
+        """The mean of what the cameras see; raises InvalidInputError if none of them sees a level surface."""
         surfaces = [surface for frame in frames if (surface := _level(frame)) is not None]
         if not surfaces:
             raise InvalidInputError("table", "is seen by no camera", "a table that fills a quarter of a picture")

@@ -78,12 +78,7 @@ class Recorder:
 
     @property
     def progress(self) -> Progress | None:
-        """None before the first sample.
-
-        Raises:
-            MotionError: if the arm stopped answering.
-            InvalidInputError: if the journal cannot be written.
-        """
+        """None before the first sample; raises as `stop`, once the arm or the journal fails."""
         if self._error is not None:
             raise self._error
         return self._progress
@@ -134,20 +129,12 @@ class Recorder:
 
 
 def create_private(path: Path) -> BinaryIO:
-    """A new file that this user alone may read and write.
-
-    Raises:
-        FileExistsError: if there is anything at `path`, be it a link to nowhere.
-    """
+    """A new file for this user alone; raises FileExistsError for anything at `path`, be it a link to nowhere."""
     return os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o600), "wb")
 
 
 def trajectory_from_journal(path: Path) -> Trajectory:
-    """What a journal holds; a row that was cut off by a crash is left out.
-
-    Raises:
-        InvalidInputError: if it holds no trajectory.
-    """
+    """What a journal holds but a row that a crash cut off; raises InvalidInputError if that is no trajectory."""
     rows, joints = _rows(path)
     if not len(rows):
         raise InvalidInputError("recording", f"{path} has no frames", "at least one")
