@@ -17,9 +17,10 @@ service a run goes on unless `lost_contact` is "stop". A camera has `camera_to_w
 """
 
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import fields
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +35,7 @@ from roboprompt_client.errors import CameraError, InvalidInputError
 from roboprompt_client.extras import make_driver
 from roboprompt_client.live import checked_on_lost
 from roboprompt_client.motion_limits import MotionLimits, Pose, checked_bound
-from roboprompt_client.robot import Observation, Robot, observation_from_file
+from roboprompt_client.robot import Robot, observation_from_file
 from roboprompt_client.wording import checked_name
 
 ARMS = {
@@ -104,10 +105,14 @@ def _robot(cell: Mapping[str, Any], folder: Path, rig: Rig | None) -> Robot:
             raise InvalidInputError("cameras", "are given, but `arm` returns a Robot", remedy)
         robot: Robot = made
         return robot
+    observe_scene = None
+    if "objects" in cell:
+        observe_scene = partial(observation_from_file, "objects", folder / cell["objects"])  # read again at each look
+        observe_scene()
     return Arm(
         made,
         calibration=calibration,
-        observe_scene=_scene_of(folder / cell["objects"]) if "objects" in cell else None,
+        observe_scene=observe_scene,
         limits=limits,
         tolerance=tolerance,
         open_width_m=cell.get("open_width_m"),
@@ -150,16 +155,6 @@ def _geometry(folder: Path, document: object) -> UrdfGeometry:
     if not isinstance(document, Mapping) or not {"file", "frame"} == set(document):
         raise InvalidInputError("urdf", f"is {document!r:.80}", '{"file": "arm.urdf", "frame": "tool0"}')
     return UrdfGeometry(folder / str(document["file"]), str(document["frame"]))
-
-
-def _scene_of(path: Path) -> Callable[[], Observation]:
-    """What the file says, read again at each look."""
-
-    def look() -> Observation:
-        return observation_from_file("objects", path)
-
-    look()
-    return look
 
 
 def rig_from_json(document: object, folder: Path, table: object = None) -> Rig:
