@@ -2,9 +2,9 @@
 
 import httpx
 import pytest
+from arms import client_of
 
 from roboprompt_client.answers import PredictedActions
-from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.connection import is_own_machine, without_proxy
 from roboprompt_client.errors import ServiceUnreachableError
 from roboprompt_client.robot import Observation
@@ -43,9 +43,8 @@ STREAM = (
 
 def streamed(pieces, kind="text/event-stream"):
     """What a prediction's stream gives that arrives in these pieces."""
-    answer = httpx.MockTransport(lambda _: httpx.Response(200, content=iter(pieces), headers={"content-type": kind}))
-    client = RoboPromptClient(connection=httpx.Client(transport=answer, base_url="http://robots"))
-    return client.stream("t", "go", Observation())
+    answer = httpx.Response(200, content=iter(pieces), headers={"content-type": kind})
+    return client_of(answer).stream("t", "go", Observation())
 
 
 @pytest.mark.parametrize("size", [1, 2, 3, 7, 1000])

@@ -4,10 +4,9 @@ import json
 
 import httpx
 import pytest
-from arms import ACTIONS, WAYS, Arm, Service, closed_loop, streamed, whole
+from arms import ACTIONS, WAYS, Arm, Service, client_of, closed_loop, streamed, whole
 
 from roboprompt_client.answers import PredictedActions
-from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import DangerError, InvalidAnswerError, InvalidInputError, NotConfirmedError
 from roboprompt_client.loop import run_closed_loop, run_task
 from roboprompt_client.motion_limits import MotionLimits
@@ -115,9 +114,7 @@ DONE = {"id": "p", "actions": [ACTION], "findings": []}
 def stream_of(*events):
     """A client of a service that streams these events."""
     body = "".join(f"event: {name}\ndata: {json.dumps(document)}\n\n" for name, document in events)
-    answer = httpx.Response(200, text=body, headers={"content-type": "text/event-stream"})
-    http = httpx.Client(transport=httpx.MockTransport(lambda _: answer), base_url="http://robots")
-    return RoboPromptClient(connection=http)
+    return client_of(httpx.Response(200, text=body, headers={"content-type": "text/event-stream"}))
 
 
 def run_stream(arm, *events):

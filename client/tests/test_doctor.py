@@ -2,9 +2,9 @@
 
 import httpx
 import pytest
+from arms import client_of, type_command
 
 from roboprompt_client import cli
-from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.commands import check
 from roboprompt_client.version import VERSION
 
@@ -17,10 +17,8 @@ def results(monkeypatch, capsys):
         def answer(request):
             return answers.get(request.url.path) or httpx.Response(403, json={"type": "/problems/forbidden"})
 
-        connection = httpx.Client(transport=httpx.MockTransport(answer), base_url="http://robot.test")
-        monkeypatch.setattr(cli, "RoboPromptClient", lambda _: RoboPromptClient(connection=connection))
-        monkeypatch.setattr("sys.argv", ["roboprompt-robot", "doctor", *words])
-        return cli.main(), capsys.readouterr().out
+        monkeypatch.setattr(cli, "RoboPromptClient", lambda _: client_of(answer))
+        return type_command(monkeypatch, "doctor", *words)[0], capsys.readouterr().out
 
     return run
 

@@ -4,9 +4,9 @@ import json
 
 import numpy as np
 import pytest
+from arms import type_command
 from makers import Body, xarm
 
-from roboprompt_client import cli
 from roboprompt_client.cell import open_robot
 
 
@@ -18,18 +18,7 @@ def body(monkeypatch):
 
 
 def run(monkeypatch, path, answers):
-    """Answers in their order; a function is done before Enter is pressed."""
-    left = list(answers)
-
-    def answer(question):
-        if not left:
-            raise EOFError
-        text = left.pop(0)
-        return text() if callable(text) else text
-
-    monkeypatch.setattr("builtins.input", answer)
-    monkeypatch.setattr("sys.argv", ["roboprompt-robot", "init", str(path)])
-    return cli.main()
+    return type_command(monkeypatch, "init", path, answers=answers)[0]
 
 
 def guided(body, position_m):

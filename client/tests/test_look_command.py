@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import httpx
 import numpy as np
 import pytest
+from arms import client_of, type_command
 from makers import Body, open_xarm
 from test_cell_cameras import VIEWPOINTS, Sensor
 
@@ -16,7 +17,6 @@ from roboprompt_client.camera import Camera, RgbdFrame
 from roboprompt_client.cameras.rig import MountedCamera, Rig
 from roboprompt_client.cameras.sight import Sight
 from roboprompt_client.cameras.table import Table
-from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.loop import run_closed_loop, run_task
 
@@ -49,8 +49,7 @@ def service(monkeypatch, tmp_path):
             )
         return httpx.Response(200, json={"checks": {}, "id": "p", "actions": [], "findings": []})
 
-    http = httpx.Client(transport=httpx.MockTransport(answer), base_url="http://robots")
-    monkeypatch.setattr(cli, "RoboPromptClient", lambda url: RoboPromptClient(connection=http))
+    monkeypatch.setattr(cli, "RoboPromptClient", lambda url: client_of(answer))
     arm = Arm(open_xarm(Body(), monkeypatch))
     arm.cameras = Rig(
         [MountedCamera("above", Sensor(), mount=OVERHEAD), MountedCamera("wrist", Sensor(), True, np.eye(4))]
@@ -61,9 +60,8 @@ def service(monkeypatch, tmp_path):
     return SimpleNamespace(sent=sent, state=state, arm=arm, cell=tmp_path / "cell.json")
 
 
-def run(monkeypatch, *words):
-    monkeypatch.setattr("sys.argv", ["roboprompt-robot", *map(str, words)])
-    return cli.main()
+def run(monkeypatch, *words, answers=()):
+    return type_command(monkeypatch, *words, answers=answers)[0]
 
 
 def paths(service):
@@ -156,9 +154,7 @@ def test_a_sentence_over_several_tasks_needs_the_names_of_what_is_in_view(servic
 
 
 def test_viewpoints_are_written_as_the_hand_was_guided(service, monkeypatch):
-    typed = ["", "", "q"]
-    monkeypatch.setattr("builtins.input", lambda question: typed.pop(0))
-    assert run(monkeypatch, "viewpoints", "--robot", service.cell) == 0
+    assert run(monkeypatch, "viewpoints", "--robot", service.cell, answers=["", "", "q"]) == 0
     first, second = json.loads(service.cell.read_text())["viewpoints"]
     assert first == second
     np.testing.assert_allclose(first["position"], service.arm.state().position_m, atol=1e-4)

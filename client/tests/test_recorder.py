@@ -9,10 +9,10 @@ import time
 import httpx
 import numpy as np
 import pytest
+from arms import client_of
 
 from roboprompt_client.arms.driver import ArmState
 from roboprompt_client.camera import Camera, RgbdFrame
-from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import InvalidInputError, MotionError, ServiceUnreachableError
 from roboprompt_client.recording.recorder import Recorder, trajectory_from_journal
 from roboprompt_client.recording.spool import JOURNAL, Spool
@@ -125,7 +125,7 @@ class Service:
         return answer
 
     def client(self):
-        return RoboPromptClient(connection=httpx.Client(transport=httpx.MockTransport(self), base_url="http://robots"))
+        return client_of(self)
 
 
 @pytest.fixture
