@@ -113,11 +113,10 @@ class _View:
     @classmethod
     def of(cls, sighting: Sighting, k: Intrinsics, *, carried: bool) -> "_View":
         hand = sighting.hand_to_world
-        matrix = np.array([[k.fx_px, 0, k.cx_px], [0, k.fy_px, k.cy_px], [0, 0, 1]])
-        turn, shift = find_board(sighting.points_m, sighting.corners_px, matrix)
+        turn, shift = find_board(sighting.points_m, sighting.corners_px, k.matrix)
         alone = _transform(np.concatenate([turn.ravel(), shift.ravel()]))
         carrier = np.asarray(hand if carried else np.linalg.inv(hand), np.float64)
-        return cls(carrier, sighting, matrix, alone)
+        return cls(carrier, sighting, k.matrix, alone)
 
     def errors_px(self, mount: Array, board: Array) -> Array:
         """(N, 2) how far the corners are from where a camera's mount and the board's pose (4, 4) put them."""
