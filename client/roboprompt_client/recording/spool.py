@@ -53,9 +53,20 @@ class Spool:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         folder.chmod(0o700)
 
-    def new(self, task: str, instruction: str, observation: Observation) -> Path:
-        """A place for a recording that begins: what was seen is written, and its `journal` may follow."""
-        return self._new({"task": task, "instruction": instruction, **scene_json(observation, None)}, observation)
+    def new(self, task: str, instruction: str, observation: Observation, **more: Any) -> Path:  # noqa: ANN401
+        """A place for a recording that begins: what was seen is written, and its `journal` may follow.
+
+        Args:
+            more: further members of the upload's metadata.
+        """
+        folder = self._folder / uuid4().hex
+        folder.mkdir(mode=0o700)
+        for file, data, _ in request_parts({}, observation.frames).values():
+            if IMAGE.fullmatch(file):
+                _write(folder / file, data)
+        scene = {"task": task, "instruction": instruction, **scene_json(observation, None), **more}
+        _write(folder / SCENE, json.dumps(scene).encode())
+        return folder
 
     def keep(
         self,
@@ -68,21 +79,11 @@ class Spool:
         extra: Mapping[str, Any] | None = None,
     ) -> Path:
         """Write a recording that is whole already; arguments as for `RoboPromptClient.upload`."""
-        metadata = {"task": task, "instruction": instruction, **scene_json(observation, None)}
-        metadata |= {"control_frequency_hz": control_frequency_hz, "extra": dict(extra or {})}
-        folder = self._new(metadata, observation)
+        more = {"control_frequency_hz": control_frequency_hz, "extra": dict(extra or {})}
+        folder = self.new(task, instruction, observation, **more)
         begun = folder / f"{TRAJECTORY}.part"  # half a trajectory is never sent
         _write(begun, npz_from_trajectory(trajectory))
         begun.replace(folder / TRAJECTORY)
-        return folder
-
-    def _new(self, metadata: Mapping[str, Any], observation: Observation) -> Path:
-        folder = self._folder / uuid4().hex
-        folder.mkdir(mode=0o700)
-        for file, data, _ in request_parts({}, observation.frames).values():
-            if IMAGE.fullmatch(file):
-                _write(folder / file, data)
-        _write(folder / SCENE, json.dumps(metadata).encode())
         return folder
 
     def waiting(self) -> Iterator[Path]:
