@@ -4,7 +4,6 @@ With what a reply adds, this is the one list that answers, stored predictions, p
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 
 from app.pipeline.episode import Query
 from app.pipeline.findings import Finding
@@ -19,7 +18,7 @@ from app.pipeline.findings.rules import (
     UNSUPPORTED,
     Rule,
 )
-from app.pipeline.findings.scene import scene_findings, strangers
+from app.pipeline.findings.scene import scene_findings, start_findings, strangers
 from app.pipeline.findings.sources import source_findings
 from app.pipeline.order.order import Order
 from app.services.predict.question import Question
@@ -35,17 +34,17 @@ FAILURES: Mapping[PredictionStatus, tuple[Rule, str, str]] = {
 }
 
 
-def doubted(question: Question, known: Sequence[Finding]) -> Question:
-    """The question with what deserves a look before the LLM is asked, causes first.
-
-    Args:
-        known: what was found before it was written.
-    """
-    taught, order, seen = question.taught, question.grounded, question.seen
-    followed, words = taught.followed(order), (*_words(order, question.prefix.instructions), *_parts(question))
-    sources = source_findings(_that_matter(seen, followed), taught.demonstrations, taught.compared)
-    scene = scene_findings(seen, taught.scenes, followed, taught.needed)
-    return replace(question, findings=(*known, *words, *sources, *taught.findings(order), *scene, *question.findings))
+def doubts_before(question: Question) -> Iterator[Finding]:
+    """What deserves a look before the LLM is asked, causes first."""
+    taught, order, seen = question.known.taught, question.grounded, question.seen
+    followed = taught.followed(order)
+    yield from _words(order, question.prefix.instructions)
+    yield from _parts(question)
+    yield from source_findings(_that_matter(seen, followed), taught.demonstrations, taught.compared)
+    yield from taught.findings(order)
+    yield from scene_findings(seen, taught.scenes, followed, taught.needed)
+    if taught.follows_start(order):
+        yield from start_findings(seen, taught.scenes)
 
 
 def _that_matter(seen: Query, followed: frozenset[str]) -> tuple[ObjectPose, ...]:

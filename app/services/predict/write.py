@@ -12,9 +12,10 @@ from app.pipeline.plans.support import PlacedPlan
 from app.services.limits import Limits
 from app.services.measures import timed
 from app.services.predict.closed_loop import PreviousStep
+from app.services.predict.findings import doubts_before
 from app.services.predict.instruction import ground_instruction
 from app.services.predict.known import Known
-from app.services.predict.prefix import Prefix
+from app.services.predict.prefix import Prefix, choose_prefix
 from app.services.predict.question import Question
 from app.services.predict.request import MAX_ACTIONS_ASKED, PredictRequest
 from app.services.predict.turn import turned_plans
@@ -40,9 +41,11 @@ def write_question(request: PredictRequest, instruction: str, known: Known, limi
         InvalidInputError: if the prompt is too long, an object lacks a rotation that demonstrations have, or the parts
             of the instruction take more actions than the request allows.
     """
-    prefix, style, previous, observed = known.prefix, known.style, known.previous, known.scene.objects
+    style, previous, observed = known.style, known.previous, known.scene.objects
+    with timed("prompt"):
+        prefix, why = choose_prefix(known.demonstrations, known.scene, known.settings, style, chosen=known.chosen)
     with timed("words"):
-        grounded = understood(request, instruction, known)
+        grounded = understood(request, instruction, known, prefix.instructions)
         if request.alike:
             check_named(grounded, known.taught.followed(grounded), request.alike)
     step = None if not style.closed_loop else 0 if previous is None else previous.step + 1
@@ -59,30 +62,24 @@ def write_question(request: PredictRequest, instruction: str, known: Known, limi
     _check_number([plans.get(part.instruction) for part in parts], request.options.max_actions)
     question = Question(
         request=request.without_frames(),
-        settings=known.settings,
-        profile=known.profile,
-        style=style,
+        known=known,
         grounded=grounded,
         seen=seen,
-        bystanders=known.scene.bystanders,
         parts=parts,
-        end_effector=known.end_effector,
         prefix=prefix,
-        taught=known.taught,
         template=template,
-        so_far=so_far,
         step=step,
         prompt=template.ask(parts[0], request.options.max_actions, so_far),
         plans=plans,
         turned=bool(turned),
-        findings=tuple(turned),
     )
+    question = replace(question, findings=(*why, *known.findings, *doubts_before(question), *turned))
     if request.options.num_samples == 1:
         return question
     return replace(question, samples=tuple(_sample(question, k) for k in range(request.options.num_samples)))
 
 
-def understood(request: PredictRequest, instruction: str, known: Known) -> Order:
+def understood(request: PredictRequest, instruction: str, known: Known, taught: Sequence[str]) -> Order:
     """The instruction; a closed loop goes on with what its first step understood.
 
     The objects move while a closed loop runs: "the leftmost cube" must stay the one that it was.
@@ -92,7 +89,7 @@ def understood(request: PredictRequest, instruction: str, known: Known) -> Order
     """
     if known.previous is not None and known.previous.instruction == request.instruction:
         return known.previous.grounded
-    return ground_instruction(request, instruction, known.prefix.instructions, known.settings, known.scene)
+    return ground_instruction(request, instruction, taught, known.settings, known.scene)
 
 
 def _so_far(previous: PreviousStep, prefix: Prefix) -> str:
