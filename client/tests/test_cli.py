@@ -80,19 +80,12 @@ def service(monkeypatch, tmp_path):
 RUN = ("run", "--robot", "my_cell:make", "--task", "pick", "--instruction", "pick up the cube")
 
 
-@pytest.mark.parametrize("words", [("--url", "http://robot-lab:8000", *RUN), (*RUN, "--url", "http://robot-lab:8000")])
-def test_the_url_stands_before_or_behind_the_command(service, monkeypatch, words):
+@pytest.mark.parametrize(
+    "words", [("--url", "http://robot-lab:8000", *RUN), (*RUN, "--url", "http://robot-lab:8000"), RUN]
+)
+def test_a_factory_in_the_current_folder_runs_at_the_url_or_this_machine(service, monkeypatch, capsys, words):
     assert type_command(monkeypatch, *words)[0] == 0
-    assert service.urls == ["http://robot-lab:8000"]
-
-
-def test_without_a_url_it_is_this_machine(service, monkeypatch):
-    type_command(monkeypatch, *RUN)
-    assert service.urls == ["http://127.0.0.1:8000"]
-
-
-def test_a_factory_in_the_current_folder_needs_no_python_path(service, monkeypatch, capsys):
-    assert type_command(monkeypatch, *RUN)[0] == 0
+    assert service.urls == ["http://robot-lab:8000" if "--url" in words else "http://127.0.0.1:8000"]
     assert json.loads(capsys.readouterr().out)["id"] == "p1"
 
 
