@@ -81,10 +81,10 @@ def test_a_danger_can_be_refused_although_somebody_is_there():
 @pytest.mark.parametrize("way", [whole, closed_loop])
 @pytest.mark.parametrize(("setting", "said"), [("ask", "confirm, refuse, go"), ("confirm", "no `confirm` to ask")])
 def test_settings_that_cannot_be(way, setting, said):
-    arm = Arm()
+    arm, service = Arm(), Service(PredictedActions("p", ACTIONS[:1], {"findings": []}))
     with pytest.raises(InvalidInputError, match=said):
-        run(way, arm, on_danger=setting)
-    assert arm.stopped == 1
+        way(service, arm, "pick", "pick up the cube", on_danger=setting)
+    assert (arm.heights, arm.stopped, service.asked) == ([], 1, 0)
 
 
 def test_who_steps_through_a_closed_loop_sees_the_answer_that_is_refused():
