@@ -11,15 +11,14 @@ import re
 import stat
 import time
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 from uuid import uuid4
 
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.encoding import Part, request_parts, scene_json
 from roboprompt_client.errors import InvalidInputError, ServiceProblemError, ServiceUnreachableError
-from roboprompt_client.recorder import create_private, trajectory_from_journal
+from roboprompt_client.recording.recorder import create_private, trajectory_from_journal
 from roboprompt_client.robot import Observation
 from roboprompt_client.trajectory import Trajectory
 from roboprompt_client.trajectory_npz import npz_from_trajectory
@@ -34,13 +33,8 @@ IMAGE = re.compile(r"(?:rgb|depth|mask)_.+\.npy")
 OWN_FOLDER = "a folder of roboprompt-robot record that belongs to this user alone"
 
 
-@dataclass(frozen=True)
-class Sent:
-    """A recording that the service answered.
-
-    Attributes:
-        answer: the episode's description, or the problem document of a refusal.
-    """
+class Sent(NamedTuple):
+    """A recording that the service answered: with the episode's description, or the problem document of a refusal."""
 
     folder: Path
     stored: bool
@@ -59,9 +53,20 @@ class Spool:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         folder.chmod(0o700)
 
-    def new(self, task: str, instruction: str, observation: Observation) -> Path:
-        """A place for a recording that begins: what was seen is written, and its `journal` may follow."""
-        return self._new({"task": task, "instruction": instruction, **scene_json(observation, None)}, observation)
+    def new(self, task: str, instruction: str, observation: Observation, **more: Any) -> Path:  # noqa: ANN401
+        """A place for a recording that begins: what was seen is written, and its `journal` may follow.
+
+        Args:
+            more: further members of the upload's metadata.
+        """
+        folder = self._folder / uuid4().hex
+        folder.mkdir(mode=0o700)
+        for file, data, _ in request_parts({}, observation.frames).values():
+            if IMAGE.fullmatch(file):
+                _write(folder / file, data)
+        scene = {"task": task, "instruction": instruction, **scene_json(observation, None), **more}
+        _write(folder / SCENE, json.dumps(scene).encode())
+        return folder
 
     def keep(
         self,
@@ -74,21 +79,11 @@ class Spool:
         extra: Mapping[str, Any] | None = None,
     ) -> Path:
         """Write a recording that is whole already; arguments as for `RoboPromptClient.upload`."""
-        metadata = {"task": task, "instruction": instruction, **scene_json(observation, None)}
-        metadata |= {"control_frequency_hz": control_frequency_hz, "extra": dict(extra or {})}
-        folder = self._new(metadata, observation)
+        more = {"control_frequency_hz": control_frequency_hz, "extra": dict(extra or {})}
+        folder = self.new(task, instruction, observation, **more)
         begun = folder / f"{TRAJECTORY}.part"  # half a trajectory is never sent
         _write(begun, npz_from_trajectory(trajectory))
         begun.replace(folder / TRAJECTORY)
-        return folder
-
-    def _new(self, metadata: Mapping[str, Any], observation: Observation) -> Path:
-        folder = self._folder / uuid4().hex
-        folder.mkdir(mode=0o700)
-        for file, data, _ in request_parts({}, observation.frames).values():
-            if IMAGE.fullmatch(file):
-                _write(folder / file, data)
-        _write(folder / SCENE, json.dumps(metadata).encode())
         return folder
 
     def waiting(self) -> Iterator[Path]:
@@ -140,19 +135,18 @@ def _parts(folder: Path) -> dict[str, Part]:
         raise
     except (OSError, ValueError) as error:
         raise InvalidInputError("recording", f"{folder}: {error}", OWN_FOLDER) from error
-    whole = folder / TRAJECTORY
-    trajectory = _read(whole) if whole.exists() else npz_from_trajectory(_recorded(folder / JOURNAL))
+    whole, journal = folder / TRAJECTORY, folder / JOURNAL
+    if whole.exists():
+        trajectory = _read(whole)
+    else:
+        _require_own(journal, stat.S_ISREG)
+        trajectory = npz_from_trajectory(trajectory_from_journal(journal))
     images = sorted(path for path in folder.iterdir() if IMAGE.fullmatch(path.name))
     return {
         "metadata": ("metadata.json", json.dumps(scene).encode(), "application/json"),
         "trajectory": (TRAJECTORY, trajectory, "application/octet-stream"),
         **{path.stem: (path.name, _read(path), "application/octet-stream") for path in images},
     }
-
-
-def _recorded(journal: Path) -> Trajectory:
-    _require_own(journal, stat.S_ISREG)
-    return trajectory_from_journal(journal)
 
 
 def _read(path: Path) -> bytes:

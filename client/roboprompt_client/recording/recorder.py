@@ -4,10 +4,9 @@ import json
 import os
 import threading
 import time
-from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
-from typing import BinaryIO, Protocol
+from typing import BinaryIO, NamedTuple, Protocol
 
 import numpy as np
 
@@ -25,8 +24,7 @@ _FIXED_COLUMNS = 10  # time, position, quaternion, width, open; then joints' pos
 WRENCH = 6
 
 
-@dataclass(frozen=True)
-class Progress:
+class Progress(NamedTuple):
     """What a recording has so far: its frames, how long it takes, and the arm as it was seen last."""
 
     frames: int
@@ -80,12 +78,7 @@ class Recorder:
 
     @property
     def progress(self) -> Progress | None:
-        """None before the first sample.
-
-        Raises:
-            MotionError: if the arm stopped answering.
-            InvalidInputError: if the journal cannot be written.
-        """
+        """None before the first sample; raises as `stop`, once the arm or the journal fails."""
         if self._error is not None:
             raise self._error
         return self._progress
@@ -136,20 +129,12 @@ class Recorder:
 
 
 def create_private(path: Path) -> BinaryIO:
-    """A new file that this user alone may read and write.
-
-    Raises:
-        FileExistsError: if there is anything at `path`, be it a link to nowhere.
-    """
+    """A new file for this user alone; raises FileExistsError for anything at `path`, be it a link to nowhere."""
     return os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o600), "wb")
 
 
 def trajectory_from_journal(path: Path) -> Trajectory:
-    """What a journal holds; a row that was cut off by a crash is left out.
-
-    Raises:
-        InvalidInputError: if it holds no trajectory.
-    """
+    """What a journal holds but a row that a crash cut off; raises InvalidInputError if that is no trajectory."""
     rows, joints = _rows(path)
     if not len(rows):
         raise InvalidInputError("recording", f"{path} has no frames", "at least one")
@@ -176,10 +161,8 @@ def _gripper(widths_m: Array, states: Array) -> dict[str, Array]:
     """Measured fingers, else what was commanded; without a gripper it counts as open."""
     if np.isfinite(widths_m).all():
         still = float(np.ptp(widths_m)) < MIN_GRIPPER_TRAVEL_M
-        return {
-            "gripper_width": widths_m,
-            **({"gripper_open": (widths_m > OPEN_ABOVE_M).astype(np.float64)} if still else {}),
-        }
+        opened = {"gripper_open": (widths_m > OPEN_ABOVE_M).astype(np.float64)} if still else {}
+        return {"gripper_width": widths_m, **opened}
     return {"gripper_open": np.where(np.isfinite(states), states, 1.0)}
 
 

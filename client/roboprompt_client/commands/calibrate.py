@@ -1,6 +1,5 @@
 """`roboprompt-robot calibrate`: where the cell's cameras are, from pictures of a ChArUco board at poses of the hand."""
 
-import sys
 import time
 from argparse import Namespace
 from collections.abc import Iterator, Sequence
@@ -11,18 +10,16 @@ import numpy as np
 
 from roboprompt_client import quaternions as rotations
 from roboprompt_client.arms.arm import Arm
-from roboprompt_client.arms.cell import read_cell, write_cell
 from roboprompt_client.arrays import Array
 from roboprompt_client.cameras.picture import Intrinsics
-from roboprompt_client.cameras.rig import MountedCamera, check_rest
-from roboprompt_client.cameras.sight import in_columns
-from roboprompt_client.cameras.viewpoints import SETTLE_S
+from roboprompt_client.cameras.rig import SETTLE_S, MountedCamera, check_rest
+from roboprompt_client.cell import read_cell, write_cell
 from roboprompt_client.client import RoboPromptClient
+from roboprompt_client.commands.look import CELL, AddCommand, seeing_arm
+from roboprompt_client.commands.terminal import ask, ask_yes, in_columns, say
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.extras import import_extra
-from roboprompt_client.look_command import CELL, AddCommand, seeing_arm
 from roboprompt_client.motion_limits import Pose
-from roboprompt_client.terminal import ask, ask_yes
 
 if TYPE_CHECKING:  # OpenCV and scipy are extras
     from roboprompt_client.calibration.board import CharucoBoard
@@ -69,7 +66,7 @@ def run_calibrate(_: RoboPromptClient, arguments: Namespace) -> int:
     if not sightings:
         raise InvalidInputError("cameras", "saw the board nowhere", "a pose at which they see the whole board")
     fitted = fit_cameras(sightings, intrinsics, carried=arguments.carried)
-    _print(in_columns([COLUMNS, *(_row(name, item) for name, item in fitted.items())]))
+    say(in_columns([COLUMNS, *(_row(name, item) for name, item in fitted.items())]))
     if not ask_yes(f"Write these poses into {path}? [y/N] "):
         return 1
     _write(path, fitted, "camera_to_hand" if arguments.carried else "camera_to_world")
@@ -95,10 +92,10 @@ def _sightings(
             try:
                 check_seen(f"pose {number}: {camera.name}", ids, markers, board)
             except InvalidInputError as error:
-                _print(f"  {error}: left out")
+                say(f"  {error}: left out")
                 continue
             found.append(Sighting(camera.name, hand, board.corners_m[ids], corners_px))
-            _print(f"  pose {number}: {camera.name} sees {len(ids)} corners")
+            say(f"  pose {number}: {camera.name} sees {len(ids)} corners")
     return found, intrinsics
 
 
@@ -116,7 +113,7 @@ def _visited(arm: Arm) -> Iterator[int]:
     number = 0
     for pose in _proposed(arm.hand_to_world()):
         if problem := arm.problem_with(pose):
-            _print(f"  a pose is left out: {problem}")
+            say(f"  a pose is left out: {problem}")
             continue
         number += 1
         assert arm.confirm_viewpoint is not None
@@ -156,8 +153,4 @@ def _write(path: Path, fitted: "dict[str, FittedCamera]", field: str) -> None:
         if camera["name"] in fitted:
             camera[field] = fitted[camera["name"]].mount.tolist()
     write_cell(path, cell)
-    _print(f"written to {path}; next: roboprompt-robot look --robot {path} --remember")
-
-
-def _print(text: str) -> None:
-    print(text, file=sys.stdout, flush=True)  # noqa: T201
+    say(f"written to {path}; next: roboprompt-robot look --robot {path} --remember")

@@ -1,4 +1,4 @@
-"""A person moves the hand: with the keys of a terminal, or with a SpaceMouse.
+"""A person's keys at a terminal, and how they or a SpaceMouse move the hand.
 
 A direction is (6,): along the world's x, y, z and about them, each -1 to 1, 1 being the full speed. Where the base is
 not turned x points away from it, y to its left, z up.
@@ -6,6 +6,8 @@ not turned x points away from it, y to its left, z up.
 
 import os
 import re
+import select
+import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -16,8 +18,17 @@ import numpy as np
 
 from roboprompt_client.arrays import Array
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.terminal import has_keyboard
 
+try:
+    import termios
+    import tty
+except ImportError:  # Windows
+    HAS_TERMIOS = False
+else:
+    HAS_TERMIOS = True
+
+MAX_KEYS = 64  # at a time
+END = "x"  # what a terminal that has gone is read as
 SPEED_M_S, TURN_RAD_S = 0.10, 0.5
 TICK_S = 0.04  # between two commands to the arm
 HELD_S = 0.15  # after its last press a key counts as held: terminals repeat it 20 to 30 times a second
@@ -37,7 +48,7 @@ DIRECTIONS: Mapping[str, Array] = {
     for keys, axis in zip(("ws", "ad", "rf", "lj", "ik", "qe"), (*_ALONG, *_ABOUT), strict=True)
     for key, sign in zip(keys, (1.0, -1.0), strict=True)
 }
-KEYS = "w s: away, nearer   a d: left, right   r f: up, down   q e: turn   i k, j l: tilt"
+MOVES = "w s: away, nearer   a d: left, right   r f: up, down   q e: turn   i k, j l: tilt"
 
 
 class Said(NamedTuple):
@@ -47,7 +58,44 @@ class Said(NamedTuple):
     keys: str
 
 
+Pressed = Callable[[float], str]
 Read = Callable[[str], Said]  # from the keys that were pressed since the last call
+
+
+def has_keyboard() -> bool:
+    """Whether standard input is a terminal whose keys can be read one by one."""
+    return HAS_TERMIOS and sys.stdin.isatty()
+
+
+@contextmanager
+def keyboard() -> Iterator[Pressed]:
+    """A function that returns the keys pressed since its last call, and waits for the first at most some seconds.
+
+    Keys are unseen until the terminal is as it was before. Where there are no single keys it waits for a line.
+    """
+    if not has_keyboard():
+        yield _line
+        return
+    before = termios.tcgetattr(sys.stdin)
+    tty.setcbreak(sys.stdin, termios.TCSADRAIN)  # what was typed already counts
+    try:
+        yield _pressed
+    finally:
+        termios.tcsetattr(sys.stdin, termios.TCSADRAIN, before)
+
+
+def _pressed(wait_s: float) -> str:
+    ready, _, _ = select.select([sys.stdin], [], [], wait_s)
+    if not ready:
+        return ""
+    return os.read(sys.stdin.fileno(), MAX_KEYS).decode(errors="ignore") or END
+
+
+def _line(_wait_s: float) -> str:
+    try:
+        return input("").strip() or "\n"
+    except EOFError:
+        return "\n"
 
 
 class HeldKeys:

@@ -1,30 +1,36 @@
 """A person at the terminal, who sees the plan, is asked before each motion, and says afterwards whether it worked."""
 
-import os
-import select
 import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Sequence
 
 from roboprompt_client.answers import Outcome, PlannedStep, PredictedActions
 from roboprompt_client.arms.arm import Arm
-from roboprompt_client.arms.preview import Previewed, table
+from roboprompt_client.arms.preview import COLUMNS, Previewed
 from roboprompt_client.motion_limits import MotionLimits, Pose
 from roboprompt_client.robot import Robot
 from roboprompt_client.trajectory import EndEffectorAction
 
-try:
-    import termios
-    import tty
-except ImportError:  # Windows
-    HAS_TERMIOS = False
-else:
-    HAS_TERMIOS = True
-
 YES, NO = ("y", "yes"), ("n", "no")
-MAX_KEYS = 64  # at a time
-END = "x"  # what a terminal that has gone is read as
-Pressed = Callable[[float], str]
+
+
+def say(text: str) -> None:
+    """Print at once."""
+    print(text, flush=True)
+
+
+def in_columns(rows: Iterable[Sequence[str]]) -> str:
+    """Rows of cells for a terminal; the last cell of a row may be longer than its column."""
+    listed = list(rows)
+    widths = [max(len(row[k]) for row in listed if len(row) > k + 1) for k in range(max(map(len, listed)) - 1)]
+    lines = ["  ".join([*(c.ljust(w) for c, w in zip(row[:-1], widths, strict=False)), row[-1]]) for row in listed]
+    return "\n".join(line.rstrip() for line in lines)
+
+
+def plan_table(previewed: Sequence[Previewed]) -> str:
+    """A plan, its warnings below it."""
+    rows = in_columns([COLUMNS, *(item.cells(number) for number, item in enumerate(previewed, 1))])
+    warnings = [f"! action {number}: {item.warning}" for number, item in enumerate(previewed, 1) if item.warning]
+    return "\n".join([rows, *warnings])
 
 
 def ask(question: str) -> str | None:
@@ -38,35 +44,6 @@ def ask(question: str) -> str | None:
 def ask_yes(question: str) -> bool:
     """Whether a person types yes."""
     return (ask(question) or "").lower() in YES
-
-
-def has_keyboard() -> bool:
-    """Whether standard input is a terminal whose keys can be read one by one."""
-    return HAS_TERMIOS and sys.stdin.isatty()
-
-
-@contextmanager
-def keyboard() -> Iterator[Pressed]:
-    """A function that returns the keys pressed since its last call, and waits for the first at most some seconds.
-
-    Keys are unseen until the terminal is as it was before. Where there are no single keys it waits for a line.
-    """
-    if not has_keyboard():
-        yield lambda _wait_s: ask("") or "\n"
-        return
-    before = termios.tcgetattr(sys.stdin)
-    tty.setcbreak(sys.stdin, termios.TCSADRAIN)  # what was typed already counts
-    try:
-        yield _pressed
-    finally:
-        termios.tcsetattr(sys.stdin, termios.TCSADRAIN, before)
-
-
-def _pressed(wait_s: float) -> str:
-    ready, _, _ = select.select([sys.stdin], [], [], wait_s)
-    if not ready:
-        return ""
-    return os.read(sys.stdin.fileno(), MAX_KEYS).decode(errors="ignore") or END
 
 
 class Person:
@@ -89,7 +66,7 @@ class Person:
         previewed = self._robot.preview(actions, limits)
         self._shown += previewed
         if previewed:
-            _print(table(previewed))
+            _print(plan_table(previewed))
 
     def confirm(self, index: int, action: EndEffectorAction) -> bool:
         """Whether the person lets the action go; what is wrong with it is printed first."""
@@ -123,4 +100,4 @@ class Person:
 
 
 def _print(text: str) -> None:
-    print(text, file=sys.stderr)  # noqa: T201
+    print(text, file=sys.stderr)

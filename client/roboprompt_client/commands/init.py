@@ -1,7 +1,6 @@
 """`roboprompt-robot init`: a cell's file, from a person's answers and from what the arm itself measures."""
 
 import math
-import sys
 from argparse import Namespace
 from collections.abc import Callable
 from contextlib import nullcontext
@@ -13,14 +12,15 @@ import numpy as np
 
 from roboprompt_client import quaternions as rotations
 from roboprompt_client.arms.arm import Arm
-from roboprompt_client.arms.cell import open_robot, write_cell
 from roboprompt_client.arms.driver import Guidable
+from roboprompt_client.arms.panda import LIMITS_RAD
 from roboprompt_client.arrays import Array
 from roboprompt_client.cameras.realsense import realsense_serials
+from roboprompt_client.cell import open_robot, write_cell
 from roboprompt_client.client import RoboPromptClient
+from roboprompt_client.commands.terminal import ask, ask_yes, say
 from roboprompt_client.errors import InvalidInputError, MotionError
 from roboprompt_client.robot import observation_from_file
-from roboprompt_client.terminal import ask, ask_yes
 from roboprompt_client.wording import checked_name
 
 ADDRESSED = ("franka", "ur", "xarm")  # a LeRobot arm is made by a function, and one of ROS has topics
@@ -64,7 +64,7 @@ def run_init(_: RoboPromptClient, arguments: Namespace) -> int:
         raise
     write_cell(path, {**cell, **measured})
     then = f", then calibrate --robot {path}" if "cameras" in cell else ""
-    _say(f"\nwritten to {path}; next: roboprompt-robot check --robot {path} --move{then}")
+    say(f"\nwritten to {path}; next: roboprompt-robot check --robot {path} --move{then}")
     return 0
 
 
@@ -74,7 +74,7 @@ def _arm() -> dict[str, Any]:
         return {"arm": name}
     options: dict[str, Any] = {"address": _answer("Its address, such as 172.16.0.2: ", str)}
     if name == "franka":
-        options["model"] = _answer("Its model [panda or fr3]: ", _one_of("panda", "fr3"))
+        options["model"] = _answer("Its model [panda or fr3]: ", _known_model)
         if not _realtime_kernel() and ask_yes(WITHOUT_REALTIME):
             options["realtime"] = False
     return {"arm": name, "options": options}
@@ -89,8 +89,8 @@ def _realtime_kernel() -> bool:
 
 
 def _base() -> dict[str, Any]:
-    _say("Where does the base stand in the frame in which objects are said? Enter: that frame is the base's own.")
-    position_m = _answer("x y z, meters: ", _three_numbers)
+    say("Where does the base stand in the frame in which objects are said? Enter: that frame is the base's own.")
+    position_m = _answer("x y z, meters: ", lambda text: _numbers(text or "0 0 0", 3))
     (yaw_deg,) = _answer("Turned about z by, degrees: ", lambda text: _numbers(text or "0", 1))
     return {"position": position_m, "quaternion_xyzw": rotations.about_z(math.radians(yaw_deg)).tolist()}
 
@@ -107,22 +107,18 @@ def _objects_file(folder: Path, text: str) -> str:
 
 def _camera(serial: str) -> dict[str, Any]:
     """A camera that is plugged in, its pose not known yet; empty where it is left out."""
-    if not (name := _answer(f"A RealSense, {serial}. Its name, such as front [Enter: leave it out] ", _camera_name)):
+    question = f"A RealSense, {serial}. Its name, such as front [Enter: leave it out] "
+    if not (name := _answer(question, lambda text: checked_name("name", text) if text else "")):
         return {}
     mount = "camera_to_hand" if ask_yes("Does the hand carry it? [y/N] ") else "camera_to_world"
     return {"name": name, "driver": "realsense", "options": {"serial": serial}, mount: None}
 
 
-def _camera_name(text: str) -> str:
-    return checked_name("name", text) if text else ""
-
-
 def _measured(arm: Arm) -> dict[str, Any]:
     """What the arm says of itself: where the hand may be, and how wide the fingers are when open."""
     state = arm.state()
-    _say(
-        f"\nThe arm answers: its hand is at {state.position_m.round(3).tolist()} m in that frame. Compare with a ruler."
-    )
+    place = state.position_m.round(3).tolist()
+    say(f"\nThe arm answers: its hand is at {place} m in that frame. Compare with a ruler.")
     found: dict[str, Any] = {}
     if ask_yes("Measure the space that the hand may use, by hand? [y/N] "):
         found["limits"] = {"workspace": _box(arm)}
@@ -136,7 +132,7 @@ def _measured(arm: Arm) -> dict[str, Any]:
 
 def _box(arm: Arm) -> dict[str, Any]:
     """Two opposite corners that a person guided the hand to."""
-    _say(CORNERS)
+    say(CORNERS)
     yields = isinstance(arm.driver, Guidable) and ask_yes("Shall the arm yield to your hand meanwhile? Hold it. [y/N] ")
     with arm.guided() if yields else nullcontext():
         while True:
@@ -145,14 +141,14 @@ def _box(arm: Arm) -> dict[str, Any]:
             if (high_m - low_m).min() >= MIN_SIDE_M:
                 return {"min": (low_m - MARGIN_M).round(3).tolist(), "max": (high_m + MARGIN_M).round(3).tolist()}
             sides_m = (high_m - low_m).round(3).tolist()
-            _say(f"These corners span {sides_m} m: every side needs {MIN_SIDE_M} m at least. Once more.")
+            say(f"These corners span {sides_m} m: every side needs {MIN_SIDE_M} m at least. Once more.")
 
 
 def _corner(arm: Arm, which: str) -> Array:
     if ask(f"At the {which} corner? Enter: ") is None:
         raise MotionError("standard input ended before both corners were touched")
     place_m = arm.state().position_m
-    _say(f"  {place_m.round(3).tolist()} m")
+    say(f"  {place_m.round(3).tolist()} m")
     return place_m
 
 
@@ -162,7 +158,7 @@ def _answer(question: str, read: Callable[[str], Any]) -> Any:  # noqa: ANN401
         try:
             return read(text)
         except ValueError as error:
-            _say(f"  {error}")
+            say(f"  {error}")
     raise InvalidInputError("standard input", "ended before all was answered", "a person who answers")
 
 
@@ -172,17 +168,10 @@ def _known_arm(text: str) -> str:
     raise ValueError(f"{text!r:.40} is none of {', '.join(ADDRESSED)}, and no MODULE:FACTORY")
 
 
-def _one_of(*valid: str) -> Callable[[str], str]:
-    def read(text: str) -> str:
-        if text not in valid:
-            raise ValueError(f"{text!r:.40} is none of {', '.join(valid)}")
+def _known_model(text: str) -> str:
+    if text in LIMITS_RAD:
         return text
-
-    return read
-
-
-def _three_numbers(text: str) -> list[float]:
-    return _numbers(text or "0 0 0", 3)
+    raise ValueError(f"{text!r:.40} is none of {', '.join(LIMITS_RAD)}")
 
 
 def _numbers(text: str, count: int) -> list[float]:
@@ -193,7 +182,3 @@ def _numbers(text: str, count: int) -> list[float]:
     if len(numbers) != count or not np.isfinite(numbers).all():
         raise ValueError(f"{text!r:.40} is not {count} numbers")
     return numbers
-
-
-def _say(text: str) -> None:
-    print(text, file=sys.stdout, flush=True)  # noqa: T201
