@@ -8,7 +8,7 @@ from app.pipeline.episode import Demonstration
 from app.pipeline.order.order import Order
 from app.pipeline.prompt import Prompt
 from app.pipeline.representation import fit_codec
-from app.pipeline.workspace import Workspace, discretize_action, object_bins
+from app.pipeline.workspace import Workspace, discretize_actions, object_bins
 from app.services.measures import timings
 from app.services.predict.question import Question
 from app.services.predict.record import Prediction
@@ -62,7 +62,7 @@ def metadata_document(record: EpisodeRecord) -> JsonObject:
 
 
 def _keyframe(record: KeyframeRecord, workspace: Workspace) -> JsonObject:
-    discrete = discretize_action(record.action(), workspace)
+    (discrete,) = discretize_actions([record.action()], workspace)
     document = {name: value for name, value in record.to_json().items() if name != "objects"}
     return {**document, "bins": list(discrete.bins), "clamped": discrete.clamped}
 

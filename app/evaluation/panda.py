@@ -6,7 +6,7 @@ from functools import lru_cache
 from typing import Any, ClassVar
 
 from app.pipeline.keyframes import Motion, merged
-from app.pipeline.workspace import Workspace, discretize_action, undiscretize_action
+from app.pipeline.workspace import Workspace, discretize_actions, undiscretize_actions
 from app.sim.demonstrate import Recordings, RobotName, record_demonstration, rollout, view_scene
 from app.sim.libfranka import demonstrate as over_libfranka
 from app.sim.outcomes import RecordedDemonstration, RolloutResult, SceneView
@@ -74,8 +74,9 @@ class Panda:
 def binned_keyframes(task: str, seed: int) -> Actions:
     """The keyframes of the expert in a test's scene, after binning. Runs in a worker."""
     trajectory, workspace = Panda().solve(task, seed).trajectory, Workspace.rlbench()
-    binned = [discretize_action(trajectory.action_at(index), workspace).bins for index in merged(Motion.of(trajectory))]
-    return tuple(undiscretize_action(bins, workspace) for bins in binned)
+    actions = [trajectory.action_at(index) for index in merged(Motion.of(trajectory))]
+    binned = discretize_actions(actions, workspace)
+    return tuple(undiscretize_actions([item.bins for item in binned], workspace))
 
 
 def film(

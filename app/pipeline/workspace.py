@@ -140,11 +140,6 @@ def yaw_bin(yaw_rad: float) -> int:
     return round((math.degrees(yaw_rad) + 180) / ROTATION_BIN_DEG) % ROTATION_BINS
 
 
-def discretize_action(action: EndEffectorAction, workspace: Workspace) -> DiscreteAction:
-    """An action's seven bins."""
-    return discretize_actions([action], workspace)[0]
-
-
 def discretize_actions(actions: Sequence[EndEffectorAction], workspace: Workspace) -> list[DiscreteAction]:
     """The actions' seven bins each."""
     if not actions:
@@ -157,11 +152,6 @@ def discretize_actions(actions: Sequence[EndEffectorAction], workspace: Workspac
         DiscreteAction((*place, *turn, int(action.gripper_open)), clamped=not within)
         for action, place, turn, within in zip(actions, positions, rotations, inside, strict=True)
     ]
-
-
-def undiscretize_action(bins: Sequence[int], workspace: Workspace) -> EndEffectorAction:
-    """The action at the centre of seven bins."""
-    return undiscretize_actions([bins], workspace)[0]
 
 
 def undiscretize_actions(bins: Sequence[Sequence[int]], workspace: Workspace) -> list[EndEffectorAction]:

@@ -18,7 +18,7 @@ from app.evaluation.run import Run
 from app.evaluation.server import running_server
 from app.evaluation.sweeps import EMBEDDED, OPEN, SWEEPS, chosen
 from app.evaluation.teach import suffix_of
-from app.pipeline.workspace import Workspace, discretize_action
+from app.pipeline.workspace import Workspace, discretize_actions
 from app.sim.moves import action_from_move
 from app.sim.tasks import COMPOSITION_TASKS, make_task
 from roboprompt_client.client import RoboPromptClient
@@ -58,7 +58,7 @@ class Solver:
 
 
 def bins(action, workspace):
-    return list(discretize_action(action, workspace).bins)
+    return list(discretize_actions([action], workspace)[0].bins)
 
 
 # Every second one, the others by `make long`.

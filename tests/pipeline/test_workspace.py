@@ -11,12 +11,12 @@ from app.pipeline.workspace import (
     ROTATION_BINS,
     Workspace,
     bin_centre,
-    discretize_action,
+    discretize_actions,
     object_bins,
     position_bins,
     rotation_bins,
     rotation_from_bins,
-    undiscretize_action,
+    undiscretize_actions,
     yaw_bin,
 )
 from roboprompt_client.errors import InvalidInputError
@@ -28,12 +28,12 @@ ANY_ROTATION_BINS = st.tuples(*[st.integers(0, ROTATION_BINS - 1)] * 3)
 
 
 def test_the_specs_action():
-    seen = undiscretize_action((46, 74, 55, 54, 36, 37, 1), WORKSPACE)
+    bins = (46, 74, 55, 54, 36, 37)
+    seen, closed = undiscretize_actions([(*bins, 1), (*bins, 0)], WORKSPACE)
     np.testing.assert_allclose(seen.position_m, [0.165, 0.245, 1.155])
     assert angle_deg(seen.quaternion_xyzw, rotated(90, 0, 5).as_quat()) < 1e-6
-    assert seen.gripper_open is True
-    assert discretize_action(seen, WORKSPACE).bins == (46, 74, 55, 54, 36, 37, 1)
-    assert undiscretize_action((46, 74, 55, 54, 36, 37, 0), WORKSPACE).gripper_open is False
+    assert (seen.gripper_open, closed.gripper_open) == (True, False)
+    assert discretize_actions([seen], WORKSPACE)[0].bins == (*bins, 1)
 
 
 @given(positions())
@@ -87,7 +87,7 @@ def test_an_exact_edge_falls_into_the_lower_bin(workspace):
     ],
 )
 def test_a_position_outside_is_clamped_and_says_so(position_m, bins, clamped):
-    discrete = discretize_action(action(position_m), WORKSPACE)
+    (discrete,) = discretize_actions([action(position_m)], WORKSPACE)
     assert discrete.bins[:3] == bins
     assert discrete.clamped is clamped
 
@@ -122,7 +122,8 @@ def test_objects_have_six_bins_where_their_rotation_is_known():
 
 
 def test_text_has_plain_integers():
-    bins = discretize_action(action((0.1, 0.2, 0.9)), WORKSPACE).bins + object_bins(pose("a", (0, 0, 1), 5), WORKSPACE)
+    (discrete,) = discretize_actions([action((0.1, 0.2, 0.9))], WORKSPACE)
+    bins = discrete.bins + object_bins(pose("a", (0, 0, 1), 5), WORKSPACE)
     assert {type(value) for value in (*bins, yaw_bin(0.3))} == {int}
     assert "np" not in str(bins)
 

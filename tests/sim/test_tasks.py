@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from app.pipeline.keyframes import Motion, merged
-from app.pipeline.workspace import Workspace, discretize_action, undiscretize_action
+from app.pipeline.workspace import Workspace, discretize_actions, undiscretize_actions
 from app.sim.demonstrate import record_demonstration, rollout, view_scene
 from app.sim.robot import SimulatedPanda
 from app.sim.tasks import ALL_TASKS, TASKS, make_task
@@ -133,9 +133,9 @@ def test_the_expert_and_its_binned_keyframes_succeed(name, seed):
     keyframes = merged(Motion.of(demonstration.trajectory))
     assert len(keyframes) == len(demonstration.expert_actions)
     assert 3 <= len(keyframes) <= (MAX_KEYFRAMES if name in TASKS else MAX_OF_COMPOSITIONS)
-    binned = [discretize_action(demonstration.trajectory.action_at(frame), WORKSPACE) for frame in keyframes]
+    binned = discretize_actions([demonstration.trajectory.action_at(frame) for frame in keyframes], WORKSPACE)
     assert not any(action.clamped for action in binned)
-    result = rollout(name, seed, [undiscretize_action(action.bins, WORKSPACE) for action in binned])
+    result = rollout(name, seed, undiscretize_actions([action.bins for action in binned], WORKSPACE))
     assert result.succeeded, result.failure
 
 

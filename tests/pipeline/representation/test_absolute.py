@@ -10,7 +10,7 @@ from app.pipeline.episode import Query
 from app.pipeline.errors import ReplyParseError
 from app.pipeline.reply import ReplyReader
 from app.pipeline.representation.absolute import AbsoluteCodec
-from app.pipeline.workspace import discretize_action
+from app.pipeline.workspace import discretize_actions
 from tests.pipeline.asking import grammar_of, parse_reply, schema_of
 
 from ..gbnf import matches
@@ -54,10 +54,8 @@ def test_demonstration_text():
 
 def read(reply_text):
     """The bins of a reply's actions."""
-    return [
-        discretize_action(seen, WORKSPACE).bins
-        for seen in parse_reply(reply_text, fitted(), [DRAWER], OPEN.instruction)
-    ]
+    seen = parse_reply(reply_text, fitted(), [DRAWER], OPEN.instruction)
+    return [discrete.bins for discrete in discretize_actions(seen, WORKSPACE)]
 
 
 @pytest.mark.parametrize(
