@@ -22,10 +22,10 @@ from app.sim.tasks.base import NOT_SOLVED
 from app.sim.world import BASE_POSITION_M
 from roboprompt_client import quaternions as rotations
 from roboprompt_client.arms.arm import Arm
-from roboprompt_client.arms.calibration import Calibration
+from roboprompt_client.arms.driver import Calibration
 from roboprompt_client.arms.franka import Franka
 from roboprompt_client.errors import MotionError
-from roboprompt_client.recorder import Recorder
+from roboprompt_client.recording.recorder import Recorder
 from roboprompt_client.trajectory import EndEffectorAction
 
 DYNAMICS = 0.3  # of the arm's own limits; a simulated arm endangers no person
