@@ -11,7 +11,7 @@ from app.perception.cuboid.view import View
 from app.perception.sightings import Sighting
 from roboprompt_client.arrays import Array
 from roboprompt_client.camera import RgbdFrame
-from roboprompt_client.flat_surface import DEPTH_SIGMA_AT_1_M
+from roboprompt_client.cameras.table import DEPTH_SIGMA_AT_1_M
 
 SURFACE_M = 0.006  # within this a point lies on the surface, whatever the depth noise
 DEPTH_SIGMAS = 3.0

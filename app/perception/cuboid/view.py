@@ -8,7 +8,7 @@ import numpy.typing as npt
 from app.perception.cuboid.pieces import CROSS, Bools, Piece, eroded, inner
 from roboprompt_client.arrays import Array
 from roboprompt_client.camera import Camera, RgbdFrame
-from roboprompt_client.flat_surface import DEPTH_SIGMA_AT_1_M
+from roboprompt_client.cameras.table import DEPTH_SIGMA_AT_1_M
 
 DEPTH_SIGMA_FLOOR_M = 0.001
 INDEPENDENT_PIXELS = 12  # neighboring depths err alike: so many count as one

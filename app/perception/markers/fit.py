@@ -15,7 +15,7 @@ from app.perception.markers.view import MarkerView
 from app.pipeline.geometry import inverse
 from roboprompt_client.arrays import Array
 from roboprompt_client.camera import Camera
-from roboprompt_client.flat_surface import DEPTH_SIGMA_AT_1_M
+from roboprompt_client.cameras.table import DEPTH_SIGMA_AT_1_M
 
 DEPTH_PATCH_PX = 25  # neighboring pixels err alike: so many count as one measurement
 OUTLIER_SIGMAS = 4.0
