@@ -63,18 +63,14 @@ class RemoteModel(ObjectModel):
     min_confidence: Confidence = MIN_CONFIDENCE
 
     def __post_init__(self) -> None:
-        _check_url(self.url)
-
-
-def _check_url(url: str) -> None:
-    try:
-        parsed = httpx.URL(url)
-    except httpx.InvalidURL as error:
-        raise InvalidInputError("url", f"is {url!r}: {error}", _URL) from None
-    if parsed.scheme not in ("http", "https") or not parsed.host:
-        raise InvalidInputError("url", f"is {url!r}", _URL)
-    if parsed.userinfo:
-        raise InvalidInputError("url", "has a user name or password in it, which everyone can read", _URL)
+        try:
+            parsed = httpx.URL(self.url)
+        except httpx.InvalidURL as error:
+            raise InvalidInputError("url", f"is {self.url!r}: {error}", _URL) from None
+        if parsed.scheme not in ("http", "https") or not parsed.host:
+            raise InvalidInputError("url", f"is {self.url!r}", _URL)
+        if parsed.userinfo:
+            raise InvalidInputError("url", "has a user name or password in it, which everyone can read", _URL)
 
 
 AnyModel = Annotated[

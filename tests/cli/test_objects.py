@@ -11,9 +11,10 @@ from typer.testing import CliRunner
 from app.cli import application
 from app.perception.images import decode_rgb
 from app.pipeline.geometry import rigid
+from benchmarks.camera_noise import as_a_camera_sees_it
 from roboprompt_client.calibration.board import CharucoBoard, check_seen, find_board
 from roboprompt_client.errors import InvalidInputError
-from tests.perception.flat_scene import Quad, camera, noisy, render
+from tests.perception.flat_scene import Quad, camera, render
 
 BOARD = CharucoBoard(5, 7, 0.035, 0.026)
 BOARD_TO_WORLD = rigid((0.1, -0.12, 0.01), Rotation.from_euler("zx", [30, 4], degrees=True).as_quat())
@@ -28,7 +29,8 @@ def found(board, view=VIEW, known=None):
     middle = rigid((*np.array(board.size_m) / 2, 0), (0, 0, 0, 1))
     # a third of the texture's resolution is still finer than the picture's
     shown = cv2.resize(texture, None, fx=1 / 3, fy=1 / 3, interpolation=cv2.INTER_AREA)
-    seen = noisy(render(view, [Quad(BOARD_TO_WORLD @ middle, size_m, shown)]), np.random.default_rng(0)).rgb
+    picture = render(view, [Quad(BOARD_TO_WORLD @ middle, size_m, shown)])
+    seen = as_a_camera_sees_it(picture, np.random.default_rng(0)).rgb
     corners_px, ids, markers = (known or board).find(seen)
     check_seen("picture", ids, markers, known or board)
     matrix = np.array([[view.fx_px, 0, view.cx_px], [0, view.fy_px, view.cy_px], [0, 0, 1]])

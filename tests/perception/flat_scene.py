@@ -75,17 +75,6 @@ def render(view, quads, table_z_m=0.0):
     return RgbdFrame(view, np.repeat(small[..., None], 3, axis=2), depth_m.astype(np.float32))
 
 
-def noisy(frame, rng, sigma_m=0.002, grey_sigma=3.0):
-    """Spatially correlated depth noise of `sigma_m` z^2, flying pixels at edges, quantised to 1 mm; noisy colors."""
-    z = frame.depth_m
-    smooth = cv2.GaussianBlur(rng.normal(0, 1, z.shape).astype(np.float32), (0, 0), 1.5)
-    mean = cv2.blur(z, (3, 3))
-    z = np.where(np.abs(z - mean) > 0.01, mean, z)
-    z = np.round((z + smooth / smooth.std() * sigma_m * z * z) * 1000) / 1000
-    rgb = np.clip(frame.rgb + rng.normal(0, grey_sigma, frame.rgb.shape), 0, 255).astype(np.uint8)
-    return RgbdFrame(frame.camera, rgb, z.astype(np.float32))
-
-
 def _texels_to_fine_pixels(view, quad):
     """(3, 3): texel index -> index of a pixel that is SUPERSAMPLING times finer; both count centres."""
     rows, columns = quad.texture.shape

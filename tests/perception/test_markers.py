@@ -12,9 +12,10 @@ from app.perception.markers.model import Marker, MarkersModel
 from app.perception.markers.view import MarkerView, SeenMarker, find_markers
 from app.pipeline.errors import ObjectNotVisibleError, UncertainPoseError
 from app.pipeline.geometry import inverse
+from benchmarks.camera_noise import as_a_camera_sees_it
 from roboprompt_client.camera import Camera, RgbdFrame
 from roboprompt_client.errors import InvalidInputError
-from tests.perception.flat_scene import camera, marker_quad, noisy, render
+from tests.perception.flat_scene import camera, marker_quad, render
 
 DICTIONARY = "DICT_4X4_50"
 SIZE_M = 0.04
@@ -35,7 +36,7 @@ def scene(view, *markers, dictionary=DICTIONARY, seed=0):
     """A noisy frame with markers: (id, size_m, marker_to_world)."""
     family = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary))
     quads = [marker_quad(family, *marker) for marker in markers]
-    return noisy(render(view, quads), np.random.default_rng(seed))
+    return as_a_camera_sees_it(render(view, quads), np.random.default_rng(seed))
 
 
 def cube(name="red cube", id_=3, **settings):

@@ -4,7 +4,7 @@ Of several that look alike: which sightings are one and the same thing, and whic
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from graphlib import CycleError, TopologicalSorter
 
 import numpy as np
@@ -57,7 +57,7 @@ class CuboidPoses:
 def likenesses(model: CuboidModel, frames: Sequence[RgbdFrame]) -> list[Array]:
     """Where (3,) things are that look like the model, whichever it means; the middles of their shapes."""
     found = _instances(_Search(frames).look(model), model)
-    return [item.position_m for item in found if item.confidence >= model.min_confidence]
+    return [best.position_m for best, *_ in found if best.confidence >= model.min_confidence]
 
 
 class _Search:
@@ -74,16 +74,16 @@ class _Search:
         """The pose of an object, given those of the objects that distinguish it."""
         found = self.look(model)
         anchor_m = None if model.rank is None else poses[model.rank.nearest_to].position_m
-        instance = _chosen(query.name, model, _instances(found, model), anchor_m)
+        sightings, note = _chosen(query.name, model, _instances(found, model), anchor_m)
         middle = fused(
             query,
-            [*instance.sightings, *(item for item in found if isinstance(item, Miss))],
+            [*sightings, *(item for item in found if isinstance(item, Miss))],
             estimator="cuboid",
             min_confidence=model.min_confidence,
             yaw_symmetry_deg=model.shape_symmetry_deg,
         )
-        if instance.note:
-            middle = replace(middle, reason="; ".join(filter(None, (middle.reason, instance.note))))
+        if note:
+            middle = replace(middle, reason="; ".join(filter(None, (middle.reason, note))))
         return _at_origin(middle, model, None if model.away_from is None else poses[model.away_from].position_m)
 
     def look(self, model: CuboidModel) -> list[Sighting | Miss]:
@@ -154,30 +154,8 @@ def _at_origin(middle: ObjectPose, model: CuboidModel, away_from_m: Array | None
     return replace(middle, position_m=position_m, quaternion_xyzw=rotation.as_quat(canonical=True))
 
 
-@dataclass(frozen=True, eq=False)
-class _Instance:
-    """One thing, as the cameras see it.
-
-    Attributes:
-        note: what deserves a look in how it was chosen; empty if nothing.
-    """
-
-    sightings: tuple[Sighting, ...]
-    note: str = ""
-
-    @property
-    def position_m(self) -> Array:
-        """(3,) where its best sighting puts it."""
-        return max(self.sightings, key=lambda s: s.confidence).position_m
-
-    @property
-    def confidence(self) -> float:
-        """That of the most confident sighting; 0 without any."""
-        return max((s.confidence for s in self.sightings), default=0.0)
-
-
-def _instances(found: Sequence[Sighting | Miss], model: CuboidModel) -> list[_Instance]:
-    """The separate things that were sighted, the most certain first."""
+def _instances(found: Sequence[Sighting | Miss], model: CuboidModel) -> list[list[Sighting]]:
+    """The sightings of each separate thing; things and their sightings come the most certain first."""
     sightings = [item for item in found if isinstance(item, Sighting)]
     reach_m = SAME_SHARE * min(model.size_m[:2]) + SAME_SLACK_M
     groups: list[list[Sighting]] = []
@@ -189,48 +167,45 @@ def _instances(found: Sequence[Sighting | Miss], model: CuboidModel) -> list[_In
                 break
         else:
             groups.append([sighting])
-    return [_Instance(tuple(group)) for group in groups]
+    return groups
 
 
-def _chosen(name: str, model: CuboidModel, found: Sequence[_Instance], anchor_m: Array | None) -> _Instance:
-    """The thing that is asked for.
+def _chosen(
+    name: str, model: CuboidModel, found: Sequence[Sequence[Sighting]], anchor_m: Array | None
+) -> tuple[Sequence[Sighting], str]:
+    """The thing that is asked for, and what deserves a look in how it was chosen; empty if nothing.
 
     Raises:
         UncertainPoseError: if a camera sees several where there is no rank, or not as many as the rank tells of.
     """
-    certain = [item for item in found if item.confidence >= model.min_confidence]
+    certain = [item for item in found if item[0].confidence >= model.min_confidence]
     if model.rank is None:
-        return _only(name, certain, found)
+        return _only(name, certain) or (found[0] if found else ()), ""
     assert anchor_m is not None
     rank = model.rank
     if len(certain) != rank.of:
-        listed = "; ".join(_described(item.sightings[0]) for item in found) or "none is seen"
+        listed = "; ".join(_described(item[0]) for item in found) or "none is seen"
         message = f"{len(certain)} things that look like it are seen well enough, not {rank.of}: {listed}"
         remedy = f"a view of all {rank.of}, to count from {rank.nearest_to}"
         raise UncertainPoseError(name, message, remedy)
-    distances_m = np.array([np.linalg.norm(item.position_m - anchor_m) for item in certain])
+    distances_m = np.array([np.linalg.norm(item[0].position_m - anchor_m) for item in certain])
     index = int(np.argsort(distances_m)[rank.number - 1])
     ties = np.count_nonzero(np.abs(distances_m - distances_m[index]) < TIE_M) - 1
-    if not ties:
-        return certain[index]
     note = f"{ties} more that look like it are as far from {rank.nearest_to}, within {1000 * TIE_M:g} mm"
-    return replace(certain[index], note=note)
+    return certain[index], note if ties else ""
 
 
-def _only(name: str, certain: Sequence[_Instance], found: Sequence[_Instance]) -> _Instance:
+def _only(name: str, certain: Sequence[Sequence[Sighting]]) -> list[Sighting]:
     """The one that is certain; further cameras' sightings of it elsewhere stay with it, to show the contradiction."""
-    per_camera: dict[str, list[Sighting]] = {}
-    for sighting in (s for item in certain for s in item.sightings):
-        per_camera.setdefault(sighting.camera, []).append(sighting)
-    for camera, seen in per_camera.items():
+    sightings = [sighting for item in certain for sighting in item]
+    for camera in {sighting.camera: None for sighting in sightings}:
+        seen = [s for s in sightings if s.camera == camera]
         if len(confident := [s for s in seen if s.confidence >= 0.5 * seen[0].confidence]) > 1:
             places = " and ".join(_place(s.position_m) for s in confident)
             message = f"camera {camera} sees {len(confident)} that look like it, at {places}"
             remedy = "one such object in view, a rank in its object model, or another color"
             raise UncertainPoseError(name, message, remedy)
-    if certain:
-        return _Instance(tuple(s for item in certain for s in item.sightings))
-    return found[0] if found else _Instance(())
+    return sightings
 
 
 def _described(sighting: Sighting) -> str:

@@ -176,11 +176,14 @@ def _wrapped(angle_rad: float, period_rad: float) -> float:
 
 def _descend(view: View, shape: Shape, starts: Array, columns: list[int], steps: int) -> tuple[Array, Array]:
     """Improve all candidates (B, 7) in `columns`; their costs (B,)."""
+    shifts = np.concatenate([np.zeros((1, 7)), np.diag(STEP)[columns]])  # of numerical derivatives
     best, best_costs = starts.copy(), np.full(len(starts), np.inf)
     damping = np.full(len(starts), 1e-3)
     trial = starts
     for step in range(steps + 1):
-        residuals, jacobian = _linearised(view, shape, trial, columns if step < steps else [])
+        shifted = trial[:, None] + (shifts if step < steps else shifts[:1])
+        values = _residuals(view, shape, shifted.reshape(-1, 7)).reshape(*shifted.shape[:2], -1)
+        residuals = values[:, 0]
         costs = np.log1p((residuals / ROBUST_SIGMAS) ** 2).sum(axis=1) * ROBUST_SIGMAS**2 / 2
         better = costs < best_costs
         settled = step > 1 and bool((np.abs(best_costs - costs) < SETTLED * best_costs).all())
@@ -188,6 +191,7 @@ def _descend(view: View, shape: Shape, starts: Array, columns: list[int], steps:
         if settled or step == steps:
             break
         damping = np.where(better, damping / 4, damping * 8)
+        jacobian = (values[:, 1:] - values[:, :1]) / STEP[columns, None]
         if step == 0:
             kept_residuals, kept_jacobian = residuals, jacobian
         kept_residuals[better], kept_jacobian[better] = residuals[better], jacobian[better]
@@ -196,26 +200,18 @@ def _descend(view: View, shape: Shape, starts: Array, columns: list[int], steps:
 
 
 def _stepped(best: Array, residuals: Array, jacobian: Array, damping: Array, columns: list[int]) -> Array:
+    """The candidates after a step by their residuals (B, R) in sigmas and the derivatives (B, P, R) of these."""
     weights = 1 / (1 + (residuals / ROBUST_SIGMAS) ** 2)
-    weighted = jacobian * weights[:, None]  # (B, P, R)
+    weighted = jacobian * weights[:, None]
     normal = weighted @ jacobian.transpose(0, 2, 1)
     gradient = weighted @ residuals[..., None]
-    diagonal = np.einsum("bpp->bp", normal)
-    lifted = normal + np.eye(len(columns)) * (damping[:, None] * diagonal + 1e-9)[:, None]
-    move = np.linalg.solve(lifted, gradient)[..., 0]
+    diagonal = np.arange(len(columns))
+    normal[:, diagonal, diagonal] += damping[:, None] * normal[:, diagonal, diagonal] + 1e-9
+    move = np.linalg.solve(normal, gradient)[..., 0]
     trial = best.copy()
     trial[:, columns] -= np.clip(move, -MAX_STEP[columns], MAX_STEP[columns])
     trial[:, SX:] = np.maximum(trial[:, SX:], MIN_SIZE_M)
     return trial
-
-
-def _linearised(view: View, shape: Shape, candidates: Array, columns: list[int]) -> tuple[Array, Array]:
-    """Residuals (B, R) in sigmas and their derivatives (B, P, R)."""
-    shifts = np.zeros((len(columns) + 1, candidates.shape[1]))
-    shifts[np.arange(1, len(columns) + 1), columns] = STEP[columns]
-    shifted = (candidates[:, None] + shifts).reshape(-1, candidates.shape[1])
-    values = _residuals(view, shape, shifted).reshape(len(candidates), len(columns) + 1, -1)
-    return values[:, 0].copy(), (values[:, 1:] - values[:, :1]) / STEP[columns][:, None]
 
 
 def _residuals(view: View, shape: Shape, candidates: Array) -> Array:

@@ -125,7 +125,7 @@ def _parted(camera: Camera, left: int, top: int, mask: Bools, depth_m: npt.NDArr
     count, labels, boxes, _ = cv2.connectedComponentsWithStats(smooth.astype(np.uint8), connectivity=4)
     parts = [k for k in range(1, count) if boxes[k, cv2.CC_STAT_AREA] >= MIN_PIXELS]
     if len(parts) < 2:
-        return [trimmed(left, top, mask, depth_m)]
+        return [Piece(left, top, mask, distance_m)]
     seeds = np.isin(labels, parts)
     _, nearest_seed = cv2.distanceTransformWithLabels((~seeds).astype(np.uint8), cv2.DIST_L2, 3)
     seed_labels = np.zeros(int(nearest_seed.max()) + 1, np.int32)

@@ -166,23 +166,13 @@ class MarkerView:
 
     def starts(self, camera: Camera) -> list[Array]:
         """The one or two poses (4, 4), marker to camera, that corners and size alone allow."""
-        matrix, square = intrinsic_matrix(camera), cv2.SOLVEPNP_IPPE_SQUARE
-        corners_px = self.seen.corners_px
-        _, turns, shifts, _ = cv2.solvePnPGeneric(self.corners_marker_m, corners_px, matrix, None, flags=square)
-        return [rigid_transform(np.asarray(t, float), np.asarray(s, float)) for t, s in zip(turns, shifts, strict=True)]
-
-
-def intrinsic_matrix(camera: Camera) -> Array:
-    """(3, 3), as OpenCV takes it."""
-    return np.array([[camera.fx_px, 0, camera.cx_px], [0, camera.fy_px, camera.cy_px], [0, 0, 1]])
-
-
-def rigid_transform(rotation_vector: Array, shift_m: Array) -> Array:
-    """(4, 4) of a rotation vector and a shift, as OpenCV gives them."""
-    transform = np.eye(4)
-    transform[:3, :3] = cv2.Rodrigues(rotation_vector)[0]
-    transform[:3, 3] = np.ravel(shift_m)
-    return transform
+        matrix = np.array([[camera.fx_px, 0, camera.cx_px], [0, camera.fy_px, camera.cy_px], [0, 0, 1]])
+        corners_m, corners_px, square = self.corners_marker_m, self.seen.corners_px, cv2.SOLVEPNP_IPPE_SQUARE
+        _, turns, shifts_m, _ = cv2.solvePnPGeneric(corners_m, corners_px, matrix, None, flags=square)
+        poses = np.tile(np.eye(4), (len(turns), 1, 1))
+        for pose, turn, shift_m in zip(poses, turns, shifts_m, strict=True):
+            pose[:3, :3], pose[:3, 3] = cv2.Rodrigues(turn)[0], np.ravel(shift_m)
+        return list(poses)
 
 
 def _face_points(frame: RgbdFrame, corners_px: Array) -> Array:

@@ -13,6 +13,7 @@ from app.perception.registered.geometry import Index
 from app.perception.registered.model import RegisteredModel
 from app.perception.registered.scene import Scene
 from app.perception.registered.template import Template
+from app.perception.registered.view import View
 from app.pipeline.errors import UncertainPoseError
 from app.pipeline.geometry import canonical_pose
 from roboprompt_client.arrays import Array
@@ -76,14 +77,9 @@ def _outside_masks(query: ObjectQuery, frames: Sequence[RgbdFrame], points_m: Ar
     for frame in masked:
         assert frame.mask is not None
         assert frame.depth_m is not None
-        pixels, point_depth_m = frame.camera.project(points_m)
-        height, width = frame.mask.shape
-        inside = np.flatnonzero(
-            (point_depth_m > 0) & ((pixels > -0.5) & (pixels < (width - 0.5, height - 0.5))).all(axis=1)
-        )
-        columns, rows = np.rint(pixels[inside]).astype(np.intp).T
-        is_seen = np.abs(frame.depth_m[rows, columns] - point_depth_m[inside]) < SAME_SURFACE_M
-        outside[inside[is_seen & np.isin(frame.mask[rows, columns], query.mask_ids)]] = False
+        seen = View.of_depth(frame.camera, frame.depth_m).look_up(points_m)
+        is_own = np.isin(frame.mask[seen.rows, seen.columns], query.mask_ids)
+        outside &= ~(is_own & (np.abs(seen.depth_m - seen.point_m) < SAME_SURFACE_M))
     return np.flatnonzero(outside)
 
 

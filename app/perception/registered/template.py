@@ -159,7 +159,7 @@ class Template:
         for number in range(sum(name.startswith("pose_") for name in arrays)):
             fx_px, fy_px, cx_px, cy_px = arrays[f"intrinsics_{number}"].tolist()
             camera = Camera(f"view_{number}", fx_px, fy_px, cx_px, cy_px, arrays[f"pose_{number}"])
-            views.append(View.of_free_space(camera, (arrays[f"nearest_{number}"] * DEPTH_UNIT_M).astype(np.float32)))
+            views.append(View.of_depth(camera, (arrays[f"nearest_{number}"] * DEPTH_UNIT_M).astype(np.float32)))
         symmetry_deg = float(arrays["yaw_symmetry_deg"])
         points_m, normals, rgb = (arrays[name].astype(np.float64) for name in ("points_m", "normals", "rgb"))
         return cls(

@@ -70,9 +70,9 @@ class View:
         return cls(camera, depth_m, nearest_m, np.ascontiguousarray(rgb), mask)
 
     @classmethod
-    def of_free_space(cls, camera: Camera, nearest_m: DepthImage) -> "View":
-        """Of a template: only what lies before its depths is known, to be free."""
-        return cls(camera, nearest_m, nearest_m, np.zeros((0, 0, 3), np.uint8))
+    def of_depth(cls, camera: Camera, depth_m: DepthImage) -> "View":
+        """Of depths as they are, without colors."""
+        return cls(camera, depth_m, depth_m, np.zeros((0, 0, 3), np.uint8))
 
     @property
     def eye_m(self) -> Array:
@@ -104,7 +104,7 @@ def free_views(views: Sequence[View], template_to_world: Array, points_m: Array,
         right, bottom = np.clip(np.ceil(pixels.max(axis=0) + margin_px) + 1, 0, (width, height)).astype(int)
         if right - left >= 2 and bottom - top >= 2:
             cut = replace(camera, cx_px=camera.cx_px - left, cy_px=camera.cy_px - top)
-            yield View.of_free_space(cut, view.nearest_m[top:bottom, left:right].copy())
+            yield View.of_depth(cut, view.nearest_m[top:bottom, left:right].copy())
 
 
 def _without_flying(depth_m: DepthImage, focal_px: float) -> DepthImage:

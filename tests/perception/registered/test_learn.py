@@ -31,6 +31,7 @@ def test_the_origin_is_in_the_middle():
     points_m = taught("carton").template.points_m
     np.testing.assert_allclose(points_m.min(axis=0)[:2] + points_m.max(axis=0)[:2], 0, atol=1e-6)
     assert taught("carton").template.bottom_m == pytest.approx(-0.055, abs=0.004)
+    assert abs(taught("jar").template.points_m[:, :2].mean(axis=0)).max() < 0.005  # wherever it stood
 
 
 def test_a_round_object_is_completed_around_its_axis():
