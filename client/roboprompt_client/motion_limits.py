@@ -74,7 +74,7 @@ class MotionLimits:
         """
         bounds = _member(document, "", "motion_limits")
         named = {name: _member(bounds, "motion_limits", name) for name in ("keep_out", *STEP_BOUNDS)}
-        if isinstance(bounds, Mapping) and "hand_radius_m" in bounds:
+        if "hand_radius_m" in bounds:
             named["hand_radius_m"] = bounds["hand_radius_m"]
         return cls(_box("workspace", _member(document, "", "workspace")), **{**named, "keep_out": _boxes(named)})
 

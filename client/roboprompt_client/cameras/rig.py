@@ -53,12 +53,12 @@ class MountedCamera:
         """
         if self.mount is None:
             raise InvalidInputError(self.field, "is not known", "a pose: `roboprompt-robot calibrate` finds it")
-        assert hand_to_world is not None or not self.in_hand
-        pose = hand_to_world @ self.mount if self.in_hand and hand_to_world is not None else self.mount
-        k = picture.intrinsics
-        size_px = (k.width_px, k.height_px)
+        pose, k = self.mount, picture.intrinsics
+        if self.in_hand:
+            assert hand_to_world is not None
+            pose = hand_to_world @ self.mount
         numbers = (k.fx_px, k.fy_px, k.cx_px, k.cy_px)
-        camera = Camera(name or self.name, *numbers, pose, picture.depth_scale, size_px)
+        camera = Camera(name or self.name, *numbers, pose, picture.depth_scale, (k.width_px, k.height_px))
         return RgbdFrame(camera, picture.rgb, picture.depth_m)
 
 

@@ -207,14 +207,15 @@ def record_live(
 def _led(arm: HasState, led: ExitStack, *, guide: bool, steers: bool) -> Steer | None:
     """The velocity that the hand follows, if any; what begins ends with `led`."""
     if guide:
-        if not isinstance(arm, Arm):
+        if not hasattr(arm, "guided"):
             raise InvalidInputError("--guide", "this robot cannot be guided", AN_ARM)
         led.enter_context(arm.guided())
     if not steers:
         return None
-    if not isinstance(arm, Arm):
+    if not hasattr(arm, "steered"):
         raise InvalidInputError("--teleop", "this robot cannot be steered", AN_ARM)
-    return led.enter_context(arm.steered())
+    steer: Steer = led.enter_context(arm.steered())
+    return steer
 
 
 def _nothing(keys: str) -> Said:
@@ -232,7 +233,7 @@ def _until_ended(arm: HasState, recorder: Recorder, read: Read, steer: Steer | N
                 if key in KEEP or key == END:
                     _show("\n")
                     return key != END
-                if key in (OPEN, CLOSE) and isinstance(arm, Arm):
+                if key in (OPEN, CLOSE) and hasattr(arm, "set_gripper"):
                     arm.set_gripper(is_open=key == OPEN)
             if steer is not None and (moving or said.direction.any()):  # once more with zeros: then it rests at once
                 refusal = steer(SPEED_M_S * said.direction[:3], TURN_RAD_S * said.direction[3:])
