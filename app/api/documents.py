@@ -14,7 +14,7 @@ from app.services.predict.question import Question
 from app.services.predict.record import Prediction
 from app.services.predict.standing import Standing, StandingComparison, TaskStats
 from app.services.task_settings import TaskSettings
-from app.store.configurations import Counts
+from app.store.prediction_lists import Counts
 from app.store.records import EpisodeFields, EpisodeRecord, JobRecord, PredictionRecord, TaskRecord
 from app.store.runs import RunRecord
 from app.store.values import JsonObject, KeyframeRecord, ObjectRecord

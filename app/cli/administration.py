@@ -13,7 +13,6 @@ from app.cli.shared import EnvFile, opened_store
 from app.services.api_keys import create_key
 from app.store import api_keys, backup
 from app.store import audit as log
-from app.store import restore as restoring
 
 keys = typer.Typer(no_args_is_help=True, help="API keys: add, list, revoke.")
 Data = Annotated[Path | None, typer.Option(help="folder of the database; default: ROBOPROMPT_DATA")]
@@ -144,5 +143,5 @@ def restore(
 ) -> None:
     """Put a backup into an empty store, of the same or another kind of database. Its API keys are left out."""
     with opened_store(data, env_file) as store:
-        summary = restoring.restore(store, file, with_keys=with_keys)
+        summary = backup.restore(store, file, with_keys=with_keys)
     print(json.dumps(asdict(summary)))  # noqa: T201

@@ -16,8 +16,7 @@ from app.cli.shared import URL_HELP, counted, if_there
 from app.datasets.apart import open_apart
 from app.datasets.bounds import MAX_UNPACKED_BYTES, MEGABYTE, DamagedError, DatasetError, ReadLimits
 from app.datasets.formats import FORMATS
-from app.datasets.mapping import read_changes
-from app.datasets.options import ImportOptions, KnownObjects, read_objects
+from app.datasets.options import ImportOptions, KnownObjects, read_changes, read_objects
 from app.datasets.parcel import Dataset, Entry, Parcel, canonical_json
 from app.pipeline.keyframes import KeyframeRule, Motion, find_keyframes
 from roboprompt_client.client import DEFAULT_URL, RoboPromptClient

@@ -14,9 +14,8 @@ from app.pipeline.success_rate import SuccessRate
 from app.services.predict.demonstrations import Demonstrations, recordings_of
 from app.services.predict.evidence import Explanation, configuration, explain_prediction, path_of
 from app.services.task_settings import TaskSettings
-from app.store import configurations, episodes, predictions, tasks
-from app.store.configurations import Configuration, Counts
-from app.store.prediction_lists import Fate
+from app.store import episodes, prediction_lists, predictions, tasks
+from app.store.prediction_lists import Configuration, Counts, Fate
 from app.store.records import DemonstrationRecord, EpisodeRecord, PredictionRecord
 from app.store.values import JsonObject
 from app.web.play import planned_motion
@@ -188,7 +187,7 @@ def compare(connection: Connection, one: PredictionView, other: PredictionView) 
 
 
 def _counts_of(connection: Connection, record: PredictionRecord) -> Counts | None:
-    return configurations.counts(connection, record.task).get(Configuration.of(record))
+    return prediction_lists.counts_by_configuration(connection, record.task).get(Configuration.of(record))
 
 
 def _differences(one: JsonObject, other: JsonObject, are_costs: bool = False) -> Iterator[Difference]:

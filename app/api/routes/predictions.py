@@ -10,7 +10,6 @@ from app.api.documents import stored_prediction_document
 from app.api.routes import Cursor, Limit, Wired, problems
 from app.api.schemas.predictions import PlanOut, PredictionPage, StoredPrediction
 from app.api.schemas.requests import OutcomeBody, PlanBody
-from app.store import cases as store_cases
 from app.store import erasure, predictions
 
 router = APIRouter(tags=["predictions"], route_class=UniqueKeysRoute)
@@ -58,7 +57,7 @@ def delete_prediction(services: Wired, prediction_id: str) -> Response:
 def keep_case(services: Wired, prediction_id: str) -> Response:
     """Keep the prediction as a case, which `roboprompt cases run` asks again; it is not deleted for its age or size."""
     with services.store.write() as connection:
-        store_cases.keep(connection, prediction_id)
+        predictions.keep_as_case(connection, prediction_id)
     return Response(status_code=204)
 
 
@@ -66,7 +65,7 @@ def keep_case(services: Wired, prediction_id: str) -> Response:
 def drop_case(services: Wired, prediction_id: str) -> Response:
     """Let it be no case any more; the prediction stays."""
     with services.store.write() as connection:
-        store_cases.drop(connection, prediction_id)
+        predictions.drop_case(connection, prediction_id)
     return Response(status_code=204)
 
 
