@@ -3,10 +3,9 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise, zip_longest
+from math import degrees, dist
 from typing import Any
 
-import numpy as np
-from scipy.spatial.transform import Rotation
 from sqlalchemy import Connection
 
 from app.pipeline.deviation import ActionDeviation
@@ -22,6 +21,7 @@ from app.store.values import JsonObject
 from app.web.play import planned_motion
 from app.web.scene import frame, scene
 from roboprompt_client.arms.preview import Previewed
+from roboprompt_client.quaternions import angle_between_rad
 
 MAX_STRETCHES = 10
 LEAST = 3  # predictions in a stretch: of fewer the interval is nearly everything
@@ -174,14 +174,14 @@ class Comparison:
 def compare(connection: Connection, one: PredictionView, other: PredictionView) -> Comparison:
     """The two predictions."""
     first, second = one.record, other.record
-    places = {item.name: np.array(item.position_m) for item in second.objects}
+    places = {item.name: item.position_m for item in second.objects}
     common = [item for item in first.objects if item.name in places]
     return Comparison(
         (one, other),
         (_counts_of(connection, first), _counts_of(connection, second)),
         (*_differences(_settings(first), _settings(second)), *_differences(_costs(first), _costs(second), True)),
         tuple(_pair(a, b) for a, b in zip_longest(first.actions or (), second.actions or ())),
-        {item.name: float(np.linalg.norm(np.array(item.position_m) - places[item.name])) for item in common},
+        {item.name: dist(item.position_m, places[item.name]) for item in common},
         first.prompt_user == second.prompt_user,
     )
 
@@ -215,9 +215,8 @@ def _costs(record: PredictionRecord) -> JsonObject:
 def _pair(one: JsonObject | None, other: JsonObject | None) -> ActionPair:
     if one is None or other is None:
         return ActionPair(one, other)
-    distance_m = float(np.linalg.norm(np.subtract(one["position"], other["position"])))
-    turn = Rotation.from_quat(one["quaternion_xyzw"]).inv() * Rotation.from_quat(other["quaternion_xyzw"])
-    return ActionPair(one, other, distance_m, float(np.degrees(turn.magnitude())))
+    turn_rad = angle_between_rad(one["quaternion_xyzw"], other["quaternion_xyzw"])
+    return ActionPair(one, other, dist(one["position"], other["position"]), degrees(turn_rad))
 
 
 @dataclass(frozen=True)

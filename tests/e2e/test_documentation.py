@@ -2,7 +2,17 @@
 
 import re
 
+import pytest
+
 from app.api.schemas import examples, predictions, responses
+
+
+@pytest.fixture(autouse=True)
+def _alone(http):
+    """A sentence that names no task is read against all of them, also against what other files taught this service."""
+    for task in http.get("/tasks").json()["tasks"]:
+        if task["object_names"] == ["red button"]:
+            http.delete(f"/tasks/{task['name']}").raise_for_status()
 
 
 def test_examples_can_be_sent_as_they_are(http):

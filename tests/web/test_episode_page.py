@@ -198,7 +198,7 @@ def test_the_scene_is_turned_by_hand_and_by_keyboard(page, episode):
 def test_a_recording_plays_and_is_gone_through_by_keyboard(page, episode):
     player = page.get_by_role("group", name="Play the motion")
     moment = player.get_by_label("Moment of the motion")
-    assert player.locator(".mark").count() == 3
+    expect(player.locator(".mark")).to_have_count(3)
     moment.focus()
     page.keyboard.press("End")
     assert player.locator(".clock").inner_text() == "1.00 of 1.00 s"

@@ -26,10 +26,6 @@ def test_assets_are_kept_forever(http):
     assert "immutable" in http.get(style).headers["cache-control"]
 
 
-def test_pages_are_no_part_of_the_api(http):
-    assert not [path for path in http.get("/openapi.json").json()["paths"] if path.startswith("/ui") or path == "/"]
-
-
 @pytest.mark.parametrize(("built", "status", "said"), [(True, 200, "Welcome"), (False, 404, "make docs")])
 def test_guide_is_served_where_it_is_built(tmp_path, monkeypatch, built, status, said):
     if built:

@@ -10,8 +10,7 @@ from app.web.page import PageRoute, serve_assets
 from app.web.routes import episode, live, predict, predictions, tasks
 
 HOME = "/ui/tasks"
-_entrances = APIRouter(route_class=PageRoute)
-_elsewhere = APIRouter(route_class=PageRoute)
+_others = APIRouter(route_class=PageRoute)
 
 
 def install_pages(app: FastAPI) -> None:
@@ -19,25 +18,25 @@ def install_pages(app: FastAPI) -> None:
     serve_assets(app)
     subjects = (tasks, episode, predict, predictions, live)
     routers = [router for subject in subjects for router in (subject.router, subject.documents)]
-    for router in (_entrances, *routers, _elsewhere):
+    for router in (*routers, _others):
         app.include_router(router, include_in_schema=False)
 
 
-@_entrances.get("/")
-@_entrances.get("/ui")
-@_entrances.get("/ui/")
+@_others.get("/")
+@_others.get("/ui")
+@_others.get("/ui/")
 def enter() -> RedirectResponse:
     """To the first page."""
     return RedirectResponse(HOME)
 
 
-@_elsewhere.get(f"{GUIDE}{{path:path}}")
+@_others.get(f"{GUIDE}{{path:path}}")
 def guide_that_is_not_built(path: str) -> Response:
     """The answer where a checkout has no built documentation; a wheel has it."""
     raise HTTPException(404, "the documentation is not built here: make docs")
 
 
-@_elsewhere.get("/ui/{path:path}")
+@_others.get("/ui/{path:path}")
 def elsewhere(path: str) -> Response:
     """The answer to an address under `/ui` that is not a page."""
     raise HTTPException(404, f"there is no page /ui/{path}")
