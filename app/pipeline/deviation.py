@@ -7,7 +7,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration
-from app.pipeline.representation.anchors import Anchor, choose_anchors, relative_action, tilted_objects
+from app.pipeline.representation.anchor_choice import choose_anchors
+from app.pipeline.representation.anchors import Anchor, relative_action, tilted_objects
 from roboprompt_client.arrays import Array
 from roboprompt_client.trajectory import ObjectPose
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.plans.rows import BEYOND_NOISE_M, PlanRow, acting_rows, plan_rows
-from app.pipeline.representation.anchors import M_PER_RAD, Anchor, anchor_frame, tilted_objects
+from app.pipeline.representation.anchors import M_PER_RAD, NOT_TURNED, Anchor, anchor_pose, tilted_objects
 from roboprompt_client.arrays import Array
 from roboprompt_client.trajectory import EndEffectorAction
 
@@ -57,9 +57,7 @@ def _centred(group: Sequence[Demonstration], row: PlanRow, tilted: frozenset[str
     """The centre of a row as each demonstration's scene has it."""
     actions = []
     for demonstration, anchor in zip(group, row.anchors, strict=True):
-        origin_m, axes = anchor_frame(anchor, demonstration, tilted)
-        rotation = axes * row.mean_rotation
-        position_m = origin_m + axes.apply(row.centre_m)
+        position_m, rotation = anchor_pose(anchor, demonstration, tilted).placed(row.centre_m, row.mean_rotation)
         actions.append(EndEffectorAction(position_m, rotation.as_quat(canonical=True), row.gripper_open))
     return actions
 
@@ -116,8 +114,8 @@ def _depends_on_scene(group: Sequence[Demonstration], row: PlanRow) -> bool:
 
 def _seen_m(demonstration: Demonstration, anchor: Anchor, place: int) -> Array:
     """(3,) where an object (by its place in the order of mention) is, seen from an anchor."""
-    origin_m, axes = anchor_frame(anchor, demonstration, tilted_objects([demonstration]))
-    seen_m: Array = axes.inv().apply(demonstration.ordered_objects[place].position_m - origin_m)
+    origin = anchor_pose(anchor, demonstration, tilted_objects([demonstration]))
+    seen_m, _ = origin.seen(demonstration.ordered_objects[place].position_m, NOT_TURNED)
     return seen_m
 
 

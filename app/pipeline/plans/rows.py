@@ -9,7 +9,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration
-from app.pipeline.representation.anchors import M_PER_RAD, Anchor, choose_anchors, relative_action, tilted_objects
+from app.pipeline.representation.anchor_choice import choose_anchors
+from app.pipeline.representation.anchors import M_PER_RAD, Anchor, relative_action, tilted_objects
 from roboprompt_client.arrays import Array
 
 HUBER = 1.5  # in robust standard deviations: what is farther from the centre counts less

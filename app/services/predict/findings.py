@@ -19,6 +19,7 @@ from app.pipeline.findings.rules import (
     UNSUPPORTED,
     Rule,
 )
+from app.pipeline.findings.scatter import not_shown_findings
 from app.pipeline.findings.scene import scene_findings, strangers
 from app.pipeline.findings.sources import source_findings
 from app.pipeline.order.order import Order
@@ -45,7 +46,15 @@ def doubted(question: Question, known: Sequence[Finding]) -> Question:
     followed, words = taught.followed(order), (*_words(order, question.prefix.instructions), *_parts(question))
     sources = source_findings(_that_matter(seen, followed), taught.demonstrations, taught.compared)
     scene = scene_findings(seen, taught.scenes, followed, taught.needed)
-    return replace(question, findings=(*known, *words, *sources, *taught.findings(order), *scene, *question.findings))
+    of_demonstrations = (*taught.findings(order), *_too_few(question))
+    return replace(question, findings=(*known, *words, *sources, *of_demonstrations, *scene, *question.findings))
+
+
+def _too_few(question: Question) -> Iterator[Finding]:
+    """Of the demonstrations that the prompt shows, where they are not all."""
+    shown, taught = question.prefix, question.taught
+    if len(shown.demonstration_ids) < len(taught.demonstrations):
+        yield from not_shown_findings(shown.support, taught.support, question.grounded)
 
 
 def _that_matter(seen: Query, followed: frozenset[str]) -> tuple[ObjectPose, ...]:
