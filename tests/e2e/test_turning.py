@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from roboprompt_client.trajectory import Trajectory
+from roboprompt_client.client import RoboPromptClient
+from roboprompt_client.reanchoring import reanchored
+from roboprompt_client.robot import Observation
+from roboprompt_client.trajectory import ObjectPose, Trajectory
 from tests.episodes import DWELL, hand_arrays, metadata, multipart, npz
 from tests.pipeline.scenes import DOWN_DEG, rotated
 
@@ -50,12 +53,16 @@ def seen(task, position_m, yaw_deg, **more):
 
 
 def teach(http, task, frame, number=10, noise_m=0.001, flows=False, seed=3):
+    """Upload demonstrations in which the mug stays where it was found."""
     random = np.random.default_rng(seed)
     http.put(f"/tasks/{task}", json={"workspace": "rlbench"}).raise_for_status()
     for yaw_deg in np.linspace(-70, 70, number):
         position_m = random.uniform([0.0, -0.3, 0.78], [0.4, 0.3, 0.78])
         found_m = position_m + random.normal(0, noise_m, 3)
-        shown = npz(**hand_arrays(recording(position_m, yaw_deg, frame, flows)))
+        trajectory = recording(position_m, yaw_deg, frame, flows)
+        stays = {"object_positions": found_m, "object_quaternions_xyzw": rotated(0, 0, yaw_deg).as_quat()}
+        tracked = {name: np.tile(value, (len(trajectory), 1, 1)) for name, value in stays.items()}
+        shown = npz(**hand_arrays(trajectory), **tracked)
         http.post("/episodes", files=multipart(seen(task, found_m, yaw_deg), shown)).raise_for_status()
     return task
 
@@ -94,10 +101,37 @@ def test_place_and_rotation_each_follow_their_own_axes(http, taught, model, posi
     assert dangers(answer) == []
 
 
+def test_they_follow_a_mug_that_was_moved_and_turned_since(url, taught):
+    frame, task = taught
+    before, now = (
+        ObjectPose("mug", np.array(position_m), rotated(0, 0, yaw_deg).as_quat()) for position_m, yaw_deg in ASKED[:2]
+    )
+    with RoboPromptClient(url) as client:
+        predicted = client.predict(task, INSTRUCTION, Observation((before,)), model="nearest")
+    followed = reanchored(predicted.actions, predicted.anchors, {"mug": before}, {"mug": now}, {})
+    lowest = min(followed, key=lambda action: action.position_m[2])
+    place_m, hand = pressed(*ASKED[1], frame)
+    assert np.linalg.norm(lowest.position_m - place_m) < 0.005
+    assert np.degrees((hand.inv() * Rotation.from_quat(lowest.quaternion_xyzw)).magnitude()) < 3
+
+
 def test_parts_follow_them_too(http, taught):
     frame, task = taught
     answer = ask(http, task, model="embedded/gemma-3-270m", representation="parts")
     assert_pressed(answer, *ASKED[0], frame)
+
+
+def test_a_closed_loop_follows_them_at_each_step(http, taught):
+    frame, task = taught
+    place_m, hand = pressed(*ASKED[0], frame)
+    options = {"model": "nearest", "representation": "object_frame", "closed_loop": True}
+    steps = [ask(http, task, **options)]
+    while steps[-1]["actions"]:
+        steps.append(ask(http, task, **options, after=steps[-1]["id"]))
+    assert all(f" {number} A {frame}: " in step["reply_text"] for number, step in enumerate(steps[:-1], start=1))
+    lowest = min((step["actions"][0] for step in steps[:-1]), key=lambda action: action["position"][2])
+    assert np.linalg.norm(lowest["position"] - place_m) < 0.005
+    assert np.degrees((hand.inv() * Rotation.from_quat(lowest["quaternion_xyzw"])).magnitude()) < 3
 
 
 def test_a_prompt_of_too_few_demonstrations_is_a_danger(http, taught):

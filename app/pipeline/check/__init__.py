@@ -8,6 +8,7 @@ from app.pipeline.check.left_out import left_out, median_off, variation
 from app.pipeline.check.report import EpisodeCheck, Off, PlanCheck, RowCheck, TaskCheck
 from app.pipeline.check.symmetry import symmetry_findings
 from app.pipeline.keyframes import manner_of
+from app.pipeline.keyframes.resting import path_left_m, paths_left_m
 from app.pipeline.plans import (
     Demonstration,
     PlanRow,
@@ -17,7 +18,6 @@ from app.pipeline.plans import (
     plan_rows,
     shown_together,
 )
-from app.pipeline.plans.path_left import path_left_m, paths_left_m
 
 __all__ = ["EpisodeCheck", "Off", "PlanCheck", "RowCheck", "TaskCheck", "check_demonstrations"]
 

@@ -7,7 +7,7 @@ import numpy as np
 from app.pipeline.check.report import EpisodeCheck, PlanCheck
 from app.pipeline.findings import Finding
 from app.pipeline.keyframes import KeyframeRule
-from app.pipeline.plans.path_left import LEFT_M, leave_path
+from app.pipeline.keyframes.resting import LEFT_M, leave_path
 from roboprompt_client.motion_limits import MAX_ACTIONS
 
 MISSED_M = 0.02  # twice what the rules that follow a path allow

@@ -7,7 +7,7 @@ import numpy as np
 
 from app.pipeline.findings.actions import distances_m
 from app.pipeline.keyframes import Motion, manner_of
-from app.pipeline.plans.path_left import path_left_m
+from app.pipeline.keyframes.resting import path_left_m
 from roboprompt_client.arrays import Array
 from roboprompt_client.trajectory import EndEffectorAction
 

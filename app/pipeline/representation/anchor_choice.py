@@ -5,34 +5,26 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy.spatial.transform import Rotation
-from scipy.special import betaincinv
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.representation.anchors import (
     M_PER_RAD,
-    MIXED_FRAMES,
     OBJECT_FRAMES,
     START,
     WORLD,
     Anchor,
-    Frame,
+    Anchors,
+    in_frame,
     relative_poses,
 )
+from app.pipeline.representation.turning import DECIDING_SHARE, MANY_DEMONSTRATIONS, mixed_frames
 from roboprompt_client.arrays import Array
 
-Anchors = tuple[Anchor, ...]
-"""Of one row, each demonstration's."""
 APPROACH_M = 0.06  # beside where it grasps a hand hovers or lifts
 CONTRADICTED_M = 0.03  # a frame in which a row spreads by this much more than in the other is not that of the row
 EQUAL_SPREAD_M = 0.002  # pairs this close to the best count as equal: then the previous row's pair goes on
 CLEARLY_LESS = 0.6  # the share of an object's spread below which the world or the start describe a row better
 WORLD_REACH_M = 4.9  # farther from the world's origin a row has no digits for it
-MANY_DEMONSTRATIONS = 5  # demonstrations from which on a single odd one does not decide
-DECIDING_SHARE = 0.8  # the share of many demonstrations that decides
-MIN_TURNED = 3  # demonstrations that show what turns with an object
-TURNED_M = 0.006  # scatter (rms) along the wrong axes that matters; of rotations 6 degrees
-TURNED_SHARE = 0.4  # of it, at most, is left along the right axes,
-CHANCE = 0.01  # and as little as noise leaves so rarely
 # Of a single demonstration: a hand that is square to an object's axes has to do with it rather than with a nearer one
 SQUARE = Rotation.create_group("O")  # the 24 rotations that take axes to axes
 MAX_OBLIQUE_RAD = math.radians(20)  # beyond this it is not square to it at all
@@ -41,11 +33,12 @@ OBLIQUE_M_PER_RAD = 0.3 / MAX_OBLIQUE_RAD  # 30 cm of distance for a hand that i
 
 def choose_anchors(
     group: Sequence[Demonstration], tilted: frozenset[str], *, beyond_objects: bool = False
-) -> list[list[Anchor]]:
+) -> list[Anchors]:
     """For each action of a group of like demonstrations, every demonstration's anchor.
 
-    The one chosen is that whose relative action spreads least over the group. A single demonstration does not spread:
-    there the nearest object is chosen to whose axes the hand is square, and its own axes rather than the world's.
+    The one chosen is that whose relative action spreads least over the group, of an object's frames `ow` and `wo` where
+    `turning.mixed_frames` is certain of it. A single demonstration does not spread: there the nearest object is chosen
+    to whose axes the hand is square, and its own axes rather than the world's.
 
     Args:
         beyond_objects: whether the world and the start count as well, where they spread clearly less than any object.
@@ -54,105 +47,24 @@ def choose_anchors(
         [action][demonstration]; demonstrations that name other objects have other anchors, at the same place in the
         order of mention.
     """
-    candidates = _candidates(group)
-    others = _beyond_objects(group) if beyond_objects else []
-    spreads_m = [_spreads_m(group, anchors, tilted) for anchors in (*candidates, *others)]
-    chosen: list[list[Anchor]] = []
+    at_objects, beyond = _at_objects(group), _beyond_objects(group) if beyond_objects else []
+    spreads_m = {anchors: _spreads_m(group, anchors, tilted) for anchors in (*at_objects, *beyond)}
+    chosen: list[Anchors] = []
     for k in range(len(group[0].actions)):
-        of_objects = [spreads[k] for spreads in spreads_m[: len(candidates)]]
-        best = min(of_objects)
-        equal = [c for c, spread in zip(candidates, of_objects, strict=True) if spread <= best + EQUAL_SPREAD_M]
+        best = min(spreads_m[anchors][k] for anchors in at_objects)
+        equal = [anchors for anchors in at_objects if spreads_m[anchors][k] <= best + EQUAL_SPREAD_M]
         choice = chosen[-1] if chosen and chosen[-1] in equal else equal[0]
-        for anchors, spreads in zip(others, spreads_m[len(candidates) :], strict=True):
-            if spreads[k] + EQUAL_SPREAD_M < CLEARLY_LESS * best:
-                best, choice = spreads[k], anchors
+        for anchors in beyond:
+            if spreads_m[anchors][k] + EQUAL_SPREAD_M < CLEARLY_LESS * best:
+                best, choice = spreads_m[anchors][k], anchors
         chosen.append(choice)
-    known = dict(zip(map(tuple, (*candidates, *others)), spreads_m, strict=True))
-    settled = _without_bystanders(group, list(map(tuple, chosen)), known)
-    settled = _in_mixed_frames(group, settled, known, tilted)
-    return [list(anchors) for anchors in _one_frame_in_approaches(group, settled, known)]
-
-
-def _in_mixed_frames(
-    group: Sequence[Demonstration],
-    chosen: Sequence[Anchors],
-    spreads_m: dict[Anchors, list[float]],
-    tilted: frozenset[str],
-) -> list[Anchors]:
-    """The same anchors, rows in which only place or hand turns with an object in its frame `ow` or `wo`.
-
-    Three demonstrations or more must contradict both frames of the object, one by the place and the other by the hand's
-    rotation: either scatters by `TURNED_M` along the wrong axes, and along the right ones by so small a share of it
-    that of independent scatters one would be as small once in a hundred times (an F test of their variances: 0.25 of
-    three demonstrations, 0.34 of four and five, never more than `TURNED_SHARE`). Noise is the same along both axes, so
-    that it passes less often: 3 in 1000 rows of three demonstrations at the worst, none of 22 tasks with the paper's.
-
-    Args:
-        spreads_m: by anchors those of each row; those of the mixed frames are added.
-    """
-    found = list(chosen)
-    own_axes = [anchors for anchors in spreads_m if anchors[0].frame == "o"]
-    for own in own_axes if len(group) >= MIN_TURNED and found else ():
-        certain = _certain_share(len(group))
-        world_m, own_m = scatters_m(group, own, tilted)
-        by_world, by_own = much_less(world_m, own_m, certain), much_less(own_m, world_m, certain)
-        for frame, called_for in zip(MIXED_FRAMES, (by_own[0] & by_world[1], by_world[0] & by_own[1]), strict=True):
-            if called_for.any():
-                anchors = _in_frame(own, frame)
-                spreads = spreads_m[anchors] = _spreads_m(group, anchors, tilted)
-                for k in np.flatnonzero(called_for):
-                    if spreads[k] < spreads_m[found[k]][k]:
-                        found[k] = anchors
-    return found
-
-
-def _in_frame(anchors: Anchors, frame: Frame) -> Anchors:
-    return tuple(Anchor(anchor.object_name, frame) for anchor in anchors)
-
-
-def scatters_m(group: Sequence[Demonstration], anchors: Anchors, tilted: frozenset[str]) -> tuple[Array, Array]:
-    """How far the hand scatters along the world's axes at some objects, and along the objects' own.
-
-    Returns:
-        Of each (2, K) in metres: the hand's places, and its rotations weighed as elsewhere.
-    """
-    world_m, own_m = (_scatter_m(group, _in_frame(anchors, frame), tilted) for frame in OBJECT_FRAMES)
-    return world_m, own_m
-
-
-def _scatter_m(group: Sequence[Demonstration], anchors: Anchors, tilted: frozenset[str]) -> Array:
-    """(2, K) how far places and rotations scatter relative to the anchors.
-
-    It is the rms distance from the most central demonstration; of many, without the fifth that is farthest from it.
-    An upright object turns no heights: these do not count.
-    """
-    relative = [relative_poses(d, anchor, tilted) for d, anchor in zip(group, anchors, strict=True)]
-    offsets_m = np.array([offsets for offsets, _ in relative])  # (N, K, 3)
-    if tilted.isdisjoint(anchor.object_name for anchor in anchors):
-        offsets_m = offsets_m[..., :2]
-    quaternions = np.array([rotations.as_quat() for _, rotations in relative])  # (N, K, 4)
-    cosines = np.abs(np.einsum("ikq,jkq->ijk", quaternions, quaternions))
-    places_m = np.linalg.norm(offsets_m[:, None] - offsets_m[None], axis=3)
-    apart_m = np.sort(np.array([places_m, 2 * M_PER_RAD * np.arccos(np.minimum(cosines, 1))]), axis=2)
-    scatter: Array = np.sqrt((apart_m[:, :, : _deciding(len(group))] ** 2).mean(axis=2)).min(axis=1)
-    return scatter
-
-
-def _deciding(number: int) -> int:
-    """Of so many demonstrations those that decide."""
-    return math.ceil(DECIDING_SHARE * number) if number >= MANY_DEMONSTRATIONS else number
-
-
-def _certain_share(number: int) -> float:
-    """What share of one scatter of so many demonstrations another is by chance, once in 1 / `CHANCE` times."""
-    freedom = _deciding(number) - 1  # half of that of offsets in a plane
-    quantile = float(betaincinv(freedom, freedom, CHANCE))
-    return min(TURNED_SHARE, math.sqrt(quantile / (1 - quantile)))
-
-
-def much_less(off_m: Array, than_m: Array, share: float = TURNED_SHARE) -> np.ndarray:
-    """(...) bool: whether a scatter is so small a share of one that matters."""
-    return np.asarray((than_m >= TURNED_M) & (off_m < share * than_m))
+    settled = _without_bystanders(group, chosen, spreads_m)
+    for own in [anchors for anchors in at_objects if anchors[0].frame == "o"]:
+        for anchors, rows in mixed_frames(group, own, tilted).items():
+            spreads_m[anchors] = _spreads_m(group, anchors, tilted)
+            for k in rows:
+                settled[k] = min(settled[k], anchors, key=lambda one: spreads_m[one][k])
+    return _one_frame_in_approaches(group, settled, spreads_m)
 
 
 def _one_frame_in_approaches(
@@ -168,13 +80,10 @@ def _one_frame_in_approaches(
     """
     found = list(chosen)
     for grasp, _ in _held(group[0]):
-        names = [anchor.object_name for anchor in found[grasp]]
-        near = [
-            [anchor.object_name for anchor in anchors] == names and _aside_m(group, k, grasp) <= APPROACH_M
-            for k, anchors in enumerate(found)
-        ]
+        names = _names(found[grasp])
+        near = [_names(anchors) == names and _aside_m(group, k, grasp) <= APPROACH_M for k, anchors in enumerate(found)]
         rows = _around(grasp, near)
-        frames = [_in_frame(found[grasp], frame) for frame in OBJECT_FRAMES]
+        frames = [in_frame(found[grasp], frame) for frame in OBJECT_FRAMES]
         if "" in names or len({found[k] for k in rows}) == 1 or any(frame not in spreads_m for frame in frames):
             continue
         frames += dict.fromkeys(found[k] for k in rows if found[k] not in frames)
@@ -193,10 +102,8 @@ def _without_bystanders(
     """
     found = list(chosen)
     for grasp, release in _held(group[0]):
-        ends = {tuple(anchor.object_name for anchor in found[k]) for k in (grasp, release)}
-        usable = [
-            anchors for anchors in spreads_m if not any(a.object_name for a in anchors) or _names(anchors) in ends
-        ]
+        ends = {_names(found[k]) for k in (grasp, release)}
+        usable = [anchors for anchors in spreads_m if not any(_names(anchors)) or _names(anchors) in ends]
         for k in range(grasp + 1, release):
             if _names(found[k]) in ends or not any(_names(found[k])) or not usable:
                 continue
@@ -233,8 +140,8 @@ def _around(place: int, belongs: Sequence[bool]) -> range:
     return range(first, last + 1)
 
 
-def _candidates(group: Sequence[Demonstration]) -> list[list[Anchor]]:
-    """Per candidate one anchor for each demonstration: objects by order of mention, the others by name.
+def _at_objects(group: Sequence[Demonstration]) -> list[Anchors]:
+    """Each demonstration's anchor at objects by order of mention, and at the others by name.
 
     The likelier first; a single demonstration rather follows an object's own axes.
     """
@@ -250,24 +157,24 @@ def _candidates(group: Sequence[Demonstration]) -> list[list[Anchor]]:
     frames = OBJECT_FRAMES[::-1] if len(group) == 1 else OBJECT_FRAMES
     without_rotation = {pose.name for d in group for pose in d.objects if pose.quaternion_xyzw is None}
     return [
-        [Anchor(name, frame) for name in column]
+        tuple(Anchor(name, frame) for name in column)
         for column in columns
         for frame in frames
         if frame == "w" or without_rotation.isdisjoint(column)
     ]
 
 
-def _beyond_objects(group: Sequence[Demonstration]) -> list[list[Anchor]]:
+def _beyond_objects(group: Sequence[Demonstration]) -> list[Anchors]:
     """The world, and the start where every demonstration knows it; one demonstration cannot tell them from objects."""
     if len(group) == 1:
         return []
     started = all(demonstration.start is not None for demonstration in group)
     near = all(np.abs(action.position_m).max() < WORLD_REACH_M for d in group for action in d.actions)
     usable = ((WORLD, near), (START, started))
-    return [[anchor] * len(group) for anchor, can in usable if can]
+    return [(anchor,) * len(group) for anchor, can in usable if can]
 
 
-def _spreads_m(group: Sequence[Demonstration], anchors: Sequence[Anchor], tilted: frozenset[str]) -> list[float]:
+def _spreads_m(group: Sequence[Demonstration], anchors: Anchors, tilted: frozenset[str]) -> list[float]:
     """How far each action differs over the group relative to the anchors; rotations weigh in as metres."""
     relative = [relative_poses(d, anchor, tilted) for d, anchor in zip(group, anchors, strict=True)]
     offsets_m = np.array([offsets for offsets, _ in relative])  # (N, K, 3)

@@ -48,9 +48,16 @@ class Anchor(NamedTuple):
         return self.frame in ("o", "wo")
 
 
+Anchors = tuple[Anchor, ...]
+"""Of one row, each demonstration's."""
 WORLD = Anchor("", "world")
 START = Anchor("", "start")
 NOT_TURNED = Rotation.identity()  # to make one takes as long as to turn ten vectors
+
+
+def in_frame(anchors: Anchors, frame: Frame) -> Anchors:
+    """A frame of the same objects."""
+    return tuple(Anchor(anchor.object_name, frame) for anchor in anchors)
 
 
 def tilted_objects(scenes: Sequence[Query]) -> frozenset[str]:
