@@ -74,6 +74,32 @@ def test_a_mixed_frame_takes_place_and_rotation_along_axes_of_their_own(frame):
     assert angle_deg(seen.quaternion_xyzw, (turn * hand if frame == "wo" else hand).as_quat()) < 1e-5
 
 
+@given(
+    st.sampled_from(["w", "o", "ow", "wo"]),
+    st.floats(0.02, 0.12),
+    st.floats(-180, 180),
+    st.lists(st.floats(-90, 90), min_size=3, max_size=8).filter(lambda yaws_deg: np.std(yaws_deg) > 25),
+    st.floats(-180, 180),
+)
+def test_a_copied_row_presses_where_the_object_is_turned_to(frame, beside_m, side_deg, yaws_deg, asked_deg):
+    """Of a place beside the cup's middle and a hand, each turned with the cup or not, whatever the cup's yaw."""
+    off_m = rotated(0, 0, side_deg).apply([beside_m, 0, 0.05])
+
+    def pressed(position_m, yaw_deg):
+        place_turn, hand_turn = (rotated(0, 0, yaw_deg * (axes == "o")) for axes in (frame[0], frame[-1]))
+        place_m, hand = np.add(position_m, place_turn.apply(off_m)), hand_turn * rotated(180, 0, 25)
+        return action(place_m, hand.as_euler("xyz", degrees=True), gripper_open=False)
+
+    scenes = [((0.05 * k, 0.3 - 0.07 * k, 0.7), yaw_deg) for k, yaw_deg in enumerate(yaws_deg)]
+    shown = [demonstration(LIFT, [pose("cup", *scene)], [pressed(*scene)]) for scene in scenes]
+    codec, asked = fitted(*shown), ((0.4, 0.2, 0.71), asked_deg)
+    (seen,) = parse_reply(codec.actions_text(shown[0]), codec, [pose("cup", *asked)], LIFT)
+    expected = pressed(*asked)
+    assert np.linalg.norm(seen.position_m - expected.position_m) < OFFSET_UNIT_M
+    assert angle_deg(seen.quaternion_xyzw, expected.quaternion_xyzw) < 3
+    assert codec.actions_text(shown[0]).startswith(f"1 A {frame}: ")
+
+
 def test_a_frame_that_no_demonstration_calls_for_is_refused():
     cup = pose("cup", PLACES[0][0], 10)
     with pytest.raises(ReplyParseError, match=r"relative to A ow, expected one of A w, A o$"):
